@@ -1,0 +1,32 @@
+"""Result of the segment model: the CoM as the markers and a segment table see it (input (i) of section 2.4.1)."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from stridelab.conventions import Points, Series
+from stridelab.recordings.recording import Remark
+
+
+@dataclass(frozen=True)
+class SegmentTrack:
+    """One body segment: its share of the body mass and its own CoM over time."""
+
+    mass_fraction: float
+    com_m: Points
+
+
+@dataclass(frozen=True)
+class GeometricCom:
+    """CoM of the segment model at the marker instants (NaN where it cannot be formed).
+
+    ``sd_m`` is the prior standard deviation per axis of the whole-body position (table error plus what missing or
+    substituted segments cost). ``joint_centres_m`` is for drawing the skeleton.
+    """
+
+    time_s: Series
+    com_m: Points
+    table: str
+    segments: Mapping[str, SegmentTrack]
+    joint_centres_m: Mapping[str, Points]
+    sd_m: tuple[float, float, float]
+    remarks: tuple[Remark, ...] = ()

@@ -1,0 +1,133 @@
+"""Jobs, their inputs and their results, as in the HTTP contract."""
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from stridelab.schemas.base import Contract, Interval, Problem, Remark
+
+JobState = Literal["queued", "running", "succeeded", "failed", "cancelled", "timed_out"]
+FINAL_STATES: frozenset[JobState] = frozenset({"succeeded", "failed", "cancelled", "timed_out"})
+
+
+class Progress(Contract):
+    """How far a job is; ``fraction`` from 0 to 1."""
+
+    fraction: float = 0.0
+    message: str = ""
+
+
+class Job(Contract):
+    """A job of any kind."""
+
+    id: str
+    kind: str
+    state: JobState
+    priority: int
+    progress: Progress
+    attempt: int
+    created_at: datetime
+    started_at: datetime | None = None
+    finished_at: datetime | None = None
+    error: Problem | None = None
+    queue_position: int | None = None
+    owner: str | None = None
+    log_tail: str | None = None
+
+
+class JobEvent(Contract):
+    """One server-sent event of a job; ``seq`` is the event id to resume from."""
+
+    seq: int
+    at: datetime
+    state: JobState
+    attempt: int
+    progress: Progress
+
+
+class Artifact(Contract):
+    """A file of a result."""
+
+    name: str
+    media_type: str
+    bytes: int
+
+
+class JobResult(Contract):
+    """``GET /jobs/{id}/result``."""
+
+    kind: str
+    input: dict[str, Any]
+    versions: dict[str, str]
+    references: list[str]
+    summary: dict[str, Any]
+    artifacts: list[Artifact]
+
+
+class EstimateComInput(Contract):
+    """Input of ``estimate-com``."""
+
+    recording_id: str
+    method: Literal["complementary", "geometry", "kalman", "rts", "smoother"] | None = Field(
+        default=None, description="null takes the best estimator that this version has"
+    )
+    latency: Literal["report", "apply"] | Annotated[float, Field(ge=-0.1, le=0.1)] = Field(
+        default="report",
+        description="report: estimate the force latency but do not use it; apply: use it; a number: seconds to apply",
+    )
+    segment_table: Literal["auto", "dumas2007", "deleva1996", "carried"] = "auto"
+    cutoffs: Literal["auto", "thesis"] | tuple[float, float] = Field(
+        default="auto", description="low and high cut-off in Hz (2.24-2.27)"
+    )
+    window_s: Interval | None = None
+
+
+class EstimateComSummary(Contract):
+    """Summary of ``estimate-com``."""
+
+    window_s: Interval
+    rate_hz: float
+    method: str
+    segment_table: str
+    mass_kg: float
+    latency_s: float | None
+    latency_sd_s: float | None
+    latency_applied_s: float
+    rms_force_residual_n: list[float]
+    bias_m: list[float]
+    observability: dict[str, Any]
+    warnings: list[Remark]
+
+
+class SimulationNoise(Contract):
+    """Noise of a simulated recording; None or 0 switches a part off."""
+
+    force_n: Annotated[float, Field(ge=0, le=200)] = 2.0
+    moment_nm: Annotated[float, Field(ge=0, le=100)] = 1.0
+    configuration_rad: Annotated[float, Field(ge=0, le=0.3)] = 0.0
+    marker_m: Annotated[float, Field(ge=0, le=0.05)] = 0.0005
+    mass_model: Annotated[float, Field(ge=0, le=0.5)] = 0.0
+    latency_s: Annotated[float, Field(ge=-0.05, le=0.05)] = 0.0
+
+
+class SimulateRecordingInput(Contract):
+    """Input of ``simulate-recording``."""
+
+    robot: Literal["human"] = "human"
+    duration_s: Annotated[float, Field(ge=2.0, le=60.0)] = 6.0
+    speed_m_s: Annotated[float, Field(ge=0.0, le=2.0)] = 1.2
+    height_m: Annotated[float, Field(ge=1.2, le=2.2)] = 1.71
+    mass_kg: Annotated[float, Field(ge=25, le=200)] = 60.0
+    sex: Literal["female", "male"] = "female"
+    noise: SimulationNoise = Field(default_factory=SimulationNoise)
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 0
+
+
+class SimulateRecordingSummary(Contract):
+    """Summary of ``simulate-recording``."""
+
+    recording_id: str | None = None
+    speed_m_s: float
+    n_steps: int
+    warnings: list[Remark] = Field(default_factory=list)

@@ -1,0 +1,118 @@
+"""Recordings and subjects of the HTTP contract."""
+
+from datetime import datetime
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from stridelab.schemas.base import Contract, Interval, Remark
+
+HeightM = Annotated[float, Field(ge=0.4, le=2.6, description="stature in metres")]
+MassKg = Annotated[float, Field(ge=2.0, le=400.0, description="body mass in kilograms")]
+AgeYears = Annotated[float, Field(ge=0.0, le=120.0)]
+Sex = Literal["female", "male"]
+
+
+class SubjectFields(Contract):
+    """What a user may state about a person; ``name`` is a pseudonym of the user's own choice."""
+
+    name: Annotated[str, Field(max_length=80)] | None = None
+    height_m: HeightM | None = None
+    mass_kg: MassKg | None = None
+    sex: Sex | None = None
+    age_years: AgeYears | None = None
+
+
+class SubjectInput(SubjectFields):
+    """Body of ``POST /subjects`` and ``PATCH /subjects/{subject_id}``."""
+
+
+class Subject(SubjectFields):
+    """A pseudonymous person."""
+
+    subject_id: str
+    created_at: datetime
+
+
+class PlateInfo(Contract):
+    """A force plate of a recording."""
+
+    index: int
+    type: int
+    corners_m: list[list[float]]
+    loaded_s: list[Interval]
+    use: bool = True
+    threshold_n: float = 20.0
+
+
+class PlateSwitch(Contract):
+    """What a user may set per plate."""
+
+    use: bool | None = None
+    threshold_n: Annotated[float, Field(ge=1.0, le=500.0)] | None = None
+
+
+class RecordingPatch(Contract):
+    """Body of ``PATCH /recordings/{id}``; only the given fields change.
+
+    ``marker_map`` maps the service's landmark names to the file's labels; ``plates`` maps a plate index to switches.
+    """
+
+    subject_id: str | None = None
+    subject: SubjectFields | None = None
+    static_recording_id: str | None = None
+    marker_map: dict[str, str] | None = None
+    plates: dict[int, PlateSwitch] | None = None
+
+
+class RecordingFacts(Contract):
+    """What parsing a file yields; the answer of the parsing child, stored with the row."""
+
+    duration_s: float
+    n_frames: int
+    marker_rate_hz: float
+    force_rate_hz: float
+    marker_set: str | None
+    n_markers: int
+    subject: SubjectFields
+    mass_from_force_kg: float | None = None
+    plates: list[PlateInfo]
+    windows_s: list[Interval]
+    up_axis: str
+    walking_direction: list[float] | None
+    labels: list[str]
+    landmarks: dict[str, str]
+    missing_landmarks: list[str]
+    warnings: list[Remark]
+
+
+class Recording(Contract):
+    """A stored recording (DESIGN section 4)."""
+
+    id: str
+    sha256: str
+    filename: str
+    bytes: int
+    created_at: datetime
+    duration_s: float
+    n_frames: int
+    marker_rate_hz: float
+    force_rate_hz: float
+    marker_set: str | None
+    n_markers: int
+    subject: SubjectFields
+    subject_id: str | None = None
+    mass_from_force_kg: float | None = None
+    plates: list[PlateInfo]
+    windows_s: list[Interval]
+    up_axis: str
+    walking_direction: list[float] | None
+    labels: list[str]
+    landmarks: dict[str, str]
+    missing_landmarks: list[str]
+    marker_map: dict[str, str]
+    static_recording_id: str | None = None
+    bundled: bool = False
+    truth_job_id: str | None = None
+    owner: str | None = None
+    warnings: list[Remark]

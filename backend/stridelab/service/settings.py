@@ -1,0 +1,67 @@
+"""Settings: environment variables ``STRIDELAB_*``, all with defaults; secrets may come from a file."""
+
+from functools import cache
+from pathlib import Path
+
+from pydantic import Field, SecretStr
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
+
+
+class Settings(BaseSettings):
+    """Every limit of the service is here; docs/settings.md lists them all (a test compares)."""
+
+    model_config = SettingsConfigDict(env_prefix="STRIDELAB_", extra="ignore", frozen=True)
+
+    host: str = Field(default="127.0.0.1", description="address the web server binds to")
+    port: int = Field(default=8000, ge=1, le=65535, description="the one public port")
+    data_dir: Path | None = Field(default=None, description="data folder; .data/<port> in the checkout by default")
+    database_url: str | None = Field(default=None, description="a PostgreSQL to use instead of the embedded one")
+    blob_url: str | None = Field(
+        default=None, description="where files go: a folder (file:///...) or s3://bucket/prefix"
+    )
+    pg_bin: Path | None = Field(default=None, description="folder with initdb and pg_ctl to use instead of the wheel's")
+    api_token: SecretStr | None = Field(default=None, description="token for every request; required beyond loopback")
+    api_token_file: Path | None = Field(default=None, description="file that holds the API token")
+    allowed_hosts: str = Field(default="", description="comma-separated host names accepted beside the bound address")
+    max_upload_mb: int = Field(default=128, ge=1, description="largest upload in MB (10^6 bytes)")
+    min_free_disk_mb: int = Field(default=500, ge=0, description="uploads are refused when less disk is free")
+    parse_timeout_s: float = Field(default=10.0, gt=0, description="wall-clock limit for parsing an upload")
+    parse_memory_mb: int = Field(default=1024, ge=128, description="memory limit for parsing an upload")
+    worker_slots: int | None = Field(default=None, ge=1, description="jobs at a time per worker; cores - 1 by default")
+    job_timeout_s: float = Field(default=600.0, gt=0, description="wall-clock limit of a job, unless its kind sets one")
+    job_memory_mb: int = Field(default=3072, ge=128, description="memory limit of a job's process")
+    job_max_attempts: int = Field(
+        default=3, ge=1, description="starts of a job before a dying worker counts as failure"
+    )
+    queue_limit: int = Field(default=200, ge=1, description="queued jobs before a new one is answered 429")
+    heartbeat_s: float = Field(default=5.0, gt=0, description="how often a worker says that it lives")
+    stall_s: float = Field(default=20.0, gt=0, description="silence after which a worker counts as dead")
+    event_retention_days: float = Field(default=7.0, gt=0, description="how long progress events are kept")
+    result_retention_days: float = Field(default=90.0, gt=0, description="how long finished jobs and results are kept")
+    log_level: str = Field(default="info", description="debug, info, warning or error")
+
+    @property
+    def data_folder(self) -> Path:
+        """The data folder, absolute."""
+        folder = self.data_dir or Path(".data") / str(self.port)
+        return folder.expanduser().resolve()
+
+    @property
+    def token(self) -> str | None:
+        """The API token, if one is set."""
+        if self.api_token_file is not None:
+            return self.api_token_file.read_text(encoding="utf-8").strip() or None
+        return self.api_token.get_secret_value() or None if self.api_token else None
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether only this machine can reach the service."""
+        return self.host in LOOPBACK
+
+
+@cache
+def settings() -> Settings:
+    """The settings of this process."""
+    return Settings()

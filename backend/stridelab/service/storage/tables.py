@@ -1,0 +1,117 @@
+"""The tables. The ``job`` row is the truth; the queue's own row is only delivery."""
+
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    Column,
+    DateTime,
+    Float,
+    ForeignKey,
+    Identity,
+    Index,
+    Integer,
+    MetaData,
+    Table,
+    Text,
+    func,
+    text,
+)
+from sqlalchemy.dialects.postgresql import JSONB
+
+metadata = MetaData()
+
+
+def _created_at() -> Column[object]:
+    return Column("created_at", DateTime(timezone=True), nullable=False, server_default=func.now())
+
+
+subject = Table(
+    "subject",
+    metadata,
+    Column("id", Text, primary_key=True),
+    _created_at(),
+    Column("owner", Text),
+    Column("fields", JSONB, nullable=False, comment="SubjectFields"),
+)
+
+recording = Table(
+    "recording",
+    metadata,
+    Column("id", Text, primary_key=True),
+    _created_at(),
+    Column("owner", Text),
+    Column("bundled", Boolean, nullable=False, server_default="false"),
+    Column("filename", Text, nullable=False),
+    Column("sha256", Text, nullable=False),
+    Column("bytes", BigInteger, nullable=False),
+    Column("blob_key", Text, nullable=False),
+    Column("tracks_key", Text, nullable=False, comment="tracks.parquet, written by the parsing child"),
+    Column("facts", JSONB, nullable=False, comment="RecordingFacts as parsed with the present switches"),
+    Column("subject_id", Text, ForeignKey("subject.id", ondelete="SET NULL")),
+    Column("subject_fields", JSONB, nullable=False, comment="SubjectFields stated by the user"),
+    Column("static_recording_id", Text, ForeignKey("recording.id", ondelete="SET NULL")),
+    Column("marker_map", JSONB, nullable=False, server_default="{}"),
+    Column("plate_switches", JSONB, nullable=False, server_default="{}"),
+    Column("truth_job_id", Text, ForeignKey("job.id", ondelete="SET NULL", use_alter=True)),
+    Index("recording_sha256", "sha256"),
+    Index("recording_newest", "created_at", "id"),
+)
+
+scenario = Table(
+    "scenario",
+    metadata,
+    Column("id", Text, primary_key=True),
+    _created_at(),
+    Column("owner", Text),
+    Column("body", JSONB, nullable=False),
+)
+
+job = Table(
+    "job",
+    metadata,
+    Column("id", Text, primary_key=True),
+    _created_at(),
+    Column("owner", Text),
+    Column("kind", Text, nullable=False),
+    Column("state", Text, nullable=False, server_default="queued"),
+    Column("priority", Integer, nullable=False, server_default="0"),
+    Column("attempt", Integer, nullable=False, server_default="0", comment="fencing token"),
+    Column("input", JSONB, nullable=False),
+    Column("input_hash", Text, nullable=False),
+    Column("idempotency_key", Text),
+    Column("recording_id", Text, ForeignKey("recording.id", ondelete="CASCADE"), comment="what the job works on"),
+    Column("fraction", Float, nullable=False, server_default="0"),
+    Column("message", Text, nullable=False, server_default=""),
+    Column("cancel_requested", Boolean, nullable=False, server_default="false"),
+    Column("started_at", DateTime(timezone=True)),
+    Column("finished_at", DateTime(timezone=True)),
+    Column("queue_id", BigInteger, comment="row of the queue, for delivery only"),
+    Column("result", JSONB, comment="summary, versions, references, artifacts"),
+    Column("blob_prefix", Text, comment="results/<job>/<attempt> once published"),
+    Column("error", JSONB, comment="Problem"),
+    Column("log_tail", Text),
+    Index("job_state", "state", "priority", "created_at"),
+    Index("job_newest", "created_at", "id"),
+    Index("job_recording", "recording_id"),
+    Index(
+        "job_idempotency",
+        "owner",
+        "idempotency_key",
+        unique=True,
+        postgresql_nulls_not_distinct=True,
+        postgresql_where=text("idempotency_key IS NOT NULL"),
+    ),
+)
+
+job_event = Table(
+    "job_event",
+    metadata,
+    Column("seq", BigInteger, Identity(), primary_key=True),
+    Column("job_id", Text, ForeignKey("job.id", ondelete="CASCADE"), nullable=False),
+    Column("at", DateTime(timezone=True), nullable=False, server_default=func.now()),
+    Column("state", Text, nullable=False),
+    Column("attempt", Integer, nullable=False),
+    Column("fraction", Float, nullable=False),
+    Column("message", Text, nullable=False),
+    Index("job_event_of", "job_id", "seq"),
+)
