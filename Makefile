@@ -1,0 +1,19 @@
+.PHONY: serve test check bench docs lock
+
+serve:  ## start everything on http://127.0.0.1:8000
+	@scripts/serve
+
+test:  ## run the whole test suite
+	@scripts/test
+
+check:  ## lint, format, types, compose files
+	@scripts/check
+
+bench:  ## run the benchmarks and write docs/benchmarks.md
+	@scripts/bench
+
+docs:  ## build the book into site/
+	@scripts/docs
+
+lock:  ## renew the hashed locks from pyproject.toml
+	@scripts/lock
