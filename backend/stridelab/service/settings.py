@@ -5,6 +5,7 @@ from pathlib import Path
 
 from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
+from sqlalchemy.engine import make_url
 
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 
@@ -18,6 +19,7 @@ class Settings(BaseSettings):
     port: int = Field(default=8000, ge=1, le=65535, description="the one public port")
     data_dir: Path | None = Field(default=None, description="data folder; .data/<port> in the checkout by default")
     database_url: str | None = Field(default=None, description="a PostgreSQL to use instead of the embedded one")
+    database_password_file: Path | None = Field(default=None, description="file with the password of that PostgreSQL")
     blob_url: str | None = Field(
         default=None, description="where files go: a folder (file:///...) or s3://bucket/prefix"
     )
@@ -54,6 +56,14 @@ class Settings(BaseSettings):
         if self.api_token_file is not None:
             return self.api_token_file.read_text(encoding="utf-8").strip() or None
         return self.api_token.get_secret_value() or None if self.api_token else None
+
+    @property
+    def database_dsn(self) -> str | None:
+        """The database address with the password of the secret file put in, or None for the embedded one."""
+        if self.database_url is None or self.database_password_file is None:
+            return self.database_url
+        password = self.database_password_file.read_text(encoding="utf-8").strip()
+        return make_url(self.database_url).set(password=password).render_as_string(hide_password=False)
 
     @property
     def is_loopback(self) -> bool:
