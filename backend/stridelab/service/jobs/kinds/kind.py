@@ -1,0 +1,89 @@
+"""What a job kind is: data and three functions, one of them run in a killable child.
+
+``stage`` (worker, light) -> ``run`` (child, heavy, knows neither database nor storage) -> ``publish`` (worker, inside
+the fenced transaction that makes the result visible). The same ``run`` serves the command line.
+"""
+
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol
+
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.schemas.base import Contract
+
+Json = dict[str, Any]
+"""A JSON object."""
+ProgressCallback = Callable[[float, str], None]
+"""Called with a fraction from 0 to 1 and a short message."""
+
+
+class Blobs(Protocol):
+    """The part of the blob store that job kinds need."""
+
+    async def get_file(self, key: str, path: Path) -> Any:
+        """Write the blob ``key`` into the file ``path``."""
+
+    async def put_file(self, key: str, path: Path) -> Any:
+        """Store the file ``path`` as blob ``key``."""
+
+
+@dataclass(frozen=True)
+class ArtifactFile:
+    """A file that a run left in its folder."""
+
+    name: str
+    media_type: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run returns: the summary of the contract, citation keys, and the names of the files it left."""
+
+    summary: Json
+    references: tuple[str, ...]
+    artifacts: tuple[ArtifactFile, ...]
+
+    def to_json(self) -> Json:
+        """Form in which an outcome leaves the child process."""
+        return {
+            "summary": self.summary,
+            "references": list(self.references),
+            "artifacts": [{"name": a.name, "media_type": a.media_type} for a in self.artifacts],
+        }
+
+    @staticmethod
+    def from_json(value: Mapping[str, Any]) -> "Outcome":
+        """Inverse of ``to_json``."""
+        return Outcome(
+            summary=dict(value["summary"]),
+            references=tuple(value["references"]),
+            artifacts=tuple(ArtifactFile(a["name"], a["media_type"]) for a in value["artifacts"]),
+        )
+
+
+Stage = Callable[[AsyncConnection, Blobs, Contract, Path], Awaitable[Json]]
+"""``stage(connection, blobs, input, folder) -> task``: fetch rows and blob files into ``folder``."""
+Publish = Callable[[AsyncConnection, Blobs, Mapping[str, Any], Json, Path], Awaitable[Json | None]]
+"""``publish(connection, blobs, job_row, outcome, folder) -> summary``: called inside the fenced transaction, before
+the job row is set to succeeded; ``folder`` still holds the artifacts; a returned summary replaces the outcome's."""
+
+
+@dataclass(frozen=True)
+class JobKind:
+    """One kind of job.
+
+    ``run`` is an import path ``"module:function"``, called in a child process as ``f(task, folder, progress)``; it
+    returns ``Outcome.to_json()``, with the files lying in ``folder``. ``None`` limits mean those of the settings.
+    """
+
+    name: str
+    input_model: type[Contract]
+    summary_model: type[Contract]
+    run: str
+    stage: Stage
+    publish: Publish | None = None
+    timeout_s: float | None = None
+    memory_mb: int | None = None
+    lane: Literal["short", "long"] = "short"

@@ -1,0 +1,36 @@
+"""All job kinds, by name. Importing this imports no numeric package; the runs are import paths."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from stridelab.schemas.jobs import (
+    EstimateComInput,
+    EstimateComSummary,
+    SimulateRecordingInput,
+    SimulateRecordingSummary,
+)
+from stridelab.service.jobs.kinds import rows
+from stridelab.service.jobs.kinds.kind import JobKind
+
+ESTIMATE_COM = JobKind(
+    name="estimate-com",
+    input_model=EstimateComInput,
+    summary_model=EstimateComSummary,
+    run="stridelab.service.jobs.kinds.estimate_com:run_in_child",
+    stage=rows.stage_estimate_com,
+    timeout_s=120.0,
+)
+SIMULATE_RECORDING = JobKind(
+    name="simulate-recording",
+    input_model=SimulateRecordingInput,
+    summary_model=SimulateRecordingSummary,
+    run="stridelab.service.jobs.kinds.simulate_recording:run_in_child",
+    stage=rows.stage_simulate_recording,
+    publish=rows.publish_simulated_recording,
+    timeout_s=300.0,
+)
+
+KINDS: Mapping[str, JobKind] = MappingProxyType({kind.name: kind for kind in (ESTIMATE_COM, SIMULATE_RECORDING)})
+
+PARSE_UPLOAD = "stridelab.service.jobs.kinds.parse_upload:run_in_child"
+"""Import path of the parser of uploads; it is run by ``POST /recordings``, not by the queue."""

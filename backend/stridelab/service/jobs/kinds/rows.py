@@ -1,0 +1,116 @@
+"""Between the tables and the tasks: rows and blobs in, a task out; a simulated recording in, a row out.
+
+Runs in the worker, so nothing here imports a numeric package.
+"""
+
+import hashlib
+import uuid
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import insert, select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.schemas.base import Contract
+from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
+from stridelab.schemas.recordings import RecordingFacts, SubjectFields
+from stridelab.service.jobs.kinds.kind import Blobs, Json
+from stridelab.service.jobs.kinds.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
+from stridelab.service.storage.tables import recording, subject
+
+FACTS_FILE = "facts.json"
+"""Where ``simulate-recording`` leaves the facts of its recording for ``publish``; not an artifact."""
+
+
+def stated_subject(recording_fields: Mapping[str, Any], subject_fields: Mapping[str, Any] | None) -> SubjectFields:
+    """What users stated: the recording's own fields win over those of the linked subject."""
+    merged = {key: value for key, value in (subject_fields or {}).items() if value is not None}
+    merged.update({key: value for key, value in recording_fields.items() if value is not None})
+    return SubjectFields.model_validate(merged)
+
+
+async def stage_estimate_com(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """Fetch the recording, and its static trial where one is linked.
+
+    Raises ``NotFound`` (``recording-not-found``) where the recording has been deleted since the job was accepted.
+    """
+    request = EstimateComInput.model_validate(input.model_dump())
+    row = await _recording_row(connection, request.recording_id)
+    static = None
+    if row["static_recording_id"] is not None:
+        static_row = await _recording_row(connection, row["static_recording_id"])
+        static = await _source(connection, blobs, static_row, folder, "static-trial")
+    source = await _source(connection, blobs, row, folder, "trial")
+    return EstimateComTask(recording=source, static=static, input=request).model_dump(mode="json")
+
+
+async def stage_simulate_recording(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """Nothing to fetch."""
+    request = SimulateRecordingInput.model_validate(input.model_dump())
+    return SimulateRecordingTask(input=request).model_dump(mode="json")
+
+
+async def publish_simulated_recording(
+    connection: AsyncConnection, blobs: Blobs, job_row: Mapping[str, Any], outcome: Json, folder: Path
+) -> Json:
+    """Insert the recording of a finished simulation; returns the summary with its ``recording_id``.
+
+    The id follows from the job's id, so that an attempt that died between storing the files and committing the row
+    is overwritten by the next one and leaves no orphan.
+    """
+    recording_id = uuid.uuid5(uuid.NAMESPACE_URL, f"stridelab:job:{job_row['id']}").hex
+    trial, tracks = folder / "recording.c3d", folder / "tracks.parquet"
+    facts = RecordingFacts.model_validate_json((folder / FACTS_FILE).read_text(encoding="utf-8"))
+    blob_key, tracks_key = f"recordings/{recording_id}/recording.c3d", f"recordings/{recording_id}/tracks.parquet"
+    await blobs.put_file(blob_key, trial)
+    await blobs.put_file(tracks_key, tracks)
+    content = trial.read_bytes()
+    await connection.execute(
+        insert(recording).values(
+            id=recording_id,
+            owner=job_row["owner"],
+            filename=f"simulated-{job_row['input'].get('robot', 'human')}-seed-{job_row['input'].get('seed', 0)}.c3d",
+            sha256=hashlib.sha256(content).hexdigest(),
+            bytes=len(content),
+            blob_key=blob_key,
+            tracks_key=tracks_key,
+            facts=facts.model_dump(mode="json"),
+            subject_fields={},
+            truth_job_id=job_row["id"],
+        )
+    )
+    return {**outcome["summary"], "recording_id": recording_id}
+
+
+async def _recording_row(connection: AsyncConnection, recording_id: str) -> Mapping[str, Any]:
+    result = await connection.execute(select(recording).where(recording.c.id == recording_id))
+    row = result.mappings().one_or_none()
+    if row is None:
+        raise NotFound(
+            "recording-not-found",
+            f"There is no recording {recording_id}; it may have been deleted since the job was accepted.",
+            [Fault("recording_id", "unknown")],
+        )
+    return dict(row)
+
+
+async def _source(
+    connection: AsyncConnection, blobs: Blobs, row: Mapping[str, Any], folder: Path, name: str
+) -> RecordingSource:
+    linked = None
+    if row["subject_id"] is not None:
+        result = await connection.execute(select(subject.c.fields).where(subject.c.id == row["subject_id"]))
+        linked = result.scalar_one_or_none()
+    await blobs.get_file(row["blob_key"], folder / name)
+    try:
+        return RecordingSource(
+            file=name,
+            filename=row["filename"],
+            subject=stated_subject(row["subject_fields"], linked),
+            marker_map=row["marker_map"],
+            plates=row["plate_switches"],
+        )
+    except ValueError as error:
+        raise InvalidInput("stored-switches-invalid", f"What was set for {row['filename']} cannot be used.") from error

@@ -1,0 +1,37 @@
+"""What the worker hands to the child: JSON-able, with every file already in the task's folder."""
+
+from pydantic import Field
+
+from stridelab.schemas.base import Contract
+from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
+from stridelab.schemas.recordings import PlateSwitch, SubjectFields
+
+
+class RecordingSource(Contract):
+    """A recording's file and what its user stated; ``filename`` is the uploaded name, for messages only."""
+
+    file: str = Field(description="file name inside the task's folder")
+    filename: str
+    subject: SubjectFields = SubjectFields()
+    marker_map: dict[str, str] = Field(default_factory=dict)
+    plates: dict[int, PlateSwitch] = Field(default_factory=dict)
+
+
+class ParseUploadTask(Contract):
+    """Task of ``parse_upload``."""
+
+    recording: RecordingSource
+
+
+class EstimateComTask(Contract):
+    """Task of ``estimate-com``."""
+
+    recording: RecordingSource
+    static: RecordingSource | None = None
+    input: EstimateComInput
+
+
+class SimulateRecordingTask(Contract):
+    """Task of ``simulate-recording``."""
+
+    input: SimulateRecordingInput
