@@ -20,8 +20,7 @@ def table(report: dict) -> str:
         "# Benchmarks",
         "",
         "Written by `make bench`; compare the rows of one run, not runs of different machines.",
-        f"Python {machine['python_version']}, {machine['cpu'].get('brand_raw', machine['machine'])}, "
-        f"{report['datetime'][:10]}.",
+        f"Python {machine['python_version']}, {machine['cpu'].get('brand_raw', machine['machine'])}.",
         "",
         "| benchmark | median | spread (IQR) | rounds | measured |",
         "| --- | --- | --- | --- | --- |",
@@ -30,7 +29,9 @@ def table(report: dict) -> str:
         stats, extra = bench["stats"], bench["extra_info"]
         measured = ", ".join(f"{key} {value}" for key, value in extra.items())
         name = bench["name"].removeprefix("test_").replace("_", " ")
-        lines.append(f"| {name} | {seconds(stats['median'])} | {seconds(stats['iqr'])} | {stats['rounds']} | {measured} |")
+        lines.append(
+            f"| {name} | {seconds(stats['median'])} | {seconds(stats['iqr'])} | {stats['rounds']} | {measured} |"
+        )
     return "\n".join(lines) + "\n"
 
 

@@ -1,0 +1,42 @@
+"""What a user can call, set or type is documented, and nothing is documented that does not exist."""
+
+import re
+from pathlib import Path
+
+from typer.main import get_command
+
+from stridelab.cli import app as command_line
+from stridelab.service.api.app import create_app
+from stridelab.service.settings import Settings
+
+DOCS = Path(__file__).parents[2] / "docs"
+
+
+def test_every_endpoint_is_documented() -> None:
+    page = (DOCS / "http-api.md").read_text(encoding="utf-8")
+    described = create_app(Settings()).openapi()["paths"]
+    calls = {
+        f"{method.upper()} {path.removeprefix('/api/v1')}"
+        for path, methods in described.items()
+        for method in methods
+        if path.startswith("/api/v1")
+    }
+    documented = set(re.findall(r"`((?:GET|POST|PUT|PATCH|DELETE) /[^`\s?]*)", page))
+    assert calls - documented == set()
+    assert documented - calls - {"GET /metrics"} == set()
+
+
+def test_every_setting_is_documented() -> None:
+    page = (DOCS / "settings.md").read_text(encoding="utf-8")
+    documented = set(re.findall(r"`(STRIDELAB_[A-Z_]+)`", page))
+    assert {f"STRIDELAB_{name.upper()}" for name in Settings.model_fields} == documented
+
+
+def test_every_command_and_option_is_documented() -> None:
+    page = (DOCS / "cli.md").read_text(encoding="utf-8")
+    for name, command in get_command(command_line).commands.items():  # type: ignore[attr-defined]
+        assert f"stridelab {name}" in page
+        for parameter in command.params:
+            for flag in parameter.opts:
+                if flag.startswith("--") and flag != "--help":
+                    assert f"`{flag}" in page, f"{name} {flag}"

@@ -1,0 +1,56 @@
+"""Rules of the house that no linter knows."""
+
+import ast
+import subprocess
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+def tracked() -> list[Path]:
+    """Files of the project: what git tracks, or every source file where this is no checkout."""
+    listed = subprocess.run(["git", "ls-files", "-z"], cwd=ROOT, capture_output=True, text=True, check=False)
+    if listed.returncode == 0 and listed.stdout:
+        return [path for name in listed.stdout.split("\0") if name and (path := ROOT / name).is_file()]
+    return [
+        path for folder in ("backend", "frontend", "models", "tests", "docs") for path in (ROOT / folder).rglob("*.*")
+    ]
+
+
+SOURCES = [path for path in tracked() if path.suffix in {".py", ".js", ".html", ".css"}]
+
+
+def test_no_tracked_file_is_over_a_megabyte() -> None:
+    assert [path for path in tracked() if path.stat().st_size > 1_000_000] == []
+
+
+@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_modules_stay_readable(path: Path) -> None:
+    assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
+
+
+def test_numeric_code_does_not_print() -> None:
+    rooms = ("dynamics", "recordings", "body", "estimation", "walking", "experiments")
+    for room in rooms:
+        for path in (ROOT / "backend" / "stridelab" / room).rglob("*.py"):
+            calls = [n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)]
+            assert not [c for c in calls if isinstance(c.func, ast.Name) and c.func.id == "print"], path
+
+
+def test_locks_name_no_index_and_hash_everything() -> None:
+    for name in ("requirements.lock", "requirements-dev.lock", "requirements-uv.lock"):
+        text = (ROOT / name).read_text(encoding="utf-8")
+        assert "://" not in text
+        pins = [line for line in text.splitlines() if "==" in line and not line.lstrip().startswith("#")]
+        assert pins
+        assert all(line.endswith("\\") for line in pins), "a pin without a hash"
+
+
+def test_pages_carry_no_inline_scripts() -> None:
+    for path in (ROOT / "frontend").rglob("*.html"):
+        text = path.read_text(encoding="utf-8")
+        assert "<script>" not in text, path
+        assert " onclick=" not in text, path
+        assert "style=" not in text, path
