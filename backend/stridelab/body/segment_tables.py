@@ -1,0 +1,138 @@
+"""Segment tables: which share of the body mass a segment carries, and where its centre of mass lies in its frame.
+
+    c = sum_s m_s p_s,   p_s = o_s + L_s R_s k_s,   sum_s m_s = 1
+
+``m_s`` is ``SegmentRow.mass_fraction``, ``k_s`` is ``SegmentRow.com`` (forwards, upwards, rightwards, as a fraction of
+the segment length ``L_s``); origin ``o_s``, rotation ``R_s`` and ``L_s`` come from ``stridelab.body.frames``. A table
+is keyed by frame names: unpaired ones (``pelvis``, ``torso``, ``head``) and sided ones (``l_thigh``, ``r_thigh``). A
+file may give a paired segment once, without side, as measured on the right: the left one is its mirror image.
+
+Published fractions sum to one only up to rounding (0.998 to 1.004); they are divided by their sum on loading.
+"""
+
+import json
+import math
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import cache
+from typing import Any, Final
+
+from stridelab.errors import InvalidInput
+from stridelab.recordings.recording import Sex
+from stridelab.resources import models_dir
+
+PAIRED: Final = ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")
+"""Segments that exist on both sides; every other segment lies in the middle."""
+
+DEFAULT_SD_M: Final = (0.008, 0.008, 0.020)
+"""Prior error of a table that does not state its own (x, y, z of the world frame)."""
+
+
+@dataclass(frozen=True)
+class SegmentRow:
+    """Share of the body mass and CoM in the segment's frame (forwards, upwards, rightwards) per segment length."""
+
+    mass_fraction: float
+    com: tuple[float, float, float]
+
+    def mirrored(self) -> "SegmentRow":
+        """The same segment on the other side of the body."""
+        x, y, z = self.com
+        return SegmentRow(self.mass_fraction, (x, y, -z))
+
+
+@dataclass(frozen=True)
+class SegmentTable:
+    """One body: rows keyed by frame name, mass fractions summing to one, and the table's own error per world axis."""
+
+    name: str
+    segments: Mapping[str, SegmentRow]
+    sd_m: tuple[float, float, float] = DEFAULT_SD_M
+    references: tuple[str, ...] = ()
+
+
+def load(name: str, sex: Sex | None) -> SegmentTable:
+    """Table ``models/segment_tables/<name>.toml`` for one sex; without a sex, the mean of both.
+
+    Raises ``InvalidInput`` for a name that is not shipped.
+    """
+    data = _file(name)
+    sexes: tuple[Sex, ...] = ("female", "male") if sex is None else (sex,)
+    segments = {
+        segment: {
+            "mass_fraction": sum(columns[s]["mass_fraction"] for s in sexes) / len(sexes),
+            "com": [sum(columns[s]["com"][axis] for s in sexes) / len(sexes) for axis in range(3)],
+        }
+        for segment, columns in data["segments"].items()
+    }
+    return parse({"name": name, "segments": segments, "sd_m": data["sd_m"], "references": data["references"]})
+
+
+def parse(data: Mapping[str, Any]) -> SegmentTable:
+    """Validate the plain form ``{"name", "segments": {segment: {"mass_fraction", "com"}}, "sd_m"?, "references"?}``.
+
+    Raises ``InvalidInput`` naming the segment whose numbers make no sense.
+    """
+    try:
+        rows = dict(_rows(data["segments"]))
+        sd = _triple(data.get("sd_m", DEFAULT_SD_M))
+        name, references = str(data["name"]), tuple(str(key) for key in data.get("references", ()))
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InvalidInput("segment-table-invalid", f"The segment table cannot be read: {error}.") from error
+    total = sum(row.mass_fraction for row in rows.values())
+    if not 0.95 < total < 1.05:
+        raise InvalidInput(
+            "segment-table-invalid", f"The mass fractions of table {name!r} sum to {total:.3f} instead of 1."
+        )
+    if math.isclose(total, 1.0, rel_tol=1e-12):  # so that writing and reading back changes nothing
+        total = 1.0
+    normalised = {segment: SegmentRow(row.mass_fraction / total, row.com) for segment, row in rows.items()}
+    return SegmentTable(name, normalised, sd, references)
+
+
+def from_json(text: str) -> SegmentTable:
+    """Table that a recording carries (``Recording.carried["segment_table"]``).
+
+    Raises ``InvalidInput`` when the text is not such a table.
+    """
+    try:
+        data = json.loads(text)
+    except ValueError as error:
+        raise InvalidInput("segment-table-invalid", "The carried segment table is not JSON.") from error
+    return parse(data)
+
+
+def to_json(table: SegmentTable) -> str:
+    """Inverse of ``from_json``."""
+    segments = {name: {"mass_fraction": row.mass_fraction, "com": row.com} for name, row in table.segments.items()}
+    plain = {"name": table.name, "segments": segments, "sd_m": table.sd_m, "references": table.references}
+    return json.dumps(plain)
+
+
+@cache
+def _file(name: str) -> Mapping[str, Any]:
+    shipped = {path.stem: path for path in (models_dir() / "segment_tables").glob("*.toml")}
+    if name not in shipped:
+        known = ", ".join(sorted(shipped))
+        raise InvalidInput("segment-table-unknown", f"There is no segment table {name!r}; known are {known}.")
+    return tomllib.loads(shipped[name].read_text(encoding="utf-8"))
+
+
+def _rows(segments: Mapping[str, Any]) -> Iterator[tuple[str, SegmentRow]]:
+    for name, values in segments.items():
+        row = SegmentRow(float(values["mass_fraction"]), _triple(values["com"]))
+        if not 0.0 < row.mass_fraction < 1.0:
+            raise ValueError(f"segment {name} has mass fraction {row.mass_fraction}")
+        if name in PAIRED:
+            yield f"l_{name}", row.mirrored()
+            yield f"r_{name}", row
+        else:
+            yield name, row
+
+
+def _triple(values: Any) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in values)
+    if not all(math.isfinite(value) for value in (x, y, z)):
+        raise ValueError(f"{[x, y, z]} is not finite")
+    return x, y, z
