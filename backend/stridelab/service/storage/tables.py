@@ -18,7 +18,9 @@ from sqlalchemy import (
 )
 from sqlalchemy.dialects.postgresql import JSONB
 
-metadata = MetaData()
+metadata = MetaData(
+    naming_convention={"pk": "%(table_name)s_pkey", "fk": "%(table_name)s_%(column_0_name)s_fkey"},
+)
 
 
 def _created_at() -> Column[object]:
@@ -76,6 +78,7 @@ job = Table(
     Column("state", Text, nullable=False, server_default="queued"),
     Column("priority", Integer, nullable=False, server_default="0"),
     Column("attempt", Integer, nullable=False, server_default="0", comment="fencing token"),
+    Column("returned", Integer, nullable=False, server_default="0", comment="attempts handed back in good order"),
     Column("input", JSONB, nullable=False),
     Column("input_hash", Text, nullable=False),
     Column("idempotency_key", Text),
@@ -114,4 +117,5 @@ job_event = Table(
     Column("fraction", Float, nullable=False),
     Column("message", Text, nullable=False),
     Index("job_event_of", "job_id", "seq"),
+    Index("job_event_age", "at"),
 )
