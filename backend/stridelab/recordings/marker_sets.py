@@ -1,0 +1,228 @@
+"""Marker sets: from the labels a laboratory uses to the landmarks this project uses.
+
+A set is a file in ``models/marker_sets/`` that lists, for each landmark, the labels it may carry; ``{s}`` stands for
+the side letter. Labels match regardless of case, spaces, dots, underscores and hyphens, and without a prefix up to the
+last colon (``Subject:LASI``). Of the sets whose ``required`` landmarks are all found, the one that explains the most
+markers wins. A user's ``marker_map`` (landmark to label) overrules the set.
+
+Landmarks are named ``asis``, ``knee_lateral``, ...; paired ones carry ``l_`` or ``r_``. Technical markers of a rigid
+cluster are ``<segment>_t1``, ``<segment>_t2``, ...
+"""
+
+import itertools
+import re
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cache
+from typing import Any, Final
+
+from stridelab.errors import Fault, InvalidInput
+from stridelab.recordings.recording import Remark
+from stridelab.resources import models_dir
+
+PAIRED: Final = (
+    *("asis", "psis", "trochanter", "knee_lateral", "knee_medial", "fibula_head", "tibial_tuberosity"),
+    *("ankle_lateral", "ankle_medial", "heel", "mt1", "mt2", "mt5", "toe", "clavicle", "acromion"),
+    *("elbow_lateral", "elbow_medial", "wrist_radial", "wrist_ulnar", "mc2", "mc5"),
+    *("head_front", "head_back", "head_side"),
+    *("hip_centre", "knee_centre", "ankle_centre", "shoulder_centre", "elbow_centre", "wrist_centre"),
+)
+"""Landmarks that exist on both sides."""
+
+UNPAIRED: Final = ("sacrum", "c7", "t8", "t10", "t12", "jugular_notch", "xiphoid", "head_top")
+"""Landmarks in the median plane."""
+
+LANDMARKS: Final = frozenset({*UNPAIRED, *(f"{side}_{name}" for side in "lr" for name in PAIRED)})
+"""Every anatomical landmark a set, or a user's map, may name."""
+
+_TECHNICAL: Final = re.compile(r"([lr]_)?(head|trunk|pelvis|upper_arm|forearm|thigh|shank|foot)_t\d")
+_LOCOMOTION: Final = (
+    *("l_asis", "r_asis", "l_psis|sacrum", "r_psis|sacrum", "l_knee_lateral|l_knee_centre"),
+    *("r_knee_lateral|r_knee_centre", "l_ankle_lateral|l_ankle_centre", "r_ankle_lateral|r_ankle_centre"),
+)
+"""What a user's own map must name before it counts as a set of its own."""
+KNEES: Final = ("l_knee_lateral|l_knee_centre", "r_knee_lateral|r_knee_centre")
+"""Nothing can stand in for a knee but a static trial in which it is marked."""
+
+STATIC_TRIAL_NEEDED: Final = Remark(
+    "static-trial-needed",
+    "The knees are not marked in this trial: the centre of mass needs a static trial of the same person that marks them.",
+)
+
+
+@dataclass(frozen=True)
+class MarkerSet:
+    """One set: landmark to the labels it may carry, and the landmarks without which it is not this set.
+
+    An entry of ``required`` may offer alternatives separated by ``|``.
+    """
+
+    name: str
+    title: str
+    labels: Mapping[str, tuple[str, ...]]
+    required: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Substitute:
+    """What stands in for landmarks that a recording lacks, and what that costs the whole-body CoM in millimetres.
+
+    The gap exists on a file when none of the alternatives of an entry of ``landmarks`` is there.
+    """
+
+    code: str
+    message: str
+    landmarks: tuple[str, ...]
+    horizontal_mm: float
+    vertical_mm: float
+    hidden_by: tuple[str, ...] = ()
+
+    @property
+    def remark(self) -> Remark:
+        """The sentence for the user, cost included."""
+        cost = f"costs about {self.horizontal_mm:g} mm horizontally and {self.vertical_mm:g} mm vertically"
+        return Remark(self.code, f"{self.message} ({cost}).")
+
+
+@dataclass(frozen=True)
+class MarkerSetMatch:
+    """What ``identify`` found.
+
+    ``landmarks`` maps a landmark to the label of the file, ``missing`` lists landmarks of a complete full-body set that
+    are not there, ``nearest`` (only when no set fits) names the closest sets with the share of their required
+    landmarks found, ``degraded`` says what stands in for the missing ones and what it costs.
+    """
+
+    name: str | None
+    landmarks: Mapping[str, str]
+    missing: tuple[str, ...] = ()
+    nearest: tuple[tuple[str, float], ...] = ()
+    degraded: tuple[Remark, ...] = ()
+    needed: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+
+def identify(labels: Sequence[str], marker_map: Mapping[str, str] | None = None) -> MarkerSetMatch:
+    """Find the marker set that explains ``labels``; ``marker_map`` (landmark to label) overrules it.
+
+    ``needed`` of the result lists, for each nearest set, the required landmarks that were not found.
+    Raises ``InvalidInput`` when the map names an unknown landmark or a label that is not there.
+    """
+    present: dict[str, str] = {}
+    for label in labels:
+        present.setdefault(normalised(label), label)
+    own = _checked_map(marker_map or {}, labels, present)
+    found = {known.name: _matched(known, present) | own for known in marker_sets().values()}
+    fitting = [s for s in marker_sets().values() if not _absent(s.required, found[s.name])]
+    if fitting:
+        best = max(fitting, key=lambda s: (len(found[s.name]), -len(s.labels)))
+        return _match(best.name, found[best.name])
+    if not _absent(_LOCOMOTION, own):
+        return _match("custom", own)
+    lacking = {s.name: _absent(s.required, found[s.name]) for s in marker_sets().values()}
+    scores = {s.name: 1.0 - len(lacking[s.name]) / len(s.required) for s in marker_sets().values()}
+    nearest = sorted(scores, key=lambda name: (scores[name], len(found[name])), reverse=True)[:3]
+    return MarkerSetMatch(
+        name=None,
+        landmarks=own,
+        missing=_absent(_full_body(), own),
+        nearest=tuple((name, round(scores[name], 3)) for name in nearest),
+        needed={name: lacking[name] for name in nearest},
+    )
+
+
+def normalised(label: str) -> str:
+    """The form in which labels are compared."""
+    return re.sub(r"[\s._\-]", "", label.rsplit(":", 1)[-1]).lower()
+
+
+def substitutes_for(landmarks: Iterable[str]) -> tuple[Substitute, ...]:
+    """Substitutes that a recording with only these landmarks needs; a larger gap hides the smaller ones inside it."""
+    there = frozenset(landmarks)
+    needed = [s for s in substitutes().values() if _absent(s.landmarks, there)]
+    codes = {s.code for s in needed}
+    return tuple(s for s in needed if not codes & set(s.hidden_by))
+
+
+@cache
+def marker_sets() -> Mapping[str, MarkerSet]:
+    """All shipped sets by name."""
+    files = sorted((models_dir() / "marker_sets").glob("*.toml"))
+    sets = [parse(tomllib.loads(path.read_text(encoding="utf-8"))) for path in files if path.stem != "substitutes"]
+    return {known.name: known for known in sets}
+
+
+@cache
+def substitutes() -> Mapping[str, Substitute]:
+    """All stated substitutes by code."""
+    path = models_dir() / "marker_sets" / "substitutes.toml"
+    entries = tomllib.loads(path.read_text(encoding="utf-8"))["substitutes"]
+    return {
+        code: Substitute(
+            code=code,
+            message=entry["message"],
+            landmarks=_both_sides(entry["landmarks"]),
+            horizontal_mm=float(entry["horizontal_mm"]),
+            vertical_mm=float(entry["vertical_mm"]),
+            hidden_by=tuple(entry.get("hidden_by", ())),
+        )
+        for code, entry in entries.items()
+    }
+
+
+def parse(data: Mapping[str, Any]) -> MarkerSet:
+    """Validate one set file. Raises ``InvalidInput`` naming the entry that is wrong."""
+    labels: dict[str, tuple[str, ...]] = {}
+    for landmark, patterns in {**data.get("unpaired", {}), **data.get("paired", {})}.items():
+        sides = ("l", "r") if landmark in data.get("paired", {}) else ("",)
+        for side in sides:
+            name = f"{side}_{landmark}" if side else landmark
+            if name not in LANDMARKS and not _TECHNICAL.fullmatch(name):
+                raise InvalidInput("marker-set-invalid", f"{data['name']}: {name!r} is not a landmark.")
+            labels[name] = tuple(normalised(pattern.replace("{s}", side)) for pattern in patterns)
+    required = _both_sides(data["required"])
+    unknown = [entry for entry in required if not set(entry.split("|")) <= set(labels)]
+    if unknown or not required:
+        raise InvalidInput("marker-set-invalid", f"{data['name']} requires what it does not label: {unknown}.")
+    return MarkerSet(data["name"], data["title"], labels, required)
+
+
+def _match(name: str, landmarks: Mapping[str, str]) -> MarkerSetMatch:
+    remarks = tuple(substitute.remark for substitute in substitutes_for(landmarks))
+    if _absent(KNEES, landmarks):
+        remarks = (STATIC_TRIAL_NEEDED, *remarks)
+    return MarkerSetMatch(name, landmarks, missing=_absent(_full_body(), landmarks), degraded=remarks)
+
+
+def _matched(known: MarkerSet, present: Mapping[str, str]) -> dict[str, str]:
+    hits = ((landmark, next((n for n in names if n in present), None)) for landmark, names in known.labels.items())
+    return {landmark: present[name] for landmark, name in hits if name is not None}
+
+
+def _absent(required: Iterable[str], landmarks: Iterable[str]) -> tuple[str, ...]:
+    there = frozenset(landmarks)
+    return tuple(entry for entry in required if not there & set(entry.split("|")))
+
+
+def _full_body() -> tuple[str, ...]:
+    return tuple(dict.fromkeys(itertools.chain.from_iterable(s.landmarks for s in substitutes().values())))
+
+
+def _both_sides(entries: Iterable[str]) -> tuple[str, ...]:
+    """Spell out ``*_name`` for both sides."""
+    return tuple(entry.replace("*", side) for entry in entries for side in ("lr" if "*" in entry else "l"))
+
+
+def _checked_map(marker_map: Mapping[str, str], labels: Sequence[str], present: Mapping[str, str]) -> dict[str, str]:
+    exact, faults, checked = set(labels), [], {}
+    for landmark, label in marker_map.items():
+        actual = label if label in exact else present.get(normalised(label))
+        if landmark not in LANDMARKS and not _TECHNICAL.fullmatch(landmark):
+            faults.append(Fault(f"marker_map.{landmark}", f"{landmark!r} is not a landmark this service knows."))
+        elif actual is None:
+            faults.append(Fault(f"marker_map.{landmark}", f"The file has no marker {label!r}."))
+        else:
+            checked[landmark] = actual
+    if faults:
+        raise InvalidInput("marker-map-invalid", "The marker map does not fit this recording.", faults)
+    return checked
