@@ -1,0 +1,193 @@
+"""The command line: the service, and the main job without one.
+
+Numeric packages are imported inside the commands, so that ``stridelab --help`` answers at once.
+"""
+
+import signal
+import sys
+from pathlib import Path
+from typing import Annotated, Literal
+
+import click
+import typer
+
+from stridelab import __version__
+from stridelab.cli_console import FAILURE, INTERRUPTED, exit_code, out, show_error
+from stridelab.errors import StridelabError
+
+app = typer.Typer(
+    name="stridelab",
+    help="Centre of mass and rolling-wheel analysis of human gait, as a service and on the command line.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+Sex = Literal["female", "male"]
+Method = Literal["complementary", "geometry", "kalman", "rts", "smoother"]
+SegmentTable = Literal["auto", "dumas2007", "deleva1996", "carried"]
+
+OutFolder = Annotated[Path | None, typer.Option("--out", help="Folder for the result; must not exist yet.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of a table.")]
+
+
+@app.command()
+def serve(
+    host: Annotated[str | None, typer.Option("--host", help="Address to bind to (STRIDELAB_HOST).")] = None,
+    port: Annotated[int | None, typer.Option("--port", help="The one public port (STRIDELAB_PORT).")] = None,
+    data_dir: Annotated[Path | None, typer.Option("--data-dir", help="Data folder (STRIDELAB_DATA_DIR).")] = None,
+    without_worker: Annotated[
+        bool, typer.Option("--without-worker", help="Start no worker beside the server.")
+    ] = False,
+) -> None:
+    """Start everything: database, API and pages, worker, viewer. Ctrl-C ends what it started."""
+    from stridelab.cli_service import serve as run
+
+    run(host=host, port=port, data_dir=data_dir, without_worker=without_worker)
+
+
+@app.command()
+def worker() -> None:
+    """Start one worker that takes jobs from STRIDELAB_DATABASE_URL until Ctrl-C."""
+    from stridelab.cli_service import worker as run
+
+    run()
+
+
+@app.command()
+def migrate() -> None:
+    """Bring the schema of STRIDELAB_DATABASE_URL up to date."""
+    from stridelab.cli_service import migrate as run
+
+    run()
+
+
+@app.command()
+def estimate(
+    file: Annotated[Path, typer.Argument(help="A .c3d file, or a .zip of a .trc and a .mot or .sto file.")],
+    height_m: Annotated[float | None, typer.Option("--height", help="Stature in metres.")] = None,
+    mass_kg: Annotated[float | None, typer.Option("--mass", help="Body mass in kilograms.")] = None,
+    sex: Annotated[Sex | None, typer.Option("--sex", help="Which columns of the segment table.")] = None,
+    age_years: Annotated[float | None, typer.Option("--age", help="Age in years.")] = None,
+    method: Annotated[
+        Method | None, typer.Option("--method", help="Estimator; the best that exists if omitted.")
+    ] = None,
+    latency: Annotated[str, typer.Option("--latency", help="report, apply, or seconds to apply.")] = "report",
+    segment_table: Annotated[SegmentTable, typer.Option("--segment-table", help="Table of segment masses.")] = "auto",
+    cutoffs: Annotated[str, typer.Option("--cutoffs", help="auto, thesis, or LOW,HIGH in Hz.")] = "auto",
+    window: Annotated[
+        str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")
+    ] = None,
+    static: Annotated[Path | None, typer.Option("--static", help="Static trial of the same person.")] = None,
+    marker: Annotated[list[str] | None, typer.Option("--marker", help="LANDMARK=LABEL; may be repeated.")] = None,
+    without_plate: Annotated[
+        list[int] | None, typer.Option("--without-plate", help="Plate index to leave out.")
+    ] = None,
+    out_dir: OutFolder = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    server: Annotated[str | None, typer.Option("--server", help="Run on this service (http://...) instead.")] = None,
+    token: Annotated[str | None, typer.Option("--token", envvar="STRIDELAB_API_TOKEN", help="Its API token.")] = None,
+) -> None:
+    """Estimate the centre of mass of one recording; needs no server."""
+    from stridelab.cli_estimate import EstimateRequest
+    from stridelab.cli_estimate import estimate as run
+
+    request = EstimateRequest(
+        file=file,
+        height_m=height_m,
+        mass_kg=mass_kg,
+        sex=sex,
+        age_years=age_years,
+        method=method,
+        latency=latency,
+        segment_table=segment_table,
+        cutoffs=cutoffs,
+        window=window,
+        static=static,
+        markers=tuple(marker or ()),
+        without_plates=tuple(without_plate or ()),
+    )
+    run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+
+
+@app.command()
+def simulate(
+    out_dir: OutFolder = None,
+    seed: Annotated[int, typer.Option("--seed", help="Varies the walk and its noise.")] = 0,
+    duration_s: Annotated[float, typer.Option("--duration", help="Seconds, 2 to 60.")] = 6.0,
+    speed_m_s: Annotated[float, typer.Option("--speed", help="Walking speed in m/s, 0 to 2.")] = 1.2,
+    height_m: Annotated[float, typer.Option("--height", help="Stature in metres.")] = 1.71,
+    mass_kg: Annotated[float, typer.Option("--mass", help="Body mass in kilograms.")] = 60.0,
+    sex: Annotated[Sex, typer.Option("--sex", help="Body proportions.")] = "female",
+    noise: Annotated[
+        list[str] | None, typer.Option("--noise", help="FIELD=VALUE, e.g. force_n=2; may be repeated.")
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Record a simulated walking person: recording.c3d and the true centre of mass."""
+    from stridelab.cli_estimate import simulate as run
+
+    fields = {
+        "seed": seed,
+        "duration_s": duration_s,
+        "speed_m_s": speed_m_s,
+        "height_m": height_m,
+        "mass_kg": mass_kg,
+        "sex": sex,
+    }
+    run(fields, noise=tuple(noise or ()), out_dir=out_dir, force=force, as_json=as_json)
+
+
+@app.command()
+def demo(out_dir: OutFolder = None, force: Force = False) -> None:
+    """The main job on the bundled recording, with the error against its known truth."""
+    from stridelab.cli_demo import demo as run
+
+    run(out_dir=out_dir, force=force)
+
+
+@app.command()
+def doctor(
+    service: Annotated[
+        str | None, typer.Option("--service", help="Only ask this service whether it is healthy.")
+    ] = None,
+) -> None:
+    """Check this machine for what the service needs; prints a fix for each failed check."""
+    from stridelab.cli_doctor import ask, check_machine
+
+    if not (ask(service) if service else check_machine()):
+        raise typer.Exit(FAILURE)
+
+
+@app.command()
+def version() -> None:
+    """Print the version."""
+    out.print(__version__)
+
+
+def main() -> None:
+    """Run the command line; exit codes are those of ``cli_console.EXIT_CODES``."""
+    # A supervisor ends its children with SIGTERM: the same quiet way out as Ctrl-C.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        code = app(standalone_mode=False)
+    except StridelabError as error:
+        show_error(error)
+        sys.exit(exit_code(error))
+    except click.ClickException as error:
+        error.show()
+        sys.exit(error.exit_code)
+    except (KeyboardInterrupt, click.Abort):
+        sys.exit(INTERRUPTED)
+    except BrokenPipeError:
+        # The reader of a pipe (head, less) has seen enough; nothing to report, and nothing more can be written.
+        sys.stderr.close()
+        sys.exit(FAILURE)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,281 @@
+"""``stridelab estimate`` and ``stridelab simulate``: the same runs as in the service, into a folder."""
+
+import json
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+from rich.markup import escape
+from rich.table import Table
+
+from stridelab.cli_console import out, progress_bar
+from stridelab.cli_output import REFERENCES_FILE, RESULT_FILE, refuse_to_overwrite, result_folder
+from stridelab.errors import Fault, InvalidInput, UnreadableFile
+from stridelab.schemas.base import Contract
+from stridelab.schemas.jobs import (
+    Artifact,
+    EstimateComInput,
+    EstimateComSummary,
+    JobResult,
+    SimulateRecordingInput,
+    SimulateRecordingSummary,
+)
+from stridelab.schemas.recordings import PlateSwitch, SubjectFields
+from stridelab.service.jobs.kinds.kind import Outcome
+from stridelab.service.jobs.kinds.provenance import bibliography, versions
+from stridelab.service.jobs.kinds.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
+
+T = TypeVar("T", bound=Contract)
+
+OPTIONS = {
+    "height_m": "--height",
+    "mass_kg": "--mass",
+    "sex": "--sex",
+    "age_years": "--age",
+    "latency": "--latency",
+    "cutoffs": "--cutoffs",
+    "window_s": "--window",
+    "duration_s": "--duration",
+    "speed_m_s": "--speed",
+    "seed": "--seed",
+    "noise": "--noise",
+}
+"""Option that sets a field of the contract, for messages."""
+
+
+@dataclass(frozen=True)
+class EstimateRequest:
+    """Options of ``stridelab estimate`` as typed."""
+
+    file: Path
+    height_m: float | None = None
+    mass_kg: float | None = None
+    sex: str | None = None
+    age_years: float | None = None
+    method: str | None = None
+    latency: str = "report"
+    segment_table: str = "auto"
+    cutoffs: str = "auto"
+    window: str | None = None
+    static: Path | None = None
+    markers: tuple[str, ...] = ()
+    without_plates: tuple[int, ...] = ()
+
+    def subject(self) -> SubjectFields:
+        """What was stated of the person. Raises ``InvalidInput`` naming the option that makes no sense."""
+        fields = {
+            "height_m": self.height_m,
+            "mass_kg": self.mass_kg,
+            "sex": self.sex,
+            "age_years": self.age_years,
+        }
+        return validated(SubjectFields, fields)
+
+    def input(self, recording_id: str) -> EstimateComInput:
+        """Input of the job. Raises ``InvalidInput`` naming the option that makes no sense."""
+        fields = {
+            "recording_id": recording_id,
+            "method": self.method,
+            "latency": self.latency
+            if self.latency in {"report", "apply"}
+            else _numbers("--latency", self.latency, 1)[0],
+            "segment_table": self.segment_table,
+            "cutoffs": self.cutoffs if self.cutoffs in {"auto", "thesis"} else _numbers("--cutoffs", self.cutoffs, 2),
+            "window_s": None if self.window is None else _numbers("--window", self.window, 2),
+        }
+        return validated(EstimateComInput, fields)
+
+    def marker_map(self) -> dict[str, str]:
+        """Landmark to label."""
+        return dict(_pair("--marker", text) for text in self.markers)
+
+    def plates(self) -> dict[int, PlateSwitch]:
+        """Plates that are left out."""
+        return {index: PlateSwitch(use=False) for index in self.without_plates}
+
+
+def estimate(
+    request: EstimateRequest, *, out_dir: Path | None, force: bool, as_json: bool, server: str | None, token: str | None
+) -> None:
+    """Estimate one recording here or on a server, write the result folder and show the summary."""
+    target = out_dir or Path(f"{request.file.stem}-com")
+    refuse_to_overwrite(target, force=force)
+    _require_file(request.file)
+    if request.static is not None:
+        _require_file(request.static)
+    with result_folder(target, force=force) as folder:
+        if server is not None:
+            from stridelab.cli_remote import estimate_remotely
+
+            result = estimate_remotely(request, folder, server, token)
+        else:
+            result = estimate_here(request, folder)
+    show_estimate(result, target, as_json=as_json)
+
+
+def estimate_here(request: EstimateRequest, folder: Path) -> JobResult:
+    """Run the job's own function in this process; ``folder`` then holds exactly what the service would publish."""
+    input_ = request.input(request.file.name)
+    static = None
+    if request.static is not None:
+        static = RecordingSource(file="static-trial", filename=request.static.name, marker_map=request.marker_map())
+    task = EstimateComTask(
+        recording=RecordingSource(
+            file="trial",
+            filename=request.file.name,
+            subject=request.subject(),
+            marker_map=request.marker_map(),
+            plates=request.plates(),
+        ),
+        static=static,
+        input=input_,
+    )
+    with progress_bar(request.file.name) as bar:
+        bar(0.0, "starting")
+        from stridelab.service.jobs.kinds import estimate_com
+
+        staged = {"trial": request.file} | ({"static-trial": request.static} if request.static else {})
+        for name, path in staged.items():
+            shutil.copyfile(path, folder / name)
+        outcome = estimate_com.run(task, folder, bar)
+        for name in staged:
+            (folder / name).unlink()
+    return write_result(folder, "estimate-com", input_, outcome)
+
+
+def simulate(
+    fields: Mapping[str, Any], *, noise: Sequence[str], out_dir: Path | None, force: bool, as_json: bool
+) -> None:
+    """Simulate one recording into a folder and show the summary."""
+    stated = {key: _numbers("--noise", value, 1)[0] for key, value in (_pair("--noise", text) for text in noise)}
+    input_ = validated(SimulateRecordingInput, {**fields, "noise": stated})
+    target = out_dir or Path(f"simulated-{input_.seed}")
+    with result_folder(target, force=force) as folder:
+        result = simulate_here(input_, folder)
+    if as_json:
+        out.print_json(json.dumps(result.model_dump(mode="json")))
+        return
+    summary = SimulateRecordingSummary.model_validate(result.summary)
+    out.print(f"{summary.n_steps} steps at {summary.speed_m_s:.2f} m/s")
+    _show_files(result, target)
+
+
+def simulate_here(input_: SimulateRecordingInput, folder: Path) -> JobResult:
+    """Run the job's own function in this process."""
+    with progress_bar("simulating") as bar:
+        bar(0.0, "starting")
+        from stridelab.service.jobs.kinds import simulate_recording
+
+        outcome = simulate_recording.run(SimulateRecordingTask(input=input_), folder, bar)
+        simulate_recording.remove_private_files(folder)
+    return write_result(folder, "simulate-recording", input_, outcome)
+
+
+def write_result(folder: Path, kind: str, input_: Contract, outcome: Outcome) -> JobResult:
+    """Write ``result.json`` and ``references.bib`` beside the artifacts."""
+    result = JobResult(
+        kind=kind,
+        input=input_.model_dump(mode="json"),
+        versions=versions(),
+        references=list(outcome.references),
+        summary=outcome.summary,
+        artifacts=[
+            Artifact(name=a.name, media_type=a.media_type, bytes=(folder / a.name).stat().st_size)
+            for a in outcome.artifacts
+        ],
+    )
+    (folder / RESULT_FILE).write_text(result.model_dump_json(indent=2) + "\n", encoding="utf-8")
+    (folder / REFERENCES_FILE).write_text(bibliography(outcome.references), encoding="utf-8")
+    return result
+
+
+def show_estimate(result: JobResult, target: Path, *, as_json: bool) -> None:
+    """The summary as a table, or as JSON."""
+    if as_json:
+        out.print_json(json.dumps(result.model_dump(mode="json")))
+        return
+    summary = EstimateComSummary.model_validate(result.summary)
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for name, value in _rows(summary):
+        table.add_row(f"[bold]{name}[/]", escape(value))
+    out.print(table)
+    for remark in summary.warnings:
+        out.print(f"[yellow]note[/] {escape(remark.message)} [dim]({escape(remark.code)})[/]")
+    _show_files(result, target)
+
+
+def validated(model: type[T], fields: Mapping[str, Any]) -> T:
+    """A model of the contract. Raises ``InvalidInput`` naming the options behind the fields that make no sense."""
+    try:
+        return model.model_validate(fields)
+    except ValidationError as error:
+        faults = [
+            Fault(OPTIONS.get(str(item["loc"][0]), str(item["loc"][0])), item["msg"])
+            for item in error.errors(include_url=False)
+            if item["loc"]
+        ]
+        raise InvalidInput("option-invalid", "An option has a value that makes no sense.", faults) from error
+
+
+def _rows(summary: EstimateComSummary) -> list[tuple[str, str]]:
+    start_s, end_s = summary.window_s
+    latency = "not estimated"
+    if summary.latency_s is not None:
+        spread = f" ± {1e3 * summary.latency_sd_s:.1f}" if summary.latency_sd_s is not None else ""
+        latency = f"{1e3 * summary.latency_s:+.1f}{spread} ms, {1e3 * summary.latency_applied_s:.1f} ms applied"
+    rows = [
+        ("window", f"{start_s:.2f} to {end_s:.2f} s at {summary.rate_hz:g} Hz"),
+        ("method", f"{summary.method}, segment table {summary.segment_table}"),
+        ("mass", f"{summary.mass_kg:.1f} kg"),
+        ("force latency", latency),
+    ]
+    if summary.bias_m:
+        rows.append(("fused minus geometry", _xyz([1e3 * value for value in summary.bias_m], "mm")))
+    if summary.rms_force_residual_n:
+        rows.append(("force residual, RMS", _xyz(summary.rms_force_residual_n, "N")))
+    return rows
+
+
+def _xyz(values: Sequence[float], unit: str) -> str:
+    return " / ".join(f"{value:.1f}" for value in values) + f" {unit} (x / y / z)"
+
+
+def _show_files(result: JobResult, target: Path) -> None:
+    names = ", ".join(artifact.name for artifact in result.artifacts)
+    out.print(f"[green]written[/] {escape(str(target))}: {escape(names)}, {RESULT_FILE}, {REFERENCES_FILE}")
+
+
+def _require_file(path: Path) -> None:
+    reasons: tuple[tuple[Callable[[], bool], str], ...] = (
+        (path.exists, "there is no such file"),
+        (path.is_file, "it is not a file"),
+    )
+    for holds, reason in reasons:
+        if not holds():
+            raise UnreadableFile("file-not-found", f"Cannot read {path}: {reason}.", [Fault(str(path), reason)])
+    try:
+        path.open("rb").close()
+    except OSError as error:
+        reason = error.strerror or "it cannot be opened"
+        raise UnreadableFile("file-not-readable", f"Cannot read {path}: {reason}.") from error
+
+
+def _numbers(option: str, text: str, count: int) -> list[float]:
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count:
+        wanted = "a number" if count == 1 else f"{count} numbers with a comma between them"
+        raise InvalidInput("option-invalid", f"{option} takes {wanted}.", [Fault(option, f"got {text!r}")])
+    return values
+
+
+def _pair(option: str, text: str) -> tuple[str, str]:
+    name, equals, value = text.partition("=")
+    if not (name and equals and value):
+        raise InvalidInput("option-invalid", f"{option} takes NAME=VALUE.", [Fault(option, f"got {text!r}")])
+    return name.strip(), value.strip()

@@ -1,0 +1,55 @@
+"""``stridelab serve``, ``worker`` and ``migrate``: settings in, the service's own entry points called."""
+
+import os
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from stridelab.errors import Fault, InvalidInput
+from stridelab.service.settings import Settings, settings
+
+
+def serve(*, host: str | None, port: int | None, data_dir: Path | None, without_worker: bool) -> None:
+    """Start everything with the settings of the environment; the options given here win over it."""
+    from stridelab.service.supervisor import serve as supervise
+
+    # The children of the supervisor read the same variables.
+    for name, value in (("HOST", host), ("PORT", port), ("DATA_DIR", data_dir)):
+        if value is not None:
+            os.environ[f"STRIDELAB_{name}"] = str(value)
+    supervise(read_settings(), with_worker=not without_worker)
+
+
+def worker() -> None:
+    """One worker on an existing database."""
+    from stridelab.service.jobs.worker import main
+
+    _database_url("worker")
+    main()
+
+
+def migrate() -> None:
+    """Upgrade the schema of an existing database."""
+    from stridelab.service.storage.database import migrate as upgrade
+
+    upgrade(_database_url("migrate"))
+
+
+def read_settings() -> Settings:
+    """The settings of the environment. Raises ``InvalidInput`` naming the variables that make no sense."""
+    try:
+        return settings()
+    except ValidationError as error:
+        faults = [Fault(f"STRIDELAB_{'_'.join(map(str, e['loc'])).upper()}", e["msg"]) for e in error.errors()]
+        raise InvalidInput("settings-invalid", "The settings in the environment make no sense.", faults) from error
+
+
+def _database_url(command: str) -> str:
+    url = read_settings().database_url
+    if not url:
+        raise InvalidInput(
+            "database-url-missing",
+            f"stridelab {command} needs STRIDELAB_DATABASE_URL; the embedded database belongs to stridelab serve.",
+            [Fault("STRIDELAB_DATABASE_URL", "not set")],
+        )
+    return url
