@@ -1,0 +1,1 @@
+"""Pages and viewer of stridelab. Knows the backend by HTTP only."""

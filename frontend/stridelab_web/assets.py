@@ -1,0 +1,44 @@
+"""Files for the browser: our own from the package, plotly's and viser's from their installed packages."""
+
+import gzip
+from functools import cache
+from importlib.metadata import version
+from importlib.resources import files
+from pathlib import Path
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+HERE = Path(__file__).parent
+STATIC = HERE / "static"
+TEMPLATES = HERE / "templates"
+
+
+@cache
+def plotly_js_gzip() -> bytes:
+    """The script of the installed plotly package, compressed once (4.8 MB to 1.4 MB)."""
+    source = files("plotly").joinpath("package_data", "plotly.min.js").read_bytes()
+    return gzip.compress(source, compresslevel=6, mtime=0)
+
+
+@cache
+def viser_page() -> bytes:
+    """The client page of the installed viser package: one HTML file."""
+    return files("viser").joinpath("client", "build", "index.html").read_bytes()
+
+
+async def plotly_js(request: Request) -> Response:
+    """``GET /static/plotly.min.js``."""
+    tag = f'"plotly-{version("plotly")}"'
+    headers = {"ETag": tag, "Cache-Control": "public, max-age=86400"}
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers=headers)
+    return compressed(request, plotly_js_gzip(), "text/javascript", headers)
+
+
+def compressed(request: Request, gzipped: bytes, media_type: str, headers: dict[str, str]) -> Response:
+    """``gzipped`` as it is, or unpacked for the rare client that does not take gzip."""
+    headers = {**headers, "Vary": "Accept-Encoding"}
+    if "gzip" in request.headers.get("accept-encoding", ""):
+        return Response(gzipped, media_type=media_type, headers={**headers, "Content-Encoding": "gzip"})
+    return Response(gzip.decompress(gzipped), media_type=media_type, headers=headers)

@@ -1,0 +1,45 @@
+"""Pages for what went wrong: the sentence of the interface, and a way on."""
+
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+
+from stridelab_web.backend import BackendProblem
+from stridelab_web.pages.render import page
+
+_TITLES = {
+    401: "Please log in",
+    403: "Not allowed",
+    404: "Nothing here",
+    409: "Not now",
+    429: "Too busy",
+    503: "Part of the service does not answer",
+}
+
+
+async def on_problem(request: Request, error: Exception) -> Response:
+    """A refusal of the interface, as a page."""
+    if not isinstance(error, BackendProblem):
+        raise error
+    problem = error.problem
+    title = _TITLES.get(problem.status, problem.title)
+    return page(
+        request,
+        "error.html",
+        problem.status,
+        title=title,
+        detail=problem.detail,
+        code=problem.code,
+        status=problem.status,
+        errors=problem.errors,
+    )
+
+
+async def on_http(request: Request, error: Exception) -> Response:
+    """A wrong address or method, as a page."""
+    if not isinstance(error, HTTPException):
+        raise error
+    status = error.status_code
+    detail = "There is no page at this address." if status == 404 else str(error.detail)
+    title = _TITLES.get(status, "That did not work")
+    return page(request, "error.html", status, title=title, detail=detail, code="", status=status, errors=[])

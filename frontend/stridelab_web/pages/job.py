@@ -1,0 +1,64 @@
+"""The page of one job and, once it has succeeded, of its result."""
+
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+
+from stridelab.schemas.jobs import Job, JobResult
+from stridelab.schemas.recordings import Recording
+from stridelab_web.backend import Backend, BackendProblem
+from stridelab_web.pages.facts import facts_of
+from stridelab_web.pages.render import backend_of, page
+from stridelab_web.plots import curves
+from stridelab_web.tables import read_columns
+
+COM_TABLE = "com.parquet"
+
+
+async def job(request: Request) -> Response:
+    """``GET /jobs/{id}``."""
+    backend = backend_of(request)
+    found = await backend.job(request.path_params["id"])
+    result = await backend.result(found.id) if found.state == "succeeded" else None
+    recording = await _recording_of(backend, found, result)
+    plots = result is not None and any(item.name == COM_TABLE for item in result.artifacts)
+    return page(
+        request,
+        "job.html",
+        section="Jobs",
+        job=found,
+        took_s=_took_s(found),
+        result=result,
+        facts=facts_of(result) if result else [],
+        recording=recording,
+        plots=plots,
+        viewer_url=f"/view/?recording={recording.id}&job={found.id}" if plots and recording else None,
+    )
+
+
+async def plots(request: Request) -> Response:
+    """``GET /jobs/{id}/plots.json``: the curves of the result, for its page."""
+    backend = backend_of(request)
+    result = await backend.result(request.path_params["id"])
+    if all(item.name != COM_TABLE for item in result.artifacts):
+        raise HTTPException(404, "This job has no curves.")
+    columns = read_columns(await backend.artifact(request.path_params["id"], COM_TABLE))
+    return JSONResponse(curves(columns, result.summary["window_s"]), headers={"Cache-Control": "private, max-age=600"})
+
+
+async def _recording_of(backend: Backend, found: Job, result: JobResult | None) -> Recording | None:
+    recording_id = found.recording_id or (result.input.get("recording_id") if result else None)
+    if recording_id is None:
+        return None
+    try:
+        return await backend.recording(recording_id)
+    except BackendProblem as refusal:
+        if refusal.problem.status == 404:  # a recording may be gone while its job is still being looked at
+            return None
+        raise
+
+
+def _took_s(found: Job) -> float | None:
+    if found.started_at is None or found.finished_at is None:
+        return None
+    return (found.finished_at - found.started_at).total_seconds()

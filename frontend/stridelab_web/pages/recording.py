@@ -1,0 +1,45 @@
+"""The page of one recording: what was found, the switches, and the button that starts an estimate."""
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from stridelab_web import strips
+from stridelab_web.pages.render import backend_of, page
+
+METHODS = (
+    ("smoother", "smoother"),
+    ("rts", "Kalman, both directions"),
+    ("kalman", "Kalman, forward"),
+    ("complementary", "complementary filter"),
+    ("geometry", "markers only"),
+)
+TABLES = (
+    ("auto", "chosen by sex and marker set"),
+    ("dumas2007", "Dumas 2007"),
+    ("deleva1996", "de Leva 1996"),
+    ("carried", "carried by the file"),
+)
+CANDIDATES = 100
+
+
+async def recording(request: Request) -> Response:
+    """``GET /recordings/{id}``."""
+    backend = backend_of(request)
+    found = await backend.recording(request.path_params["id"])
+    jobs = await backend.jobs(recording_id=found.id)
+    others = [item for item in (await backend.recordings(limit=CANDIDATES)).items if item.id != found.id]
+    return page(
+        request,
+        "recording.html",
+        section="Recordings",
+        recording=found,
+        jobs=jobs.items,
+        others=others,
+        windows=strips.bars(found.windows_s, found.duration_s),
+        windows_text=strips.windows_text(found),
+        plate_bars=[strips.plate_bars(plate, found.duration_s) for plate in found.plates],
+        ticks=strips.ticks(found.duration_s),
+        mappable=sorted({*found.landmarks, *found.missing_landmarks, *found.marker_map}),
+        methods=METHODS,
+        tables=TABLES,
+    )

@@ -1,0 +1,42 @@
+"""Turns a template and values into a page."""
+
+from typing import Any
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
+from starlette.requests import Request
+from starlette.responses import HTMLResponse
+
+from stridelab.schemas.jobs import FINAL_STATES
+from stridelab_web.assets import TEMPLATES
+from stridelab_web.backend import Backend
+from stridelab_web.config import WebConfig
+from stridelab_web.words import FILTERS
+
+
+def make_environment(config: WebConfig) -> Environment:
+    """The template environment: everything escaped, unknown names are errors."""
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        autoescape=select_autoescape(default=True),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(FILTERS)
+    environment.globals.update(
+        version=config.version, login_required=config.token is not None, final_states=FINAL_STATES, section=""
+    )
+    return environment
+
+
+def page(request: Request, template: str, status_code: int = 200, **values: Any) -> HTMLResponse:
+    """``template`` filled with ``values``; pages show the present state, so nobody may keep them."""
+    environment: Environment = request.app.state.environment
+    text = environment.get_template(template).render(**values)
+    return HTMLResponse(text, status_code=status_code, headers={"Cache-Control": "no-store"})
+
+
+def backend_of(request: Request) -> Backend:
+    """The backend of the running web app."""
+    backend: Backend = request.app.state.backend
+    return backend

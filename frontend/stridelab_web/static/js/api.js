@@ -1,0 +1,89 @@
+// The only place that talks to /api/v1. Every failure becomes a sentence.
+
+export class ApiError extends Error {
+  constructor(status, problem) {
+    super(sentence(status, problem));
+    this.status = status;
+    this.problem = problem;
+  }
+}
+
+export function sentence(status, problem) {
+  if (!problem) return status === 0 ? "The service does not answer. Is it still running?" : `The service answered ${status}.`;
+  const places = (problem.errors || []).map((item) => `${item.where}: ${item.message}`);
+  return [problem.detail || problem.title, ...places].join(" ");
+}
+
+export async function call(method, path, body) {
+  const options = { method, headers: { Accept: "application/json" } };
+  if (body !== undefined) {
+    options.headers["Content-Type"] = "application/json";
+    options.body = JSON.stringify(body);
+  }
+  let answer;
+  try {
+    answer = await fetch(`/api/v1${path}`, options);
+  } catch {
+    throw new ApiError(0, null);
+  }
+  if (answer.status === 401) location.assign(`/login?next=${encodeURIComponent(location.pathname + location.search)}`);
+  const text = await answer.text();
+  let value = null;
+  try {
+    value = text ? JSON.parse(text) : null;
+  } catch {
+    throw new ApiError(answer.status, null);
+  }
+  if (!answer.ok) throw new ApiError(answer.status, value);
+  return value;
+}
+
+// One answer per press of a button: a lost answer can be asked for again without a second job.
+export async function startJob(kind, input) {
+  const answer = await fetch(`/api/v1/jobs/${kind}`, {
+    method: "POST",
+    headers: { "Content-Type": "application/json", "Idempotency-Key": uniqueKey() },
+    body: JSON.stringify(input),
+  }).catch(() => {
+    throw new ApiError(0, null);
+  });
+  const value = await answer.json().catch(() => null);
+  if (!answer.ok) throw new ApiError(answer.status, value);
+  return value;
+}
+
+function uniqueKey() {
+  const words = crypto.getRandomValues(new Uint32Array(4));
+  return Array.from(words, (word) => word.toString(16).padStart(8, "0")).join("");
+}
+
+export const FINAL = new Set(["succeeded", "failed", "cancelled", "timed_out"]);
+
+export function headline(job) {
+  if (job.state === "queued") return job.queue_position == null ? "waiting" : `place ${job.queue_position} in the queue`;
+  if (job.error && job.error.detail) return job.error.detail;
+  return FINAL.has(job.state) ? "" : job.progress.message;
+}
+
+export function showState(node, job) {
+  node.className = `state state-${job.state}`;
+  node.textContent = job.state.replaceAll("_", " ");
+}
+
+// Runs `work` on submit with the button disabled; what it returns, or the failure, is said beside the button.
+export function onSubmit(form, work) {
+  form.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    const said = form.querySelector("[data-said]");
+    const button = form.querySelector("button:not([type=button])");
+    button.disabled = true;
+    said.textContent = "…";
+    try {
+      said.textContent = (await work(new FormData(form))) || "";
+    } catch (error) {
+      said.textContent = error.message;
+    } finally {
+      button.disabled = false;
+    }
+  });
+}

@@ -1,0 +1,78 @@
+// The forms of a recording's page: each sends only what it shows.
+import { call, onSubmit, startJob } from "./api.js";
+
+const root = document.querySelector("[data-recording]");
+const id = root.dataset.recording;
+const find = (selector) => root.querySelector(selector);
+const number = (text) => (text === "" || text == null ? null : Number(text));
+
+// Saving may change what the windows and warnings are, so the page is asked for anew and says that it was saved.
+async function save(patch) {
+  await call("PATCH", `/recordings/${id}`, patch);
+  location.reload();
+  return "Saved.";
+}
+
+onSubmit(find("[data-subject]"), (data) =>
+  save({
+    subject: {
+      name: data.get("name") || null,
+      sex: data.get("sex") || null,
+      height_m: number(data.get("height_m")),
+      mass_kg: number(data.get("mass_kg")),
+      age_years: number(data.get("age_years")),
+    },
+  }),
+);
+find("[data-mass]")?.addEventListener("click", (event) => {
+  find("[name=mass_kg]").value = event.currentTarget.dataset.mass;
+});
+
+onSubmit(find("[data-static]"), (data) => save({ static_recording_id: data.get("static_recording_id") || null }));
+
+if (find("[data-plates]")) {
+  onSubmit(find("[data-plates]"), () => {
+    const plates = {};
+    for (const row of root.querySelectorAll("[data-plate]")) {
+      plates[row.dataset.plate] = {
+        use: row.querySelector("[name=use]").checked,
+        threshold_n: number(row.querySelector("[name=threshold_n]").value),
+      };
+    }
+    return save({ plates });
+  });
+}
+
+onSubmit(find("[data-markers]"), (data) => save({ marker_map: Object.fromEntries([...data].filter(([, label]) => label)) }));
+
+const estimate = find("[data-estimate]");
+const follow = () => {
+  estimate.querySelector("[data-latency]").hidden = estimate.latency.value !== "number";
+  estimate.querySelector("[data-cutoffs]").hidden = estimate.cutoffs.value !== "numbers";
+};
+estimate.addEventListener("change", follow);
+follow();
+onSubmit(estimate, async (data) => {
+  const input = {
+    recording_id: id,
+    method: data.get("method") || null,
+    latency: data.get("latency") === "number" ? number(data.get("latency_ms")) / 1000 : data.get("latency"),
+    segment_table: data.get("segment_table"),
+    cutoffs: data.get("cutoffs") === "numbers" ? [number(data.get("low_hz")), number(data.get("high_hz"))] : data.get("cutoffs"),
+  };
+  const job = await startJob("estimate-com", input);
+  location.assign(`/jobs/${job.id}`);
+  return "Started.";
+});
+
+const dialog = find("[data-confirm]");
+find("[data-no]").addEventListener("click", () => dialog.close());
+find("[data-yes]").addEventListener("click", async () => {
+  try {
+    await call("DELETE", `/recordings/${id}`);
+    location.assign("/recordings");
+  } catch (error) {
+    dialog.querySelector("[data-said]").textContent = error.message;
+  }
+});
+document.querySelector("[data-delete]")?.addEventListener("click", () => dialog.showModal());

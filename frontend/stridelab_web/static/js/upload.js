@@ -1,0 +1,113 @@
+// Drag, drop or choose many files; two at a time go up, each with its own bar and, where refused, its own sentence.
+import { sentence } from "./api.js";
+
+const AT_ONCE = 2;
+const zone = document.querySelector("[data-upload]");
+const picker = zone.querySelector("input[type=file]");
+const list = zone.querySelector("[data-uploads]");
+const waiting = [];
+let running = 0;
+
+picker.addEventListener("change", () => {
+  add(picker.files);
+  picker.value = "";
+});
+for (const name of ["dragenter", "dragover"]) {
+  zone.addEventListener(name, (event) => {
+    event.preventDefault();
+    zone.classList.add("over");
+  });
+}
+zone.addEventListener("dragleave", (event) => {
+  if (!zone.contains(event.relatedTarget)) zone.classList.remove("over");
+});
+zone.addEventListener("drop", (event) => {
+  event.preventDefault();
+  zone.classList.remove("over");
+  add(event.dataTransfer.files);
+});
+
+function add(files) {
+  const single = files.length === 1 && waiting.length + running === 0;
+  for (const file of files) waiting.push({ file, row: newRow(file), single });
+  next();
+}
+
+function newRow(file) {
+  const row = document.createElement("li");
+  const line = document.createElement("div");
+  line.className = "file";
+  const name = document.createElement("b");
+  name.textContent = file.name;
+  const state = document.createElement("span");
+  state.className = "hint";
+  state.textContent = "waiting";
+  line.append(name, state);
+  const bar = document.createElement("progress");
+  bar.max = 1;
+  bar.value = 0;
+  bar.setAttribute("aria-label", `Upload of ${file.name}`);
+  row.append(line, bar);
+  list.append(row);
+  return { row, state, bar };
+}
+
+function next() {
+  while (running < AT_ONCE && waiting.length) {
+    running += 1;
+    send(waiting.shift()).finally(() => {
+      running -= 1;
+      next();
+    });
+  }
+}
+
+function send({ file, row, single }) {
+  return new Promise((done) => {
+    const form = new FormData();
+    form.append("file", file);
+    const request = new XMLHttpRequest();
+    request.open("POST", "/api/v1/recordings");
+    request.setRequestHeader("Accept", "application/json");
+    request.upload.addEventListener("progress", (event) => {
+      if (event.lengthComputable) row.bar.value = event.loaded / event.total;
+      row.state.textContent = event.loaded < event.total ? `${Math.round((100 * event.loaded) / event.total)} %` : "checking the file…";
+    });
+    request.addEventListener("load", () => {
+      let answer = null;
+      try {
+        answer = JSON.parse(request.responseText);
+      } catch {
+        answer = null; // a proxy may answer with a page instead; the status says enough
+      }
+      if (request.status === 201 && answer) accepted(row, answer, single);
+      else refused(row, sentence(request.status, answer));
+      done();
+    });
+    request.addEventListener("error", () => {
+      refused(row, sentence(0, null));
+      done();
+    });
+    request.send(form);
+  });
+}
+
+function accepted(row, recording, single) {
+  row.bar.value = 1;
+  row.state.textContent = "";
+  const link = document.createElement("a");
+  link.href = `/recordings/${recording.id}`;
+  link.textContent = recording.warnings.length ? `open (${recording.warnings.length} remarks)` : "open";
+  row.state.append(link);
+  if (single) location.assign(link.href);
+}
+
+function refused(row, text) {
+  row.bar.hidden = true;
+  row.state.textContent = "refused";
+  const why = document.createElement("p");
+  why.className = "wrong";
+  why.setAttribute("role", "alert");
+  why.textContent = text;
+  row.row.append(why);
+}

@@ -1,0 +1,29 @@
+"""Parquet bytes as columns."""
+
+import io
+from collections.abc import Mapping
+
+import numpy as np
+import pyarrow.parquet as pq
+
+Columns = Mapping[str, np.ndarray]
+"""Name to values, float64, NaN where a value is missing."""
+
+
+def read_columns(content: bytes) -> Columns:
+    """All numeric columns of a Parquet table (shape ``(rows,)`` each)."""
+    table = pq.read_table(io.BytesIO(content))
+    found: dict[str, np.ndarray] = {}
+    for name in table.column_names:
+        values = table.column(name).to_numpy()
+        if values.dtype.kind in "fiub":
+            found[name] = values.astype(np.float64)
+    return found
+
+
+def points(columns: Columns, pattern: str) -> np.ndarray | None:
+    """The columns ``pattern`` with ``*`` = x, y, z, of shape ``(rows, 3)``, or None where one is missing."""
+    names = [pattern.replace("*", axis) for axis in "xyz"]
+    if not all(name in columns for name in names):
+        return None
+    return np.column_stack([columns[name] for name in names])

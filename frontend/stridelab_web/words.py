@@ -1,0 +1,49 @@
+"""How values are written on the pages."""
+
+from collections.abc import Iterable, Sequence
+from datetime import datetime
+
+from stridelab.schemas.jobs import FINAL_STATES, Job
+
+
+def fixed(value: float | None, digits: int = 2) -> str:
+    """``value`` with a fixed number of decimals; a dash where there is none."""
+    return "–" if value is None else f"{value:.{digits}f}"
+
+
+def plain(value: float | None) -> str:
+    """The shortest decimal form of ``value`` to six digits; empty where there is none (forms are filled with it)."""
+    return "" if value is None else f"{value:.6g}"
+
+
+def moment(value: datetime) -> str:
+    """A time stamp, to the minute, in UTC as the interface gives it."""
+    return value.strftime("%Y-%m-%d %H:%M")
+
+
+def megabytes(count: int) -> str:
+    """A size in kB or MB of 10^3 and 10^6 bytes."""
+    return f"{count / 1e6:.1f} MB" if count >= 1e5 else f"{count / 1e3:.1f} kB"
+
+
+def total_s(intervals: Iterable[Sequence[float]]) -> float:
+    """Sum of the lengths of the intervals."""
+    return sum((end - start for start, end in intervals), 0.0)
+
+
+def words(code: str) -> str:
+    """``estimate-com`` as ``estimate com``: codes as people read them."""
+    return code.replace("-", " ").replace("_", " ")
+
+
+def headline(job: Job) -> str:
+    """What to say beside the state of a job; the same sentence as in static/js/api.js."""
+    if job.state == "queued":
+        return "waiting" if job.queue_position is None else f"place {job.queue_position} in the queue"
+    if job.error is not None:
+        return job.error.detail
+    return "" if job.state in FINAL_STATES else job.progress.message
+
+
+FILTERS = {f.__name__: f for f in (fixed, plain, moment, megabytes, total_s, words, headline)}
+"""Filters of the templates."""
