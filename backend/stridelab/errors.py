@@ -65,3 +65,11 @@ class Forbidden(StridelabError):
 
 class Unavailable(StridelabError):
     """A part of the service does not answer (database, storage, a missing program)."""
+
+
+class StorageFull(Unavailable):
+    """No room is left for what was sent."""
+
+
+class Unauthenticated(Forbidden):
+    """No valid credentials came with the request."""

@@ -47,3 +47,4 @@ class Problem(Contract):
     detail: str
     instance: str | None = None
     errors: list[FaultItem] = []
+    request_id: str | None = None

@@ -33,6 +33,7 @@ class Job(Contract):
     error: Problem | None = None
     queue_position: int | None = None
     owner: str | None = None
+    recording_id: str | None = None
     log_tail: str | None = None
 
 

@@ -1,0 +1,184 @@
+"""Every call of the contract as data: what to send, and how to read the answer. Both clients send the same calls."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Generic, TypeVar
+from urllib.parse import quote
+
+import httpx
+from pydantic import BaseModel, TypeAdapter, ValidationError
+
+from stridelab.client.errors import ClientError, ProblemError
+from stridelab.schemas.base import Page, Problem
+from stridelab.schemas.jobs import Job, JobResult
+from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectInput
+from stridelab.schemas.service import Health
+
+T = TypeVar("T")
+API = "/api/v1"
+MAX_WAIT_S = 60.0
+
+
+@dataclass(frozen=True)
+class Call(Generic[T]):
+    """One request and the reading of its answer."""
+
+    method: str
+    path: str
+    read: Callable[[httpx.Response], T]
+    params: Mapping[str, str] = field(default_factory=dict)
+    headers: Mapping[str, str] = field(default_factory=dict)
+    json: Any = None
+    wait_s: float = 0.0
+
+
+def model(kind: type[T]) -> Callable[[httpx.Response], T]:
+    """A reader of ``kind``; fields that a newer service adds are ignored."""
+    adapter = TypeAdapter(kind)
+
+    def read(response: httpx.Response) -> T:
+        try:
+            return adapter.validate_json(response.content, extra="ignore")
+        except ValidationError as error:
+            raise ClientError(f"{response.url} answered something that this client does not understand") from error
+
+    return read
+
+
+def nothing(_: httpx.Response) -> None:
+    """Reader of an empty answer."""
+
+
+def raise_for_problem(response: httpx.Response) -> None:
+    """Raise ``ProblemError`` for any status from 400 on; the response has been read."""
+    if response.status_code < 400:
+        return
+    try:
+        problem = Problem.model_validate_json(response.content, extra="ignore")
+    except ValidationError:
+        problem = Problem(
+            title=response.reason_phrase or "error",
+            status=response.status_code,
+            code="http-error",
+            detail=f"{response.url} answered {response.status_code} without saying why.",
+        )
+    after = response.headers.get("retry-after", "")
+    raise ProblemError(problem, float(after) if after.isdecimal() else None)
+
+
+def health() -> Call[Health]:
+    """Health of the service."""
+    return Call("GET", f"{API}/health", model(Health))
+
+
+def _page(path: str, page: type[Page[T]], limit: int, cursor: str | None, **filters: str | None) -> Call[Page[T]]:
+    params = {"limit": str(limit), "cursor": cursor, **filters}
+    return Call("GET", path, model(page), {name: value for name, value in params.items() if value is not None})
+
+
+def recordings(limit: int, cursor: str | None) -> Call[Page[Recording]]:
+    """A page of recordings."""
+    return _page(f"{API}/recordings", Page[Recording], limit, cursor)
+
+
+def recording(recording_id: str) -> Call[Recording]:
+    """One recording."""
+    return Call("GET", _at("recordings", recording_id), model(Recording))
+
+
+def patch_recording(recording_id: str, patch: RecordingPatch) -> Call[Recording]:
+    """Change the set fields of a recording."""
+    return Call("PATCH", _at("recordings", recording_id), model(Recording), json=_set_fields(patch))
+
+
+def delete_recording(recording_id: str) -> Call[None]:
+    """Delete a recording."""
+    return Call("DELETE", _at("recordings", recording_id), nothing)
+
+
+def subjects(limit: int, cursor: str | None) -> Call[Page[Subject]]:
+    """A page of subjects."""
+    return _page(f"{API}/subjects", Page[Subject], limit, cursor)
+
+
+def subject(subject_id: str) -> Call[Subject]:
+    """One subject."""
+    return Call("GET", _at("subjects", subject_id), model(Subject))
+
+
+def add_subject(fields: SubjectInput) -> Call[Subject]:
+    """Add a subject."""
+    return Call("POST", f"{API}/subjects", model(Subject), json=_set_fields(fields))
+
+
+def patch_subject(subject_id: str, fields: SubjectInput) -> Call[Subject]:
+    """Change the set fields of a subject."""
+    return Call("PATCH", _at("subjects", subject_id), model(Subject), json=_set_fields(fields))
+
+
+def delete_subject(subject_id: str) -> Call[None]:
+    """Delete a subject."""
+    return Call("DELETE", _at("subjects", subject_id), nothing)
+
+
+def submit(kind: str, request: BaseModel | Mapping[str, Any], priority: int, idempotency_key: str | None) -> Call[Job]:
+    """Submit a job."""
+    body = _set_fields(request) if isinstance(request, BaseModel) else dict(request)
+    headers = {"Idempotency-Key": idempotency_key} if idempotency_key is not None else {}
+    return Call("POST", _at("jobs", kind), model(Job), {"priority": str(priority)}, headers, body)
+
+
+def jobs(
+    limit: int, cursor: str | None, state: str | None, kind: str | None, recording_id: str | None
+) -> Call[Page[Job]]:
+    """A page of jobs."""
+    return _page(f"{API}/jobs", Page[Job], limit, cursor, state=state, kind=kind, recording_id=recording_id)
+
+
+def job(job_id: str, wait_s: float) -> Call[Job]:
+    """One job, waited for."""
+    params = {"wait": f"{wait_s:g}"} if wait_s > 0 else {}
+    return Call("GET", _at("jobs", job_id), model(Job), params, wait_s=wait_s)
+
+
+def cancel(job_id: str) -> Call[Job]:
+    """Cancel a job."""
+    return Call("DELETE", _at("jobs", job_id), model(Job))
+
+
+def result(job_id: str) -> Call[JobResult]:
+    """Result of a job."""
+    return Call("GET", _at("jobs", job_id, "result"), model(JobResult))
+
+
+def events_path(job_id: str) -> str:
+    """Where the events of a job are streamed."""
+    return _at("jobs", job_id, "events")
+
+
+def artifact_path(job_id: str, name: str) -> str:
+    """Where an artifact lies."""
+    return _at("jobs", job_id, "artifacts", name)
+
+
+def bundle_path(job_id: str) -> str:
+    """Where everything about a finished job is packed."""
+    return _at("jobs", job_id, "bundle.zip")
+
+
+def file_path(recording_id: str) -> str:
+    """Where the uploaded file lies."""
+    return _at("recordings", recording_id, "file")
+
+
+def tracks_path(recording_id: str) -> str:
+    """Where markers and wrenches of a recording lie."""
+    return _at("recordings", recording_id, "tracks.parquet")
+
+
+def _at(*parts: str) -> str:
+    return "/".join((API, *(quote(part, safe="") for part in parts)))
+
+
+def _set_fields(request: BaseModel) -> Any:
+    return request.model_dump(mode="json", exclude_unset=True)

@@ -1,0 +1,41 @@
+"""What both clients set up alike: address, token, timeouts, patience."""
+
+from typing import Any
+
+from stridelab import __version__
+from stridelab.client.calls import MAX_WAIT_S, Call
+from stridelab.client.errors import Unreachable
+
+DEFAULT_URL = "http://127.0.0.1:8000"
+RETRY_S = (0.2, 0.5, 1.0, 2.0, 4.0)
+"""Pauses between attempts to take up an interrupted stream or long-poll; then the client gives up."""
+
+
+def connection_headers(token: str | None) -> dict[str, str]:
+    """Headers of every request."""
+    headers = {"User-Agent": f"stridelab-client/{__version__}", "Accept": "application/json, */*"}
+    if token is not None:
+        headers["Authorization"] = f"Bearer {token}"
+    return headers
+
+
+def request_arguments(call: Call[Any], timeout_s: float) -> dict[str, Any]:
+    """How ``call`` is passed to httpx; a long-poll may take its waiting time longer."""
+    arguments: dict[str, Any] = {
+        "params": dict(call.params),
+        "headers": dict(call.headers),
+        "timeout": timeout_s + call.wait_s,
+    }
+    if call.json is not None:
+        arguments["json"] = call.json
+    return arguments
+
+
+def poll_s(left_s: float | None) -> float:
+    """How long the next long-poll waits when ``left_s`` is left (None: for ever)."""
+    return MAX_WAIT_S / 2 if left_s is None else max(0.0, min(MAX_WAIT_S / 2, left_s))
+
+
+def unreachable(base_url: str, error: Exception) -> Unreachable:
+    """The error for a service that does not answer."""
+    return Unreachable(f"the service at {base_url} does not answer ({type(error).__name__})")

@@ -1,0 +1,243 @@
+"""The synchronous client, for scripts, notebooks and the command line."""
+
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self, TypeVar
+
+import httpx
+from pydantic import BaseModel
+
+from stridelab.client import calls, uploads
+from stridelab.client.connection import (
+    DEFAULT_URL,
+    RETRY_S,
+    connection_headers,
+    poll_s,
+    request_arguments,
+    unreachable,
+)
+from stridelab.client.errors import Unreachable
+from stridelab.client.sse import EventReader
+from stridelab.schemas.base import Page
+from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent, JobResult
+from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectFields, SubjectInput
+from stridelab.schemas.service import Health
+
+T = TypeVar("T")
+
+
+class Client:
+    """One service. Methods raise ``ProblemError`` for a refusal and ``Unreachable`` where nobody answers."""
+
+    def __init__(
+        self,
+        base_url: str = DEFAULT_URL,
+        token: str | None = None,
+        *,
+        timeout_s: float = 30.0,
+        transport: httpx.BaseTransport | None = None,
+    ) -> None:
+        self._timeout_s = timeout_s
+        self._http = httpx.Client(
+            base_url=base_url, headers=connection_headers(token), timeout=timeout_s, transport=transport
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the connections."""
+        self._http.close()
+
+    def health(self) -> Health:
+        """Whether the service and its database answer, and its version."""
+        return self._send(calls.health())
+
+    def upload(
+        self,
+        path: Path,
+        subject: SubjectFields | None = None,
+        *,
+        filename: str | None = None,
+        progress: uploads.ProgressCallback | None = None,
+    ) -> Recording:
+        """Upload a recording; ``progress(sent_bytes, total_bytes)`` is called as it goes. Parsed when it returns."""
+        upload = uploads.Upload(path, subject or SubjectFields(), filename)
+        with self._reached():
+            response = self._http.post(uploads.PATH, content=upload.pieces(progress), headers=upload.headers())
+        calls.raise_for_problem(response)
+        return calls.model(Recording)(response)
+
+    def recordings(self, limit: int = 50, cursor: str | None = None) -> Page[Recording]:
+        """One page of recordings, newest first."""
+        return self._send(calls.recordings(limit, cursor))
+
+    def recording(self, recording_id: str) -> Recording:
+        """One recording."""
+        return self._send(calls.recording(recording_id))
+
+    def patch_recording(self, recording_id: str, patch: RecordingPatch) -> Recording:
+        """Change the fields that were set in ``patch``."""
+        return self._send(calls.patch_recording(recording_id, patch))
+
+    def delete_recording(self, recording_id: str) -> None:
+        """Delete a recording with its jobs, results and files."""
+        self._send(calls.delete_recording(recording_id))
+
+    def download_file(self, recording_id: str, target: Path) -> Path:
+        """Save the uploaded file as ``target``."""
+        return self._download(calls.file_path(recording_id), target)
+
+    def download_tracks(self, recording_id: str, target: Path) -> Path:
+        """Save markers and wrenches as ``target`` (Parquet)."""
+        return self._download(calls.tracks_path(recording_id), target)
+
+    def subjects(self, limit: int = 50, cursor: str | None = None) -> Page[Subject]:
+        """One page of subjects, newest first."""
+        return self._send(calls.subjects(limit, cursor))
+
+    def subject(self, subject_id: str) -> Subject:
+        """One subject."""
+        return self._send(calls.subject(subject_id))
+
+    def add_subject(self, fields: SubjectInput) -> Subject:
+        """Add a subject."""
+        return self._send(calls.add_subject(fields))
+
+    def patch_subject(self, subject_id: str, fields: SubjectInput) -> Subject:
+        """Change the fields that were set in ``fields``."""
+        return self._send(calls.patch_subject(subject_id, fields))
+
+    def delete_subject(self, subject_id: str) -> None:
+        """Delete a subject; its recordings stay."""
+        self._send(calls.delete_subject(subject_id))
+
+    def submit(
+        self,
+        kind: str,
+        request: BaseModel | Mapping[str, Any],
+        *,
+        priority: int = 0,
+        idempotency_key: str | None = None,
+    ) -> Job:
+        """Submit a job; the same ``idempotency_key`` again returns the same job."""
+        return self._send(calls.submit(kind, request, priority, idempotency_key))
+
+    def jobs(
+        self,
+        limit: int = 50,
+        cursor: str | None = None,
+        *,
+        state: str | None = None,
+        kind: str | None = None,
+        recording_id: str | None = None,
+    ) -> Page[Job]:
+        """One page of jobs, newest first."""
+        return self._send(calls.jobs(limit, cursor, state, kind, recording_id))
+
+    def job(self, job_id: str, wait_s: float = 0.0) -> Job:
+        """One job; waits up to ``wait_s`` (at most 60 s) for it to finish."""
+        return self._send(calls.job(job_id, wait_s))
+
+    def wait(self, job_id: str, timeout_s: float | None = None) -> Job:
+        """The job once it has finished. Raises ``TimeoutError`` after ``timeout_s``; None waits for ever."""
+        deadline = None if timeout_s is None else time.monotonic() + timeout_s
+        failures = 0
+        while True:
+            left_s = None if deadline is None else deadline - time.monotonic()
+            try:
+                job = self.job(job_id, wait_s=poll_s(left_s))
+                failures = 0
+            except Unreachable:
+                if failures == len(RETRY_S):
+                    raise
+                time.sleep(RETRY_S[failures])
+                failures += 1
+                continue
+            if job.state in FINAL_STATES:
+                return job
+            if left_s is not None and left_s <= 0:
+                raise TimeoutError(f"job {job_id} is still {job.state} after {timeout_s} s")
+
+    def events(self, job_id: str, last_event_id: int | None = None) -> Iterator[JobEvent]:
+        """Events of a job until it has finished; an interrupted stream is taken up where it broke off."""
+        reader = EventReader()
+        reader.last_id = None if last_event_id is None else str(last_event_id)
+        failures = 0
+        while True:
+            headers = {"Accept": "text/event-stream"}
+            if reader.last_id is not None:
+                headers["Last-Event-ID"] = reader.last_id
+            try:
+                with self._http.stream("GET", calls.events_path(job_id), headers=headers) as response:
+                    if response.status_code >= 400:
+                        response.read()
+                        calls.raise_for_problem(response)
+                    for line in response.iter_lines():
+                        event = reader.feed(line)
+                        if event is not None:
+                            failures = 0
+                            yield event
+                            if event.state in FINAL_STATES:
+                                return
+            except httpx.TransportError as error:
+                if failures == len(RETRY_S):
+                    raise unreachable(str(self._http.base_url), error) from error
+            reader.reset()
+            time.sleep(RETRY_S[min(failures, len(RETRY_S) - 1)])
+            failures += 1
+
+    def cancel(self, job_id: str) -> Job:
+        """Cancel a job that has not finished."""
+        return self._send(calls.cancel(job_id))
+
+    def result(self, job_id: str) -> JobResult:
+        """Summary and list of files of a succeeded job."""
+        return self._send(calls.result(job_id))
+
+    def download_artifact(self, job_id: str, name: str, target: Path) -> Path:
+        """Save one file of a result as ``target``."""
+        return self._download(calls.artifact_path(job_id, name), target)
+
+    def download_bundle(self, job_id: str, target: Path) -> Path:
+        """Save input, result, versions, references and all files of a job as one zip file ``target``."""
+        return self._download(calls.bundle_path(job_id), target)
+
+    def read_artifact(self, job_id: str, name: str) -> bytes:
+        """The bytes of one file of a result."""
+        return self._send(calls.Call("GET", calls.artifact_path(job_id, name), lambda response: response.content))
+
+    def _send(self, call: calls.Call[T]) -> T:
+        with self._reached():
+            response = self._http.request(call.method, call.path, **request_arguments(call, self._timeout_s))
+        calls.raise_for_problem(response)
+        return call.read(response)
+
+    def _download(self, path: str, target: Path) -> Path:
+        part = target.with_name(f".part-{target.name}")
+        try:
+            with self._reached(), self._http.stream("GET", path) as response:
+                if response.status_code >= 400:
+                    response.read()
+                    calls.raise_for_problem(response)
+                with part.open("wb") as file:
+                    for piece in response.iter_bytes():
+                        file.write(piece)
+            return part.replace(target)
+        finally:
+            part.unlink(missing_ok=True)
+
+    @contextmanager
+    def _reached(self) -> Iterator[None]:
+        try:
+            yield
+        except httpx.TransportError as error:
+            raise unreachable(str(self._http.base_url), error) from error

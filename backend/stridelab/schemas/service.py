@@ -1,0 +1,14 @@
+"""The service about itself."""
+
+from typing import Literal
+
+from stridelab.schemas.base import Contract
+
+
+class Health(Contract):
+    """``GET /health``; anything but a reachable database is answered 503 with a problem."""
+
+    status: Literal["ok"] = "ok"
+    version: str
+    database: Literal["ok"] = "ok"
+    uptime_s: float
