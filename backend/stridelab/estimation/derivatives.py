@@ -1,0 +1,31 @@
+"""Smoothed derivatives of a trajectory: zero phase, exact for uniform motion."""
+
+import numpy as np
+from scipy import interpolate, signal
+
+from stridelab.conventions import Points
+
+BAND_HZ = 8.0
+"""Band of the derivatives and of the force residual: above it a marker trajectory is noise."""
+
+
+def low_pass(x: Points, rate_hz: float, band_hz: float = BAND_HZ) -> Points:
+    """Second-order Butterworth, forward and backward (so -6 dB at ``band_hz``), continued oddly beyond the ends.
+
+    A signal sampled too slowly to contain the band is returned as it is.
+    """
+    if band_hz >= 0.45 * rate_hz:
+        return x
+    sos = signal.butter(2, band_hz, fs=rate_hz, output="sos")
+    pad = min(len(x) - 1, int(np.ceil(rate_hz / band_hz)) * 3)
+    return np.asarray(signal.sosfiltfilt(sos, x, axis=0, padtype="odd", padlen=pad))
+
+
+def derivatives(x: Points, rate_hz: float, band_hz: float = BAND_HZ) -> tuple[Points, Points]:
+    """Velocity and acceleration of the low-passed trajectory, from a quintic spline through its samples.
+
+    Needs at least 6 samples. At 1 Hz the low-pass takes 2.4e-4 of the amplitude.
+    """
+    t = np.arange(len(x)) / rate_hz
+    spline = interpolate.make_interp_spline(t, low_pass(x, rate_hz, band_hz), k=5)
+    return np.asarray(spline(t, 1)), np.asarray(spline(t, 2))

@@ -1,0 +1,99 @@
+"""Which samples an estimator may use: the window it answers for, and the geometry around it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stridelab.body.geometric_com import GeometricCom
+from stridelab.conventions import Mask
+from stridelab.errors import Fault, InvalidInput, NotEstimable
+from stridelab.recordings.recording import Window, WrenchTrack
+
+SHORTEST_WINDOW_S = 0.4
+"""Below this no estimator here is better than the geometry alone."""
+
+
+@dataclass(frozen=True)
+class Span:
+    """Samples ``inside`` the window, and the longest gap-free run of geometry ``around`` it."""
+
+    window: Window
+    inside: slice
+    around: slice
+    rate_hz: float
+
+    @property
+    def within(self) -> slice:
+        """The window's samples, counted from the start of ``around``."""
+        return slice(self.inside.start - self.around.start, self.inside.stop - self.around.start)
+
+
+def window_span(geometric: GeometricCom, wrench: WrenchTrack) -> Span:
+    """Longest window in which the whole force is measured, as sample indices.
+
+    Raises ``NotEstimable`` with code ``no-window``, ``window-too-short``, ``force-gaps`` or ``geometry-gaps``, and
+    ``InvalidInput`` with ``clock-mismatch`` when geometry and force do not share their instants.
+    """
+    rate_hz = common_rate_hz(geometric, wrench)
+    if not wrench.windows:
+        raise NotEstimable(
+            "no-window",
+            "At no time is all contact force on the plates, so force and geometry cannot be combined. "
+            "Is every foot that touches the ground on an enabled plate?",
+        )
+    window = max(wrench.windows, key=lambda w: w.duration_s)
+    if window.duration_s < SHORTEST_WINDOW_S:
+        raise NotEstimable(
+            "window-too-short",
+            f"All contact force is measured for {window.duration_s:.2f} s only; at least {SHORTEST_WINDOW_S} s "
+            "are needed.",
+        )
+    t = wrench.time_s
+    inside = np.flatnonzero((t >= window.start_s - 1e-9) & (t <= window.end_s + 1e-9))
+    if inside.size < SHORTEST_WINDOW_S * rate_hz:
+        raise NotEstimable(
+            "window-too-short",
+            f"Only {inside.size} frames lie in the window from {window.start_s:.2f} s to {window.end_s:.2f} s.",
+        )
+    measured = np.isfinite(wrench.force_n).all(axis=1) & np.isfinite(wrench.moment_nm).all(axis=1) & wrench.complete
+    if not measured[inside].all():
+        at_s = t[inside[np.argmin(measured[inside])]]
+        raise NotEstimable(
+            "force-gaps",
+            f"The force is missing at {at_s:.2f} s, inside the window.",
+            [Fault("plates", f"{at_s:.2f} s")],
+        )
+    seen = np.isfinite(geometric.com_m).all(axis=1)
+    if not seen[inside].all():
+        raise NotEstimable(
+            "geometry-gaps",
+            "The segment model has no centre of mass for part of the window: markers are missing there.",
+            [
+                Fault("markers", f"missing from {t[inside[a]]:.2f} s to {t[inside[b - 1]]:.2f} s")
+                for a, b in _runs(~seen[inside])
+            ],
+        )
+    start, stop = next((a, b) for a, b in _runs(seen) if a <= inside[0] < b)
+    return Span(window, slice(int(inside[0]), int(inside[-1]) + 1), slice(start, stop), rate_hz)
+
+
+def common_rate_hz(geometric: GeometricCom, wrench: WrenchTrack) -> float:
+    """Rate of the shared time axis; raises ``InvalidInput`` (``clock-mismatch``) where there is none."""
+    t = geometric.time_s
+    if len(t) < 2 or t.shape != wrench.time_s.shape or np.abs(t - wrench.time_s).max() > 1e-6:
+        raise InvalidInput("clock-mismatch", "Geometry and force are not given at the same instants.")
+    return float((len(t) - 1) / (t[-1] - t[0]))
+
+
+def require_mass(mass_kg: float) -> None:
+    """Raise ``InvalidInput`` (``mass-out-of-range``) unless the mass can be that of a body."""
+    if not 1.0 < mass_kg < 1000.0:
+        raise InvalidInput(
+            "mass-out-of-range", f"A body mass of {mass_kg:g} kg makes no sense.", [Fault("mass_kg", "")]
+        )
+
+
+def _runs(mask: Mask) -> list[tuple[int, int]]:
+    """Half-open index ranges in which the mask is True."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

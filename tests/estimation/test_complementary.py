@@ -1,0 +1,109 @@
+"""The complementary filter on motions whose truth is known in closed form."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from support.motions import sinusoid, uniform, walk
+
+from stridelab.dynamics.wrench import Wrench
+from stridelab.errors import InvalidInput, NotEstimable
+from stridelab.estimation.agreement import bias_m, force_residual_n
+from stridelab.estimation.complementary import (
+    ComplementaryFilter,
+    filter_inputs,
+    forward,
+    forward_backward,
+    initial_state,
+)
+from stridelab.estimation.filters import complementary_filters
+from stridelab.recordings.recording import Window
+
+RATES_HZ = (100.0, 200.0, 1000.0)
+
+
+def exact_inputs(motion, t):
+    return filter_inputs(motion.com.at(t), Wrench(motion.force(t), motion.moment(t)), motion.mass_kg)
+
+
+@pytest.mark.parametrize("rate_hz", RATES_HZ)
+@pytest.mark.parametrize("cutoffs", [(0.4, 4.0), (0.2, 1.0)])
+def test_uniform_motion_passes_unchanged_from_the_first_sample_on(rate_hz, cutoffs):
+    t = np.arange(int(3 * rate_hz)) / rate_hz
+    inputs = exact_inputs(uniform(), t)
+    filters = complementary_filters(*cutoffs, rate_hz)
+    truth = uniform().com.at(t)
+    assert_allclose(forward(filters, inputs, initial_state(filters, inputs)), truth, atol=1e-9, rtol=0)
+    assert_allclose(forward_backward(filters, inputs), truth, atol=1e-9, rtol=0)
+
+
+def test_one_hertz_passes_to_two_parts_in_a_hundred_thousand():
+    t = np.arange(600) / 200.0
+    motion = sinusoid(1.0)
+    filters = complementary_filters(0.4, 4.0, 200.0)
+    inputs = exact_inputs(motion, t)
+    for estimate in (forward(filters, inputs, initial_state(filters, inputs)), forward_backward(filters, inputs)):
+        assert np.abs(estimate - motion.com.at(t)).max() < 2e-5
+
+
+def test_a_constant_bias_of_the_table_is_removed_at_once_where_the_axis_can_see_it():
+    motion, t = uniform((1.2, 0.0, 0.0)), np.arange(300) / 100.0
+    bias = np.array([0.02, -0.015, 0.03])
+    estimate = ComplementaryFilter.thesis().estimate(
+        motion.geometric(t, bias), motion.wrench_track(t, Window(0.0, 2.99)), motion.mass_kg
+    )
+    error = estimate.com_m - motion.com.at(t)
+    assert_allclose(error[:, :2], 0.0, atol=1e-9)
+    assert_allclose(error[:, 2], bias[2], atol=1e-9)  # the height is along the force: nothing can see it
+
+
+@pytest.mark.parametrize("beyond", ["cut", "geometry"])
+def test_a_walk_is_reconstructed_inside_its_window_only(beyond):
+    motion, t = walk(), np.arange(200) / 100.0
+    window = Window(0.5, 1.5)
+    estimate = ComplementaryFilter(beyond_window=beyond).estimate(
+        motion.geometric(t), motion.wrench_track(t, window), motion.mass_kg
+    )
+    assert estimate.time_s[0] == pytest.approx(0.5)
+    assert estimate.time_s[-1] == pytest.approx(1.5)
+    error = estimate.com_m - motion.com.at(estimate.time_s)
+    assert np.abs(error).max() < 0.02
+    assert np.abs(estimate.velocity_m_s - motion.com.at(estimate.time_s, 1)).mean() < 0.03
+
+
+def test_flight_takes_the_geometry_where_no_axis_exists():
+    t = np.arange(100) / 100.0
+    g = uniform().com.at(t)
+    inputs = filter_inputs(g, Wrench(np.zeros((100, 3)), np.zeros((100, 3))), 70.0)
+    assert_allclose(inputs.axis_point_m, g)
+    assert_allclose(inputs.acceleration_m_s2, np.tile([0, 0, -9.81], (100, 1)))
+
+
+def test_residual_and_bias_of_a_perfect_estimate_vanish():
+    motion, t = walk(), np.arange(300) / 100.0
+    wrench = motion.wrench_track(t, Window(0.0, 2.99))
+    geometric = motion.geometric(t, np.array([0.01, 0.0, 0.0]))
+    estimate = ComplementaryFilter.thesis().estimate(motion.geometric(t), wrench, motion.mass_kg)
+    assert force_residual_n(estimate, wrench, motion.mass_kg).max() < 10
+    assert_allclose(bias_m(estimate, geometric)[0], -0.01, atol=0.005)
+
+
+def test_what_cannot_be_estimated_is_refused_by_name():
+    motion, t = walk(), np.arange(200) / 100.0
+    estimator = ComplementaryFilter()
+
+    def code(geometric, window, mass_kg=70.0):
+        wrench = motion.wrench_track(t, window) if window else motion.wrench_track(t, Window(0.0, 2.0))
+        if window is None:
+            wrench = type(wrench)(wrench.time_s, wrench.force_n, wrench.moment_nm, wrench.complete, ())
+        with pytest.raises((NotEstimable, InvalidInput)) as error:
+            estimator.estimate(geometric, wrench, mass_kg)
+        return error.value.code
+
+    g = motion.geometric(t)
+    assert code(g, None) == "no-window"
+    assert code(g, Window(0.5, 0.8)) == "window-too-short"
+    assert code(g, Window(0.5, 1.5), mass_kg=-3.0) == "mass-out-of-range"
+    holes = np.zeros((200, 3))
+    holes[100:110] = np.nan
+    assert code(motion.geometric(t, noise_m=holes), Window(0.5, 1.5)) == "geometry-gaps"
+    assert code(motion.geometric(t[:150]), Window(0.5, 1.5)) == "clock-mismatch"
