@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from support.motions import sinusoid, uniform, walk
 
 from stridelab.dynamics.wrench import Wrench
 from stridelab.errors import InvalidInput, NotEstimable
@@ -17,6 +16,7 @@ from stridelab.estimation.complementary import (
 )
 from stridelab.estimation.filters import complementary_filters
 from stridelab.recordings.recording import Window
+from support.motions import sinusoid, uniform, walk
 
 RATES_HZ = (100.0, 200.0, 1000.0)
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from support.motions import uniform, walk
 
 from stridelab.errors import NotEstimable
 from stridelab.estimation.latency import estimate_latency
 from stridelab.recordings.recording import Window
+from support.motions import uniform, walk
 
 WINDOW = Window(0.5, 1.5)
 

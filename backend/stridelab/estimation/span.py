@@ -31,38 +31,34 @@ class Span:
 def window_span(geometric: GeometricCom, wrench: WrenchTrack) -> Span:
     """Longest window in which the whole force is measured, as sample indices.
 
-    Raises ``NotEstimable`` with code ``no-window``, ``window-too-short``, ``force-gaps`` or ``geometry-gaps``, and
-    ``InvalidInput`` with ``clock-mismatch`` when geometry and force do not share their instants.
+    A window whose edge frames have no force (a latency reads beyond the recorded end) shrinks to those that have.
+    Raises ``NotEstimable`` with code ``no-window``, ``window-too-short`` or ``geometry-gaps``, and ``InvalidInput``
+    with ``clock-mismatch`` when geometry and force do not share their instants.
     """
     rate_hz = common_rate_hz(geometric, wrench)
-    if not wrench.windows:
+    t = wrench.time_s
+    measured = np.isfinite(wrench.force_n).all(axis=1) & np.isfinite(wrench.moment_nm).all(axis=1) & wrench.complete
+    candidates = [
+        (w, run) for w in wrench.windows for run in _runs(measured & (t >= w.start_s - 1e-9) & (t <= w.end_s + 1e-9))
+    ]
+    if not candidates:
         raise NotEstimable(
             "no-window",
             "At no time is all contact force on the plates, so force and geometry cannot be combined. "
             "Is every foot that touches the ground on an enabled plate?",
         )
-    window = max(wrench.windows, key=lambda w: w.duration_s)
-    if window.duration_s < SHORTEST_WINDOW_S:
+    window, (first, stop) = max(candidates, key=lambda c: c[1][1] - c[1][0])
+    if (stop - first) / rate_hz < SHORTEST_WINDOW_S:
         raise NotEstimable(
             "window-too-short",
-            f"All contact force is measured for {window.duration_s:.2f} s only; at least {SHORTEST_WINDOW_S} s "
-            "are needed.",
+            f"All contact force is measured for {(stop - first) / rate_hz:.2f} s at a time; "
+            f"at least {SHORTEST_WINDOW_S} s are needed.",
         )
-    t = wrench.time_s
-    inside = np.flatnonzero((t >= window.start_s - 1e-9) & (t <= window.end_s + 1e-9))
-    if inside.size < SHORTEST_WINDOW_S * rate_hz:
-        raise NotEstimable(
-            "window-too-short",
-            f"Only {inside.size} frames lie in the window from {window.start_s:.2f} s to {window.end_s:.2f} s.",
-        )
-    measured = np.isfinite(wrench.force_n).all(axis=1) & np.isfinite(wrench.moment_nm).all(axis=1) & wrench.complete
-    if not measured[inside].all():
-        at_s = t[inside[np.argmin(measured[inside])]]
-        raise NotEstimable(
-            "force-gaps",
-            f"The force is missing at {at_s:.2f} s, inside the window.",
-            [Fault("plates", f"{at_s:.2f} s")],
-        )
+    window = Window(
+        start_s=max(window.start_s, float(t[first]) - 1 / rate_hz),
+        end_s=min(window.end_s, float(t[stop - 1]) + 1 / rate_hz),
+    )
+    inside = np.arange(first, stop)
     seen = np.isfinite(geometric.com_m).all(axis=1)
     if not seen[inside].all():
         raise NotEstimable(
@@ -73,8 +69,8 @@ def window_span(geometric: GeometricCom, wrench: WrenchTrack) -> Span:
                 for a, b in _runs(~seen[inside])
             ],
         )
-    start, stop = next((a, b) for a, b in _runs(seen) if a <= inside[0] < b)
-    return Span(window, slice(int(inside[0]), int(inside[-1]) + 1), slice(start, stop), rate_hz)
+    around = next(slice(a, b) for a, b in _runs(seen) if a <= first < b)
+    return Span(window, slice(first, stop), around, rate_hz)
 
 
 def common_rate_hz(geometric: GeometricCom, wrench: WrenchTrack) -> float:
