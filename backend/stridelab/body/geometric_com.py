@@ -20,7 +20,7 @@ class GeometricCom:
     """CoM of the segment model at the marker instants (NaN where it cannot be formed).
 
     ``sd_m`` is the prior standard deviation per axis of the whole-body position (table error plus what missing or
-    substituted segments cost). ``joint_centres_m`` is for drawing the skeleton.
+    substituted segments cost). ``joint_centres_m`` is for drawing the skeleton. ``references`` are citation keys.
     """
 
     time_s: Series
@@ -30,3 +30,4 @@ class GeometricCom:
     joint_centres_m: Mapping[str, Points]
     sd_m: tuple[float, float, float]
     remarks: tuple[Remark, ...] = ()
+    references: tuple[str, ...] = ()

@@ -22,7 +22,7 @@ from stridelab.errors import InvalidInput
 from stridelab.recordings.recording import Sex
 from stridelab.resources import models_dir
 
-PAIRED: Final = ("upper_arm", "forearm", "hand", "thigh", "shank", "foot")
+PAIRED: Final = ("upper_arm", "forearm", "hand", "thigh", "shank", "foot", "whole_foot")
 """Segments that exist on both sides; every other segment lies in the middle."""
 
 DEFAULT_SD_M: Final = (0.008, 0.008, 0.020)

@@ -47,7 +47,7 @@ KNEES: Final = ("l_knee_lateral|l_knee_centre", "r_knee_lateral|r_knee_centre")
 
 STATIC_TRIAL_NEEDED: Final = Remark(
     "static-trial-needed",
-    "The knees are not marked in this trial: the centre of mass needs a static trial of the same person that marks them.",
+    "The knees are not marked in this trial: a static trial of the same person that marks them is needed.",
 )
 
 

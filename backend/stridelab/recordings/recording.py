@@ -65,6 +65,14 @@ class Plate:
 
 
 @dataclass(frozen=True)
+class PlateSwitches:
+    """What a user may set per plate: leave it out of every sum, or move its loading threshold."""
+
+    use: bool | None = None
+    threshold_n: float | None = None
+
+
+@dataclass(frozen=True)
 class Window:
     """An interval in which *all* contact force is measured, in seconds of the recording's time axis."""
 
@@ -83,7 +91,9 @@ class Recording:
     ``markers_m`` maps a label (prefix stripped) to its track at ``marker_rate_hz``. ``plates`` may be empty.
     ``up_axis`` is the axis of the *file* that points up ("+z", "+y", ...); data here are already z up.
     ``walking_direction`` is a horizontal unit vector, or None where nobody walks. ``carried`` holds metadata that a
-    simulated recording carries (its own segment table), else it is empty.
+    simulated recording carries (its own segment table), else it is empty. ``model_points_m`` are positions in the file
+    that a gait model computed (joint centres, a CoM): never taken for markers. ``filled`` marks, per label, the frames
+    whose position was interpolated over a short gap.
     """
 
     markers_m: Mapping[str, Points]
@@ -96,6 +106,9 @@ class Recording:
     walking_direction: Vector3 | None
     remarks: tuple[Remark, ...] = ()
     carried: Mapping[str, str] = field(default_factory=dict)
+    joint_widths_m: Mapping[str, float] = field(default_factory=dict)
+    model_points_m: Mapping[str, Points] = field(default_factory=dict)
+    filled: Mapping[str, Mask] = field(default_factory=dict)
 
     @property
     def n_frames(self) -> int:

@@ -1,0 +1,144 @@
+"""The segment model: input (i) of section 2.4.1 of the thesis, c = sum_s m_s p_s."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+
+from stridelab.body import segment_tables, substitutes, virtual_markers
+from stridelab.body.anthropometry import anthropometry
+from stridelab.body.frames import Frame, segment_frames
+from stridelab.body.geometric_com import GeometricCom, SegmentTrack
+from stridelab.body.joint_centres import joint_centres
+from stridelab.body.joints import Tracks, has
+from stridelab.body.segment_tables import SegmentTable
+from stridelab.body.vectors import distance_m
+from stridelab.conventions import Points
+from stridelab.errors import Fault, InvalidInput, NotEstimable
+from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.recording import Recording, Remark, Sex, Subject
+
+TableName = Literal["auto", "dumas2007", "deleva1996", "carried"]
+
+_LEAST_VISIBLE: Final = 0.5
+"""A landmark seen in a smaller share of the frames that show the pelvis counts as not marked."""
+
+MARKER_RADIUS_M: Final = 0.007
+"""Added on both sides to a joint width measured with a calliper: a marker's centre lies off the skin."""
+
+CARRIED: Final = "carried"
+
+
+@dataclass(frozen=True)
+class SegmentModel:
+    """CoM from markers and a segment table.
+
+    ``table`` "auto" takes the table that a simulated recording carries, else Dumas 2007.
+    """
+
+    table: TableName = "auto"
+
+    def com(
+        self,
+        recording: Recording,
+        landmarks: Mapping[str, str],
+        *,
+        subject: Subject,
+        static: Recording | None = None,
+    ) -> GeometricCom:
+        """CoM at the marker instants of ``recording``; NaN where a segment cannot be formed.
+
+        ``landmarks`` maps landmark to label (``recordings.marker_sets.identify``). A ``static`` trial of the same
+        person gives joint widths and rebuilds markers that the trial lacks. Raises ``NotEstimable`` where pelvis or
+        legs cannot be located, ``InvalidInput`` for a table that is not there.
+        """
+        shapes = {} if static is None else _static_tracks(static, landmarks)
+        p, rebuilt = _completed(_tracks(recording, landmarks), shapes)
+        table = self._table(recording, subject.sex)
+        body = anthropometry(subject.sex)
+        joints = joint_centres(p, body, _widths_m(recording, shapes))
+        segments = _segments(table, segment_frames(p, joints, body))
+        com_m = np.sum([s.mass_fraction * s.com_m for s in segments.values()], axis=0)
+        _require_some(com_m, p)
+        gaps = substitutes.used(joints.substitutes)
+        sd_m = substitutes.widened(table.sd_m, gaps)
+        remarks = [gap.remark for gap in gaps]
+        if rebuilt:
+            remarks.append(Remark("markers-rebuilt", f"Rebuilt from their rigid neighbours: {', '.join(rebuilt)}."))
+        if subject.sex is None and table.name != CARRIED:
+            sd_m = substitutes.widened(sd_m, (substitutes.SEX_UNKNOWN,))
+            remarks.append(substitutes.SEX_UNKNOWN.remark)
+        return GeometricCom(
+            time_s=recording.time_s,
+            com_m=com_m,
+            table=table.name,
+            segments=segments,
+            joint_centres_m=joints.centres,
+            sd_m=sd_m,
+            remarks=tuple(remarks),
+            references=tuple(sorted({*table.references, *body.references})),
+        )
+
+    def _table(self, recording: Recording, sex: Sex | None) -> SegmentTable:
+        carried = recording.carried.get("segment_table")
+        if self.table == "carried" and carried is None:
+            raise InvalidInput("segment-table-not-carried", "This recording carries no segment table of its own.")
+        if carried is not None and self.table in ("auto", "carried"):
+            return replace(segment_tables.from_json(carried), name=CARRIED)
+        return segment_tables.load("dumas2007" if self.table == "auto" else self.table, sex)
+
+
+def _tracks(recording: Recording, landmarks: Mapping[str, str]) -> dict[str, Points]:
+    return {name: recording.markers_m[label] for name, label in landmarks.items() if label in recording.markers_m}
+
+
+def _static_tracks(static: Recording, landmarks: Mapping[str, str]) -> dict[str, Points]:
+    """Landmarks of the static trial: as its own set names them, overruled by the labels of the walking trial."""
+    shared = {name: label for name, label in landmarks.items() if label in static.markers_m}
+    return _tracks(static, {**identify(list(static.markers_m)).landmarks, **shared})
+
+
+def _completed(tracks: Tracks, shapes: Tracks) -> tuple[dict[str, Points], tuple[str, ...]]:
+    """Tracks with gaps filled by rigid clusters, first as in the static trial, then as seen in the trial itself.
+
+    What is still visible in less than half of the frames that show the pelvis counts as not marked.
+    """
+    p, from_static = virtual_markers.rebuild(tracks, shapes)
+    p, from_itself = virtual_markers.rebuild(p, p)
+    pelvis = [np.isfinite(p[name]).all(axis=1) for name in ("l_asis", "r_asis") if name in p]
+    if pelvis:
+        frames = np.logical_and.reduce(pelvis)
+        enough = _LEAST_VISIBLE * max(int(frames.sum()), 1)
+        p = {name: track for name, track in p.items() if np.isfinite(track[frames]).all(axis=1).sum() >= enough}
+    return p, tuple(sorted((from_static | from_itself) & p.keys()))
+
+
+def _widths_m(recording: Recording, shapes: Tracks) -> dict[str, float]:
+    """Joint widths between marker centres: measured with a calliper, else as seen in the static trial."""
+    seen = {
+        f"{s}_{joint}": distance_m(shapes[f"{s}_{joint}_lateral"], shapes[f"{s}_{joint}_medial"])
+        for s in "lr"
+        for joint in ("knee", "ankle", "elbow")
+        if has(shapes, f"{s}_{joint}_lateral", f"{s}_{joint}_medial")
+    }
+    measured = {name: width + 2 * MARKER_RADIUS_M for name, width in recording.joint_widths_m.items()}
+    return {name: width for name, width in {**seen, **measured}.items() if np.isfinite(width)}
+
+
+def _segments(table: SegmentTable, frames: Mapping[str, Frame]) -> dict[str, SegmentTrack]:
+    unknown = sorted(table.segments.keys() - frames.keys())
+    if unknown:
+        raise InvalidInput("segment-table-invalid", f"No such segment: {', '.join(unknown)}.")
+    return {name: SegmentTrack(row.mass_fraction, frames[name].at(row.com)) for name, row in table.segments.items()}
+
+
+def _require_some(com_m: Points, p: Tracks) -> None:
+    if np.isfinite(com_m).all(axis=1).any():
+        return
+    worst = sorted((float(np.isfinite(track).all(axis=1).mean()), name) for name, track in p.items())[:3]
+    raise NotEstimable(
+        "markers-never-together",
+        "In no frame are all needed markers visible at once.",
+        [Fault(name, f"Visible in {share:.0%} of the frames.") for share, name in worst],
+    )

@@ -1,0 +1,40 @@
+"""Small vector algebra on tracks of points: row i is the vector at frame i, NaN spreads."""
+
+import warnings
+
+import numpy as np
+
+from stridelab.conventions import Points, Series
+
+
+def unit(v: Points) -> Points:
+    """Rows scaled to length one; NaN for a row of zeros."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.asarray(v / np.linalg.norm(v, axis=1, keepdims=True))
+
+
+def dot(a: Points, b: Points) -> Series:
+    """Row-wise scalar product."""
+    return np.asarray(np.einsum("ij,ij->i", a, b))
+
+
+def along(v: Points, axis: Points) -> Points:
+    """Part of ``v`` along the unit vectors ``axis``."""
+    return np.asarray(dot(v, axis)[:, None] * axis)
+
+
+def across(v: Points, axis: Points) -> Points:
+    """Unit vectors of the part of ``v`` perpendicular to the unit vectors ``axis``."""
+    return unit(v - along(v, axis))
+
+
+def typical(values: Series) -> float:
+    """Median over the frames that have a value, NaN where none has."""
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="All-NaN slice", category=RuntimeWarning)
+        return float(np.nanmedian(values)) if len(values) else float("nan")
+
+
+def distance_m(a: Points, b: Points) -> float:
+    """Typical distance between two tracks in metres; a bone does not change its length."""
+    return typical(np.linalg.norm(a - b, axis=1))
