@@ -1,0 +1,118 @@
+"""The process in which one computation runs: ``python -m stridelab.service.jobs.child PARENT MODULES``.
+
+It is started ahead of time, imports what computations need, waits for one task on its standard input, answers on its
+standard output, and ends. JSON lines only, both ways; files lie in the task's folder. It ends with its parent, has a
+session of its own (so that what it starts can be killed with it), little priority, one thread per library, and no
+secrets in its environment. This module imports only the standard library, so that starting is cheap.
+"""
+
+import contextlib
+import faulthandler
+import importlib
+import json
+import os
+import resource
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import IO, Any
+
+_MIN_PROGRESS_S = 0.02
+_NICENESS = 10
+
+
+def main(parent_pid: int, modules: list[str]) -> None:
+    """Wait for one task, do it, answer."""
+    from stridelab.service.tether import die_with_parent
+
+    die_with_parent(parent_pid)
+    _be_modest()
+    wire = os.fdopen(os.dup(1), "w", encoding="utf-8")
+    os.dup2(2, 1)  # what libraries print belongs into the log, not between the answers
+    faulthandler.enable()
+    for module in modules:
+        try:
+            importlib.import_module(module)
+        except ImportError:
+            traceback.print_exc()  # a task that needs it will say so
+    _send(wire, {"ready": True})
+    line = sys.stdin.readline()
+    if line:
+        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
+        _send(wire, answer(json.loads(line), wire))
+        wire.close()
+    sys.stderr.flush()
+    os._exit(0)  # no finalisers of native libraries: the answer is out
+
+
+def answer(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
+    """What the computation returned, or what went wrong in it."""
+    from stridelab.errors import StridelabError
+
+    folder = Path(task["folder"])
+    os.chdir(folder)
+    _limit_memory(int(task["memory_mb"]))
+    try:
+        module, _, function = task["target"].partition(":")
+        run = getattr(importlib.import_module(module), function)
+        value = run(task["task"], folder, _reporter(wire))
+        return {"value": json.loads(json.dumps(value, allow_nan=False))}
+    except MemoryError:
+        _without_limit()
+        traceback.print_exc()
+        return {"memory": True}
+    except StridelabError as error:
+        faults = [{"where": fault.where, "message": fault.message} for fault in error.faults]
+        problem = {"code": error.code, "detail": error.message, "errors": faults}
+        return {"problem": problem, "raised": type(error).__name__}
+    except BaseException as error:  # noqa: BLE001 (whatever a computation does, its parent hears of it)
+        _without_limit()
+        traceback.print_exc()
+        said = str(error).splitlines()[0][:300] if str(error) else "no message"
+        detail = f"The computation stopped with an unexpected error ({type(error).__name__}: {said})."
+        return {"problem": {"code": "computation-failed", "detail": detail, "errors": []}, "raised": None}
+
+
+def _reporter(wire: IO[str]) -> Callable[[float, str], None]:
+    last = 0.0
+
+    def report(fraction: float, message: str = "") -> None:
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= _MIN_PROGRESS_S or fraction >= 1.0:
+            last = now
+            _send(wire, {"progress": [min(max(float(fraction), 0.0), 1.0), str(message)[:500]]})
+
+    return report
+
+
+def _send(wire: IO[str], message: dict[str, Any]) -> None:
+    wire.write(json.dumps(message) + "\n")
+    wire.flush()
+
+
+def _be_modest() -> None:
+    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+    os.nice(_NICENESS)
+    with contextlib.suppress(OSError):  # not Linux, or not allowed: the memory limit still holds
+        Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
+
+
+def _limit_memory(memory_mb: int) -> None:
+    """Let ``memory_mb`` be reserved beyond what the imported libraries have reserved already."""
+    reserved = 0
+    with contextlib.suppress(OSError):
+        reserved = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+    limit = reserved + (memory_mb << 20)
+    with contextlib.suppress(ValueError, OSError):  # a lower hard limit is set already
+        resource.setrlimit(resource.RLIMIT_AS, (limit, resource.getrlimit(resource.RLIMIT_AS)[1]))
+
+
+def _without_limit() -> None:
+    resource.setrlimit(resource.RLIMIT_AS, (resource.getrlimit(resource.RLIMIT_AS)[1],) * 2)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), [name for name in sys.argv[2].split(",") if name])

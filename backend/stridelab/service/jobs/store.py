@@ -1,0 +1,304 @@
+"""The jobs as clients see them: submit, look, cancel. The ``job`` row is the truth, the queue's row only delivery.
+
+States: ``queued -> running -> succeeded | failed | cancelled | timed_out``, ``queued -> cancelled``, and
+``running -> queued`` where a worker was lost. Every change writes the row, an event and a NOTIFY in one transaction;
+what workers do to a job is in ``attempts``.
+"""
+
+import base64
+import hashlib
+import json
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Final
+
+from sqlalchemy import case, func, insert, literal, select, tuple_, update
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
+
+from stridelab.errors import Busy, Conflict, Fault, InvalidInput, NotFound
+from stridelab.schemas.jobs import FINAL_STATES, Artifact, JobEvent, JobResult, JobState, Progress
+from stridelab.service.jobs import queue
+from stridelab.service.jobs.kinds.kind import JobKind
+from stridelab.service.storage.tables import job, job_event
+
+CHANNEL: Final = "stridelab_job"
+"""NOTIFY channel; the payload is the id of the job that changed."""
+_ADMISSION_LOCK: Final = 0x5712DE1AC
+_MAX_PRIORITY: Final = 100
+_RETRY_AFTER_S: Final = 5.0
+
+
+@dataclass(frozen=True)
+class JobRecord:
+    """A job as it stands; ``error`` is ``{"code", "detail", "errors": [{"where", "message"}]}``."""
+
+    id: str
+    kind: str
+    state: JobState
+    priority: int
+    attempt: int
+    owner: str | None
+    recording_id: str | None
+    input: dict[str, Any]
+    fraction: float
+    message: str
+    cancel_requested: bool
+    created_at: datetime
+    started_at: datetime | None
+    finished_at: datetime | None
+    error: dict[str, Any] | None
+    result: dict[str, Any] | None
+    blob_prefix: str | None
+    log_tail: str | None
+    queue_position: int | None
+
+    @property
+    def is_final(self) -> bool:
+        """Whether nothing will change any more."""
+        return self.state in FINAL_STATES
+
+
+@dataclass(frozen=True)
+class Submitted:
+    """What became of a submission; ``created`` is False where an idempotency key found an earlier job."""
+
+    job_id: str
+    created: bool
+
+
+@dataclass(frozen=True)
+class JobPage:
+    """Some jobs, newest first, and the cursor of the rest."""
+
+    items: tuple[JobRecord, ...]
+    next: str | None
+
+
+async def emit(connection: AsyncConnection, job_id: str) -> None:
+    """Write the job's present state as an event and announce it, inside the caller's transaction."""
+    # the job's row is locked by whoever changed it, so events of one job get their numbers in order of commit
+    now = select(job.c.id, job.c.state, job.c.attempt, job.c.fraction, job.c.message).where(job.c.id == job_id)
+    event = insert(job_event).from_select(["job_id", "state", "attempt", "fraction", "message"], now)
+    written = event.returning(job_event.c.job_id).cte()
+    await connection.execute(select(func.pg_notify(CHANNEL, written.c.job_id)))
+
+
+class JobStore:
+    """All that the web layer does with jobs. Raises only errors of this project for what users do wrong."""
+
+    def __init__(self, engine: AsyncEngine, kinds: Mapping[str, JobKind], *, queue_limit: int = 200) -> None:
+        self._engine, self._kinds, self._queue_limit = engine, kinds, queue_limit
+
+    async def submit(
+        self,
+        kind: str,
+        input: dict[str, Any],  # noqa: A002 (the contract's word)
+        *,
+        owner: str | None = None,
+        priority: int = 0,
+        idempotency_key: str | None = None,
+        recording_id: str | None = None,
+    ) -> Submitted:
+        """Accept a job whose ``input`` has been validated: row, event and delivery in one transaction.
+
+        Raises ``NotFound`` (``unknown-job-kind``, ``recording-not-found``), ``InvalidInput``
+        (``priority-out-of-range``, ``idempotency-key-invalid``), ``Conflict`` (``idempotency-key-reused``) where the
+        key came with another input before, ``Busy`` (``queue-full``).
+        """
+        if kind not in self._kinds:
+            raise NotFound("unknown-job-kind", f"There is no job kind {kind!r}; there are {', '.join(self._kinds)}.")
+        if abs(priority) > _MAX_PRIORITY:
+            raise InvalidInput(
+                "priority-out-of-range",
+                f"The priority must lie between -{_MAX_PRIORITY} and {_MAX_PRIORITY}.",
+                [Fault("priority", str(priority))],
+            )
+        if idempotency_key is not None and not (0 < len(idempotency_key) <= 200 and idempotency_key.isprintable()):
+            raise InvalidInput("idempotency-key-invalid", "An idempotency key has 1 to 200 printable characters.")
+        job_id, body_hash = uuid.uuid4().hex, input_hash(kind, input)
+        try:
+            async with self._engine.begin() as connection:
+                await connection.execute(select(func.pg_advisory_xact_lock(_ADMISSION_LOCK)))
+                if idempotency_key is not None:
+                    earlier = await self._earlier(connection, owner, idempotency_key, body_hash)
+                    if earlier is not None:
+                        return Submitted(earlier, created=False)
+                await self._admit(connection)
+                await connection.execute(
+                    insert(job).values(
+                        id=job_id,
+                        owner=owner,
+                        kind=kind,
+                        priority=priority,
+                        input=input,
+                        input_hash=body_hash,
+                        idempotency_key=idempotency_key,
+                        recording_id=recording_id,
+                    )
+                )
+                delivery = await queue.enqueue(connection, job_id, self._kinds[kind].lane, priority)
+                await connection.execute(update(job).where(job.c.id == job_id).values(queue_id=delivery))
+                await emit(connection, job_id)
+        except IntegrityError as error:
+            raise NotFound(
+                "recording-not-found",
+                f"There is no recording {recording_id}.",
+                [Fault("recording_id", "unknown")],
+            ) from error
+        return Submitted(job_id, created=True)
+
+    async def get(self, job_id: str) -> JobRecord:
+        """One job; raises ``NotFound`` (``job-not-found``)."""
+        async with self._engine.connect() as connection:
+            found = (await connection.execute(_select().where(job.c.id == job_id))).mappings().one_or_none()
+        if found is None:
+            raise NotFound("job-not-found", f"There is no job {job_id}; it may have been removed after its time.")
+        return _record(found)
+
+    async def list_jobs(
+        self,
+        *,
+        limit: int = 50,
+        cursor: str | None = None,
+        state: str | None = None,
+        kind: str | None = None,
+        recording_id: str | None = None,
+    ) -> JobPage:
+        """Jobs, newest first; raises ``InvalidInput`` (``cursor-invalid``)."""
+        wanted = _select().order_by(job.c.created_at.desc(), job.c.id.desc()).limit(limit + 1)
+        for column, value in ((job.c.state, state), (job.c.kind, kind), (job.c.recording_id, recording_id)):
+            if value is not None:
+                wanted = wanted.where(column == value)
+        if cursor is not None:
+            at, job_id = _read_cursor(cursor)
+            wanted = wanted.where(tuple_(job.c.created_at, job.c.id) < tuple_(literal(at), literal(job_id)))
+        async with self._engine.connect() as connection:
+            rows = [_record(row) for row in (await connection.execute(wanted)).mappings()]
+        more = len(rows) > limit
+        items = tuple(rows[:limit])
+        return JobPage(items, _write_cursor(items[-1]) if more else None)
+
+    async def request_cancel(self, job_id: str) -> JobRecord:
+        """Cancel a queued job at once, ask the worker of a running one to; a finished one stays as it is.
+
+        Raises ``NotFound`` (``job-not-found``).
+        """
+        async with self._engine.begin() as connection:
+            row = (
+                (
+                    await connection.execute(
+                        select(job.c.state, job.c.queue_id).where(job.c.id == job_id).with_for_update()
+                    )
+                )
+                .mappings()
+                .one_or_none()
+            )
+            change = update(job).where(job.c.id == job_id)
+            if row is not None and row["state"] == "queued":
+                await connection.execute(
+                    change.values(state="cancelled", cancel_requested=True, finished_at=func.now(), message="cancelled")
+                )
+                await queue.retire(connection, row["queue_id"])
+                await emit(connection, job_id)
+            elif row is not None and row["state"] == "running":
+                await connection.execute(change.values(cancel_requested=True, message="cancelling"))
+                await emit(connection, job_id)
+        return await self.get(job_id)
+
+    async def events_after(self, job_id: str, seq: int = 0, *, limit: int = 500) -> tuple[JobEvent, ...]:
+        """The job's events with a number above ``seq``, in order."""
+        wanted = select(job_event).where(job_event.c.job_id == job_id, job_event.c.seq > seq)
+        async with self._engine.connect() as connection:
+            rows = (await connection.execute(wanted.order_by(job_event.c.seq).limit(limit))).mappings().all()
+        return tuple(
+            JobEvent(
+                seq=row["seq"],
+                at=row["at"],
+                state=row["state"],
+                attempt=row["attempt"],
+                progress=Progress(fraction=row["fraction"], message=row["message"]),
+            )
+            for row in rows
+        )
+
+    async def result(self, job_id: str) -> JobResult:
+        """The result of a succeeded job.
+
+        Raises ``NotFound`` (``job-not-found``), ``Conflict`` (``job-not-finished``, ``job-without-result``).
+        """
+        record = await self.get(job_id)
+        if not record.is_final:
+            raise Conflict("job-not-finished", f"Job {job_id} is still {record.state}; its result is not there yet.")
+        if record.result is None:
+            raise Conflict("job-without-result", f"Job {job_id} ended as {record.state} and has no result.")
+        return JobResult(
+            kind=record.kind,
+            input=record.input,
+            versions=record.result["versions"],
+            references=record.result["references"],
+            summary=record.result["summary"],
+            artifacts=[Artifact(**artifact) for artifact in record.result["artifacts"]],
+        )
+
+    async def _earlier(
+        self, connection: AsyncConnection, owner: str | None, idempotency_key: str, body_hash: str
+    ) -> str | None:
+        wanted = select(job.c.id, job.c.input_hash).where(
+            job.c.owner.is_not_distinct_from(owner), job.c.idempotency_key == idempotency_key
+        )
+        row = (await connection.execute(wanted)).mappings().one_or_none()
+        if row is None:
+            return None
+        if row["input_hash"] != body_hash:
+            raise Conflict(
+                "idempotency-key-reused",
+                f"This Idempotency-Key came with another request before (job {row['id']}); use a new key.",
+                [Fault("Idempotency-Key", "already used for another request")],
+            )
+        return str(row["id"])
+
+    async def _admit(self, connection: AsyncConnection) -> None:
+        waiting = (await connection.execute(select(func.count()).where(job.c.state == "queued"))).scalar_one()
+        if waiting >= self._queue_limit:
+            raise Busy(
+                "queue-full",
+                f"{waiting} jobs are waiting already, which is the limit. Try again in a few seconds.",
+                _RETRY_AFTER_S,
+            )
+
+
+def input_hash(kind: str, input: Mapping[str, Any]) -> str:  # noqa: A002 (the contract's word)
+    """SHA-256 of what was asked for, independent of the order of keys."""
+    canonical = json.dumps([kind, input], sort_keys=True, separators=(",", ":"))
+    return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def _select() -> Any:
+    ahead = job.alias()
+    # the order in which the queue delivers: priority, then first come first served
+    before = (ahead.c.priority > job.c.priority) | (
+        (ahead.c.priority == job.c.priority) & (ahead.c.queue_id <= job.c.queue_id)
+    )
+    position = select(func.count()).where(ahead.c.state == "queued", before).correlate(job).scalar_subquery()
+    return select(job, case((job.c.state == "queued", position)).label("queue_position"))
+
+
+def _record(row: Mapping[Any, Any]) -> JobRecord:
+    return JobRecord(**{name: row[name] for name in JobRecord.__dataclass_fields__})
+
+
+def _write_cursor(last: JobRecord) -> str:
+    return base64.urlsafe_b64encode(f"{last.created_at.isoformat()}|{last.id}".encode()).decode()
+
+
+def _read_cursor(cursor: str) -> tuple[datetime, str]:
+    try:
+        at, job_id = base64.urlsafe_b64decode(cursor.encode()).decode().split("|")
+        return datetime.fromisoformat(at), job_id
+    except ValueError as error:
+        raise InvalidInput(
+            "cursor-invalid", "This is not a cursor of this list.", [Fault("cursor", "unknown")]
+        ) from error

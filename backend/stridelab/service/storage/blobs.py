@@ -1,0 +1,141 @@
+"""Files by key: a folder, or S3, chosen by URL (obstore).
+
+Keys are made of ids and names that the code chooses, never of what a user typed; anything else is refused, so that
+no key can point outside the store.
+"""
+
+import re
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Final
+from urllib.parse import unquote, urlsplit
+
+import obstore
+from obstore.exceptions import BaseError
+from obstore.store import LocalStore, ObjectStore, from_url
+
+from stridelab.errors import InvalidInput, NotFound, Unavailable
+
+CHUNK_BYTES: Final = 1 << 20
+_KEY: Final = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*(/[A-Za-z0-9_-][A-Za-z0-9._-]*)*")
+_MAX_KEY: Final = 400
+
+
+@dataclass(frozen=True)
+class BlobInfo:
+    """A stored file: its key, its size, and when it was written."""
+
+    key: str
+    bytes: int
+    modified_at: datetime
+
+
+@dataclass(frozen=True)
+class BlobStore:
+    """One store; ``from_url`` makes it. A store that fails raises ``Unavailable`` (``storage-unavailable``)."""
+
+    backend: ObjectStore
+
+    @staticmethod
+    def from_url(url: str) -> "BlobStore":
+        """``file:///folder`` (made where missing) or ``s3://bucket/prefix`` (credentials from the environment).
+
+        Raises ``InvalidInput`` (``blob-url-invalid``).
+        """
+        parts = urlsplit(url)
+        if parts.scheme == "file" and parts.netloc in ("", "localhost") and parts.path:
+            folder = Path(unquote(parts.path))
+            folder.mkdir(parents=True, exist_ok=True)
+            return BlobStore(LocalStore(folder, automatic_cleanup=True))
+        if parts.scheme == "s3" and parts.netloc:
+            return BlobStore(from_url(url))
+        raise InvalidInput("blob-url-invalid", "STRIDELAB_BLOB_URL must be file:///folder or s3://bucket/prefix.")
+
+    async def put_file(self, key: str, path: Path) -> int:
+        """Store a file under ``key``, streamed and replaced as a whole; returns its size in bytes."""
+        _check(key)
+        try:
+            await obstore.put_async(self.backend, key, path, chunk_size=5 * CHUNK_BYTES, max_concurrency=2)
+        except (BaseError, OSError) as error:
+            raise _unavailable(error) from error
+        return path.stat().st_size
+
+    async def get_file(self, key: str, path: Path) -> int:
+        """Write the blob into ``path``; returns its size in bytes. Raises ``NotFound`` (``blob-not-found``)."""
+        written = 0
+        with path.open("wb") as file:
+            async for chunk in self.stream(key):
+                written += file.write(chunk)
+        return written
+
+    async def stream(self, key: str) -> AsyncIterator[bytes]:
+        """The blob in pieces. Raises ``NotFound`` (``blob-not-found``)."""
+        _check(key)
+        try:
+            found = await obstore.get_async(self.backend, key)
+            async for chunk in found.stream(min_chunk_size=CHUNK_BYTES):
+                yield bytes(chunk)
+        except FileNotFoundError as error:
+            raise _missing(key) from error
+        except (BaseError, OSError) as error:
+            raise _unavailable(error) from error
+
+    async def info(self, key: str) -> BlobInfo | None:
+        """Size and age of a blob, or None where there is none."""
+        _check(key)
+        try:
+            found = await obstore.head_async(self.backend, key)
+        except FileNotFoundError:
+            return None
+        except (BaseError, OSError) as error:
+            raise _unavailable(error) from error
+        return BlobInfo(found["path"], found["size"], found["last_modified"])
+
+    async def exists(self, key: str) -> bool:
+        """Whether there is a blob with this key."""
+        return await self.info(key) is not None
+
+    async def list_prefix(self, prefix: str) -> AsyncIterator[BlobInfo]:
+        """All blobs below ``prefix`` (whole path segments)."""
+        _check(prefix)
+        try:
+            async for batch in obstore.list(self.backend, prefix=f"{prefix}/"):
+                for found in batch:
+                    yield BlobInfo(found["path"], found["size"], found["last_modified"])
+        except (BaseError, OSError) as error:
+            raise _unavailable(error) from error
+
+    async def delete(self, key: str) -> None:
+        """Delete one blob; one that is not there is fine."""
+        _check(key)
+        await self._delete([key])
+
+    async def delete_prefix(self, prefix: str) -> int:
+        """Delete everything below ``prefix`` (whole path segments); returns how many blobs that were."""
+        keys = [info.key async for info in self.list_prefix(prefix)]
+        await self._delete(keys)
+        return len(keys)
+
+    async def _delete(self, keys: list[str]) -> None:
+        for start in range(0, len(keys), 500):
+            try:
+                await obstore.delete_async(self.backend, keys[start : start + 500])
+            except FileNotFoundError:
+                continue  # another janitor was first
+            except (BaseError, OSError) as error:
+                raise _unavailable(error) from error
+
+
+def _check(key: str) -> None:
+    if len(key) > _MAX_KEY or not _KEY.fullmatch(key):
+        raise InvalidInput("blob-key-invalid", "This cannot be the name of a stored file.")
+
+
+def _missing(key: str) -> NotFound:
+    return NotFound("blob-not-found", f"The stored file {key.rsplit('/', 1)[-1]} is gone.")
+
+
+def _unavailable(error: Exception) -> Unavailable:
+    return Unavailable("storage-unavailable", f"The file storage does not answer ({type(error).__name__}).")

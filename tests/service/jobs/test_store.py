@@ -1,0 +1,181 @@
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import psycopg
+import pytest
+
+from stridelab.errors import Busy, Conflict, InvalidInput, NotFound
+from stridelab.service.jobs.store import JobStore
+from stridelab.service.storage.database import make_engine
+from support.kinds import KINDS
+
+Use = Callable[[Callable[[JobStore], Awaitable[Any]]], Any]
+
+
+@pytest.fixture
+def use(database_url: str) -> Use:
+    """Run an asynchronous function with a store."""
+
+    def run(act: Callable[[JobStore], Awaitable[Any]], **options: Any) -> Any:
+        async def inside() -> Any:
+            engine = make_engine(database_url)
+            try:
+                return await act(JobStore(engine, KINDS, **options))
+            finally:
+                await engine.dispose()
+
+        return asyncio.run(inside())
+
+    return run
+
+
+def test_submit_makes_row_event_and_delivery_together(use: Use, database_url: str) -> None:
+    async def act(store: JobStore) -> None:
+        submitted = await store.submit("work", {"a": 1}, owner="o", priority=3)
+        assert submitted.created
+        record = await store.get(submitted.job_id)
+        assert (record.state, record.attempt, record.priority, record.owner) == ("queued", 0, 3, "o")
+        assert record.input == {"a": 1}
+        assert record.queue_position == 1
+        (event,) = await store.events_after(submitted.job_id)
+        assert event.state == "queued"
+
+    use(act)
+    with psycopg.connect(database_url) as connection:
+        rows = connection.execute(
+            "SELECT q.queue_name, q.priority, q.status FROM procrastinate_jobs q JOIN job j ON j.queue_id = q.id"
+        ).fetchall()
+    assert rows == [("short", 3, "todo")]
+
+
+def test_refused_submissions_leave_nothing(use: Use, database_url: str) -> None:
+    async def act(store: JobStore) -> None:
+        with pytest.raises(NotFound) as unknown:
+            await store.submit("no-such-kind", {})
+        with pytest.raises(NotFound) as orphan:
+            await store.submit("work", {}, recording_id="gone")
+        with pytest.raises(InvalidInput) as urgent:
+            await store.submit("work", {}, priority=101)
+        with pytest.raises(InvalidInput) as key:
+            await store.submit("work", {}, idempotency_key="")
+        codes = [caught.value.code for caught in (unknown, orphan, urgent, key)]
+        assert codes == ["unknown-job-kind", "recording-not-found", "priority-out-of-range", "idempotency-key-invalid"]
+
+    use(act)
+    with psycopg.connect(database_url) as connection:
+        for table in ("job", "job_event", "procrastinate_jobs"):
+            assert connection.execute(f"SELECT count(*) FROM {table}").fetchone() == (0,)
+
+
+def test_same_key_and_body_is_the_same_job(use: Use) -> None:
+    async def act(store: JobStore) -> None:
+        first = await store.submit("work", {"a": 1, "b": 2}, owner="o", idempotency_key="k")
+        again = await store.submit("work", {"b": 2, "a": 1}, owner="o", idempotency_key="k")
+        assert (again.job_id, again.created) == (first.job_id, False)
+        with pytest.raises(Conflict) as caught:
+            await store.submit("work", {"a": 2}, owner="o", idempotency_key="k")
+        assert caught.value.code == "idempotency-key-reused"
+        with pytest.raises(Conflict):
+            await store.submit("long-work", {"a": 1, "b": 2}, owner="o", idempotency_key="k")
+        other_owner = await store.submit("work", {"a": 2}, owner="p", idempotency_key="k")
+        nobody = await store.submit("work", {"a": 2}, idempotency_key="k")
+        assert other_owner.created
+        assert nobody.created
+        assert not (await store.submit("work", {"a": 2}, idempotency_key="k")).created
+
+    use(act)
+
+
+def test_concurrent_duplicates_make_one_job(use: Use) -> None:
+    async def act(store: JobStore) -> None:
+        made = await asyncio.gather(*(store.submit("work", {"a": 1}, idempotency_key="k") for _ in range(12)))
+        assert len({submitted.job_id for submitted in made}) == 1
+        assert sum(submitted.created for submitted in made) == 1
+
+    use(act)
+
+
+def test_fifty_parallel_submissions_fill_the_queue_to_its_limit(use: Use) -> None:
+    async def act(store: JobStore) -> None:
+        made = await asyncio.gather(*(store.submit("work", {"n": n}) for n in range(50)), return_exceptions=True)
+        refused = [answer for answer in made if isinstance(answer, Busy)]
+        assert len(refused) == 40
+        assert all(busy.code == "queue-full" and busy.retry_after_s > 0 for busy in refused)
+        assert len((await store.list_jobs(limit=100)).items) == 10
+
+    use(act, queue_limit=10)
+
+
+def test_an_earlier_job_is_found_even_when_the_queue_is_full(use: Use) -> None:
+    async def act(store: JobStore) -> None:
+        first = await store.submit("work", {}, idempotency_key="k")
+        with pytest.raises(Busy):
+            await store.submit("work", {})
+        assert (await store.submit("work", {}, idempotency_key="k")).job_id == first.job_id
+
+    use(act, queue_limit=1)
+
+
+def test_list_pages_newest_first_and_filters(use: Use) -> None:
+    async def act(store: JobStore) -> None:
+        made = [(await store.submit("work" if n % 2 else "refuse", {"n": n})).job_id for n in range(7)]
+        seen: list[str] = []
+        cursor = None
+        while True:
+            page = await store.list_jobs(limit=3, cursor=cursor)
+            seen += [record.id for record in page.items]
+            cursor = page.next
+            if cursor is None:
+                break
+        assert seen == made[::-1]
+        assert [r.id for r in (await store.list_jobs(kind="work")).items] == made[1::2][::-1]
+        assert (await store.list_jobs(state="running")).items == ()
+        assert (await store.list_jobs(recording_id="x")).items == ()
+        with pytest.raises(InvalidInput) as caught:
+            await store.list_jobs(cursor="not a cursor")
+        assert caught.value.code == "cursor-invalid"
+
+    use(act)
+
+
+def test_position_in_the_queue_follows_priority_then_age(use: Use) -> None:
+    async def act(store: JobStore) -> None:
+        ids = [(await store.submit("work", {}, priority=p)).job_id for p in (0, 0, 5, 10)]
+        assert [(await store.get(job_id)).queue_position for job_id in ids] == [3, 4, 2, 1]
+        await store.request_cancel(ids[3])
+        assert [(await store.get(job_id)).queue_position for job_id in ids] == [2, 3, 1, None]
+
+    use(act)
+
+
+def test_cancelling_a_queued_job_ends_it_at_once(use: Use, database_url: str) -> None:
+    async def act(store: JobStore) -> None:
+        job_id = (await store.submit("work", {})).job_id
+        record = await store.request_cancel(job_id)
+        assert record.state == "cancelled"
+        assert record.finished_at is not None
+        assert (await store.request_cancel(job_id)).state == "cancelled"
+        assert [event.state for event in await store.events_after(job_id)] == ["queued", "cancelled"]
+        with pytest.raises(Conflict) as without:
+            await store.result(job_id)
+        assert without.value.code == "job-without-result"
+
+    use(act)
+    with psycopg.connect(database_url) as connection:
+        assert connection.execute("SELECT status FROM procrastinate_jobs").fetchall() == [("cancelled",)]
+
+
+def test_unknown_jobs_and_unfinished_results(use: Use) -> None:
+    async def act(store: JobStore) -> None:
+        for call in (store.get, store.request_cancel, store.result):
+            with pytest.raises(NotFound) as caught:
+                await call("nothing")
+            assert caught.value.code == "job-not-found"
+        assert await store.events_after("nothing") == ()
+        job_id = (await store.submit("work", {})).job_id
+        with pytest.raises(Conflict) as early:
+            await store.result(job_id)
+        assert early.value.code == "job-not-finished"
+
+    use(act)

@@ -1,0 +1,105 @@
+import asyncio
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from stridelab.errors import InvalidInput, NotFound, Unavailable
+from stridelab.service.storage.blobs import BlobStore
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path / "blobs with space"
+
+
+@pytest.fixture
+def store(folder: Path) -> BlobStore:
+    return BlobStore.from_url(folder.as_uri())
+
+
+def test_file_comes_back_as_it_went_in(store: BlobStore, tmp_path: Path) -> None:
+    content = bytes(range(256)) * 40_000  # 10 MB: more than one part
+    source, target = tmp_path / "in", tmp_path / "out"
+    source.write_bytes(content)
+
+    async def act() -> None:
+        assert await store.put_file("recordings/ab/file.c3d", source) == len(content)
+        assert await store.get_file("recordings/ab/file.c3d", target) == len(content)
+        pieces = [chunk async for chunk in store.stream("recordings/ab/file.c3d")]
+        assert len(pieces) > 1
+        assert b"".join(pieces) == content
+        info = await store.info("recordings/ab/file.c3d")
+        assert info is not None
+        assert info.bytes == len(content)
+
+    asyncio.run(act())
+    assert target.read_bytes() == content
+
+
+def test_prefix_is_deleted_by_whole_segments(store: BlobStore, folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "x").write_bytes(b"x")
+
+    async def act() -> None:
+        for key in ("results/a/1/x.csv", "results/a/1/deep/y.csv", "results/a/10/x.csv", "results/ab/1/x.csv"):
+            await store.put_file(key, tmp_path / "x")
+        assert await store.delete_prefix("results/a/1") == 2
+        assert await store.delete_prefix("results/a/1") == 0
+        assert [info.key async for info in store.list_prefix("results")] != []
+        assert not await store.exists("results/a/1/x.csv")
+        assert await store.exists("results/a/10/x.csv")
+        assert await store.exists("results/ab/1/x.csv")
+        await store.delete("results/ab/1/x.csv")
+        await store.delete("results/ab/1/x.csv")
+
+    asyncio.run(act())
+    assert not (folder / "results" / "ab").exists()  # no empty folders are left
+
+
+def test_missing_blob_is_named_by_its_file(store: BlobStore, tmp_path: Path) -> None:
+    with pytest.raises(NotFound, match=r"com\.csv") as caught:
+        asyncio.run(store.get_file("results/a/1/com.csv", tmp_path / "out"))
+    assert caught.value.code == "blob-not-found"
+
+
+def test_failing_storage_is_unavailable(store: BlobStore, folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "x").write_bytes(b"x")
+    (folder / "results").write_text("a file where a folder should be", encoding="utf-8")
+    with pytest.raises(Unavailable) as caught:
+        asyncio.run(store.put_file("results/a/x", tmp_path / "x"))
+    assert caught.value.code == "storage-unavailable"
+
+
+@pytest.mark.parametrize(
+    "key", ["", "/etc/passwd", "../x", "a/../b", "a//b", "a/", ".hidden", "a b", "ä", "a\0b", "x" * 500]
+)
+def test_keys_that_no_code_makes_are_refused(store: BlobStore, key: str) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        asyncio.run(store.exists(key))
+    assert caught.value.code == "blob-key-invalid"
+
+
+@given(st.text(max_size=20))
+def test_no_key_leaves_the_folder(key: str) -> None:
+    from stridelab.service.storage.blobs import _check
+
+    try:
+        _check(key)
+    except InvalidInput:
+        return
+    root = Path("/store")
+    assert (root / key).resolve().is_relative_to(root)
+    assert not key.startswith("/")
+
+
+@pytest.mark.parametrize("url", ["", "folder", "file://", "file://host/share", "ftp://x/y", "s3://", "memory:///"])
+def test_only_folders_and_s3(url: str) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        BlobStore.from_url(url)
+    assert caught.value.code == "blob-url-invalid"
+
+
+def test_s3_by_url() -> None:
+    store = BlobStore.from_url("s3://bucket/prefix")
+    assert type(store.backend).__name__ == "S3Store"

@@ -1,0 +1,81 @@
+import threading
+
+import psycopg
+import pytest
+import sqlalchemy
+from alembic.autogenerate import compare_metadata
+from alembic.runtime.migration import MigrationContext
+from procrastinate.schema import SchemaManager
+
+from stridelab.errors import InvalidInput, Unavailable
+from stridelab.service.settings import Settings
+from stridelab.service.storage.database import MIGRATIONS, database_url, is_migrated, migrate, parse_url
+from stridelab.service.storage.tables import metadata
+from support.database import TestDatabases
+
+
+def test_migrations_make_exactly_the_declared_tables(database_url: str) -> None:
+    def ours(_object: object, name: str, type_: str, _reflected: bool, _other: object) -> bool:
+        return not (type_ == "table" and name.startswith("procrastinate_"))
+
+    engine = sqlalchemy.create_engine(parse_url(database_url).set(drivername="postgresql+psycopg"))
+    options = {"include_object": ours, "compare_server_default": True}
+    with engine.connect() as connection:
+        context = MigrationContext.configure(connection, opts=options)
+        assert compare_metadata(context, metadata) == []
+    engine.dispose()
+
+
+def test_queue_schema_is_that_of_the_installed_version() -> None:
+    # when procrastinate moves on, its own migration files become a new revision and this file stays as it is
+    assert (MIGRATIONS / "procrastinate-3.10.sql").read_text(encoding="utf-8") == SchemaManager.get_schema()
+
+
+def test_migrating_twice_and_at_once_is_harmless(postgres: TestDatabases) -> None:
+    with postgres.fresh(migrated=False) as url:
+        assert not is_migrated(url)
+        failures: list[BaseException] = []
+
+        def work() -> None:
+            try:
+                migrate(url)
+            except BaseException as error:
+                failures.append(error)
+
+        threads = [threading.Thread(target=work) for _ in range(4)]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+        assert failures == []
+        assert is_migrated(url)
+
+
+def test_database_of_a_newer_version_is_refused(database_url: str) -> None:
+    with psycopg.connect(database_url) as connection:
+        connection.execute("UPDATE alembic_version SET version_num = '9999'")
+    with pytest.raises(Unavailable, match="9999") as caught:
+        migrate(database_url)
+    assert caught.value.code == "database-newer"
+
+
+def test_unreachable_database_is_named_without_its_password() -> None:
+    with pytest.raises(Unavailable) as caught:
+        migrate("postgresql://someone:secret@127.0.0.1:1/none", wait_s=0.1)
+    assert caught.value.code == "database-unreachable"
+    assert "127.0.0.1" in caught.value.message
+    assert "secret" not in caught.value.message
+
+
+@pytest.mark.parametrize("url", ["sqlite:///x.db", "mysql://h/d", "::", ""])
+def test_only_postgresql_urls(url: str) -> None:
+    with pytest.raises(InvalidInput, match="STRIDELAB_DATABASE_URL"):
+        parse_url(url)
+
+
+def test_password_comes_from_its_file(tmp_path) -> None:
+    secret = tmp_path / "password"
+    secret.write_text("p@ss:word/1\n", encoding="utf-8")
+    settings = Settings(database_url="postgresql://lab@db:5432/lab", database_password_file=secret)
+    assert parse_url(str(database_url(settings))).password == "p@ss:word/1"
+    assert database_url(Settings(database_url=None)) is None

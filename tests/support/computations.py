@@ -1,0 +1,107 @@
+"""Computations for tests: what a job's child is told to run, well-behaved and otherwise."""
+
+import ctypes
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+from stridelab.errors import Fault, NotEstimable
+
+
+def add(task: dict[str, Any], _folder: Path, progress: Any) -> dict[str, Any]:
+    print("adding")
+    progress(0.5, "half")
+    return {"sum": task["a"] + task["b"]}
+
+
+def write_outcome(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
+    """A whole job: works for ``work_s``, leaves a file, notes every start and end in ``diary``."""
+    _note(task, "start")
+    steps = max(1, round(task.get("work_s", 0.0) / 0.05))
+    for step in range(steps):
+        time.sleep(task.get("work_s", 0.0) / steps)
+        progress((step + 1) / steps, f"step {step + 1}")
+    (folder / "numbers.csv").write_text("time_s\n0.0\n", encoding="utf-8")
+    _note(task, "end")
+    artifacts = [{"name": "numbers.csv", "media_type": "text/csv"}]
+    return {"summary": {"answer": 42}, "references": [], "artifacts": artifacts}
+
+
+def _note(task: dict[str, Any], word: str) -> None:
+    if task.get("diary"):
+        with Path(task["diary"]).open("a", encoding="utf-8") as diary:
+            diary.write(f"{task['name']} {word}\n")
+
+
+def refuse(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
+    raise NotEstimable("no-plates", "The recording has no plates.", [Fault("plates", "none")])
+
+
+def stumble(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
+    raise ValueError("something unforeseen")
+
+
+def not_a_number(_task: dict[str, Any], _folder: Path, _progress: Any) -> dict[str, float]:
+    return {"x": float("nan")}
+
+
+def segfault(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
+    ctypes.string_at(0)
+
+
+def abort(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
+    os.abort()
+
+
+def leave(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
+    os._exit(3)
+
+
+def reserve(task: dict[str, Any], _folder: Path, _progress: Any) -> int:
+    return len(bytearray(int(task["bytes"])))
+
+
+def hoard(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
+    """Hold more memory than allowed without reserving more address space than allowed: in its own children."""
+    for _ in range(4):
+        if os.fork() == 0:
+            held = bytearray(100 << 20)
+            time.sleep(60)
+            os._exit(len(held) % 2)
+    time.sleep(60)
+
+
+def hang(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
+    """A native call that holds the interpreter and never returns."""
+    ctypes.PyDLL(None).sleep(600)
+
+
+def spin(_task: dict[str, Any], _folder: Path, progress: Any) -> None:
+    progress(0.1, f"pid {os.getpid()}")
+    while True:
+        pass
+
+
+def with_a_grandchild(_task: dict[str, Any], _folder: Path, progress: Any) -> None:
+    pid = os.fork()
+    if pid == 0:
+        time.sleep(600)
+    progress(0.1, f"pid {pid}")
+    time.sleep(600)
+
+
+def chatter(task: dict[str, Any], _folder: Path, _progress: Any) -> dict[str, int]:
+    os.write(2, b"x" * int(task["bytes"]))
+    os.write(1, b"last words\n")
+    return {"written": int(task["bytes"])}
+
+
+def environment(_task: dict[str, Any], folder: Path, _progress: Any) -> dict[str, Any]:
+    return {
+        "names": sorted(os.environ),
+        "nice": os.nice(0),
+        "session": os.getsid(0) == os.getpid(),
+        "cwd": str(Path.cwd()) == str(folder),
+        "threads": os.environ.get("OPENBLAS_NUM_THREADS"),
+    }

@@ -1,0 +1,46 @@
+"""Job kinds for tests; they stage nothing and run ``support.computations``."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ConfigDict
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.schemas.base import Contract
+from stridelab.service.jobs.kinds.kind import Blobs, JobKind
+
+
+class AnyInput(Contract):
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+
+async def stage(_connection: AsyncConnection, _blobs: Blobs, asked: Contract, _folder: Path) -> dict[str, Any]:
+    return asked.model_dump()
+
+
+def kind(name: str, function: str, **limits: Any) -> JobKind:
+    return JobKind(
+        name=name,
+        input_model=AnyInput,
+        summary_model=AnyInput,
+        run=f"support.computations:{function}",
+        stage=stage,
+        **limits,
+    )
+
+
+KINDS: Mapping[str, JobKind] = {
+    made.name: made
+    for made in (
+        kind("work", "write_outcome", lane="short"),
+        kind("long-work", "write_outcome", lane="long"),
+        kind("refuse", "refuse"),
+        kind("stumble", "stumble"),
+        kind("segfault", "segfault"),
+        kind("abort", "abort"),
+        kind("hog", "reserve", memory_mb=300),
+        kind("hang", "hang", timeout_s=1.0),
+        kind("spin", "spin", lane="long"),
+    )
+}
