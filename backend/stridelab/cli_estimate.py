@@ -25,7 +25,8 @@ from stridelab.schemas.jobs import (
 )
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.service.jobs.kinds.kind import Outcome
-from stridelab.service.jobs.kinds.provenance import bibliography, versions
+from stridelab.service.jobs.kinds.provenance import bibliography
+from stridelab.service.jobs.kinds.provenance import versions as local_versions
 from stridelab.service.jobs.kinds.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
 
 T = TypeVar("T", bound=Contract)
@@ -121,7 +122,7 @@ def estimate_here(request: EstimateRequest, folder: Path) -> JobResult:
     input_ = request.input(request.file.name)
     static = None
     if request.static is not None:
-        static = RecordingSource(file="static-trial", filename=request.static.name, marker_map=request.marker_map())
+        static = RecordingSource(file="static-trial", filename=request.static.name)
     task = EstimateComTask(
         recording=RecordingSource(
             file="trial",
@@ -174,12 +175,14 @@ def simulate_here(input_: SimulateRecordingInput, folder: Path) -> JobResult:
     return write_result(folder, "simulate-recording", input_, outcome)
 
 
-def write_result(folder: Path, kind: str, input_: Contract, outcome: Outcome) -> JobResult:
-    """Write ``result.json`` and ``references.bib`` beside the artifacts."""
+def write_result(
+    folder: Path, kind: str, input_: Contract, outcome: Outcome, *, versions: Mapping[str, str] | None = None
+) -> JobResult:
+    """Write ``result.json`` and ``references.bib`` beside the artifacts; ``versions`` are those of this machine."""
     result = JobResult(
         kind=kind,
         input=input_.model_dump(mode="json"),
-        versions=versions(),
+        versions=dict(versions or local_versions()),
         references=list(outcome.references),
         summary=outcome.summary,
         artifacts=[

@@ -41,7 +41,7 @@ def observability(estimate: ComEstimate) -> Observability:
     at = np.unique(np.linspace(0, len(estimate.time_s) - 1, _STATES).astype(int))
     states = list(zip(estimate.com_m[at], estimate.velocity_m_s[at], estimate.acceleration_m_s2[at], strict=True))
     f = _unit(estimate.acceleration_m_s2 - g)
-    mean = f.mean(axis=0) / np.linalg.norm(f.mean(axis=0))
+    mean = _unit(f.mean(axis=0, keepdims=True))[0]
     return Observability(
         rank_force=min(_rank(force_matrix(*state)) for state in states),
         rank_with_geometry=min(_rank(force_and_geometry_matrix(*state)) for state in states),

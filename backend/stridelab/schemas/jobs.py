@@ -92,6 +92,8 @@ class EstimateComSummary(Contract):
     method: str
     segment_table: str
     mass_kg: float
+    mass_source: Literal["stated", "file", "force"] = "stated"
+    mass_from_force_kg: float | None = None
     latency_s: float | None
     latency_sd_s: float | None
     latency_applied_s: float

@@ -1,0 +1,124 @@
+"""``stridelab estimate --server``: upload, run there, bring the files home."""
+
+import uuid
+from pathlib import Path
+
+from stridelab.cli_console import Bar, progress_bar
+from stridelab.cli_estimate import EstimateRequest, write_result
+from stridelab.client import Client, ClientError, ProblemError, Unreachable
+from stridelab.errors import (
+    Busy,
+    Conflict,
+    Fault,
+    Forbidden,
+    InvalidInput,
+    NotEstimable,
+    NotFound,
+    StridelabError,
+    TooLarge,
+    Unavailable,
+    UnreadableFile,
+)
+from stridelab.schemas.base import Problem
+from stridelab.schemas.jobs import Job, JobResult
+from stridelab.schemas.recordings import RecordingPatch
+from stridelab.service.jobs.kinds.kind import ArtifactFile, Outcome
+
+AFTER_UPLOAD, AFTER_JOB = 0.3, 0.9
+"""Fractions of the bar at the end of the upload and of the job; the rest is the download."""
+
+_CLASS_OF_STATUS: dict[int, type[StridelabError]] = {
+    400: InvalidInput,
+    401: Forbidden,
+    403: Forbidden,
+    404: NotFound,
+    409: Conflict,
+    413: TooLarge,
+    503: Unavailable,
+    507: Unavailable,
+}
+
+
+def estimate_remotely(request: EstimateRequest, folder: Path, server: str, token: str | None) -> JobResult:
+    """Upload the recording, run ``estimate-com`` on ``server``, and download its files into ``folder``.
+
+    Raises the error that the same request would have raised here; ``Unavailable`` where nobody answers.
+    """
+    request.input("checked before anything is sent")
+    stage: type[StridelabError] = UnreadableFile
+    try:
+        with Client(server, token) as client, progress_bar(request.file.name) as bar:
+            recording_id = _upload(client, request, bar)
+            stage = InvalidInput
+            job_input = request.input(recording_id)
+            job = client.submit("estimate-com", job_input, idempotency_key=uuid.uuid4().hex)
+            finished = _follow(client, job.id, bar)
+            if finished.state != "succeeded":
+                raise _failure(finished)
+            result = client.result(job.id)
+            for done, artifact in enumerate(result.artifacts):
+                bar(AFTER_JOB + (1.0 - AFTER_JOB) * done / len(result.artifacts), f"downloading {artifact.name}")
+                client.download_artifact(job.id, artifact.name, folder / _plain_name(artifact.name))
+            bar(1.0, "done")
+    except ProblemError as error:
+        raise _as_error(error.problem, stage, error.retry_after_s) from error
+    except Unreachable as error:
+        raise Unavailable("service-unreachable", f"No service answers at {server}: {error}.") from error
+    except ClientError as error:
+        raise Unavailable("service-not-understood", f"{error}.") from error
+    artifacts = tuple(ArtifactFile(a.name, a.media_type) for a in result.artifacts)
+    outcome = Outcome(result.summary, tuple(result.references), artifacts)
+    return write_result(folder, result.kind, job_input, outcome, versions=result.versions)
+
+
+def _upload(client: Client, request: EstimateRequest, bar: Bar) -> str:
+    """Send the files and what was stated about them; returns the id of the recording."""
+    recording = client.upload(
+        request.file,
+        request.subject(),
+        progress=lambda sent, total: bar(AFTER_UPLOAD * sent / max(total, 1), "uploading"),
+    )
+    patch: dict[str, object] = {}
+    if request.static is not None:
+        bar(AFTER_UPLOAD, "uploading the static trial")
+        patch["static_recording_id"] = client.upload(request.static).id
+    if request.markers:
+        patch["marker_map"] = request.marker_map()
+    if request.without_plates:
+        patch["plates"] = request.plates()
+    if patch:
+        client.patch_recording(recording.id, RecordingPatch.model_validate(patch))
+    return recording.id
+
+
+def _follow(client: Client, job_id: str, bar: Bar) -> Job:
+    """Show the job's progress until it has finished; Ctrl-C cancels it there as well."""
+    try:
+        for event in client.events(job_id):
+            fraction = AFTER_UPLOAD + (AFTER_JOB - AFTER_UPLOAD) * event.progress.fraction
+            bar(fraction, event.progress.message or event.state)
+        return client.wait(job_id)
+    except KeyboardInterrupt:
+        client.cancel(job_id)
+        raise
+
+
+def _plain_name(name: str) -> str:
+    if not name or name in {".", ".."} or "/" in name or "\\" in name:
+        raise Unavailable("service-not-understood", f"The service names a file {name!r}, which is no file name.")
+    return name
+
+
+def _failure(job: Job) -> StridelabError:
+    if job.error is not None:
+        return _as_error(job.error, NotEstimable)
+    return Unavailable(f"job-{job.state.replace('_', '-')}", f"The job on the service has ended as {job.state}.")
+
+
+def _as_error(problem: Problem, refused: type[StridelabError], retry_after_s: float | None = None) -> StridelabError:
+    """The error behind a problem; status 422 stands for several classes, ``refused`` is the one meant at this stage."""
+    if problem.status == 429:
+        return Busy(problem.code, problem.detail, retry_after_s or 5.0)
+    faults = [Fault(item.where, item.message) for item in problem.errors]
+    kind = _CLASS_OF_STATUS.get(problem.status, refused if problem.status == 422 else StridelabError)
+    return kind(problem.code, problem.detail, faults)

@@ -1,0 +1,79 @@
+"""The files of ``estimate-com``: ``com.parquet``, ``com.csv`` and ``com.c3d``."""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+
+from stridelab.body.geometric_com import GeometricCom
+from stridelab.conventions import Mask, Points, Series
+from stridelab.estimation.estimate import ComEstimate
+from stridelab.recordings.recording import WrenchTrack
+from stridelab.recordings.writer import add_points_to_c3d, write_c3d
+from stridelab.schemas.jobs import EstimateComSummary
+from stridelab.service.jobs.kinds.kind import ArtifactFile
+from stridelab.service.jobs.kinds.tables_io import C3D, atomically, write_table
+from stridelab.service.jobs.kinds.tasks import RecordingSource
+from stridelab.service.jobs.kinds.trial import Trial
+
+AXES = "xyz"
+COM_POINT, GEOMETRY_POINT = "COM", "COM_GEOMETRY"
+"""Names of the points added to ``com.c3d``."""
+
+
+def write_com(
+    folder: Path,
+    source: RecordingSource,
+    trial: Trial,
+    geometric: GeometricCom,
+    wrench: WrenchTrack,
+    estimate: ComEstimate,
+    summary: EstimateComSummary,
+) -> tuple[ArtifactFile, ...]:
+    """Write all files of a result into ``folder``."""
+    columns = com_columns(geometric, wrench, estimate)
+    provenance = {"file": source.filename, "frame": "world, z up", "summary": summary.model_dump(mode="json")}
+    tables = write_table(folder, "com", columns, provenance)
+    fused = np.column_stack([columns[f"{axis}_m"] for axis in AXES])
+    write_com_c3d(folder / "com.c3d", folder / source.file, trial, {COM_POINT: fused, GEOMETRY_POINT: geometric.com_m})
+    return (*tables, ArtifactFile("com.c3d", C3D))
+
+
+def com_columns(geometric: GeometricCom, wrench: WrenchTrack, estimate: ComEstimate) -> dict[str, Series | Mask]:
+    """Columns of ``com`` at the instants of ``geometric``; what holds in the window only is NaN outside it.
+
+    ``complete`` marks the frames at which the whole contact force is measured.
+    """
+    n = len(geometric.time_s)
+    first = int(np.argmin(np.abs(geometric.time_s - estimate.time_s[0])))
+    inside = slice(first, first + len(estimate.time_s))
+    columns: dict[str, Series | Mask] = {"time_s": geometric.time_s}
+    for suffix, name, track in (
+        ("m", "", estimate.com_m),
+        ("m_s", "v", estimate.velocity_m_s),
+        ("m_s2", "a", estimate.acceleration_m_s2),
+        ("m", "sd_", estimate.sd_m),
+    ):
+        columns |= _named(name, suffix, _spread(track, inside, n))
+    columns |= _named("geometry_", "m", geometric.com_m)
+    columns |= _named("force_", "n", np.where(wrench.complete[:, None], wrench.force_n, np.nan))
+    columns["complete"] = wrench.complete
+    return columns
+
+
+def write_com_c3d(target: Path, upload: Path, trial: Trial, points: dict[str, Points]) -> None:
+    """The upload with the CoM added as points; an upload that is not a C3D is written as one from what was read."""
+    if zipfile.is_zipfile(upload):
+        atomically(target, lambda path: write_c3d(path, trial.recording, extra_points=points))
+    else:
+        atomically(target, lambda path: add_points_to_c3d(upload, path, points))
+
+
+def _named(prefix: str, suffix: str, track: Points) -> dict[str, Series | Mask]:
+    return {f"{prefix}{axis}_{suffix}": track[:, i] for i, axis in enumerate(AXES)}
+
+
+def _spread(track: Points, inside: slice, n: int) -> Points:
+    whole = np.full((n, 3), np.nan)
+    whole[inside] = track
+    return whole
