@@ -1,0 +1,87 @@
+"""The zip of an OpenSim trial: which members are the markers and the forces, without trusting any of its numbers."""
+
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from stridelab.errors import Fault, UnreadableFile
+
+MAX_MEMBERS = 64
+MAX_MEMBER_BYTES = 64 * 1024 * 1024
+"""Largest text that is unpacked; ten minutes of full-body markers are about 40 MB."""
+
+
+@dataclass(frozen=True)
+class TrialTexts:
+    """Contents of one TRC file and, where there is one, one force file; with the names of the members."""
+
+    trc: str
+    trc_name: str
+    mot: str | None
+    mot_name: str
+
+
+def open_trial(path: Path) -> TrialTexts:
+    """Unpack exactly one TRC and at most one MOT or STO file with ground forces, told apart by content."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = [m for m in archive.infolist() if not m.is_dir() and not _is_litter(m.filename)]
+            if len(members) > MAX_MEMBERS:
+                raise UnreadableFile(
+                    "zip-too-many-files",
+                    f"The zip holds {len(members)} files; one TRC and one MOT or STO file are expected.",
+                    [Fault(path.name, "too many files")],
+                )
+            texts = {m.filename: _unpack(archive, m) for m in members}
+    except (
+        zipfile.BadZipFile,
+        zipfile.LargeZipFile,
+        EOFError,
+        OSError,
+        NotImplementedError,
+        RuntimeError,
+        ValueError,
+    ) as error:
+        raise UnreadableFile(
+            "zip-damaged",
+            "The zip file is damaged, encrypted or of an unknown kind.",
+            [Fault(path.name, str(error)[:200])],
+        ) from error
+    trc = [name for name, text in texts.items() if text.lstrip("\ufeff").startswith("PathFileType")]
+    mot = [name for name, text in texts.items() if name not in trc and has_ground_forces(text)]
+    if not trc:
+        held = ", ".join(sorted(texts)) or "nothing"
+        raise UnreadableFile(
+            "zip-without-trc", f"The zip holds no TRC file (it holds {held[:300]}).", [Fault(path.name, "no TRC")]
+        )
+    if len(trc) > 1 or len(mot) > 1:
+        faults = [Fault(name, "one of several") for name in sorted(trc + mot)]
+        raise UnreadableFile(
+            "zip-several-trials",
+            "The zip holds more than one trial; upload one pair of TRC and MOT files at a time.",
+            faults,
+        )
+    return TrialTexts(texts[trc[0]], trc[0], texts[mot[0]] if mot else None, mot[0] if mot else "")
+
+
+def has_ground_forces(text: str) -> bool:
+    """Whether a text is a MOT or STO file with ground reaction forces (others hold joint angles)."""
+    head = text[:20000]
+    return "endheader" in head and "ground_force" in head.lower()
+
+
+def _is_litter(name: str) -> bool:
+    return name.startswith("__MACOSX/") or name.rsplit("/", 1)[-1].startswith(".")
+
+
+def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> str:
+    """Text of a member; stops reading at the limit whatever size the zip's directory states."""
+    with archive.open(member) as file:
+        content = file.read(MAX_MEMBER_BYTES + 1)
+    if len(content) > MAX_MEMBER_BYTES:
+        raise UnreadableFile(
+            "zip-bomb",
+            f"A file in the zip unpacks to more than {MAX_MEMBER_BYTES // 2**20} MB.",
+            [Fault(member.filename, "too large when unpacked")],
+        )
+    return content.decode("utf-8-sig", errors="replace")

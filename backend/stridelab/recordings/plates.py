@@ -1,0 +1,164 @@
+"""From the channels of a force plate to the wrench on the body at the origin of the file (types 1 to 4).
+
+In the plate's axes the channels give F and the moment about the sensor M_s. With o the vector from the sensor to the
+centre of the surface and R the plate's axes, taken from its corners,
+
+    M_c = M_s - o x F,    f = s R F,    nu = s R M_c + c x f,
+
+c the centre of the corners and s = +1, or -1 where that is what makes the plate push the body upwards.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Corners, Points, Rotation, Series, Vector3
+from stridelab.recordings.raw import FilePlate, PlateSignals
+from stridelab.recordings.recording import Remark
+from stridelab.recordings.tare import find_tare
+
+CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
+"""Analog channels per plate type."""
+_LOADED_N = 50.0
+_MIN_SIDE_M, _MAX_SIDE_M = 0.1, 10.0
+
+Channels = Float[np.ndarray, "n channels"]
+Calibration = Float[np.ndarray, "6 6"]
+
+
+def sensor_wrench(
+    kind: int,
+    channels: Channels,
+    origin_m: Vector3,
+    calibration: Calibration | None,
+    moment_scale: float,
+    length_scale: float,
+) -> tuple[Points, Points, Vector3]:
+    """Force in N, moment about the sensor in Nm, and the vector from the sensor to the surface centre in metres.
+
+    Channels per type, in the plate's axes: 1: Fx Fy Fz Px Py Mz (centre of pressure and free moment); 2: Fx Fy Fz Mx
+    My Mz; 3: Fx12 Fx34 Fy14 Fy23 Fz1 Fz2 Fz3 Fz4 (Kistler, sensors at (+-a, +-b)); 4: type 2 behind a calibration
+    matrix. ``moment_scale`` and ``length_scale`` turn the file's moments and lengths into Nm and m.
+    """
+    if kind == 4 and calibration is not None:
+        channels = channels @ calibration.T
+    if kind in (2, 4):
+        return channels[:, :3], channels[:, 3:6] * moment_scale, origin_m
+    if kind == 1:
+        force = channels[:, :3]
+        cop_m = np.column_stack([channels[:, 3:5] * length_scale, np.zeros(len(channels))])
+        free = np.column_stack([np.zeros((len(channels), 2)), channels[:, 5] * moment_scale])
+        return force, np.cross(cop_m, force) + free, np.zeros(3)
+    x12, x34, y14, y23, z1, z2, z3, z4 = channels.T
+    a, b = abs(origin_m[0]), abs(origin_m[1])
+    force = np.column_stack([x12 + x34, y14 + y23, z1 + z2 + z3 + z4])
+    moment = np.column_stack([b * (z1 + z2 - z3 - z4), a * (-z1 + z2 + z3 - z4), b * (-x12 + x34) + a * (y14 - y23)])
+    return force, moment, np.array([0.0, 0.0, origin_m[2]])
+
+
+def plate_axes(corners_m: Corners) -> Rotation:
+    """Plate axes as columns, from corners in the order of its quadrants (+x+y, -x+y, -x-y, +x-y)."""
+    c1, c2, c3, c4 = corners_m
+    x = (c1 + c4) - (c2 + c3)
+    y = (c1 + c2) - (c3 + c4)
+    x /= np.linalg.norm(x)
+    y = y - (y @ x) * x
+    y /= np.linalg.norm(y)
+    return np.column_stack([x, y, np.cross(x, y)])
+
+
+def corners_fault(corners_m: Corners) -> str | None:
+    """Why these corners are no plate, or None: four finite points, sides of 0.1 to 10 m, nearly a rectangle."""
+    if not np.isfinite(corners_m).all():
+        return "its corners are not numbers"
+    sides = np.linalg.norm(np.roll(corners_m, -1, axis=0) - corners_m, axis=1)
+    if sides.min() < _MIN_SIDE_M or sides.max() > _MAX_SIDE_M:
+        return f"its sides are {sides.min():.3g} to {sides.max():.3g} m long"
+    if np.linalg.norm(corners_m[0] - corners_m[1] + corners_m[2] - corners_m[3]) > 0.1 * sides.max():
+        return "its corners are no rectangle"
+    return None
+
+
+def inside_fraction(force_n: Points, moment_nm: Points, origin_m: Vector3, corners_m: Corners) -> float:
+    """Share of the loaded samples whose centre of pressure lies on the plate (2 cm tolerance); NaN when unloaded."""
+    loaded = np.abs(force_n[:, 2]) > _LOADED_N
+    F, M = force_n[loaded], moment_nm[loaded] - np.cross(origin_m, force_n[loaded])
+    if len(F) == 0:
+        return float("nan")
+    half_x = 0.5 * np.linalg.norm(corners_m[0] - corners_m[1]) + 0.02
+    half_y = 0.5 * np.linalg.norm(corners_m[0] - corners_m[3]) + 0.02
+    px, py = -M[:, 1] / F[:, 2], M[:, 0] / F[:, 2]
+    return float(np.mean((np.abs(px) <= half_x) & (np.abs(py) <= half_y)))
+
+
+def repair_origin(
+    signals: PlateSignals, force_n: Points, moment_nm: Points, up: Vector3
+) -> tuple[Vector3, float, bool]:
+    """The ORIGIN repair rule: (origin, share of the loaded COP on the plate, whether x and y were negated).
+
+    The surface lies above the sensor, which fixes the sign of z; where z has the wrong sign the whole vector has
+    (Vicon writes the vector from the surface to the sensor). Then try x and y both ways and keep the one whose loaded
+    COP is inside the plate's own corners; the file's own sign wins a tie.
+    """
+    o = signals.origin_m
+    rises = float((plate_axes(signals.corners_m) @ np.array([0.0, 0.0, o[2]])) @ up)
+    own = -o if rises < 0.0 else o
+    other = own * [-1.0, -1.0, 1.0]
+    shares = [inside_fraction(force_n, moment_nm, origin, signals.corners_m) for origin in (own, other)]
+    if shares[1] > shares[0] + 0.1:
+        return other, shares[1], True
+    return own, shares[0], False
+
+
+def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[Remark, ...]]:
+    """Tare, repair and turn one plate into the wrench on the body about the file's origin, in the file's axes."""
+    where = f"Plate {signals.index}"
+    remarks: list[Remark] = []
+    R = plate_axes(signals.corners_m)
+    s = upward_sign(signals, up)
+    if s < 0.0:
+        remarks.append(
+            Remark("plate-sign-reversed", f"{where}: its channels pull the body down; their sign was reversed.")
+        )
+    upward_n: Series = s * (signals.force_n @ (R.T @ up))
+    tare = find_tare(signals.force_n, signals.moment_nm, upward_n, signals.zero_samples)
+    force_n, moment_nm = signals.force_n - tare.force_n, signals.moment_nm - tare.moment_nm
+    if tare.refused:
+        remarks.append(Remark("tare-refused", f"{where} is never unloaded, so its zero could not be checked."))
+    elif abs(s * (R @ tare.force_n) @ up) > 2.0:
+        offset_n = float(s * (R @ tare.force_n) @ up)
+        remarks.append(Remark("plate-tared", f"{where} read {offset_n:+.1f} N while unloaded; this was subtracted."))
+    origin_m, share, negated = repair_origin(signals, force_n, moment_nm, up)
+    if negated:
+        remarks.append(
+            Remark(
+                "plate-origin-negated", f"{where}: its ORIGIN has the opposite sign; the centre of pressure decided."
+            )
+        )
+    if share < 0.5:
+        remarks.append(
+            Remark(
+                "cop-off-plate", f"{where}: only {share:.0%} of its loaded centre of pressure lies inside its corners."
+            )
+        )
+    f = s * force_n @ R.T
+    c = signals.corners_m.mean(axis=0)
+    nu = s * (moment_nm - np.cross(origin_m, force_n)) @ R.T + np.cross(c, f)
+    return FilePlate(signals.index, signals.type, signals.corners_m, f, nu, s * R @ tare.force_n), tuple(remarks)
+
+
+def upward_sign(signals: PlateSignals, up: Vector3) -> float:
+    """+1 when the channels as they are push the body upwards (ezc3d's reading), -1 when they pull it down."""
+    upward = signals.force_n @ (plate_axes(signals.corners_m).T @ up)
+    strong = np.abs(upward) > max(_LOADED_N, 0.5 * float(np.abs(upward).max(initial=0.0)))
+    return -1.0 if strong.any() and float(upward[strong].mean()) < 0.0 else 1.0
+
+
+def rough_total_force(plates: tuple[PlateSignals, ...]) -> Vector3 | None:
+    """Mean loaded force in the file's axes, each plate by itself turned to one side; None when nothing is loaded."""
+    total = np.zeros(3)
+    for signals in plates:
+        force = signals.force_n @ plate_axes(signals.corners_m).T
+        loaded = np.linalg.norm(force, axis=1) > _LOADED_N
+        if loaded.any():
+            total += force[loaded].sum(axis=0)
+    return total if total.any() else None

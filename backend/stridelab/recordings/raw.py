@@ -1,0 +1,68 @@
+"""What a file holds before it is interpreted: points and plate signals in the file's own axes, SI units."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Corners, Points, Vector3
+from stridelab.recordings.recording import Event, Remark, Subject
+
+Cloud = Float[np.ndarray, "frames labels 3"]
+"""Positions of all labels at all frames."""
+
+CONTACT_TYPE = 0
+"""``Plate.type`` of a measured contact without a known plate (OpenSim MOT): its corners bound the loaded COP."""
+
+
+@dataclass(frozen=True)
+class PlateSignals:
+    """One plate as its sensor saw it, in the plate's own axes (x, y along the corners, z = x cross y).
+
+    ``moment_nm`` is about the sensor; ``origin_m`` is the vector from the sensor to the centre of the surface;
+    ``zero_samples`` are the first and last analog sample (from 1) that FORCE_PLATFORM:ZERO says to average.
+    """
+
+    index: int
+    type: int
+    corners_m: Corners
+    origin_m: Vector3
+    force_n: Points
+    moment_nm: Points
+    zero_samples: tuple[int, int] | None
+
+
+@dataclass(frozen=True)
+class FilePlate:
+    """One plate in the file's axes: wrench on the body about the file's origin, tare removed."""
+
+    index: int
+    type: int
+    corners_m: Corners
+    force_n: Points
+    moment_nm: Points
+    tare_force_n: Vector3
+
+
+@dataclass(frozen=True)
+class RawTrial:
+    """Everything read from one file (or pair), still in the file's axes.
+
+    ``labels`` are unique and cleaned; ``outputs`` of them are positions computed by a model. ``plates`` holds raw
+    signals of C3D plates, ``contacts`` the finished contacts of a MOT file. ``up_hint`` is what the file says about
+    its vertical axis, if anything.
+    """
+
+    labels: tuple[str, ...]
+    outputs: frozenset[str]
+    points_m: Cloud
+    marker_rate_hz: float
+    force_rate_hz: float
+    plates: tuple[PlateSignals, ...]
+    contacts: tuple[FilePlate, ...]
+    subject: Subject
+    events: tuple[Event, ...]
+    up_hint: str | None
+    remarks: tuple[Remark, ...]
+    carried: Mapping[str, str] = field(default_factory=dict)

@@ -1,0 +1,159 @@
+"""One door for every file a lab uploads: by content, not by name, into the world frame."""
+
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+
+from stridelab.conventions import Mask, Points, Rotation, Vector3
+from stridelab.errors import Fault, InvalidInput, UnreadableFile
+from stridelab.recordings import axes
+from stridelab.recordings.c3d import read_c3d
+from stridelab.recordings.gaps import fill_short_gaps
+from stridelab.recordings.plates import plate_wrench, rough_total_force
+from stridelab.recordings.raw import FilePlate, RawTrial
+from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
+from stridelab.recordings.trc_mot import read_trc_mot
+
+
+def read_recording(
+    path: Path,
+    *,
+    marker_map: Mapping[str, str] = {},
+    plate_switches: Mapping[int, PlateSwitches] = {},
+) -> Recording:
+    """Read a C3D file, or a zip of one TRC and one MOT or STO file.
+
+    ``marker_map`` maps landmark names to labels of this file; unknown labels raise ``InvalidInput``
+    (unknown-marker). ``plate_switches`` maps a plate's index to what the user set. Raises ``UnreadableFile`` with the
+    reason as its code.
+    """
+    raw = _read_raw(path)
+    if np.isnan(raw.points_m).all():
+        code, what = ("no-markers", "no labelled marker") if raw.points_m.shape[1] == 0 else ("all-missing", "only NaN")
+        raise UnreadableFile(code, f"The recording shows no marker at any time ({what}).", [Fault(path.name, what)])
+    recording = to_world(raw, plate_switches)
+    unknown = sorted(set(marker_map.values()) - set(recording.markers_m))
+    if unknown:
+        faults = [Fault(label, "no such label in the file") for label in unknown]
+        raise InvalidInput("unknown-marker", "The marker map names labels that the file does not have.", faults)
+    return recording
+
+
+def _read_raw(path: Path) -> RawTrial:
+    if path.stat().st_size == 0:
+        raise UnreadableFile("empty-file", "The file is empty (0 bytes).", [Fault(path.name, "0 bytes")])
+    if zipfile.is_zipfile(path):
+        return read_trc_mot(path)
+    with path.open("rb") as file:
+        head = file.read(4)
+    if head[:2] == b"PK":
+        raise UnreadableFile("zip-damaged", "The zip file is damaged or truncated.", [Fault(path.name, "not readable")])
+    if len(head) < 2 or head[1] != 0x50:
+        raise UnreadableFile(
+            "unknown-format",
+            "This is neither a C3D file nor a zip of TRC and MOT files.",
+            [Fault(path.name, "unknown content")],
+        )
+    return read_c3d(path)
+
+
+def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
+    """Turn the file's axes into the world frame (z up), tare and repair the plates, fill short gaps."""
+    remarks = list(raw.remarks)
+    up = _up_axis(raw)
+    R = axes.rotation_to_z_up(up)
+    plates, plate_remarks = _plates(raw, axes.axis_vector(up), R, switches)
+    remarks += plate_remarks
+    points = raw.points_m @ R.T
+    markers, outputs, filled = _tracks(raw, points)
+    if filled:
+        n = sum(int(mask.sum()) for mask in filled.values())
+        message = f"Short gaps of {len(filled)} markers were interpolated ({n} samples)."
+        remarks.append(Remark("gaps-filled", message))
+    is_marker = [label not in raw.outputs for label in raw.labels]
+    body = points[:, is_marker, :]
+    direction = axes.walking_direction(body, raw.marker_rate_hz)
+    if direction is None and plates:
+        direction = _belt_direction(list(markers.values()), raw.marker_rate_hz)
+        if direction is not None:
+            remarks.append(Remark("treadmill", "The body stays in place while the feet swing: taken for a treadmill."))
+    return Recording(
+        markers_m=markers,
+        marker_rate_hz=raw.marker_rate_hz,
+        force_rate_hz=raw.force_rate_hz,
+        plates=plates,
+        subject=raw.subject,
+        events=raw.events,
+        up_axis=up,
+        walking_direction=direction,
+        remarks=tuple(remarks),
+        carried=raw.carried,
+        model_points_m=outputs,
+        filled=filled,
+    )
+
+
+def _up_axis(raw: RawTrial) -> str:
+    force: Vector3 | None
+    if raw.contacts:
+        force = np.sum([contact.force_n.sum(axis=0) for contact in raw.contacts], axis=0)
+        centres = [contact.corners_m.mean(axis=0) for contact in raw.contacts]
+    else:
+        force = rough_total_force(raw.plates)
+        centres = [signals.corners_m.mean(axis=0) for signals in raw.plates]
+    return axes.find_up_axis(force, centres, raw.points_m, raw.up_hint)
+
+
+def _plates(
+    raw: RawTrial, up: Vector3, R: Rotation, switches: Mapping[int, PlateSwitches]
+) -> tuple[tuple[Plate, ...], list[Remark]]:
+    found: list[FilePlate] = list(raw.contacts)
+    remarks: list[Remark] = []
+    for signals in raw.plates:
+        plate, more = plate_wrench(signals, up)
+        found.append(plate)
+        remarks += more
+    plates = []
+    for plate in found:
+        switch = switches.get(plate.index, PlateSwitches())
+        plates.append(
+            Plate(
+                index=plate.index,
+                type=plate.type,
+                corners_m=plate.corners_m @ R.T,
+                force_n=plate.force_n @ R.T,
+                moment_nm=plate.moment_nm @ R.T,
+                tare_force_n=R @ plate.tare_force_n,
+                use=True if switch.use is None else switch.use,
+                threshold_n=20.0 if switch.threshold_n is None else switch.threshold_n,
+            )
+        )
+    return tuple(plates), remarks
+
+
+def _tracks(raw: RawTrial, points: np.ndarray) -> tuple[dict[str, Points], dict[str, Points], dict[str, Mask]]:
+    """Markers, model points and the masks of filled frames, by label; labels that are never seen are left out."""
+    markers: dict[str, Points] = {}
+    outputs: dict[str, Points] = {}
+    filled: dict[str, Mask] = {}
+    for i, label in enumerate(raw.labels):
+        track = points[:, i, :]
+        if np.isnan(track).all():
+            continue
+        track, mask = fill_short_gaps(track, raw.marker_rate_hz)
+        if label in raw.outputs:
+            outputs[label] = track
+            continue
+        markers[label] = track
+        if mask.any():
+            filled[label] = mask
+    return markers, outputs, filled
+
+
+def _belt_direction(tracks: list[Points], rate_hz: float) -> Vector3 | None:
+    """Direction of walking on a belt, from the lowest quarter of the markers."""
+    heights = [float(np.nanmedian(track[:, 2])) for track in tracks]
+    low = np.argsort(heights)[: max(2, len(tracks) // 4)]
+    return axes.belt_direction([tracks[int(i)] for i in low], rate_hz)
