@@ -39,7 +39,7 @@ def test_an_outcome_survives_the_way_out_of_the_child() -> None:
 
 
 def test_bibliography_gives_whole_entries_once_and_refuses_unknown_keys() -> None:
-    text = bibliography(["dumas2007", "carpentier2017", "dumas2007"])
+    text = bibliography(["dumas2007", "carpentier2017thesis", "dumas2007"])
     assert text.count("@") == 2
     assert "Adjustments to {McConville}" in text
     assert text.count("{") == text.count("}")
