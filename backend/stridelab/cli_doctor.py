@@ -111,8 +111,13 @@ def models() -> Check:
 
 def database(settings: Settings) -> Check:
     """The given PostgreSQL answers, or the binaries of the embedded one run."""
-    if settings.database_url:
-        return _database_answers(settings.database_url)
+    try:
+        url = settings.database_dsn
+    except OSError as error:
+        fix = "Make the file of STRIDELAB_DATABASE_PASSWORD_FILE readable."
+        return Check("database", False, f"the password file cannot be read ({error.strerror})", fix)
+    if url:
+        return _database_answers(url)
     folder = settings.pg_bin or _bundled_binaries()
     if folder is None:
         return Check("database", False, "no PostgreSQL binaries are installed", ESCAPE)

@@ -45,7 +45,7 @@ def read_settings() -> Settings:
 
 
 def _database_url(command: str) -> str:
-    url = read_settings().database_url
+    url = read_settings().database_dsn
     if not url:
         raise InvalidInput(
             "database-url-missing",
