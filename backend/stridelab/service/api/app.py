@@ -1,0 +1,117 @@
+"""The web application: its layers, its calls, and what it opens when it starts."""
+
+import shutil
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Final
+
+import anyio
+from fastapi import APIRouter, FastAPI
+
+from stridelab import __version__
+from stridelab.errors import Unavailable
+from stridelab.service.api import health, metrics, openapi, problems, session
+from stridelab.service.api.auth import Gate, Keys
+from stridelab.service.api.edge import Edge
+from stridelab.service.api.jobs import endpoints as jobs
+from stridelab.service.api.parts import Parts
+from stridelab.service.api.recordings import endpoints as recordings
+from stridelab.service.api.subjects import endpoints as subjects
+from stridelab.service.jobs.board import JobBoard
+from stridelab.service.jobs.isolated import IsolatedPool
+from stridelab.service.jobs.kinds.registry import KINDS
+from stridelab.service.jobs.store import JobStore
+from stridelab.service.settings import Settings
+from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.database import database_url, make_engine
+
+FRONT: Final = "stridelab.service.front"
+PARSERS: Final = 2
+"""Uploads that are parsed at the same time; others wait their turn."""
+STALE_SPOOL_S: Final = 3600.0
+
+
+def create_app(settings: Settings) -> FastAPI:
+    """The application; nothing is opened before it starts, so that its description costs nothing."""
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        async with open_parts(settings) as parts:
+            app.state.parts = parts
+            yield
+
+    app = FastAPI(
+        title="stridelab",
+        version=__version__,
+        lifespan=lifespan,
+        openapi_url="/api/v1/openapi.json",
+        docs_url=None,  # FastAPI's pages load their scripts from elsewhere
+        redoc_url=None,
+        redirect_slashes=False,
+    )
+    token = settings.token
+    keys = None if token is None else Keys.of(token)
+    app.state.keys = keys
+    problems.install(app)
+    openapi.install(app)
+    api = APIRouter(prefix="/api/v1")
+    for router in (health.router, recordings.router, subjects.router, jobs.router):
+        api.include_router(router)
+    app.include_router(api)
+    app.include_router(metrics.router)
+    app.include_router(session.router)
+    _mount_pages(app, settings)
+    app.add_middleware(Gate, settings=settings, keys=keys)
+    app.add_middleware(Edge)
+    return app
+
+
+def _mount_pages(app: FastAPI, settings: Settings) -> None:
+    """Put the web pages on the same port, where they are installed."""
+    if find_spec(FRONT) is not None:
+        import_module(FRONT).mount(app, settings)
+
+
+@asynccontextmanager
+async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
+    """Everything that the endpoints work with, open as long as the context lasts.
+
+    Raises ``Unavailable`` (``database-not-configured``) without a database address.
+    """
+    url = database_url(settings)
+    if url is None:
+        raise Unavailable(
+            "database-not-configured",
+            "STRIDELAB_DATABASE_URL is not set; `stridelab serve` starts one and sets it.",
+        )
+    spool = _clean_spool(settings.data_folder / "spool")
+    engine = make_engine(url)
+    try:
+        async with JobBoard(url) as board, IsolatedPool(spares=1) as pool:
+            yield Parts(
+                settings=settings,
+                engine=engine,
+                blobs=BlobStore.from_url(settings.blob_url or (settings.data_folder / "blobs").as_uri()),
+                store=JobStore(engine, KINDS, queue_limit=settings.queue_limit),
+                board=board,
+                pool=pool,
+                spool=spool,
+                parsers=anyio.CapacityLimiter(PARSERS),
+                started_at_s=time.monotonic(),
+            )
+    finally:
+        await engine.dispose()
+
+
+def _clean_spool(spool: Path) -> Path:
+    """The folder for uploads on their way in, without what a killed process left there."""
+    spool.mkdir(parents=True, exist_ok=True)
+    spool.chmod(0o700)
+    for folder in spool.iterdir():
+        if time.time() - folder.stat().st_mtime > STALE_SPOOL_S:
+            shutil.rmtree(folder, ignore_errors=True)
+    return spool

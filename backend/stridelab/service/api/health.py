@@ -1,0 +1,20 @@
+"""``GET /health``."""
+
+import time
+
+from fastapi import APIRouter
+from sqlalchemy import text
+
+from stridelab import __version__
+from stridelab.schemas.service import Health
+from stridelab.service.api.parts import AppParts
+
+router = APIRouter(tags=["service"])
+
+
+@router.get("/health", summary="Health")
+async def health(parts: AppParts) -> Health:
+    """Whether the service and its database answer. Needs no login."""
+    async with parts.engine.connect() as connection:
+        await connection.execute(text("SELECT 1 FROM job LIMIT 1"))
+    return Health(version=__version__, uptime_s=round(time.monotonic() - parts.started_at_s, 1))

@@ -1,0 +1,84 @@
+"""``bundle.zip``: everything about a finished job in one archive, packed while it is sent."""
+
+import io
+import json
+import zipfile
+from collections.abc import AsyncIterator
+from typing import Final
+
+from sqlalchemy import select
+from starlette.responses import StreamingResponse
+
+from stridelab.schemas.jobs import JobResult
+from stridelab.service.api.files import content_disposition
+from stridelab.service.api.parts import Parts
+from stridelab.service.jobs.kinds.provenance import bibliography
+from stridelab.service.jobs.store import JobRecord
+from stridelab.service.storage.tables import recording
+
+_FLUSH_BYTES: Final = 256 * 1024
+
+
+async def stream(parts: Parts, record: JobRecord, result: JobResult) -> StreamingResponse:
+    """The archive of a succeeded job.
+
+    It holds ``input.json``, ``result.json``, ``versions.json``, ``references.bib``, ``artifacts/...`` and, where it
+    still exists, the recording that the job worked on as ``input/...``.
+    """
+    texts = {
+        "input.json": _json(result.input),
+        "result.json": _json(result.model_dump(mode="json")),
+        "versions.json": _json(result.versions),
+        "references.bib": bibliography(result.references),
+    }
+    blobs = {f"artifacts/{artifact.name}": f"{record.blob_prefix}/{artifact.name}" for artifact in result.artifacts}
+    if record.recording_id is not None:
+        async with parts.engine.connect() as connection:
+            found = await connection.execute(
+                select(recording.c.filename, recording.c.blob_key).where(recording.c.id == record.recording_id)
+            )
+            blobs |= {f"input/{row.filename}": row.blob_key for row in found}
+    headers = {"Content-Disposition": content_disposition(f"{record.kind}-{record.id[:8]}.zip")}
+    return StreamingResponse(_pack(parts, texts, blobs), media_type="application/zip", headers=headers)
+
+
+def _json(value: object) -> str:
+    return json.dumps(value, indent=2, ensure_ascii=False) + "\n"
+
+
+async def _pack(parts: Parts, texts: dict[str, str], blobs: dict[str, str]) -> AsyncIterator[bytes]:
+    outbox = _Outbox()
+    # Artifacts are compressed already (Parquet) or small; storing keeps the API's processor free.
+    with zipfile.ZipFile(outbox, "w", zipfile.ZIP_STORED) as archive:
+        for name, text in texts.items():
+            archive.writestr(name, text)
+        for name, key in blobs.items():
+            with archive.open(name, "w", force_zip64=True) as entry:
+                async for piece in parts.blobs.stream(key):
+                    entry.write(piece)
+                    if outbox.waiting_bytes > _FLUSH_BYTES:
+                        yield outbox.take()
+    yield outbox.take()
+
+
+class _Outbox(io.RawIOBase):
+    """A file that cannot be rewound and gives away what was written to it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._pieces: list[bytes] = []
+        self.waiting_bytes = 0
+
+    def writable(self) -> bool:
+        return True
+
+    def write(self, data: "bytes | bytearray | memoryview") -> int:  # type: ignore[override]  # any buffer, as zipfile passes
+        piece = bytes(data)
+        self._pieces.append(piece)
+        self.waiting_bytes += len(piece)
+        return len(piece)
+
+    def take(self) -> bytes:
+        """What was written since the last call."""
+        taken, self._pieces, self.waiting_bytes = b"".join(self._pieces), [], 0
+        return taken

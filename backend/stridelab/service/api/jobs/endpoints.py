@@ -1,0 +1,140 @@
+"""Jobs: submitted, waited for, followed, cancelled; and what came out of them."""
+
+from typing import Annotated, Any, Final
+
+import structlog
+from fastapi import APIRouter, Header, Query
+from starlette.responses import StreamingResponse
+
+from stridelab.errors import NotFound
+from stridelab.schemas.base import Page
+from stridelab.schemas.jobs import Job, JobResult, JobState
+from stridelab.service.api.files import OCTETS, send_blob
+from stridelab.service.api.jobs import bundle, events
+from stridelab.service.api.jobs.rows import job_of
+from stridelab.service.api.jobs.submitting import add_kinds
+from stridelab.service.api.openapi import failures
+from stridelab.service.api.paging import Cursor, Limit
+from stridelab.service.api.parts import AppParts, Parts, known_form
+from stridelab.service.api.strict import StrictRoute
+from stridelab.service.jobs.store import JobRecord
+
+router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
+add_kinds(router)
+
+Wait = Annotated[float, Query(ge=0, le=60, description="seconds to wait for the job to finish")]
+Text = Annotated[str | None, Query(max_length=64, pattern=r"^[A-Za-z0-9_-]*$")]
+
+_UNKNOWN: Final = failures(s404="No job with this id (`job-not-found`).")
+_NO_RESULT: Final = failures(
+    s404="No job with this id (`job-not-found`).",
+    s409="The job has not finished (`job-not-finished`), or ended without a result (`job-without-result`).",
+)
+_BINARY: Final = {"type": "string", "format": "binary"}
+_STREAM: Final[dict[int | str, dict[str, Any]]] = {
+    200: {
+        "description": "Events `progress` and `state`; `id` is the number to resume from, `data` a JobEvent.",
+        "content": {"text/event-stream": {"schema": {"type": "string"}}},
+    }
+}
+
+
+@router.get("", summary="List jobs")
+async def list_jobs(
+    parts: AppParts,
+    limit: Limit = 50,
+    cursor: Cursor = None,
+    state: Annotated[JobState | None, Query(description="only jobs in this state")] = None,
+    kind: Text = None,
+    recording_id: Text = None,
+) -> Page[Job]:
+    """Jobs, newest first, optionally of one state, kind or recording."""
+    found = await parts.store.list_jobs(
+        limit=limit, cursor=cursor or None, state=state, kind=kind or None, recording_id=recording_id or None
+    )
+    return Page(items=[job_of(record) for record in found.items], next=found.next)
+
+
+@router.get("/{job_id}", summary="One job", responses=_UNKNOWN)
+async def get_job(parts: AppParts, job_id: str, wait: Wait = 0.0) -> Job:
+    """State and progress of a job. With `wait`, the answer comes when the job has finished, or after that time."""
+    record = await _known(parts, job_id)
+    if wait > 0 and not record.is_final:
+        record = await parts.board.wait(parts.store, job_id, wait)
+    return job_of(record)
+
+
+@router.delete("/{job_id}", summary="Cancel a job", responses=_UNKNOWN)
+async def cancel_job(parts: AppParts, job_id: str) -> Job:
+    """Cancel a job: a queued one at once, a running one within half a second. A finished job stays as it is."""
+    await _known(parts, job_id)
+    return job_of(await parts.store.request_cancel(job_id))
+
+
+@router.get(
+    "/{job_id}/events",
+    summary="Follow a job",
+    responses={**_UNKNOWN, **_STREAM},
+    response_class=StreamingResponse,
+)
+async def job_events(
+    parts: AppParts,
+    job_id: str,
+    last_event_id: Annotated[
+        str | None, Header(alias="Last-Event-ID", max_length=20, description="number of the last event seen")
+    ] = None,
+) -> StreamingResponse:
+    """Server-sent events from the first one, or from after `Last-Event-ID`, until the job has finished."""
+    await _known(parts, job_id)
+    return events.stream(parts, job_id, events.resume_from(last_event_id))
+
+
+@router.get("/{job_id}/result", summary="Result of a job", responses=_NO_RESULT)
+async def get_result(parts: AppParts, job_id: str) -> JobResult:
+    """Input, summary, versions, references (BibTeX keys) and the list of files of a succeeded job."""
+    await _known(parts, job_id)
+    return await parts.store.result(job_id)
+
+
+@router.get(
+    "/{job_id}/artifacts/{name}",
+    summary="One file of a result",
+    responses={
+        **_NO_RESULT,
+        200: {"description": "The file.", "content": {OCTETS: {"schema": _BINARY}}},
+        **failures(s404="No such job (`job-not-found`), or no such file in its result (`artifact-not-found`)."),
+    },
+    response_class=StreamingResponse,
+)
+async def get_artifact(parts: AppParts, job_id: str, name: str) -> StreamingResponse:
+    """One file of a succeeded job, by the name in its result."""
+    record = await _known(parts, job_id)
+    result = await parts.store.result(job_id)
+    for artifact in result.artifacts:
+        if artifact.name == name:
+            return await send_blob(parts, f"{record.blob_prefix}/{artifact.name}", artifact.name, artifact.media_type)
+    names = ", ".join(artifact.name for artifact in result.artifacts) or "none"
+    raise NotFound("artifact-not-found", f"The result has no file of that name; it has: {names}.")
+
+
+@router.get(
+    "/{job_id}/bundle.zip",
+    summary="Everything about a job",
+    responses={
+        **_NO_RESULT,
+        200: {
+            "description": "The archive.",
+            "content": {"application/zip": {"schema": _BINARY}},
+        },
+    },
+    response_class=StreamingResponse,
+)
+async def get_bundle(parts: AppParts, job_id: str) -> StreamingResponse:
+    """Input, result, versions, references.bib and all files of a succeeded job in one archive, with the recording."""
+    return await bundle.stream(parts, await _known(parts, job_id), await parts.store.result(job_id))
+
+
+async def _known(parts: Parts, job_id: str) -> JobRecord:
+    record = await parts.store.get(known_form(job_id, "job"))
+    structlog.contextvars.bind_contextvars(job_id=record.id)
+    return record

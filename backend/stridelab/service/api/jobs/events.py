@@ -1,0 +1,70 @@
+"""Following a job by server-sent events that can be resumed."""
+
+from collections.abc import AsyncIterator
+from typing import Final
+
+import structlog
+from sqlalchemy.exc import DBAPIError
+from starlette.responses import StreamingResponse
+
+from stridelab.errors import Fault, InvalidInput, StridelabError
+from stridelab.schemas.jobs import FINAL_STATES, JobEvent, JobState, Progress
+from stridelab.service.api.parts import Parts
+from stridelab.service.jobs.store import JobRecord
+
+log = structlog.get_logger(__name__)
+
+_LARGEST: Final = 2**63 - 1
+
+
+def resume_from(last_event_id: str | None) -> int:
+    """The number after which a stream begins. Raises ``InvalidInput`` (``invalid-event-id``)."""
+    if not last_event_id:
+        return 0
+    if not (last_event_id.isascii() and last_event_id.isdecimal() and int(last_event_id) <= _LARGEST):
+        raise InvalidInput(
+            "invalid-event-id",
+            "Last-Event-ID is the number of an event of this job.",
+            [Fault("Last-Event-ID", "not a number of ours")],
+        )
+    return int(last_event_id)
+
+
+def stream(parts: Parts, job_id: str, after: int) -> StreamingResponse:
+    """The job's events above number ``after`` until it has finished."""
+    headers = {"Cache-Control": "no-cache, no-transform", "X-Accel-Buffering": "no"}
+    return StreamingResponse(_lines(parts, job_id, after), media_type="text/event-stream", headers=headers)
+
+
+async def _lines(parts: Parts, job_id: str, after: int) -> AsyncIterator[str]:
+    state: JobState | None = None
+    yield ": following\n\n"
+    try:
+        async for events in parts.board.follow(parts.store, job_id, after):
+            for event in events:
+                after = event.seq
+                yield _event(event, changed=event.state != state)
+                state = event.state
+            if not events:
+                yield ": nothing new\n\n"
+        if state not in FINAL_STATES:
+            yield _event(_last_word(await parts.store.get(job_id), after), changed=True)
+    except (StridelabError, DBAPIError) as error:
+        # Deleted, or the database is restarting. The answer has begun, so it ends; who resumes is told the reason.
+        log.warning("event stream ended early", error=type(error).__name__)
+
+
+def _event(event: JobEvent, *, changed: bool) -> str:
+    name = "state" if changed else "progress"
+    return f"id: {event.seq}\nevent: {name}\ndata: {event.model_dump_json()}\n\n"
+
+
+def _last_word(record: JobRecord, seq: int) -> JobEvent:
+    """The final state of a job whose events have been seen, or cleared away, already."""
+    return JobEvent(
+        seq=seq,
+        at=record.finished_at or record.created_at,
+        state=record.state,
+        attempt=record.attempt,
+        progress=Progress(fraction=record.fraction, message=record.message),
+    )

@@ -1,0 +1,48 @@
+"""Jobs of the store as the contract shows them."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from stridelab.schemas.base import FaultItem, Problem
+from stridelab.schemas.jobs import Job, JobState, Progress
+from stridelab.service.jobs.store import JobRecord
+
+_ENDED: Final[Mapping[JobState, tuple[int, str]]] = {
+    "failed": (422, "Job failed"),
+    "timed_out": (504, "Job timed out"),
+    "cancelled": (409, "Job cancelled"),
+}
+
+
+def job_of(record: JobRecord) -> Job:
+    """The job of a record."""
+    return Job(
+        id=record.id,
+        kind=record.kind,
+        state=record.state,
+        priority=record.priority,
+        progress=Progress(fraction=record.fraction, message=record.message),
+        attempt=record.attempt,
+        created_at=record.created_at,
+        started_at=record.started_at,
+        finished_at=record.finished_at,
+        error=_problem_of(record),
+        queue_position=record.queue_position,
+        owner=record.owner,
+        recording_id=record.recording_id,
+        log_tail=record.log_tail,
+    )
+
+
+def _problem_of(record: JobRecord) -> Problem | None:
+    if record.error is None:
+        return None
+    status, title = _ENDED.get(record.state, (500, "Job error"))
+    return Problem(
+        title=title,
+        status=status,
+        code=record.error["code"],
+        detail=record.error["detail"],
+        instance=f"/api/v1/jobs/{record.id}",
+        errors=[FaultItem(**item) for item in record.error.get("errors", [])],
+    )

@@ -1,0 +1,103 @@
+"""``POST /jobs/{kind}``: one call per kind, so that each has its own schema and examples."""
+
+import inspect
+from typing import Annotated, Any, Final, NoReturn
+
+import structlog
+from fastapi import APIRouter, Body, Header, Query, Response
+
+from stridelab.errors import NotFound
+from stridelab.schemas.base import Contract
+from stridelab.schemas.jobs import Job
+from stridelab.service.api.jobs.rows import job_of
+from stridelab.service.api.openapi import failures
+from stridelab.service.api.parts import AppParts, known_form
+from stridelab.service.jobs.kinds.kind import JobKind
+from stridelab.service.jobs.kinds.registry import KINDS
+
+Priority = Annotated[int, Query(ge=-100, le=100, description="higher runs earlier")]
+Key = Annotated[
+    str | None,
+    Header(
+        alias="Idempotency-Key",
+        min_length=1,
+        max_length=200,
+        pattern=r"^[\x21-\x7e]+$",
+        description="the same key and body again return the same job instead of a second one",
+    ),
+]
+
+_EXAMPLES: Final[dict[str, Any]] = {
+    "estimate-com": {
+        "default": {
+            "summary": "Best estimator, everything automatic",
+            "value": {"recording_id": "00000000000000000000000000000000"},
+        },
+        "filter": {
+            "summary": "Complementary filter with own cut-offs, latency applied",
+            "value": {
+                "recording_id": "00000000000000000000000000000000",
+                "method": "complementary",
+                "latency": "apply",
+                "segment_table": "dumas2007",
+                "cutoffs": [0.5, 3.0],
+            },
+        },
+    },
+    "simulate-recording": {
+        "walk": {"summary": "Six seconds of walking", "value": {"duration_s": 6.0, "speed_m_s": 1.2, "seed": 1}},
+        "noisy": {
+            "summary": "A heavier, slower walker, noisy plates",
+            "value": {"speed_m_s": 0.8, "mass_kg": 82.0, "noise": {"force_n": 8.0, "marker_m": 0.002}, "seed": 7},
+        },
+    },
+}
+
+
+def add_kinds(router: APIRouter) -> None:
+    """Give ``router`` a call for every registered kind, and an answer for all other names."""
+    for kind in KINDS.values():
+        _add_kind(router, kind)
+
+    async def unknown_kind(kind: str) -> NoReturn:
+        known = ", ".join(KINDS)
+        raise NotFound("unknown-job-kind", f"There is no job kind of that name; there are {known}.")
+
+    router.add_api_route("/{kind}", unknown_kind, methods=["POST"], include_in_schema=False, response_model=None)
+
+
+def _add_kind(router: APIRouter, kind: JobKind) -> None:
+    async def submit(
+        parts: AppParts, response: Response, body: Contract, priority: Priority = 0, key: Key = None
+    ) -> Job:
+        request = body.model_dump(mode="json", exclude_unset=True)
+        recording_id = request.get("recording_id")
+        if recording_id is not None:
+            known_form(recording_id, "recording")
+        submitted = await parts.store.submit(
+            kind.name, request, priority=priority, idempotency_key=key, recording_id=recording_id
+        )
+        structlog.contextvars.bind_contextvars(job_id=submitted.job_id)
+        response.headers["Location"] = f"/api/v1/jobs/{submitted.job_id}"
+        return job_of(await parts.store.get(submitted.job_id))
+
+    body: Any = Annotated[kind.input_model, Body(openapi_examples=_EXAMPLES.get(kind.name))]
+    signature = inspect.signature(submit)
+    parameters = [p.replace(annotation=body) if p.name == "body" else p for p in signature.parameters.values()]
+    submit.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]  # read by FastAPI
+    router.add_api_route(
+        f"/{kind.name}",
+        submit,
+        methods=["POST"],
+        status_code=202,
+        response_model=Job,
+        operation_id=f"submit_{kind.name.replace('-', '_')}",
+        summary=f"Submit {kind.name}",
+        description=f"{inspect.cleandoc(kind.summary_model.__doc__ or '')} The job runs in a worker; the answer says "
+        "where to wait for it (`Location`).",
+        responses=failures(
+            s404="The input names an unknown recording (`recording-not-found`).",
+            s409="The idempotency key came with another body before (`idempotency-key-reused`).",
+            s429="Too many jobs are waiting (`queue-full`); `Retry-After` says when to come back.",
+        ),
+    )

@@ -1,0 +1,71 @@
+"""The description of the API. Failures are written into it here, the same way for every call."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from fastapi import FastAPI
+from fastapi.openapi.utils import get_openapi
+
+from stridelab.schemas.base import Problem
+from stridelab.service.api.problems import MEDIA_TYPE
+
+DESCRIPTION: Final = """\
+Gait recordings in, the centre of mass out.
+
+Every failure is `application/problem+json` with a stable `code`, a sentence and, where it applies, the places in the
+input that caused it. Lists are pages: pass `next` as `cursor` until it is null. Long work is a job: the answer to the
+submission is 202 with a `Location`; wait there with `?wait=60`, or follow `/events`.
+"""
+
+_COMMON: Final[Mapping[str, str]] = {
+    "401": "The API token is missing or wrong (`login-needed`).",
+    "403": "The request comes from a foreign host name or page (`foreign-host`, `foreign-origin`).",
+    "503": "The database or the file store does not answer.",
+}
+_WITH_BODY: Final[Mapping[str, str]] = {
+    "400": "The body is not JSON (`not-json`) or could not be read (`malformed-request`).",
+    "413": "The body is over the limit (`body-too-large`).",
+    "415": "The content type is not what this address reads (`unsupported-media-type`).",
+}
+
+
+def failures(**by_status: str) -> dict[int | str, dict[str, Any]]:
+    """``responses`` of an endpoint: ``failures(s404="No such job.")``."""
+    return {int(status.removeprefix("s")): {"description": text} for status, text in by_status.items()}
+
+
+def install(app: FastAPI) -> None:
+    """Let ``app.openapi()`` return the description with its failures."""
+
+    def describe() -> dict[str, Any]:
+        if app.openapi_schema is None:
+            schema = get_openapi(title=app.title, version=app.version, description=DESCRIPTION, routes=app.routes)
+            _describe_failures(schema)
+            app.openapi_schema = schema
+        return app.openapi_schema
+
+    app.openapi = describe  # type: ignore[method-assign]  # the way FastAPI documents
+
+
+def _describe_failures(schema: dict[str, Any]) -> None:
+    components = schema.setdefault("components", {}).setdefault("schemas", {})
+    own = Problem.model_json_schema(ref_template="#/components/schemas/{model}", mode="serialization")
+    components.update(own.pop("$defs", {}))
+    components["Problem"] = own
+    for name in ("HTTPValidationError", "ValidationError"):
+        components.pop(name, None)
+    content = {MEDIA_TYPE: {"schema": {"$ref": "#/components/schemas/Problem"}}}
+    for operations in schema["paths"].values():
+        for operation in operations.values():
+            responses = operation["responses"]
+            texts = {**_COMMON, **(_WITH_BODY if "requestBody" in operation else {})}
+            if "422" in responses and "requestBody" not in operation:
+                responses["422"] = {"description": "A parameter is not valid (`invalid-request`)."}
+            elif "422" in responses and responses["422"]["description"] == "Validation Error":
+                responses["422"] = {"description": "The request is not valid (`invalid-request`)."}
+            for status, text in texts.items():
+                responses.setdefault(status, {"description": text})
+            responses.setdefault("default", {"description": "Any other failure."})
+            for status, response in responses.items():
+                if status == "default" or int(status) >= 400:
+                    response["content"] = content

@@ -1,0 +1,65 @@
+"""What the endpoints work with: one set of parts per application, made when it starts and closed when it ends."""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Final
+
+import anyio
+from fastapi import Depends, Request
+from sqlalchemy.ext.asyncio import AsyncEngine
+
+from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.service.jobs.board import JobBoard
+from stridelab.service.jobs.isolated import IsolatedPool
+from stridelab.service.jobs.store import JobStore
+from stridelab.service.settings import Settings
+from stridelab.service.storage.blobs import BlobStore
+
+_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Database, files, the board that says when a job changes, and the limits."""
+
+    settings: Settings
+    engine: AsyncEngine
+    blobs: BlobStore
+    store: JobStore
+    board: JobBoard
+    pool: IsolatedPool
+    spool: Path
+    parsers: anyio.CapacityLimiter
+    started_at_s: float
+
+
+def _parts(request: Request) -> Parts:
+    parts = request.app.state.parts
+    if not isinstance(parts, Parts):
+        raise TypeError("the application was called before it started")
+    return parts
+
+
+AppParts = Annotated[Parts, Depends(_parts)]
+
+
+def known_form(identifier: str, what: str) -> str:
+    """``identifier`` if it can be the id of a ``what``. Raises ``NotFound`` (``<what>-not-found``)."""
+    if not _ID.fullmatch(identifier):
+        raise not_found(what)
+    return identifier
+
+
+def not_found(what: str) -> NotFound:
+    """The error for an unknown ``what`` (recording, subject, job)."""
+    return NotFound(f"{what}-not-found", f"There is no {what} with this id; it may have been deleted.")
+
+
+def only_text(text: str, where: str) -> str:
+    """``text`` if a database column can hold it. Raises ``InvalidInput`` (``invalid-text``)."""
+    if not text.isprintable():
+        raise InvalidInput(
+            "invalid-text", f"{where} holds characters that cannot be stored.", [Fault(where, "invalid")]
+        )
+    return text

@@ -1,0 +1,149 @@
+"""Every failure as ``application/problem+json`` (RFC 9457): the class of an error decides the status.
+
+``install`` registers the handlers; what they do not reach (an unexpected exception, a refusal at the gate) uses
+``answer`` directly.
+"""
+
+import http
+from collections.abc import Mapping
+from typing import Any, Final
+
+import structlog
+from fastapi import FastAPI, Request
+from fastapi.exceptions import RequestValidationError
+from sqlalchemy.exc import DataError, DBAPIError, InterfaceError, OperationalError
+from starlette.exceptions import HTTPException
+from starlette.responses import Response
+
+from stridelab.errors import (
+    Busy,
+    Conflict,
+    Forbidden,
+    InvalidInput,
+    NotEstimable,
+    NotFound,
+    StorageFull,
+    StridelabError,
+    TooLarge,
+    Unauthenticated,
+    Unavailable,
+    UnreadableFile,
+)
+from stridelab.schemas.base import FaultItem, Problem
+
+log = structlog.get_logger(__name__)
+
+MEDIA_TYPE: Final = "application/problem+json"
+
+STATUS: Final[Mapping[type[StridelabError], int]] = {
+    UnreadableFile: 422,
+    InvalidInput: 422,
+    NotEstimable: 422,
+    NotFound: 404,
+    Conflict: 409,
+    TooLarge: 413,
+    Busy: 429,
+    Unauthenticated: 401,
+    Forbidden: 403,
+    StorageFull: 507,
+    Unavailable: 503,
+}
+"""Status of each class; a subclass takes that of its nearest listed ancestor."""
+
+_STATUS_OF_CODE: Final[Mapping[str, int]] = {"unsupported-media-type": 415, "not-json": 400, "malformed-request": 400}
+"""Refusals of a request's form, which HTTP gives statuses of their own."""
+
+_PLAIN: Final[Mapping[int, tuple[str, str]]] = {
+    400: ("malformed-request", "The request could not be read."),
+    404: ("unknown-path", "There is nothing at this address."),
+    405: ("method-not-allowed", "This address does not know that method."),
+    413: ("body-too-large", "The body of the request is larger than this address accepts."),
+    415: ("unsupported-media-type", "The content type of the request is not one that this address reads."),
+}
+
+
+def status_of(error: StridelabError) -> int:
+    """HTTP status of an error; 500 for a class that is not listed."""
+    if error.code in _STATUS_OF_CODE:
+        return _STATUS_OF_CODE[error.code]
+    return next((STATUS[cls] for cls in type(error).__mro__ if cls in STATUS), 500)
+
+
+def problem_of(error: StridelabError) -> Problem:
+    """The problem that tells a client of ``error``."""
+    faults = [FaultItem(where=fault.where, message=fault.message) for fault in error.faults]
+    return problem(status_of(error), error.code, error.message, faults)
+
+
+def problem(status: int, code: str, detail: str, errors: list[FaultItem] | None = None) -> Problem:
+    """A problem with the title of its status and the id of the request that is being answered."""
+    return Problem(
+        title=http.HTTPStatus(status).phrase,
+        status=status,
+        code=code,
+        detail=detail,
+        errors=errors or [],
+        request_id=structlog.contextvars.get_contextvars().get("request_id"),
+    )
+
+
+def answer(body: Problem, headers: Mapping[str, str] | None = None) -> Response:
+    """The response that carries ``body``."""
+    text = body.model_dump_json(exclude_none=True)
+    return Response(text, status_code=body.status, media_type=MEDIA_TYPE, headers=dict(headers or {}))
+
+
+def answer_error(error: StridelabError) -> Response:
+    """The response that tells a client of ``error``, with the headers that its status asks for."""
+    headers: dict[str, str] = {}
+    if isinstance(error, Busy):
+        headers["Retry-After"] = str(max(1, round(error.retry_after_s)))
+    if isinstance(error, Unauthenticated):
+        headers["WWW-Authenticate"] = 'Bearer realm="stridelab"'
+    return answer(problem_of(error), headers)
+
+
+def faults_of(errors: list[Any]) -> list[FaultItem]:
+    """Pydantic's list of errors as places and sentences; the refused values are not echoed."""
+    faults = []
+    for item in errors:
+        path = [str(part) for part in item["loc"]]
+        if len(path) > 1 and path[0] in ("body", "query", "path", "header", "cookie"):
+            path = path[1:]
+        faults.append(FaultItem(where=".".join(path), message=str(item["msg"])))
+    return faults
+
+
+def install(app: FastAPI) -> None:
+    """Answer every exception of the application as a problem."""
+
+    async def on_error(_: Request, error: Exception) -> Response:
+        if not isinstance(error, StridelabError):
+            raise error
+        return answer_error(error)
+
+    async def on_invalid(_: Request, error: Exception) -> Response:
+        if not isinstance(error, RequestValidationError):
+            raise error
+        faults = faults_of(list(error.errors()))
+        places = ", ".join(dict.fromkeys(fault.where for fault in faults))
+        return answer(problem(422, "invalid-request", f"The request is not valid: see {places}.", faults))
+
+    async def on_http(_: Request, error: Exception) -> Response:
+        if not isinstance(error, HTTPException):
+            raise error
+        code, detail = _PLAIN.get(error.status_code, ("http-error", str(error.detail)))
+        return answer(problem(error.status_code, code, detail), error.headers)
+
+    async def on_database(_: Request, error: Exception) -> Response:
+        if isinstance(error, DataError):
+            return answer_error(InvalidInput("invalid-value", "The request holds a value that cannot be stored."))
+        if isinstance(error, OperationalError | InterfaceError):
+            log.error("database unreachable", error=type(error).__name__)
+            return answer_error(Unavailable("database-unreachable", "The database does not answer. Try again shortly."))
+        raise error
+
+    app.add_exception_handler(DBAPIError, on_database)
+    app.add_exception_handler(StridelabError, on_error)
+    app.add_exception_handler(RequestValidationError, on_invalid)
+    app.add_exception_handler(HTTPException, on_http)

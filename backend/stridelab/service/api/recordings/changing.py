@@ -1,0 +1,92 @@
+"""``PATCH /recordings/{id}``: which columns change, and whether the file must be read again."""
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import update
+
+from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.schemas.recordings import PlateSwitch, Recording, RecordingFacts, RecordingPatch
+from stridelab.service.api.parts import Parts
+from stridelab.service.api.recordings.parsing import Switches, parse
+from stridelab.service.api.recordings.rows import recording_of, recording_row
+from stridelab.service.api.recordings.storing import refuse_bundled, replace_facts
+from stridelab.service.api.subjects.rows import subject_row
+from stridelab.service.storage.tables import recording
+
+
+async def change_recording(parts: Parts, recording_id: str, patch: RecordingPatch) -> Recording:
+    """Change the fields that were given in ``patch``; changed switches make the file be read again.
+
+    Raises ``NotFound`` (``recording-not-found``), ``Conflict`` (``bundled-read-only``, ``changed-meanwhile``),
+    ``InvalidInput`` (``invalid-request``) naming a field that cannot hold, and what reading the file may raise.
+    """
+    async with parts.engine.connect() as connection:
+        row = await recording_row(connection, recording_id)
+    refuse_bundled(row)
+    changes = await _links(parts, row, patch)
+    if "subject" in patch.model_fields_set:
+        given = {} if patch.subject is None else patch.subject.model_dump(mode="json", exclude_unset=True)
+        kept = {} if patch.subject is None else row["subject_fields"]
+        merged = {**kept, **given}
+        changes["subject_fields"] = {name: value for name, value in merged.items() if value is not None}
+    switches = _switches(row, patch)
+    if switches != Switches.of_row(row):
+        with tempfile.TemporaryDirectory(dir=parts.spool) as name:
+            await parts.blobs.get_file(row["blob_key"], Path(name) / "trial")
+            parsed = await parse(parts, Path(name), "trial", row["filename"], switches)
+            await replace_facts(parts, row, switches, parsed, changes)
+    elif changes:
+        async with parts.engine.begin() as connection:
+            await connection.execute(update(recording).where(recording.c.id == recording_id).values(changes))
+    async with parts.engine.connect() as connection:
+        return recording_of(await recording_row(connection, recording_id))
+
+
+async def _links(parts: Parts, row: Mapping[str, Any], patch: RecordingPatch) -> dict[str, Any]:
+    """Changed links to a subject and to a static trial, which must exist."""
+    changes: dict[str, Any] = {}
+    async with parts.engine.connect() as connection:
+        try:
+            if "subject_id" in patch.model_fields_set:
+                changes["subject_id"] = patch.subject_id
+                if patch.subject_id is not None:
+                    await subject_row(connection, patch.subject_id)
+            if "static_recording_id" in patch.model_fields_set:
+                changes["static_recording_id"] = patch.static_recording_id
+                if patch.static_recording_id == row["id"]:
+                    raise _invalid("static_recording_id", "a recording cannot be its own static trial")
+                if patch.static_recording_id is not None:
+                    await recording_row(connection, patch.static_recording_id)
+        except NotFound as error:
+            where = "static_recording_id" if error.code == "recording-not-found" else "subject_id"
+            raise _invalid(where, error.message) from error
+    return changes
+
+
+def _switches(row: Mapping[str, Any], patch: RecordingPatch) -> Switches:
+    """The switches after ``patch``: the marker map is replaced, plates are changed one by one; null resets all."""
+    present = Switches.of_row(row)
+    facts = RecordingFacts.model_validate(row["facts"])
+    marker_map, plates = dict(present.marker_map), dict(present.plates)
+    if "marker_map" in patch.model_fields_set:
+        marker_map = dict(patch.marker_map or {})
+        unknown = [label for label in marker_map.values() if label not in facts.labels]
+        if unknown:
+            raise _invalid("marker_map", f"the file has no marker {', '.join(label[:40] for label in unknown[:5])}")
+    if "plates" in patch.model_fields_set:
+        known = {plate.index for plate in facts.plates}
+        if patch.plates is None:
+            plates = {}
+        for index, switch in (patch.plates or {}).items():
+            if index not in known:
+                raise _invalid(f"plates.{index}", f"the file has the plates {sorted(known)}")
+            before = plates.get(index, PlateSwitch()).model_dump(exclude_none=True)
+            plates[index] = PlateSwitch.model_validate({**before, **switch.model_dump(exclude_unset=True)})
+    return Switches(marker_map, plates)
+
+
+def _invalid(where: str, message: str) -> InvalidInput:
+    return InvalidInput("invalid-request", f"The change is not possible: {where}: {message}.", [Fault(where, message)])

@@ -1,0 +1,166 @@
+"""Recordings: uploaded, looked at, corrected, downloaded, deleted."""
+
+import shutil
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, Body, Request, Response
+from starlette.responses import StreamingResponse
+
+from stridelab.schemas.base import Page
+from stridelab.schemas.recordings import Recording, RecordingPatch
+from stridelab.service.api.files import OCTETS, PARQUET, send_blob
+from stridelab.service.api.openapi import failures
+from stridelab.service.api.paging import Cursor, Limit, newest_first, page_of
+from stridelab.service.api.parts import AppParts
+from stridelab.service.api.recordings import changing, storing
+from stridelab.service.api.recordings.fields import subject_of_form
+from stridelab.service.api.recordings.multipart import Limits, receive_form
+from stridelab.service.api.recordings.parsing import NO_SWITCHES, parse
+from stridelab.service.api.recordings.rows import recording_of, recording_row, recordings_with_subjects
+from stridelab.service.api.strict import StrictRoute
+from stridelab.service.storage.tables import recording
+
+router = APIRouter(prefix="/recordings", tags=["recordings"], route_class=StrictRoute)
+
+_FORM: Final[Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file"],
+                    "additionalProperties": False,
+                    "properties": {
+                        "file": {
+                            "type": "string",
+                            "format": "binary",
+                            "description": "a .c3d file, or a .zip of one .trc and one .mot or .sto",
+                        },
+                        "subject_name": {"type": "string", "maxLength": 80, "description": "a pseudonym"},
+                        "height_m": {"type": "number", "minimum": 0.4, "maximum": 2.6},
+                        "mass_kg": {"type": "number", "minimum": 2, "maximum": 400},
+                        "sex": {"type": "string", "enum": ["female", "male"]},
+                        "age_years": {"type": "number", "minimum": 0, "maximum": 120},
+                    },
+                }
+            }
+        },
+    }
+}
+_CHANGES: Final[Any] = {
+    "subject": {"summary": "State height and sex", "value": {"subject": {"height_m": 1.71, "sex": "female"}}},
+    "plate": {
+        "summary": "Leave the first plate out, raise the threshold of the second",
+        "value": {"plates": {"0": {"use": False}, "1": {"threshold_n": 30.0}}},
+    },
+    "reset": {"summary": "Undo all switches", "value": {"plates": None, "marker_map": None}},
+}
+_UNKNOWN: Final = failures(s404="No recording with this id (`recording-not-found`).")
+_FILE: Final[dict[int | str, dict[str, Any]]] = {
+    200: {"description": "The file.", "content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}}
+}
+_TABLE: Final[dict[int | str, dict[str, Any]]] = {
+    200: {"description": "The table.", "content": {PARQUET: {"schema": {"type": "string", "format": "binary"}}}}
+}
+
+
+@router.post(
+    "",
+    status_code=201,
+    summary="Upload a recording",
+    openapi_extra=_FORM,
+    responses=failures(
+        s413="The file is over the limit (`upload-too-large`).",
+        s422="The file cannot be read (for example `unreadable-file`, `empty-file`), or a field is not valid.",
+        s507="No disk space is left (`disk-full`).",
+    ),
+)
+async def upload_recording(parts: AppParts, request: Request, response: Response) -> Recording:
+    """Upload a `.c3d` file, or a `.zip` of `.trc` and `.mot`/`.sto`, as the form field `file`.
+
+    The file is read before the answer: 201 means that it is stored and understood, and what is in it. A file that
+    cannot be read is refused with the reason, and nothing of it is kept.
+    """
+    limits = Limits(parts.settings.max_upload_mb * 1_000_000, parts.settings.min_free_disk_mb * 1_000_000)
+    folder = storing.spool_folder(parts)
+    try:
+        form = await receive_form(request, folder / "trial", limits)
+        subject = subject_of_form(form.fields)
+        parsed = await parse(parts, folder, form.path.name, form.filename, NO_SWITCHES)
+        stored = await storing.store_upload(parts, form, parsed, subject)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    response.headers["Location"] = f"/api/v1/recordings/{stored.id}"
+    return stored
+
+
+@router.get("", summary="List recordings")
+async def list_recordings(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[Recording]:
+    """Recordings, newest first."""
+    query = newest_first(recordings_with_subjects(), recording, limit, cursor)
+    async with parts.engine.connect() as connection:
+        rows = (await connection.execute(query)).mappings().all()
+    return page_of([dict(row) for row in rows], limit, recording_of)
+
+
+@router.get("/{recording_id}", summary="One recording", responses=_UNKNOWN)
+async def get_recording(parts: AppParts, recording_id: str) -> Recording:
+    """What is known of a recording: rates, marker set, plates, windows, subject, and what to be careful about."""
+    async with parts.engine.connect() as connection:
+        return recording_of(await recording_row(connection, recording_id))
+
+
+@router.patch(
+    "/{recording_id}",
+    summary="Change a recording",
+    responses={
+        **_UNKNOWN,
+        **failures(s409="A sample of the program (`bundled-read-only`), or changed by another (`changed-meanwhile`)."),
+    },
+)
+async def change_recording(
+    parts: AppParts, recording_id: str, body: Annotated[RecordingPatch, Body(openapi_examples=_CHANGES)]
+) -> Recording:
+    """Change what the user states: subject fields, links to a subject and a static trial, marker map, plate switches.
+
+    Only the given fields change. A changed marker map or plate switch makes the file be read again.
+    """
+    return await changing.change_recording(parts, recording_id, body)
+
+
+@router.delete(
+    "/{recording_id}",
+    status_code=204,
+    summary="Delete a recording",
+    responses={**_UNKNOWN, **failures(s409="A sample that comes with the program (`bundled-read-only`).")},
+)
+async def delete_recording(parts: AppParts, recording_id: str) -> None:
+    """Delete a recording with its jobs, their results and all files. Running jobs are cancelled."""
+    await storing.delete_recording(parts, recording_id)
+
+
+@router.get(
+    "/{recording_id}/file",
+    summary="The uploaded file",
+    responses={**_UNKNOWN, **_FILE},
+    response_class=StreamingResponse,
+)
+async def get_file(parts: AppParts, recording_id: str) -> StreamingResponse:
+    """The file as it was uploaded, byte for byte."""
+    async with parts.engine.connect() as connection:
+        row = await recording_row(connection, recording_id)
+    return await send_blob(parts, row["blob_key"], row["filename"], OCTETS)
+
+
+@router.get(
+    "/{recording_id}/tracks.parquet",
+    summary="Markers and wrenches",
+    responses={**_UNKNOWN, **_TABLE},
+    response_class=StreamingResponse,
+)
+async def get_tracks(parts: AppParts, recording_id: str) -> StreamingResponse:
+    """Markers and plate wrenches over time as Parquet: world frame, SI units, unit suffixes in the column names."""
+    async with parts.engine.connect() as connection:
+        row = await recording_row(connection, recording_id)
+    return await send_blob(parts, row["tracks_key"], "tracks.parquet", PARQUET)

@@ -1,0 +1,75 @@
+"""Subjects: pseudonymous persons that several recordings may share."""
+
+import uuid
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, Body, Response
+from sqlalchemy import delete, insert, select, update
+
+from stridelab.schemas.base import Page
+from stridelab.schemas.recordings import Subject, SubjectInput
+from stridelab.service.api.openapi import failures
+from stridelab.service.api.paging import Cursor, Limit, newest_first, page_of
+from stridelab.service.api.parts import AppParts
+from stridelab.service.api.strict import StrictRoute
+from stridelab.service.api.subjects.rows import subject_of, subject_row
+from stridelab.service.storage.tables import subject
+
+router = APIRouter(prefix="/subjects", tags=["subjects"], route_class=StrictRoute)
+
+_EXAMPLE: Final[Any] = {
+    "adult": {
+        "summary": "An adult",
+        "value": {"name": "P07", "height_m": 1.71, "mass_kg": 60.4, "sex": "female", "age_years": 31},
+    }
+}
+_TALLER: Final[Any] = {"height": {"summary": "Correct one field", "value": {"height_m": 1.72}}}
+_UNKNOWN: Final = failures(s404="No subject with this id (`subject-not-found`).")
+
+
+@router.get("", summary="List subjects")
+async def list_subjects(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[Subject]:
+    """Subjects, newest first."""
+    async with parts.engine.connect() as connection:
+        rows = (await connection.execute(newest_first(select(subject), subject, limit, cursor))).mappings().all()
+    return page_of([dict(row) for row in rows], limit, subject_of)
+
+
+@router.post("", status_code=201, summary="Add a subject")
+async def add_subject(
+    parts: AppParts, body: Annotated[SubjectInput, Body(openapi_examples=_EXAMPLE)], response: Response
+) -> Subject:
+    """Add a person. `name` is a pseudonym of your own choice; names inside uploaded files are never shown."""
+    subject_id = f"s{uuid.uuid4().hex[:12]}"
+    async with parts.engine.begin() as connection:
+        await connection.execute(insert(subject).values(id=subject_id, fields=body.model_dump(mode="json")))
+        stored = subject_of(await subject_row(connection, subject_id))
+    response.headers["Location"] = f"/api/v1/subjects/{stored.subject_id}"
+    return stored
+
+
+@router.get("/{subject_id}", summary="One subject", responses=_UNKNOWN)
+async def get_subject(parts: AppParts, subject_id: str) -> Subject:
+    """One subject."""
+    async with parts.engine.connect() as connection:
+        return subject_of(await subject_row(connection, subject_id))
+
+
+@router.patch("/{subject_id}", summary="Change a subject", responses=_UNKNOWN)
+async def change_subject(
+    parts: AppParts, subject_id: str, body: Annotated[SubjectInput, Body(openapi_examples=_TALLER)]
+) -> Subject:
+    """Change the given fields; a field given as null is cleared. Recordings linked to the subject follow."""
+    async with parts.engine.begin() as connection:
+        row = await subject_row(connection, subject_id, lock=True)
+        fields = {**row["fields"], **body.model_dump(mode="json", exclude_unset=True)}
+        await connection.execute(update(subject).where(subject.c.id == subject_id).values(fields=fields))
+        return subject_of({**row, "fields": fields})
+
+
+@router.delete("/{subject_id}", status_code=204, summary="Delete a subject", responses=_UNKNOWN)
+async def delete_subject(parts: AppParts, subject_id: str) -> None:
+    """Delete a subject. Recordings linked to it stay, without the link."""
+    async with parts.engine.begin() as connection:
+        await subject_row(connection, subject_id, lock=True)
+        await connection.execute(delete(subject).where(subject.c.id == subject_id))

@@ -1,0 +1,27 @@
+"""Rows of subjects as the contract shows them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.schemas.recordings import Subject
+from stridelab.service.api.parts import known_form, not_found
+from stridelab.service.storage.tables import subject
+
+
+async def subject_row(connection: AsyncConnection, subject_id: str, *, lock: bool = False) -> Mapping[str, Any]:
+    """The row of one subject. Raises ``NotFound`` (``subject-not-found``)."""
+    query = select(subject).where(subject.c.id == known_form(subject_id, "subject"))
+    if lock:
+        query = query.with_for_update()
+    row = (await connection.execute(query)).mappings().one_or_none()
+    if row is None:
+        raise not_found("subject")
+    return dict(row)
+
+
+def subject_of(row: Mapping[str, Any]) -> Subject:
+    """The subject of a row."""
+    return Subject(subject_id=row["id"], created_at=row["created_at"], **row["fields"])
