@@ -50,9 +50,11 @@ def find_up_axis(
     """Axis of the file that points up.
 
     The line of the mean total force gives the axis; the markers lie on the upper side of the plates. Without force:
-    the file's hint, else the longest side of the marker cloud (people are taller than wide), from the floor upwards.
+    the file's hint, else the longest side of the marker cloud in the frame that shows most of it (people are taller
+    than wide), from the floor upwards.
     """
-    centre = np.full(3, np.nan) if np.isnan(points_m).all() else np.nanmean(points_m, axis=(0, 1))
+    seen = points_m[~np.isnan(points_m).any(axis=2)]
+    centre = seen.mean(axis=0) if len(seen) else np.full(3, np.nan)
     axis = None if mean_force_n is None else nearest_axis(mean_force_n)
     if axis is not None:
         above = centre - np.mean(plate_centres_m, axis=0) if plate_centres_m else np.full(3, np.nan)
@@ -62,9 +64,10 @@ def find_up_axis(
         return axis
     if hint is not None:
         return hint
-    if np.isnan(centre).any():
+    if not len(seen):
         return "+z"
-    extent = np.nanmedian(np.nanmax(points_m, axis=1) - np.nanmin(points_m, axis=1), axis=0)
+    best = int(np.argmax((~np.isnan(points_m[:, :, 0])).sum(axis=1)))
+    extent = np.nanmax(points_m[best], axis=0) - np.nanmin(points_m[best], axis=0)
     i = int(np.argmax(extent))
     return ("+" if centre[i] >= 0.0 else "-") + "xyz"[i]
 
