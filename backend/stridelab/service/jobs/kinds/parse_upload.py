@@ -7,9 +7,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from stridelab.conventions import Mask, Series
+from stridelab.recordings.footing import centre_of_pressure_m
 from stridelab.recordings.recording import Plate, Recording, Window
 from stridelab.recordings.steps import loaded_intervals
-from stridelab.recordings.windows import centre_of_pressure_m
 from stridelab.recordings.wrench import wrench_track
 from stridelab.schemas.base import Remark
 from stridelab.schemas.recordings import PlateInfo, RecordingFacts

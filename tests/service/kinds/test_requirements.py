@@ -1,0 +1,142 @@
+"""Every refusal names what is missing; every choice of mass says where it comes from."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stridelab.errors import InvalidInput, NotEstimable
+from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.recording import Plate, Recording, Subject, Window
+from stridelab.service.jobs.kinds.requirements import (
+    METHODS,
+    body_mass,
+    require_marker_set,
+    require_method,
+    require_windows,
+)
+from stridelab.service.jobs.kinds.trial import Trial
+
+CORNERS = np.array([[0.3, 0.2, 0.0], [-0.3, 0.2, 0.0], [-0.3, -0.2, 0.0], [0.3, -0.2, 0.0]])
+
+
+def plate(force_n: float, *, use: bool = True) -> Plate:
+    force = np.zeros((1000, 3))
+    force[:, 2] = force_n
+    return Plate(1, 2, CORNERS, force, np.zeros((1000, 3)), np.zeros(3), use=use)
+
+
+def trial(*plates: Plate, windows: tuple[Window, ...] = (), n_frames: int = 100) -> Trial:
+    recording = Recording(
+        markers_m={"A": np.zeros((n_frames, 3))},
+        marker_rate_hz=100.0,
+        force_rate_hz=1000.0,
+        plates=plates,
+        subject=Subject(),
+        events=(),
+        up_axis="+z",
+        walking_direction=None,
+    )
+    return Trial(recording, identify(["A"]), windows, None, ())
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_methods_that_exist_pass(method: str) -> None:
+    assert require_method(method) == method
+
+
+@pytest.mark.parametrize("method", ["kalman", "rts", "smoother"])
+def test_a_method_of_the_contract_that_is_not_there_names_what_is(method: str) -> None:
+    with pytest.raises(NotEstimable) as refusal:
+        require_method(method)
+    assert refusal.value.code == "method-unavailable"
+    assert all(name in refusal.value.message for name in METHODS)
+    assert refusal.value.faults[0].where == "method"
+
+
+def test_unknown_labels_are_listed_with_the_nearest_set() -> None:
+    labels = ["LASI", "RASI", "foo", "bar"]
+    with pytest.raises(NotEstimable) as refusal:
+        require_marker_set(identify(labels), labels)
+    assert refusal.value.code == "unknown-marker-set"
+    assert "plug-in-gait" in refusal.value.message
+    assert [f.message for f in refusal.value.faults if f.where == "labels found"] == ["LASI, RASI, foo, bar"]
+    assert any("missing" in f.message and f.where.startswith("nearest set") for f in refusal.value.faults)
+
+
+@pytest.mark.parametrize(
+    ("given", "code"),
+    [
+        (trial(n_frames=1), "single-frame"),
+        (trial(), "no-plates"),
+        (trial(plate(700.0, use=False)), "plates-switched-off"),
+        (trial(plate(3.0)), "plates-unloaded"),
+    ],
+)
+def test_no_force_is_refused_by_its_reason(given: Trial, code: str) -> None:
+    with pytest.raises(NotEstimable) as refusal:
+        require_windows(given, None, needs_force=True)
+    assert refusal.value.code == code
+    assert require_windows(given, None, needs_force=False) == ()
+
+
+MEASURED = (Window(0.2, 0.6), Window(0.7, 0.9))
+
+
+@pytest.mark.parametrize("asked", [(0.2, 0.6), (0.25, 0.5), (0.195, 0.5), (0.7, 0.8)])
+def test_an_interval_inside_a_measured_window_is_taken(asked: tuple[float, float]) -> None:
+    assert require_windows(trial(windows=MEASURED), asked, needs_force=True) == (Window(*asked),)
+
+
+@pytest.mark.parametrize("asked", [(0.1, 0.5), (0.3, 0.8), (0.65, 0.68), (0.5, 0.3), (0.4, 0.4), (5.0, 6.0)])
+def test_any_other_interval_is_refused_and_the_measured_ones_listed(asked: tuple[float, float]) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        require_windows(trial(windows=MEASURED), asked, needs_force=True)
+    assert refusal.value.code == "window-not-measured"
+    assert "0.20 to 0.60 s, 0.70 to 0.90 s" in refusal.value.message
+    assert refusal.value.faults[0].where == "window_s"
+
+
+@pytest.mark.parametrize(
+    ("stated", "in_file", "force", "used", "source", "codes"),
+    [
+        (60.0, 70.0, 61.0, 60.0, "stated", []),
+        (None, 70.0, 70.5, 70.0, "file", []),
+        (None, None, 61.0, 61.0, "force", ["mass-from-force"]),
+        (60.0, None, None, 60.0, "stated", []),
+        (60.0, None, 64.0, 60.0, "stated", ["mass-differs-from-force"]),
+        (None, 25.0, 26.7, 25.0, "file", ["mass-differs-from-force"]),
+        (None, 7.0, 66.0, 66.0, "force", ["mass-contradicts-force"]),
+    ],
+)
+def test_which_mass_counts(stated, in_file, force, used, source, codes) -> None:  # type: ignore[no-untyped-def]
+    mass = body_mass(stated, in_file, force)
+    assert (mass.mass_kg, mass.source) == (used, source)
+    assert [remark.code for remark in mass.remarks] == codes
+
+
+@pytest.mark.parametrize("stated", [6.1, 130.0, 390.0])
+def test_an_absurd_mass_is_refused_naming_the_field(stated: float) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        body_mass(stated, None, 61.0)
+    assert refusal.value.code == "mass-contradicts-force"
+    assert refusal.value.faults[0].where == "mass_kg"
+
+
+def test_no_mass_at_all_is_refused() -> None:
+    with pytest.raises(NotEstimable) as refusal:
+        body_mass(None, None, None)
+    assert refusal.value.code == "mass-unknown"
+    assert refusal.value.faults[0].where == "mass_kg"
+
+
+def test_errors_name_the_uploaded_file_not_its_copy(tmp_path: Path) -> None:
+    from stridelab.errors import UnreadableFile
+    from stridelab.service.jobs.kinds.tasks import RecordingSource
+    from stridelab.service.jobs.kinds.trial import read
+
+    (tmp_path / "trial").write_bytes(b"")
+    with pytest.raises(UnreadableFile) as refusal:
+        read(RecordingSource(file="trial", filename="walk 03.c3d"), tmp_path)
+    assert refusal.value.code == "empty-file"
+    assert refusal.value.faults[0].where == "walk 03.c3d"

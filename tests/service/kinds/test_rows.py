@@ -1,0 +1,166 @@
+"""Rows and blobs become a task; a finished simulation becomes a recording. On a real database and a real store."""
+
+import asyncio
+import hashlib
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import insert, select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.errors import NotFound
+from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
+from stridelab.schemas.recordings import RecordingFacts, SubjectFields
+from stridelab.service.jobs.kinds import rows
+from stridelab.service.jobs.kinds.tasks import EstimateComTask, SimulateRecordingTask
+from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.database import make_engine
+from stridelab.service.storage.tables import job, recording, subject
+
+FACTS = RecordingFacts(
+    duration_s=1.0,
+    n_frames=100,
+    marker_rate_hz=100.0,
+    force_rate_hz=1000.0,
+    marker_set="isb",
+    n_markers=1,
+    subject=SubjectFields(),
+    plates=[],
+    windows_s=[],
+    up_axis="+z",
+    walking_direction=None,
+    labels=["A"],
+    landmarks={},
+    missing_landmarks=[],
+    warnings=[],
+)
+
+
+@pytest.fixture
+def blobs(tmp_path: Path) -> BlobStore:
+    return BlobStore.from_url((tmp_path / "blobs").as_uri())
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "task").mkdir()
+    return tmp_path / "task"
+
+
+def within(url: str, act: Callable[[AsyncConnection], Awaitable[Any]]) -> Any:
+    async def run() -> Any:
+        engine = make_engine(url)
+        try:
+            async with engine.begin() as connection:
+                return await act(connection)
+        finally:
+            await engine.dispose()
+
+    return asyncio.run(run())
+
+
+async def store_recording(connection: AsyncConnection, blobs: BlobStore, source: Path, key: str, **fields: Any) -> None:
+    source.write_bytes(key.encode())
+    await blobs.put_file(f"recordings/{key}/file", source)
+    values: dict[str, Any] = {
+        "id": key,
+        "filename": f"{key}.c3d",
+        "sha256": "0",
+        "bytes": 1,
+        "blob_key": f"recordings/{key}/file",
+        "tracks_key": f"recordings/{key}/tracks.parquet",
+        "facts": FACTS.model_dump(mode="json"),
+        "subject_fields": {},
+    }
+    await connection.execute(insert(recording).values(values | fields))
+
+
+def test_the_task_holds_files_switches_and_the_stated_subject(
+    database_url: str, blobs: BlobStore, folder: Path, tmp_path: Path
+) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        await connection.execute(
+            insert(subject).values(id="s1", fields={"name": "S1", "height_m": 1.6, "mass_kg": 70.0})
+        )
+        await store_recording(connection, blobs, tmp_path / "a", "still")
+        await store_recording(
+            connection,
+            blobs,
+            tmp_path / "a",
+            "walk",
+            subject_id="s1",
+            subject_fields={"height_m": 1.71, "mass_kg": None},
+            static_recording_id="still",
+            marker_map={"l_asis": "X"},
+            plate_switches={"2": {"use": False}},
+        )
+        asked = EstimateComInput(recording_id="walk", latency="apply")
+        return await rows.stage_estimate_com(connection, blobs, asked, folder)
+
+    task = EstimateComTask.model_validate(within(database_url, act))
+    assert (folder / task.recording.file).read_bytes() == b"walk"
+    assert task.static is not None
+    assert (folder / task.static.file).read_bytes() == b"still"
+    assert task.recording.filename == "walk.c3d"
+    assert task.recording.subject == SubjectFields(name="S1", height_m=1.71, mass_kg=70.0)
+    assert task.recording.marker_map == {"l_asis": "X"}
+    assert task.recording.plates[2].use is False
+    assert task.input.latency == "apply"
+
+
+def test_a_recording_deleted_meanwhile_is_named(database_url: str, blobs: BlobStore, folder: Path) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        return await rows.stage_estimate_com(connection, blobs, EstimateComInput(recording_id="gone"), folder)
+
+    with pytest.raises(NotFound) as refusal:
+        within(database_url, act)
+    assert refusal.value.code == "recording-not-found"
+
+
+def test_a_simulation_becomes_a_recording_once_however_often_it_is_tried(
+    database_url: str, blobs: BlobStore, folder: Path, tmp_path: Path
+) -> None:
+    (folder / "recording.c3d").write_bytes(b"c3d")
+    (folder / "tracks.parquet").write_bytes(b"tracks")
+    (folder / rows.FACTS_FILE).write_text(FACTS.model_dump_json())
+    asked = SimulateRecordingInput(seed=7)
+    outcome = {"summary": {"speed_m_s": 1.2, "n_steps": 4}, "references": [], "artifacts": []}
+    job_row = {"id": "j1", "owner": "lab", "input": asked.model_dump(mode="json")}
+
+    async def lost(connection: AsyncConnection) -> None:
+        await connection.execute(insert(job).values(id="j1", kind="simulate-recording", input={}, input_hash="h"))
+        await rows.publish_simulated_recording(connection, blobs, job_row, outcome, folder)
+        raise ConnectionError("the worker died before the commit")
+
+    async def act(connection: AsyncConnection) -> Any:
+        staged = await rows.stage_simulate_recording(connection, blobs, asked, folder)
+        assert SimulateRecordingTask.model_validate(staged).input == asked
+        await connection.execute(insert(job).values(id="j1", kind="simulate-recording", input={}, input_hash="h"))
+        summary = await rows.publish_simulated_recording(connection, blobs, job_row, outcome, folder)
+        stored = (await connection.execute(select(recording))).mappings().all()
+        for key in ("blob_key", "tracks_key"):
+            await blobs.get_file(stored[0][key], tmp_path / key)
+        keys = [info.key async for info in blobs.list_prefix("recordings")]
+        return summary, [dict(row) for row in stored], keys
+
+    with pytest.raises(ConnectionError):
+        within(database_url, lost)
+    summary, stored, keys = within(database_url, act)
+    assert len(stored) == 1
+    assert len(keys) == 2, "the attempt that was lost leaves no file behind that nobody owns"
+    assert summary == {"speed_m_s": 1.2, "n_steps": 4, "recording_id": stored[0]["id"]}
+    assert stored[0]["truth_job_id"] == "j1"
+    assert stored[0]["owner"] == "lab"
+    assert stored[0]["bytes"] == 3
+    assert stored[0]["sha256"] == hashlib.sha256(b"c3d").hexdigest()
+    assert RecordingFacts.model_validate(stored[0]["facts"]) == FACTS
+    assert (tmp_path / "blob_key").read_bytes() == b"c3d"
+    assert (tmp_path / "tracks_key").read_bytes() == b"tracks"
+
+
+def test_the_recordings_own_statement_wins_over_the_linked_subject() -> None:
+    stated = rows.stated_subject({"sex": "male", "height_m": None}, {"height_m": 1.8, "sex": "female"})
+    assert stated == SubjectFields(sex="male", height_m=1.8)
+    assert rows.stated_subject({}, None) == SubjectFields()
