@@ -2,30 +2,36 @@
 
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
-from starlette.routing import BaseRoute, Mount, Route
+from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 
-from stridelab_web import assets
-from stridelab_web.backend import Backend, BackendProblem
+from stridelab.client import ProblemError, Unreachable
+from stridelab_web import assets, scenes
 from stridelab_web.config import WebConfig
-from stridelab_web.pages import errors, job, login, overview, recording
+from stridelab_web.pages import errors, job, login, overview, recording, view
 from stridelab_web.pages.render import make_environment
+from stridelab_web.service import make_client
 
 
 def create_web(config: WebConfig) -> Starlette:
     """The ASGI app of all pages. It holds no state of its own, so any number of processes may serve it."""
     app = Starlette(
         routes=routes(),
-        exception_handlers={BackendProblem: errors.on_problem, HTTPException: errors.on_http},
+        exception_handlers={
+            ProblemError: errors.on_problem,
+            Unreachable: errors.on_unreachable,
+            HTTPException: errors.on_http,
+        },
     )
     app.state.config = config
-    app.state.backend = Backend(config)
+    app.state.client = make_client(config)
     app.state.environment = make_environment(config)
     return app
 
 
 def routes() -> list[BaseRoute]:
     """All addresses of the web app."""
+    scene = "/view/scene/{recording}/{job}"
     return [
         Route("/", overview.home),
         Route("/recordings", overview.recordings),
@@ -33,6 +39,12 @@ def routes() -> list[BaseRoute]:
         Route("/jobs", overview.jobs),
         Route("/jobs/{id}", job.job),
         Route("/jobs/{id}/plots.json", job.plots),
+        Route("/view/", view.view),
+        Route(f"{scene}/", scenes.page),
+        Route(f"{scene}/open", scenes.open_scene, methods=["POST"]),
+        Route(f"{scene}/frames.json", view.layout),
+        Route(f"{scene}/frames.f32", view.values),
+        WebSocketRoute(scene, scenes.pump),
         Route("/login", login.login),
         Route("/static/plotly.min.js", assets.plotly_js),
         Mount("/static", StaticFiles(directory=assets.STATIC)),

@@ -1,4 +1,4 @@
-"""Files for the browser: our own from the package, plotly's and viser's from their installed packages."""
+"""Files for the browser: our own from this package, plotly's from the installed plotly package."""
 
 import gzip
 from functools import cache
@@ -19,12 +19,6 @@ def plotly_js_gzip() -> bytes:
     """The script of the installed plotly package, compressed once (4.8 MB to 1.4 MB)."""
     source = files("plotly").joinpath("package_data", "plotly.min.js").read_bytes()
     return gzip.compress(source, compresslevel=6, mtime=0)
-
-
-@cache
-def viser_page() -> bytes:
-    """The client page of the installed viser package: one HTML file."""
-    return files("viser").joinpath("client", "build", "index.html").read_bytes()
 
 
 async def plotly_js(request: Request) -> Response:

@@ -21,9 +21,9 @@ def read_columns(content: bytes) -> Columns:
     return found
 
 
-def points(columns: Columns, pattern: str) -> np.ndarray | None:
-    """The columns ``pattern`` with ``*`` = x, y, z, of shape ``(rows, 3)``, or None where one is missing."""
-    names = [pattern.replace("*", axis) for axis in "xyz"]
+def triple(columns: Columns, before: str, after: str) -> np.ndarray | None:
+    """Columns ``<before>x<after>``, y and z as one array of shape ``(rows, 3)``, or None where one is missing."""
+    names = [f"{before}{axis}{after}" for axis in "xyz"]
     if not all(name in columns for name in names):
         return None
     return np.column_stack([columns[name] for name in names])

@@ -4,7 +4,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import Response
 
-from stridelab_web.backend import BackendProblem
+from stridelab.client import ProblemError, Unreachable
 from stridelab_web.pages.render import page
 
 _TITLES = {
@@ -19,7 +19,7 @@ _TITLES = {
 
 async def on_problem(request: Request, error: Exception) -> Response:
     """A refusal of the interface, as a page."""
-    if not isinstance(error, BackendProblem):
+    if not isinstance(error, ProblemError):
         raise error
     problem = error.problem
     title = _TITLES.get(problem.status, problem.title)
@@ -43,3 +43,11 @@ async def on_http(request: Request, error: Exception) -> Response:
     detail = "There is no page at this address." if status == 404 else str(error.detail)
     title = _TITLES.get(status, "That did not work")
     return page(request, "error.html", status, title=title, detail=detail, code="", status=status, errors=[])
+
+
+async def on_unreachable(request: Request, error: Exception) -> Response:
+    """The interface does not answer at all."""
+    if not isinstance(error, Unreachable):
+        raise error
+    detail = "The service does not answer at the moment. Try again in a few seconds."
+    return page(request, "error.html", 503, title=_TITLES[503], detail=detail, code="", status=503, errors=[])

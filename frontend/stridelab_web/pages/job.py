@@ -4,12 +4,13 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
+from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.recordings import Recording
-from stridelab_web.backend import Backend, BackendProblem
 from stridelab_web.pages.facts import facts_of
-from stridelab_web.pages.render import backend_of, page
+from stridelab_web.pages.render import page
 from stridelab_web.plots import curves
+from stridelab_web.service import client_of
 from stridelab_web.tables import read_columns
 
 COM_TABLE = "com.parquet"
@@ -17,10 +18,10 @@ COM_TABLE = "com.parquet"
 
 async def job(request: Request) -> Response:
     """``GET /jobs/{id}``."""
-    backend = backend_of(request)
-    found = await backend.job(request.path_params["id"])
-    result = await backend.result(found.id) if found.state == "succeeded" else None
-    recording = await _recording_of(backend, found, result)
+    client = client_of(request)
+    found = await client.job(request.path_params["id"])
+    result = await client.result(found.id) if found.state == "succeeded" else None
+    recording = await _recording_of(client, found, result)
     plots = result is not None and any(item.name == COM_TABLE for item in result.artifacts)
     return page(
         request,
@@ -38,22 +39,22 @@ async def job(request: Request) -> Response:
 
 async def plots(request: Request) -> Response:
     """``GET /jobs/{id}/plots.json``: the curves of the result, for its page."""
-    backend = backend_of(request)
-    result = await backend.result(request.path_params["id"])
+    client = client_of(request)
+    result = await client.result(request.path_params["id"])
     if all(item.name != COM_TABLE for item in result.artifacts):
         raise HTTPException(404, "This job has no curves.")
-    columns = read_columns(await backend.artifact(request.path_params["id"], COM_TABLE))
+    columns = read_columns(await client.read_artifact(request.path_params["id"], COM_TABLE))
     return JSONResponse(curves(columns, result.summary["window_s"]), headers={"Cache-Control": "private, max-age=600"})
 
 
-async def _recording_of(backend: Backend, found: Job, result: JobResult | None) -> Recording | None:
+async def _recording_of(client: AsyncClient, found: Job, result: JobResult | None) -> Recording | None:
     recording_id = found.recording_id or (result.input.get("recording_id") if result else None)
     if recording_id is None:
         return None
     try:
-        return await backend.recording(recording_id)
-    except BackendProblem as refusal:
-        if refusal.problem.status == 404:  # a recording may be gone while its job is still being looked at
+        return await client.recording(recording_id)
+    except ProblemError as refusal:
+        if refusal.status == 404:  # a recording may be gone while its job is still being looked at
             return None
         raise
 

@@ -4,15 +4,10 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from stridelab_web import strips
-from stridelab_web.pages.render import backend_of, page
+from stridelab_web.pages.render import page
+from stridelab_web.service import client_of
 
-METHODS = (
-    ("smoother", "smoother"),
-    ("rts", "Kalman, both directions"),
-    ("kalman", "Kalman, forward"),
-    ("complementary", "complementary filter"),
-    ("geometry", "markers only"),
-)
+METHODS = (("complementary", "complementary filter"), ("geometry", "markers only"))
 TABLES = (
     ("auto", "chosen by sex and marker set"),
     ("dumas2007", "Dumas 2007"),
@@ -24,10 +19,10 @@ CANDIDATES = 100
 
 async def recording(request: Request) -> Response:
     """``GET /recordings/{id}``."""
-    backend = backend_of(request)
-    found = await backend.recording(request.path_params["id"])
-    jobs = await backend.jobs(recording_id=found.id)
-    others = [item for item in (await backend.recordings(limit=CANDIDATES)).items if item.id != found.id]
+    client = client_of(request)
+    found = await client.recording(request.path_params["id"])
+    jobs = await client.jobs(recording_id=found.id)
+    others = [item for item in (await client.recordings(limit=CANDIDATES)).items if item.id != found.id]
     return page(
         request,
         "recording.html",

@@ -8,7 +8,6 @@ from starlette.responses import HTMLResponse
 
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab_web.assets import TEMPLATES
-from stridelab_web.backend import Backend
 from stridelab_web.config import WebConfig
 from stridelab_web.words import FILTERS
 
@@ -34,9 +33,3 @@ def page(request: Request, template: str, status_code: int = 200, **values: Any)
     environment: Environment = request.app.state.environment
     text = environment.get_template(template).render(**values)
     return HTMLResponse(text, status_code=status_code, headers={"Cache-Control": "no-store"})
-
-
-def backend_of(request: Request) -> Backend:
-    """The backend of the running web app."""
-    backend: Backend = request.app.state.backend
-    return backend

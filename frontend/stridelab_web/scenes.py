@@ -1,0 +1,109 @@
+"""The door to the viewer process: viser's page and, through the web app's gate, its websocket."""
+
+import asyncio
+from typing import Any
+from urllib.parse import urlsplit
+
+import httpx
+import websockets
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.websockets import WebSocket, WebSocketDisconnect
+from websockets.asyncio.client import ClientConnection
+from websockets.exceptions import ConnectionClosed
+
+from stridelab_web import viser_client
+from stridelab_web.assets import compressed
+from stridelab_web.config import WebConfig
+from stridelab_web.pages.view import NO_JOB
+
+OPENING_S = 60.0
+SHARE_MESSAGE = b"ShareUrl"
+"""Type name inside the messages that ask viser for a tunnel through a server outside."""
+
+
+class ViewerUnavailable(Exception):
+    """The viewer process does not answer, or cannot show the document."""
+
+
+async def page(request: Request) -> Response:
+    """``GET /view/scene/{recording}/{job}/``: viser's client."""
+    headers = {"Content-Security-Policy": viser_client.content_policy(), "Cache-Control": "no-cache"}
+    return compressed(request, viser_client.page_gzip(), "text/html; charset=utf-8", headers)
+
+
+async def open_scene(request: Request) -> Response:
+    """``POST /view/scene/{recording}/{job}/open``: build the scene, so that the frame finds it ready."""
+    try:
+        await _address(request.app.state.config, request.path_params)
+    except ViewerUnavailable as error:
+        return JSONResponse({"detail": str(error)}, status_code=503)
+    return JSONResponse({"ready": True})
+
+
+async def pump(socket: WebSocket) -> None:
+    """The websocket of viser's client (its page's address without the last slash).
+
+    Host, origin and login have been checked by the front door's gate; the origin is checked here once more, since a
+    foreign page that could speak to this socket would see the recording.
+    """
+    origin = socket.headers.get("origin")
+    if origin is not None and urlsplit(origin).netloc != socket.headers.get("host"):
+        await socket.close(4403, "foreign-origin")
+        return
+    try:
+        address = await _address(socket.app.state.config, socket.path_params)
+        upstream = await websockets.connect(
+            address,
+            subprotocols=[websockets.Subprotocol(name) for name in socket.scope["subprotocols"]],
+            max_size=None,
+            compression=None,
+            proxy=None,
+            user_agent_header=None,
+        )
+    except (ViewerUnavailable, OSError, websockets.InvalidHandshake):
+        await socket.close(1013, "viewer-unavailable")
+        return
+    async with upstream:
+        await socket.accept(subprotocol=upstream.subprotocol)
+        tasks = [asyncio.create_task(_up(socket, upstream)), asyncio.create_task(_down(socket, upstream))]
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _up(socket: WebSocket, upstream: ClientConnection) -> None:
+    while True:
+        try:
+            message = await socket.receive_bytes()
+            if SHARE_MESSAGE not in message:
+                await upstream.send(message)
+        except (WebSocketDisconnect, ConnectionClosed, KeyError):
+            return  # the other direction is ended by the caller
+
+
+async def _down(socket: WebSocket, upstream: ClientConnection) -> None:
+    try:
+        async for message in upstream:
+            await socket.send_bytes(message if isinstance(message, bytes) else message.encode())
+    except WebSocketDisconnect:
+        return
+    await socket.close(1001, "scene-closed")
+
+
+async def _address(config: WebConfig, place: dict[str, Any]) -> str:
+    """Websocket address of a scene; the viewer builds the scene where it is not open."""
+    if config.viewer_url is None:
+        raise ViewerUnavailable("This service runs without a viewer.")
+    wanted = {"recording_id": place["recording"], "job_id": None if place["job"] == NO_JOB else place["job"]}
+    headers = {"Authorization": f"Bearer {config.token}"} if config.token else {}
+    try:
+        async with httpx.AsyncClient(trust_env=False, timeout=OPENING_S) as viewer:
+            answer = await viewer.post(f"{config.viewer_url}/scenes", json=wanted, headers=headers)
+        said = answer.json()
+    except (httpx.HTTPError, ValueError) as error:
+        raise ViewerUnavailable("The viewer does not answer. It may be starting; try again.") from error
+    if answer.is_error:
+        raise ViewerUnavailable(str(said.get("detail", "The viewer cannot show this recording.")))
+    return f"ws://127.0.0.1:{said['port']}/{said['secret']}"

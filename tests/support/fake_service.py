@@ -1,0 +1,296 @@
+"""The HTTP interface as the pages see it, answered from memory: schemas are the real ones, numbers are synthetic.
+
+The walk is a point body whose centre of mass and markers follow known functions of time, so that a test can say what
+a page or the viewer must show.
+"""
+
+import asyncio
+import io
+import uuid
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from stridelab.schemas.base import Problem, Remark
+from stridelab.schemas.jobs import Artifact, Job, JobEvent, JobResult, Progress
+from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
+
+RATE_HZ, DURATION_S = 100.0, 3.0
+WINDOW_S = (0.6, 2.4)
+LABELS = ("LASI", "RASI", "LKNE", "RKNE", "LANK", "RANK", "LHEE", "RHEE", "C7")
+LANDMARKS = {
+    "l_asis": "LASI", "r_asis": "RASI", "l_knee_lateral": "LKNE", "r_knee_lateral": "RKNE",
+    "l_ankle_lateral": "LANK", "r_ankle_lateral": "RANK", "l_heel": "LHEE", "r_heel": "RHEE", "c7": "C7",
+}  # fmt: skip
+_NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
+_PLACE = {"LASI": (0.1, 0.12, 1.0), "RASI": (0.1, -0.12, 1.0), "LKNE": (0.05, 0.1, 0.5), "RKNE": (0.05, -0.1, 0.5),
+          "LANK": (0.0, 0.1, 0.1), "RANK": (0.0, -0.1, 0.1), "LHEE": (-0.06, 0.1, 0.04), "RHEE": (-0.06, -0.1, 0.04),
+          "C7": (-0.05, 0.0, 1.45)}  # fmt: skip
+
+
+def marker_m(label: str, time_s: np.ndarray) -> np.ndarray:
+    """Track of a marker, shape ``(n, 3)``."""
+    swing = 0.25 * np.sin(2 * np.pi * time_s + (0 if label.startswith("L") else np.pi)) * (label[1:] in ("ANK", "HEE"))
+    x, y, z = _PLACE[label]
+    ones = np.ones_like(time_s)
+    return np.column_stack([x + 1.1 * time_s + swing, y * ones, z + 0.02 * np.cos(4 * np.pi * time_s)])
+
+
+def com_m(time_s: np.ndarray) -> np.ndarray:
+    """Track of the centre of mass, shape ``(n, 3)``."""
+    return np.column_stack(
+        [0.05 + 1.1 * time_s, 0.02 * np.sin(2 * np.pi * time_s), 0.95 + 0.02 * np.cos(4 * np.pi * time_s)]
+    )
+
+
+def _parquet(columns: dict[str, Any]) -> bytes:
+    sink = io.BytesIO()
+    pq.write_table(pa.table(columns), sink)
+    return sink.getvalue()
+
+
+def tracks_parquet() -> bytes:
+    """Markers and two plates; C7 is hidden for the last 50 frames."""
+    t = np.arange(int(RATE_HZ * DURATION_S)) / RATE_HZ
+    columns: dict[str, Any] = {"time_s": t}
+    for label in LABELS:
+        track = marker_m(label, t)
+        if label == "C7":
+            track[-50:] = np.nan
+        columns |= {f"{label}_{axis}_m": track[:, k] for k, axis in enumerate("xyz")}
+    for index, (start, end, place_x) in enumerate([(0.6, 1.6, 1.2), (1.4, 2.4, 2.0)], start=1):
+        loaded = (t >= start) & (t <= end)
+        up = np.where(loaded, 700 * np.sin(np.pi * np.clip((t - start) / (end - start), 0, 1)), 0.0)
+        columns |= {f"plate{index}_fx_n": 0.1 * up, f"plate{index}_fy_n": 0.02 * up, f"plate{index}_fz_n": up}
+        columns |= {
+            f"plate{index}_copx_m": np.where(up > 20, place_x + 0.05 * t, np.nan),
+            f"plate{index}_copy_m": np.where(up > 20, 0.1 if index == 1 else -0.1, np.nan),
+            f"plate{index}_copz_m": np.where(up > 20, 0.0, np.nan),
+        }
+    return _parquet(columns)
+
+
+def com_parquet() -> bytes:
+    """Result of an estimate: fused is the truth, geometry is off by 1 cm."""
+    t = np.arange(int(RATE_HZ * WINDOW_S[0]), int(RATE_HZ * WINDOW_S[1])) / RATE_HZ
+    com = com_m(t)
+    v = np.gradient(com, t, axis=0)
+    a = np.gradient(v, t, axis=0)
+    columns: dict[str, Any] = {"time_s": t}
+    for k, axis in enumerate("xyz"):
+        columns |= {
+            f"{axis}_m": com[:, k], f"v{axis}_m_s": v[:, k], f"a{axis}_m_s2": a[:, k],
+            f"sd_{axis}_m": np.full_like(t, 0.004), f"geometry_{axis}_m": com[:, k] + 0.01,
+            f"force_{axis}_n": 60 * (a[:, k] + (9.81 if axis == "z" else 0.0)),
+        }  # fmt: skip
+    return _parquet(columns)
+
+
+SUMMARY = {
+    "window_s": list(WINDOW_S), "rate_hz": 100.0, "method": "complementary", "segment_table": "dumas2007-female",
+    "mass_kg": 60.25, "latency_s": 0.0113, "latency_sd_s": 0.0012, "latency_applied_s": 0.0,
+    "rms_force_residual_n": [3.21, 2.5, 7.75], "bias_m": [0.0012, -0.0034, 0.0056],
+    "observability": {"rank": 5, "observable": True},
+    "warnings": [{"code": "arms-missing", "message": "Arms have no markers; they are taken to hang."}],
+}  # fmt: skip
+
+
+class FakeService:
+    """State of the fake: recordings, jobs, and how fast jobs move."""
+
+    def __init__(self, step_s: float = 0.05) -> None:
+        self.recordings: dict[str, Recording] = {}
+        self.jobs: dict[str, Job] = {}
+        self.inputs: dict[str, dict[str, Any]] = {}
+        self.patches: list[dict[str, Any]] = []
+        self.step_s = step_s
+        self.tracks = tracks_parquet()
+        self.com = com_parquet()
+
+    def add_recording(self, filename: str = "walk.c3d", **fields: Any) -> Recording:
+        """A recording that parsed well."""
+        recording = Recording(
+            id=uuid.uuid4().hex, sha256="0" * 64, filename=filename, bytes=123456, created_at=_NOW,
+            duration_s=DURATION_S, n_frames=300, marker_rate_hz=RATE_HZ, force_rate_hz=1000.0,
+            marker_set=fields.pop("marker_set", "plug-in-gait"), n_markers=len(LABELS),
+            subject=fields.pop("subject", SubjectFields(height_m=1.71, sex="female")), mass_from_force_kg=60.2,
+            plates=[
+                PlateInfo(index=1, type=2, corners_m=_corners(1.2, 0.1), loaded_s=[(0.6, 1.6)]),
+                PlateInfo(index=2, type=2, corners_m=_corners(2.0, -0.1), loaded_s=[(1.4, 2.4)]),
+            ],
+            windows_s=[WINDOW_S], up_axis="+z", walking_direction=[1.0, 0.0, 0.0], labels=list(LABELS),
+            landmarks=LANDMARKS, missing_landmarks=["l_mt2", "r_mt2"], marker_map={},
+            warnings=[Remark(code="gaps-filled", message="C7 is hidden for the last 0.5 s.")], **fields,
+        )  # fmt: skip
+        self.recordings[recording.id] = recording
+        return recording
+
+    def add_job(self, kind: str = "estimate-com", state: str = "queued", **fields: Any) -> Job:
+        """A job in a state."""
+        job = Job(
+            id=uuid.uuid4().hex, kind=kind, state=state, priority=0, attempt=1, created_at=_NOW,
+            progress=fields.pop("progress", Progress(fraction=1.0 if state == "succeeded" else 0.0)), **fields,
+        )  # fmt: skip
+        self.jobs[job.id] = job
+        return job
+
+    def change(self, job_id: str, **fields: Any) -> None:
+        """Replace fields of a job."""
+        self.jobs[job_id] = self.jobs[job_id].model_copy(update=fields)
+
+    async def run(self, job_id: str) -> None:
+        """Take a job through its life, unless somebody cancels it."""
+        for fraction in (0.0, 0.25, 0.5, 0.75):
+            await asyncio.sleep(self.step_s)
+            if self.jobs[job_id].state == "cancelled":
+                return
+            self.change(job_id, state="running", progress=Progress(fraction=fraction, message="fusing"))
+        self.change(job_id, state="succeeded", progress=Progress(fraction=1.0), started_at=_NOW, finished_at=_NOW)
+
+    def result(self, job_id: str) -> JobResult:
+        """The result of a succeeded job."""
+        job = self.jobs[job_id]
+        given = self.inputs.get(job_id, {"recording_id": job.recording_id})
+        versions = {"stridelab": "0.1.0", "numpy": "2.4"}
+        if job.kind == "simulate-recording":
+            summary = {"recording_id": next(iter(self.recordings)), "speed_m_s": 1.2, "n_steps": 6, "warnings": []}
+            return JobResult(
+                kind=job.kind, input=given, versions=versions, references=[], summary=summary, artifacts=[]
+            )
+        artifacts = [
+            Artifact(name="com.parquet", media_type="application/vnd.apache.parquet", bytes=len(self.com)),
+            Artifact(name="com.csv", media_type="text/csv", bytes=12345),
+        ]
+        return JobResult(
+            kind=job.kind,
+            input=given,
+            versions=versions,
+            references=["dumas2007"],
+            summary=SUMMARY,
+            artifacts=artifacts,
+        )
+
+    def app(self) -> Starlette:
+        """The ASGI app."""
+        api = "/api/v1"
+        routes = [
+            Route(f"{api}/recordings", self._recordings, methods=["GET", "POST"]),
+            Route(f"{api}/recordings/{{id}}", self._recording, methods=["GET", "PATCH", "DELETE"]),
+            Route(f"{api}/recordings/{{id}}/tracks.parquet", self._tracks),
+            Route(f"{api}/jobs", self._jobs),
+            Route(f"{api}/jobs/{{id}}", self._job, methods=["GET", "DELETE"]),
+            Route(f"{api}/jobs/{{kind}}", self._submit, methods=["POST"]),
+            Route(f"{api}/jobs/{{id}}/events", self._events),
+            Route(f"{api}/jobs/{{id}}/result", self._result),
+            Route(f"{api}/jobs/{{id}}/artifacts/{{name}}", self._artifact),
+        ]
+        return Starlette(routes=routes)
+
+    async def _recordings(self, request: Request) -> Response:
+        if request.method == "GET":
+            newest = list(reversed(self.recordings.values()))
+            limit = int(request.query_params.get("limit", 50))
+            return _answer({"items": [r.model_dump(mode="json") for r in newest[:limit]], "next": None})
+        form = await request.form()
+        file = form["file"]
+        assert not isinstance(file, str)
+        name = file.filename or ""
+        content = await file.read()
+        await form.close()
+        if not content.startswith(b"\x02P"):
+            return _problem(
+                422, "not-a-recording", f"{name} is neither a C3D file nor a ZIP.", [(name, "no C3D header")]
+            )
+        return _answer(self.add_recording(name).model_dump(mode="json"), 201)
+
+    async def _recording(self, request: Request) -> Response:
+        key = request.path_params["id"]
+        if key not in self.recordings:
+            return _problem(404, "recording-not-found", "There is no such recording.")
+        if request.method == "DELETE":
+            del self.recordings[key]
+            return Response(status_code=204)
+        if request.method == "PATCH":
+            patch = await request.json()
+            self.patches.append(patch)
+            changes: dict[str, Any] = {k: v for k, v in patch.items() if k in ("marker_map", "static_recording_id")}
+            if "subject" in patch:
+                changes["subject"] = SubjectFields.model_validate(patch["subject"])
+            self.recordings[key] = self.recordings[key].model_copy(update=changes)
+        return _answer(self.recordings[key].model_dump(mode="json"))
+
+    async def _tracks(self, request: Request) -> Response:
+        if request.path_params["id"] not in self.recordings:
+            return _problem(404, "recording-not-found", "There is no such recording.")
+        return Response(self.tracks, media_type="application/vnd.apache.parquet")
+
+    async def _jobs(self, request: Request) -> Response:
+        query = request.query_params
+        found = [
+            job
+            for job in reversed(self.jobs.values())
+            if all(getattr(job, key) == query[key] for key in ("state", "kind", "recording_id") if key in query)
+        ]
+        limit = int(query.get("limit", 50))
+        return _answer({"items": [j.model_dump(mode="json") for j in found[:limit]], "next": None})
+
+    async def _submit(self, request: Request) -> Response:
+        given = await request.json()
+        job = self.add_job(request.path_params["kind"], recording_id=given.get("recording_id"))
+        self.inputs[job.id] = given
+        asyncio.get_running_loop().create_task(self.run(job.id))
+        return _answer(job.model_dump(mode="json"), 202)
+
+    async def _job(self, request: Request) -> Response:
+        key = request.path_params["id"]
+        if key not in self.jobs:
+            return _problem(404, "job-not-found", "There is no such job.")
+        if request.method == "DELETE":
+            self.change(key, state="cancelled")
+        return _answer(self.jobs[key].model_dump(mode="json"))
+
+    async def _events(self, request: Request) -> Response:
+        key = request.path_params["id"]
+
+        async def stream() -> Any:
+            seen = None
+            for seq in range(10_000):
+                job = self.jobs[key]
+                if job != seen:
+                    seen = job
+                    event = JobEvent(seq=seq, at=_NOW, state=job.state, attempt=1, progress=job.progress)
+                    yield f"id: {seq}\nevent: progress\ndata: {event.model_dump_json()}\n\n"
+                if job.state in ("succeeded", "cancelled", "failed"):
+                    return
+                await asyncio.sleep(0.02)
+
+        return StreamingResponse(stream(), media_type="text/event-stream")
+
+    async def _result(self, request: Request) -> Response:
+        return _answer(self.result(request.path_params["id"]).model_dump(mode="json"))
+
+    async def _artifact(self, request: Request) -> Response:
+        return Response(self.com, media_type="application/vnd.apache.parquet")
+
+
+def _corners(x: float, y: float) -> list[list[float]]:
+    return [[x + a, y + b, 0.0] for a, b in ((0.25, 0.2), (-0.25, 0.2), (-0.25, -0.2), (0.25, -0.2))]
+
+
+def _answer(value: Any, status: int = 200) -> Response:
+    return JSONResponse(value, status_code=status)
+
+
+def _problem(status: int, code: str, detail: str, errors: list[tuple[str, str]] | None = None) -> Response:
+    body = Problem(
+        title=str(status), status=status, code=code, detail=detail,
+        errors=[{"where": w, "message": m} for w, m in errors or []],  # type: ignore[list-item]
+    )  # fmt: skip
+    return Response(body.model_dump_json(), status_code=status, media_type="application/problem+json")
