@@ -26,7 +26,8 @@ class Anthropometry:
     """Joint-centre regressions and mean lengths of one sex, or the mean of both.
 
     ``lumbar`` and ``hip`` (right side) are in the pelvis frame from mid-ASIS, per distance between the ASIS.
-    ``proportions`` are joint widths per length of the shank; the places are explained in the data file.
+    ``proportions`` are joint widths and lengths per length of the shank; the places are explained in the data file.
+    ``height_m`` is the stature of the person, where it is known.
     """
 
     lumbar: Vector3
@@ -39,7 +40,9 @@ class Anthropometry:
     shoulder_in_torso: Vector3
     cervical_from_acromia: Vector3
     shoulder_from_acromion: Vector3
+    torso_per_stature: float
     references: tuple[str, ...]
+    height_m: float | None = None
 
 
 @cache
@@ -69,6 +72,7 @@ def anthropometry(sex: Sex | None) -> Anthropometry:
         shoulder_in_torso=places["shoulder_in_torso"],
         cervical_from_acromia=places["cervical_from_acromia"],
         shoulder_from_acromion=places["shoulder_from_acromion"],
+        torso_per_stature=float(data["torso_per_stature"]),
         references=tuple(data["references"]),
     )
 

@@ -86,9 +86,9 @@ def _hand(s: str, joints: Joints, forearm: Frame, body: Anthropometry) -> Frame:
 
 
 def _foot(p: Tracks, s: str, joints: Joints, shank: Frame, body: Anthropometry) -> Frame:
-    """X from heel to forefoot (or toe); without them the foot stays square to the shank."""
+    """X from heel to forefoot (or toe, or 5th metatarsal); without them the foot stays square to the shank."""
     c, ankle = joints.centres, joints.centres[f"{s}_ankle"]
-    tip = c.get(f"{s}_forefoot", p.get(f"{s}_toe"))
+    tip = c.get(f"{s}_forefoot", p.get(f"{s}_toe", p.get(f"{s}_mt5")))
     length = shank.length_m * body.length_m["foot"] / body.length_m["shank"]
     if has(c, f"{s}_forefoot"):
         length = distance_m(ankle, c[f"{s}_forefoot"])

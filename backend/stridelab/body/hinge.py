@@ -1,11 +1,20 @@
 """Centre of a hinge joint (knee, ankle, elbow) from its outer and inner landmark, or from the outer one alone."""
 
 from collections.abc import Mapping
+from typing import Final
 
 from stridelab.body.anthropometry import Anthropometry
 from stridelab.body.joints import SIGN, Joints, Tracks, has
 from stridelab.body.vectors import across, distance_m, unit
 from stridelab.conventions import Points
+
+_SHANKS: Final = (
+    ("knee_lateral", "ankle_lateral", 1.0),
+    ("knee_centre", "ankle_centre", 1.0),
+    ("knee_lateral", "ankle_centre", 1.0),
+    ("knee_lateral", "heel", 0.874),
+)
+"""Ends between which the shank can be measured, and its share of that distance (0.874, sd 0.008 in ten adults)."""
 
 
 def hinge(
@@ -13,9 +22,13 @@ def hinge(
 ) -> Joints | None:
     """Joint ``name`` (``l_knee``, ...), or None where neither its outer landmark nor its centre is marked.
 
-    Midway between both landmarks where both are marked. With the outer one o alone, c = o - s w/2 z: half the joint
-    width w inwards, z being ``Z`` (rightwards) made perpendicular to the segment above, s = -1 on the left. ``w`` is
-    the measured width, else the mean proportion of the shank.
+    Midway between both landmarks where both are marked. With the outer one o alone, the centre c lies half the joint
+    width w/2 inwards, at a right angle to the segment above, whose upper end is h (as in the conventional gait model):
+
+        c = o + w/2 (cos a i + sin a u),   u = (h - o) / |h - o|,   sin a = w / (2 |h - o|)
+
+    with i the part of ``Z`` (rightwards, with the sign of the side) perpendicular to u. ``w`` is the measured width,
+    else the mean proportion of the shank.
     """
     s, joint = name.split("_")
     outer, inner, centre = (p.get(f"{name}_{kind}") for kind in ("lateral", "medial", "centre"))
@@ -26,15 +39,22 @@ def hinge(
         return Joints({name: centre}, {name: Z})
     if outer is None:
         return None
-    width = widths_m.get(name, body.proportions[joint] * shank_length_m(p))
-    z = across(Z, unit(proximal - outer))
-    return Joints({name: outer - SIGN[s] * width / 2 * z}, {name: z}, frozenset({f"{joint}-medial-missing"}))
+    half = widths_m.get(name, body.proportions[joint] * shank_length_m(p)) / 2
+    u = unit(proximal - outer)
+    i = -SIGN[s] * across(Z, u)
+    sin_a = min(half / distance_m(proximal, outer), 1.0)
+    cos_a = (1.0 - sin_a**2) ** 0.5
+    inwards = cos_a * i + sin_a * u
+    return Joints({name: outer + half * inwards}, {name: -SIGN[s] * inwards}, frozenset({f"{joint}-medial-missing"}))
 
 
 def shank_length_m(p: Tracks) -> float:
-    """Typical length of the shank between outer markers (or centres): the yardstick of the proportions; else NaN."""
-    for kind in ("lateral", "centre"):
-        sides = [s for s in "lr" if has(p, f"{s}_knee_{kind}", f"{s}_ankle_{kind}")]
+    """Typical length of the shank between outer markers: the yardstick of the proportions; NaN where none allows it.
+
+    Without ankles, the distance from knee to heel marker stands in, which changes little with the ankle's angle.
+    """
+    for upper, lower, share in _SHANKS:
+        sides = [s for s in "lr" if has(p, f"{s}_{upper}", f"{s}_{lower}")]
         if sides:
-            return sum(distance_m(p[f"{s}_knee_{kind}"], p[f"{s}_ankle_{kind}"]) for s in sides) / len(sides)
+            return share * sum(distance_m(p[f"{s}_{upper}"], p[f"{s}_{lower}"]) for s in sides) / len(sides)
     return float("nan")

@@ -42,7 +42,7 @@ def pelvis(p: Tracks, body: Anthropometry) -> Joints:
     width = distance_m(p["l_asis"], p["r_asis"])
 
     def at(k: Vector3) -> Points:
-        return mid_asis + width * (k[0] * X + k[1] * Y + k[2] * Z)
+        return np.asarray(mid_asis + width * (k[0] * X + k[1] * Y + k[2] * Z))
 
     centres = {
         "lumbar": at(body.lumbar),

@@ -56,7 +56,7 @@ class SegmentModel:
         shapes = {} if static is None else _static_tracks(static, landmarks)
         p, rebuilt = _completed(_tracks(recording, landmarks), shapes)
         table = self._table(recording, subject.sex)
-        body = anthropometry(subject.sex)
+        body = replace(anthropometry(subject.sex), height_m=subject.height_m)
         joints = joint_centres(p, body, _widths_m(recording, shapes))
         segments = _segments(table, segment_frames(p, joints, body))
         com_m = np.sum([s.mass_fraction * s.com_m for s in segments.values()], axis=0)
@@ -99,7 +99,7 @@ def _static_tracks(static: Recording, landmarks: Mapping[str, str]) -> dict[str,
     return _tracks(static, {**identify(list(static.markers_m)).landmarks, **shared})
 
 
-def _completed(tracks: Tracks, shapes: Tracks) -> tuple[dict[str, Points], tuple[str, ...]]:
+def _completed(tracks: Tracks, shapes: virtual_markers.Shapes) -> tuple[dict[str, Points], tuple[str, ...]]:
     """Tracks with gaps filled by rigid clusters, first as in the static trial, then as seen in the trial itself.
 
     What is still visible in less than half of the frames that show the pelvis counts as not marked.
@@ -114,7 +114,7 @@ def _completed(tracks: Tracks, shapes: Tracks) -> tuple[dict[str, Points], tuple
     return p, tuple(sorted((from_static | from_itself) & p.keys()))
 
 
-def _widths_m(recording: Recording, shapes: Tracks) -> dict[str, float]:
+def _widths_m(recording: Recording, shapes: virtual_markers.Shapes) -> dict[str, float]:
     """Joint widths between marker centres: measured with a calliper, else as seen in the static trial."""
     seen = {
         f"{s}_{joint}": distance_m(shapes[f"{s}_{joint}_lateral"], shapes[f"{s}_{joint}_medial"])

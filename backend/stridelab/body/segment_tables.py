@@ -100,6 +100,8 @@ def from_json(text: str) -> SegmentTable:
         data = json.loads(text)
     except ValueError as error:
         raise InvalidInput("segment-table-invalid", "The carried segment table is not JSON.") from error
+    if not isinstance(data, dict):
+        raise InvalidInput("segment-table-invalid", "The carried segment table is not a JSON object.")
     return parse(data)
 
 

@@ -9,8 +9,8 @@ SEX_UNKNOWN: Final = Substitute(
     code="sex-unknown",
     message="The sex of the subject is not stated: the mean of the female and the male body is used",
     landmarks=(),
-    horizontal_mm=6.0,
-    vertical_mm=10.0,
+    horizontal_mm=2.0,
+    vertical_mm=5.0,
 )
 
 

@@ -30,16 +30,16 @@ def arm(p: Tracks, s: str, joints: Joints, body: Anthropometry, widths_m: Mappin
     """Elbow, wrist and middle of the metacarpal heads of side ``s``; unmarked arms hang along the trunk."""
     c, Z = joints.centres, joints.rightward["torso"]
     shoulder, down = c[f"{s}_shoulder"], unit(c["lumbar"] - c["cervical"])
-    per_shank = shank_length_m({**p, **_as_landmarks(c)}) / body.length_m["shank"]
+    shank = shank_length_m({**p, **_as_landmarks(c)})
     elbow = hinge(p, f"{s}_elbow", shoulder, Z, body, widths_m)
     if elbow is None:
-        hanging = shoulder + body.length_m["upper_arm"] * per_shank * down
+        hanging = shoulder + body.proportions["upper_arm"] * shank * down
         elbow = Joints({f"{s}_elbow": hanging}, {f"{s}_elbow": Z}, frozenset({"arms-missing"}))
     middle = elbow.centres[f"{s}_elbow"]
     upper_arm = Joints(elbow.centres, {f"{s}_upper_arm": elbow.rightward[f"{s}_elbow"]}, elbow.substitutes)
     wrist = _wrist(p, s)
     if wrist is None:
-        stretched = middle + body.length_m["forearm"] * per_shank * unit(middle - shoulder)
+        stretched = middle + body.proportions["forearm"] * shank * unit(middle - shoulder)
         code = "arms-missing" if "arms-missing" in elbow.substitutes else "hands-missing"
         wrist = Joints({f"{s}_wrist": stretched}, {}, frozenset({code}))
     return upper_arm | Joints({}, {f"{s}_forearm": Z}) | wrist | _knuckles(p, s)
@@ -93,7 +93,7 @@ def _trunk_from_acromia(p: Tracks, lumbar: Points, body: Anthropometry) -> Joint
     w = distance_m(p["l_acromion"], p["r_acromion"])
 
     def offset(k: Vector3) -> Points:
-        return w * (k[0] * x + k[1] * y + k[2] * z)
+        return np.asarray(w * (k[0] * x + k[1] * y + k[2] * z))
 
     cervical = middle + offset(body.cervical_from_acromia)
     shoulders = {s: p[f"{s}_acromion"] + offset(body.shoulder_from_acromion * (1, 1, SIGN[s])) for s in "lr"}
@@ -102,14 +102,19 @@ def _trunk_from_acromia(p: Tracks, lumbar: Points, body: Anthropometry) -> Joint
 
 
 def _upright_trunk(p: Tracks, joints: Joints, body: Anthropometry) -> Joints:
-    """Straight up from the lumbar joint, as long as the shank suggests, facing where the pelvis faces."""
+    """Straight up from the lumbar joint, as long as stature or shank suggest, facing where the pelvis faces."""
     lumbar = joints.centres["lumbar"]
-    shank = shank_length_m({**p, **_as_landmarks(joints.centres)})
     up = np.broadcast_to(np.array([0.0, 0.0, 1.0]), lumbar.shape)
-    cervical = lumbar + shank * body.length_m["torso"] / body.length_m["shank"] * up
+    cervical = lumbar + _torso_length_m(p, joints, body) * up
     z = across(joints.rightward["pelvis"], up)
     trunk = _with_shoulders(p, cervical, {}, lumbar, z, body)
     return trunk | Joints({}, {}, frozenset({"trunk-missing"}))
+
+
+def _torso_length_m(p: Tracks, joints: Joints, body: Anthropometry) -> float:
+    if body.height_m is not None:
+        return body.torso_per_stature * body.height_m
+    return body.proportions["torso"] * shank_length_m({**p, **_as_landmarks(joints.centres)})
 
 
 def _with_shoulders(

@@ -38,7 +38,11 @@ _FLATNESS: Final = 3e-3
 """Least ratio of the second to the first singular value: below it (width under 5 % of length) a cluster is a line."""
 
 
-def rebuild(tracks: Mapping[str, Points], shapes: Mapping[str, Points]) -> tuple[dict[str, Points], frozenset[str]]:
+Shapes = Mapping[str, Float[np.ndarray, "m 3"]]
+"""Landmark tracks of another trial, with its own number of frames."""
+
+
+def rebuild(tracks: Mapping[str, Points], shapes: Shapes) -> tuple[dict[str, Points], frozenset[str]]:
     """Fill the gaps of ``tracks``, and add landmarks that only ``shapes`` has, where a cluster allows it.
 
     ``shapes`` is a trial in which more is visible (the static trial, or the trial itself). Returns the tracks and the
@@ -87,7 +91,7 @@ def rigid_motion(
     return R, t
 
 
-def _fullest_frame(shapes: Mapping[str, Points], cluster: tuple[str, ...]) -> dict[str, Float[np.ndarray, "3"]]:
+def _fullest_frame(shapes: Shapes, cluster: tuple[str, ...]) -> dict[str, Float[np.ndarray, "3"]]:
     names = [name for name in cluster if name in shapes and len(shapes[name])]
     if len(names) < 4:
         return {}
