@@ -13,8 +13,11 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal, Self
 
 from procrastinate import PsycopgConnector
+from procrastinate.exceptions import ConnectorException
 from procrastinate.jobs import Job
 from procrastinate.manager import JobManager, get_channel_for_queues
+from psycopg import OperationalError as DriverError
+from sqlalchemy.exc import InterfaceError, OperationalError
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.service.storage.database import conninfo
@@ -23,6 +26,8 @@ Lane = Literal["short", "long"]
 LANES: Final[tuple[Lane, ...]] = ("short", "long")
 """``short`` has a reserved slot in every worker, so that a long job on every other slot cannot block a click."""
 
+DATABASE_IS_AWAY: Final = (OperationalError, InterfaceError, DriverError, ConnectorException, TimeoutError)
+"""What a database that does not answer looks like, by whichever way it was asked."""
 _TASK = "run-job"
 _BEAT = "UPDATE procrastinate_workers SET last_heartbeat = now() WHERE id = %(worker)s RETURNING id"
 _FINISH = """UPDATE procrastinate_jobs SET status = 'succeeded', attempts = attempts + 1
@@ -78,6 +83,7 @@ class Consumer:
         self._worker: int | None = None
         self._held: set[int] = set()
         self._fetching = asyncio.Lock()
+        self._registering = asyncio.Lock()
         self._in_doubt = False
 
     async def __aenter__(self) -> Self:
@@ -94,9 +100,10 @@ class Consumer:
 
     async def beat(self) -> None:
         """Say that this worker lives, registering it first where it is unknown (or was given up as dead)."""
-        if self._worker is not None and await self._connector.execute_query_all_async(_BEAT, worker=self._worker):
-            return
-        self._worker = await self._manager.register_worker()
+        async with self._registering:
+            if self._worker is not None and await self._connector.execute_query_all_async(_BEAT, worker=self._worker):
+                return
+            self._worker = await self._manager.register_worker()
 
     async def fetch(self, lanes: Sequence[Lane]) -> Delivery | None:
         """The most urgent waiting delivery of ``lanes``, or None; it is this worker's from now on."""

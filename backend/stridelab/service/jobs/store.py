@@ -26,6 +26,8 @@ from stridelab.service.storage.tables import job, job_event
 
 CHANNEL: Final = "stridelab_job"
 """NOTIFY channel; the payload is the id of the job that changed."""
+CANCEL_CHANNEL: Final = "stridelab_cancel"
+"""NOTIFY channel for workers; the payload is the id of a running job that shall stop."""
 _ADMISSION_LOCK: Final = 0x5712DE1AC
 _MAX_PRIORITY: Final = 100
 _RETRY_AFTER_S: Final = 5.0
@@ -205,6 +207,7 @@ class JobStore:
                 await emit(connection, job_id)
             elif row is not None and row["state"] == "running":
                 await connection.execute(change.values(cancel_requested=True, message="cancelling"))
+                await connection.execute(select(func.pg_notify(CANCEL_CHANNEL, job_id)))
                 await emit(connection, job_id)
         return await self.get(job_id)
 

@@ -1,0 +1,216 @@
+"""What workers do to a job. The attempt's number is the fencing token.
+
+Starting adds one to ``attempt``; whatever is written later carries ``attempt = mine AND state = 'running'``. A worker
+that was given up as dead and wakes again matches nothing: it may have computed twice, but it publishes nothing.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from sqlalchemy import ColumnElement, Update, func, select, text, update
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
+
+from stridelab.service.jobs import queue
+from stridelab.service.jobs.kinds.kind import JobKind, Json
+from stridelab.service.jobs.kinds.provenance import versions
+from stridelab.service.jobs.store import emit
+from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.tables import job
+
+FinalState = Literal["failed", "cancelled", "timed_out"]
+_REAPER_LOCK = 0x5712DE1AD
+_LOST = text(
+    """
+    SELECT j.id FROM job j
+      LEFT JOIN procrastinate_jobs q ON q.id = j.queue_id
+      LEFT JOIN procrastinate_workers w ON w.id = q.worker_id
+     WHERE j.state IN ('queued', 'running')
+       AND (q.id IS NULL
+            OR q.status NOT IN ('todo', 'doing')
+            OR (q.status = 'doing'
+                AND (w.id IS NULL OR w.last_heartbeat < now() - make_interval(secs => :silent_s))))
+     ORDER BY j.queue_id LIMIT 100 FOR UPDATE OF j SKIP LOCKED
+    """
+)
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One start of a job; ``row`` is the job's row at that moment."""
+
+    job_id: str
+    number: int
+    kind: str
+    row: Mapping[str, Any]
+
+    @property
+    def blob_prefix(self) -> str:
+        """Where this attempt, and no other, puts its files."""
+        return f"results/{self.job_id}/{self.number}"
+
+
+class Attempts:
+    """The fenced changes, on one database."""
+
+    def __init__(self, engine: AsyncEngine, kinds: Mapping[str, JobKind], *, max_attempts: int = 3) -> None:
+        self._engine, self._kinds, self._max_attempts = engine, kinds, max_attempts
+
+    async def start(self, delivery: queue.Delivery) -> Attempt | None:
+        """Take the job up; None where it is not waiting for this delivery (any more)."""
+        async with self._engine.begin() as connection:
+            taken = (
+                update(job)
+                .where(job.c.id == delivery.job_id, job.c.queue_id == delivery.id, job.c.state == "queued")
+                .values(state="running", attempt=job.c.attempt + 1, started_at=func.now(), fraction=0.0, message="")
+                .returning(job)
+            )
+            row = (await connection.execute(taken)).mappings().one_or_none()
+            if row is None:
+                return None
+            await emit(connection, delivery.job_id)
+        return Attempt(row["id"], row["attempt"], row["kind"], dict(row))
+
+    async def report(self, attempt: Attempt, fraction: float, message: str) -> bool:
+        """Write progress; False where the attempt should stop (cancelled, or no longer the present one)."""
+        async with self._engine.begin() as connection:
+            change = (
+                _fenced(attempt).where(~job.c.cancel_requested).values(fraction=fraction, message=storable(message))
+            )
+            return await _apply(connection, attempt, change)
+
+    async def should_stop(self, attempt: Attempt) -> bool:
+        """Whether the attempt is cancelled or no longer the present one."""
+        ours = select(job.c.id).where(*_still_mine(attempt), ~job.c.cancel_requested)
+        async with self._engine.connect() as connection:
+            return (await connection.execute(ours)).one_or_none() is None
+
+    async def succeed(
+        self, attempt: Attempt, blobs: BlobStore, outcome: Json, artifacts: list[Json], folder: Path, log_tail: str
+    ) -> bool:
+        """Publish: the kind's own rows and the result in one transaction; False where the attempt has no say.
+
+        May be called again where a broken connection left open whether it was committed.
+        """
+        async with self._engine.begin() as connection:
+            row = (
+                (await connection.execute(select(job).where(job.c.id == attempt.job_id).with_for_update()))
+                .mappings()
+                .one_or_none()
+            )
+            if row is None or row["attempt"] != attempt.number:
+                return False
+            if row["state"] != "running" or row["cancel_requested"]:
+                return bool(row["state"] == "succeeded")
+            summary = outcome["summary"]
+            publish = self._kinds[attempt.kind].publish
+            if publish is not None:
+                summary = await publish(connection, blobs, dict(row), outcome, folder) or summary
+            result = {
+                "summary": summary,
+                "references": list(outcome["references"]),
+                "versions": versions(),
+                "artifacts": artifacts,
+            }
+            change = _fenced(attempt).values(
+                state="succeeded",
+                fraction=1.0,
+                message="done",
+                finished_at=func.now(),
+                result=storable(result),
+                blob_prefix=attempt.blob_prefix,
+                log_tail=storable(log_tail),
+            )
+            return await _apply(connection, attempt, change)
+
+    async def end(self, attempt: Attempt, state: FinalState, problem: Json | None, log_tail: str) -> bool:
+        """End without a result; False where the attempt has no say."""
+        async with self._engine.begin() as connection:
+            change = _fenced(attempt).values(
+                state=state,
+                message=state.replace("_", " "),
+                finished_at=func.now(),
+                error=storable(problem),
+                log_tail=storable(log_tail),
+            )
+            return await _apply(connection, attempt, change)
+
+    async def hand_back(self, attempt: Attempt) -> bool:
+        """Queue the job again because its worker leaves in good order; this start does not count."""
+        async with self._engine.begin() as connection:
+            mine = select(job.c.id).where(*_still_mine(attempt)).with_for_update()
+            if (await connection.execute(mine)).one_or_none() is None:
+                return False
+            queue_id = await self._deliver_again(connection, attempt.row)
+            change = _fenced(attempt).values(
+                state="queued", returned=job.c.returned + 1, queue_id=queue_id, fraction=0.0, message="waiting again"
+            )
+            return await _apply(connection, attempt, change)
+
+    async def reap(self, silent_s: float | None) -> list[str]:
+        """Queue again what no living worker carries; returns the ids of these jobs.
+
+        Lost is an open job whose delivery is gone, ended, or held by a worker that is unknown or, where
+        ``silent_s`` is given, has been silent for that long. A job that was started too often fails instead.
+        """
+        async with self._engine.begin() as connection:
+            if not (await connection.execute(select(func.pg_try_advisory_xact_lock(_REAPER_LOCK)))).scalar_one():
+                return []
+            never = 10.0 * 365 * 86400
+            found = await connection.execute(_LOST, {"silent_s": never if silent_s is None else silent_s})
+            lost = list(found.scalars())
+            for job_id in lost:
+                row = (await connection.execute(select(job).where(job.c.id == job_id))).mappings().one()
+                fate = await self._fate(connection, dict(row))
+                await connection.execute(update(job).where(job.c.id == job_id).values(**fate))
+                await emit(connection, job_id)
+        return lost
+
+    async def _fate(self, connection: AsyncConnection, row: Mapping[str, Any]) -> dict[str, Any]:
+        """What becomes of a lost job."""
+        if row["cancel_requested"]:
+            await queue.retire(connection, row["queue_id"])
+            return {"state": "cancelled", "finished_at": func.now(), "message": "cancelled"}
+        used = row["attempt"] - row["returned"]
+        if row["state"] == "running" and used >= self._max_attempts:
+            await queue.retire(connection, row["queue_id"])
+            problem = {
+                "code": "worker-died",
+                "detail": f"The worker died {used} times while running this job.",
+                "errors": [],
+            }
+            return {"state": "failed", "finished_at": func.now(), "message": "failed", "error": problem}
+        again = await self._deliver_again(connection, row)
+        return {"state": "queued", "queue_id": again, "fraction": 0.0, "message": "its worker was lost; waiting again"}
+
+    async def _deliver_again(self, connection: AsyncConnection, row: Mapping[str, Any]) -> int:
+        await queue.retire(connection, row["queue_id"])
+        kind = self._kinds.get(row["kind"])
+        return await queue.enqueue(connection, row["id"], kind.lane if kind else "short", row["priority"])
+
+
+def _fenced(attempt: Attempt) -> Update:
+    return update(job).where(*_still_mine(attempt))
+
+
+def _still_mine(attempt: Attempt) -> tuple[ColumnElement[bool], ...]:
+    return job.c.id == attempt.job_id, job.c.attempt == attempt.number, job.c.state == "running"
+
+
+async def _apply(connection: AsyncConnection, attempt: Attempt, change: Update) -> bool:
+    if (await connection.execute(change.returning(job.c.id))).one_or_none() is None:
+        return False
+    await emit(connection, attempt.job_id)
+    return True
+
+
+def storable(value: Any) -> Any:
+    """The value without NUL characters, which PostgreSQL's text and JSON cannot hold."""
+    if isinstance(value, str):
+        return value.replace("\0", "")
+    if isinstance(value, Mapping):
+        return {storable(key): storable(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [storable(item) for item in value]
+    return value

@@ -1,0 +1,84 @@
+"""What is removed, and when: old events, old results, and files that no row refers to."""
+
+from datetime import UTC, datetime, timedelta
+from typing import Final
+
+import structlog
+from sqlalchemy import delete, func, select
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
+
+from stridelab.schemas.jobs import FINAL_STATES
+from stridelab.service.jobs.queue import Consumer
+from stridelab.service.settings import Settings
+from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.tables import job, job_event, recording
+
+_JANITOR_LOCK: Final = 0x5712DE1AE
+ORPHAN_AGE: Final = timedelta(hours=1)
+"""Files younger than this may belong to a row that is about to be written."""
+_QUEUE_HOURS: Final = 24
+_log = structlog.get_logger(__name__)
+
+
+async def sweep(engine: AsyncEngine, blobs: BlobStore, consumer: Consumer, limits: Settings) -> None:
+    """Remove all that has had its time; does nothing while another worker does the same."""
+    async with engine.connect() as connection:
+        locked = await connection.execute(select(func.pg_try_advisory_lock(_JANITOR_LOCK)))
+        if not locked.scalar_one():
+            return
+        try:
+            await remove_old_events(connection, timedelta(days=limits.event_retention_days))
+            await remove_old_jobs(connection, blobs, timedelta(days=limits.result_retention_days))
+            await remove_orphans(connection, blobs)
+            await consumer.remove_old(_QUEUE_HOURS)
+        finally:
+            await connection.rollback()
+            await connection.execute(select(func.pg_advisory_unlock(_JANITOR_LOCK)))
+            await connection.commit()
+
+
+async def remove_old_events(connection: AsyncConnection, age: timedelta) -> None:
+    """Delete the events of jobs that ended that long ago; the job itself still tells how."""
+    ended = select(job.c.id).where(job.c.state.in_(FINAL_STATES), job.c.finished_at < func.now() - age)
+    await connection.execute(delete(job_event).where(job_event.c.job_id.in_(ended)))
+    await connection.commit()
+
+
+async def remove_old_jobs(connection: AsyncConnection, blobs: BlobStore, age: timedelta) -> list[str]:
+    """Delete jobs that ended that long ago, and then their files; returns their ids."""
+    old = delete(job).where(job.c.state.in_(FINAL_STATES), job.c.finished_at < func.now() - age)
+    gone = list((await connection.execute(old.returning(job.c.id))).scalars())
+    await connection.commit()
+    for job_id in gone:
+        await blobs.delete_prefix(f"results/{job_id}")
+    return gone
+
+
+async def remove_orphans(connection: AsyncConnection, blobs: BlobStore, age: timedelta = ORPHAN_AGE) -> list[str]:
+    """Delete files older than ``age`` that no job and no recording refers to; returns the prefixes."""
+    results = await _old_prefixes(blobs, "results", 3, age)
+    recordings = await _old_prefixes(blobs, "recordings", 2, age)
+    # the rows are read after the files: a row written meanwhile is seen
+    rows = (await connection.execute(select(job.c.id, job.c.attempt, job.c.state, job.c.blob_prefix))).all()
+    referred = {row.blob_prefix for row in rows}
+    referred |= {f"results/{row.id}/{row.attempt}" for row in rows if row.state == "running"}
+    known = {
+        f"recordings/{recording_id}" for recording_id in (await connection.execute(select(recording.c.id))).scalars()
+    }
+    await connection.rollback()
+    orphans = sorted((results - referred) | (recordings - known))
+    for prefix in orphans:
+        await blobs.delete_prefix(prefix)
+    if orphans:
+        _log.info("orphaned-files-removed", prefixes=len(orphans))
+    return orphans
+
+
+async def _old_prefixes(blobs: BlobStore, root: str, depth: int, age: timedelta) -> set[str]:
+    """Prefixes of ``depth`` segments below ``root`` whose newest file is older than ``age``."""
+    newest: dict[str, datetime] = {}
+    async for info in blobs.list_prefix(root):
+        prefix = "/".join(info.key.split("/")[:depth])
+        newest[prefix] = max(newest.get(prefix, info.modified_at), info.modified_at)
+    now = datetime.now(UTC)
+    return {prefix for prefix, written_at in newest.items() if now - written_at > age}

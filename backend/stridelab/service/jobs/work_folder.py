@@ -1,0 +1,48 @@
+"""Folders in which jobs work on files; what a killed worker left behind is removed by the next one."""
+
+import fcntl
+import os
+import shutil
+import uuid
+from pathlib import Path
+from types import TracebackType
+
+_LOCK = ".lock"
+
+
+class WorkFolder:
+    """A folder of this worker's own below ``root``, held by a lock and removed at the end. A context manager."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        self._folder = root / uuid.uuid4().hex[:12]
+        self._lock = -1
+
+    def __enter__(self) -> Path:
+        self._root.mkdir(mode=0o700, parents=True, exist_ok=True)
+        for left in self._root.iterdir():
+            _remove_if_abandoned(left)
+        self._folder.mkdir(mode=0o700)
+        self._lock = os.open(self._folder / _LOCK, os.O_CREAT | os.O_RDWR | os.O_CLOEXEC, 0o600)
+        fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return self._folder
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        shutil.rmtree(self._folder, ignore_errors=True)
+        os.close(self._lock)
+
+
+def _remove_if_abandoned(folder: Path) -> None:
+    try:
+        lock = os.open(folder / _LOCK, os.O_RDWR | os.O_CLOEXEC)
+    except OSError:
+        return  # just being made
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        shutil.rmtree(folder, ignore_errors=True)
+    except OSError:
+        return  # somebody works there
+    finally:
+        os.close(lock)

@@ -1,0 +1,243 @@
+"""``python -m stridelab.service.jobs.worker``: takes jobs from the queue and runs each in a child of its own.
+
+The event loop only waits and writes rows; numbers are crunched in children. A worker that loses the database keeps
+its children computing and publishes when the database is back; one that is told to stop hands its jobs back.
+"""
+
+import asyncio
+import contextlib
+import os
+import signal
+import sys
+import time
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Final, TypeVar
+
+import structlog
+
+from stridelab.errors import StridelabError, Unavailable
+from stridelab.service.jobs import retention
+from stridelab.service.jobs.attempts import Attempts
+from stridelab.service.jobs.board import Listener
+from stridelab.service.jobs.errand import Errand
+from stridelab.service.jobs.isolated import PRELOAD, IsolatedPool
+from stridelab.service.jobs.kinds.kind import JobKind
+from stridelab.service.jobs.queue import DATABASE_IS_AWAY, LANES, Consumer, Delivery, Lane
+from stridelab.service.jobs.store import CANCEL_CHANNEL
+from stridelab.service.jobs.work_folder import WorkFolder
+from stridelab.service.settings import Settings, settings
+from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.database import database_url, is_migrated, make_engine
+
+MAX_SPARES: Final = 4
+"""Ready-imported children cost some 100 MB each; more than this wait for their imports."""
+_POLL_S: Final = 5.0
+_REAP_S: Final = 2.0
+_RETENTION_S: Final = 3600.0
+_HAND_BACK_S: Final = 3.0
+_log = structlog.get_logger(__name__)
+T = TypeVar("T")
+
+
+class Worker:
+    """Slots that fetch and run jobs until ``stop`` is set."""
+
+    def __init__(
+        self,
+        url: str,
+        blobs: BlobStore,
+        kinds: Mapping[str, JobKind],
+        limits: Settings,
+        preload: Sequence[str] = PRELOAD,
+    ) -> None:
+        self._url, self._blobs, self._kinds, self._limits = url, blobs, kinds, limits
+        self._engine = make_engine(url)
+        self._attempts = Attempts(self._engine, kinds, max_attempts=limits.job_max_attempts)
+        self._consumer = Consumer(url)
+        slots = limits.worker_slots or max(1, (os.cpu_count() or 2) - 1)
+        self._slots: tuple[tuple[Lane, ...], ...] = (("short",), *((LANES,) * slots))
+        self._pool = IsolatedPool(min(len(self._slots), MAX_SPARES), preload)
+        self._errands: list[Errand] = []
+        self._news: list[asyncio.Event] = []
+        self._stopping = asyncio.Event()
+        self._answering_since: float | None = None
+
+    def stop(self) -> None:
+        """Fetch nothing more, kill the children, hand the jobs back."""
+        self._stopping.set()
+        for event in self._news:
+            event.set()
+        for errand in self._errands:
+            errand.interrupt()
+
+    async def run(self) -> None:
+        """Work until ``stop``."""
+        with WorkFolder(self._limits.data_folder / "work") as folder:
+            listener = Listener(self._url, [*Consumer.channels(), CANCEL_CHANNEL], self._heard, self._look_again)
+            async with self._consumer, self._pool, listener:
+                slots = [asyncio.create_task(self._slot(lanes, folder)) for lanes in self._slots]
+                keepers = [asyncio.create_task(keep()) for keep in (self._beat, self._reap, self._retain)]
+                try:
+                    await self._until_stopped([*slots, *keepers])
+                    await asyncio.wait(slots, timeout=_HAND_BACK_S)
+                finally:
+                    for task in (*slots, *keepers):
+                        task.cancel()
+                    await asyncio.gather(*slots, *keepers, return_exceptions=True)
+                with contextlib.suppress(*DATABASE_IS_AWAY):
+                    await self._consumer.sign_off()
+        await self._engine.dispose()
+
+    async def _until_stopped(self, tasks: list[asyncio.Task[None]]) -> None:
+        stopped = asyncio.create_task(self._stopping.wait())
+        await asyncio.wait([stopped, *tasks], return_when=asyncio.FIRST_COMPLETED)
+        for task in tasks:
+            if task.done() and not self._stopping.is_set():
+                task.result()  # a loop that ended by itself is a bug: let the process end and be started again
+        stopped.cancel()
+
+    async def _slot(self, lanes: tuple[Lane, ...], folder: Path) -> None:
+        news = asyncio.Event()
+        self._news.append(news)
+        while not self._stopping.is_set():
+            news.clear()
+            try:
+                delivery = await self._consumer.fetch(lanes)
+            except DATABASE_IS_AWAY:
+                self._lost_sight()
+                await self._pause(0.3)
+                continue
+            if delivery is None:
+                with contextlib.suppress(asyncio.TimeoutError):
+                    await asyncio.wait_for(news.wait(), _POLL_S)
+            else:
+                await self._deliver(delivery, folder)
+
+    async def _deliver(self, delivery: Delivery, folder: Path) -> None:
+        attempt = await self._patiently(lambda: self._attempts.start(delivery))
+        if attempt is not None and attempt.kind in self._kinds:
+            errand = Errand(attempt, self._kinds[attempt.kind], self._attempts, self._blobs, self._limits)
+            self._errands.append(errand)
+            log = _log.bind(job=attempt.job_id, kind=attempt.kind, attempt=attempt.number)
+            began = time.monotonic()
+            try:
+                if self._stopping.is_set():
+                    errand.interrupt()
+                state = await errand.run(self._engine, self._pool, folder, self._patiently)
+                log.info("job-ended", state=state, seconds=round(time.monotonic() - began, 3))
+            finally:
+                self._errands.remove(errand)
+        elif attempt is not None:
+            problem = {"code": "unknown-job-kind", "detail": f"This version cannot run {attempt.kind}.", "errors": []}
+            await self._patiently(lambda: self._attempts.end(attempt, "failed", problem, ""))
+        await self._patiently(lambda: self._consumer.finish(delivery))
+
+    async def _patiently(self, act: Callable[[], Awaitable[T]]) -> T:
+        """Do something with the database, however long that is away; a worker that stops gives up sooner."""
+        pause_s = 0.1
+        while True:
+            try:
+                return await act()
+            except DATABASE_IS_AWAY:
+                self._lost_sight()
+                if self._stopping.is_set() and pause_s > 1.0:
+                    raise
+                await asyncio.sleep(pause_s)
+                pause_s = min(2 * pause_s, 2.0)
+
+    def _lost_sight(self) -> None:
+        self._answering_since = None
+
+    async def _pause(self, seconds: float) -> None:
+        with contextlib.suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(self._stopping.wait(), seconds)
+
+    async def _beat(self) -> None:
+        while True:
+            try:
+                await self._consumer.beat()
+                if self._answering_since is None:
+                    self._answering_since = time.monotonic()
+                await asyncio.sleep(self._limits.heartbeat_s)
+            except DATABASE_IS_AWAY:
+                self._lost_sight()
+                await asyncio.sleep(0.3)
+
+    async def _reap(self) -> None:
+        while True:
+            await asyncio.sleep(_REAP_S)
+            since = self._answering_since
+            if since is None:
+                continue
+            # after an outage every worker looks silent; they all had time to speak up by now
+            heard_all = time.monotonic() - since > 2 * self._limits.heartbeat_s
+            try:
+                lost = await self._attempts.reap(self._limits.stall_s if heard_all else None)
+            except DATABASE_IS_AWAY:
+                self._lost_sight()
+                continue
+            if lost:
+                _log.warning("jobs-taken-from-lost-workers", jobs=lost)
+
+    async def _retain(self) -> None:
+        while True:
+            try:
+                await retention.sweep(self._engine, self._blobs, self._consumer, self._limits)
+            except (StridelabError, *DATABASE_IS_AWAY) as error:
+                _log.warning("retention-failed", error=str(error))
+            await asyncio.sleep(_RETENTION_S)
+
+    def _heard(self, channel: str, payload: str) -> None:
+        if channel != CANCEL_CHANNEL:
+            for news in self._news:
+                news.set()
+        for errand in self._errands:
+            if errand.job_id == payload:
+                errand.look_again()
+
+    def _look_again(self) -> None:
+        for news in self._news:
+            news.set()
+        for errand in self._errands:
+            errand.look_again()
+
+
+async def work(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence[str] = PRELOAD) -> None:
+    """Run one worker on the configured database until SIGTERM or SIGINT.
+
+    Raises ``Unavailable`` (``database-url-missing``, ``database-not-migrated``).
+    """
+    url = database_url(limits)
+    if url is None:
+        raise Unavailable("database-url-missing", "A worker needs STRIDELAB_DATABASE_URL.")
+    deadline = time.monotonic() + 60.0
+    while not await asyncio.to_thread(is_migrated, url):
+        if time.monotonic() > deadline:
+            raise Unavailable(
+                "database-not-migrated", "The database does not answer, or `stridelab migrate` has not been run on it."
+            )
+        await asyncio.sleep(0.5)
+    blob_url = limits.blob_url or (limits.data_folder / "blobs").as_uri()
+    worker = Worker(url, BlobStore.from_url(blob_url), kinds, limits, preload)
+    loop = asyncio.get_running_loop()
+    for signum in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(signum, worker.stop)
+    await worker.run()
+
+
+def main() -> None:
+    """Entry point: a worker for all job kinds."""
+    from stridelab.service.jobs.kinds.registry import KINDS
+    from stridelab.service.logs import configure_logging
+
+    limits = settings()
+    configure_logging(limits.log_level)
+    try:
+        asyncio.run(work(limits, KINDS))
+    except StridelabError as error:
+        sys.exit(error.message)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,236 @@
+import asyncio
+import os
+import time
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from stridelab.service.jobs.board import JobBoard
+from stridelab.service.jobs.store import JobRecord, JobStore
+from stridelab.service.jobs.worker import Worker
+from stridelab.service.settings import Settings
+from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.database import make_engine
+from support.kinds import KINDS
+
+
+@dataclass(frozen=True)
+class Shop:
+    """A store, a board and a working worker."""
+
+    store: JobStore
+    board: JobBoard
+    blobs: BlobStore
+    worker: Worker
+
+    async def do(self, kind: str, timeout_s: float = 20.0, **task: Any) -> JobRecord:
+        submitted = await self.store.submit(kind, task)
+        return await self.ended(submitted.job_id, timeout_s)
+
+    async def ended(self, job_id: str, timeout_s: float = 20.0) -> JobRecord:
+        record = await self.board.wait(self.store, job_id, timeout_s)
+        assert record.is_final, f"still {record.state} after {timeout_s} s"
+        return record
+
+    async def running(self, job_id: str) -> JobRecord:
+        with self.board.watch(job_id) as change:
+            while True:
+                change.clear()
+                record = await self.store.get(job_id)
+                if record.state == "running":
+                    return record
+                await asyncio.wait_for(change.wait(), 10.0)
+
+
+Open = Callable[[Callable[[Shop], Coroutine[Any, Any, None]]], None]
+
+
+@pytest.fixture
+def in_shop(database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Open:
+    """Run an asynchronous function beside a worker with one general slot and the reserved one."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+    blobs = BlobStore.from_url((tmp_path / "blobs").as_uri())
+    limits = Settings(data_dir=tmp_path, worker_slots=1, heartbeat_s=1.0, stall_s=4.0)
+
+    @asynccontextmanager
+    async def opened() -> AsyncIterator[Shop]:
+        engine = make_engine(database_url)
+        worker = Worker(database_url, blobs, KINDS, limits, preload=())
+        working = asyncio.create_task(worker.run())
+        try:
+            async with JobBoard(database_url) as board:
+                yield Shop(JobStore(engine, KINDS), board, blobs, worker)
+        finally:
+            worker.stop()
+            await working
+            await engine.dispose()
+
+    def run(act: Callable[[Shop], Coroutine[Any, Any, None]]) -> None:
+        async def inside() -> None:
+            async with opened() as shop:
+                await act(shop)
+
+        asyncio.run(inside())
+
+    return run
+
+
+def test_a_job_succeeds_with_files_and_provenance(in_shop: Open) -> None:
+    async def act(shop: Shop) -> None:
+        record = await shop.do("work", work_s=0.3)
+        assert (record.state, record.attempt, record.fraction) == ("succeeded", 1, 1.0)
+        assert record.started_at is not None
+        assert record.finished_at is not None
+        assert record.created_at <= record.started_at <= record.finished_at
+        result = await shop.store.result(record.id)
+        assert result.summary == {"answer": 42}
+        assert result.versions["stridelab"]
+        assert [(a.name, a.media_type, a.bytes) for a in result.artifacts] == [("numbers.csv", "text/csv", 11)]
+        assert record.blob_prefix == f"results/{record.id}/1"
+        assert b"".join([c async for c in shop.blobs.stream(f"{record.blob_prefix}/numbers.csv")]) == b"time_s\n0.0\n"
+        events = await shop.store.events_after(record.id)
+        assert [event.seq for event in events] == sorted(event.seq for event in events)
+        assert [event.state for event in events][:2] == ["queued", "running"]
+        assert [event.state for event in events][-1] == "succeeded"
+        fractions = [event.progress.fraction for event in events]
+        assert fractions == sorted(fractions)
+        assert len(fractions) >= 4
+
+    in_shop(act)
+
+
+@pytest.mark.parametrize(
+    ("kind", "state", "code", "words"),
+    [
+        ("refuse", "failed", "no-plates", "The recording has no plates."),
+        ("stumble", "failed", "computation-failed", "something unforeseen"),
+        ("segfault", "failed", "computation-crashed", "SIGSEGV"),
+        ("abort", "failed", "computation-crashed", "SIGABRT"),
+        ("hog", "failed", "computation-out-of-memory", "more memory"),
+        ("hang", "timed_out", "computation-timed-out", "1 s"),
+    ],
+)
+def test_what_goes_wrong_costs_only_its_own_job(in_shop: Open, kind: str, state: str, code: str, words: str) -> None:
+    async def act(shop: Shop) -> None:
+        record = await shop.do(kind, bytes=4 << 30)
+        assert record.state == state
+        assert record.error is not None
+        assert record.error["code"] == code
+        assert words in record.error["detail"]
+        assert record.attempt == 1  # a result, not a reason to try again
+        assert (await shop.do("work")).state == "succeeded"
+
+    in_shop(act)
+
+
+def test_log_tail_shows_where_it_happened(in_shop: Open) -> None:
+    async def act(shop: Shop) -> None:
+        crashed = await shop.do("segfault")
+        stumbled = await shop.do("stumble")
+        assert "in segfault" in str(crashed.log_tail)
+        assert "something unforeseen" in str(stumbled.log_tail)
+
+    in_shop(act)
+
+
+def test_cancelling_a_running_job_frees_the_processor(in_shop: Open) -> None:
+    async def act(shop: Shop) -> None:
+        job_id = (await shop.store.submit("spin", {})).job_id
+        while not (record := await shop.running(job_id)).message.startswith("pid"):
+            await asyncio.sleep(0.02)
+        pid = int(record.message.split()[1])
+        assert psutil.pid_exists(pid)
+        asked = await shop.store.request_cancel(job_id)
+        assert asked.state == "running"
+        assert asked.cancel_requested
+        ended = await shop.ended(job_id, 5.0)
+        assert ended.state == "cancelled"
+        assert ended.error is None
+        assert not psutil.pid_exists(pid)
+
+    in_shop(act)
+
+
+def test_a_long_job_does_not_block_short_ones(in_shop: Open) -> None:
+    async def act(shop: Shop) -> None:
+        long_job = (await shop.store.submit("spin", {})).job_id
+        await shop.running(long_job)
+        assert (await shop.do("work", timeout_s=10.0)).state == "succeeded"
+        assert (await shop.store.get(long_job)).state == "running"
+        await shop.store.request_cancel(long_job)
+
+    in_shop(act)
+
+
+def test_priorities_decide_behind_full_slots(in_shop: Open, tmp_path: Path) -> None:
+    diary = tmp_path / "diary"
+
+    async def act(shop: Shop) -> None:
+        first = (await shop.store.submit("long-work", {"work_s": 1.0, "diary": str(diary), "name": "first"})).job_id
+        await shop.running(first)
+        ids = []
+        for priority, name in ((0, "a"), (0, "b"), (5, "c"), (10, "d")):
+            task = {"diary": str(diary), "name": name}
+            ids.append((await shop.store.submit("long-work", task, priority=priority)).job_id)
+        for job_id in ids:
+            assert (await shop.ended(job_id)).state == "succeeded"
+        started = [line.split()[0] for line in diary.read_text().splitlines() if line.endswith("start")]
+        assert started == ["first", "d", "c", "a", "b"]
+
+    in_shop(act)
+
+
+def test_events_can_be_followed_and_resumed(in_shop: Open) -> None:
+    async def act(shop: Shop) -> None:
+        job_id = (await shop.store.submit("work", {"work_s": 0.6})).job_id
+        seen = [event async for events in shop.board.follow(shop.store, job_id) for event in events]
+        assert seen[0].state == "queued"
+        assert seen[-1].state == "succeeded"
+        again = [e async for events in shop.board.follow(shop.store, job_id, seen[2].seq) for e in events]
+        assert again == seen[3:]
+
+    in_shop(act)
+
+
+def test_a_stopping_worker_hands_its_job_back(in_shop: Open, database_url: str, tmp_path: Path) -> None:
+    job_ids: list[str] = []
+
+    async def leave(shop: Shop) -> None:
+        job_ids.append((await shop.store.submit("long-work", {"work_s": 1.5})).job_id)
+        await shop.running(job_ids[0])
+        shop.worker.stop()
+        await asyncio.sleep(0.5)
+        record = await shop.store.get(job_ids[0])
+        assert (record.state, record.attempt) == ("queued", 1)
+
+    async def come_back(shop: Shop) -> None:
+        record = await shop.ended(job_ids[0])
+        assert (record.state, record.attempt) == ("succeeded", 2)
+        assert await shop.blobs.exists(f"results/{record.id}/2/numbers.csv")
+
+    in_shop(leave)
+    in_shop(come_back)
+
+
+def test_nothing_is_left_in_the_work_folder(in_shop: Open, tmp_path: Path) -> None:
+    async def act(shop: Shop) -> None:
+        await shop.do("work")
+        await shop.do("stumble")
+
+    in_shop(act)
+    assert list((tmp_path / "work").iterdir()) == []
+
+
+def test_children_of_the_worker_are_gone_afterwards(in_shop: Open) -> None:
+    async def act(shop: Shop) -> None:
+        await shop.do("work")
+
+    in_shop(act)
+    time.sleep(0.1)
+    left = [p for p in psutil.Process(os.getpid()).children(recursive=True) if "jobs.child" in " ".join(p.cmdline())]
+    assert left == []
