@@ -7,14 +7,9 @@ from numpy.testing import assert_allclose
 from stridelab.dynamics.wrench import Wrench
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.estimation.agreement import bias_m, force_residual_n
-from stridelab.estimation.complementary import (
-    ComplementaryFilter,
-    filter_inputs,
-    forward,
-    forward_backward,
-    initial_state,
-)
+from stridelab.estimation.complementary import ComplementaryFilter
 from stridelab.estimation.filters import complementary_filters
+from stridelab.estimation.passes import filter_inputs, forward, forward_backward, initial_state
 from stridelab.recordings.recording import Window
 from support.motions import sinusoid, uniform, walk
 

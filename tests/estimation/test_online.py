@@ -5,9 +5,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from stridelab.dynamics.wrench import Wrench
-from stridelab.estimation.complementary import filter_inputs, forward, initial_state
 from stridelab.estimation.filters import complementary_filters
 from stridelab.estimation.online import OnlineComplementaryFilter
+from stridelab.estimation.passes import filter_inputs, forward, initial_state
 from support.motions import uniform, walk
 
 

@@ -1,12 +1,11 @@
 """The geometric CoM as an estimator of its own: what everybody did before forces were used."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
-
-import numpy as np
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.estimation.derivatives import BAND_HZ, derivatives
+from stridelab.estimation.error_band import ErrorPriors, geometry_sd_m
 from stridelab.estimation.estimate import ComEstimate
 from stridelab.estimation.span import require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
@@ -14,7 +13,7 @@ from stridelab.recordings.recording import WrenchTrack
 
 @dataclass(frozen=True, kw_only=True)
 class GeometryOnly:
-    """Input (i) unchanged, with derivatives smoothed to ``band_hz``; ``sd_m`` is the table prior.
+    """Input (i) unchanged, with derivatives smoothed to ``band_hz``; ``sd_m`` is its prior.
 
     It answers for the same window as the other estimators, so that all can be compared sample by sample.
     """
@@ -22,6 +21,7 @@ class GeometryOnly:
     name: ClassVar[str] = "geometry"
 
     band_hz: float = BAND_HZ
+    priors: ErrorPriors = field(default_factory=ErrorPriors)
 
     def estimate(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> ComEstimate:
         """Geometry at the window's samples; raises as ``window_span`` does."""
@@ -36,7 +36,7 @@ class GeometryOnly:
             com_m=g[within],
             velocity_m_s=velocity[within],
             acceleration_m_s2=acceleration[within],
-            sd_m=np.tile(np.asarray(geometric.sd_m), (len(g[within]), 1)),
+            sd_m=geometry_sd_m(geometric.sd_m, len(g[within]), self.priors),
             window=span.window,
             references=(),
             diagnostics={"band_hz": self.band_hz},

@@ -4,12 +4,12 @@ import numpy as np
 
 from stridelab.conventions import GRAVITY_M_S2, Vector3
 from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N
-from stridelab.estimation.complementary import FilterState
 from stridelab.estimation.filters import ComplementaryFilters, DigitalFilter
+from stridelab.estimation.passes import FilterState, State
 
 
 class OnlineComplementaryFilter:
-    """One causal step per sample; the same arithmetic as ``complementary.forward``, so equal to it to rounding.
+    """One causal step per sample; the same arithmetic as ``passes.forward``, so equal to it to rounding.
 
     Without a ``start`` the body is taken to have moved uniformly, with ``velocity_m_s``, before the first sample, and
     the geometry to be unbiased.
@@ -46,10 +46,11 @@ class OnlineComplementaryFilter:
 class _Recursion:
     """Second-order section in transposed direct form II, as ``scipy.signal.lfilter`` computes it."""
 
-    def __init__(self, h: DigitalFilter, state: np.ndarray | None) -> None:
+    def __init__(self, h: DigitalFilter, state: State | None) -> None:
         (self._b0, self._b1, self._b2), (_, self._a1, self._a2) = h.b.tolist(), h.a.tolist()
         self._rate_hz = h.rate_hz
-        self._z0, self._z1 = (np.zeros(3), np.zeros(3)) if state is None else (state[0].copy(), state[1].copy())
+        self._z0: Vector3 = np.zeros(3) if state is None else state[0].copy()
+        self._z1: Vector3 = np.zeros(3) if state is None else state[1].copy()
 
     def remember_line(self, position_m: Vector3, velocity_m_s: Vector3) -> None:
         """State after an endless straight line that would reach ``position_m`` now, for a filter that stops lines."""
@@ -59,7 +60,7 @@ class _Recursion:
         self._z1 = self._b2 * last
 
     def __call__(self, x: Vector3) -> Vector3:
-        y = self._z0 + self._b0 * x
+        y: Vector3 = self._z0 + self._b0 * x
         self._z0 = self._z1 + self._b1 * x - self._a1 * y
         self._z1 = self._b2 * x - self._a2 * y
         return y

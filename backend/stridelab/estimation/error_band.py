@@ -1,0 +1,145 @@
+"""Standard deviation of a fused CoM: stated errors of the inputs, sent through the very filters that fuse them.
+
+The fusion is linear in its three signals, so the error of the result is the fusion of the errors. Each source below is
+independent of the others; its signals (delta g, delta a, delta p) go through ``forward_backward``, initial states
+included, and the squares add up:
+
+- the segment table: a constant offset of g per axis. Its projection on the axis keeps only the part along the force,
+  delta p = (n . delta) n, so the force removes it horizontally and can never remove it along the force: the band of z
+  is the prior of the table.
+- angular momentum: L' displaces the axis by f x L' / f^2 (``central_axis``); a line at the step frequency about the
+  lateral axis and one at the stride frequency about the walking axis, of unknown phase.
+- plates: a constant error of the acceleration (offset of a plate, wrong mass) and a constant error of the moment.
+- clocks: force and moment are known up to ``clock_s``, which shifts p by velocity times that and a by jerk times that.
+- marker and force noise: white, through the energy of the filters' impulse response in mid-record.
+
+The numbers are priors, not findings; the defaults are of the size that real recordings show
+(docs/theory/complementary-filter.md). A bias that no prior declares is not in the band.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Points, Vector3
+from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N
+from stridelab.dynamics.newton_euler import com_acceleration
+from stridelab.dynamics.wrench import Wrench
+from stridelab.estimation.derivatives import derivatives
+from stridelab.estimation.filters import ComplementaryFilters
+from stridelab.estimation.passes import FilterInputs, forward_backward
+
+WindowPoints = Float[np.ndarray, "window 3"]
+SdPerAxis = tuple[float, float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class ErrorPriors:
+    """Standard deviations of what can be wrong with the inputs; the table's own is in ``GeometricCom.sd_m``.
+
+    ``marker_m``: white noise of the CoM from marker noise. ``force_n``: white noise per axis. ``acceleration_m_s2``:
+    constant error per axis (0.15 m/s^2 vertically is 1.5 % of body weight). ``moment_nm``: constant error of each
+    horizontal moment at the body. ``momentum_rate_nm_kg``: RMS of L' per kilogram of body mass, about the walking axis
+    (at ``step_hz`` / 2) and the lateral axis (at ``step_hz``). ``clock_s``: rest of the latency between force and
+    markers after whatever was applied.
+    """
+
+    marker_m: float = 0.001
+    force_n: float = 5.0
+    acceleration_m_s2: SdPerAxis = (0.05, 0.05, 0.15)
+    moment_nm: float = 2.0
+    momentum_rate_nm_kg: tuple[float, float] = (0.12, 0.33)
+    step_hz: float = 1.8
+    clock_s: float = 0.005
+
+
+def geometry_sd_m(table_sd_m: SdPerAxis, samples: int, priors: ErrorPriors) -> Points:
+    """Band of the geometry alone: table and marker noise."""
+    return np.tile(np.hypot(np.asarray(table_sd_m), priors.marker_m), (samples, 1))
+
+
+@dataclass(frozen=True)
+class FusedStretch:
+    """What was fused: ``wrench`` over the window, ``velocity_m_s`` of the geometry over the whole filtered stretch.
+
+    ``within`` is the window in samples of the stretch.
+    """
+
+    wrench: Wrench
+    velocity_m_s: Points
+    within: slice
+    rate_hz: float
+    mass_kg: float
+
+    @property
+    def silence(self) -> Points:
+        return np.zeros_like(self.velocity_m_s)
+
+    def inside(self, signal: WindowPoints) -> Points:
+        """A signal of the window, zero elsewhere."""
+        whole = self.silence
+        whole[self.within] = signal
+        return whole
+
+
+def complementary_sd_m(
+    filters: ComplementaryFilters, stretch: FusedStretch, table_sd_m: SdPerAxis, priors: ErrorPriors
+) -> WindowPoints:
+    """Standard deviation per axis at the samples of the window."""
+    total = _white_variance(filters, stretch, priors) + np.zeros_like(stretch.wrench.force_n)
+    for error in _errors(stretch, table_sd_m, priors):
+        total += forward_backward(filters, error)[stretch.within] ** 2
+    return np.asarray(np.sqrt(total))
+
+
+def _errors(stretch: FusedStretch, table_sd_m: SdPerAxis, priors: ErrorPriors) -> Iterator[FilterInputs]:
+    """One error signal of one standard deviation per independent source."""
+    silence, inside = stretch.silence, stretch.inside
+    f = stretch.wrench.force_n
+    norm = np.linalg.norm(f, axis=1, keepdims=True)
+    defined = norm > AXIS_THRESHOLD_N
+    n = f / np.maximum(norm, AXIS_THRESHOLD_N)
+
+    def of_moment(nu: WindowPoints) -> FilterInputs:
+        p = np.cross(n, nu) / np.maximum(norm, AXIS_THRESHOLD_N) * defined
+        return FilterInputs(silence, silence, inside(p))
+
+    for axis, sd in zip(np.eye(3), table_sd_m, strict=True):
+        g = silence + sd * axis
+        p = g.copy()
+        p[stretch.within] = np.where(defined, (n @ (sd * axis))[:, None] * n, sd * axis)
+        yield FilterInputs(g, silence, p)
+    for axis, sd in zip(np.eye(3), priors.acceleration_m_s2, strict=True):
+        yield FilterInputs(silence, inside(np.zeros_like(f) + sd * axis), silence)
+    for axis in np.eye(3)[:2]:
+        yield of_moment(np.zeros_like(f) + priors.moment_nm * axis)
+    t = np.arange(len(f)) / stretch.rate_hz
+    along = _along(stretch.velocity_m_s)
+    lateral = np.array([-along[1], along[0], 0.0])
+    for axis, rate, hz in zip(
+        (along, lateral), priors.momentum_rate_nm_kg, (priors.step_hz / 2, priors.step_hz), strict=True
+    ):
+        for wave in (np.cos, np.sin):
+            yield of_moment(np.outer(stretch.mass_kg * rate * wave(2 * np.pi * hz * t), axis))
+    jerk = derivatives(com_acceleration(f, stretch.mass_kg), stretch.rate_hz)[0]
+    late = stretch.velocity_m_s[stretch.within] * defined
+    yield FilterInputs(silence, inside(priors.clock_s * jerk), inside(priors.clock_s * late))
+
+
+def _along(velocity: Points) -> Vector3:
+    """Horizontal direction of the motion; the x axis for a body that stays."""
+    mean = velocity.mean(axis=0) * [1.0, 1.0, 0.0]
+    speed = float(np.linalg.norm(mean))
+    return np.asarray(mean / speed) if speed > 0.05 else np.array([1.0, 0.0, 0.0])
+
+
+def _white_variance(filters: ComplementaryFilters, stretch: FusedStretch, priors: ErrorPriors) -> Vector3:
+    """Variance from white noise: marker noise moves g (and p along the force only), force noise moves a."""
+    silence, pulse = stretch.silence, stretch.silence
+    pulse[len(pulse) // 2] = 1.0
+    geometry = forward_backward(filters, FilterInputs(pulse, silence, pulse * [0.0, 0.0, 1.0]))
+    force = forward_backward(filters, FilterInputs(silence, pulse, silence))
+    sd_a = priors.force_n / stretch.mass_kg
+    return np.asarray(priors.marker_m**2 * (geometry**2).sum(axis=0) + sd_a**2 * (force**2).sum(axis=0))
