@@ -5,7 +5,13 @@ import pytest
 
 from stridelab.conventions import GRAVITY_M_S2, g
 from stridelab.estimation.estimate import ComEstimate
-from stridelab.estimation.observability import force_and_geometry_matrix, force_matrix, observability, skew
+from stridelab.estimation.observability import (
+    constant_jerk_matrix,
+    force_and_geometry_matrix,
+    force_matrix,
+    observability,
+    skew,
+)
 from stridelab.recordings.recording import Window
 
 
@@ -35,6 +41,39 @@ def test_ranks_are_7_and_11_on_random_states() -> None:
 def test_free_fall_leaves_only_the_acceleration() -> None:
     found = observability(estimate(np.tile(g, (100, 1))))
     assert found.rank_force == 3
+
+
+def test_geometry_restores_all_but_the_bias_in_free_fall() -> None:
+    """(c, b) only as their sum, c' and c'': 9 of 12."""
+    assert observability(estimate(np.tile(g, (100, 1)))).rank_with_geometry == 9
+
+
+def test_a_constant_jerk_makes_8_of_9_states_observable_and_which_one_stays_hidden() -> None:
+    rng = np.random.default_rng(3)
+    for c, v, a, u in rng.normal(size=(200, 4, 3)):
+        matrix = constant_jerk_matrix(c, v, a, u)
+        assert np.linalg.matrix_rank(matrix, tol=1e-9) == 8
+        assert matrix @ np.concatenate([a - g, u, np.zeros(3)]) == pytest.approx(np.zeros(15), abs=1e-12)
+
+
+def moment(state: np.ndarray, jerk: np.ndarray, t: float) -> np.ndarray:
+    c, v, a = state.reshape(3, 3)
+    return np.cross(c + v * t + a * t**2 / 2 + jerk * t**3 / 6, a + jerk * t - g)
+
+
+@pytest.mark.parametrize("jerk", [np.zeros(3), np.array([1.0, -2.0, 0.5])])
+def test_the_matrices_are_the_derivatives_of_the_moment(jerk: np.ndarray) -> None:
+    """Independent truth: finite differences of the moment in time and in the state."""
+    state = np.random.default_rng(4).normal(size=9)
+    matrix = constant_jerk_matrix(*state.reshape(3, 3), jerk) * GRAVITY_M_S2
+    t = np.linspace(-1.0, 1.0, 9)
+    gradient = np.array(
+        [[(moment(state + e, jerk, s) - moment(state - e, jerk, s)) / 2e-5 for s in t] for e in 1e-5 * np.eye(9)]
+    )
+    for order in range(4):  # the moment is a polynomial of degree 4 in t: its Taylor coefficients are exact by a fit
+        taylor = np.array([[np.polyfit(t, gradient[i, :, k], 4)[4 - order] for i in range(9)] for k in range(3)])
+        row = matrix[3 + 3 * order : 6 + 3 * order] / [1, 1, 2, 6][order]
+        assert row == pytest.approx(taylor, abs=1e-6)
 
 
 def test_a_shift_along_the_force_is_in_the_null_space() -> None:

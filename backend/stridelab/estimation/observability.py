@@ -75,6 +75,21 @@ def force_and_geometry_matrix(c: Vector3, velocity: Vector3, acceleration: Vecto
     return np.block(rows)
 
 
+def constant_jerk_matrix(
+    c: Vector3, velocity: Vector3, acceleration: Vector3, jerk: Vector3
+) -> Float[np.ndarray, "15 9"]:
+    """Observability matrix of (c, c', c'') from the wrench when a constant jerk u is known, scaled as ``force_matrix``.
+
+    With ``A = c'' - g`` the moment c x A and its derivatives are ``c x A``, ``c' x A + c x u``,
+    ``2 c' x u + c'' x A`` and ``3 c'' x u + u x A``. Rank 8: (c, c') moved by (lambda A, lambda u) stays invisible, so
+    2.3.1's remark that some motions make everything observable needs a jerk that changes.
+    """
+    O, E = np.zeros((3, 3)), np.eye(3)
+    f, u = skew(acceleration - g), skew(jerk)
+    rows = [[O, O, E], [-f, O, skew(c)], [-u, -f, skew(velocity)], [O, -2 * u, skew(g)], [O, O, -2 * u]]
+    return np.block(rows) / GRAVITY_M_S2
+
+
 def skew(a: Vector3) -> Skew:
     """``[a]x``, with ``[a]x b = a x b``."""
     return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
