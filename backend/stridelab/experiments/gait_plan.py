@@ -1,0 +1,204 @@
+"""Where and when the feet touch the ground: a plan of stances from speed and stature.
+
+    step length = w H * cadence,  speed = step length * cadence   (constant walk ratio)
+
+The walk ratio of adults at any comfortable speed is 0.0065 m per (step/min) at a stature of 1.71 m (Sekiya and Nagasaki
+1998); it is scaled with stature. Double support takes 24 % of a step at 1.2 m/s and grows as people slow down
+(Perry 1992). Step length, step time and step width vary from step to step with 2 %, 2 % and 8 mm (Hausdorff 2005,
+Brach 2005: young adults), drawn from the seed; within the recording their mean is kept, so that the speed is as asked.
+
+Everybody starts and ends at rest, with two shorter steps at either end. A recording that shows a person who is already
+walking is cut from the middle of such a plan.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.random import Generator
+
+from stridelab.conventions import Series
+from stridelab.recordings.recording import Side
+
+WALK_RATIO: Final = 0.0038
+"""Step length over cadence, in minutes per stature."""
+SLOWEST_M_S: Final = 0.1
+"""Below this speed the person stands."""
+_RAMP: Final = (0.55, 0.85)
+"""Length of the first (and last) two steps over that of the others."""
+_REST_S: Final = 1.0
+SHIFT_S: Final = 0.6
+"""Time in which the load moves onto one foot before the first step, and back after the last."""
+_FLAT: Final = 0.8
+"""Share of double support after which the leading foot is flat."""
+_HEEL_OFF: Final = 0.42
+"""Share of single support after which the heel rises."""
+_FULL_STRIDE: Final = 0.8
+"""Stride per stature at which the foot strikes and leaves with the full pitch."""
+_STRIKE_RAD: Final = 0.28
+_OFF_RAD: Final = 1.0
+_LENGTH_SD: Final = 0.02
+_TIME_SD: Final = 0.02
+_WIDTH_SD_M: Final = 0.008
+
+
+@dataclass(frozen=True)
+class Stance:
+    """One foot on the ground. Infinite ``strike_s`` or ``off_s``: it stood there before, or stays there.
+
+    ``x_m, y_m`` is the ankle above the flat sole. Between ``strike_s`` and ``flat_s`` the foot rolls on its heel, from
+    ``heel_off_s`` to ``off_s`` on its ball; the pitch of the foot (positive: toes down) at either end grows with the
+    step before and after.
+    """
+
+    side: Side
+    x_m: float
+    y_m: float
+    strike_s: float
+    flat_s: float
+    heel_off_s: float
+    off_s: float
+    strike_pitch_rad: float = 0.0
+    off_pitch_rad: float = 0.0
+
+
+@dataclass(frozen=True)
+class GaitPlan:
+    """Stances in the order of their strikes, the two standing feet first.
+
+    ``record_from_s`` is the instant of the plan at which the recording starts, ``steady_s`` the interval of full steps.
+    """
+
+    stances: tuple[Stance, ...]
+    step_length_m: float
+    step_time_s: float
+    speed_m_s: float
+    record_from_s: float
+    duration_s: float
+    end_s: float
+    steady_s: tuple[float, float]
+
+    @property
+    def walks(self) -> bool:
+        return len(self.stances) > 2
+
+
+def plan_gait(
+    height_m: float, speed_m_s: float, duration_s: float, *, from_rest: bool, stance_width_m: float, random: Generator
+) -> GaitPlan:
+    """Plan a recording of ``duration_s`` of level walking along +x (standing below ``SLOWEST_M_S``)."""
+    if speed_m_s < SLOWEST_M_S:
+        return _standing(duration_s, stance_width_m)
+    length = math.sqrt(60.0 * WALK_RATIO * height_m * speed_m_s)
+    step_s = length / speed_m_s
+    ramps = 2 * len(_RAMP)
+    if from_rest:
+        n_steps = max(int((duration_s - 2 * _REST_S - 2 * SHIFT_S) / step_s) - 1, ramps)
+    else:
+        n_steps = math.ceil(duration_s / step_s) + 2 + 2 * ramps
+    factors = np.ones(n_steps)
+    factors[: len(_RAMP)], factors[-len(_RAMP) :] = _RAMP, _RAMP[::-1]
+    lengths = length * factors * (1.0 + _LENGTH_SD * _centred(random, n_steps))
+    times = step_s * (1.0 + _TIME_SD * _centred(random, n_steps))
+    widths = stance_width_m + _WIDTH_SD_M * _centred(random, n_steps)
+    first: Side = "left" if random.random() < 0.5 else "right"
+    strikes = _REST_S + SHIFT_S + np.cumsum(times)
+    stances = _stances(lengths, widths, strikes, double_support_fraction(speed_m_s), first, stance_width_m, height_m)
+    end_s = float(strikes[-1]) + step_s + SHIFT_S + _REST_S
+    steady = (float(strikes[len(_RAMP)]), float(strikes[-len(_RAMP) - 1]))
+    if from_rest:
+        return GaitPlan(stances, length, step_s, speed_m_s, 0.0, duration_s, max(end_s, duration_s), steady)
+    start = steady[0] + step_s + random.random() * step_s
+    return GaitPlan(stances, length, step_s, speed_m_s, start, duration_s, end_s, steady)
+
+
+def double_support_fraction(speed_m_s: float) -> float:
+    """Share of a step spent on both feet."""
+    return min(max(0.24 - 0.10 * (speed_m_s - 1.2), 0.14), 0.40)
+
+
+def _stances(
+    lengths: Series,
+    widths: Series,
+    strikes: Series,
+    double_support: float,
+    first: Side,
+    width_m: float,
+    height_m: float,
+) -> tuple[Stance, ...]:
+    """Two standing feet, one stance per step, and a last stance that brings the feet level.
+
+    Landing ``k`` follows the lift of the same foot, which follows the strike of the other foot by the double support.
+    """
+    n = len(strikes)
+    other: Side = "right" if first == "left" else "left"
+    sides = [(first, other)[k % 2] for k in range(n + 1)]
+    x_m = np.cumsum([*lengths, 0.0])
+    half_m = np.append(widths, width_m) / 2
+    S = np.append(strikes, 2 * strikes[-1] - strikes[-2])
+    gaps = np.diff(S, prepend=2 * S[0] - S[1])
+    lifts = S - (1.0 - double_support) * gaps
+    strides_m = np.array([x_m[0], x_m[1], *(x_m[2:] - x_m[:-2])])
+    pitch = np.minimum(strides_m / (_FULL_STRIDE * height_m), 1.2)
+
+    def heel_off_s(k: int) -> float:
+        return float(lifts[k + 1] + _HEEL_OFF * (S[k + 1] - lifts[k + 1]))
+
+    def y_m(side: Side, half: float) -> float:
+        return half if side == "left" else -half
+
+    stances = [
+        Stance(
+            other,
+            0.0,
+            y_m(other, width_m / 2),
+            -math.inf,
+            -math.inf,
+            heel_off_s(-1),
+            float(lifts[1]),
+            0.0,
+            _OFF_RAD * pitch[1],
+        ),
+        Stance(
+            first,
+            0.0,
+            y_m(first, width_m / 2),
+            -math.inf,
+            -math.inf,
+            float(lifts[0] - 0.4 * gaps[0]),
+            float(lifts[0]),
+            0.0,
+            _OFF_RAD * pitch[0],
+        ),
+    ]
+    for k, side in enumerate(sides):
+        leaves = k + 2 <= n
+        stances.append(
+            Stance(
+                side,
+                x_m=float(x_m[k]),
+                y_m=y_m(side, float(half_m[k])),
+                strike_s=float(S[k]),
+                flat_s=float(S[k] + _FLAT * double_support * gaps[min(k + 1, n)]),
+                heel_off_s=heel_off_s(k) if leaves else math.inf,
+                off_s=float(lifts[k + 2]) if leaves else math.inf,
+                strike_pitch_rad=float(-_STRIKE_RAD * pitch[k]),
+                off_pitch_rad=float(_OFF_RAD * pitch[k + 2]) if leaves else 0.0,
+            )
+        )
+    return tuple(stances)
+
+
+def _centred(random: Generator, n: int) -> Series:
+    draws = random.standard_normal(n)
+    return np.asarray(np.clip(draws - draws.mean(), -2.5, 2.5))
+
+
+def _standing(duration_s: float, width_m: float) -> GaitPlan:
+    stances = (_still("left", 0.0, width_m / 2), _still("right", 0.0, -width_m / 2))
+    return GaitPlan(stances, 0.0, 1.0, 0.0, 0.0, duration_s, duration_s, (0.0, duration_s))
+
+
+def _still(side: Side, x_m: float, y_m: float) -> Stance:
+    return Stance(side, x_m, y_m, -math.inf, -math.inf, math.inf, math.inf)

@@ -1,0 +1,63 @@
+"""The contact wrench shared by the two feet.
+
+Each foot carries a force at its centre of pressure and a free moment about the vertical:
+
+    f_i = share_i f_z (t_i + r),   p_i = planned p_i + e,   tau_i = share_i tau
+
+``share_i`` is the planned share of the vertical force, so both feet push and the load passes smoothly. ``t_i`` points
+from the foot's pressure to the centre of mass, ``(c - p_i) / c_z``, as the force of a leg does: the trailing foot
+pushes and the leading one brakes. The rest ``r``, the pressure's error ``e`` (how far the zero-moment point of the
+exact motion is from the planned one; millimetres) and the free moment ``tau`` are whatever makes the sum the exact
+wrench.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from stridelab.conventions import Points, Series
+from stridelab.experiments.body_proportions import SIDES
+from stridelab.experiments.load_plan import LoadPlan, Plane
+from stridelab.experiments.true_motion import TrueMotion
+from stridelab.recordings.recording import Side
+
+
+@dataclass(frozen=True)
+class FootWrench:
+    """Force on the body at the centre of pressure (on z = 0), and the free moment about the vertical there."""
+
+    force_n: Points
+    cop_m: Points
+    free_moment_nm: Series
+
+    @property
+    def moment_nm(self) -> Points:
+        """Moment at the world origin."""
+        moment = np.cross(self.cop_m, self.force_n)
+        moment[:, 2] += self.free_moment_nm
+        return moment
+
+
+def share_wrench(truth: TrueMotion, load: LoadPlan, plan_time_s: Series) -> Mapping[Side, FootWrench]:
+    """Wrench of each foot at the instants of ``truth``; ``plan_time_s`` are those of ``load`` on the same clock."""
+    t, f, c = truth.time_s, truth.force_n, truth.com_m
+    share = {side: np.interp(t, plan_time_s, load.share[side]) for side in SIDES}
+    cop: dict[Side, Plane] = {side: _resampled(t, plan_time_s, load.cop_m[side]) for side in SIDES}
+    moment = truth.moment_nm
+    zmp = np.column_stack([-moment[:, 1], moment[:, 0]]) / f[:, 2:]
+    error = zmp - sum((share[side][:, None] * cop[side] for side in SIDES), np.zeros_like(zmp))
+    loaded = {side: np.column_stack([cop[side] + error, np.zeros(len(t))]) for side in SIDES}
+    towards = {side: (c[:, :2] - loaded[side][:, :2]) / c[:, 2:] for side in SIDES}
+    mean = sum((share[side][:, None] * towards[side] for side in SIDES), np.zeros_like(zmp))
+    rest = f[:, :2] / f[:, 2:] - mean
+    force = {
+        side: (share[side] * f[:, 2])[:, None] * np.column_stack([towards[side] + rest, np.ones(len(t))])
+        for side in SIDES
+    }
+    free = moment[:, 2] - sum((np.cross(loaded[side], force[side])[:, 2] for side in SIDES), np.zeros(len(t)))
+    return {side: FootWrench(force[side], loaded[side], share[side] * free) for side in SIDES}
+
+
+def _resampled(t: Series, plan_time_s: Series, track: Plane) -> Plane:
+    return np.column_stack([np.interp(t, plan_time_s, track[:, axis]) for axis in range(2)])

@@ -1,0 +1,83 @@
+"""What measurement does to the truth (section 2.5.1 of the thesis): noisy plates and markers, a wrong body model.
+
+Force, moment and configuration noise is Gaussian and coloured: white noise through a high-pass of 5 Hz (Butterworth,
+Force, moment and configuration noise is Gaussian and coloured: white noise through a high-pass of 5 Hz (Butterworth of
+about which point; here every plate has its own noise, with the moment at the middle of its surface, because at the
+laboratory's origin, metres away, 10 N of force noise alone make more than 10 Nm.
+The configuration noise replaces soft tissue motion; on 34 joints it averages out in the centre of mass.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy.random import Generator
+from scipy.signal import butter, sosfilt
+
+from stridelab.body.segment_tables import SegmentRow, SegmentTable, parse
+from stridelab.errors import Fault, InvalidInput
+
+HIGH_PASS_HZ: Final = 5.0
+_SETTLING: Final = 400
+_LEAST_FACTOR: Final = 0.05
+"""No segment loses more than 95 % of its mass to the error."""
+
+_LIMITS: Final[Mapping[str, tuple[float, float]]] = {
+    "force_n": (0.0, 200.0),
+    "moment_nm": (0.0, 100.0),
+    "configuration_rad": (0.0, 0.3),
+    "marker_m": (0.0, 0.05),
+    "mass_model": (0.0, 0.5),
+    "latency_s": (-0.05, 0.05),
+}
+
+
+@dataclass(frozen=True)
+class MeasurementNoise:
+    """Standard deviations of the noise; 0 switches a part off. ``latency_s`` > 0: the force is recorded late.
+
+    ``mass_model`` is the relative error of each segment's mass and of the place of its centre of mass in the *carried*
+    segment table: the body keeps its true masses. Raises ``InvalidInput`` outside the limits of the HTTP contract.
+    """
+
+    force_n: float = 2.0
+    moment_nm: float = 1.0
+    configuration_rad: float = 0.0
+    marker_m: float = 0.0005
+    mass_model: float = 0.0
+    latency_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in _LIMITS.items():
+            value = getattr(self, name)
+            if not low <= value <= high:
+                message = f"{name} must lie between {low:g} and {high:g}, not {value:g}."
+                raise InvalidInput("noise-out-of-range", message, [Fault(name, message)])
+
+
+NOISE_FREE: Final = MeasurementNoise(force_n=0.0, moment_nm=0.0, marker_m=0.0)
+THESIS: Final = MeasurementNoise(
+    force_n=10.0, moment_nm=10.0, configuration_rad=0.05 * np.pi, marker_m=0.0, mass_model=0.2
+)
+"""The noise of section 2.5.1."""
+
+
+def high_frequency(random: Generator, n: int, channels: int, sigma: float, rate_hz: float) -> Float[np.ndarray, "n m"]:
+    """Coloured noise above ``HIGH_PASS_HZ`` with exactly the standard deviation ``sigma`` in every channel."""
+    white = random.standard_normal((n + _SETTLING, channels))
+    filtered = sosfilt(butter(2, HIGH_PASS_HZ, "highpass", fs=rate_hz, output="sos"), white, axis=0)[_SETTLING:]
+    return np.asarray(sigma * filtered / filtered.std(axis=0, keepdims=True))
+
+
+def wrong_table(table: SegmentTable, error: float, random: Generator) -> SegmentTable:
+    """``table`` with masses and coordinates of centres of mass wrong by the relative ``error`` (one sigma)."""
+    rows: dict[str, SegmentRow] = {}
+    for name, row in table.segments.items():
+        mass = row.mass_fraction * max(1.0 + error * random.standard_normal(), _LEAST_FACTOR)
+        x, y, z = (float(k * (1.0 + error * random.standard_normal())) for k in row.com)
+        rows[name] = SegmentRow(float(mass), (x, y, z))
+    total = sum(row.mass_fraction for row in rows.values())
+    segments = {name: {"mass_fraction": row.mass_fraction / total, "com": row.com} for name, row in rows.items()}
+    return parse({"name": table.name, "segments": segments, "sd_m": table.sd_m, "references": table.references})
