@@ -4,19 +4,34 @@ Numeric packages are imported inside the commands, so that ``stridelab --help`` 
 """
 
 import signal
-import sys
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-import click
 import typer
+from typer.core import TyperGroup
 
 from stridelab import __version__
 from stridelab.cli_console import FAILURE, INTERRUPTED, exit_code, out, show_error
 from stridelab.errors import StridelabError
 
+
+class Commands(TyperGroup):
+    """All commands; an error of this project becomes one line and an exit code, Ctrl-C only an exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that was typed."""
+        try:
+            return super().invoke(ctx)
+        except StridelabError as error:
+            show_error(error)
+            raise typer.Exit(exit_code(error)) from error
+        except KeyboardInterrupt as interrupt:
+            raise typer.Exit(INTERRUPTED) from interrupt
+
+
 app = typer.Typer(
     name="stridelab",
+    cls=Commands,
     help="Centre of mass and rolling-wheel analysis of human gait, as a service and on the command line.",
     no_args_is_help=True,
     add_completion=False,
@@ -172,21 +187,7 @@ def main() -> None:
     """Run the command line; exit codes are those of ``cli_console.EXIT_CODES``."""
     # A supervisor ends its children with SIGTERM: the same quiet way out as Ctrl-C.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
-    try:
-        code = app(standalone_mode=False)
-    except StridelabError as error:
-        show_error(error)
-        sys.exit(exit_code(error))
-    except click.ClickException as error:
-        error.show()
-        sys.exit(error.exit_code)
-    except (KeyboardInterrupt, click.Abort):
-        sys.exit(INTERRUPTED)
-    except BrokenPipeError:
-        # The reader of a pipe (head, less) has seen enough; nothing to report, and nothing more can be written.
-        sys.stderr.close()
-        sys.exit(FAILURE)
-    sys.exit(code if isinstance(code, int) else 0)
+    app()
 
 
 if __name__ == "__main__":

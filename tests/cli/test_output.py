@@ -18,6 +18,12 @@ def write(target: Path, text: str, *, force: bool = False) -> None:
         fill(folder, text)
 
 
+def write_and_fail(target: Path, error: BaseException, *, force: bool = False) -> None:
+    with result_folder(target, force=force) as folder:
+        fill(folder, "half")
+        raise error
+
+
 def test_the_folder_appears_with_everything(tmp_path: Path) -> None:
     write(tmp_path / "deep" / "out", "one")
     assert sorted(p.name for p in (tmp_path / "deep" / "out").iterdir()) == ["com.csv", RESULT_FILE]
@@ -26,9 +32,8 @@ def test_the_folder_appears_with_everything(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("error", [ValueError("bad"), KeyboardInterrupt()])
 def test_a_failure_leaves_nothing(tmp_path: Path, error: BaseException) -> None:
-    with pytest.raises(type(error)), result_folder(tmp_path / "out", force=False) as folder:
-        fill(folder, "half")
-        raise error
+    with pytest.raises(type(error)):
+        write_and_fail(tmp_path / "out", error)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -47,9 +52,8 @@ def test_an_existing_folder_is_refused_without_force_and_replaced_with_it(tmp_pa
 def test_a_failure_under_force_keeps_the_earlier_result(tmp_path: Path) -> None:
     target = tmp_path / "out"
     write(target, "one")
-    with pytest.raises(ValueError, match="late"), result_folder(target, force=True) as folder:
-        fill(folder, "two")
-        raise ValueError("late")
+    with pytest.raises(ValueError, match="late"):
+        write_and_fail(target, ValueError("late"), force=True)
     assert (target / "com.csv").read_text() == "one"
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 

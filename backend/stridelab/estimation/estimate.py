@@ -7,7 +7,7 @@ An estimator is a frozen dataclass with keyword-only parameters, a class attribu
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Protocol
+from typing import ClassVar, Protocol, runtime_checkable
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Points, Series
@@ -33,6 +33,7 @@ class ComEstimate:
     diagnostics: Mapping[str, float] = field(default_factory=dict)
 
 
+@runtime_checkable
 class ComEstimator(Protocol):
     """What every estimator offers."""
 

@@ -7,7 +7,7 @@ the fenced transaction that makes the result visible). The same ``run`` serves t
 from collections.abc import Awaitable, Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Protocol
+from typing import Any, Literal, Protocol, runtime_checkable
 
 from sqlalchemy.ext.asyncio import AsyncConnection
 
@@ -19,6 +19,7 @@ ProgressCallback = Callable[[float, str], None]
 """Called with a fraction from 0 to 1 and a short message."""
 
 
+@runtime_checkable
 class Blobs(Protocol):
     """The part of the blob store that job kinds need."""
 

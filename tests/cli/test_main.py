@@ -1,0 +1,171 @@
+"""The command line as a user meets it: exit codes, one-line errors, nothing left behind; in one process."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from stridelab import __version__, cli
+from stridelab.cli_console import EXIT_CODES, exit_code
+from stridelab.errors import InvalidInput, NotEstimable, StridelabError, Unauthenticated, Unavailable, UnreadableFile
+
+
+@dataclass(frozen=True)
+class Ran:
+    code: int
+    out: str
+    err: str
+
+
+Run = Callable[..., Ran]
+
+
+@pytest.fixture
+def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
+    """Run the command line in ``tmp_path``."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
+
+    def act(*arguments: object) -> Ran:
+        monkeypatch.setattr(sys, "argv", ["stridelab", *map(str, arguments)])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        captured = capsys.readouterr()
+        return Ran(int(end.value.code or 0), captured.out, captured.err)
+
+    return act
+
+
+def test_version(run: Run) -> None:
+    ran = run("version")
+    assert (ran.code, ran.out.strip()) == (0, __version__)
+
+
+def test_help_names_every_command_and_imports_no_numeric_package() -> None:
+    code = (
+        "import sys; sys.argv = ['stridelab', '--help']\n"
+        "from stridelab.cli import main\n"
+        "try: main()\n"
+        "except SystemExit: pass\n"
+        "heavy = {'numpy', 'scipy', 'ezc3d', 'pinocchio', 'pyarrow', 'sqlalchemy', 'httpx'}\n"
+        "print('HEAVY', sorted(heavy & set(sys.modules)))"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip().endswith("HEAVY []")
+    assert all(
+        name in found.stdout for name in ("serve", "worker", "migrate", "estimate", "simulate", "demo", "doctor")
+    )
+
+
+BAD_FILES = {
+    "empty.c3d": (b"", 3, "empty-file"),
+    "text.c3d": (b"time,x,y\n0,1,2\n" * 50, 3, "unknown-format"),
+    "zip.c3d": (b"PK\x03\x04 not a zip", 3, "zip-damaged"),
+    "head.c3d": (b"\x02\x50" + bytes(600), 3, None),
+}
+
+
+@pytest.mark.parametrize("name", BAD_FILES)
+def test_a_bad_file_is_one_clear_line_and_leaves_nothing(run: Run, tmp_path: Path, name: str) -> None:
+    content, code, stable_code = BAD_FILES[name]
+    (tmp_path / name).write_bytes(content)
+    ran = run("estimate", name)
+    assert ran.code == code
+    first = ran.err.splitlines()[0]
+    assert first.startswith("error: ")
+    assert stable_code is None or first.endswith(f"({stable_code})")
+    assert "Traceback" not in ran.err
+    assert [path.name for path in tmp_path.iterdir()] == [name]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "told"),
+    [
+        (("estimate", "nowhere.c3d"), 3, "there is no such file"),
+        (("estimate", "."), 3, "it is not a file"),
+        (("estimate", "x.c3d", "--static", "nowhere.c3d"), 3, "nowhere.c3d"),
+        (("estimate", "x.c3d", "--height", "171"), 2, "--height"),
+        (("estimate", "x.c3d", "--mass", "0"), 2, "--mass"),
+        (("estimate", "x.c3d", "--age", "-4"), 2, "--age"),
+        (("estimate", "x.c3d", "--height", "nan"), 2, "--height"),
+        (("estimate", "x.c3d", "--latency", "soon"), 2, "--latency takes a number"),
+        (("estimate", "x.c3d", "--latency", "3"), 2, "--latency"),
+        (("estimate", "x.c3d", "--cutoffs", "1"), 2, "--cutoffs takes 2 numbers"),
+        (("estimate", "x.c3d", "--window", "1,a"), 2, "--window"),
+        (("estimate", "x.c3d", "--marker", "LASI"), 2, "--marker takes NAME=VALUE"),
+        (("estimate", "x.c3d", "--method", "magic"), 2, "magic"),
+        (("estimate", "x.c3d", "--method", "kalman"), 4, "method-unavailable"),
+        (("simulate", "--duration", "1000"), 2, "--duration"),
+        (("simulate", "--noise", "wind=3"), 2, "--noise"),
+        (("estimate",), 2, "file"),
+        (("walk",), 2, "walk"),
+        (("migrate",), 2, "STRIDELAB_DATABASE_URL"),
+        (("worker",), 2, "STRIDELAB_DATABASE_URL"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_naming_it(
+    run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], code: int, told: str
+) -> None:
+    from stridelab.service.settings import settings
+
+    monkeypatch.delenv("STRIDELAB_DATABASE_URL", raising=False)
+    settings.cache_clear()
+    (tmp_path / "x.c3d").write_bytes(b"\x02\x50")
+    ran = run(*arguments)
+    assert ran.code == code
+    assert told in ran.err
+    assert "Traceback" not in ran.err
+    assert [path.name for path in tmp_path.iterdir()] == ["x.c3d"]
+
+
+def test_settings_that_make_no_sense_are_named(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    from stridelab.service.settings import settings
+
+    monkeypatch.setenv("STRIDELAB_PORT", "eighty")
+    settings.cache_clear()
+    ran = run("migrate")
+    settings.cache_clear()
+    assert ran.code == 2
+    assert "STRIDELAB_PORT" in ran.err
+
+
+def test_an_existing_output_folder_is_refused_before_any_work(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    ran = run("estimate", "nowhere.c3d", "--out", "out")
+    assert ran.code == EXIT_CODES[cli_conflict()]
+    assert "output-exists" in ran.err
+
+
+def cli_conflict() -> type[StridelabError]:
+    from stridelab.errors import Conflict
+
+    return Conflict
+
+
+def test_ctrl_c_is_quiet(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(**_: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("stridelab.cli_demo.demo", interrupted)
+    ran = run("demo")
+    assert (ran.code, ran.out, ran.err) == (130, "", "")
+
+
+def test_an_error_takes_the_code_of_its_nearest_class() -> None:
+    assert exit_code(UnreadableFile("a", "b")) == 3
+    assert exit_code(InvalidInput("a", "b")) == 2
+    assert exit_code(NotEstimable("a", "b")) == 4
+    assert exit_code(Unavailable("a", "b")) == 10
+    assert exit_code(Unauthenticated("a", "b")) == 9
+    assert exit_code(StridelabError("a", "b")) == 1
+
+
+def test_a_service_that_does_not_answer_is_said(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "x.c3d").write_bytes(b"\x02\x50")
+    ran = run("estimate", "x.c3d", "--server", "http://127.0.0.1:9")
+    assert ran.code == 10
+    assert "service-unreachable" in ran.err
+    assert [path.name for path in tmp_path.iterdir()] == ["x.c3d"]
