@@ -17,12 +17,16 @@ SHAFT_RADIUS_M, HEAD_RADIUS_M, HEAD_M = 0.012, 0.028, 0.08
 BAND_WIDTHS = 1.96
 """Semi-axes of the band in standard deviations: 95 %."""
 BAND_SAMPLES = 400
+PLATE_RIM = 0.04
 
 
 def build(server: viser.ViserServer, recording: Recording, frames: Frames) -> None:
     """Put the scene of ``recording`` into an empty server."""
     scene = server.scene
     scene.set_up_direction("+z")
+    # Without a graphics card an environment map costs a hundredfold (0.4 instead of 36 images per second for fifty
+    # spheres in software), and so do screen-space lines: lines are thin meshes here.
+    scene.configure_environment_map(hdri=None)
     scene.configure_default_lights(enabled=True, cast_shadow=False)
     centre, extent = _bounds(recording, frames)
     scene.add_grid(
@@ -59,8 +63,8 @@ def _add_plates(scene: viser.SceneApi, recording: Recording) -> None:
         below = corners - np.array([0, 0, 0.004], dtype=np.float32)
         faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
         scene.add_mesh_simple(name, below, faces, color=colour, side="double", cast_shadow=False, receive_shadow=False)
-        edges = np.stack([corners, np.roll(corners, -1, axis=0)], axis=1)
-        scene.add_line_segments(f"{name}/edge", points=edges, colors=(120, 134, 148), thickness=1.5)
+        edge = shapes.rim(corners, PLATE_RIM)
+        scene.add_mesh_simple(f"{name}/edge", *edge, color=BONE, side="double", cast_shadow=False, receive_shadow=False)
         text = f"plate {plate.index}" if plate.use else f"plate {plate.index} (not used)"
         scene.add_label(f"{name}/label", text, position=corners.mean(axis=0))
 
@@ -77,17 +81,20 @@ def _add_point(scene: viser.SceneApi, name: str, position: np.ndarray) -> None:
 
 
 def _add_paths(scene: viser.SceneApi, recording: Recording, frames: Frames) -> None:
-    for name, at, colour, width in (
-        ("/paths/fused", frames.com_at, BLUE, 2.5),
-        ("/paths/markers_only", frames.geometry_at, BROWN, 1.2),
+    for name, at, colour, radius in (
+        ("/paths/fused", frames.com_at, BLUE, 0.004),
+        ("/paths/markers_only", frames.geometry_at, BROWN, 0.003),
     ):
         if at is None:
             continue
         path = frames.values[:, at : at + 3]
-        pairs = np.stack([path[:-1], path[1:]], axis=1)
-        pairs = pairs[np.isfinite(pairs).all(axis=(1, 2))]
-        if len(pairs):
-            scene.add_line_segments(name, points=pairs, colors=colour, thickness=width)
+        whole = _runs(np.isfinite(path).all(axis=1))
+        pieces = [shapes.tube(path[part], radius) for part in whole if part.stop - part.start > 1]
+        if pieces:
+            vertices, faces = shapes.together(pieces)
+            scene.add_mesh_simple(
+                name, vertices, faces, color=colour, side="double", cast_shadow=False, receive_shadow=False
+            )
     if frames.com_at is None or frames.com_sd_m is None:
         return
     path = frames.values[:, frames.com_at : frames.com_at + 3]
@@ -99,6 +106,12 @@ def _add_paths(scene: viser.SceneApi, recording: Recording, frames: Frames) -> N
     scene.add_mesh_simple(
         "/paths/band", vertices, faces, color=BLUE, opacity=0.22, side="double", cast_shadow=False, receive_shadow=False
     )
+
+
+def _runs(there: np.ndarray) -> list[slice]:
+    """Slices of consecutive samples where ``there`` holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(int)))
+    return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _first(frames: Frames, at: int) -> np.ndarray:

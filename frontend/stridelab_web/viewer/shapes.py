@@ -4,6 +4,7 @@ import numpy as np
 
 SIDES = 10
 BAND_SIDES = 12
+TUBE_SIDES = 6
 Mesh = tuple[np.ndarray, np.ndarray]
 """Vertices ``(n, 3)`` and faces ``(m, 3)``."""
 
@@ -41,6 +42,37 @@ def band(path_m: np.ndarray, radius_m: np.ndarray, direction: np.ndarray) -> Mes
     offsets = width * ring[None, :, :1] * lateral + height * ring[None, :, 1:] * up
     vertices = (path_m[:, None, :] + offsets).reshape(-1, 3)
     return vertices.astype(np.float32), _tube_faces(len(path_m), BAND_SIDES)
+
+
+def tube(path_m: np.ndarray, radius_m: float) -> Mesh:
+    """Thin tube along ``path_m`` ``(n, 3)``, each ring perpendicular to the path where it stands."""
+    tangent = np.gradient(path_m.astype(float), axis=0)
+    norm = np.linalg.norm(tangent, axis=1, keepdims=True)
+    tangent = np.where(norm > 1e-9, tangent / np.where(norm > 1e-9, norm, 1.0), [1.0, 0.0, 0.0])
+    # Whichever world axis is farther from the tangent spans the ring with it.
+    helper = np.where(np.abs(tangent[:, 2:]) < 0.9, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+    first = np.cross(helper, tangent)
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    second = np.cross(tangent, first)
+    ring = radius_m * _ring(TUBE_SIDES)
+    vertices = path_m[:, None] + ring[None, :, :1] * first[:, None] + ring[None, :, 1:] * second[:, None]
+    return vertices.reshape(-1, 3).astype(np.float32), _tube_faces(len(path_m), TUBE_SIDES)
+
+
+def rim(corners_m: np.ndarray, share: float) -> Mesh:
+    """Frame inside four corners ``(4, 3)``: ``share`` of the way to their middle wide."""
+    inner = corners_m + share * (corners_m.mean(axis=0) - corners_m)
+    k = np.arange(4)
+    after = (k + 1) % 4
+    faces = np.concatenate([np.column_stack([k, after, after + 4]), np.column_stack([k, after + 4, k + 4])])
+    return np.concatenate([corners_m, inner]).astype(np.float32), faces.astype(np.uint32)
+
+
+def together(meshes: list[Mesh]) -> Mesh:
+    """Several meshes as one."""
+    offsets = np.cumsum([0, *(len(vertices) for vertices, _ in meshes[:-1])])
+    faces = [faces + np.uint32(offset) for (_, faces), offset in zip(meshes, offsets, strict=True)]
+    return np.concatenate([vertices for vertices, _ in meshes]), np.concatenate(faces)
 
 
 def _ring(sides: int) -> np.ndarray:

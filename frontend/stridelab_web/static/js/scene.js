@@ -29,6 +29,7 @@ export class Scene {
     this.hidden = new Set();
     this.viser = null;
     this.own = new WeakMap();
+    this.seen = new Map();
     this.row = new Float64Array(layout.width);
     this.names = [
       ...layout.points.map(([name]) => name),
@@ -58,7 +59,14 @@ export class Scene {
     for (const [name, a, b] of this.layout.sticks) this.stick(name, a, b);
     for (const [shaft, head, k] of this.layout.arrows) this.arrow(shaft, head, k);
     for (const group of ["/paths/fused", "/paths/markers_only", "/paths/band"]) this.scale(group, 1, 1);
+    for (const name of this.names) this.seen.set(name, this.viser.nodeRefFromName[name]);
     this.viser.requestRender();
+  }
+
+  // Whether viser has made nodes anew since the last `show` (after a lost connection): they stand where it put them.
+  isStale() {
+    const viser = findViser(this.frame);
+    return viser !== null && this.names.every((name) => viser.nodeRefFromName[name]) && this.names.some((name) => viser.nodeRefFromName[name] !== this.seen.get(name));
   }
 
   fill(at) {

@@ -39,7 +39,7 @@ async function start() {
   applyShown();
   seek(frameAt(Number(new URLSearchParams(location.search).get("t"))), false);
   player.dataset.ready = "true";
-  setInterval(() => playing || scene.show(at), HEARTBEAT_MS); // viser makes nodes anew after a lost connection
+  setInterval(() => playing || (scene.isStale() && scene.show(at)), HEARTBEAT_MS);
 }
 
 async function get(url, options) {
