@@ -71,7 +71,7 @@ def health() -> Call[Health]:
     return Call("GET", f"{API}/health", model(Health))
 
 
-def _page(path: str, page: type[Page[T]], limit: int, cursor: str | None, **filters: str | None) -> Call[Page[T]]:
+def _page(path: str, page: type[T], limit: int, cursor: str | None, **filters: str | None) -> Call[T]:
     params = {"limit": str(limit), "cursor": cursor, **filters}
     return Call("GET", path, model(page), {name: value for name, value in params.items() if value is not None})
 

@@ -2,17 +2,14 @@
 
 import base64
 import binascii
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 from fastapi import Query
 from sqlalchemy import ColumnElement, Select, Table, tuple_
 
 from stridelab.errors import Fault, InvalidInput
-from stridelab.schemas.base import Page
-
-T = TypeVar("T")
 
 Limit = Annotated[int, Query(ge=1, le=200, description="most items on a page", examples=[20])]
 Cursor = Annotated[str | None, Query(max_length=200, description="`next` of the page before")]
@@ -51,11 +48,8 @@ def newest_first(query: Select[Any], table: Table, limit: int, cursor: str | Non
     return query.order_by(table.c.created_at.desc(), table.c.id.desc()).limit(limit + 1)
 
 
-def page_of(rows: Sequence[Mapping[str, Any]], limit: int, read: Callable[[Mapping[str, Any]], T]) -> Page[T]:
-    """The page that the rows of a ``newest_first`` query make."""
-    shown = rows[:limit]
+def cut(rows: Sequence[Mapping[str, Any]], limit: int) -> tuple[list[dict[str, Any]], str | None]:
+    """The rows of one page of a ``newest_first`` query, and the cursor of the next page where there is one."""
+    shown = [dict(row) for row in rows[:limit]]
     more = len(rows) > limit
-    return Page(
-        items=[read(row) for row in shown],
-        next=encode_cursor(shown[-1]["created_at"], shown[-1]["id"]) if more else None,
-    )
+    return shown, encode_cursor(shown[-1]["created_at"], shown[-1]["id"]) if more else None

@@ -52,7 +52,7 @@ async def list_jobs(
     found = await parts.store.list_jobs(
         limit=limit, cursor=cursor or None, state=state, kind=kind or None, recording_id=recording_id or None
     )
-    return Page(items=[job_of(record) for record in found.items], next=found.next)
+    return Page[Job](items=[job_of(record) for record in found.items], next=found.next)
 
 
 @router.get("/{job_id}", summary="One job", responses=_UNKNOWN)

@@ -10,7 +10,7 @@ from stridelab.schemas.base import Page
 from stridelab.schemas.recordings import Recording, RecordingPatch
 from stridelab.service.api.files import OCTETS, PARQUET, send_blob
 from stridelab.service.api.openapi import failures
-from stridelab.service.api.paging import Cursor, Limit, newest_first, page_of
+from stridelab.service.api.paging import Cursor, Limit, cut, newest_first
 from stridelab.service.api.parts import AppParts
 from stridelab.service.api.recordings import changing, storing
 from stridelab.service.api.recordings.fields import subject_of_form
@@ -101,7 +101,8 @@ async def list_recordings(parts: AppParts, limit: Limit = 50, cursor: Cursor = N
     query = newest_first(recordings_with_subjects(), recording, limit, cursor)
     async with parts.engine.connect() as connection:
         rows = (await connection.execute(query)).mappings().all()
-    return page_of([dict(row) for row in rows], limit, recording_of)
+    shown, following = cut(rows, limit)
+    return Page[Recording](items=[recording_of(row) for row in shown], next=following)
 
 
 @router.get("/{recording_id}", summary="One recording", responses=_UNKNOWN)

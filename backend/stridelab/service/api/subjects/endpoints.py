@@ -9,7 +9,7 @@ from sqlalchemy import delete, insert, select, update
 from stridelab.schemas.base import Page
 from stridelab.schemas.recordings import Subject, SubjectInput
 from stridelab.service.api.openapi import failures
-from stridelab.service.api.paging import Cursor, Limit, newest_first, page_of
+from stridelab.service.api.paging import Cursor, Limit, cut, newest_first
 from stridelab.service.api.parts import AppParts
 from stridelab.service.api.strict import StrictRoute
 from stridelab.service.api.subjects.rows import subject_of, subject_row
@@ -32,7 +32,8 @@ async def list_subjects(parts: AppParts, limit: Limit = 50, cursor: Cursor = Non
     """Subjects, newest first."""
     async with parts.engine.connect() as connection:
         rows = (await connection.execute(newest_first(select(subject), subject, limit, cursor))).mappings().all()
-    return page_of([dict(row) for row in rows], limit, subject_of)
+    shown, following = cut(rows, limit)
+    return Page[Subject](items=[subject_of(row) for row in shown], next=following)
 
 
 @router.post("", status_code=201, summary="Add a subject")
