@@ -45,17 +45,17 @@ def rotation_to_z_up(up: str) -> Rotation:
 
 
 def find_up_axis(
-    mean_force_n: Vector3 | None, plate_centres_m: Sequence[Vector3], points_m: Cloud, hint: str | None
+    vertical: Vector3 | None, plate_centres_m: Sequence[Vector3], points_m: Cloud, hint: str | None
 ) -> str:
     """Axis of the file that points up.
 
-    The line of the mean total force gives the axis; the markers lie on the upper side of the plates. Without force:
-    the file's hint, else the longest side of the marker cloud in the frame that shows most of it (people are taller
-    than wide), from the floor upwards.
+    The line of the mean total force gives the axis (of the plates' normal where they are empty); the markers lie on
+    the upper side of the plates. Without plates: the file's hint, else the longest side of the marker cloud in the
+    frame that shows most of it (people are taller than wide), from the floor upwards.
     """
     seen = points_m[~np.isnan(points_m).any(axis=2)]
     centre = seen.mean(axis=0) if len(seen) else np.full(3, np.nan)
-    axis = None if mean_force_n is None else nearest_axis(mean_force_n)
+    axis = None if vertical is None else nearest_axis(vertical)
     if axis is not None:
         above = centre - np.mean(plate_centres_m, axis=0) if plate_centres_m else np.full(3, np.nan)
         height_m = float(axis_vector(axis) @ above)

@@ -81,9 +81,9 @@ def read_c3d(path: Path) -> RawTrial:
             "no-frames", "The C3D file holds no frames, or no frame rate.", [Fault(path.name, "no frames")]
         )
     cloud = mark_missing(points)
-    scale, unit_remarks = length_scale(P.text("POINT", "UNITS"), cloud)
     choice = _choose_labels(P, cloud)
     column = list(choice.column.values())
+    scale, unit_remarks = length_scale(P.text("POINT", "UNITS"), cloud[:, column, :])
     subject, subject_remarks = read_subject(_stated_subject(P))
     plates, plate_remarks = _plates(P, analogs, scale)
     return RawTrial(
@@ -98,6 +98,7 @@ def read_c3d(path: Path) -> RawTrial:
         events=_events(P, int(content["header"]["points"]["first_frame"]), rate_hz),
         up_hint=_SCREEN.get(P.text("POINT", "Y_SCREEN").upper()),
         remarks=(*choice.remarks, *unit_remarks, *subject_remarks, *plate_remarks),
+        metres_per_unit=scale,
         carried={name.lower(): "".join(P.texts(CARRIED_GROUP, name)) for name in P.names(CARRIED_GROUP)},
     )
 

@@ -10,6 +10,8 @@ from stridelab.recordings.recording import Remark
 _NOT_A_POSITION = re.compile(r"(angles?|power|force|moment|grf|index|archheight|ang)(rot)?$", re.IGNORECASE)
 _UNLABELLED = re.compile(r"^(\*\d*|[uU]nlabell?ed\W*\d*|)$")
 _COMPUTED = re.compile(r"^(centreofmass(floor)?|centerofmass(floor)?|[lr][hkaesw]jc)$", re.IGNORECASE)
+_OXFORD_FOOT = re.compile(r"^[LR](AJC|D1M0|(FOF|HDF|HLX)\d|HE1|PROXFF|TIB\d)$")
+"""Points that the Oxford Foot Model computes; ``LTIB1`` is one of them only beside its hindfoot frame ``LHDF0``."""
 _FRAME_SUFFIXES = ("O", "A", "L", "P")
 
 
@@ -74,6 +76,8 @@ def choose(
         names = ", ".join(sorted(doubled))
         remarks.append(Remark("duplicate-labels", f"These labels occur twice; the better seen was kept: {names}."))
     computed = {without_prefix(name) for name in modelled} | model_frames(column)
+    if {"LHDF0", "RHDF0"} & set(column):
+        computed |= {name for name in column if _OXFORD_FOOT.match(name)}
     outputs = frozenset(name for name in column if name in computed or _COMPUTED.match(name))
     return LabelChoice(column, outputs, tuple(remarks))
 

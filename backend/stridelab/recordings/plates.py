@@ -19,6 +19,7 @@ from stridelab.recordings.tare import find_tare
 CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
 """Analog channels per plate type."""
 _LOADED_N = 50.0
+_PULL_N = 100.0
 _MIN_SIDE_M, _MAX_SIDE_M = 0.1, 10.0
 
 Channels = Float[np.ndarray, "n channels"]
@@ -123,7 +124,9 @@ def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[R
     tare = find_tare(signals.force_n, signals.moment_nm, upward_n, signals.zero_samples)
     force_n, moment_nm = signals.force_n - tare.force_n, signals.moment_nm - tare.moment_nm
     if tare.refused:
-        remarks.append(Remark("tare-refused", f"{where} is never unloaded, so its zero could not be checked."))
+        remarks.append(
+            Remark("tare-refused", f"{where} is never seen unloaded for long, so its zero could not be checked.")
+        )
     elif abs(s * (R @ tare.force_n) @ up) > 2.0:
         offset_n = float(s * (R @ tare.force_n) @ up)
         remarks.append(Remark("plate-tared", f"{where} read {offset_n:+.1f} N while unloaded; this was subtracted."))
@@ -147,18 +150,30 @@ def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[R
 
 
 def upward_sign(signals: PlateSignals, up: Vector3) -> float:
-    """+1 when the channels as they are push the body upwards (ezc3d's reading), -1 when they pull it down."""
+    """+1 when the channels as they are push the body upwards (ezc3d's reading), -1 when they pull it down.
+
+    Only a lasting pull counts (2 % of the samples beyond 100 N), and not one that is an offset: where the file names
+    the samples at which the plate was empty, the pull must remain after subtracting them.
+    """
     upward = signals.force_n @ (plate_axes(signals.corners_m).T @ up)
-    strong = np.abs(upward) > max(_LOADED_N, 0.5 * float(np.abs(upward).max(initial=0.0)))
-    return -1.0 if strong.any() and float(upward[strong].mean()) < 0.0 else 1.0
+    readings = [upward]
+    if signals.zero_samples is not None and 1 <= signals.zero_samples[0] < signals.zero_samples[1] <= len(upward):
+        readings.append(upward - upward[signals.zero_samples[0] - 1 : signals.zero_samples[1]].mean())
+    pulls = [float(np.mean(u < -_PULL_N)) >= 0.02 and np.mean(u < -_PULL_N) > np.mean(u > _PULL_N) for u in readings]
+    return -1.0 if all(pulls) else 1.0
 
 
 def rough_total_force(plates: tuple[PlateSignals, ...]) -> Vector3 | None:
-    """Mean loaded force in the file's axes, each plate by itself turned to one side; None when nothing is loaded."""
+    """Sum over the loaded samples in the file's axes; None unless somebody stands there (2 % of the samples)."""
     total = np.zeros(3)
     for signals in plates:
         force = signals.force_n @ plate_axes(signals.corners_m).T
-        loaded = np.linalg.norm(force, axis=1) > _LOADED_N
-        if loaded.any():
+        loaded = np.linalg.norm(force, axis=1) > _PULL_N
+        if loaded.mean() >= 0.02:
             total += force[loaded].sum(axis=0)
     return total if total.any() else None
+
+
+def rough_normal(plates: tuple[PlateSignals, ...]) -> Vector3 | None:
+    """Normal of the first plate, of either sign: the vertical of a file in which nobody stands on the plates."""
+    return plate_axes(plates[0].corners_m)[:, 2] if plates else None

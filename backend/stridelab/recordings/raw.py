@@ -51,7 +51,7 @@ class RawTrial:
 
     ``labels`` are unique and cleaned; ``outputs`` of them are positions computed by a model. ``plates`` holds raw
     signals of C3D plates, ``contacts`` the finished contacts of a MOT file. ``up_hint`` is what the file says about
-    its vertical axis, if anything.
+    its vertical axis, if anything. ``metres_per_unit`` is the factor by which its lengths were multiplied.
     """
 
     labels: tuple[str, ...]
@@ -65,4 +65,5 @@ class RawTrial:
     events: tuple[Event, ...]
     up_hint: str | None
     remarks: tuple[Remark, ...]
+    metres_per_unit: float
     carried: Mapping[str, str] = field(default_factory=dict)

@@ -11,9 +11,10 @@ from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings import axes
 from stridelab.recordings.c3d import read_c3d
 from stridelab.recordings.gaps import fill_short_gaps
-from stridelab.recordings.plates import plate_wrench, rough_total_force
+from stridelab.recordings.plates import plate_wrench, rough_normal, rough_total_force
 from stridelab.recordings.raw import FilePlate, RawTrial
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
+from stridelab.recordings.steps import fore_aft_remarks
 from stridelab.recordings.trc_mot import read_trc_mot
 
 
@@ -62,7 +63,7 @@ def _read_raw(path: Path) -> RawTrial:
 def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
     """Turn the file's axes into the world frame (z up), tare and repair the plates, fill short gaps."""
     remarks = list(raw.remarks)
-    up = _up_axis(raw)
+    up = up_axis_of(raw)
     R = axes.rotation_to_z_up(up)
     plates, plate_remarks = _plates(raw, axes.axis_vector(up), R, switches)
     remarks += plate_remarks
@@ -79,6 +80,7 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
         direction = _belt_direction(list(markers.values()), raw.marker_rate_hz)
         if direction is not None:
             remarks.append(Remark("treadmill", "The body stays in place while the feet swing: taken for a treadmill."))
+    remarks += fore_aft_remarks(plates, direction, raw.force_rate_hz)
     return Recording(
         markers_m=markers,
         marker_rate_hz=raw.marker_rate_hz,
@@ -95,15 +97,17 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
     )
 
 
-def _up_axis(raw: RawTrial) -> str:
-    force: Vector3 | None
+def up_axis_of(raw: RawTrial) -> str:
+    """Axis of the file that points up, from its forces, markers and hints."""
+    vertical: Vector3 | None
     if raw.contacts:
-        force = np.sum([contact.force_n.sum(axis=0) for contact in raw.contacts], axis=0)
+        vertical = np.sum([contact.force_n.sum(axis=0) for contact in raw.contacts], axis=0)
         centres = [contact.corners_m.mean(axis=0) for contact in raw.contacts]
     else:
-        force = rough_total_force(raw.plates)
+        vertical = rough_total_force(raw.plates)
+        vertical = rough_normal(raw.plates) if vertical is None else vertical
         centres = [signals.corners_m.mean(axis=0) for signals in raw.plates]
-    return axes.find_up_axis(force, centres, raw.points_m, raw.up_hint)
+    return axes.find_up_axis(vertical, centres, raw.points_m, raw.up_hint)
 
 
 def _plates(

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from stridelab.conventions import Vector3
 from stridelab.recordings.gaps import runs
-from stridelab.recordings.recording import Plate, Recording, Window
+from stridelab.recordings.recording import Plate, Recording, Remark, Window
 
 _MIN_CONTACT_S = 0.06
 _MERGE_S = 0.03
@@ -48,6 +49,29 @@ def whole_steps(recording: Recording, window: Window) -> list[tuple[float, float
         lifts.append(window.start_s)
     spans = [(min(instants), max(instants)) for instants in (strikes, lifts) if instants]
     return [(first_s, last_s) for first_s, last_s in spans if last_s - first_s >= _MIN_STEP_S]
+
+
+def fore_aft_remarks(plates: tuple[Plate, ...], direction: Vector3 | None, rate_hz: float) -> list[Remark]:
+    """A walker brakes in the first half of a contact and pushes in the second; plates that say otherwise are turned."""
+    if direction is None:
+        return []
+    turned = []
+    for plate in plates:
+        along_n = plate.force_n @ direction
+        signs = []
+        for start_s, end_s in loaded_intervals(plate, rate_hz):
+            i, j = round(start_s * rate_hz), round(end_s * rate_hz)
+            k = (i + j) // 2
+            brake_n, push_n = float(along_n[i:k].mean()), float(along_n[k:j].mean())
+            if j - i >= 0.3 * rate_hz and min(abs(brake_n), abs(push_n)) > 0.02 * float(plate.force_n[i:j, 2].mean()):
+                signs.append(brake_n > 0.0 > push_n)
+        if signs and all(signs):
+            turned.append(plate.index)
+    if not turned:
+        return []
+    which = ", ".join(str(index) for index in turned)
+    message = f"Plate {which}: the foot speeds up when it lands and slows down when it leaves; the plate may be turned."
+    return [Remark("fore-aft-reversed", message)]
 
 
 def vertical_force_n(recording: Recording) -> np.ndarray:

@@ -71,6 +71,7 @@ def read_trc_mot(path: Path) -> RawTrial:
         events=(),
         up_hint="+y",
         remarks=remarks,
+        metres_per_unit=scale,
     )
 
 
