@@ -3,7 +3,8 @@
 A set is a file in ``models/marker_sets/`` that lists, for each landmark, the labels it may carry; ``{s}`` stands for
 the side letter. Labels match regardless of case, spaces, dots, underscores and hyphens, and without a prefix up to the
 last colon (``Subject:LASI``). Of the sets whose ``required`` landmarks are all found, the one that explains the most
-markers wins. A user's ``marker_map`` (landmark to label) overrules the set.
+markers wins. A user's ``marker_map`` (landmark to label) overrules and completes a set; when less than half of a set
+is recognised by its labels, a map that names pelvis and legs stands for itself ("custom").
 
 Landmarks are named ``asis``, ``knee_lateral``, ...; paired ones carry ``l_`` or ``r_``. Technical markers of a rigid
 cluster are ``<segment>_t1``, ``<segment>_t2``, ...
@@ -112,8 +113,13 @@ def identify(labels: Sequence[str], marker_map: Mapping[str, str] | None = None)
     for label in labels:
         present.setdefault(normalised(label), label)
     own = _checked_map(marker_map or {}, labels, present)
-    found = {known.name: _matched(known, present) | own for known in marker_sets().values()}
-    fitting = [s for s in marker_sets().values() if not _absent(s.required, found[s.name])]
+    by_label = {known.name: _matched(known, present) for known in marker_sets().values()}
+    found = {name: landmarks | own for name, landmarks in by_label.items()}
+    fitting = [
+        s
+        for s in marker_sets().values()
+        if not _absent(s.required, found[s.name]) and 2 * len(_absent(s.required, by_label[s.name])) <= len(s.required)
+    ]
     if fitting:
         best = max(fitting, key=lambda s: (len(found[s.name]), -len(s.labels)))
         return _match(best.name, found[best.name])

@@ -1,0 +1,58 @@
+"""Every real file is recognised as the set it was recorded with."""
+
+from pathlib import Path
+
+import ezc3d
+import pytest
+
+from stridelab.recordings.marker_sets import identify
+
+SETS = {
+    "rehazenter-adult-walking": "isb",
+    "biomechzoo-sample-study": "plug-in-gait",
+    "pycgm-stairs": "plug-in-gait",
+    "ezc3d-testfiles/Qualisys.c3d": "isb-head",
+    "ezc3d-testfiles/BTS.c3d": "davis-lower",
+    "ezc3d-testfiles/FP_Type3.c3d": None,
+    "opensim-core/gait2354-subject01": "gait2354",
+    "opensim-core/rajagopal-walk": "rajagopal",
+    "opensim-core/walking2.c3d": "uwa-trunk",
+    "kineticstoolkit": "cgm2-lower",
+    "rtosim-treadmill": "uwa-lower",
+}
+
+
+@pytest.fixture(scope="module")
+def gait(data_dir: Path) -> Path:
+    folder = data_dir / "gait"
+    if not folder.is_dir():
+        pytest.skip("real recordings are not on this machine (STRIDELAB_TEST_DATA)")
+    return folder
+
+
+def labels_of(path: Path) -> list[str]:
+    if path.suffix == ".trc":
+        names = path.read_text(encoding="utf-8").splitlines()[3].split("\t")[2:]
+        return [name.strip() for name in names if name.strip()]
+    return list(ezc3d.c3d(str(path))["parameters"]["POINT"]["LABELS"]["value"])
+
+
+@pytest.mark.parametrize("place", sorted(SETS))
+def test_the_set_of_every_file(gait, place):
+    here = gait / place
+    files = [here] if here.is_file() else [*here.rglob("*.c3d"), *here.rglob("*.trc")]
+    assert files
+    found = {path.name: identify(labels_of(path)).name for path in files}
+    assert set(found.values()) == {SETS[place]}, found
+
+
+def test_no_folder_is_left_out(gait):
+    files = [*gait.rglob("*.c3d"), *gait.rglob("*.trc")]
+    covered = [path for path in files if any(str(path.relative_to(gait)).startswith(place) for place in SETS)]
+    assert len(covered) == len(files) == 65
+
+
+def test_a_file_of_an_unknown_set_says_what_is_near(gait):
+    found = identify(labels_of(gait / "ezc3d-testfiles" / "FP_Type3.c3d"))
+    assert len(found.nearest) == 3
+    assert all(found.needed[name] for name, _ in found.nearest)
