@@ -11,7 +11,6 @@ class WebConfig:
 
     ``transport`` short-cuts the network where the interface lives in the same process; ``token`` is the API token,
     if one is set; ``viewer_url`` is the loopback control address of the viewer process, or None where there is none.
-    ``port`` is the public port, against which the origin of a websocket is not checked but its host is logged.
     """
 
     base_url: str

@@ -14,6 +14,8 @@ from stridelab_web.tables import Columns, triple
 
 ARROW_M_PER_N: Final = 1 / 1000
 """Length of a force arrow: a body weight of 700 N is 0.7 m long."""
+HEAD_M: Final = 0.08
+"""Length of an arrow's head; the shaft ends where it begins."""
 ARROW_THRESHOLD_N: Final = 20.0
 
 BONES: Final = (
@@ -83,6 +85,7 @@ class Frames:
             "sticks": [[s.name, s.start, s.end] for s in self.sticks],
             "arrows": [[a.shaft, a.head, a.at, a.label] for a in self.arrows],
             "arrow_m_per_n": ARROW_M_PER_N,
+            "head_m": HEAD_M,
         }
 
 

@@ -42,6 +42,7 @@ class Settings(BaseSettings):
     stall_s: float = Field(default=20.0, gt=0, description="silence after which a worker counts as dead")
     event_retention_days: float = Field(default=7.0, gt=0, description="how long progress events are kept")
     result_retention_days: float = Field(default=90.0, gt=0, description="how long finished jobs and results are kept")
+    viewer_url: str | None = Field(default=None, description="loopback control address of the viewer process")
     log_level: str = Field(default="info", description="debug, info, warning or error")
 
     @property

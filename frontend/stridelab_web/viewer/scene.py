@@ -7,13 +7,13 @@ import numpy as np
 import viser
 
 from stridelab.schemas.recordings import Recording
-from stridelab_web.frames import Frames
+from stridelab_web.frames import HEAD_M, Frames
 from stridelab_web.viewer import shapes
 
 BLUE, ORANGE, BROWN = (11, 92, 156), (226, 132, 20), (176, 96, 0)
 MARKER, BONE, PLATE, PLATE_OFF = (62, 78, 94), (166, 180, 194), (214, 224, 232), (235, 235, 235)
 MARKER_RADIUS_M, BONE_RADIUS_M, COM_RADIUS_M = 0.011, 0.006, 0.028
-SHAFT_RADIUS_M, HEAD_RADIUS_M, HEAD_M = 0.012, 0.028, 0.08
+SHAFT_RADIUS_M, HEAD_RADIUS_M = 0.012, 0.03
 BAND_WIDTHS = 1.96
 """Semi-axes of the band in standard deviations: 95 %."""
 BAND_SAMPLES = 400
@@ -28,6 +28,7 @@ def build(server: viser.ViserServer, recording: Recording, frames: Frames) -> No
     # spheres in software), and so do screen-space lines: lines are thin meshes here.
     scene.configure_environment_map(hdri=None)
     scene.configure_default_lights(enabled=True, cast_shadow=False)
+    scene.add_light_ambient("/light", intensity=2.2)
     centre, extent = _bounds(recording, frames)
     scene.add_grid(
         "/floor",

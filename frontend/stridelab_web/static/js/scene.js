@@ -105,7 +105,7 @@ export class Scene {
       return;
     }
     const wxyz = towards(force, norm);
-    this.place(shaft, k, wxyz, length);
+    this.place(shaft, k, wxyz, Math.max(length - this.layout.head_m, 1e-3));
     this.pose(head, origin.map((x, i) => x + force[i] * this.layout.arrow_m_per_n), wxyz);
     this.scale(head, 1, 1);
   }

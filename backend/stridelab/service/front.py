@@ -1,0 +1,38 @@
+"""Puts the web pages on the port of the HTTP interface. The only place in the backend that knows the web app."""
+
+import httpx
+from fastapi import FastAPI
+from starlette.routing import Match, Mount
+from starlette.types import Scope
+
+from stridelab import __version__
+from stridelab.service.api.auth import inside
+from stridelab.service.settings import Settings
+from stridelab_web.app import create_web
+from stridelab_web.config import WebConfig
+
+INTERFACE = "/api/"
+
+
+class _Pages(Mount):
+    """Everything that is not the interface's: what is wrong below ``/api/`` is answered there, as a problem."""
+
+    def matches(self, scope: Scope) -> tuple[Match, Scope]:
+        if str(scope.get("path", "")).startswith(INTERFACE):
+            return Match.NONE, {}
+        return super().matches(scope)
+
+
+def mount(app: FastAPI, settings: Settings) -> None:
+    """Serve the pages beside the interface of ``app``.
+
+    The pages call the interface in this very process, past the gate: who sees a page has passed it already.
+    """
+    config = WebConfig(
+        base_url=f"http://127.0.0.1:{settings.port}",
+        version=__version__,
+        transport=httpx.ASGITransport(app=inside(app)),
+        token=settings.token,
+        viewer_url=settings.viewer_url,
+    )
+    app.router.routes.append(_Pages("", app=create_web(config)))
