@@ -5,11 +5,13 @@ import pytest
 import sqlalchemy
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
 from procrastinate.schema import SchemaManager
 
 from stridelab.errors import InvalidInput, Unavailable
 from stridelab.service.settings import Settings
-from stridelab.service.storage.database import MIGRATIONS, database_url, is_migrated, migrate, parse_url
+from stridelab.service.storage.database import database_url, parse_url
+from stridelab.service.storage.migrating import MIGRATIONS, is_migrated, migrate, revisions
 from stridelab.service.storage.tables import metadata
 from support.database import TestDatabases
 
@@ -24,6 +26,11 @@ def test_migrations_make_exactly_the_declared_tables(database_url: str) -> None:
         context = MigrationContext.configure(connection, opts=options)
         assert compare_metadata(context, metadata) == []
     engine.dispose()
+
+
+def test_file_names_tell_the_order_of_revisions() -> None:
+    scripts = ScriptDirectory(str(MIGRATIONS))
+    assert [script.revision for script in scripts.walk_revisions()][::-1] == revisions()
 
 
 def test_queue_schema_is_that_of_the_installed_version() -> None:

@@ -77,6 +77,7 @@ class Worker:
             listener = Listener(self._url, [*Consumer.channels(), CANCEL_CHANNEL], self._heard, self._look_again)
             async with self._consumer, self._pool, listener:
                 slots = [asyncio.create_task(self._slot(lanes, folder)) for lanes in self._slots]
+                _log.info("worker-started", slots=[list(lanes) for lanes in self._slots])
                 keepers = [asyncio.create_task(keep()) for keep in (self._beat, self._reap, self._retain)]
                 try:
                     await self._until_stopped([*slots, *keepers])

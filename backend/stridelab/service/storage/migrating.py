@@ -1,0 +1,95 @@
+"""How the database gets its tables.
+
+``migrate`` is safe to call from any number of processes at once: an advisory lock lets one work and the others wait.
+Whether there is anything to do is found out without SQLAlchemy and Alembic, which are slow to import: every start of
+the service asks.
+"""
+
+import time
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import psycopg
+
+from stridelab.errors import Unavailable
+
+MIGRATIONS = Path(__file__).with_name("migrations")
+_MIGRATION_LOCK = 0x5712DE1AB
+
+
+def migrate(url: str, *, wait_s: float = 30.0) -> None:
+    """Bring the database to the newest revision, waiting up to ``wait_s`` for it to answer.
+
+    Raises ``Unavailable`` (``database-unreachable``), or ``Unavailable`` (``database-newer``) where the tables were
+    made by a newer version of this program.
+    """
+    _wait_until_reachable(url, wait_s)
+    present = present_revision(url)
+    if present is not None and present not in revisions():
+        raise Unavailable(
+            "database-newer",
+            f"The database has revision {present}, which this version does not know; a newer one made it.",
+        )
+    if present != revisions()[-1]:
+        _upgrade(url)
+
+
+def is_migrated(url: str) -> bool:
+    """Whether the database answers and has the newest tables."""
+    try:
+        return present_revision(url) == revisions()[-1]
+    except psycopg.OperationalError:
+        return False
+
+
+def revisions() -> list[str]:
+    """All revisions in order: each file is named ``<number>_<what>.py``, and the number is the revision."""
+    return sorted(file.name.split("_")[0] for file in (MIGRATIONS / "versions").glob("[0-9]*_*.py"))
+
+
+def present_revision(url: str) -> str | None:
+    """The revision of the database's tables; None for an empty database."""
+    with psycopg.connect(plain(url), connect_timeout=10, autocommit=True) as connection:
+        if connection.execute("SELECT to_regclass('alembic_version')").fetchone() == (None,):
+            return None
+        row = connection.execute("SELECT version_num FROM alembic_version").fetchone()
+    return None if row is None else str(row[0])
+
+
+def plain(url: str) -> str:
+    """The URL as libpq takes it, without SQLAlchemy's name of the driver."""
+    return url.replace("postgresql+psycopg:", "postgresql:", 1)
+
+
+def _upgrade(url: str) -> None:
+    import sqlalchemy
+    from alembic import command
+    from alembic.config import Config
+
+    engine = sqlalchemy.create_engine(
+        plain(url).replace("postgresql:", "postgresql+psycopg:", 1), poolclass=sqlalchemy.NullPool
+    )
+    try:
+        with engine.begin() as connection:
+            connection.execute(sqlalchemy.text("SELECT pg_advisory_xact_lock(:key)"), {"key": _MIGRATION_LOCK})
+            config = Config()
+            config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
+            config.attributes["connection"] = connection
+            command.upgrade(config, "head")
+    finally:
+        engine.dispose()
+
+
+def _wait_until_reachable(url: str, wait_s: float) -> None:
+    deadline = time.monotonic() + wait_s
+    while True:
+        try:
+            psycopg.connect(plain(url), connect_timeout=10).close()
+        except psycopg.OperationalError as error:
+            if time.monotonic() > deadline:
+                parts = urlsplit(url)
+                where = f"{parts.hostname or 'on its socket'}{parts.path}"
+                raise Unavailable("database-unreachable", f"The database {where} does not answer.") from error
+            time.sleep(0.5)
+        else:
+            return

@@ -1,0 +1,288 @@
+"""``stridelab serve``: starts the database, the web server, a worker and the viewer, and keeps them running.
+
+Everything it starts ends with it, also when it is killed with ``kill -9`` (``tether``). What dies is started again,
+later and later if it keeps dying. The supervisor owns the embedded database's folder, so at start every worker that
+the database remembers is dead, and its jobs are taken up at once.
+"""
+
+import contextlib
+import importlib.util
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import FrameType
+from typing import Final, NoReturn
+
+import psycopg
+
+from stridelab.errors import Fault, InvalidInput, Unavailable
+from stridelab.service.embedded_postgres import EmbeddedPostgres
+from stridelab.service.settings import Settings
+from stridelab.service.storage.migrating import migrate, plain
+from stridelab.service.tether import tethered
+
+VIEWER: Final = "stridelab_web.viewer"
+API: Final = "stridelab.service.api"
+WORKER: Final = "stridelab.service.jobs.worker"
+_TICK_S: Final = 0.2
+_DATABASE_CHECK_S: Final = 0.5
+_STOP_S: Final = 3.0
+_HEALTHY_S: Final = 60.0
+_BACKOFF_S: Final = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
+_PROVEN_S: Final = 30.0
+_HOPELESS: Final = 5
+_MAX_LOG_BYTES: Final = 5_000_000
+_EVERYWHERE: Final = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S104 (to be told from loopback)
+
+
+class _StopAsked(BaseException):
+    """SIGINT or SIGTERM arrived."""
+
+
+@dataclass
+class _Program:
+    """One program that is kept running; ``failures`` in a row decide how long it is left alone."""
+
+    module: str
+    log: Path
+    environment: Mapping[str, str]
+    before_restart: Callable[[], None] = lambda: None
+    process: subprocess.Popen[bytes] | None = None
+    started_at: float = 0.0
+    failures: int = 0
+    next_start: float = field(default=0.0)
+
+    def keep_running(self) -> None:
+        """Start it where it does not run and its pause is over."""
+        now = time.monotonic()
+        if self.process is not None:
+            if self.process.poll() is None:
+                return
+            self.failures = 0 if now - self.started_at > _PROVEN_S else self.failures + 1
+            self.next_start = now + _BACKOFF_S[min(self.failures, len(_BACKOFF_S) - 1)]
+            self.process = None
+            self.before_restart()
+        if now >= self.next_start:
+            self._start(now)
+
+    def _start(self, now: float) -> None:
+        if self.log.exists() and self.log.stat().st_size > _MAX_LOG_BYTES:
+            self.log.replace(self.log.with_suffix(".log.old"))
+        with self.log.open("ab") as log:
+            self.process = subprocess.Popen(
+                tethered([sys.executable, "-m", self.module]),
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                env=dict(self.environment),
+                start_new_session=True,  # the terminal's Ctrl-C is for the supervisor alone
+            )
+        self.started_at = now
+
+    def send(self, signum: int) -> None:
+        """Send a signal, if it runs."""
+        if self.process is not None and self.process.poll() is None:
+            self.process.send_signal(signum)
+
+    def last_words(self) -> str:
+        """The last line of its log."""
+        lines = self.log.read_text(encoding="utf-8", errors="replace").strip().splitlines() if self.log.exists() else []
+        return lines[-1][-300:] if lines else "it said nothing"
+
+
+def serve(settings: Settings, *, with_worker: bool = True, say: Callable[[str], None] | None = None) -> None:
+    """Run the whole service until SIGINT or SIGTERM.
+
+    Raises ``InvalidInput`` (``token-needed``), ``Unavailable`` (``port-taken``, ``data-folder-in-use``,
+    ``postgres-cannot-run``, ``database-unreachable``, ``service-does-not-start``).
+    """
+    speak = say or _print_line
+    _refuse_open_address(settings)
+    _refuse_taken_port(settings)
+    folder = settings.data_folder
+    folder.mkdir(parents=True, exist_ok=True)
+    url = _configured_database(settings)
+    database = EmbeddedPostgres(folder, settings.pg_bin) if url is None else None
+    programs: list[_Program] = []
+    try:
+        with _signals(_raise_stop):
+            if database is not None:
+                if not (folder / "postgres.json").exists():
+                    speak(f"First start: preparing the database in {folder}")
+                url = database.start()
+            migrate(str(url))
+            forget = _forgetting_workers(str(url)) if database is not None else _nothing
+            forget()
+            programs += _programs(settings, str(url), forget, with_worker=with_worker)
+            _until_healthy(settings, programs[0])
+            speak(f"stridelab is running on {_address(settings)}")
+            speak("Next: open it in a browser, or run `stridelab demo` in another terminal. Ctrl-C stops everything.")
+            _keep(programs, database)
+    except _StopAsked:
+        return
+    finally:
+        with _signals(signal.SIG_IGN):
+            _stop(programs)
+            if database is not None:
+                database.stop()
+
+
+def _configured_database(settings: Settings) -> str | None:
+    if settings.database_url is None:
+        return None  # and SQLAlchemy, which takes a while to import, is not needed here
+    from stridelab.service.storage.database import database_url
+
+    return database_url(settings)
+
+
+def _forgetting_workers(url: str) -> Callable[[], None]:
+    """Declares every worker dead, which whoever owns the database knows when its only worker has ended."""
+
+    def forget() -> None:
+        with (
+            contextlib.suppress(psycopg.OperationalError),  # restarting: the worker's silence will tell
+            psycopg.connect(plain(url), autocommit=True, connect_timeout=5) as connection,
+        ):
+            connection.execute("DELETE FROM procrastinate_workers")
+
+    return forget
+
+
+def _nothing() -> None:
+    return None
+
+
+def _programs(
+    settings: Settings, url: str, before_worker_restart: Callable[[], None], *, with_worker: bool
+) -> list[_Program]:
+    """The programs to keep running, the web server first."""
+    logs = settings.data_folder / "logs"
+    logs.mkdir(mode=0o700, exist_ok=True)
+    environment = {
+        **os.environ,
+        "STRIDELAB_DATABASE_URL": url,
+        "STRIDELAB_BLOB_URL": settings.blob_url or (settings.data_folder / "blobs").as_uri(),
+        "STRIDELAB_DATA_DIR": str(settings.data_folder),
+        "STRIDELAB_HOST": settings.host,
+        "STRIDELAB_PORT": str(settings.port),
+        "STRIDELAB_VIEWER_URL": f"http://127.0.0.1:{_free_port()}",
+    }
+    programs = [_Program(API, logs / "api.log", environment)]
+    if with_worker:
+        programs.append(_Program(WORKER, logs / "worker.log", environment, before_worker_restart))
+    if importlib.util.find_spec("stridelab_web") is not None and importlib.util.find_spec(VIEWER) is not None:
+        programs.append(_Program(VIEWER, logs / "viewer.log", environment))
+    return programs
+
+
+def _until_healthy(settings: Settings, api: _Program) -> None:
+    """Start the web server alone first: it answers sooner when nothing else competes for the processors."""
+    deadline = time.monotonic() + _HEALTHY_S
+    while True:
+        api.keep_running()
+        if _answers(settings):
+            return
+        if api.failures >= _HOPELESS or time.monotonic() > deadline:
+            raise Unavailable(
+                "service-does-not-start", f"The web server does not start: {api.last_words()} (more in {api.log})"
+            )
+        time.sleep(_TICK_S / 2)
+
+
+def _keep(programs: list[_Program], database: EmbeddedPostgres | None) -> NoReturn:
+    next_check = 0.0
+    while True:
+        now = time.monotonic()
+        if database is not None and now >= next_check:
+            if database.postmaster_pid is None:
+                with contextlib.suppress(Unavailable):  # its log tells why; tried again until it comes up
+                    database.start(timeout_s=10.0)
+            next_check = now + _DATABASE_CHECK_S
+        for program in programs:
+            program.keep_running()
+        time.sleep(_TICK_S)
+
+
+def _stop(programs: list[_Program]) -> None:
+    """Ask all at once, then insist."""
+    for program in programs:
+        program.send(signal.SIGTERM)
+    deadline = time.monotonic() + _STOP_S
+    for program in programs:
+        if program.process is not None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                program.process.wait(max(0.0, deadline - time.monotonic()))
+            program.send(signal.SIGKILL)
+            program.process.wait()
+
+
+def _refuse_open_address(settings: Settings) -> None:
+    if not settings.is_loopback and settings.token is None:
+        raise InvalidInput(
+            "token-needed",
+            f"{settings.host} can be reached from other machines, so a token is needed: set STRIDELAB_API_TOKEN, or "
+            "leave STRIDELAB_HOST at 127.0.0.1.",
+            [Fault("STRIDELAB_API_TOKEN", "not set")],
+        )
+
+
+def _refuse_taken_port(settings: Settings) -> None:
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    with socket.socket(family, socket.SOCK_STREAM) as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((settings.host, settings.port))
+        except OSError as error:
+            raise Unavailable(
+                "port-taken",
+                f"Port {settings.port} on {settings.host} cannot be used ({error.strerror}). Is stridelab running "
+                "already? Stop it, or set STRIDELAB_PORT to another port.",
+            ) from error
+
+
+def _free_port() -> int:
+    with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _address(settings: Settings) -> str:
+    host = _EVERYWHERE.get(settings.host, settings.host)
+    return f"http://[{host}]:{settings.port}" if ":" in host else f"http://{host}:{settings.port}"
+
+
+def _answers(settings: Settings) -> bool:
+    direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
+    try:
+        with direct.open(f"{_address(settings)}/api/v1/health", timeout=2.0) as answer:
+            return bool(answer.status == 200)
+    except (OSError, urllib.error.URLError):
+        return False
+
+
+@contextlib.contextmanager
+def _signals(handler: "Callable[[int, FrameType | None], None] | signal.Handlers") -> Iterator[None]:
+    """Meet SIGINT and SIGTERM with ``handler`` for a while."""
+    before = {signum: signal.signal(signum, handler) for signum in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for signum, previous in before.items():
+            signal.signal(signum, previous)
+
+
+def _raise_stop(_signum: int, _frame: FrameType | None) -> None:
+    raise _StopAsked
+
+
+def _print_line(line: str) -> None:
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
