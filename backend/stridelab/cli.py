@@ -39,6 +39,7 @@ app = typer.Typer(
 )
 
 Sex = Literal["female", "male"]
+Lab = Literal["walkway", "two_plates"]
 Method = Literal["complementary", "geometry", "kalman", "rts", "smoother"]
 SegmentTable = Literal["auto", "dumas2007", "deleva1996", "carried"]
 
@@ -136,6 +137,7 @@ def simulate(
     height_m: Annotated[float, typer.Option("--height", help="Stature in metres.")] = 1.71,
     mass_kg: Annotated[float, typer.Option("--mass", help="Body mass in kilograms.")] = 60.0,
     sex: Annotated[Sex, typer.Option("--sex", help="Body proportions.")] = "female",
+    lab: Annotated[Lab, typer.Option("--lab", help="Plates under every footprint, or two in a row.")] = "walkway",
     noise: Annotated[
         list[str] | None, typer.Option("--noise", help="FIELD=VALUE, e.g. force_n=2; may be repeated.")
     ] = None,
@@ -152,6 +154,7 @@ def simulate(
         "height_m": height_m,
         "mass_kg": mass_kg,
         "sex": sex,
+        "lab": lab,
     }
     run(fields, noise=tuple(noise or ()), out_dir=out_dir, force=force, as_json=as_json)
 

@@ -43,6 +43,7 @@ OPTIONS = {
     "speed_m_s": "--speed",
     "seed": "--seed",
     "noise": "--noise",
+    "lab": "--lab",
 }
 """Option that sets a field of the contract, for messages."""
 

@@ -123,6 +123,10 @@ class SimulateRecordingInput(Contract):
     height_m: Annotated[float, Field(ge=1.2, le=2.2)] = 1.71
     mass_kg: Annotated[float, Field(ge=25, le=200)] = 60.0
     sex: Literal["female", "male"] = "female"
+    lab: Literal["walkway", "two_plates"] = Field(
+        default="walkway",
+        description="walkway: every footprint lies on a plate of its own; two_plates: two plates in a row, as in most labs",
+    )
     noise: SimulationNoise = Field(default_factory=SimulationNoise)
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 0
 

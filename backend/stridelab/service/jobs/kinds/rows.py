@@ -20,8 +20,8 @@ from stridelab.service.jobs.kinds.kind import Blobs, Json
 from stridelab.service.jobs.kinds.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
 from stridelab.service.storage.tables import recording, subject
 
-FACTS_FILE = "facts.json"
-"""Where ``simulate-recording`` leaves the facts of its recording for ``publish``; not an artifact."""
+RECORDING_FILE, TRACKS_FILE, FACTS_FILE = "recording.c3d", "tracks.parquet", "facts.json"
+"""Where ``simulate-recording`` leaves its recording, with tracks and facts for the recording's row."""
 
 
 def stated_subject(recording_fields: Mapping[str, Any], subject_fields: Mapping[str, Any] | None) -> SubjectFields:
@@ -61,9 +61,9 @@ async def publish_simulated_recording(
     is overwritten by the next one and leaves no orphan.
     """
     recording_id = uuid.uuid5(uuid.NAMESPACE_URL, f"stridelab:job:{job_row['id']}").hex
-    trial, tracks = folder / "recording.c3d", folder / "tracks.parquet"
+    trial, tracks = folder / RECORDING_FILE, folder / TRACKS_FILE
     facts = RecordingFacts.model_validate_json((folder / FACTS_FILE).read_text(encoding="utf-8"))
-    blob_key, tracks_key = f"recordings/{recording_id}/recording.c3d", f"recordings/{recording_id}/tracks.parquet"
+    blob_key, tracks_key = f"recordings/{recording_id}/{RECORDING_FILE}", f"recordings/{recording_id}/{TRACKS_FILE}"
     await blobs.put_file(blob_key, trial)
     await blobs.put_file(tracks_key, tracks)
     content = trial.read_bytes()

@@ -1,0 +1,77 @@
+"""``simulate-recording``: a person who never walked, recorded as a laboratory would, with the truth beside it.
+
+The recording is a C3D like any upload, and its facts are those that reading this C3D gives; the segment table of the
+simulated body travels in it (table "carried" of ``estimate-com``). ``truth`` holds the exact motion.
+"""
+
+from pathlib import Path
+from typing import Final
+
+from stridelab.experiments.noise import MeasurementNoise
+from stridelab.experiments.simulated_recording import SimulatedRecording, record
+from stridelab.experiments.walker import HumanWalker
+from stridelab.recordings.writer import write_c3d
+from stridelab.schemas import base
+from stridelab.schemas.jobs import SimulateRecordingSummary
+from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.jobs.kinds.parse_upload import facts, write_tracks
+from stridelab.service.jobs.kinds.rows import FACTS_FILE, RECORDING_FILE, TRACKS_FILE
+from stridelab.service.jobs.kinds.tables_io import C3D, atomically, write_table
+from stridelab.service.jobs.kinds.tasks import RecordingSource, SimulateRecordingTask
+from stridelab.service.jobs.kinds.trial import examine
+from stridelab.service.jobs.kinds.truth import truth_columns
+
+PRIVATE_FILES: Final = (FACTS_FILE, TRACKS_FILE, "tracks.csv")
+"""Files for the recording's row, which are no artifacts of the job."""
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run`` with JSON on both sides."""
+    return run(SimulateRecordingTask.model_validate(task), folder, progress).to_json()
+
+
+def run(task: SimulateRecordingTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Simulate into ``folder``; the summary is a ``SimulateRecordingSummary`` without ``recording_id``.
+
+    Raises ``InvalidInput`` where body or walk lie outside what can be simulated.
+    """
+    request = task.input
+    progress(0.02, "walking")
+    walk = HumanWalker(
+        height_m=request.height_m,
+        mass_kg=request.mass_kg,
+        sex=request.sex,
+        speed_m_s=request.speed_m_s,
+        duration_s=request.duration_s,
+        seed=request.seed,
+    ).walk()
+    progress(0.6, "recording markers and plates")
+    simulated = record(walk, MeasurementNoise(**request.noise.model_dump()), request.seed, lab=request.lab)
+    progress(0.75, "writing the recording")
+    atomically(folder / RECORDING_FILE, lambda path: write_c3d(path, simulated.recording))
+    provenance = {"input": request.model_dump(mode="json"), "frame": "world, z up"}
+    tables = write_table(folder, "truth", truth_columns(simulated.truth), provenance)
+    progress(0.85, "reading it back")
+    trial = examine(RecordingSource(file=RECORDING_FILE, filename=RECORDING_FILE), folder)
+    write_tracks(trial.recording, trial.windows, folder, RECORDING_FILE)
+    (folder / FACTS_FILE).write_text(facts(trial).model_dump_json(), encoding="utf-8")
+    summary = SimulateRecordingSummary(
+        speed_m_s=mean_speed_m_s(simulated),
+        n_steps=sum(event.kind == "foot_strike" for event in simulated.recording.events),
+        warnings=[base.Remark(code=r.code, message=r.message) for r in trial.remarks],
+    )
+    progress(1.0, "done")
+    artifacts = (ArtifactFile(RECORDING_FILE, C3D), *tables)
+    return Outcome(summary.model_dump(mode="json"), walk.body.table.references, artifacts)
+
+
+def mean_speed_m_s(simulated: SimulatedRecording) -> float:
+    """Forward distance of the true CoM over the time of the recording."""
+    truth = simulated.truth
+    return float((truth.com_m[-1, 0] - truth.com_m[0, 0]) / (truth.time_s[-1] - truth.time_s[0]))
+
+
+def remove_private_files(folder: Path) -> None:
+    """Leave only the artifacts, where no recording row is made."""
+    for name in PRIVATE_FILES:
+        (folder / name).unlink(missing_ok=True)
