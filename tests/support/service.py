@@ -55,7 +55,7 @@ class Served:
 @contextmanager
 def served(database_url: str, data: Path, **options: Any) -> Iterator[Served]:
     """Run the application with ``options`` as settings; stopped at the end."""
-    settings = Settings(database_url=database_url, data_dir=data, min_free_disk_mb=0, **options)
+    settings = Settings(**{"database_url": database_url, "data_dir": data, "min_free_disk_mb": 0, **options})
     app = create_app(settings)
     server = uvicorn.Server(
         uvicorn.Config(app, host="127.0.0.1", port=0, log_config=None, access_log=False, timeout_graceful_shutdown=1)

@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 import httpx
 from pydantic import BaseModel
@@ -46,7 +46,7 @@ class AsyncClient:
             base_url=base_url, headers=connection_headers(token), timeout=timeout_s, transport=transport
         )
 
-    async def __aenter__(self) -> Self:
+    async def __aenter__(self) -> "AsyncClient":  # noqa: PYI034 (beartype cannot check Self here)
         return self
 
     async def __aexit__(

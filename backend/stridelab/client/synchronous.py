@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import Any, TypeVar
 
 import httpx
 from pydantic import BaseModel
@@ -45,7 +45,7 @@ class Client:
             base_url=base_url, headers=connection_headers(token), timeout=timeout_s, transport=transport
         )
 
-    def __enter__(self) -> Self:
+    def __enter__(self) -> "Client":  # noqa: PYI034 (beartype cannot check Self here)
         return self
 
     def __exit__(

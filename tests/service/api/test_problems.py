@@ -113,7 +113,7 @@ def test_only_the_scene_of_the_viewer_may_be_inline(http: httpx.Client) -> None:
     assert "unsafe" not in http.get("/view/").headers["content-security-policy"]
 
 
-def test_an_unexpected_error_says_nothing_of_the_inside(service: Served, caplog: pytest.LogCaptureFixture) -> None:
+def test_an_unexpected_error_says_nothing_of_the_inside(service: Served) -> None:
     def broken() -> None:
         raise RuntimeError("the secret inside")
 

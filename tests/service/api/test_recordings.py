@@ -1,15 +1,47 @@
 """Recordings: what is stored, what is refused, and that nothing is half stored."""
 
 import hashlib
+import io
+import json
+import socket
+import zipfile
 from pathlib import Path
 
 import httpx
+import psutil
+import pyarrow.parquet as pq
+import pytest
+from sqlalchemy import select
 
-from support.service import Served
+from stridelab.service.api.recordings import endpoints, parsing
+from stridelab.service.api.recordings.multipart import safe_filename
+from stridelab.service.storage.tables import job, recording
+from support.database import TestDatabases
+from support.rows import add_job, add_recording, start_job, succeed
+from support.service import Served, served
+
+RECORDINGS = "/api/v1/recordings"
 
 
 def upload(http: httpx.Client, content: bytes, name: str = "walk.c3d", **fields: str) -> httpx.Response:
-    return http.post("/api/v1/recordings", files={"file": (name, content)}, data=fields)
+    return http.post(RECORDINGS, files={"file": (name, content)}, data=fields)
+
+
+def refusal(answer: httpx.Response) -> tuple[int, str]:
+    assert answer.headers["content-type"] == "application/problem+json", answer.text
+    return answer.status_code, answer.json()["code"]
+
+
+def places(answer: httpx.Response) -> list[str]:
+    return [fault["where"] for fault in answer.json()["errors"]]
+
+
+@pytest.fixture(scope="module")
+def uploaded(service: Served, trial: Path) -> str:
+    with service.http() as http:
+        answer = upload(http, trial.read_bytes())
+    assert answer.status_code == 201, answer.text
+    return str(answer.json()["id"])
 
 
 def test_an_upload_is_understood_when_it_is_answered(http: httpx.Client, service: Served, trial: Path) -> None:
@@ -17,11 +49,390 @@ def test_an_upload_is_understood_when_it_is_answered(http: httpx.Client, service
     answer = upload(http, content, height_m="1.71", sex="female", subject_name="P07", mass_kg="")
     assert answer.status_code == 201, answer.text
     body = answer.json()
-    assert answer.headers["location"] == f"/api/v1/recordings/{body['id']}"
+    assert answer.headers["location"] == f"{RECORDINGS}/{body['id']}"
     assert body["sha256"] == hashlib.sha256(content).hexdigest()
     assert body["bytes"] == len(content)
     assert body["n_markers"] == 12
     assert body["marker_rate_hz"] == 100.0
     assert body["subject"] == {"name": "P07", "height_m": 1.71, "mass_kg": None, "sex": "female", "age_years": None}
-    assert http.get(f"/api/v1/recordings/{body['id']}").json() == body
-    assert http.get(f"/api/v1/recordings/{body['id']}/file").content == content
+    assert http.get(f"{RECORDINGS}/{body['id']}").json() == body
+    file = http.get(f"{RECORDINGS}/{body['id']}/file")
+    assert file.content == content
+    assert file.headers["content-disposition"].startswith('attachment; filename="walk.c3d"')
+    tracks = pq.read_table(io.BytesIO(http.get(f"{RECORDINGS}/{body['id']}/tracks.parquet").content))
+    assert tracks.num_rows == body["n_frames"]
+    assert {"time_s", "LASI_x_m", "LASI_z_m"} <= set(tracks.column_names)
+    assert not any(key.startswith("spool/") for key in service.stored_files())
+
+
+def test_the_same_file_twice_is_two_recordings_and_one_blob(
+    http: httpx.Client, service: Served, trial: Path, uploaded: str
+) -> None:
+    before = service.stored_files()
+    again = upload(http, trial.read_bytes(), "other name.c3d").json()
+    first = http.get(f"{RECORDINGS}/{uploaded}").json()
+    assert again["id"] != first["id"]
+    assert again["sha256"] == first["sha256"]
+    added = service.stored_files() - before
+    assert len(added) == 1
+    assert added.pop().startswith(f"recordings/{again['id']}/")
+    assert http.delete(f"{RECORDINGS}/{again['id']}").status_code == 204
+    assert service.stored_files() == before
+    assert http.get(f"{RECORDINGS}/{uploaded}/file").content == trial.read_bytes()
+
+
+def test_the_last_recording_takes_its_file_along(http: httpx.Client, service: Served, trial: Path) -> None:
+    before = service.stored_files()
+    content = trial.read_bytes() + b"\0" * 512
+    made = upload(http, content).json()
+    assert f"uploads/{made['sha256']}" in service.stored_files()
+    assert http.delete(f"{RECORDINGS}/{made['id']}").status_code == 204
+    assert service.stored_files() == before
+    for path in ("", "/file", "/tracks.parquet"):
+        assert refusal(http.get(f"{RECORDINGS}/{made['id']}{path}")) == (404, "recording-not-found")
+    assert refusal(http.delete(f"{RECORDINGS}/{made['id']}")) == (404, "recording-not-found")
+
+
+def damaged() -> dict[str, bytes]:
+    archive = io.BytesIO()
+    with zipfile.ZipFile(archive, "w") as made:
+        made.writestr("readme.txt", "no trial")
+    return {
+        "text": b"time,x,y\n0,1,2\n",
+        "a picture": b"\x89PNG\r\n\x1a\n" + b"\0" * 2000,
+        "zip without a trial": archive.getvalue(),
+        "zip cut off": archive.getvalue()[:-10],
+        "head of a C3D only": b"\x02\x50" + b"\0" * 510,
+        "one byte": b"\x02",
+    }
+
+
+@pytest.mark.parametrize("name", damaged())
+def test_what_cannot_be_read_is_refused_and_nothing_is_kept(http: httpx.Client, service: Served, name: str) -> None:
+    before, rows = service.stored_files(), len(http.get(RECORDINGS).json()["items"])
+    answer = upload(http, damaged()[name])
+    assert answer.status_code == 422
+    assert answer.json()["code"] not in {"internal-error", "invalid-request"}
+    assert answer.json()["errors"]
+    assert service.stored_files() == before
+    assert len(http.get(RECORDINGS).json()["items"]) == rows
+
+
+def test_a_cut_off_trial_is_refused(http: httpx.Client, trial: Path) -> None:
+    content = trial.read_bytes()
+    assert upload(http, content[: len(content) // 2]).status_code == 422
+
+
+def test_an_empty_file_and_a_missing_file(http: httpx.Client) -> None:
+    assert refusal(upload(http, b"")) == (422, "empty-file")
+    assert refusal(http.post(RECORDINGS, files={"data": ("a.c3d", b"x")})) == (422, "file-missing")
+    twice = [("file", ("a.c3d", b"x")), ("file", ("b.c3d", b"x"))]
+    assert refusal(http.post(RECORDINGS, files=twice)) == (422, "invalid-request")
+
+
+@pytest.mark.parametrize(
+    ("media_type", "content", "expected"),
+    [
+        ("application/json", b"{}", (415, "unsupported-media-type")),
+        ("multipart/form-data", b"x", (415, "unsupported-media-type")),
+        ("application/octet-stream", b"\x02\x50", (415, "unsupported-media-type")),
+        ("multipart/form-data; boundary=b", b"nonsense", (400, "malformed-request")),
+        ("multipart/form-data; boundary=b", b"", (400, "malformed-request")),
+        ("multipart/form-data; boundary=b", b"--b--\r\n", (422, "file-missing")),
+        (
+            "multipart/form-data; boundary=b",
+            b'--b\r\nContent-Disposition: form-data; name="file"; filename="a"\r\n\r\ncut off',
+            (400, "malformed-request"),
+        ),
+    ],
+)
+def test_bodies_that_are_no_form(
+    http: httpx.Client, media_type: str, content: bytes, expected: tuple[int, str]
+) -> None:
+    assert refusal(http.post(RECORDINGS, content=content, headers={"Content-Type": media_type})) == expected
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("height_m", "171"),
+        ("height_m", "tall"),
+        ("height_m", "nan"),
+        ("height_m", "-1.7"),
+        ("mass_kg", "inf"),
+        ("mass_kg", "0"),
+        ("age_years", "200"),
+        ("sex", "f"),
+        ("subject_name", "a\x00b"),
+        ("subject_name", "x" * 81),
+        ("shoe_size", "42"),
+    ],
+)
+def test_absurd_form_fields_are_named(http: httpx.Client, trial: Path, field: str, value: str) -> None:
+    answer = upload(http, trial.read_bytes(), **{field: value})
+    assert refusal(answer) == (422, "invalid-request")
+    assert places(answer) == [field]
+
+
+def test_all_absurd_fields_are_named_at_once(http: httpx.Client, trial: Path) -> None:
+    answer = upload(http, trial.read_bytes(), height_m="171", mass_kg="x", shoe_size="42")
+    assert set(places(answer)) == {"height_m", "mass_kg", "shoe_size"}
+
+
+def test_a_field_that_is_too_long(http: httpx.Client) -> None:
+    assert refusal(upload(http, b"x", subject_name="x" * 5000)) == (422, "invalid-request")
+
+
+@pytest.mark.parametrize(
+    ("claimed", "shown"),
+    [
+        ("../../etc/passwd", "passwd"),
+        ("C:\\Users\\someone\\walk.c3d", "walk.c3d"),
+        ("/absolute.c3d", "absolute.c3d"),
+        ("..", "recording"),
+        ("", "recording"),
+        ("a\r\nSet-Cookie: x=1.c3d", "aSet-Cookie x=1.c3d"),
+        ("a\x00b.c3d", "ab.c3d"),
+        ("\u202egpj.c3d", "gpj.c3d"),
+        ('quo"te.c3d', "quote.c3d"),
+        ("<script>.c3d", "script.c3d"),
+        ("Prüfling 7.c3d", "Prüfling 7.c3d"),
+        ("x" * 300 + ".c3d", "x" * 116 + ".c3d"),
+    ],
+)
+def test_hostile_file_names_become_harmless(claimed: str, shown: str) -> None:
+    assert safe_filename(claimed) == shown
+
+
+def test_a_hostile_name_does_no_harm_on_its_way_back(http: httpx.Client, trial: Path) -> None:
+    made = upload(http, trial.read_bytes(), "../../Gang Ü;\\x.c3d").json()
+    assert made["filename"] == "x.c3d"
+    made = upload(http, trial.read_bytes(), "Gang Ü; a=b.c3d").json()
+    header = http.get(f"{RECORDINGS}/{made['id']}/file").headers["content-disposition"]
+    assert header == "attachment; filename=\"Gang _; a=b.c3d\"; filename*=UTF-8''Gang%20%C3%9C%3B%20a%3Db.c3d"
+
+
+def raw_upload(service: Served, length: int | None, body_bytes: int) -> tuple[bytes, int]:
+    """Send a form by hand, announcing ``length`` or sending chunks; returns the answer and the bytes that were sent."""
+    head = b'--b\r\nContent-Disposition: form-data; name="file"; filename="a.c3d"\r\n\r\n'
+    announced = b"Transfer-Encoding: chunked" if length is None else b"Content-Length: %d" % length
+    host = httpx.URL(service.base_url)
+    sent = 0
+    with socket.create_connection((host.host, host.port), timeout=30) as wire:
+        lines = b"POST /api/v1/recordings HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n"
+        wire.sendall(lines + b"Content-Type: multipart/form-data; boundary=b\r\n" + announced + b"\r\n\r\n")
+        wire.settimeout(0.02)
+        answer, piece = b"", head
+        while sent < body_bytes and not answer:
+            try:
+                wire.sendall(b"%x\r\n%s\r\n" % (len(piece), piece) if length is None else piece)
+            except OSError:
+                break
+            sent += len(piece)
+            piece = b"\0" * 200_000
+            try:
+                answer = wire.recv(65536)
+            except TimeoutError:
+                continue
+        wire.settimeout(30)
+        while more := wire.recv(65536):
+            answer += more
+    return answer, sent
+
+
+@pytest.fixture(scope="module")
+def narrow(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory):  # type: ignore[no-untyped-def]
+    with postgres.fresh() as url, served(url, tmp_path_factory.mktemp("data"), max_upload_mb=2) as running:
+        yield running
+
+
+def test_an_upload_over_the_limit_is_refused_from_its_announcement(service: Served) -> None:
+    answer, sent = raw_upload(service, 128_000_000 + 200_000, 128_200_000)
+    assert b" 413 " in answer.split(b"\r\n")[0]
+    assert b'"code":"upload-too-large"' in answer
+    assert sent < 1_000_000
+
+
+def test_an_upload_over_the_limit_is_refused_at_the_byte_that_exceeds_it(narrow: Served) -> None:
+    answer, sent = raw_upload(narrow, None, 60_000_000)
+    assert b" 413 " in answer.split(b"\r\n")[0]
+    assert sent < 20_000_000
+    assert narrow.stored_files() == set()
+
+
+def test_a_large_upload_never_lies_in_memory(service: Served) -> None:
+    process = psutil.Process()
+    before = process.memory_info().rss
+    peak = before
+
+    def pieces():  # type: ignore[no-untyped-def]
+        nonlocal peak
+        yield b'--b\r\nContent-Disposition: form-data; name="file"; filename="a.c3d"\r\n\r\n'
+        block = b"\0" * 1_000_000
+        for _ in range(127):
+            yield block
+            peak = max(peak, process.memory_info().rss)
+        yield b"\r\n--b--\r\n"
+
+    headers = {"Content-Type": "multipart/form-data; boundary=b"}
+    with service.http() as http:
+        answer = http.post(RECORDINGS, content=pieces(), headers=headers)
+    assert answer.status_code == 422
+    assert peak - before < 40_000_000
+
+
+def test_a_full_disk_is_told(postgres: TestDatabases, tmp_path: Path) -> None:
+    with postgres.fresh() as url, served(url, tmp_path, min_free_disk_mb=10**9) as full, full.http() as http:
+        assert refusal(upload(http, b"x" * 10)) == (507, "disk-full")
+        assert full.stored_files() == set()
+
+
+@pytest.mark.parametrize(
+    ("target", "code"),
+    [
+        ("support.computations:segfault", "parser-crashed"),
+        ("support.computations:abort", "parser-crashed"),
+        ("support.computations:hang", "parser-timed-out"),
+        ("support.computations:stumble", "unreadable-file"),
+        ("support.computations:refuse", "no-plates"),
+    ],
+)
+def test_a_file_that_breaks_its_reader_breaks_nothing_else(
+    postgres: TestDatabases, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, target: str, code: str
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+    monkeypatch.setattr(parsing, "PARSE_UPLOAD", target)
+    with postgres.fresh() as url, served(url, tmp_path, parse_timeout_s=1.0) as service, service.http() as http:
+        assert refusal(upload(http, b"x" * 10)) == (422, code)
+        assert service.stored_files() == set()
+        assert http.get("/api/v1/health").status_code == 200
+
+
+def test_a_failing_store_leaves_nothing(service: Served, trial: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    before = service.stored_files()
+
+    def broken(_: object) -> None:
+        raise RuntimeError("after the files, before the end of the transaction")
+
+    monkeypatch.setattr(endpoints.storing, "recording_of", broken)
+    with service.http() as http:
+        assert upload(http, trial.read_bytes() + b"\0" * 1024).status_code == 500
+        assert service.stored_files() == before
+
+
+def test_pages_of_the_list(postgres: TestDatabases, tmp_path: Path) -> None:
+    with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
+        made = [service.run(add_recording(service.parts)) for _ in range(5)]
+        seen, cursor = [], None
+        for _ in range(3):
+            page = http.get(RECORDINGS, params={"limit": 2, **({"cursor": cursor} if cursor else {})}).json()
+            seen += [item["id"] for item in page["items"]]
+            cursor = page["next"]
+        assert seen == made[::-1]
+        assert cursor is None
+        assert http.get(RECORDINGS, params={"limit": 5}).json()["next"] is None
+        for limit in ("0", "201", "x", "-1"):
+            assert refusal(http.get(RECORDINGS, params={"limit": limit})) == (422, "invalid-request")
+
+
+def test_stated_fields_win_over_the_subject_and_the_file(http: httpx.Client, service: Served) -> None:
+    recording_id = service.run(add_recording(service.parts))
+    subject = http.post("/api/v1/subjects", json={"name": "P1", "mass_kg": 61.0, "height_m": 1.6}).json()
+    path = f"{RECORDINGS}/{recording_id}"
+    assert http.get(path).json()["subject"]["mass_kg"] == 60.0
+    http.patch(path, json={"subject_id": subject["subject_id"]})
+    assert http.get(path).json()["subject"]["mass_kg"] == 61.0
+    stated = http.patch(path, json={"subject": {"mass_kg": 62.0}}).json()
+    assert stated["subject"] == {"name": "P1", "height_m": 1.6, "mass_kg": 62.0, "sex": None, "age_years": None}
+    assert http.patch(path, json={"subject": {"mass_kg": None}}).json()["subject"]["mass_kg"] == 61.0
+    http.delete(f"/api/v1/subjects/{subject['subject_id']}")
+    unlinked = http.get(path).json()
+    assert (unlinked["subject_id"], unlinked["subject"]["mass_kg"]) == (None, 60.0)
+
+
+def test_a_name_inside_a_file_is_never_shown(http: httpx.Client, service: Served) -> None:
+    leaking = json.loads('{"name": "Real Person", "mass_kg": 60.0}')
+
+    async def leak() -> str:
+        recording_id = await add_recording(service.parts)
+        async with service.parts.engine.begin() as connection:
+            row = (
+                await connection.execute(select(recording.c.facts).where(recording.c.id == recording_id))
+            ).scalar_one()
+            row["subject"] = leaking
+            await connection.execute(recording.update().where(recording.c.id == recording_id).values(facts=row))
+        return recording_id
+
+    assert "Real Person" not in http.get(f"{RECORDINGS}/{service.run(leak())}").text
+
+
+@pytest.mark.parametrize(
+    ("patch", "where"),
+    [
+        ({"subject_id": "nope"}, "subject_id"),
+        ({"subject_id": "\n"}, "subject_id"),
+        ({"static_recording_id": "nope"}, "static_recording_id"),
+        ({"marker_map": {"l_asis": "XYZ"}}, "marker_map"),
+        ({"plates": {"7": {"use": False}}}, "plates.7"),
+        ({"plates": {"1": {"threshold_n": 0}}}, "plates.1.threshold_n"),
+        ({"plates": {"1": {"threshold_n": 1e999}}}, "plates.1.threshold_n"),
+        ({"subject": {"height_m": 17.1}}, "subject.height_m"),
+        ({"filename": "x"}, "filename"),
+    ],
+)
+def test_changes_that_cannot_hold(http: httpx.Client, service: Served, patch: dict[str, object], where: str) -> None:
+    recording_id = service.run(add_recording(service.parts))
+    before = http.get(f"{RECORDINGS}/{recording_id}").json()
+    content = json.dumps(patch).replace("Infinity", "1e999")
+    answer = http.patch(f"{RECORDINGS}/{recording_id}", content=content, headers={"Content-Type": "application/json"})
+    assert refusal(answer) == (422, "invalid-request")
+    assert places(answer) == [where]
+    assert http.get(f"{RECORDINGS}/{recording_id}").json() == before
+
+
+def test_a_recording_is_not_its_own_static_trial(http: httpx.Client, service: Served) -> None:
+    one, other = (service.run(add_recording(service.parts)) for _ in range(2))
+    assert refusal(http.patch(f"{RECORDINGS}/{one}", json={"static_recording_id": one}))[0] == 422
+    linked = http.patch(f"{RECORDINGS}/{one}", json={"static_recording_id": other}).json()
+    assert linked["static_recording_id"] == other
+    http.delete(f"{RECORDINGS}/{other}")
+    assert http.get(f"{RECORDINGS}/{one}").json()["static_recording_id"] is None
+
+
+def test_a_plate_switch_makes_the_file_be_read_again(http: httpx.Client, service: Served, uploaded: str) -> None:
+    path = f"{RECORDINGS}/{uploaded}"
+    before = http.get(path).json()
+    assert before["plates"][0]["use"] is True
+    files = service.stored_files()
+    changed = http.patch(path, json={"plates": {"1": {"use": False}}}).json()
+    assert changed["plates"][0]["use"] is False
+    assert changed["windows_s"] == []
+    assert len(service.stored_files()) == len(files)
+    assert http.get(f"{path}/tracks.parquet").status_code == 200
+    assert http.patch(path, json={"plates": None}).json() == before
+
+
+def test_a_sample_is_read_only(http: httpx.Client, service: Served) -> None:
+    recording_id = service.run(add_recording(service.parts, bundled=True))
+    assert refusal(http.delete(f"{RECORDINGS}/{recording_id}")) == (409, "bundled-read-only")
+    assert refusal(http.patch(f"{RECORDINGS}/{recording_id}", json={"subject": {}})) == (409, "bundled-read-only")
+
+
+def test_a_deletion_takes_jobs_and_results_along(http: httpx.Client, service: Served) -> None:
+    before = service.stored_files()
+    recording_id = service.run(add_recording(service.parts))
+    done, running, queued = (service.run(add_job(service.parts, recording_id)) for _ in range(3))
+    attempt = service.run(start_job(service.parts, done))
+    service.run(succeed(service.parts, attempt, [("com.csv", "text/csv", b"time_s\n")]))
+    service.run(start_job(service.parts, running))
+    assert len(service.stored_files()) == len(before) + 3
+    assert http.delete(f"{RECORDINGS}/{recording_id}").status_code == 204
+    assert service.stored_files() == before
+    for job_id in (done, running, queued):
+        assert refusal(http.get(f"/api/v1/jobs/{job_id}")) == (404, "job-not-found")
+
+    async def left() -> int:
+        async with service.parts.engine.connect() as connection:
+            return len((await connection.execute(select(job.c.id).where(job.c.recording_id == recording_id))).all())
+
+    assert service.run(left()) == 0

@@ -51,8 +51,8 @@ _FORM: Final[Any] = {
 _CHANGES: Final[Any] = {
     "subject": {"summary": "State height and sex", "value": {"subject": {"height_m": 1.71, "sex": "female"}}},
     "plate": {
-        "summary": "Leave the first plate out, raise the threshold of the second",
-        "value": {"plates": {"0": {"use": False}, "1": {"threshold_n": 30.0}}},
+        "summary": "Leave the second plate out, raise the threshold of the first",
+        "value": {"plates": {"2": {"use": False}, "1": {"threshold_n": 30.0}}},
     },
     "reset": {"summary": "Undo all switches", "value": {"plates": None, "marker_map": None}},
 }

@@ -52,14 +52,14 @@ async def store_upload(parts: Parts, form: ReceivedForm, parsed: Parsed, subject
     }
     try:
         async with parts.engine.begin() as connection:
-            await _lock_content(connection, form.sha256)
+            await _lock_blob(connection, values["blob_key"])
             await parts.blobs.put_file(tracks_key, parsed.tracks)
             if not await parts.blobs.exists(values["blob_key"]):
                 await parts.blobs.put_file(values["blob_key"], form.path)
             await connection.execute(insert(recording).values(values))
             return recording_of(await recording_row(connection, recording_id))
     except BaseException:
-        await _discard(parts, recording_id, form.sha256)
+        await _discard(parts, recording_id, values["blob_key"])
         raise
 
 
@@ -107,7 +107,7 @@ async def delete_recording(parts: Parts, recording_id: str) -> None:
         await connection.execute(delete(recording).where(recording.c.id == recording_id))
     for job_id in jobs:
         await parts.blobs.delete_prefix(f"results/{job_id}")
-    await _discard(parts, recording_id, row["sha256"])
+    await _discard(parts, recording_id, row["blob_key"])
 
 
 def refuse_bundled(row: Mapping[str, Any]) -> None:
@@ -116,19 +116,19 @@ def refuse_bundled(row: Mapping[str, Any]) -> None:
         raise Conflict("bundled-read-only", "This sample comes with the program and cannot be changed or deleted.")
 
 
-async def _discard(parts: Parts, recording_id: str, sha256: str) -> None:
-    """Remove the files of a recording that has no row, and the upload unless another recording uses it."""
+async def _discard(parts: Parts, recording_id: str, blob_key: str) -> None:
+    """Remove the files of a recording that has no row, and its blob unless another recording uses it."""
     await parts.blobs.delete_prefix(own_prefix(recording_id))
     async with parts.engine.begin() as connection:
-        await _lock_content(connection, sha256)
-        users = select(func.count()).where(recording.c.blob_key == upload_key(sha256))
+        await _lock_blob(connection, blob_key)
+        users = select(func.count()).where(recording.c.blob_key == blob_key)
         if (await connection.execute(users)).scalar_one() == 0:
-            await parts.blobs.delete(upload_key(sha256))
+            await parts.blobs.delete(blob_key)
 
 
-async def _lock_content(connection: AsyncConnection, sha256: str) -> None:
-    """Keep others from storing or removing the same bytes until the transaction ends."""
-    await connection.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(sha256, 0))))
+async def _lock_blob(connection: AsyncConnection, blob_key: str) -> None:
+    """Keep others from storing or removing the same blob until the transaction ends."""
+    await connection.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(blob_key, 0))))
 
 
 def _tracks_key(recording_id: str) -> str:
