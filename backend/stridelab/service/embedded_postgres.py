@@ -56,7 +56,16 @@ class EmbeddedPostgres:
         Raises ``Unavailable``: ``data-folder-in-use``, ``cluster-missing``, ``cluster-version``,
         ``postgres-cannot-run``.
         """
+        is_first = self._home is None
         self._take_lock()
+        try:
+            return self._start(timeout_s)
+        except Unavailable:
+            if is_first:
+                self.stop()  # nothing is kept of a start that failed
+            raise
+
+    def _start(self, timeout_s: float) -> str:
         if self._home is None:
             self._home = prepare_home(self._data, self._pg_bin, self._shelter)
         home = self._home
