@@ -11,6 +11,7 @@ from stridelab.recordings.gaps import runs
 MAX_TARE_N = 60.0
 """A steady upward reading above this, with no word from the file, is somebody standing there."""
 _BAND_N = 6.0
+_LOAD_N = 100.0
 _MIN_STRETCH = 40
 _SMOOTH = 21
 
@@ -50,13 +51,19 @@ def find_tare(force_n: Points, moment_nm: Points, upward_n: Series, zero_samples
 
 
 def _named_unloaded(smooth: Series, floor_n: float, zero_samples: tuple[int, int] | None) -> Mask | None:
-    """The samples that the file says to average, if there are some and they are as low as the signal ever is."""
+    """The samples that the file says to average, if they are as low as the signal ever is.
+
+    Above ``MAX_TARE_N`` they are believed only where a load comes on top: else somebody stands there all along.
+    """
     if zero_samples is None:
         return None
     first, last = zero_samples
     if not 1 <= first < last <= len(smooth):
         return None
-    if float(np.mean(smooth[first - 1 : last])) > floor_n + 2.0 * _BAND_N:
+    level_n = float(np.mean(smooth[first - 1 : last]))
+    if level_n > floor_n + 2.0 * _BAND_N:
+        return None
+    if level_n > MAX_TARE_N and float(np.percentile(smooth, 98.0)) < level_n + _LOAD_N:
         return None
     mask = np.zeros(len(smooth), dtype=bool)
     mask[first - 1 : last] = True

@@ -88,12 +88,15 @@ def _trust(recording: Recording, windows: tuple[Window, ...]) -> tuple[Remark, .
 def require_windows(recording: Recording, landmarks: Mapping[str, str]) -> tuple[Window, ...]:
     """The windows, or ``NotEstimable`` with the reason why there is none.
 
-    Codes: single-frame, no-plates, plates-switched-off, plates-unloaded, no-measured-window.
+    Codes: single-frame, no-plates, recording-too-short, plates-switched-off, plates-unloaded, no-measured-window.
     """
     if recording.n_frames < 2:
         raise NotEstimable("single-frame", "The recording has one frame only: it can serve as a static trial.")
     if not recording.plates:
         raise NotEstimable("no-plates", "The recording has no force plate, so no force can be fused with the markers.")
+    if recording.duration_s < MIN_WINDOW_S:
+        message = f"The recording lasts {1000.0 * recording.duration_s:.0f} ms; at least {MIN_WINDOW_S:g} s are needed."
+        raise NotEstimable("recording-too-short", message)
     used = [plate for plate in recording.plates if plate.use]
     if not used:
         raise NotEstimable("plates-switched-off", "All force plates of this recording are switched off.")

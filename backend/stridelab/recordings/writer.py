@@ -131,12 +131,18 @@ def _add_plates(content: Any, recording: Recording) -> None:
     analog["SCALE"]["value"] = np.ones(6 * m)
     analog["OFFSET"]["value"] = np.zeros(6 * m, dtype=int)
     group = "FORCE_PLATFORM"
-    content.add_parameter(group, "USED", [m])
-    content.add_parameter(group, "TYPE", [2] * m)
-    content.add_parameter(group, "ZERO", [0, 0])
+    _add_integers(content, group, "USED", [m])
+    _add_integers(content, group, "TYPE", [2] * m)
+    _add_integers(content, group, "ZERO", [0, 0])
+    _add_integers(content, group, "CHANNEL", np.arange(1, 6 * m + 1).reshape(m, 6).T)
     content.add_parameter(group, "CORNERS", 1000.0 * np.stack([plate.corners_m.T for plate in plates], axis=2))
     content.add_parameter(group, "ORIGIN", np.zeros((3, m)))
-    content.add_parameter(group, "CHANNEL", np.arange(1.0, 6 * m + 1).reshape(m, 6).T)
+
+
+def _add_integers(content: Any, group: str, name: str, values: Any) -> None:
+    """ezc3d stores every number as a float unless told; programs expect counts and channels to be integers."""
+    content.add_parameter(group, name, np.asarray(values, dtype=np.float64))
+    content["parameters"][group][name]["type"] = ezc3d.ezc3d.INT
 
 
 def _plate_signals(plate: Plate) -> tuple[Points, Points]:
@@ -155,7 +161,7 @@ def _add_events(content: Any, recording: Recording) -> None:
     if not recording.events:
         return
     events = recording.events
-    content.add_parameter("EVENT", "USED", [len(events)])
+    _add_integers(content, "EVENT", "USED", [len(events)])
     content.add_parameter("EVENT", "LABELS", [_KIND[event.kind] for event in events])
     content.add_parameter("EVENT", "CONTEXTS", [(event.side or "General").capitalize() for event in events])
     times = np.array([[np.floor(event.time_s / 60.0) for event in events], [event.time_s % 60.0 for event in events]])
