@@ -8,7 +8,7 @@ import pytest
 
 from support.c3d_files import small_trial
 from support.database import TestDatabases
-from support.service import Served, served
+from support.interface import Served, served
 
 
 @pytest.fixture(scope="module")

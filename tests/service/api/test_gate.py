@@ -11,7 +11,7 @@ from stridelab.service.api.__main__ import server
 from stridelab.service.api.auth import COOKIE, SESSION_S, Gate, Keys, inside, local_target
 from stridelab.service.settings import Settings
 from support.database import TestDatabases
-from support.service import Served, served
+from support.interface import Served, served
 
 TOKEN = "a-secret-of-the-lab"
 SUBJECTS = "/api/v1/subjects"

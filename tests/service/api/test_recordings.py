@@ -17,8 +17,8 @@ from stridelab.service.api.recordings import endpoints, parsing
 from stridelab.service.api.recordings.multipart import safe_filename
 from stridelab.service.storage.tables import job, recording
 from support.database import TestDatabases
+from support.interface import Served, served
 from support.rows import add_job, add_recording, start_job, succeed
-from support.service import Served, served
 
 RECORDINGS = "/api/v1/recordings"
 
