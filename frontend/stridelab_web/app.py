@@ -46,6 +46,6 @@ def routes() -> list[BaseRoute]:
         Route(f"{scene}/frames.f32", view.values),
         WebSocketRoute(scene, scenes.pump),
         Route("/login", login.login),
-        Route("/static/plotly.min.js", assets.plotly_js),
+        Route("/static/plotly.min.js", assets.plotly_script),
         Mount("/static", StaticFiles(directory=assets.STATIC)),
     ]

@@ -32,8 +32,13 @@ def total_s(intervals: Iterable[Sequence[float]]) -> float:
 
 
 def words(code: str) -> str:
-    """``estimate-com`` as ``estimate com``: codes as people read them."""
-    return code.replace("-", " ").replace("_", " ")
+    """``l_head_front|head_top`` as ``l head front or head top``: codes as people read them."""
+    return code.replace("|", " or ").replace("-", " ").replace("_", " ")
+
+
+def kind(code: str) -> str:
+    """Name of a kind of job."""
+    return _KINDS.get(code, words(code).capitalize())
 
 
 def headline(job: Job) -> str:
@@ -45,5 +50,7 @@ def headline(job: Job) -> str:
     return "" if job.state in FINAL_STATES else job.progress.message
 
 
-FILTERS = {f.__name__: f for f in (fixed, plain, moment, megabytes, total_s, words, headline)}
+_KINDS = {"estimate-com": "Centre of mass", "simulate-recording": "Simulated recording"}
+
+FILTERS = {f.__name__: f for f in (fixed, plain, moment, megabytes, total_s, words, kind, headline)}
 """Filters of the templates."""

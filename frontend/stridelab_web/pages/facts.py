@@ -20,30 +20,32 @@ class Fact:
 _UNITS = {"_m_s": "m/s", "_kg": "kg", "_hz": "Hz", "_nm": "N m", "_n": "N", "_s": "s", "_m": "m", "_rad": "rad"}
 _NAMES = {
     "window_s": "Window",
-    "rate_hz": "Rate",
     "method": "Method",
     "segment_table": "Segment table",
     "mass_kg": "Mass",
+    "mass_from_force_kg": "Mass from force",
+    "mass_source": "Mass taken from",
     "latency_s": "Force latency",
-    "latency_sd_s": "Its standard deviation",
+    "latency_sd_s": "Standard deviation of it",
     "latency_applied_s": "Latency corrected",
     "rms_force_residual_n": "Force residual, RMS x, y, z",
     "bias_m": "Fused minus markers x, y, z",
+    "rate_hz": "Rate",
     "speed_m_s": "Speed",
     "n_steps": "Steps",
 }
-_SHORT = {"_s": (1000, "ms", 1), "_m": (1000, "mm", 1)}
-_IN_SHORT_UNITS = {"latency_s", "latency_sd_s", "latency_applied_s", "bias_m"}
+"""Names of the usual numbers, in the order in which they are shown; others follow under their own."""
+_IN_THOUSANDTHS = {"latency_s": "ms", "latency_sd_s": "ms", "latency_applied_s": "ms", "bias_m": "mm"}
 _ELSEWHERE = {"warnings", "recording_id"}
+LIST_AT_MOST = 6
 
 
 def facts_of(result: JobResult) -> list[Fact]:
     """Every number and word of the summary; nested ones by their dotted name."""
-    return [
-        Fact(key, _NAMES.get(key, words(key.split(".")[-1]).capitalize() if "." not in key else _dotted(key)), text)
-        for key, value in _flat(result.summary)
-        if (text := _text(key, value)) is not None
-    ]
+    order = list(_NAMES)
+    flat = sorted(_flat(result.summary), key=lambda item: order.index(item[0]) if item[0] in _NAMES else len(order))
+    named = ((key, _name(key), _text(key, value)) for key, value in flat)
+    return [Fact(key, name, text) for key, name, text in named if text is not None]
 
 
 def _flat(summary: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
@@ -58,30 +60,34 @@ def _flat(summary: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]
     return found
 
 
-def _dotted(key: str) -> str:
-    return ": ".join(words(part) for part in key.split(".")).capitalize()
+def _name(key: str) -> str:
+    bare = key.removesuffix(_suffix(key))
+    return _NAMES.get(key) or ": ".join(words(part) for part in bare.split(".")).capitalize()
+
+
+def _suffix(key: str) -> str:
+    return next((suffix for suffix in _UNITS if key.endswith(suffix)), "")
 
 
 def _text(key: str, value: Any) -> str | None:
-    suffix, unit = next(((s, u) for s, u in _UNITS.items() if key.endswith(s)), ("", ""))
-    factor, digits = 1.0, 2
-    if key in _IN_SHORT_UNITS:
-        factor, unit, digits = _SHORT[suffix]
+    """The value with its unit, or None for what is not a number, a word or a short list of numbers."""
+    unit = _IN_THOUSANDTHS.get(key) or _UNITS.get(_suffix(key), "")
     if value is None:
         return "not known"
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, str):
         return words(value)
-    if isinstance(value, int | float):
-        return f"{_number(value * factor, digits)} {unit}".strip()
-    if isinstance(value, Sequence) and 0 < len(value) <= 6 and all(isinstance(v, int | float) for v in value):
-        between = " to " if key == "window_s" else ", "
-        return f"{between.join(_number(v * factor, digits) for v in value)} {unit}".strip()
-    return None
+    values = [value] if isinstance(value, int | float) else value
+    if not isinstance(values, Sequence) or not 0 < len(values) <= LIST_AT_MOST:
+        return None
+    if not all(isinstance(v, int | float) for v in values):
+        return None
+    between = " to " if key == "window_s" else ", "
+    return f"{between.join(_number(key, v) for v in values)} {unit}".strip()
 
 
-def _number(value: float, digits: int) -> str:
-    if isinstance(value, int):
-        return str(value)
-    return f"{value:.{digits}f}"
+def _number(key: str, value: float) -> str:
+    if key in _IN_THOUSANDTHS:
+        return f"{1000 * value:.1f}"
+    return str(value) if isinstance(value, int) else f"{value:.2f}"

@@ -7,6 +7,7 @@ from starlette.responses import JSONResponse, Response
 from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.recordings import Recording
+from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.facts import facts_of
 from stridelab_web.pages.render import page
 from stridelab_web.plots import curves
@@ -33,6 +34,7 @@ async def job(request: Request) -> Response:
         facts=facts_of(result) if result else [],
         recording=recording,
         plots=plots,
+        plotly_style_ids=plotly_style_ids() if plots else (),
         viewer_url=f"/view/?recording={recording.id}&job={found.id}" if plots and recording else None,
     )
 

@@ -1,8 +1,12 @@
 """Home and the two lists."""
 
+from collections.abc import Sequence
+
 from starlette.requests import Request
 from starlette.responses import Response
 
+from stridelab.client import AsyncClient, ProblemError
+from stridelab.schemas.jobs import Job
 from stridelab_web.pages.render import page
 from stridelab_web.service import client_of
 
@@ -13,7 +17,8 @@ async def home(request: Request) -> Response:
     """``GET /``."""
     client = client_of(request)
     recordings, jobs = await client.recordings(limit=LATEST), await client.jobs(limit=LATEST)
-    return page(request, "home.html", section="Home", recordings=recordings.items, jobs=jobs.items)
+    filenames = await _filenames(client, jobs.items)
+    return page(request, "home.html", section="Home", recordings=recordings.items, jobs=jobs.items, filenames=filenames)
 
 
 async def recordings(request: Request) -> Response:
@@ -24,7 +29,27 @@ async def recordings(request: Request) -> Response:
 
 async def jobs(request: Request) -> Response:
     """``GET /jobs``, optionally of one state."""
-    query = request.query_params
+    client, query = client_of(request), request.query_params
     state = query.get("state", "")
-    found = await client_of(request).jobs(state=state or None, cursor=query.get("cursor"))
-    return page(request, "jobs.html", section="Jobs", jobs=found.items, next=found.next, state_filter=state)
+    found = await client.jobs(state=state or None, cursor=query.get("cursor"))
+    return page(
+        request,
+        "jobs.html",
+        section="Jobs",
+        jobs=found.items,
+        next=found.next,
+        state_filter=state,
+        filenames=await _filenames(client, found.items),
+    )
+
+
+async def _filenames(client: AsyncClient, jobs: Sequence[Job]) -> dict[str, str]:
+    """Names of the recordings that the jobs work on; one that is gone has none."""
+    names: dict[str, str] = {}
+    for recording_id in {job.recording_id for job in jobs if job.recording_id is not None}:
+        try:
+            names[recording_id] = (await client.recording(recording_id)).filename
+        except ProblemError as refusal:
+            if refusal.status != 404:
+                raise
+    return names

@@ -23,6 +23,7 @@ async def recording(request: Request) -> Response:
     found = await client.recording(request.path_params["id"])
     jobs = await client.jobs(recording_id=found.id)
     others = [item for item in (await client.recordings(limit=CANDIDATES)).items if item.id != found.id]
+    alternatives = {name for group in found.missing_landmarks for name in group.split("|")}
     return page(
         request,
         "recording.html",
@@ -34,7 +35,7 @@ async def recording(request: Request) -> Response:
         windows_text=strips.windows_text(found),
         plate_bars=[strips.plate_bars(plate, found.duration_s) for plate in found.plates],
         ticks=strips.ticks(found.duration_s),
-        mappable=sorted({*found.landmarks, *found.missing_landmarks, *found.marker_map}),
+        mappable=sorted({*found.landmarks, *alternatives, *found.marker_map}),
         methods=METHODS,
         tables=TABLES,
     )

@@ -23,7 +23,11 @@ def make_environment(config: WebConfig) -> Environment:
     )
     environment.filters.update(FILTERS)
     environment.globals.update(
-        version=config.version, login_required=config.token is not None, final_states=FINAL_STATES, section=""
+        version=config.version,
+        login_required=config.token is not None,
+        final_states=FINAL_STATES,
+        section="",
+        filenames={},
     )
     return environment
 

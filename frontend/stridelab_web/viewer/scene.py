@@ -17,7 +17,7 @@ SHAFT_RADIUS_M, HEAD_RADIUS_M = 0.012, 0.03
 BAND_WIDTHS = 1.96
 """Semi-axes of the band in standard deviations: 95 %."""
 BAND_SAMPLES = 400
-PLATE_RIM = 0.04
+PLATE_RIM, LABEL_INSIDE = 0.04, 0.25
 
 
 def build(server: viser.ViserServer, recording: Recording, frames: Frames) -> None:
@@ -41,7 +41,9 @@ def build(server: viser.ViserServer, recording: Recording, frames: Frames) -> No
         shadow_opacity=0.0,
         position=(0.0, 0.0, -0.012),
     )
-    _add_plates(scene, recording)
+    along = _direction(recording, np.stack([centre - extent * [1, 0, 0], centre + extent * [1, 0, 0]]))
+    view = np.array([along[1], -along[0], 0.0]) + 0.45 * along + [0.0, 0.0, 0.28]
+    _add_plates(scene, recording, view)
     for point in frames.points:
         _add_point(scene, point.name, _first(frames, point.at))
     stick = shapes.cylinder(BONE_RADIUS_M)
@@ -53,10 +55,10 @@ def build(server: viser.ViserServer, recording: Recording, frames: Frames) -> No
         for name, mesh in ((arrow.shaft, shaft), (arrow.head, head)):
             scene.add_mesh_simple(name, *mesh, color=colour, side="double", cast_shadow=False, receive_shadow=False)
     _add_paths(scene, recording, frames)
-    _place_camera(server, recording, centre, extent)
+    _place_camera(server, centre, extent, along, view)
 
 
-def _add_plates(scene: viser.SceneApi, recording: Recording) -> None:
+def _add_plates(scene: viser.SceneApi, recording: Recording, towards_camera: np.ndarray) -> None:
     for plate in recording.plates:
         corners = np.asarray(plate.corners_m, dtype=np.float32)
         name = f"/plates/{plate.index}"
@@ -67,7 +69,8 @@ def _add_plates(scene: viser.SceneApi, recording: Recording) -> None:
         edge = shapes.rim(corners, PLATE_RIM)
         scene.add_mesh_simple(f"{name}/edge", *edge, color=BONE, side="double", cast_shadow=False, receive_shadow=False)
         text = f"plate {plate.index}" if plate.use else f"plate {plate.index} (not used)"
-        scene.add_label(f"{name}/label", text, position=corners.mean(axis=0))
+        nearest = corners[np.argmax(corners @ towards_camera.astype(np.float32))]
+        scene.add_label(f"{name}/label", text, position=nearest + LABEL_INSIDE * (corners.mean(axis=0) - nearest))
 
 
 def _add_point(scene: viser.SceneApi, name: str, position: np.ndarray) -> None:
@@ -140,12 +143,11 @@ def _direction(recording: Recording, path: np.ndarray) -> np.ndarray:
     return along / length if length > 0.2 else np.array([1.0, 0.0, 0.0])
 
 
-def _place_camera(server: viser.ViserServer, recording: Recording, centre: np.ndarray, extent: np.ndarray) -> None:
+def _place_camera(
+    server: viser.ViserServer, centre: np.ndarray, extent: np.ndarray, along: np.ndarray, view: np.ndarray
+) -> None:
     """Look from the person's right side, a little from above and ahead, far enough to see the whole way."""
-    along = _direction(recording, np.stack([centre - extent * [1, 0, 0], centre + extent * [1, 0, 0]]))
-    side = np.array([along[1], -along[0], 0.0])
-    reach = max(float(np.abs(extent @ np.abs(along))), float(extent[2]) * 1.6, 1.2)
-    view = side + 0.45 * along + [0.0, 0.0, 0.28]
+    reach = max(float(extent @ np.abs(along)), 1.5 * float(extent[2]), 1.2)
     server.initial_camera.fov = 0.7
     server.initial_camera.look_at = tuple(centre)
-    server.initial_camera.position = tuple(centre + view / np.linalg.norm(view) * reach * 2.3)
+    server.initial_camera.position = tuple(centre + view / np.linalg.norm(view) * reach * 2.2)

@@ -2,7 +2,7 @@
 /* global Plotly */
 const BLUE = "#0b5c9c", ORANGE = "#c06a00", BAND = "rgba(11,92,156,0.22)", SHADE = "rgba(11,92,156,0.09)";
 const AXES = { x: "#0b5c9c", y: "#c06a00", z: "#56616c" };
-const ROW_PX = 165, GAP_PX = 16, TOP_PX = 10, BOTTOM_PX = 46;
+const ROW_PX = 170, GAP_PX = 26, TOP_PX = 10, BOTTOM_PX = 46, LEGEND_PX = 62;
 
 const box = document.getElementById("plots");
 const cursor = document.getElementById("cursor");
@@ -66,8 +66,8 @@ function draw(data) {
     }
     if (row.axes) {
       row.traces.forEach((trace, n) => annotations.push({
-        xref: "paper", yref: "paper", x: 1, y: top, xanchor: "right", yanchor: "top", xshift: -34 * (row.traces.length - 1 - n) - 4, yshift: -2, showarrow: false,
-        text: { x: "━ x", y: "╍ y", z: "┈ z" }[trace.name], font: { color: AXES[trace.name], size: 12 }, bgcolor: "rgba(255,255,255,.8)",
+        xref: "paper", yref: "paper", x: 1, y: top, xanchor: "right", yanchor: "bottom", xshift: -LEGEND_PX * (row.traces.length - 1 - n), yshift: 0, showarrow: false,
+        text: { x: "━━ x", y: "╍╍ y", z: "┈┈ z" }[trace.name], font: { color: AXES[trace.name], size: 13 },
       }));
     }
   });
