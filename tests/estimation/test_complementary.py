@@ -31,13 +31,41 @@ def test_uniform_motion_passes_unchanged_from_the_first_sample_on(rate_hz, cutof
     assert_allclose(forward_backward(filters, inputs), truth, atol=1e-9, rtol=0)
 
 
-def test_one_hertz_passes_to_two_parts_in_a_hundred_thousand():
+@pytest.mark.parametrize("cutoffs", [(0.4, 4.0), (0.2, 1.0)])
+def test_one_hertz_passes_to_two_parts_in_a_hundred_thousand(cutoffs):
+    t = np.arange(600) / 200.0
+    motion = sinusoid(1.0)
+    filters = complementary_filters(*cutoffs, 200.0)
+    error = forward_backward(filters, exact_inputs(motion, t)) - motion.com.at(t)
+    assert np.abs(error).max() < 2e-8
+
+
+def test_one_hertz_passes_forward_to_two_parts_in_a_hundred_thousand():
     t = np.arange(600) / 200.0
     motion = sinusoid(1.0)
     filters = complementary_filters(0.4, 4.0, 200.0)
     inputs = exact_inputs(motion, t)
-    for estimate in (forward(filters, inputs, initial_state(filters, inputs)), forward_backward(filters, inputs)):
-        assert np.abs(estimate - motion.com.at(t)).max() < 2e-5
+    error = forward(filters, inputs, initial_state(filters, inputs)) - motion.com.at(t)
+    assert np.abs(error).max() < 2e-5
+
+
+@pytest.mark.parametrize("estimator", [ComplementaryFilter(), ComplementaryFilter.thesis()])
+def test_the_estimator_passes_exact_motions_over_a_full_window(estimator):
+    t = np.arange(600) / 200.0
+    for motion, tolerance in ((uniform(), 1e-9), (sinusoid(1.0), 2e-5)):
+        wrench = motion.wrench_track(t, Window(0.0, 3.0))
+        estimate = estimator.estimate(motion.geometric(t), wrench, motion.mass_kg)
+        assert_allclose(estimate.com_m, motion.com.at(t), atol=tolerance, rtol=0)
+
+
+@pytest.mark.parametrize("window", [Window(0.0, 1.0), Window(0.5, 1.5), Window(1.0, 2.0)])
+def test_uniform_motion_passes_through_a_window_anywhere(window):
+    t = np.arange(200) / 100.0
+    motion = uniform()
+    estimate = ComplementaryFilter().estimate(motion.geometric(t), motion.wrench_track(t, window), motion.mass_kg)
+    assert_allclose(estimate.com_m, motion.com.at(estimate.time_s), atol=1e-9, rtol=0)
+    assert_allclose(estimate.velocity_m_s, np.tile(motion.com.rate, (len(estimate.time_s), 1)), atol=1e-5)
+    assert_allclose(estimate.acceleration_m_s2, 0.0, atol=1e-3)
 
 
 def test_a_constant_bias_of_the_table_is_removed_at_once_where_the_axis_can_see_it():

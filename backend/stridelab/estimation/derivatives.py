@@ -17,7 +17,7 @@ def low_pass(x: Points, rate_hz: float, band_hz: float = BAND_HZ) -> Points:
     if band_hz >= 0.45 * rate_hz:
         return x
     sos = signal.butter(2, band_hz, fs=rate_hz, output="sos")
-    pad = min(len(x) - 1, int(np.ceil(rate_hz / band_hz)) * 3)
+    pad = min(len(x) - 1, 5 * int(np.ceil(rate_hz / band_hz)))
     return np.asarray(signal.sosfiltfilt(sos, x, axis=0, padtype="odd", padlen=pad))
 
 
