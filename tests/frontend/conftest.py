@@ -1,0 +1,20 @@
+"""The pages on a fake interface, called without a network."""
+
+from collections.abc import Callable
+
+import httpx
+import pytest
+
+from support.fake_service import FakeService
+from support.web import make_client
+
+
+@pytest.fixture
+def fake() -> FakeService:
+    return FakeService()
+
+
+@pytest.fixture
+def browse(fake: FakeService) -> Callable[[str], httpx.Response]:
+    """GET a page."""
+    return make_client(fake).get

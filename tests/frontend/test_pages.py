@@ -1,0 +1,156 @@
+"""Every page says what the interface says, and nothing that a file name smuggles in."""
+
+import re
+from collections.abc import Callable
+
+import httpx
+import pytest
+
+from stridelab.schemas.base import FaultItem, Problem
+from stridelab.schemas.jobs import Progress
+from support.fake_service import FakeService
+from support.web import make_client
+
+Browse = Callable[[str], httpx.Response]
+
+
+def test_home_shows_the_latest_recordings_and_jobs(fake: FakeService, browse: Browse) -> None:
+    recording = fake.add_recording("walk.c3d")
+    job = fake.add_job(state="running", recording_id=recording.id, progress=Progress(fraction=0.5, message="fusing"))
+    page = browse("/").text
+    assert f'href="/recordings/{recording.id}"' in page
+    assert f'href="/jobs/{job.id}"' in page
+    assert 'value="0.5"' in page
+    assert "fusing" in page
+
+
+def test_home_without_anything_says_what_to_do(browse: Browse) -> None:
+    page = browse("/")
+    assert page.status_code == 200
+    assert "Nothing uploaded yet." in page.text
+
+
+def test_a_file_name_is_text_and_never_markup(fake: FakeService, browse: Browse) -> None:
+    recording = fake.add_recording('<script>alert("x")</script>.c3d')
+    for address in ("/", "/recordings", f"/recordings/{recording.id}", f"/view/?recording={recording.id}"):
+        page = browse(address).text
+        assert "<script>alert" not in page
+        assert "&lt;script&gt;alert" in page
+
+
+def test_recording_page_tells_windows_plates_and_what_is_missing(fake: FakeService, browse: Browse) -> None:
+    recording = fake.add_recording()
+    page = browse(f"/recordings/{recording.id}").text
+    assert "All contact forces are measured from 0.60 s to 2.40 s." in page
+    assert '<rect class="window" x="20.0%" width="60.0%"' in page
+    assert "Plate 2 loaded: 1.40 s to 2.40 s" in page
+    assert "l mt2" in page
+    assert "C7 is hidden for the last 0.5 s." in page
+    assert 'name="height_m" min="0.4" max="2.6" step="any" value="1.71"' in page
+
+
+def test_recording_page_of_an_unknown_id_is_a_friendly_404(browse: Browse) -> None:
+    page = browse("/recordings/nothing")
+    assert page.status_code == 404
+    assert "There is no such recording." in page.text
+    assert 'href="/recordings"' in page.text
+
+
+def test_unknown_address_is_a_friendly_404(browse: Browse) -> None:
+    page = browse("/plans/here")
+    assert page.status_code == 404
+    assert "There is no page at this address." in page.text
+
+
+def test_static_trials_offered_are_the_other_recordings(fake: FakeService, browse: Browse) -> None:
+    standing, walking = fake.add_recording("standing.c3d"), fake.add_recording("walking.c3d")
+    page = browse(f"/recordings/{walking.id}").text
+    assert f'<option value="{standing.id}"' in page
+    assert f'<option value="{walking.id}"' not in page
+
+
+def test_jobs_page_filters_by_state(fake: FakeService, browse: Browse) -> None:
+    failed, queued = fake.add_job(state="failed"), fake.add_job(queue_position=3)
+    assert "place 3 in the queue" in browse("/jobs").text
+    page = browse("/jobs?state=failed").text
+    assert failed.id in page
+    assert queued.id not in page
+
+
+def test_failed_job_says_why_and_where_and_shows_its_log(fake: FakeService, browse: Browse) -> None:
+    problem = Problem(
+        title="Unprocessable",
+        status=422,
+        code="no-window",
+        detail="No interval is measured.",
+        errors=[FaultItem(where="plate 2", message="never loaded")],
+    )
+    job = fake.add_job(state="failed", error=problem, log_tail="step 3 of 7\n<b>stopped</b>")
+    page = browse(f"/jobs/{job.id}").text
+    for part in ("No interval is measured.", "plate 2", "never loaded", "no-window", "&lt;b&gt;stopped"):
+        assert part in page
+    assert 'data-final="true"' in page
+
+
+def test_result_page_shows_every_number_of_the_summary_with_its_unit(fake: FakeService, browse: Browse) -> None:
+    recording = fake.add_recording()
+    job = fake.add_job(state="succeeded", recording_id=recording.id)
+    page = browse(f"/jobs/{job.id}").text
+    shown = dict(re.findall(r'data-fact="([^"]+)">([^<]*)<', page))
+    assert shown["mass_kg"] == "60.25 kg"
+    assert shown["latency_s"] == "11.3 ms"
+    assert shown["rms_force_residual_n"] == "3.21, 2.50, 7.75 N"
+    assert shown["bias_m"] == "1.2, -3.4, 5.6 mm"
+    assert shown["window_s"] == "0.60 to 2.40 s"
+    assert shown["observability.rank"] == "5"
+    assert "Arms have no markers" in page
+    assert f"/api/v1/jobs/{job.id}/artifacts/com.parquet" in page
+    assert f"/api/v1/jobs/{job.id}/bundle.zip" in page
+    assert f"/view/?recording={recording.id}&amp;job={job.id}" in page
+
+
+def test_result_of_a_simulation_leads_to_its_recording(fake: FakeService, browse: Browse) -> None:
+    recording = fake.add_recording()
+    job = fake.add_job("simulate-recording", "succeeded")
+    page = browse(f"/jobs/{job.id}").text
+    assert f'href="/recordings/{recording.id}">Open the new recording' in page
+    assert "data-plots" not in page
+    assert browse(f"/jobs/{job.id}/plots.json").status_code == 404
+
+
+def test_result_outlives_its_recording(fake: FakeService, browse: Browse) -> None:
+    job = fake.add_job(state="succeeded", recording_id="gone")
+    page = browse(f"/jobs/{job.id}")
+    assert page.status_code == 200
+    assert "/view/?recording" not in page.text
+
+
+def test_viewer_page_takes_the_newest_estimate_unless_told(fake: FakeService, browse: Browse) -> None:
+    recording = fake.add_recording()
+    assert f'data-scene="/view/scene/{recording.id}/-"' in browse(f"/view/?recording={recording.id}").text
+    older = fake.add_job(state="succeeded", recording_id=recording.id)
+    newer = fake.add_job(state="succeeded", recording_id=recording.id)
+    assert f'data-scene="/view/scene/{recording.id}/{newer.id}"' in browse(f"/view/?recording={recording.id}").text
+    assert f'data-scene="/view/scene/{recording.id}/{older.id}"' in browse(f"/view/?job={older.id}").text
+    assert browse("/view/").status_code == 404
+
+
+@pytest.mark.parametrize("address", ["/", "/recordings", "/jobs", "/login", "/nothing"])
+def test_pages_hold_no_inline_script_style_or_handler(browse: Browse, address: str) -> None:
+    page = browse(address).text
+    assert not re.search(r"<script(?![^>]*\bsrc=)", page)
+    assert not re.search(r"<style|\sstyle=|\son\w+=", page)
+    assert not re.search(r'(?:src|href)="(?:https?:)?//', page)
+
+
+def test_pages_are_not_kept_by_browsers(browse: Browse) -> None:
+    assert browse("/jobs").headers["cache-control"] == "no-store"
+
+
+def test_an_interface_that_is_down_is_a_503_page(fake: FakeService) -> None:
+    def refuse(request: httpx.Request) -> httpx.Response:
+        raise httpx.ConnectError("refused", request=request)
+
+    page = make_client(fake, transport=httpx.MockTransport(refuse)).get("/")
+    assert page.status_code == 503
+    assert "does not answer" in page.text

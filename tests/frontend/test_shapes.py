@@ -1,0 +1,59 @@
+"""Meshes of the viewer are closed where they should be and as large as they say."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from stridelab_web.viewer import shapes
+
+
+def volume_m3(vertices: np.ndarray, faces: np.ndarray) -> float:
+    a, b, c = (vertices[faces[:, k]].astype(float) for k in range(3))
+    return float(np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6)
+
+
+def open_edges(faces: np.ndarray) -> int:
+    edges = Counter(tuple(sorted(edge)) for face in faces for edge in zip(face, np.roll(face, -1), strict=True))
+    return sum(count == 1 for count in edges.values())
+
+
+def test_cylinder_reaches_from_zero_to_one() -> None:
+    vertices, faces = shapes.cylinder(0.1)
+    assert vertices[:, 2].min() == 0
+    assert vertices[:, 2].max() == 1
+    assert np.linalg.norm(vertices[:, :2], axis=1) == pytest.approx(0.1)
+    assert open_edges(faces) == 2 * shapes.SIDES
+
+
+def test_cone_is_closed_points_up_and_faces_outwards() -> None:
+    vertices, faces = shapes.cone(0.3, 0.5)
+    assert open_edges(faces) == 0
+    assert vertices[vertices[:, 2].argmax()] == pytest.approx([0, 0, 0])
+    base = 0.5 * shapes.SIDES * np.sin(2 * np.pi / shapes.SIDES) * 0.3**2
+    assert volume_m3(vertices, faces) == pytest.approx(base * 0.5 / 3, rel=1e-5)
+
+
+def test_tube_keeps_its_distance_from_any_path() -> None:
+    t = np.linspace(0, 1, 50)
+    helix = np.column_stack([0.3 * np.cos(6 * t), 0.3 * np.sin(6 * t), 2 * t])
+    for path in (helix, np.column_stack([0 * t, 0 * t, t]), np.zeros((4, 3))):
+        vertices, faces = shapes.tube(path, 0.01)
+        rings = vertices.reshape(len(path), -1, 3)
+        assert np.linalg.norm(rings - path[:, None], axis=2) == pytest.approx(0.01, rel=1e-4)
+        assert faces.max() < len(vertices)
+
+
+def test_band_has_the_semi_axes_of_the_covariance() -> None:
+    path = np.column_stack([np.linspace(0, 2, 30), np.zeros(30), np.ones(30)])
+    vertices, _ = shapes.band(path, np.tile([0.01, 0.02, 0.05], (30, 1)), np.array([1.0, 0.0, 0.0]))
+    ring = vertices.reshape(30, -1, 3)[7] - path[7]
+    assert np.abs(ring[:, 1]).max() == pytest.approx(0.02, rel=1e-5)
+    assert np.abs(ring[:, 2]).max() == pytest.approx(0.05, rel=1e-5)
+    assert np.abs(ring[:, 0]).max() < 1e-7
+
+
+def test_meshes_put_together_keep_their_triangles() -> None:
+    meshes = [shapes.cone(0.1, 0.2), shapes.cone(0.2, 0.3)]
+    vertices, faces = shapes.together(meshes)
+    assert volume_m3(vertices, faces) == pytest.approx(sum(volume_m3(*mesh) for mesh in meshes))
