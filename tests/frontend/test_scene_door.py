@@ -1,0 +1,51 @@
+"""The websocket between a page and its scene: who may use it, and what passes."""
+
+import asyncio
+from typing import Any
+
+import pytest
+from starlette.types import Message
+from viser import _messages
+
+from stridelab_web.scenes import SHARE_MESSAGE
+from support.fake_service import FakeService
+from support.web import make_client
+
+
+def talk(fake: FakeService, headers: dict[str, str], viewer_url: str | None = None) -> list[Message]:
+    """What the web app says to a websocket that only says hello."""
+    said: list[Message] = []
+    scope: dict[str, Any] = {
+        "type": "websocket", "path": "/view/scene/some/-", "raw_path": b"/view/scene/some/-", "query_string": b"",
+        "headers": [(k.lower().encode(), v.encode()) for k, v in headers.items()], "subprotocols": ["viser-v1.1.1"],
+        "scheme": "ws", "server": ("127.0.0.1", 80), "client": ("127.0.0.1", 1), "root_path": "",
+    }  # fmt: skip
+
+    async def receive() -> Message:
+        return {"type": "websocket.connect"}
+
+    async def send(message: Message) -> None:
+        said.append(message)
+
+    asyncio.run(make_client(fake, viewer_url=viewer_url).app(scope, receive, send))
+    return said
+
+
+def test_a_foreign_page_is_closed_out(fake: FakeService) -> None:
+    said = talk(fake, {"Host": "127.0.0.1", "Origin": "https://elsewhere.example"})
+    assert [(m["type"], m["code"]) for m in said] == [("websocket.close", 4403)]
+
+
+@pytest.mark.parametrize("viewer_url", [None, "http://127.0.0.1:9"])
+def test_without_a_viewer_the_socket_closes_and_the_page_says_why(fake: FakeService, viewer_url: str | None) -> None:
+    said = talk(fake, {"Host": "127.0.0.1", "Origin": "http://127.0.0.1"}, viewer_url)
+    assert [(m["type"], m["code"]) for m in said] == [("websocket.close", 1013)]
+    recording = fake.add_recording()
+    answer = make_client(fake, viewer_url=viewer_url).request("POST", f"/view/scene/{recording.id}/-/open")
+    assert answer.status_code == 503
+    assert "viewer" in answer.json()["detail"]
+
+
+def test_share_requests_are_known_by_the_name_that_viser_gives_them() -> None:
+    assert SHARE_MESSAGE in _messages.ShareUrlRequest.__name__.encode()
+    assert SHARE_MESSAGE in _messages.ShareUrlDisconnect.__name__.encode()
