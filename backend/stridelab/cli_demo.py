@@ -12,12 +12,10 @@ from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.errors import Unavailable
 from stridelab.resources import models_dir
 
-SAMPLE = "sample-walk"
-
 
 def sample_folder() -> Path:
     """Where the bundled recording lies. Raises ``Unavailable`` where the installation lacks it."""
-    folder = models_dir() / "recordings" / SAMPLE
+    folder = models_dir() / "recordings" / "sample-walk"
     if not (folder / "recording.c3d").is_file():
         raise Unavailable("sample-missing", f"The bundled recording is not in {folder}; install stridelab again.")
     return folder

@@ -4,6 +4,7 @@ import zipfile
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Mask, Points, Series
@@ -73,7 +74,8 @@ def _named(prefix: str, suffix: str, track: Points) -> dict[str, Series | Mask]:
     return {f"{prefix}{axis}_{suffix}": track[:, i] for i, axis in enumerate(AXES)}
 
 
-def _spread(track: Points, inside: slice, n: int) -> Points:
-    whole = np.full((n, 3), np.nan)
+def _spread(track: Points, inside: slice, n_frames: int) -> Float[np.ndarray, "n_frames 3"]:
+    """The track of a window in an array of all frames, NaN outside."""
+    whole = np.full((n_frames, 3), np.nan)
     whole[inside] = track
     return whole

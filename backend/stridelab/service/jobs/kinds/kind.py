@@ -29,6 +29,10 @@ class Blobs(Protocol):
     async def put_file(self, key: str, path: Path) -> Any:
         """Store the file ``path`` as blob ``key``."""
 
+    async def exists(self, key: str) -> bool:
+        """Whether there is a blob ``key``."""
+        ...
+
 
 @dataclass(frozen=True)
 class ArtifactFile:

@@ -1,0 +1,215 @@
+"""``estimate-com`` on a recording whose truth is known (the shipped sample), and on broken variants of it."""
+
+from pathlib import Path
+
+import ezc3d
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from stridelab.errors import InvalidInput, NotEstimable, StridelabError
+from stridelab.schemas.jobs import EstimateComSummary
+from stridelab.schemas.recordings import PlateSwitch, SubjectFields
+from stridelab.service.jobs.kinds import estimate_com
+from stridelab.service.jobs.kinds.provenance import known_references
+from stridelab.service.jobs.kinds.tables_io import read_about
+from stridelab.service.jobs.kinds.tasks import RecordingSource
+from stridelab.service.jobs.kinds.truth import com_errors_mm
+from support.quiet import SAMPLE, Told, estimate_task, quiet
+
+TRIAL = SAMPLE / "recording.c3d"
+AXES = "xyz"
+
+
+def columns(table: Path, *names: str) -> np.ndarray:
+    read = pq.read_table(table)
+    return np.column_stack([read[name].to_numpy() for name in names])
+
+
+def summary_of(folder: Path, **asked: object) -> EstimateComSummary:
+    outcome = estimate_com.run(estimate_task(TRIAL, folder, **asked), folder, quiet)
+    return EstimateComSummary.model_validate(outcome.summary)
+
+
+@pytest.fixture(scope="module")
+def result(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, EstimateComSummary, tuple[str, ...], Told]:
+    folder, told = tmp_path_factory.mktemp("result"), Told()
+    outcome = estimate_com.run(estimate_task(TRIAL, folder, latency="apply"), folder, told)
+    assert {a.name for a in outcome.artifacts} == {"com.parquet", "com.csv", "com.c3d"}
+    assert {p.name for p in folder.iterdir()} == {"trial", *(a.name for a in outcome.artifacts)}
+    return folder, EstimateComSummary.model_validate(outcome.summary), outcome.references, told
+
+
+def test_the_error_against_the_truth_is_that_of_the_table(result) -> None:  # type: ignore[no-untyped-def]
+    """The table's error here is 20 % per segment; no estimator may make it worse by more than 1 mm per axis."""
+    errors = com_errors_mm(result[0] / "com.parquet", SAMPLE / "truth.parquet")
+    assert max(errors["markers only"]) < 10.0
+    for fused, geometry in zip(errors["fused"], errors["markers only"], strict=True):
+        assert fused < geometry + 1.0
+
+
+def test_the_injected_latency_is_found_and_applied_only_when_asked(result, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    summary = result[1]
+    assert summary.latency_s == pytest.approx(0.012, abs=0.003)
+    assert summary.latency_applied_s == summary.latency_s
+    reported = summary_of(tmp_path / "a", latency="report")
+    assert reported.latency_s == pytest.approx(summary.latency_s)
+    assert reported.latency_applied_s == 0.0
+    assert "latency-not-applied" in {w.code for w in reported.warnings}
+    assert summary_of(tmp_path / "b", latency=0.005).latency_applied_s == 0.005
+
+
+def test_the_force_is_that_of_the_truth_inside_the_window_and_missing_outside(result) -> None:  # type: ignore[no-untyped-def]
+    folder, summary, _, _ = result
+    force = columns(folder / "com.parquet", *(f"force_{a}_n" for a in AXES))
+    true = columns(SAMPLE / "truth.parquet", *(f"f{a}_n" for a in AXES))
+    complete = pq.read_table(folder / "com.parquet")["complete"].to_numpy()
+    time_s = columns(folder / "com.parquet", "time_s")[:, 0]
+    assert np.isnan(force[~complete]).all()
+    assert np.sqrt(np.mean((force - true)[complete] ** 2)) < 20.0
+    assert time_s[complete].min() == pytest.approx(summary.window_s[0], abs=0.011)
+    assert time_s[complete].max() == pytest.approx(summary.window_s[1], abs=0.011)
+
+
+def test_velocity_and_acceleration_are_derivatives_of_the_position(result) -> None:  # type: ignore[no-untyped-def]
+    folder = result[0]
+    read = {name: columns(folder / "com.parquet", *(f"{name}{a}_{u}" for a in AXES)) for name, u in _KINDS}
+    inside = np.isfinite(read[""]).all(axis=1)
+    x, v, a = (read[name][inside] for name in ("", "v", "a"))
+    rate_hz = result[1].rate_hz
+    assert np.sqrt(np.mean((np.gradient(x, axis=0) * rate_hz - v)[5:-5] ** 2)) < 0.02
+    assert np.sqrt(np.mean((np.gradient(v, axis=0) * rate_hz - a)[5:-5] ** 2)) < 0.5
+    sd = columns(folder / "com.parquet", *(f"sd_{a}_m" for a in AXES))
+    assert (np.isfinite(sd).all(axis=1) == inside).all()
+    assert (sd[inside] > 0).all()
+
+
+_KINDS = (("", "m"), ("v", "m_s"), ("a", "m_s2"))
+
+
+def test_the_geometry_covers_the_whole_recording(result) -> None:  # type: ignore[no-untyped-def]
+    geometry = columns(result[0] / "com.parquet", *(f"geometry_{a}_m" for a in AXES))
+    assert np.isfinite(geometry).all()
+    assert len(geometry) == 400
+
+
+def test_the_c3d_is_the_upload_with_two_more_points(result) -> None:  # type: ignore[no-untyped-def]
+    before, after = ezc3d.c3d(str(TRIAL)), ezc3d.c3d(str(result[0] / "com.c3d"))
+    labels = after["parameters"]["POINT"]["LABELS"]["value"]
+    known = before["parameters"]["POINT"]["LABELS"]["value"]
+    assert labels == [*known, "COM", "COM_GEOMETRY"]
+    np.testing.assert_array_equal(after["data"]["points"][:, : len(known)], before["data"]["points"])
+    np.testing.assert_array_equal(after["data"]["analogs"], before["data"]["analogs"])
+    fused = columns(result[0] / "com.parquet", "x_m", "y_m", "z_m")
+    np.testing.assert_allclose(after["data"]["points"][:3, len(known)].T / 1000.0, fused, atol=1e-6)
+
+
+def test_a_result_says_where_it_comes_from(result) -> None:  # type: ignore[no-untyped-def]
+    folder, summary, references, told = result
+    about = read_about(folder / "com.parquet")
+    assert about["provenance"]["file"] == "recording.c3d"
+    assert about["provenance"]["summary"]["method"] == summary.method == "complementary"
+    assert set(references) <= known_references()
+    assert {"carpentier2017thesis", "dumas2007"} <= set(references)
+    assert told.fractions[-1] == 1.0
+    assert len(told.messages) >= 5
+
+
+def test_the_observability_is_that_of_walking(result) -> None:  # type: ignore[no-untyped-def]
+    seen = result[1].observability
+    assert (seen["rank_force"], seen["rank_with_geometry"]) == (7, 11)
+    assert seen["unobservable"][2] > 0.99
+    assert 0.05 < seen["tilt_rad"] < 0.5
+
+
+def test_a_users_statement_wins_over_the_file(tmp_path: Path) -> None:
+    stated = summary_of(tmp_path / "a", subject=SubjectFields(mass_kg=62.0))
+    assert (stated.mass_kg, stated.mass_source) == (62.0, "stated")
+    assert summary_of(tmp_path / "b").mass_source == "file"
+    assert stated.mass_from_force_kg == pytest.approx(60.0, rel=0.02)
+
+
+def test_geometry_alone_needs_no_plates(tmp_path: Path) -> None:
+    task = estimate_task(TRIAL, tmp_path, method="geometry")
+    unplugged = task.recording.model_copy(update={"plates": {1: PlateSwitch(use=False), 2: PlateSwitch(use=False)}})
+    outcome = estimate_com.run(task.model_copy(update={"recording": unplugged}), tmp_path, quiet)
+    summary = EstimateComSummary.model_validate(outcome.summary)
+    assert summary.window_s == pytest.approx((0.0, 3.99))
+    assert summary.rms_force_residual_n == []
+    assert summary.latency_s is None
+    table = pq.read_table(tmp_path / "com.parquet")
+    np.testing.assert_allclose(table["x_m"].to_numpy(), table["geometry_x_m"].to_numpy(), atol=1e-12)
+    assert np.isnan(table["force_z_n"].to_numpy()).all()
+    assert not table["complete"].to_numpy().any()
+
+
+def test_cutoffs_and_window_are_those_asked_for(tmp_path: Path) -> None:
+    whole = summary_of(tmp_path / "a")
+    start_s, end_s = whole.window_s
+    part = summary_of(tmp_path / "b", window_s=(start_s + 0.1, end_s - 0.1))
+    assert part.window_s == pytest.approx((start_s + 0.1, end_s - 0.1))
+    thesis, wide = summary_of(tmp_path / "c", cutoffs="thesis"), summary_of(tmp_path / "d", cutoffs=(0.2, 1.0))
+    assert thesis.bias_m != wide.bias_m
+
+
+def test_a_table_can_be_chosen(tmp_path: Path) -> None:
+    assert summary_of(tmp_path / "a").segment_table == "carried"
+    assert summary_of(tmp_path / "b", segment_table="dumas2007").segment_table == "dumas2007"
+
+
+@pytest.mark.parametrize(
+    ("asked", "kind", "code"),
+    [
+        ({"method": "kalman"}, NotEstimable, "method-unavailable"),
+        ({"method": "smoother"}, NotEstimable, "method-unavailable"),
+        ({"window_s": (0.0, 1.0)}, InvalidInput, "window-not-measured"),
+        ({"subject": SubjectFields(mass_kg=300.0)}, InvalidInput, "mass-contradicts-force"),
+    ],
+)
+def test_a_refusal_leaves_no_artifact(
+    tmp_path: Path, asked: dict[str, object], kind: type[StridelabError], code: str
+) -> None:
+    with pytest.raises(kind) as refusal:
+        summary_of(tmp_path, **asked)
+    assert refusal.value.code == code
+    assert [p.name for p in tmp_path.iterdir()] == ["trial"]
+
+
+def without_labels(target: Path) -> None:
+    content = ezc3d.c3d(str(TRIAL))
+    labels = content["parameters"]["POINT"]["LABELS"]["value"]
+    content["parameters"]["POINT"]["LABELS"]["value"] = [f"Q{i}" for i in range(len(labels))]
+    content.write(str(target))
+
+
+def test_unknown_labels_are_refused_with_what_was_found(tmp_path: Path) -> None:
+    without_labels(tmp_path / "odd.c3d")
+    folder = tmp_path / "task"
+    with pytest.raises(NotEstimable) as refusal:
+        estimate_com.run(estimate_task(tmp_path / "odd.c3d", folder), folder, quiet)
+    assert refusal.value.code == "unknown-marker-set"
+    assert any("Q0, Q1, Q2" in fault.message for fault in refusal.value.faults)
+
+
+def test_a_static_trial_is_read_and_used(tmp_path: Path) -> None:
+    """The trial serves as its own static trial: nothing may change."""
+    task = estimate_task(TRIAL, tmp_path / "a")
+    (tmp_path / "a" / "static").write_bytes(TRIAL.read_bytes())
+    with_static = task.model_copy(update={"static": RecordingSource(file="static", filename="static.c3d")})
+    one = EstimateComSummary.model_validate(estimate_com.run(with_static, tmp_path / "a", quiet).summary)
+    assert one.bias_m == pytest.approx(summary_of(tmp_path / "b").bias_m, abs=1e-4)
+
+
+def test_a_damaged_static_trial_is_named(tmp_path: Path) -> None:
+    task = estimate_task(TRIAL, tmp_path)
+    (tmp_path / "static").write_bytes(b"")
+    with_static = task.model_copy(update={"static": RecordingSource(file="static", filename="standing 1.c3d")})
+    with pytest.raises(StridelabError) as refusal:
+        estimate_com.run(with_static, tmp_path, quiet)
+    assert refusal.value.faults[0].where == "standing 1.c3d"
+
+
+def test_the_child_gets_and_gives_json(tmp_path: Path) -> None:
+    task = estimate_task(TRIAL, tmp_path)
+    done = estimate_com.run_in_child(task.model_dump(mode="json"), tmp_path, quiet)
+    assert set(done) == {"summary", "references", "artifacts"}
