@@ -1,0 +1,113 @@
+"""Each check of ``doctor`` can fail, and then says what to do."""
+
+import socket
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from stridelab import cli_doctor
+from stridelab.cli_doctor import Check
+from stridelab.service.settings import Settings
+
+
+def test_python_versions() -> None:
+    assert [cli_doctor.python_version((3, minor)).ok for minor in (10, 11, 14, 15)] == [False, True, True, False]
+
+
+def test_missing_packages_are_named() -> None:
+    assert cli_doctor.packages(["json"]).ok
+    check = cli_doctor.packages(["json", "no_such_package"])
+    assert not check.ok
+    assert "no_such_package" in check.found
+
+
+def test_models_are_found() -> None:
+    assert cli_doctor.models().ok
+
+
+def test_the_bundled_database_runs() -> None:
+    check = cli_doctor.database(Settings())
+    assert check.ok
+    assert "PostgreSQL" in check.found
+
+
+def holding_port(folder: Path) -> Settings:
+    return Settings(port=LISTENING.getsockname()[1])
+
+
+LISTENING = socket.socket()
+LISTENING.bind(("127.0.0.1", 0))
+LISTENING.listen(1)
+
+FAILING: dict[str, tuple[Callable[[Settings], Check], Callable[[Path], Settings], str]] = {
+    "no binaries": (cli_doctor.database, lambda folder: Settings(pg_bin=folder), "STRIDELAB_PG_BIN"),
+    "no server": (
+        cli_doctor.database,
+        lambda _: Settings(database_url="postgresql://nobody@127.0.0.1:9/x"),
+        "STRIDELAB_DATABASE_URL",
+    ),
+    "no password file": (
+        cli_doctor.database,
+        lambda folder: Settings(database_url="postgresql://x@y/z", database_password_file=folder / "none"),
+        "STRIDELAB_DATABASE_PASSWORD_FILE",
+    ),
+    "data in a file": (
+        cli_doctor.data_folder,
+        lambda folder: Settings(data_dir=a_file(folder) / "data"),
+        "STRIDELAB_DATA_DIR",
+    ),
+    "no disk": (cli_doctor.disk, lambda folder: Settings(data_dir=folder, min_free_disk_mb=10**12), "Free"),
+    "port taken": (cli_doctor.port, holding_port, "STRIDELAB_PORT"),
+    "open without token": (cli_doctor.network, lambda _: Settings(host="0.0.0.0"), "STRIDELAB_API_TOKEN"),
+    "no token file": (
+        cli_doctor.network,
+        lambda folder: Settings(host="0.0.0.0", api_token_file=folder / "none"),
+        "STRIDELAB_API_TOKEN_FILE",
+    ),
+}
+
+
+def a_file(folder: Path) -> Path:
+    (folder / "file").write_text("")
+    return folder / "file"
+
+
+@pytest.mark.parametrize("name", FAILING)
+def test_a_failing_check_says_what_to_do(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cli_doctor.httpx, "get", no_answer)
+    check, settings, fix = FAILING[name]
+    found = check(settings(tmp_path))
+    assert not found.ok
+    assert fix in found.fix
+
+
+def no_answer(*_: object, **__: object) -> None:
+    raise cli_doctor.httpx.ConnectError("refused")
+
+
+def test_the_same_checks_pass_where_nothing_is_wrong(tmp_path: Path) -> None:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        free = probe.getsockname()[1]
+    settings = Settings(data_dir=tmp_path / "new" / "data", port=free)
+    for check in (cli_doctor.data_folder, cli_doctor.disk, cli_doctor.port, cli_doctor.network):
+        assert check(settings).ok, check
+    assert not (tmp_path / "new").exists(), "a check leaves nothing behind"
+
+
+def test_a_token_opens_the_network() -> None:
+    assert cli_doctor.network(Settings(host="0.0.0.0", api_token="x")).ok
+
+
+def test_a_service_that_does_not_answer_fails_the_question(capsys: pytest.CaptureFixture[str]) -> None:
+    assert not cli_doctor.ask("http://127.0.0.1:9")
+    assert "FAIL" in capsys.readouterr().out
+
+
+def test_settings_that_make_no_sense_are_the_only_finding(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("STRIDELAB_PORT", "eighty")
+    assert not cli_doctor.check_machine()
+    assert "STRIDELAB_PORT" in capsys.readouterr().out

@@ -1,0 +1,89 @@
+"""The main job from the command line: the files, the numbers and the table, on the shipped sample."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from stridelab import cli_demo
+from stridelab.cli_estimate import EstimateRequest, estimate, simulate, write_result
+from stridelab.schemas.jobs import EstimateComSummary, JobResult
+from stridelab.service.jobs.kinds import estimate_com
+from support.quiet import SAMPLE, estimate_task, quiet
+
+FILES = {"com.parquet", "com.csv", "com.c3d", "result.json", "references.bib"}
+
+
+def run(out_dir: Path, *, as_json: bool = False, force: bool = False, **options: object) -> None:
+    request = EstimateRequest(file=SAMPLE / "recording.c3d", **options)  # type: ignore[arg-type]
+    estimate(request, out_dir=out_dir, force=force, as_json=as_json, server=None, token=None)
+
+
+def test_the_result_is_that_of_the_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run(tmp_path / "out", as_json=True, height_m=1.71, latency="apply")
+    printed = JobResult.model_validate_json(capsys.readouterr().out)
+    assert {p.name for p in (tmp_path / "out").iterdir()} == FILES
+    assert json.loads((tmp_path / "out" / "result.json").read_text()) == printed.model_dump(mode="json")
+    task = estimate_task(SAMPLE / "recording.c3d", tmp_path / "job", latency="apply")
+    outcome = estimate_com.run(task, tmp_path / "job", quiet)
+    assert printed.summary == outcome.summary
+    assert (tmp_path / "out" / "com.csv").read_bytes() == (tmp_path / "job" / "com.csv").read_bytes()
+    for artifact in printed.artifacts:
+        assert (tmp_path / "out" / artifact.name).stat().st_size == artifact.bytes
+    for key in printed.references:
+        assert f"{{{key}," in (tmp_path / "out" / "references.bib").read_text()
+
+
+def test_the_table_says_what_was_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run(tmp_path / "out")
+    shown = capsys.readouterr().out
+    for word in ("window", "complementary", "60.0 kg", "force latency", "latency-not-applied", "com.parquet"):
+        assert word in shown
+
+
+def test_options_reach_the_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run(tmp_path / "out", as_json=True, mass_kg=61.0, cutoffs="0.2,2", window="1.95,2.6", segment_table="dumas2007")
+    result = JobResult.model_validate_json(capsys.readouterr().out)
+    summary = EstimateComSummary.model_validate(result.summary)
+    assert summary.mass_kg == 61.0
+    assert summary.segment_table == "dumas2007"
+    assert summary.window_s == pytest.approx((1.95, 2.6))
+    assert result.input["cutoffs"] == [0.2, 2.0]
+
+
+def test_a_forced_second_run_replaces_the_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    run(tmp_path / "out")
+    run(tmp_path / "out", force=True, method="geometry")
+    assert json.loads((tmp_path / "out" / "result.json").read_text())["summary"]["method"] == "geometry"
+    assert "geometry" in capsys.readouterr().out
+
+
+def test_simulate_then_estimate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    fields = {"seed": 5, "duration_s": 2.0}
+    simulate(fields, noise=("marker_m=0.002",), out_dir=tmp_path / "walk", force=False, as_json=False)
+    assert {p.name for p in (tmp_path / "walk").iterdir()} == {
+        "recording.c3d",
+        "truth.parquet",
+        "truth.csv",
+        "result.json",
+        "references.bib",
+    }
+    assert json.loads((tmp_path / "walk" / "result.json").read_text())["input"]["noise"]["marker_m"] == 0.002
+    assert "steps at" in capsys.readouterr().out
+
+
+def test_the_demo_shows_the_error_against_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cli_demo.demo(out_dir=tmp_path / "demo", force=False)
+    shown = capsys.readouterr().out
+    assert {p.name for p in (tmp_path / "demo").iterdir()} == FILES | {"truth.parquet", "truth.csv"}
+    assert "RMS error, mm" in shown
+    assert "markers only" in shown
+    assert str(tmp_path / "demo") in shown.replace("\n", "")
+
+
+def test_a_result_without_references_is_written_too(tmp_path: Path) -> None:
+    from stridelab.schemas.jobs import SimulateRecordingInput
+    from stridelab.service.jobs.kinds.kind import Outcome
+
+    write_result(tmp_path, "simulate-recording", SimulateRecordingInput(), Outcome({}, (), ()))
+    assert (tmp_path / "references.bib").read_text().strip() == ""

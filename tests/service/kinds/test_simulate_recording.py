@@ -1,0 +1,104 @@
+"""A simulated recording is a C3D like any other, repeats bit for bit, and its truth obeys mechanics."""
+
+import json
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from stridelab.conventions import g
+from stridelab.recordings.reader import read_recording
+from stridelab.schemas.jobs import SimulateRecordingInput, SimulateRecordingSummary, SimulationNoise
+from stridelab.schemas.recordings import RecordingFacts
+from stridelab.service.jobs.kinds import simulate_recording
+from stridelab.service.jobs.kinds.provenance import known_references
+from stridelab.service.jobs.kinds.rows import FACTS_FILE
+from stridelab.service.jobs.kinds.tasks import SimulateRecordingTask
+from support.quiet import Told, quiet
+
+WALK = SimulateRecordingInput(duration_s=2.0, height_m=1.8, mass_kg=75.0, sex="male", seed=3, lab="two_plates")
+
+
+def simulated(folder: Path, asked: SimulateRecordingInput = WALK) -> SimulateRecordingSummary:
+    folder.mkdir(exist_ok=True)
+    outcome = simulate_recording.run(SimulateRecordingTask(input=asked), folder, quiet)
+    return SimulateRecordingSummary.model_validate(outcome.summary)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder, told = tmp_path_factory.mktemp("simulated"), Told()
+    outcome = simulate_recording.run(SimulateRecordingTask(input=WALK), folder, told)
+    assert [a.name for a in outcome.artifacts] == ["recording.c3d", "truth.parquet", "truth.csv"]
+    assert told.fractions[-1] == 1.0
+    assert set(outcome.references) <= known_references()
+    summary = SimulateRecordingSummary.model_validate(outcome.summary)
+    assert summary.speed_m_s == pytest.approx(1.2, abs=0.15)
+    assert summary.n_steps >= 2
+    assert summary.recording_id is None, "only the publication gives it one"
+    return folder
+
+
+def truth(folder: Path, *names: str) -> np.ndarray:
+    table = pq.read_table(folder / "truth.parquet")
+    return np.column_stack([table[name].to_numpy() for name in names])
+
+
+def test_the_recording_reads_back_with_its_person_and_its_segment_table(folder: Path) -> None:
+    recording = read_recording(folder / "recording.c3d")
+    assert recording.subject.height_m == pytest.approx(1.8)
+    assert recording.subject.mass_kg == pytest.approx(75.0)
+    assert "segments" in json.loads(recording.carried["segment_table"])
+    assert len(recording.plates) == 2
+    assert recording.n_frames == 200
+
+
+def test_the_facts_are_those_of_the_file(folder: Path) -> None:
+    facts = RecordingFacts.model_validate_json((folder / FACTS_FILE).read_text())
+    assert facts.marker_set is not None
+    assert len(facts.windows_s) == 1
+    assert facts.mass_from_force_kg == pytest.approx(75.0, rel=0.03)
+    assert len(facts.labels) == facts.n_markers
+    assert (folder / "tracks.parquet").is_file()
+
+
+def test_the_truth_obeys_newton(folder: Path) -> None:
+    """m (c'' - g) = f, with c'' from the positions by central differences at 100 Hz."""
+    c = truth(folder, "com_x_m", "com_y_m", "com_z_m")
+    f = truth(folder, "fx_n", "fy_n", "fz_n")
+    acceleration = (c[2:] - 2 * c[1:-1] + c[:-2]) * 100.0**2
+    residual_n = 75.0 * (acceleration - g) - f[1:-1]
+    assert np.sqrt(np.mean(residual_n**2)) < 0.02 * 75.0 * 9.81
+
+
+def test_the_truth_obeys_euler(folder: Path) -> None:
+    """The moment about the centre of mass is the rate of the angular momentum."""
+    c, f = truth(folder, "com_x_m", "com_y_m", "com_z_m"), truth(folder, "fx_n", "fy_n", "fz_n")
+    moment = truth(folder, "mx_nm", "my_nm", "mz_nm") - np.cross(c, f)
+    rate = np.gradient(truth(folder, "l_x_nms", "l_y_nms", "l_z_nms"), 0.01, axis=0)
+    assert np.sqrt(np.mean((moment - rate)[2:-2] ** 2)) < 0.1 * np.sqrt(np.mean(moment**2)) + 0.5
+
+
+def test_the_same_seed_repeats_and_another_does_not(folder: Path, tmp_path: Path) -> None:
+    simulated(tmp_path / "again")
+    same = [p.read_bytes() == (tmp_path / "again" / p.name).read_bytes() for p in folder.glob("recording.c3d")]
+    assert same == [True]
+    simulated(tmp_path / "other", WALK.model_copy(update={"seed": 4}))
+    assert not np.allclose(truth(tmp_path / "other", "com_x_m"), truth(folder, "com_x_m"), atol=1e-3)
+
+
+def test_noise_off_is_noise_off(folder: Path, tmp_path: Path) -> None:
+    silent = SimulationNoise(force_n=0, moment_nm=0, marker_m=0)
+    simulated(tmp_path / "a", WALK.model_copy(update={"noise": silent}))
+    clean, noisy = read_recording(tmp_path / "a" / "recording.c3d"), read_recording(folder / "recording.c3d")
+    np.testing.assert_array_equal(truth(tmp_path / "a", "com_x_m"), truth(folder, "com_x_m"))
+    differences = np.concatenate([noisy.markers_m[label] - clean.markers_m[label] for label in clean.markers_m])
+    assert np.std(differences) == pytest.approx(0.0005, rel=0.1)
+
+
+def test_only_the_artifacts_remain_where_no_row_is_made(folder: Path, tmp_path: Path) -> None:
+    shutil.copytree(folder, tmp_path / "a")
+    simulate_recording.remove_private_files(tmp_path / "a")
+    assert {p.name for p in (tmp_path / "a").iterdir()} == {"recording.c3d", "truth.parquet", "truth.csv"}
