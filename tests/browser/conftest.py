@@ -1,0 +1,136 @@
+"""A whole service of its own (database, worker, viewer), and headless Chromium that reports every misstep."""
+
+import contextlib
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from playwright.sync_api import Browser, sync_playwright
+
+from stridelab.client import Client
+from support.database import public_folder
+from support.tab import Service, Tab
+
+CHROMIUM = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), ""
+)
+FLAGS = (
+    "--headless",
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-default-apps",
+    "--disable-sync",
+    "--no-first-run",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Everything here needs a browser."""
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(pytest.mark.browser)
+            if not CHROMIUM:
+                item.add_marker(pytest.mark.skip(reason="no Chromium on the PATH"))
+
+
+@pytest.fixture(scope="session")
+def service() -> Iterator[Service]:
+    """Started as a user starts it, with one job at a time, so that a second one waits."""
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+    with public_folder() as folder, (folder / "serve.log").open("w+b") as log:
+        environment = {
+            **os.environ,
+            "STRIDELAB_PORT": str(port),
+            "STRIDELAB_DATA_DIR": str(folder / "data"),
+            "STRIDELAB_WORKER_SLOTS": "1",
+            "STRIDELAB_MIN_FREE_DISK_MB": "0",
+        }
+        command = [sys.executable, "-c", "from stridelab.cli import main; main()", "serve"]
+        process = subprocess.Popen(command, env=environment, stdout=log, stderr=log, start_new_session=True)
+        url = f"http://127.0.0.1:{port}"
+        try:
+            _wait_until_healthy(url, process, folder / "serve.log")
+            with Client(url, transport=httpx.HTTPTransport()) as client:
+                yield Service(url, client)
+        finally:
+            process.send_signal(signal.SIGINT)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(20)
+            process.kill()
+            process.wait()
+
+
+def _wait_until_healthy(url: str, process: subprocess.Popen[bytes], log: Path) -> None:
+    deadline = time.monotonic() + 90
+    while process.poll() is None and time.monotonic() < deadline:
+        with contextlib.suppress(httpx.TransportError):
+            if httpx.get(f"{url}/api/v1/health", trust_env=False).status_code == 200:
+                return
+        time.sleep(0.2)
+    pytest.fail(f"the service did not start: {log.read_text(errors='replace')[-2000:]}")
+
+
+@pytest.fixture(scope="module")
+def chromium() -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def open_tab(chromium: Browser, service: Service) -> Iterator[Callable[..., Tab]]:
+    """Opens tabs of a given size; at the end none may have logged an error or asked another host for anything."""
+    tabs: list[Tab] = []
+
+    def open_one(width: int = 1400, height: int = 850) -> Tab:
+        page = chromium.new_page(viewport={"width": width, "height": height})
+        page.set_default_timeout(30_000)
+        tab = Tab(page, service.url)
+        page.on("console", tab.on_console)
+        page.on("pageerror", tab.on_error)
+        page.on("request", tab.on_request)
+        tabs.append(tab)
+        return tab
+
+    yield open_one
+    for tab in tabs:
+        tab.page.close()
+    assert [misstep for tab in tabs for misstep in tab.missteps] == []
+
+
+@pytest.fixture
+def tab(open_tab: Callable[..., Tab]) -> Tab:
+    return open_tab()
+
+
+@pytest.fixture(scope="session")
+def trial(service: Service, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A C3D file as a lab would bring it: a simulated person on plates."""
+    job = service.client.submit("simulate-recording", {"duration_s": 3.0, "seed": 3})
+    done = service.client.wait(job.id, 120.0)
+    assert done.state == "succeeded", done.error
+    made = service.client.result(job.id).summary["recording_id"]
+    return service.client.download_file(made, tmp_path_factory.mktemp("trial") / "walk 01.c3d")
+
+
+@pytest.fixture(scope="session")
+def estimated(service: Service, trial: Path) -> tuple[str, str]:
+    """Ids of a recording and of its estimate."""
+    recording = service.client.upload(trial, filename="estimated.c3d")
+    job = service.client.submit("estimate-com", {"recording_id": recording.id})
+    done = service.client.wait(job.id, 120.0)
+    assert done.state == "succeeded", done.error
+    return recording.id, job.id

@@ -1,0 +1,219 @@
+"""From a file to a result through the pages, with the numbers of the interface on them."""
+
+import base64
+import io
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+from playwright.sync_api import Page, expect
+
+from support.tab import Service, Tab
+
+
+def facts(page: Page) -> dict[str, str]:
+    return dict(page.eval_on_selector_all("[data-fact]", "nodes => nodes.map(n => [n.dataset.fact, n.textContent])"))
+
+
+def test_upload_estimate_and_read_the_result(tab: Tab, service: Service, trial: Path) -> None:
+    page = tab.go("/")
+    page.set_input_files("input[type=file]", trial)
+    page.wait_for_url("**/recordings/*")
+    recording = service.client.recording(page.url.rpartition("/")[2])
+    assert recording.filename == trial.name
+    expect(page.get_by_role("heading", level=1)).to_have_text(trial.name)
+    (start_s, end_s), *_ = recording.windows_s
+    expect(page.get_by_text(f"from {start_s:.2f} s to {end_s:.2f} s").first).to_be_visible()
+
+    page.get_by_role("button", name="Estimate", exact=True).click()
+    page.wait_for_url("**/jobs/*")
+    job_id = page.url.rpartition("/")[2]
+    expect(page.get_by_role("heading", name="Result")).to_be_visible(timeout=120_000)
+    summary = service.client.result(job_id).summary
+    shown = facts(page)
+    assert shown["mass_kg"] == f"{summary['mass_kg']:.2f} kg"
+    assert shown["window_s"] == "{:.2f} to {:.2f} s".format(*summary["window_s"])
+    assert shown["bias_m"] == ", ".join(f"{1000 * b:.1f}" for b in summary["bias_m"]) + " mm"
+    assert shown["rms_force_residual_n"] == ", ".join(f"{r:.2f}" for r in summary["rms_force_residual_n"]) + " N"
+    with page.expect_download() as download:
+        page.get_by_role("link", name="com.csv").click()
+    assert download.value.path().read_text().startswith('"time_s","x_m",')
+    with page.expect_download() as download:
+        page.get_by_role("link", name="Everything as ZIP").click()
+    assert download.value.path().read_bytes().startswith(b"PK")
+
+
+def test_plots_show_the_curves_of_the_file(tab: Tab, service: Service, estimated: tuple[str, str]) -> None:
+    _recording_id, job_id = estimated
+    page = tab.go(f"/jobs/{job_id}")
+    page.wait_for_selector("#plots[data-ready]")
+    table = pq.read_table(io.BytesIO(service.client.read_artifact(job_id, "com.parquet")))
+    traces = page.evaluate(
+        "() => document.getElementById('plots').data.filter(t => t.key)"
+        ".map(t => [t.key, JSON.stringify(Array.from(t.y))])"
+    )
+    drawn = {key: np.array(json.loads(values), dtype=float) for key, values in traces}
+    assert {"x_m", "y_m", "z_m", "geometry_z_m", "vx_m_s", "force_z_n"} <= set(drawn)
+    for key, tolerance in (("x_m", 1e-5), ("z_m", 1e-5), ("geometry_y_m", 1e-5), ("vx_m_s", 1e-4), ("force_z_n", 0.1)):
+        expected = table.column(key).to_numpy()
+        np.testing.assert_allclose(drawn[key], expected, atol=tolerance, equal_nan=True)
+    axes = page.locator("#plots .ytitle, #plots .y2title, #plots .y3title, #plots .y4title, #plots .y5title")
+    assert all("[" in title for title in axes.all_text_contents())
+    assert axes.count() == 5
+
+
+def test_cursor_is_shared_by_readout_plots_and_viewer_link(tab: Tab, estimated: tuple[str, str]) -> None:
+    recording_id, job_id = estimated
+    page = tab.go(f"/jobs/{job_id}")
+    page.wait_for_selector("#plots[data-ready]")
+    cursor = page.get_by_role("slider", name="Cursor")
+    cursor.focus()
+    page.keyboard.press("Home")
+    expect(page.locator("#readout")).to_contain_text("t 0.000 s")
+    for _ in range(3):
+        page.keyboard.press("ArrowRight")
+    at = page.evaluate("() => document.getElementById('plots').layout.shapes[1].x0")
+    expect(page.locator("#readout")).to_contain_text(f"t {at:.3f} s")
+    link = page.get_by_role("link", name="See this instant in 3D")
+    expect(link).to_have_attribute("href", f"/view/?recording={recording_id}&job={job_id}&t={at:.3f}")
+    page.get_by_role("button", name="Show window").click()
+    page.wait_for_function("() => document.getElementById('plots').layout.xaxis.range[0] > 0.05")
+
+
+def test_many_files_at_once_each_with_its_own_answer(tab: Tab, trial: Path, tmp_path: Path) -> None:
+    (tmp_path / "holiday.c3d").write_bytes(b"not a recording")
+    (tmp_path / "empty.c3d").write_bytes(b"")
+    page = tab.go("/recordings")
+    page.set_input_files("input[type=file]", [trial, tmp_path / "holiday.c3d", tmp_path / "empty.c3d"])
+    rows = page.locator("[data-uploads] li")
+    expect(rows).to_have_count(3)
+    expect(rows.nth(0).get_by_role("link")).to_be_visible(timeout=60_000)
+    for k in (1, 2):
+        expect(rows.nth(k).get_by_role("alert")).not_to_be_empty(timeout=60_000)
+        expect(rows.nth(k)).to_contain_text("refused")
+    tab.missteps = [m for m in tab.missteps if "status of 422" not in m]
+
+
+def test_dropped_files_go_up_too(tab: Tab, trial: Path) -> None:
+    page = tab.go("/")
+    content = base64.b64encode(trial.read_bytes()).decode()
+    page.evaluate(
+        """([bytes, name]) => {
+            const data = new DataTransfer();
+            data.items.add(new File([Uint8Array.from(atob(bytes), (c) => c.charCodeAt(0))], name));
+            const zone = document.querySelector("[data-upload]");
+            for (const kind of ["dragenter", "dragover", "drop"])
+                zone.dispatchEvent(new DragEvent(kind, { dataTransfer: data, bubbles: true, cancelable: true }));
+        }""",
+        [content, "dropped.c3d"],
+    )
+    page.wait_for_url("**/recordings/*")
+    expect(page.get_by_role("heading", level=1)).to_have_text("dropped.c3d")
+
+
+def test_forms_change_the_recording(tab: Tab, service: Service, trial: Path) -> None:
+    recording = service.client.upload(trial, filename="forms.c3d")
+    other = service.client.upload(trial, filename="standing.c3d")
+    page = tab.go(f"/recordings/{recording.id}")
+    page.get_by_label("Pseudonym").fill("P07")
+    page.get_by_label("Height").fill("1.83")
+    with page.expect_navigation():
+        page.get_by_role("button", name="Save subject").click()
+    page.get_by_label("Trial of the same person").select_option(label="standing.c3d")
+    with page.expect_navigation():
+        page.locator("[data-static] button").click()
+    page.get_by_label("Use plate 1").uncheck()
+    with page.expect_navigation():
+        page.get_by_role("button", name="Save plates").click()
+    expect(page.get_by_text("Plate 1 loaded (not used)")).to_be_visible()
+    changed = service.client.recording(recording.id)
+    assert (changed.subject.name, changed.subject.height_m) == ("P07", 1.83)
+    assert changed.static_recording_id == other.id
+    assert next(plate.use for plate in changed.plates) is False
+
+
+def test_cancel_a_waiting_and_a_running_job(tab: Tab, service: Service) -> None:
+    long = {"duration_s": 60.0}
+    jobs = [service.client.submit("simulate-recording", {**long, "seed": seed}) for seed in range(11, 15)]
+    first, second = jobs[0], jobs[-1]
+    page = tab.go("/jobs")
+    row = page.locator(f'tr[data-job="{second.id}"]')
+    expect(row).to_contain_text("queue")
+    row.get_by_role("button", name="Cancel").click()
+    expect(row).to_contain_text("cancelled")
+    assert service.client.job(second.id).state == "cancelled"
+
+    page = tab.go(f"/jobs/{first.id}")
+    expect(page.locator("[data-state]")).to_have_text("running")
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.locator("[data-state]")).to_have_text("cancelled")
+    assert service.client.job(first.id).state == "cancelled"
+    expect(page.get_by_role("button", name="Cancel")).to_have_count(0)
+    for job in jobs[1:-1]:
+        service.client.cancel(job.id)
+
+
+def test_failure_is_told_with_its_reason(tab: Tab, service: Service, trial: Path) -> None:
+    recording = service.client.upload(trial, filename="no windows.c3d")
+    page = tab.go(f"/recordings/{recording.id}")
+    for box in page.get_by_role("checkbox", name="Use plate").all():
+        box.uncheck()
+    with page.expect_navigation():
+        page.get_by_role("button", name="Save plates").click()
+    page.get_by_role("button", name="Estimate", exact=True).click()
+    page.wait_for_url("**/jobs/*")
+    expect(page.locator("[data-state]")).to_have_text("failed", timeout=60_000)
+    error = service.client.job(page.url.rpartition("/")[2]).error
+    assert error is not None
+    expect(page.get_by_role("alert")).to_contain_text(error.detail)
+
+
+def test_the_whole_way_by_keyboard(tab: Tab, service: Service, trial: Path) -> None:
+    recording = service.client.upload(trial, filename="keys.c3d")
+    page = tab.go("/recordings")
+
+    def tab_to(name: str, limit: int = 60) -> None:
+        for _ in range(limit):
+            page.keyboard.press("Tab")
+            if page.evaluate("() => document.activeElement.textContent.trim()").startswith(name):
+                outline = page.evaluate("() => getComputedStyle(document.activeElement).outlineStyle")
+                assert outline != "none", f"the focus on {name} cannot be seen"
+                return
+        raise AssertionError(f"Tab never reaches {name}")
+
+    tab_to("Skip to content", 1)
+    tab_to("keys.c3d")
+    page.keyboard.press("Enter")
+    page.wait_for_url(f"**/recordings/{recording.id}")
+    tab_to("Estimate")
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/jobs/*")
+    expect(page.get_by_role("heading", name="Result")).to_be_visible(timeout=120_000)
+
+    page = tab.go(f"/recordings/{recording.id}")
+    tab_to("Delete")
+    page.keyboard.press("Enter")
+    dialog = page.get_by_role("dialog")
+    expect(dialog).to_be_visible()
+    page.keyboard.press("Escape")
+    expect(dialog).to_be_hidden()
+    assert service.client.recording(recording.id).id == recording.id
+    page.keyboard.press("Enter")
+    page.keyboard.press("Shift+Tab")
+    page.keyboard.press("Enter")
+    page.wait_for_url("**/recordings")
+    expect(page.get_by_text("keys.c3d")).to_have_count(0)
+
+
+def test_no_page_scrolls_sideways(open_tab: Callable[..., Tab], service: Service, estimated: tuple[str, str]) -> None:
+    recording_id, job_id = estimated
+    addresses = ("/", "/recordings", f"/recordings/{recording_id}", "/jobs", f"/jobs/{job_id}", "/login")
+    for width, height in ((1400, 850), (800, 600)):
+        tab = open_tab(width, height)
+        for address in addresses:
+            page = tab.go(address)
+            wide = page.evaluate("() => document.documentElement.scrollWidth - window.innerWidth")
+            assert wide <= 0, f"{address} is {wide} pixels too wide at {width}x{height}"
+            assert page.title().endswith("stridelab")

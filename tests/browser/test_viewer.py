@@ -1,0 +1,182 @@
+"""The scene is moved by the page: where a node stands after a seek is where tracks.parquet says."""
+
+import io
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from playwright.sync_api import Page, expect
+
+from support.tab import Service, Tab
+
+STATE = """() => {
+    const viser = document.querySelector("iframe").contentWindow.__viserMutable;
+    const found = {};
+    for (const [name, object] of Object.entries(viser.nodeRefFromName)) {
+        if (!object) continue;
+        found[name] = {
+            pose: viser.nodePoseData[name]?.position ?? null,
+            wxyz: viser.nodePoseData[name]?.wxyz ?? null,
+            drawn: object.position.toArray(),
+            scale: object.scale.toArray(),
+        };
+    }
+    return found;
+}"""
+TOLERANCE_M = 1e-6
+"""Frames are float32: at 10 m from the origin their steps are 1e-6 m."""
+
+
+def scene(tab: Tab, address: str) -> Page:
+    page = tab.go(address)
+    page.wait_for_selector("[data-player][data-ready]", timeout=60_000)
+    return page
+
+
+def drawn(page: Page, until: Callable[[dict[str, Any]], bool]) -> dict[str, Any]:
+    """State of the scene once ``until`` holds: viser applies poses in its next image."""
+    for _ in range(100):
+        state: dict[str, Any] = page.evaluate(STATE)
+        if until(state):
+            return state
+        page.wait_for_timeout(100)
+    raise AssertionError("the scene does not come to the state that was asked for")
+
+
+def at_rest(state: dict[str, Any]) -> bool:
+    return all(
+        np.allclose(node["drawn"], node["pose"], atol=1e-9)
+        for name, node in state.items()
+        if name.startswith("/markers/") and node["pose"]
+    )
+
+
+@pytest.fixture(scope="module")
+def tracks(service: Service, estimated: tuple[str, str], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    path = service.client.download_tracks(estimated[0], tmp_path_factory.mktemp("tracks") / "tracks.parquet")
+    return {name: column.to_numpy() for name, column in zip(*_columns(path.read_bytes()), strict=True)}
+
+
+def _columns(content: bytes) -> tuple[list[str], list[Any]]:
+    table = pq.read_table(io.BytesIO(content))
+    return table.column_names, table.columns
+
+
+def place(tracks: dict[str, Any], before: str, after: str, frame: int) -> np.ndarray:
+    return np.array([tracks[f"{before}{axis}{after}"][frame] for axis in "xyz"])
+
+
+def test_markers_forces_and_com_stand_where_the_files_say(
+    tab: Tab, service: Service, estimated: tuple[str, str], tracks: dict[str, Any]
+) -> None:
+    recording_id, job_id = estimated
+    recording, result = service.client.recording(recording_id), service.client.result(job_id)
+    t_s = sum(result.summary["window_s"]) / 2
+    page = scene(tab, f"/view/?recording={recording_id}&t={t_s:.3f}")
+    frame = int(np.argmin(np.abs(tracks["time_s"] - t_s)))
+    expect(page.locator("[data-time]")).to_contain_text(f"frame {frame + 1} of {recording.n_frames}")
+    state = drawn(page, at_rest)
+
+    for k, label in enumerate(recording.labels):
+        expected = place(tracks, f"{label}_", "_m", frame)
+        assert np.abs(np.array(state[f"/markers/{k}"]["drawn"]) - expected).max() < TOLERANCE_M, label
+    com = pq.read_table(io.BytesIO(service.client.read_artifact(job_id, "com.parquet")))
+    expected = np.array([com.column(f"{axis}_m")[frame].as_py() for axis in "xyz"])
+    assert np.abs(np.array(state["/com/fused"]["drawn"]) - expected).max() < TOLERANCE_M
+
+    loaded = [p.index for p in recording.plates if any(a < t_s < b for a, b in p.loaded_s)]
+    assert loaded
+    for index in loaded:
+        force = place(tracks, f"plate{index}_f", "_n", frame)
+        origin = place(tracks, f"plate{index}_cop", "_m", frame)
+        shaft, head = state[f"/forces/plate{index}_shaft"], state[f"/forces/plate{index}_head"]
+        assert np.abs(np.array(shaft["drawn"]) - origin).max() < TOLERANCE_M
+        assert np.abs(np.array(head["drawn"]) - (origin + force / 1000)).max() < 2 * TOLERANCE_M
+        assert shaft["scale"][2] == pytest.approx(np.linalg.norm(force) / 1000 - 0.08, abs=1e-6)
+        w, x, y, z = shaft["wxyz"]
+        up = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+        assert up == pytest.approx(force / np.linalg.norm(force), abs=1e-6)
+    for plate in recording.plates:
+        if not any(a - 0.05 < t_s < b + 0.05 for a, b in plate.loaded_s):
+            assert max(state[f"/forces/plate{plate.index}_shaft"]["scale"]) < 1e-4, "an unloaded plate shows no force"
+
+
+def test_timeline_steps_scrubs_plays_and_keeps_the_address(
+    tab: Tab, service: Service, estimated: tuple[str, str], tracks: dict[str, Any]
+) -> None:
+    recording_id, _ = estimated
+    page = scene(tab, f"/view/?recording={recording_id}")
+    label = service.client.recording(recording_id).labels[0]
+
+    def marker_stands_at(frame: int) -> Callable[[dict[str, Any]], bool]:
+        expected = place(tracks, f"{label}_", "_m", frame)
+        return lambda state: bool(np.abs(np.array(state["/markers/0"]["drawn"]) - expected).max() < TOLERANCE_M)
+
+    drawn(page, marker_stands_at(0))
+    page.keyboard.press(".")
+    page.keyboard.press("ArrowRight")
+    page.keyboard.press(",")
+    drawn(page, marker_stands_at(1))
+    page.wait_for_url(f"**t={tracks['time_s'][1]:.3f}")
+
+    slider = page.get_by_role("slider", name="Time")
+    slider.fill("37")
+    drawn(page, marker_stands_at(37))
+    page.wait_for_url(f"**t={tracks['time_s'][37]:.3f}")
+    assert slider.get_attribute("aria-valuetext") == f"{tracks['time_s'][37]:.3f} seconds, frame 38"
+    slider.focus()
+    page.keyboard.press("ArrowLeft")
+    drawn(page, marker_stands_at(36))
+    page.reload()
+    page.wait_for_selector("[data-player][data-ready]", timeout=60_000)
+    drawn(page, marker_stands_at(36))
+
+    page.get_by_label("Speed").select_option("2")
+    page.locator("body").press(" ")
+    page.wait_for_function("() => Number(document.querySelector('#time').value) > 60")
+    page.locator("body").press(" ")
+    expect(page.get_by_role("button", name="Play (space)")).to_have_attribute("aria-pressed", "false")
+    stopped = int(slider.input_value())
+    drawn(page, marker_stands_at(stopped))
+
+
+def test_layers_can_be_switched_off(tab: Tab, estimated: tuple[str, str]) -> None:
+    page = scene(tab, f"/view/?recording={estimated[0]}&job={estimated[1]}&t=1")
+
+    def size(state: dict[str, Any], name: str) -> float:
+        return float(max(state[name]["scale"]))
+
+    drawn(page, lambda state: size(state, "/skeleton/0") > 0.01 and size(state, "/paths/band") == 1)
+    page.get_by_label("Lines").uncheck()
+    page.get_by_label("Path").uncheck()
+    drawn(page, lambda state: size(state, "/skeleton/0") < 1e-4 and size(state, "/paths/band") < 1e-4)
+    page.get_by_label("Lines").check()
+    drawn(page, lambda state: size(state, "/skeleton/0") > 0.01)
+
+
+def test_lost_connection_is_taken_up_at_the_same_instant(
+    tab: Tab, service: Service, estimated: tuple[str, str], tracks: dict[str, Any]
+) -> None:
+    """A small window: the page has no sideways scroll, and a rebuilt scene stands where the timeline does."""
+    tab.page.set_viewport_size({"width": 800, "height": 600})
+    page = scene(tab, f"/view/?recording={estimated[0]}&t=0.5")
+    assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
+    assert page.evaluate("() => document.documentElement.scrollHeight <= window.innerHeight")
+    page.evaluate("() => document.querySelector('iframe').contentWindow.location.reload()")
+    frame = int(np.argmin(np.abs(tracks["time_s"] - 0.5)))
+    expected = place(tracks, f"{service.client.recording(estimated[0]).labels[0]}_", "_m", frame)
+
+    def stands(state: dict[str, Any]) -> bool:
+        return "/markers/0" in state and bool(np.abs(np.array(state["/markers/0"]["drawn"]) - expected).max() < 1e-6)
+
+    page.wait_for_timeout(500)
+    page.wait_for_function("() => document.querySelector('iframe').contentWindow.__viserMutable", timeout=60_000)
+    drawn(page, stands)
+
+
+def test_a_recording_that_does_not_exist_is_said(tab: Tab) -> None:
+    page = tab.go("/view/?recording=nothing")
+    expect(page.get_by_role("heading", level=1)).to_have_text("Nothing here")
+    tab.missteps = [m for m in tab.missteps if "status of 404" not in m]

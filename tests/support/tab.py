@@ -1,0 +1,44 @@
+"""A page of a running service that remembers what went wrong in it."""
+
+from dataclasses import dataclass, field
+from urllib.parse import urlsplit
+
+from playwright.sync_api import ConsoleMessage, Page, Request
+
+from stridelab.client import Client
+
+VISER_ALONE = "Evaluating a string as JavaScript violates"
+"""viser's sorter of Gaussian splats, which no scene here uses, asks to evaluate text; the frame's policy refuses."""
+
+
+@dataclass(frozen=True)
+class Service:
+    """A running ``stridelab serve``."""
+
+    url: str
+    client: Client
+
+
+@dataclass
+class Tab:
+    """A page that remembers what went wrong in it."""
+
+    page: Page
+    url: str
+    missteps: list[str] = field(default_factory=list)
+
+    def go(self, address: str) -> Page:
+        self.page.goto(f"{self.url}{address}")
+        return self.page
+
+    def on_console(self, message: ConsoleMessage) -> None:
+        if message.type == "error":
+            self.missteps.append(f"console: {message.text} ({message.location.get('url')})")
+
+    def on_error(self, error: Exception) -> None:
+        if VISER_ALONE not in str(error):
+            self.missteps.append(f"error: {error}")
+
+    def on_request(self, request: Request) -> None:
+        if urlsplit(request.url).scheme in ("http", "https", "ws") and not request.url.startswith(self.url):
+            self.missteps.append(f"outside: {request.url}")
