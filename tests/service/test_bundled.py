@@ -5,6 +5,7 @@ import hashlib
 import importlib.util
 import json
 from collections.abc import Awaitable, Callable
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from stridelab.schemas.jobs import (
 )
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.service import bundled
+from stridelab.service.jobs import retention
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import make_engine
 from stridelab.service.storage.tables import job, recording
@@ -138,3 +140,16 @@ def test_an_older_or_damaged_sample_is_replaced(database_url: str, tmp_path: Pat
 
     assert within(database_url, act) == (True, True, 1)
     assert (tmp_path / f"recordings/{bundled.SAMPLE_ID}/recording.c3d").is_file()
+
+
+def test_retention_leaves_the_sample_alone(database_url: str, tmp_path: Path) -> None:
+    blobs = BlobStore.from_url(tmp_path.as_uri())
+
+    async def act(engine: AsyncEngine) -> Any:
+        await bundled.seed(engine, blobs)
+        async with engine.connect() as connection:
+            gone = await retention.remove_old_jobs(connection, blobs, timedelta(seconds=-1))
+            orphans = await retention.remove_orphans(connection, blobs, timedelta(seconds=-1))
+        return gone, orphans, await bundled.seed(engine, blobs)
+
+    assert within(database_url, act) == ([], [], False)

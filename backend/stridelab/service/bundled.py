@@ -22,6 +22,7 @@ from stridelab.service.storage.tables import job, recording
 SAMPLE_ID: Final = "sample-walk"
 TRUTH_JOB: Final = "sample-walk-truth"
 ESTIMATE_JOB: Final = "sample-walk-com"
+SHIPPED_JOBS: Final = (TRUTH_JOB, ESTIMATE_JOB)
 INDEX_FILE: Final = "sample.json"
 
 _SEEDING_LOCK: Final = 0x5712DE1AF

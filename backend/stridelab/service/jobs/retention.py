@@ -8,6 +8,7 @@ from sqlalchemy import delete, func, select
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.schemas.jobs import FINAL_STATES
+from stridelab.service.bundled import SHIPPED_JOBS
 from stridelab.service.jobs.queue import Consumer
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
@@ -45,8 +46,9 @@ async def remove_old_events(connection: AsyncConnection, age: timedelta) -> None
 
 
 async def remove_old_jobs(connection: AsyncConnection, blobs: BlobStore, age: timedelta) -> list[str]:
-    """Delete jobs that ended that long ago, and then their files; returns their ids."""
-    old = delete(job).where(job.c.state.in_(FINAL_STATES), job.c.finished_at < func.now() - age)
+    """Delete jobs that ended that long ago, and then their files; returns their ids. The sample's results stay."""
+    over = (job.c.state.in_(FINAL_STATES), job.c.finished_at < func.now() - age, job.c.id.not_in(SHIPPED_JOBS))
+    old = delete(job).where(*over)
     gone = list((await connection.execute(old.returning(job.c.id))).scalars())
     await connection.commit()
     for job_id in gone:
