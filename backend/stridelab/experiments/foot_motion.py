@@ -19,6 +19,10 @@ from stridelab.experiments.body_proportions import Proportions, sign
 from stridelab.experiments.gait_plan import GaitPlan, Stance
 from stridelab.recordings.recording import Side
 
+LAG: Final = -0.06
+HURRY: Final = 0.08
+"""How the swinging foot departs from the quintic, per stride: a little behind, and early rather than late, as a
+pendulum set off by the hip before toe-off. It keeps the leg's angular momentum at human values."""
 TOE_OUT_RAD: Final = 0.12
 """Both feet point outwards by 7 degrees (adults: 5 to 13)."""
 CLEARANCE_M: Final = 0.02
@@ -26,7 +30,7 @@ CLEARANCE_M: Final = 0.02
 
 ROCKER: Final = 0.035
 """Radius of the forefoot's arc over stature."""
-STRIKE_RATE: Final = 1.2
+STRIKE_RATE: Final = 2.3
 """Pitch rate at the strike times the time until flat, over the pitch."""
 Sagittal = Float[np.ndarray, "n 2"]
 
@@ -59,7 +63,7 @@ def foot_path(plan: GaitPlan, side: Side, p: Proportions, time_s: Series) -> Foo
 
 
 def _stance_pitch(stance: Stance, t: Series) -> Series:
-    """Pitch on the ground: the foot claps down after the strike and rises with the cube of time before toe-off."""
+    """Pitch on the ground: the foot claps down after the strike and rises ever faster before toe-off."""
     pitch = np.zeros(len(t))
     if np.isfinite(stance.strike_s):
         left = np.clip((stance.flat_s - t) / (stance.flat_s - stance.strike_s), 0.0, 1.0)
@@ -67,14 +71,14 @@ def _stance_pitch(stance: Stance, t: Series) -> Series:
         pitch += stance.strike_pitch_rad * left**3 * (10 - 4 * r + (7 * r - 15) * left + (6 - 3 * r) * left**2)
     if np.isfinite(stance.off_s):
         since = np.clip((t - stance.heel_off_s) / (stance.off_s - stance.heel_off_s), 0.0, 1.0)
-        pitch += stance.off_pitch_rad * since**3
+        pitch += stance.off_pitch_rad * since**3 * (1.5 - 0.5 * since)
     return pitch
 
 
 def _pitch_at_off(stance: Stance) -> tuple[float, float, float]:
     """Pitch, rate and acceleration as the foot leaves."""
     pitch, span_s = stance.off_pitch_rad, stance.off_s - stance.heel_off_s
-    return pitch, 3.0 * pitch / span_s, 6.0 * pitch / span_s**2
+    return pitch, 2.5 * pitch / span_s, 3.0 * pitch / span_s**2
 
 
 def _pitch_at_strike(stance: Stance) -> tuple[float, float, float]:
@@ -138,5 +142,7 @@ def _swing(before: Stance, after: Stance, p: Proportions, t: Series) -> tuple[Po
     height = max(0.0, float(np.max((CLEARANCE_M * hump - lowest) / np.maximum(hump, 0.05))))
     ankle = path(t)
     s = (t - ends[0]) / (ends[1] - ends[0])
-    ankle[:, 2] += height * 64.0 * (s * (1.0 - s)) ** 3
+    hump = 64.0 * (s * (1.0 - s)) ** 3
+    ankle[:, 2] += height * hump
+    ankle[:, 0] += (after.x_m - before.x_m) * (LAG + HURRY * (1.0 - 2.0 * s)) * hump
     return ankle, turning(t)

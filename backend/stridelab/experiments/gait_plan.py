@@ -3,7 +3,7 @@
     step length = w H * cadence,  speed = step length * cadence   (constant walk ratio)
 
 The walk ratio of adults at any comfortable speed is 0.0065 m per (step/min) at a stature of 1.71 m (Sekiya and Nagasaki
-1998); it is scaled with stature. Double support takes 24 % of a step at 1.2 m/s and grows as people slow down
+1998); it is scaled with stature. Double support takes 21 % of a step at 1.2 m/s and grows as people slow down
 (Perry 1992). Step length, step time and step width vary from step to step with 2 %, 2 % and 8 mm (Hausdorff 2005,
 Brach 2005: young adults), drawn from the seed; within the recording their mean is kept, so that the speed is as asked.
 
@@ -25,14 +25,14 @@ WALK_RATIO: Final = 0.0038
 """Step length over cadence, in minutes per stature."""
 SLOWEST_M_S: Final = 0.1
 """Below this speed the person stands."""
-_RAMP: Final = (0.55, 0.85)
+_RAMP: Final = (0.42, 0.82)
 """Length of the first (and last) two steps over that of the others."""
 _REST_S: Final = 1.0
 SHIFT_S: Final = 0.6
 """Time in which the load moves onto one foot before the first step, and back after the last."""
 _FLAT: Final = 0.8
 """Share of double support after which the leading foot is flat."""
-_HEEL_OFF: Final = 0.42
+_HEEL_OFF: Final = 0.54
 """Share of single support after which the heel rises."""
 _FULL_STRIDE: Final = 0.8
 """Stride per stature at which the foot strikes and leaves with the full pitch."""
@@ -115,7 +115,7 @@ def plan_gait(
 
 def double_support_fraction(speed_m_s: float) -> float:
     """Share of a step spent on both feet."""
-    return min(max(0.24 - 0.10 * (speed_m_s - 1.2), 0.14), 0.40)
+    return min(max(0.21 - 0.08 * (speed_m_s - 1.2), 0.14), 0.40)
 
 
 def _stances(
@@ -140,7 +140,7 @@ def _stances(
     gaps = np.diff(S, prepend=2 * S[0] - S[1])
     lifts = S - (1.0 - double_support) * gaps
     strides_m = np.array([x_m[0], x_m[1], *(x_m[2:] - x_m[:-2])])
-    pitch = np.minimum(strides_m / (_FULL_STRIDE * height_m), 1.2)
+    pitch = np.minimum(strides_m / (_FULL_STRIDE * height_m), 1.05)
 
     def heel_off_s(k: int) -> float:
         return float(lifts[k + 1] + _HEEL_OFF * (S[k + 1] - lifts[k + 1]))

@@ -78,13 +78,14 @@ def _off_after(plan: GaitPlan, leading: Stance) -> float:
 
 
 def _cop(plan: GaitPlan, side: Side, p: Proportions, t: Series) -> Plane:
-    """Centre of pressure of one foot: held where it was (or will be) while the foot is in the air."""
+    """Centre of pressure of one foot; in the air where it was, then, from the middle of the swing, where it will be."""
     resting_m = 0.35 * p.ball_m
     yaw = sign(side) * TOE_OUT_RAD
     cop = np.empty((len(t), 2))
     stances = [stance for stance in plan.stances if stance.side == side]
-    since = -np.inf
-    for stance in stances:
+    strikes_s = [stance.strike_s for stance in stances[1:]] + [np.inf]
+    since_s = -np.inf
+    for stance, next_strike_s in zip(stances, strikes_s, strict=True):
         knots = []
         if np.isfinite(stance.strike_s):
             flat = stance.flat_s
@@ -95,13 +96,13 @@ def _cop(plan: GaitPlan, side: Side, p: Proportions, t: Series) -> Plane:
             knots.insert(0, (stance.heel_off_s - SHIFT_S, resting_m))
         if not np.isfinite(stance.off_s) and knots:
             knots.append((stance.flat_s + SHIFT_S, resting_m))
-        part = t >= since
+        part = t >= since_s
         along = np.full(int(part.sum()), resting_m)
         if knots:
             at, where = np.array(knots).T
             along = PchipInterpolator(at, where)(np.clip(t[part], at[0], at[-1]))
         cop[part] = np.column_stack([stance.x_m + np.cos(yaw) * along, stance.y_m + np.sin(yaw) * along])
-        since = stance.off_s
+        since_s = (stance.off_s + next_strike_s) / 2
     return cop
 
 

@@ -5,22 +5,29 @@ Each foot carries a force at its centre of pressure and a free moment about the 
     f_i = share_i f_z (t_i + r),   p_i = planned p_i + e,   tau_i = share_i tau
 
 ``share_i`` is the planned share of the vertical force, so both feet push and the load passes smoothly. ``t_i`` points
-from the foot's pressure to the centre of mass, ``(c - p_i) / c_z``, as the force of a leg does: the trailing foot
-pushes and the leading one brakes. The rest ``r``, the pressure's error ``e`` (how far the zero-moment point of the
-exact motion is from the planned one; millimetres) and the free moment ``tau`` are whatever makes the sum the exact
-wrench.
+from the foot's pressure towards the centre of mass, ``0.4 (c - p_i) / c_z``, much as the force of a leg does: the
+trailing foot pushes and the leading one brakes. The rest ``r``, the pressure's error ``e`` (how far the zero-moment
+point of the exact motion is from the planned one; millimetres) and the free moment ``tau`` are whatever makes the sum
+the exact wrench.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 
 from stridelab.conventions import Points, Series
 from stridelab.experiments.body_proportions import SIDES
 from stridelab.experiments.load_plan import LoadPlan, Plane
 from stridelab.experiments.true_motion import TrueMotion
 from stridelab.recordings.recording import Side
+
+_LEAN: Final = 0.4
+PlanSeries = Float[np.ndarray, "m"]
+PlanPlane = Float[np.ndarray, "m 2"]
+"""One value, or one point on the ground, per instant of the plan."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +55,7 @@ def share_wrench(truth: TrueMotion, load: LoadPlan, plan_time_s: Series) -> Mapp
     zmp = np.column_stack([-moment[:, 1], moment[:, 0]]) / f[:, 2:]
     error = zmp - sum((share[side][:, None] * cop[side] for side in SIDES), np.zeros_like(zmp))
     loaded = {side: np.column_stack([cop[side] + error, np.zeros(len(t))]) for side in SIDES}
-    towards = {side: (c[:, :2] - loaded[side][:, :2]) / c[:, 2:] for side in SIDES}
+    towards = {side: _LEAN * (c[:, :2] - loaded[side][:, :2]) / c[:, 2:] for side in SIDES}
     mean = sum((share[side][:, None] * towards[side] for side in SIDES), np.zeros_like(zmp))
     rest = f[:, :2] / f[:, 2:] - mean
     force = {
@@ -59,5 +66,5 @@ def share_wrench(truth: TrueMotion, load: LoadPlan, plan_time_s: Series) -> Mapp
     return {side: FootWrench(force[side], loaded[side], share[side] * free) for side in SIDES}
 
 
-def _resampled(t: Series, plan_time_s: Series, track: Plane) -> Plane:
+def _resampled(t: Series, plan_time_s: PlanSeries, track: PlanPlane) -> Plane:
     return np.column_stack([np.interp(t, plan_time_s, track[:, axis]) for axis in range(2)])

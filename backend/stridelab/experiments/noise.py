@@ -1,7 +1,7 @@
 """What measurement does to the truth (section 2.5.1 of the thesis): noisy plates and markers, a wrong body model.
 
-Force, moment and configuration noise is Gaussian and coloured: white noise through a high-pass of 5 Hz (Butterworth,
 Force, moment and configuration noise is Gaussian and coloured: white noise through a high-pass of 5 Hz (Butterworth of
+second order), scaled to the stated standard deviation. The thesis adds 10 N and 10 Nm to the wrench without saying
 about which point; here every plate has its own noise, with the moment at the middle of its surface, because at the
 laboratory's origin, metres away, 10 N of force noise alone make more than 10 Nm.
 The configuration noise replaces soft tissue motion; on 34 joints it averages out in the centre of mass.

@@ -5,6 +5,7 @@ With ``phi`` the phase of the stride (0 at a left strike, pi at a right strike):
     pelvis yaw   -cos phi    (the hip of the striking leg is ahead)
     pelvis roll   sin phi    (the hip of the swinging leg drops)
     torso yaw    +cos phi    (the shoulders turn against the pelvis)
+    torso pitch  -sin 2 phi' (phi' = 0 in the middle of double support; against the legs' angular momentum)
     arm pitch    +cos phi on the left, -cos phi on the right; the elbow flexes as the arm comes forward
 
 Amplitudes at 1.2 m/s are typical of adults (Perry 1992; Murray 1967 for the arms) and vary by 10 % with the seed.
@@ -15,6 +16,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 from numpy.random import Generator
 from scipy.interpolate import PchipInterpolator
 from scipy.spatial.transform import Rotation
@@ -27,15 +29,20 @@ from stridelab.experiments.load_plan import minimum_jerk
 
 _PELVIS_YAW: Final = 0.07
 _PELVIS_ROLL: Final = 0.045
-_TORSO_YAW: Final = 0.07
+_TORSO_YAW: Final = 0.09
 _LEAN: Final = 0.09
 """Forward lean of the trunk, which brings the centre of mass over the feet."""
-_ARM: Final = 0.33
+_NOD: Final = 0.04
+"""Pitch of the trunk, twice per stride, against the angular momentum of the legs."""
+_ARM: Final = 0.40
 _ARM_BACK: Final = 0.05
 _ELBOW: Final = 0.28
 _ELBOW_SWING: Final = 0.18
 _ABDUCTION: Final = 0.12
 _REFERENCE_M_S: Final = 1.2
+
+
+Knots = Float[np.ndarray, "knots"]
 
 
 @dataclass(frozen=True)
@@ -62,7 +69,7 @@ def stride_clock(plan: GaitPlan, time_s: Series) -> StrideClock:
     return StrideClock(_unrolled(strikes, counts, time_s), _unrolled(doubles, counts, time_s), vigour)
 
 
-def _unrolled(at_s: Series, phase: Series, time_s: Series) -> Series:
+def _unrolled(at_s: Knots, phase: Knots, time_s: Series) -> Series:
     """Monotone interpolation, continued with the mean rate over five steps at either end."""
     rate = np.pi * (len(at_s) - 1) / (at_s[-1] - at_s[0])
     steps = np.arange(1, 6)
@@ -86,8 +93,9 @@ def prescribe(body: AnthropometricBody, plan: GaitPlan, clock: StrideClock, rand
     swing = clock.vigour * briskness
     cos, sin = np.cos(clock.phi) * swing, np.sin(clock.phi) * swing
     none = np.zeros(len(cos))
+    nod = -_NOD * np.sin(2.0 * clock.phi_double) * swing
     pelvis = _ball(-vary[0] * _PELVIS_YAW * cos, none, vary[1] * _PELVIS_ROLL * sin)
-    torso = _ball(vary[2] * _TORSO_YAW * cos, none + _LEAN, none)
+    torso = _ball(vary[2] * _TORSO_YAW * cos, none + _LEAN + nod, none)
     head = _ball(none, none + 0.02, none)
     q = np.tile(body.neutral(), (len(cos), 1))
 

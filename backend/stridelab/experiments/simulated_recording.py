@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 from numpy.random import Generator
 
 from stridelab.body import segment_tables
@@ -21,6 +22,10 @@ from stridelab.recordings.recording import Event, Plate, Recording, Side, Subjec
 MARKER_RATE_HZ: Final = 100.0
 FORCE_RATE_HZ: Final = 1000.0
 PLATE_TYPE: Final = 2
+
+
+ReadSeries = Float[np.ndarray, "m"]
+ReadPoints = Float[np.ndarray, "m 3"]
 
 
 @dataclass(frozen=True)
@@ -60,7 +65,7 @@ def record(walk: Walk, noise: MeasurementNoise, seed: int, *, lab: LabName = "wa
         marker_rate_hz=MARKER_RATE_HZ,
         force_rate_hz=FORCE_RATE_HZ,
         plates=_plates(walk, n, noise, lab, random[2]),
-        subject=Subject(p.height_m, walk.body.mass_kg, p.sex),
+        subject=Subject(p.height_m, walk.mass_kg, p.sex),
         events=_events(walk),
         up_axis="+z",
         walking_direction=np.array([1.0, 0.0, 0.0]) if walk.plan.walks else None,
@@ -101,10 +106,10 @@ def _plate(
     return Plate(index, PLATE_TYPE, area.corners_m, force, moment, nothing)
 
 
-def _read(foot: FootWrench, time_s: Series, at_s: Series) -> FootWrench:
+def _read(foot: FootWrench, time_s: Series, at_s: ReadSeries) -> FootWrench:
     """The wrench at other instants (linear between samples of 1 ms; exact without latency)."""
 
-    def read(track: Points) -> Points:
+    def read(track: Points) -> ReadPoints:
         return np.column_stack([np.interp(at_s, time_s, track[:, axis]) for axis in range(3)])
 
     return FootWrench(read(foot.force_n), read(foot.cop_m), np.interp(at_s, time_s, foot.free_moment_nm))

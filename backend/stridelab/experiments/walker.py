@@ -20,7 +20,7 @@ from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
 from stridelab.conventions import Points
-from stridelab.errors import InvalidInput
+from stridelab.errors import Fault, InvalidInput
 from stridelab.experiments.anthropometric_body import AnthropometricBody, Configurations, build_body
 from stridelab.experiments.balance import com_over_zmp
 from stridelab.experiments.body_proportions import SIDES, letter
@@ -37,9 +37,9 @@ PLAN_RATE_HZ: Final = 200.0
 TRUTH_RATE_HZ: Final = 1000.0
 MARGIN_S: Final = 0.1
 """The motion is known this long before and after the recording, so that a late force can be read."""
-_PASSES: Final = 4
-_TRACKED_HZ: Final = 10.0
-_REACH: Final = 0.997
+_PASSES: Final = 6
+_TRACKED_HZ: Final = 25.0
+_REACH: Final = 0.99
 """Longest leg over thigh plus shank: knees stay bent by 20 degrees or more."""
 _STANCE_WIDTH: Final = 0.07
 """Distance of the ankles over stature."""
@@ -53,6 +53,7 @@ class Walk:
     """
 
     body: AnthropometricBody
+    mass_kg: float
     plan: GaitPlan
     duration_s: float
     posture: BSpline
@@ -108,7 +109,9 @@ class HumanWalker:
         posture = make_interp_spline(t - plan.record_from_s, q, k=5)
         n = round((self.duration_s + 2 * MARGIN_S) * TRUTH_RATE_HZ) + 1
         truth = true_motion(body, posture, np.arange(n) / TRUTH_RATE_HZ - MARGIN_S)
-        return Walk(body, plan, self.duration_s, posture, truth, share_wrench(truth, load, t - plan.record_from_s))
+        return Walk(
+            body, self.mass_kg, plan, self.duration_s, posture, truth, share_wrench(truth, load, t - plan.record_from_s)
+        )
 
     def _check(self) -> None:
         limits = {
@@ -119,11 +122,13 @@ class HumanWalker:
         }
         for name, (value, low, high) in limits.items():
             if not low <= value <= high:
-                raise InvalidInput(
-                    "walker-out-of-range", f"{name} must lie between {low:g} and {high:g}, not {value:g}."
-                )
+                raise _out_of_range(name, f"{name} must lie between {low:g} and {high:g}, not {value:g}.")
         if self.seed < 0:
-            raise InvalidInput("walker-out-of-range", "seed must not be negative.")
+            raise _out_of_range("seed", "seed must not be negative.")
+
+
+def _out_of_range(name: str, message: str) -> InvalidInput:
+    return InvalidInput("walker-out-of-range", message, [Fault(name, message)])
 
 
 def _whole_body(
