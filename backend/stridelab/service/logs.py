@@ -6,7 +6,7 @@ names of people or addresses of clients.
 
 import logging
 import sys
-from typing import TextIO
+from typing import Any, Protocol, runtime_checkable
 
 import structlog
 
@@ -14,12 +14,26 @@ CHATTY = ("uvicorn.access", "procrastinate", "httpx", "httpcore", "alembic", "we
 """Third-party loggers that are heard from warnings upward only; requests are logged by our own edge."""
 
 
-def configure_logging(level: str = "info", stream: TextIO | None = None) -> None:
+@runtime_checkable
+class Sink(Protocol):
+    """Where lines go: a text file, or something like it."""
+
+    def write(self, text: str, /) -> Any:
+        """Take some text."""
+
+    def flush(self) -> Any:
+        """Pass on what was taken."""
+
+    def isatty(self) -> bool:
+        """Whether a person looks on."""
+
+
+def configure_logging(level: str = "info", stream: Sink | None = None) -> None:
     """Send the lines of structlog and of the standard library to ``stream`` (standard error) in one format.
 
     Raises ``ValueError`` for an unknown level.
     """
-    out = stream if stream is not None else sys.stderr
+    out: Sink = stream if stream is not None else sys.stderr
     number = logging.getLevelNamesMapping().get(level.upper())
     if number is None:
         raise ValueError(f"unknown log level {level!r}; use debug, info, warning or error")
@@ -49,7 +63,7 @@ def configure_logging(level: str = "info", stream: TextIO | None = None) -> None
         logging.getLogger(name).setLevel(max(number, logging.WARNING))
 
 
-def _rendering(out: TextIO) -> list[structlog.typing.Processor]:
+def _rendering(out: Sink) -> list[structlog.typing.Processor]:
     if out.isatty():
         return [structlog.dev.ConsoleRenderer()]
     return [structlog.processors.format_exc_info, structlog.processors.JSONRenderer()]

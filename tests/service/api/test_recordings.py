@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from sqlalchemy import select
 
-from stridelab.service.api.recordings import endpoints, parsing
+from stridelab.service.api.recordings import parsing, storing
 from stridelab.service.api.recordings.multipart import safe_filename
 from stridelab.service.storage.tables import job, recording
 from support.database import TestDatabases
@@ -314,7 +314,7 @@ def test_a_failing_store_leaves_nothing(service: Served, trial: Path, monkeypatc
     def broken(_: object) -> None:
         raise RuntimeError("after the files, before the end of the transaction")
 
-    monkeypatch.setattr(endpoints.storing, "recording_of", broken)
+    monkeypatch.setattr(storing, "recording_of", broken)
     with service.http() as http:
         assert upload(http, trial.read_bytes() + b"\0" * 1024).status_code == 500
         assert service.stored_files() == before
@@ -361,7 +361,7 @@ def test_a_name_inside_a_file_is_never_shown(http: httpx.Client, service: Served
             ).scalar_one()
             row["subject"] = leaking
             await connection.execute(recording.update().where(recording.c.id == recording_id).values(facts=row))
-        return recording_id
+        return str(recording_id)
 
     assert "Real Person" not in http.get(f"{RECORDINGS}/{service.run(leak())}").text
 

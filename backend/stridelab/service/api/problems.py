@@ -129,11 +129,14 @@ def install(app: FastAPI) -> None:
         places = ", ".join(dict.fromkeys(fault.where for fault in faults))
         return answer(problem(422, "invalid-request", f"The request is not valid: see {places}.", faults))
 
-    async def on_http(_: Request, error: Exception) -> Response:
+    async def on_http(request: Request, error: Exception) -> Response:
         if not isinstance(error, HTTPException):
             raise error
         code, detail = _PLAIN.get(error.status_code, ("http-error", str(error.detail)))
-        return answer(problem(error.status_code, code, detail), error.headers)
+        headers = dict(error.headers or {})
+        if error.status_code == 405:
+            headers["Allow"] = ", ".join(_methods_of(app, request.scope["path"])) or headers.get("Allow", "")
+        return answer(problem(error.status_code, code, detail), headers)
 
     async def on_database(_: Request, error: Exception) -> Response:
         if isinstance(error, DataError):
@@ -147,3 +150,17 @@ def install(app: FastAPI) -> None:
     app.add_exception_handler(StridelabError, on_error)
     app.add_exception_handler(RequestValidationError, on_invalid)
     app.add_exception_handler(HTTPException, on_http)
+
+
+def _methods_of(app: FastAPI, path: str) -> list[str]:
+    """Methods that the description lists for ``path``; the router knows only those of the first route that fits."""
+    described = app.openapi()["paths"]
+    fitting = [path] if path in described else [template for template in described if _fits(template, path)]
+    return sorted({method.upper() for template in fitting for method in described[template]})
+
+
+def _fits(template: str, path: str) -> bool:
+    wanted, given = template.split("/"), path.split("/")
+    return len(wanted) == len(given) and all(
+        part.startswith("{") or part == piece for part, piece in zip(wanted, given, strict=True)
+    )

@@ -8,7 +8,9 @@ from collections.abc import Callable, Coroutine
 from typing import Any, Final, NoReturn
 
 from fastapi import Request
+from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
+from pydantic import TypeAdapter, ValidationError
 from starlette.responses import Response
 
 from stridelab.errors import Fault, InvalidInput, TooLarge
@@ -18,12 +20,14 @@ JSON_LIMIT_BYTES: Final = 1_000_000
 
 
 class StrictRoute(APIRoute):
-    """A route whose JSON body, if it takes one, is read strictly before anything else looks at it."""
+    """A route whose JSON body, if it takes one, is read and checked strictly before anything else looks at it."""
 
     def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
         handler = super().get_route_handler()
-        if self.body_field is None:
+        annotation: Any = None if self.body_field is None else self.body_field.field_info.annotation
+        if annotation is None:
             return handler
+        model: TypeAdapter[Any] = TypeAdapter(annotation)
 
         async def read_strictly(request: Request) -> Response:
             strict = _StrictRequest(request.scope, request.receive)
@@ -36,6 +40,11 @@ class StrictRoute(APIRoute):
                 )
             strict.raw = await read_limited(request, JSON_LIMIT_BYTES)
             strict.document = parse_json(strict.raw)
+            try:
+                # A number in quotes is no number, and true is not 1.
+                model.validate_json(strict.raw, strict=True)
+            except ValidationError as error:
+                raise RequestValidationError(error.errors(include_url=False, include_input=False)) from error
             return await handler(strict)
 
         return read_strictly

@@ -1,0 +1,297 @@
+"""Jobs over HTTP: submitted once, followed, waited for, cancelled; and what came out of them."""
+
+import io
+import json
+import threading
+import time
+import zipfile
+from collections.abc import Iterator
+
+import httpx
+import pytest
+
+from stridelab.service.jobs.kinds.registry import KINDS
+from support.database import TestDatabases
+from support.interface import Served, served
+from support.rows import add_job, add_recording, fail, report, start_job, succeed
+
+JOBS = "/api/v1/jobs"
+
+
+def refusal(answer: httpx.Response) -> tuple[int, str]:
+    assert answer.headers["content-type"] == "application/problem+json", answer.text
+    return answer.status_code, answer.json()["code"]
+
+
+@pytest.fixture
+def recording_id(service: Served) -> str:
+    return service.run(add_recording(service.parts))
+
+
+@pytest.fixture
+def job_id(service: Served) -> str:
+    return service.run(add_job(service.parts))
+
+
+def test_a_submission_is_accepted_and_says_where_to_wait(http: httpx.Client, recording_id: str) -> None:
+    answer = http.post(f"{JOBS}/estimate-com?priority=7", json={"recording_id": recording_id})
+    assert answer.status_code == 202
+    body = answer.json()
+    assert answer.headers["location"] == f"{JOBS}/{body['id']}"
+    assert (body["kind"], body["state"], body["priority"], body["attempt"]) == ("estimate-com", "queued", 7, 0)
+    assert body["recording_id"] == recording_id
+    assert body["queue_position"] == 1
+    assert http.get(answer.headers["location"]).json() == body
+
+
+def test_an_unknown_kind_lists_the_known_ones(http: httpx.Client) -> None:
+    answer = http.post(f"{JOBS}/make-coffee", json={})
+    assert refusal(answer) == (404, "unknown-job-kind")
+    assert "estimate-com" in answer.json()["detail"]
+    assert "coffee" not in answer.text
+
+
+def test_an_unknown_recording_is_refused_at_once(http: httpx.Client) -> None:
+    for identifier in ("f" * 32, "\u0000", "", "../x"):
+        status, _ = refusal(http.post(f"{JOBS}/estimate-com", json={"recording_id": identifier}))
+        assert status in (404, 422)
+
+
+@pytest.mark.parametrize(
+    ("kind", "body", "where"),
+    [
+        ("estimate-com", {}, "recording_id"),
+        ("estimate-com", {"recording_id": 7}, "recording_id"),
+        ("estimate-com", {"recording_id": "x", "method": "magic"}, "method"),
+        ("estimate-com", {"recording_id": "x", "surprise": 1}, "surprise"),
+        ("simulate-recording", {"duration_s": 1e9}, "duration_s"),
+        ("simulate-recording", {"noise": {"force_n": -1}}, "noise.force_n"),
+    ],
+)
+def test_an_invalid_input_is_named(http: httpx.Client, kind: str, body: object, where: str) -> None:
+    answer = http.post(f"{JOBS}/{kind}", json=body)
+    assert refusal(answer) == (422, "invalid-request")
+    assert answer.json()["errors"][0]["where"] == where
+
+
+@pytest.mark.parametrize("priority", ["x", "101", "-101", "1e3", "9" * 30])
+def test_an_absurd_priority_is_refused(http: httpx.Client, recording_id: str, priority: str) -> None:
+    answer = http.post(f"{JOBS}/estimate-com", params={"priority": priority}, json={"recording_id": recording_id})
+    assert refusal(answer) == (422, "invalid-request")
+
+
+def test_the_same_key_is_the_same_job(http: httpx.Client, recording_id: str) -> None:
+    headers = {"Idempotency-Key": f"key-{recording_id}"}
+    first = http.post(f"{JOBS}/estimate-com", json={"recording_id": recording_id}, headers=headers)
+    again = http.post(f"{JOBS}/estimate-com", json={"recording_id": recording_id}, headers=headers)
+    assert first.status_code == again.status_code == 202
+    assert first.json()["id"] == again.json()["id"]
+    other = http.post(
+        f"{JOBS}/estimate-com", json={"recording_id": recording_id, "method": "geometry"}, headers=headers
+    )
+    assert refusal(other) == (409, "idempotency-key-reused")
+
+
+@pytest.mark.parametrize("key", ["", "x" * 201, "a b", "ü".encode()])
+def test_an_odd_key_is_refused(http: httpx.Client, recording_id: str, key: str | bytes) -> None:
+    headers = {"Idempotency-Key": key}
+    answer = http.post(f"{JOBS}/estimate-com", json={"recording_id": recording_id}, headers=headers)  # type: ignore[arg-type]  # bytes are allowed
+    assert refusal(answer) == (422, "invalid-request")
+
+
+def test_a_full_queue_says_when_to_come_back(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> None:
+    data = tmp_path_factory.mktemp("data")
+    with postgres.fresh() as url, served(url, data, queue_limit=2) as small, small.http() as http:
+        answers = [http.post(f"{JOBS}/simulate-recording", json={"seed": seed}) for seed in range(4)]
+        assert [answer.status_code for answer in answers] == [202, 202, 429, 429]
+        assert refusal(answers[-1]) == (429, "queue-full")
+        assert int(answers[-1].headers["retry-after"]) >= 1
+        listed = http.get(JOBS, params={"state": "queued"}).json()["items"]
+        assert sorted(item["queue_position"] for item in listed) == [1, 2]
+
+
+def test_the_list_can_be_narrowed(http: httpx.Client, service: Served, recording_id: str) -> None:
+    jobs = [service.run(add_job(service.parts, recording_id)) for _ in range(3)]
+    service.run(fail(service.parts, service.run(start_job(service.parts, jobs[0]))))
+
+    def listed(**params: str) -> list[str]:
+        answer = http.get(JOBS, params={"recording_id": recording_id, **params})
+        return [item["id"] for item in answer.json()["items"]]
+
+    assert listed() == jobs[::-1]
+    assert listed(state="failed") == [jobs[0]]
+    assert listed(kind="simulate-recording") == []
+    page = http.get(JOBS, params={"recording_id": recording_id, "limit": "2"}).json()
+    assert [item["id"] for item in page["items"]] == jobs[:0:-1]
+    rest = http.get(JOBS, params={"recording_id": recording_id, "limit": "2", "cursor": page["next"]}).json()
+    assert ([item["id"] for item in rest["items"]], rest["next"]) == ([jobs[0]], None)
+    for params in ({"state": "lost"}, {"kind": "a\x00"}, {"recording_id": "ü"}):
+        assert refusal(http.get(JOBS, params=params)) == (422, "invalid-request")
+
+
+def test_a_failed_job_says_why(http: httpx.Client, service: Served, job_id: str) -> None:
+    service.run(fail(service.parts, service.run(start_job(service.parts, job_id))))
+    body = http.get(f"{JOBS}/{job_id}").json()
+    assert body["state"] == "failed"
+    assert body["error"]["code"] == "no-plates"
+    assert body["error"]["errors"] == [{"where": "plates", "message": "none"}]
+    assert body["log_tail"] == "log"
+    assert refusal(http.get(f"{JOBS}/{job_id}/result")) == (409, "job-without-result")
+    assert refusal(http.get(f"{JOBS}/{job_id}/bundle.zip")) == (409, "job-without-result")
+
+
+def test_waiting_ends_with_the_job(http: httpx.Client, service: Served, job_id: str) -> None:
+    attempt = service.run(start_job(service.parts, job_id))
+    states: list[str] = []
+
+    def wait() -> None:
+        states.append(http.get(f"{JOBS}/{job_id}", params={"wait": "25"}).json()["state"])
+
+    waiting = threading.Thread(target=wait)
+    waiting.start()
+    time.sleep(0.3)
+    assert waiting.is_alive()
+    service.run(succeed(service.parts, attempt))
+    waiting.join(10)
+    assert states == ["succeeded"]
+
+
+def test_waiting_ends_with_the_patience(http: httpx.Client, job_id: str) -> None:
+    assert http.get(f"{JOBS}/{job_id}", params={"wait": "0.2"}).json()["state"] == "queued"
+    for wait in ("61", "-1", "nan", "inf", "x"):
+        assert refusal(http.get(f"{JOBS}/{job_id}", params={"wait": wait})) == (422, "invalid-request")
+
+
+def test_a_cancelled_job_stays_cancelled(http: httpx.Client, service: Served, job_id: str) -> None:
+    assert http.delete(f"{JOBS}/{job_id}").json()["state"] == "cancelled"
+    assert http.delete(f"{JOBS}/{job_id}").json()["state"] == "cancelled"
+    done = service.run(add_job(service.parts))
+    service.run(succeed(service.parts, service.run(start_job(service.parts, done))))
+    assert http.delete(f"{JOBS}/{done}").json()["state"] == "succeeded"
+
+
+class Stream:
+    """Events of a stream as they come, read by hand."""
+
+    def __init__(self, response: httpx.Response) -> None:
+        assert response.status_code == 200
+        assert response.headers["content-type"].startswith("text/event-stream")
+        assert "no-cache" in response.headers["cache-control"]
+        self._lines = response.iter_lines()
+
+    def __iter__(self) -> Iterator[dict[str, str]]:
+        event: dict[str, str] = {}
+        for line in self._lines:
+            name, _, value = line.partition(": ")
+            if line == "" and event:
+                yield event
+                event = {}
+            elif name:
+                event[name] = value
+
+
+def test_events_come_as_they_happen_and_end_with_the_job(service: Served, job_id: str) -> None:
+    with service.http() as http, http.stream("GET", f"{JOBS}/{job_id}/events") as response:
+        events = iter(Stream(response))
+        first = next(events)
+        assert (first["event"], json.loads(first["data"])["state"]) == ("state", "queued")
+        attempt = service.run(start_job(service.parts, job_id))
+        assert json.loads(next(events)["data"])["state"] == "running"
+        service.run(report(service.parts, attempt, 0.5, "half"))
+        half = next(events)
+        assert half["event"] == "progress"
+        assert json.loads(half["data"])["progress"] == {"fraction": 0.5, "message": "half"}
+        service.run(succeed(service.parts, attempt))
+        last = next(events)
+        assert (last["event"], json.loads(last["data"])["state"]) == ("state", "succeeded")
+        assert next(events, None) is None
+
+
+def test_events_resume_after_the_last_one_seen(service: Served, job_id: str) -> None:
+    attempt = service.run(start_job(service.parts, job_id))
+    for i in range(3):
+        service.run(report(service.parts, attempt, i / 3, str(i)))
+    service.run(succeed(service.parts, attempt))
+
+    def events(**headers: str) -> list[dict[str, str]]:
+        with service.http() as http, http.stream("GET", f"{JOBS}/{job_id}/events", headers=headers) as response:
+            return list(Stream(response))
+
+    everything = events()
+    numbers = [int(event["id"]) for event in everything]
+    assert numbers == sorted(set(numbers))
+    assert len(everything) == 6
+    for seen in range(6):
+        resumed = events(**{"Last-Event-ID": everything[seen]["id"]})
+        expected = [event["id"] for event in everything[seen + 1 :]]
+        assert [event["id"] for event in resumed] == (expected or [everything[-1]["id"]])
+        assert json.loads(resumed[-1]["data"])["state"] == "succeeded"
+
+
+@pytest.mark.parametrize("last", ["x", "-1", "1.5", "9" * 20, "١"])
+def test_an_odd_event_number_is_refused(http: httpx.Client, job_id: str, last: str) -> None:
+    answer = http.get(f"{JOBS}/{job_id}/events", headers={"Last-Event-ID": last.encode()})  # type: ignore[dict-item]  # bytes are allowed
+    assert refusal(answer) == (422, "invalid-event-id")
+
+
+def test_a_stream_ends_when_its_job_is_deleted(service: Served, recording_id: str) -> None:
+    job_id = service.run(add_job(service.parts, recording_id))
+    with service.http() as http, http.stream("GET", f"{JOBS}/{job_id}/events") as response:
+        events = iter(Stream(response))
+        next(events)
+        with service.http() as other:
+            assert other.delete(f"/api/v1/recordings/{recording_id}").status_code == 204
+        assert [json.loads(event["data"])["state"] for event in events] in ([], ["cancelled"])
+
+
+def test_result_artifacts_and_bundle(http: httpx.Client, service: Served, recording_id: str) -> None:
+    job_id = service.run(add_job(service.parts, recording_id))
+    assert refusal(http.get(f"{JOBS}/{job_id}/result")) == (409, "job-not-finished")
+    large = b"time_s,x_m\n" + b"0.0,1.0\n" * 200_000
+    files = [
+        ("com.csv", "text/csv", large),
+        ("com.parquet", "application/vnd.apache.parquet", b"PAR1"),
+    ]
+    service.run(succeed(service.parts, service.run(start_job(service.parts, job_id)), files))
+    result = http.get(f"{JOBS}/{job_id}/result").json()
+    assert result["kind"] == "estimate-com"
+    assert result["input"]["recording_id"] == recording_id
+    assert result["summary"] == {"mass_kg": 60.2}
+    assert result["artifacts"] == [{"name": n, "media_type": m, "bytes": len(c)} for n, m, c in files]
+    table = http.get(f"{JOBS}/{job_id}/artifacts/com.csv")
+    assert table.content == large
+    assert table.headers["content-type"].startswith("text/csv")
+    assert "com.csv" in table.headers["content-disposition"]
+    for name in ("nope", "..%2F..%2Fsecret", "%00", "com.csv%2F"):
+        assert http.get(f"{JOBS}/{job_id}/artifacts/{name}").status_code == 404
+
+    bundle = http.get(f"{JOBS}/{job_id}/bundle.zip")
+    assert bundle.headers["content-type"] == "application/zip"
+    with zipfile.ZipFile(io.BytesIO(bundle.content)) as archive:
+        assert archive.testzip() is None
+        assert set(archive.namelist()) == {
+            "input.json",
+            "result.json",
+            "versions.json",
+            "references.bib",
+            "artifacts/com.csv",
+            "artifacts/com.parquet",
+            "input/walk.c3d",
+        }
+        assert archive.read("artifacts/com.csv") == large
+        assert archive.read("input/walk.c3d") == b"hello"
+        assert json.loads(archive.read("result.json")) == result
+        assert json.loads(archive.read("versions.json")) == result["versions"]
+        assert b"@phdthesis{carpentier2017thesis," in archive.read("references.bib")
+
+
+def test_a_file_that_has_gone_is_told(http: httpx.Client, service: Served, job_id: str) -> None:
+    attempt = service.run(start_job(service.parts, job_id))
+    service.run(succeed(service.parts, attempt, [("com.csv", "text/csv", b"x")]))
+    service.run(service.parts.blobs.delete_prefix(f"results/{job_id}"))
+    assert refusal(http.get(f"{JOBS}/{job_id}/artifacts/com.csv")) == (404, "file-gone")
+
+
+def test_every_registered_kind_has_a_call(service: Served) -> None:
+    paths = service.app.openapi()["paths"]
+    assert {f"{JOBS}/{kind}" for kind in KINDS} <= set(paths)

@@ -1,0 +1,145 @@
+"""The service about itself: health, metrics, logs."""
+
+import asyncio
+import io
+import json
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+import structlog
+from prometheus_client.parser import text_string_to_metric_families
+
+from stridelab import __version__
+from stridelab.errors import Unavailable
+from stridelab.service.api.app import create_app
+from stridelab.service.logs import configure_logging
+from stridelab.service.settings import Settings
+from support.database import TestDatabases
+from support.interface import Served, served
+from support.rows import add_job, add_recording, fail, start_job
+
+
+def test_health(http: httpx.Client) -> None:
+    body = http.get("/api/v1/health").json()
+    assert (body["status"], body["database"], body["version"]) == ("ok", "ok", __version__)
+    assert body["uptime_s"] >= 0
+
+
+def test_without_its_database_the_service_says_so_and_lives_on(postgres: TestDatabases, tmp_path: Path) -> None:
+    with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
+        engine = service.parts.engine
+        gone = engine.url.set(database="nowhere")
+        service.app.state.parts = _with_engine(service, str(gone.render_as_string(hide_password=False)))
+        for path in ("/api/v1/health", "/api/v1/recordings", "/metrics"):
+            answer = http.get(path)
+            assert (answer.status_code, answer.json()["code"]) == (503, "database-unreachable")
+        lost = service.app.state.parts.engine
+        service.app.state.parts = _with_engine(service, engine.url.render_as_string(hide_password=False))
+        assert http.get("/api/v1/health").status_code == 200
+        service.run(lost.dispose())
+        service.run(service.parts.engine.dispose())
+        service.run(engine.dispose())
+
+
+def _with_engine(service: Served, url: str) -> object:
+    from dataclasses import replace
+
+    from stridelab.service.storage.database import make_engine
+
+    async def made() -> object:
+        return replace(service.parts, engine=make_engine(url))
+
+    return service.run(made())
+
+
+def test_an_application_without_database_address_does_not_start() -> None:
+    app = create_app(Settings(database_url=None))
+
+    async def start() -> None:
+        async with app.router.lifespan_context(app):
+            pytest.fail("it started")
+
+    with pytest.raises(Unavailable, match="STRIDELAB_DATABASE_URL"):
+        asyncio.run(start())
+
+
+def test_metrics_count_what_is_there(postgres: TestDatabases, tmp_path: Path) -> None:
+    with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
+        recording_id = service.run(add_recording(service.parts))
+        jobs = [service.run(add_job(service.parts, recording_id)) for _ in range(3)]
+        service.run(fail(service.parts, service.run(start_job(service.parts, jobs[0]))))
+        answer = http.get("/metrics")
+    assert answer.headers["content-type"].startswith("text/plain")
+    samples = {
+        (sample.name, *sorted(sample.labels.values())): sample.value
+        for family in text_string_to_metric_families(answer.text)
+        for sample in family.samples
+    }
+    assert samples["stridelab_jobs", "estimate-com", "queued"] == 2
+    assert samples["stridelab_jobs", "estimate-com", "failed"] == 1
+    assert samples["stridelab_job_duration_seconds_count", "estimate-com", "failed"] == 1
+    assert samples["stridelab_job_duration_seconds_sum", "estimate-com", "failed"] >= 0
+    assert samples["stridelab_queue_oldest_seconds",] > 0
+    assert samples["stridelab_recordings",] == 1
+    assert samples["stridelab_upload_bytes",] == 5
+
+
+@pytest.fixture
+def lines() -> Iterator[io.StringIO]:
+    """What is logged, with everything put back at the end."""
+    root, out = logging.getLogger(), io.StringIO()
+    handlers, level = root.handlers[:], root.level
+    configure_logging("info", out)
+    yield out
+    root.handlers[:] = handlers
+    root.setLevel(level)
+    structlog.reset_defaults()
+    for name in ("uvicorn.access", "procrastinate", "httpx", "httpcore", "alembic", "websockets"):
+        logging.getLogger(name).setLevel(logging.NOTSET)
+
+
+def test_a_request_is_one_line_without_personal_data(
+    lines: io.StringIO, postgres: TestDatabases, tmp_path: Path
+) -> None:
+    with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
+        job_id = service.run(add_job(service.parts))
+        answers = [
+            http.get(f"/api/v1/jobs/{job_id}"),
+            http.get("/api/v1/Erika-Mustermann?name=Erika"),
+            http.post("/api/v1/subjects", json={"name": "Erika"}),
+            http.post("/api/v1/recordings", files={"file": ("Erika.c3d", b"")}, data={"subject_name": "Erika"}),
+        ]
+    logged = [json.loads(line) for line in lines.getvalue().splitlines()]
+    requests = [line for line in logged if line["event"] == "request"]
+    assert [line["request_id"] for line in requests] == [answer.headers["x-request-id"] for answer in answers]
+    assert [line["status"] for line in requests] == [200, 404, 201, 422]
+    assert requests[0]["job_id"] == job_id
+    assert requests[1]["route"] == "unmatched"
+    assert all({"level", "timestamp", "method", "took_ms"} <= set(line) for line in requests)
+    assert "Erika" not in lines.getvalue()
+    assert "127.0.0.1" not in "".join(json.dumps(line) for line in requests)
+
+
+def test_lines_of_libraries_have_the_same_form(lines: io.StringIO) -> None:
+    with structlog.contextvars.bound_contextvars(job_id="j1"):
+        logging.getLogger("some.library").warning("look at %s", "this")
+        logging.getLogger("httpx").info("not this")
+    (line,) = [json.loads(text) for text in lines.getvalue().splitlines()]
+    assert (line["event"], line["level"], line["job_id"]) == ("look at this", "warning", "j1")
+
+
+def test_exceptions_are_logged_with_their_trace(lines: io.StringIO) -> None:
+    try:
+        raise RuntimeError("inside")
+    except RuntimeError:
+        structlog.get_logger("x").exception("went wrong")
+    line = json.loads(lines.getvalue())
+    assert "RuntimeError: inside" in line["exception"]
+
+
+def test_an_unknown_level_is_refused() -> None:
+    with pytest.raises(ValueError, match="log level"):
+        configure_logging("loud")
