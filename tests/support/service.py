@@ -1,84 +1,193 @@
-"""The web application on a real port, in a thread of the test process, with parts that a test can look into."""
+"""Real processes for tests: the whole service, or workers alone, and the jobs they are given."""
 
 import asyncio
-import threading
-from collections.abc import Awaitable, Iterator
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-import httpx
-import uvicorn
-from fastapi import FastAPI
+import psutil
 
-from stridelab.service.api.app import create_app
-from stridelab.service.api.parts import Parts
-from stridelab.service.settings import Settings
+from stridelab.service.jobs.store import JobRecord, JobStore
+from stridelab.service.storage.database import make_engine
+from support.kinds import KINDS
 
-T = TypeVar("T")
+TESTS = Path(__file__).parents[1]
+BRISK = {"STRIDELAB_HEARTBEAT_S": "0.4", "STRIDELAB_STALL_S": "3", "STRIDELAB_WORKER_SLOTS": "1"}
 
 
-@dataclass(frozen=True)
-class Served:
-    """A running application."""
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
 
-    app: FastAPI
-    base_url: str
-    loop: asyncio.AbstractEventLoop
-    data: Path
+
+def environment(**settings: str) -> dict[str, str]:
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("STRIDELAB_")}
+    return {**kept, "PYTHONPATH": str(TESTS), **BRISK, **settings}
+
+
+def ended(process: psutil.Process) -> bool:
+    try:
+        return process.status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
+
+
+def wait_until(true: Callable[[], bool], timeout_s: float, what: str) -> None:
+    deadline = time.monotonic() + timeout_s
+    while not true():
+        assert time.monotonic() < deadline, f"not within {timeout_s} s: {what}"
+        time.sleep(0.05)
+
+
+@dataclass
+class Jobs:
+    """The jobs of one database, for tests that wait by looking."""
+
+    url: str
+
+    def ask(self, act: Callable[[JobStore], Awaitable[Any]]) -> Any:
+        async def inside() -> Any:
+            engine = make_engine(self.url)
+            try:
+                return await act(JobStore(engine, KINDS))
+            finally:
+                await engine.dispose()
+
+        return asyncio.run(inside())
+
+    def submit(self, kind: str, **task: Any) -> str:
+        return str(self.ask(lambda store: store.submit(kind, task)).job_id)
+
+    def get(self, job_id: str) -> JobRecord:
+        record = self.ask(lambda store: store.get(job_id))
+        assert isinstance(record, JobRecord)
+        return record
+
+    def states(self, job_id: str) -> list[str]:
+        return [event.state for event in self.ask(lambda store: store.events_after(job_id))]
+
+    def until(self, job_id: str, wanted: Callable[[JobRecord], bool], timeout_s: float = 60.0) -> JobRecord:
+        deadline = time.monotonic() + timeout_s
+        while True:
+            try:
+                record = self.get(job_id)
+                if wanted(record):
+                    return record
+                seen = f"{record.state}, attempt {record.attempt}"
+            except OSError as error:
+                seen = repr(error)
+            except Exception as error:
+                if "connection" not in str(error):
+                    raise
+                seen = "the database is away"
+            assert time.monotonic() < deadline, f"not within {timeout_s} s: {seen}"
+            time.sleep(0.1)
+
+    def until_running(self, job_id: str) -> JobRecord:
+        return self.until(job_id, lambda record: record.state == "running" and record.message.startswith("step"))
+
+    def until_final(self, job_id: str, timeout_s: float = 60.0) -> JobRecord:
+        return self.until(job_id, lambda record: record.is_final, timeout_s)
+
+
+@dataclass
+class Service:
+    """``supervisor_entry`` on a data folder of its own."""
+
+    folder: Path
+    port: int = field(default_factory=free_port)
+    process: subprocess.Popen[str] | None = None
+
+    def start(self, **settings: str) -> float:
+        """Start and wait for the address; returns how many seconds that took."""
+        began = time.monotonic()
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "support.supervisor_entry"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=environment(STRIDELAB_DATA_DIR=str(self.folder), STRIDELAB_PORT=str(self.port), **settings),
+        )
+        said = []
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            said.append(line)
+            if "is running on" in line:
+                return time.monotonic() - began
+        raise AssertionError("".join(said) or "it ended without a word")
 
     @property
-    def parts(self) -> Parts:
-        parts = self.app.state.parts
-        assert isinstance(parts, Parts)
-        return parts
+    def url(self) -> str:
+        record = json.loads((self.folder / "postgres.json").read_text(encoding="utf-8"))
+        return f"postgresql://postgres@/postgres?host={record['socket']}"
 
-    def http(self, **options: Any) -> httpx.Client:
-        return httpx.Client(base_url=self.base_url, timeout=30.0, **options)
+    @property
+    def jobs(self) -> Jobs:
+        return Jobs(self.url)
 
-    def run(self, work: Awaitable[T], timeout_s: float = 30.0) -> T:
-        """Do ``work`` in the application's own event loop."""
+    def members(self) -> list[psutil.Process]:
+        """Every process that the supervisor started, itself first."""
+        assert self.process is not None
+        supervisor = psutil.Process(self.process.pid)
+        return [supervisor, *supervisor.children(recursive=True)]
 
-        async def wrapped() -> T:
-            return await work
+    def member(self, words: str, timeout_s: float = 60.0) -> psutil.Process:
+        """The direct child whose command line holds ``words``, as soon as it is there."""
+        assert self.process is not None
+        deadline = time.monotonic() + timeout_s
+        while True:
+            for child in psutil.Process(self.process.pid).children():
+                try:
+                    line = child.cmdline()
+                except psutil.NoSuchProcess:
+                    continue
+                if words in line or any(part.endswith(f"/{words}") for part in line[:1]):
+                    return child
+            assert time.monotonic() < deadline, f"no {words} within {timeout_s} s"
+            time.sleep(0.05)
 
-        return asyncio.run_coroutine_threadsafe(wrapped(), self.loop).result(timeout_s)
+    def healthy(self) -> bool:
+        try:
+            with urllib.request.urlopen(f"http://127.0.0.1:{self.port}/api/v1/health", timeout=2) as answer:
+                return bool(answer.status == 200)
+        except OSError:
+            return False
 
-    def stored_files(self) -> set[str]:
-        """Keys of all stored files, and what lies in the spool."""
-        blobs = self.data / "blobs"
-        kept = {str(path.relative_to(blobs)) for path in blobs.rglob("*") if path.is_file()}
-        return kept | {f"spool/{path.name}" for path in (self.data / "spool").iterdir()}
+    def stop(self, signum: int = signal.SIGTERM) -> float:
+        """End it; returns how many seconds that took."""
+        assert self.process is not None
+        began = time.monotonic()
+        self.process.send_signal(signum)
+        self.process.wait(15)
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+        return time.monotonic() - began
 
 
 @contextmanager
-def served(database_url: str, data: Path, **options: Any) -> Iterator[Served]:
-    """Run the application with ``options`` as settings; stopped at the end."""
-    settings = Settings(**{"database_url": database_url, "data_dir": data, "min_free_disk_mb": 0, **options})
-    app = create_app(settings)
-    server = uvicorn.Server(
-        uvicorn.Config(app, host="127.0.0.1", port=0, log_config=None, access_log=False, timeout_graceful_shutdown=1)
-    )
-    started = threading.Event()
-    loops: list[asyncio.AbstractEventLoop] = []
-
-    async def serve() -> None:
-        loops.append(asyncio.get_running_loop())
-        task = asyncio.create_task(server.serve())
-        while not server.started and not task.done():
-            await asyncio.sleep(0.01)
-        started.set()
-        await task
-
-    thread = threading.Thread(target=lambda: asyncio.run(serve()), daemon=True)
-    thread.start()
-    assert started.wait(60)
-    assert server.started, "the application did not start; see the log"
-    port = server.servers[0].sockets[0].getsockname()[1]
-    try:
-        yield Served(app, f"http://127.0.0.1:{port}", loops[0], data)
-    finally:
-        server.should_exit = True
-        thread.join(20)
-        assert not thread.is_alive()
+def worker(url: str, folder: Path, **settings: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A worker of its own on an existing database."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / f"worker-{time.monotonic_ns()}.log").open("wb") as log:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "support.worker_entry"],
+            stdout=log,
+            stderr=log,
+            env=environment(STRIDELAB_DATABASE_URL=url, STRIDELAB_DATA_DIR=str(folder), **settings),
+        )
+        try:
+            yield process
+        finally:
+            process.kill()
+            process.wait()

@@ -1,0 +1,36 @@
+"""Recovery tests start real processes and kill them; all are marked, and one service serves most of them."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from support.database import TestDatabases, databases, public_folder
+from support.service import Service
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    for item in items:
+        if Path(__file__).parent in item.path.parents:
+            item.add_marker(pytest.mark.recovery)
+
+
+@pytest.fixture(scope="session")
+def postgres() -> Iterator[TestDatabases]:
+    with databases() as made:
+        yield made
+
+
+@pytest.fixture
+def database_url(postgres: TestDatabases) -> Iterator[str]:
+    with postgres.fresh() as url:
+        yield url
+
+
+@pytest.fixture(scope="session")
+def service() -> Iterator[Service]:
+    with public_folder() as folder:
+        made = Service(folder / "data")
+        made.start()
+        yield made
+        made.stop()

@@ -1,0 +1,90 @@
+"""kill -9 of the web server, the worker, the postmaster and everything: a job ends once, succeeded, with one result."""
+
+import asyncio
+import os
+import signal
+from pathlib import Path
+
+import pytest
+
+from stridelab.service.storage.blobs import BlobStore
+from support.database import public_folder
+from support.service import Service, ended, wait_until
+
+MEMBERS = {"web server": "support.api_entry", "worker": "support.worker_entry", "postmaster": "postgres"}
+
+
+def starts_and_ends(diary: Path, name: str) -> tuple[int, int]:
+    lines = diary.read_text(encoding="utf-8").splitlines()
+    return lines.count(f"{name} start"), lines.count(f"{name} end")
+
+
+def assert_published_once(service: Service, job_id: str) -> None:
+    record = service.jobs.get(job_id)
+    assert record.state == "succeeded"
+    assert service.jobs.states(job_id).count("succeeded") == 1
+
+    async def keys() -> list[str]:
+        store = BlobStore.from_url((service.folder / "blobs").as_uri())
+        return [info.key async for info in store.list_prefix(f"results/{job_id}")]
+
+    assert asyncio.run(keys()) == [f"{record.blob_prefix}/numbers.csv"]
+
+
+@pytest.mark.parametrize("member", MEMBERS)
+def test_running_job_survives_the_death_of(service: Service, member: str, tmp_path: Path) -> None:
+    diary = tmp_path / "diary"
+    job_id = service.jobs.submit("long-work", work_s=2.5, diary=str(diary), name="j")
+    service.jobs.until_running(job_id)
+    victim = service.member(MEMBERS[member])
+    victim.kill()
+    record = service.jobs.until_final(job_id)
+    assert record.state == "succeeded", record.error
+    assert_published_once(service, job_id)
+    starts, ends = starts_and_ends(diary, "j")
+    assert ends == 1
+    # only the worker's death costs a second start; what the others' death interrupts goes on
+    assert (starts, record.attempt) == ((2, 2) if member == "worker" else (1, 1))
+    wait_until(service.healthy, 60, "a healthy service")
+
+
+@pytest.mark.parametrize("member", MEMBERS)
+def test_queued_job_survives_the_death_of(service: Service, member: str, tmp_path: Path) -> None:
+    diary = tmp_path / "diary"
+    ahead = service.jobs.submit("long-work", work_s=1.5, diary=str(diary), name="ahead")
+    service.jobs.until_running(ahead)
+    job_id = service.jobs.submit("long-work", diary=str(diary), name="j")
+    assert service.jobs.get(job_id).state == "queued"
+    service.member(MEMBERS[member]).kill()
+    for waiting in (ahead, job_id):
+        assert service.jobs.until_final(waiting).state == "succeeded"
+        assert_published_once(service, waiting)
+    assert starts_and_ends(diary, "j") == (1, 1)
+    assert starts_and_ends(diary, "ahead")[1] == 1
+    wait_until(service.healthy, 60, "a healthy service")
+
+
+def test_everything_killed_at_once_and_started_again(tmp_path: Path) -> None:
+    diary = tmp_path / "diary"
+    with public_folder() as folder:
+        service = Service(folder / "data")
+        service.start()
+        running = service.jobs.submit("long-work", work_s=2.5, diary=str(diary), name="running")
+        service.jobs.until_running(running)
+        queued = service.jobs.submit("long-work", diary=str(diary), name="queued")
+        members = service.members()
+        for process in members:
+            os.kill(process.pid, signal.SIGKILL)
+        service.stop(signal.SIGKILL)
+        wait_until(lambda: all(ended(process) for process in members), 20, "everything ended")
+
+        service.start()
+        try:
+            for job_id in (running, queued):
+                assert service.jobs.until_final(job_id).state == "succeeded"
+                assert_published_once(service, job_id)
+            assert service.jobs.get(running).attempt == 2
+            assert starts_and_ends(diary, "running") == (2, 1)
+            assert starts_and_ends(diary, "queued") == (1, 1)
+        finally:
+            service.stop()

@@ -1,0 +1,68 @@
+"""Workers that stall, die and come back, on a database that goes on."""
+
+import os
+import signal
+import time
+from contextlib import ExitStack
+from pathlib import Path
+
+from support.service import Jobs, worker
+
+
+def test_zombie_publishes_nothing_and_a_survivor_takes_over(database_url: str, tmp_path: Path) -> None:
+    """A worker is stopped past its stall time, another takes the job, the first one wakes: one result."""
+    jobs, diary = Jobs(database_url), tmp_path / "diary"
+    blobs = {"STRIDELAB_BLOB_URL": (tmp_path / "blobs").as_uri()}
+    with ExitStack() as stack:
+        sleeper = stack.enter_context(worker(database_url, tmp_path / "a", **blobs))
+        job_id = jobs.submit("long-work", work_s=2.0, diary=str(diary), name="j")
+        jobs.until_running(job_id)
+        os.kill(sleeper.pid, signal.SIGSTOP)
+        other = stack.enter_context(worker(database_url, tmp_path / "b", **blobs))
+        jobs.until(job_id, lambda record: record.attempt == 2 and record.state == "running")
+        os.kill(sleeper.pid, signal.SIGCONT)  # its child has finished: it tries to publish attempt 1
+        record = jobs.until_final(job_id)
+        time.sleep(1.0)
+        assert (record.state, record.attempt) == ("succeeded", 2)
+        assert jobs.get(job_id) == record
+        assert jobs.states(job_id).count("succeeded") == 1
+        kept = [str(p.relative_to(tmp_path / "blobs")) for p in (tmp_path / "blobs").rglob("*") if p.is_file()]
+        assert kept == [f"results/{job_id}/2/numbers.csv"]
+
+        # the awakened worker is sound: it finishes what the other one is killed with
+        taken = jobs.submit("long-work", work_s=4.0, diary=str(diary), name="k")
+        jobs.until_running(taken)
+        (other if any((tmp_path / "b" / "work").glob("*/*/")) else sleeper).kill()
+        record = jobs.until_final(taken)
+        assert (record.state, record.attempt) == ("succeeded", 2)
+    assert [line for line in diary.read_text().splitlines() if line.startswith("k")] == ["k start", "k start", "k end"]
+
+
+def test_job_that_kills_its_workers_fails_in_the_end(database_url: str, tmp_path: Path) -> None:
+    jobs = Jobs(database_url)
+    job_id = jobs.submit("spin")
+    for attempt in (1, 2):
+        with worker(database_url, tmp_path / "a", STRIDELAB_JOB_MAX_ATTEMPTS="2") as victim:
+            jobs.until(job_id, lambda record, n=attempt: record.state == "running" and record.attempt == n)
+            victim.kill()
+    with worker(database_url, tmp_path / "a", STRIDELAB_JOB_MAX_ATTEMPTS="2"):
+        record = jobs.until_final(job_id)
+        assert record.state == "failed"
+        assert record.error is not None
+        assert record.error["code"] == "worker-died"
+        assert jobs.until_final(jobs.submit("work")).state == "succeeded"
+
+
+def test_cancel_asked_of_a_dead_worker_is_kept_and_its_files_go(database_url: str, tmp_path: Path) -> None:
+    jobs = Jobs(database_url)
+    with worker(database_url, tmp_path / "a") as victim:
+        job_id = jobs.submit("spin")
+        jobs.until(job_id, lambda record: record.state == "running")
+        victim.kill()
+    left = list((tmp_path / "a" / "work").iterdir())
+    assert len(left) == 1
+    jobs.ask(lambda store: store.request_cancel(job_id))
+    assert jobs.get(job_id).state == "running"
+    with worker(database_url, tmp_path / "a"):
+        assert jobs.until_final(job_id).state == "cancelled"
+        assert not left[0].exists()
