@@ -1,6 +1,7 @@
 """The zip of an OpenSim trial: which members are the markers and the forces, without trusting any of its numbers."""
 
 import zipfile
+import zlib
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,6 +37,7 @@ def open_trial(path: Path) -> TrialTexts:
     except (
         zipfile.BadZipFile,
         zipfile.LargeZipFile,
+        zlib.error,
         EOFError,
         OSError,
         NotImplementedError,

@@ -1,18 +1,34 @@
 """Checks of a C3D file's header and parameter records, before a C library gets to see them.
 
 Layout after the C3D user manual (c3d.org): 512-byte header; parameter records, each a chain of groups and
-parameters linked by 16-bit offsets; then frames of points and analog samples.
+parameters linked by 16-bit offsets; then frames of points and analog samples. ezc3d 1.7.2 trusts all of it: a damaged
+byte in the wrong place is a crash or an endless loop there, and a refusal with a name here.
 """
 
+import math
 import struct
+from dataclasses import dataclass
 from pathlib import Path
 
 from stridelab.errors import Fault, UnreadableFile
 
 _BLOCK = 512
+_LAST_PARAMETER_BLOCK = 20
+"""The parameters follow the header (block 2); some programs leave a little room. "%PDF" would be block 37."""
 _MAX_POINTS = 2000
 _MAX_ANALOG_PER_FRAME = 40000
 _MAX_VALUES = 200_000_000
+_PROCESSORS = {84: "<", 85: "<", 86: ">"}
+"""Intel, DEC and MIPS, with the byte order of their integers."""
+
+
+@dataclass(frozen=True)
+class _Record:
+    """One parameter record: number of its group, name, and how many values it holds (texts count as one)."""
+
+    group: int
+    name: str
+    n_values: int
 
 
 def check_c3d(path: Path) -> None:
@@ -22,24 +38,22 @@ def check_c3d(path: Path) -> None:
         head = file.read(_BLOCK)
         if size == 0:
             raise UnreadableFile("empty-file", "The file is empty (0 bytes).", [Fault(path.name, "0 bytes")])
-        if len(head) < 2 or head[1] != 0x50:
+        if len(head) < 2 or head[1] != 0x50 or not 2 <= head[0] <= _LAST_PARAMETER_BLOCK:
             raise UnreadableFile("not-c3d", "This is not a C3D file.", [Fault(path.name, "no C3D key in the header")])
-        if len(head) < _BLOCK or head[0] < 2 or size < head[0] * _BLOCK:
+        if len(head) < _BLOCK or size < head[0] * _BLOCK:
             raise _truncated(path, "the header")
         file.seek((head[0] - 1) * _BLOCK)
-        parameters = file.read(4)
-        processor = parameters[3] if len(parameters) == 4 else 0
-        if processor not in (84, 85, 86):
-            raise UnreadableFile(
-                "c3d-parameters-broken",
-                "The C3D file's parameter section is damaged.",
-                [Fault(path.name, f"unknown processor type {processor}")],
-            )
-        file.seek((head[0] - 1) * _BLOCK)
-        section = file.read(parameters[2] * _BLOCK)
-    order = ">" if processor == 86 else "<"
-    _check_chain(path, section, order)
+        start = file.read(4)
+        order = _PROCESSORS.get(start[3])
+        if order is None:
+            raise _broken(path, f"unknown processor type {start[3]}")
+        section = start + file.read(start[2] * _BLOCK - 4)
+    n_points, n_analog, first, last = struct.unpack_from(order + "4H", head, 2)
+    records = _follow_chain(path, section, order)
+    _check_counts(path, n_points, n_analog, first, last)
     _check_data(path, head, order, size)
+    if n_analog:
+        _check_analog(path, records)
 
 
 def _truncated(path: Path, what: str) -> UnreadableFile:
@@ -48,51 +62,93 @@ def _truncated(path: Path, what: str) -> UnreadableFile:
     )
 
 
-def _check_chain(path: Path, section: bytes, order: str) -> None:
-    """Follow the chain of parameter records: it must end inside the section and go forward only."""
-    at = 4
-    while True:
-        if at + 2 > len(section):
-            raise _truncated(path, "the parameter section")
-        name_length = abs(struct.unpack_from("b", section, at)[0])
-        if name_length == 0:
-            return
-        link = at + 2 + name_length
-        if link + 2 > len(section):
-            raise _truncated(path, "the parameter section")
-        (step,) = struct.unpack_from(order + "H", section, link)
-        if step == 0:
-            return
-        at = link + step
+def _broken(path: Path, what: str) -> UnreadableFile:
+    return UnreadableFile(
+        "c3d-parameters-broken", "The C3D file's parameter section is damaged.", [Fault(path.name, what)]
+    )
+
+
+def _follow_chain(path: Path, section: bytes, order: str) -> list[_Record]:
+    """All records; each must be whole and sane, and all must fit into the section.
+
+    A record is: length of the name, group number (negative for a group itself), name, offset to the next record, then
+    for a parameter its type, number of dimensions, dimensions and values, then the description with its length.
+    """
+    at, records = 4, []
+    try:
+        while name_length := abs(struct.unpack_from("b", section, at)[0]):
+            (group,) = struct.unpack_from("b", section, at + 1)
+            name = section[at + 2 : at + 2 + name_length]
+            link = at + 2 + name_length
+            (step,) = struct.unpack_from(order + "H", section, link)
+            if group == 0 or not name.strip(b" \0") or any(byte < 0x20 for byte in name.rstrip(b"\0")):
+                raise _broken(path, f"a record at byte {at} has no proper name")
+            length, n_values = _values(path, section, link + 2) if group > 0 else (0, 0)
+            end = link + 2 + length
+            end += 1 + section[end]
+            if end > len(section):
+                raise _truncated(path, "the parameter section")
+            records.append(_Record(group, name.decode("latin-1").strip().upper(), n_values))
+            if step == 0:
+                break
+            if end > link + step:
+                raise _broken(path, f"the record {records[-1].name} overlaps the next one")
+            at = link + step
+    except (struct.error, IndexError) as error:
+        raise _truncated(path, "the parameter section") from error
+    return records
+
+
+def _values(path: Path, section: bytes, at: int) -> tuple[int, int]:
+    """Bytes of a parameter's type, dimensions and values, and the number of values."""
+    (kind,) = struct.unpack_from("b", section, at)
+    n_dimensions = section[at + 1]
+    if kind not in (-1, 1, 2, 4) or n_dimensions > 7:
+        raise _broken(path, f"a parameter of type {kind} with {n_dimensions} dimensions")
+    shape = section[at + 2 : at + 2 + n_dimensions]
+    return 2 + n_dimensions + abs(kind) * math.prod(shape), math.prod(shape[1:] if kind == -1 else shape)
+
+
+def _check_counts(path: Path, n_points: int, n_analog: int, first: int, last: int) -> None:
+    """Counts of the header that no recording has."""
+    what = None
+    if n_points > _MAX_POINTS or n_analog > _MAX_ANALOG_PER_FRAME:
+        what = f"{n_points} points and {n_analog} analog values per frame"
+    elif (n_points or n_analog) and last < first:
+        what = f"frames from {first} to {last}"
+    elif (last - first + 1) * (4 * n_points + n_analog) > _MAX_VALUES:
+        what = "more data than any recording has"
+    if what is not None:
+        raise UnreadableFile(
+            "absurd-c3d-header", f"The C3D header promises {what}; that is no recording.", [Fault(path.name, what)]
+        )
 
 
 def _check_data(path: Path, head: bytes, order: str, size: int) -> None:
-    """Frames times values must fit between the start of the data and the end of the file."""
+    """Frames times values must fit between the start of the data and the end of the file.
+
+    A negative scale means four bytes per value; DEC floats have their sign in the second byte.
+    """
     n_points, n_analog, first, last = struct.unpack_from(order + "4H", head, 2)
-    (data_block,) = struct.unpack_from(order + "H", head, 16)
-    raw_scale = head[12:16]
-    # DEC floats keep the sign bit in the same place once their two words are swapped.
-    negative = bool((raw_scale[0] if order == ">" else raw_scale[3]) & 0x80) or bool(
-        raw_scale[1] & 0x80 and order == "<"
-    )
-    if n_points > _MAX_POINTS or n_analog > _MAX_ANALOG_PER_FRAME:
-        raise UnreadableFile(
-            "absurd-c3d-header",
-            f"The C3D header promises {n_points} points and {n_analog} analog values per frame; that is no recording.",
-            [Fault(path.name, "absurd counts")],
-        )
-    frames = last - first + 1
-    if n_points == 0 and n_analog == 0:
+    values = (last - first + 1) * (4 * n_points + n_analog)
+    if values == 0 or n_points + n_analog == 0:
         return
-    if frames <= 0 and last != 65535:
-        raise UnreadableFile(
-            "absurd-c3d-header",
-            f"The C3D header counts frames from {first} to {last}.",
-            [Fault(path.name, "no frames")],
-        )
-    values = frames * (4 * n_points + n_analog)
-    if values > _MAX_VALUES:
-        raise UnreadableFile("absurd-c3d-header", "The C3D header promises more data than any recording has.", [])
-    start = (data_block - 1) * _BLOCK if data_block else 0
-    if start <= 0 or start + values * (4 if negative else 2) > size:
+    (data_block,) = struct.unpack_from(order + "H", head, 16)
+    signs = (head[12],) if order == ">" else (head[13], head[15])
+    width = 4 if any(byte & 0x80 for byte in signs) else 2
+    if data_block < 2 or (data_block - 1) * _BLOCK + values * width > size:
         raise _truncated(path, "its frames")
+
+
+def _check_analog(path: Path, records: list[_Record]) -> None:
+    """Analog samples need a scale and an offset per channel (in SCALE, SCALE2 ...); ezc3d reads them unchecked."""
+    numbers = {record.group for record in records if record.name == "GEN_SCALE"}
+    n_channels = _entries(records, numbers, "LABELS")
+    for wanted in ("SCALE", "OFFSET"):
+        n = _entries(records, numbers, wanted)
+        if n == 0 or n < n_channels:
+            raise _broken(path, f"ANALOG:{wanted} has {n} of {n_channels} entries")
+
+
+def _entries(records: list[_Record], groups: set[int], name: str) -> int:
+    return sum(r.n_values for r in records if r.group in groups and r.name.rstrip("0123456789") == name)

@@ -57,7 +57,7 @@ def read_trc_mot(path: Path) -> RawTrial:
             )
         cloud, time_s = cloud[keep], time_s[keep]
         force_rate_hz = sampling_rate_hz(mot_time_s)
-        contacts, more = _contacts(mot_time_s - time_s[0], forces, force_rate_hz, len(cloud) / rate_hz)
+        contacts, more = _contacts(even_times_s(mot_time_s, time_s[0]), forces, force_rate_hz, len(cloud) / rate_hz)
         remarks = (*remarks, *more)
     return RawTrial(
         labels=tuple(choice.column),
@@ -149,6 +149,18 @@ def sampling_rate_hz(time_s: Series) -> float:
     rate_hz = float((len(time_s) - 1) / (time_s[-1] - time_s[0]))
     nearest = round(rate_hz)
     return float(nearest) if nearest and abs(rate_hz - nearest) < 1e-3 * nearest else rate_hz
+
+
+def even_times_s(time_s: Series, zero_s: float) -> Series:
+    """Times counted from ``zero_s`` without their rounding: even steps, a whole step from zero where nearly so.
+
+    A column that is not evenly sampled (off by half a step) is left as it is.
+    """
+    rate_hz = sampling_rate_hz(time_s)
+    first = (time_s[0] - zero_s) * rate_hz
+    steps = (round(first) if abs(first - round(first)) < 0.1 else first) + np.arange(len(time_s))
+    even: Series = steps / rate_hz
+    return even if np.abs(even - (time_s - zero_s)).max() < 0.5 / rate_hz else time_s - zero_s
 
 
 def _table(rows: list[str], width: int) -> Table:

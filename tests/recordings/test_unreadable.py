@@ -1,0 +1,236 @@
+"""Files that are no recordings: each refused by name, never by a crash."""
+
+import struct
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stridelab.errors import InvalidInput, UnreadableFile
+from stridelab.recordings import archive
+from stridelab.recordings.reader import read_recording
+from support.synthetic_c3d import PlateChannels, write_file
+
+TRC = """PathFileType\t4\t(X/Y/Z)\ta.trc
+DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits
+100\t100\t2\t1\tmm
+Frame#\tTime\tA\t\t
+\t\tX1\tY1\tZ1
+
+1\t0\t1\t2\t3
+2\t0.01\t1\t2\t3
+"""
+COLUMNS = "\t".join(f"ground_force_{kind}{axis}" for kind in "vp" for axis in "xyz")
+MOT = f"grf\nversion=1\nnRows=2\nnColumns=7\nendheader\ntime\t{COLUMNS}\n"
+MOT += "0\t0\t700\t0\t0\t0\t0\n0.01\t0\t700\t0\t0\t0\t0\n"
+
+
+def good(folder: Path) -> bytes:
+    rng = np.random.default_rng(0)
+    points = {f"M{i}": rng.normal(900.0, 300.0, (20, 3)) for i in range(6)}
+    return write_file(folder / "good.c3d", points, plates=[PlateChannels(2, rng.normal(0, 1, (200, 6)))]).read_bytes()
+
+
+def refusal(path: Path) -> UnreadableFile:
+    with pytest.raises(UnreadableFile) as refused:
+        read_recording(path)
+    assert refused.value.message.endswith((".", ")."))
+    return refused.value
+
+
+def refused_bytes(folder: Path, content: bytes, name: str = "trial.c3d") -> UnreadableFile:
+    path = folder / name
+    path.write_bytes(content)
+    return refusal(path)
+
+
+def refused_zip(folder: Path, members: dict[str, str]) -> UnreadableFile:
+    path = folder / "trial.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as packed:
+        for name, text in members.items():
+            packed.writestr(name, text)
+    return refusal(path)
+
+
+def test_empty_file(tmp_path: Path) -> None:
+    error = refused_bytes(tmp_path, b"")
+    assert error.code == "empty-file"
+    assert error.faults[0].where == "trial.c3d"
+
+
+@pytest.mark.parametrize("content", [b"\x00", b"hello world" * 100, b"%PDF-1.7" + bytes(2000), bytes(4096)])
+def test_not_a_recording(content: bytes, tmp_path: Path) -> None:
+    assert refused_bytes(tmp_path, content).code in {"unknown-format", "not-c3d"}
+
+
+def test_content_decides_not_the_name(tmp_path: Path) -> None:
+    (tmp_path / "trial.txt").write_bytes(good(tmp_path))
+    assert read_recording(tmp_path / "trial.txt").n_frames == 20
+
+
+@pytest.mark.parametrize("keep", [2, 300, 512, 513, 700, 1024])
+def test_truncated_in_header_or_parameters(keep: int, tmp_path: Path) -> None:
+    assert refused_bytes(tmp_path, good(tmp_path)[:keep]).code in {"truncated-file", "c3d-parameters-broken"}
+
+
+@pytest.mark.parametrize("share", [0.5, 0.9])
+def test_truncated_in_the_frames(share: float, tmp_path: Path) -> None:
+    """Cut inside the data section (it starts at the block named in the header)."""
+    content = good(tmp_path)
+    start = (struct.unpack_from("<H", content, 16)[0] - 1) * 512
+    error = refused_bytes(tmp_path, content[: start + int(share * 20 * (6 * 16 + 60 * 4))])
+    assert error.code == "truncated-file"
+
+
+@pytest.mark.parametrize(
+    ("offset", "value"),
+    [(2, 65535), (4, 65535), (8, 65535), (8, 40000)],
+    ids=["points", "analog", "last frame", "many frames"],
+)
+def test_absurd_counts(offset: int, value: int, tmp_path: Path) -> None:
+    content = bytearray(good(tmp_path))
+    struct.pack_into("<H", content, offset, value)
+    assert refused_bytes(tmp_path, bytes(content)).code in {"absurd-c3d-header", "truncated-file"}
+
+
+def test_frames_that_run_backwards(tmp_path: Path) -> None:
+    content = bytearray(good(tmp_path))
+    struct.pack_into("<2H", content, 6, 50, 10)
+    assert refused_bytes(tmp_path, bytes(content)).code == "absurd-c3d-header"
+
+
+def test_parameter_chain_that_leaves_the_section(tmp_path: Path) -> None:
+    content = bytearray(good(tmp_path))
+    name_length = abs(struct.unpack_from("b", content, 516)[0])
+    struct.pack_into("<H", content, 518 + name_length, 60000)
+    assert refused_bytes(tmp_path, bytes(content)).code == "truncated-file"
+
+
+DAMAGE = """
+import sys
+from pathlib import Path
+import numpy as np
+from stridelab.errors import UnreadableFile
+from stridelab.recordings.reader import read_recording
+
+path = Path(sys.argv[1])
+content, rng, outcomes = path.read_bytes(), np.random.default_rng(5), []
+for _ in range(150):
+    damaged = bytearray(content)
+    for at in rng.integers(0, 1600, 3):
+        damaged[at] = int(rng.integers(0, 256))
+    path.write_bytes(bytes(damaged))
+    try:
+        outcomes.append(read_recording(path).n_frames)
+    except UnreadableFile as error:
+        outcomes.append(error.code)
+print(len(outcomes), len({o for o in outcomes if isinstance(o, str)}))
+"""
+
+
+def test_random_damage_is_a_recording_or_a_named_refusal(tmp_path: Path) -> None:
+    """150 files with three bytes of header or parameters changed: no crash, no hang, no other exception."""
+    path = tmp_path / "damaged.c3d"
+    path.write_bytes(good(tmp_path))
+    run = subprocess.run(
+        [sys.executable, "-c", DAMAGE, str(path)], capture_output=True, text=True, timeout=120, check=False
+    )
+    assert run.returncode == 0, run.stderr[-2000:]
+    n, n_codes = map(int, run.stdout.split())
+    assert n == 150
+    assert n_codes >= 3
+
+
+def test_nan_everywhere(tmp_path: Path) -> None:
+    path = write_file(tmp_path / "a.c3d", {f"M{i}": np.full((10, 3), np.nan) for i in range(4)})
+    assert refusal(path).code == "all-missing"
+
+
+def test_zeros_everywhere(tmp_path: Path) -> None:
+    path = write_file(tmp_path / "a.c3d", {f"M{i}": np.zeros((10, 3)) for i in range(4)})
+    assert refusal(path).code == "all-missing"
+
+
+def test_no_markers_but_angles(tmp_path: Path) -> None:
+    path = write_file(tmp_path / "a.c3d", {"LHipAngles": np.ones((10, 3)), "*12": np.ones((10, 3))})
+    assert refusal(path).code == "no-markers"
+
+
+def test_unknown_label_in_a_marker_map(tmp_path: Path) -> None:
+    (tmp_path / "a.c3d").write_bytes(good(tmp_path))
+    with pytest.raises(InvalidInput) as refused:
+        read_recording(tmp_path / "a.c3d", marker_map={"l_heel": "M0", "r_heel": "nobody"})
+    assert refused.value.code == "unknown-marker"
+    assert [fault.where for fault in refused.value.faults] == ["nobody"]
+
+
+def test_zip_without_trc(tmp_path: Path) -> None:
+    assert refused_zip(tmp_path, {"notes.txt": "hello", "a.mot": MOT}).code == "zip-without-trc"
+    assert refused_zip(tmp_path, {}).code in {"zip-without-trc", "zip-damaged"}
+
+
+def test_zip_with_two_trials(tmp_path: Path) -> None:
+    error = refused_zip(tmp_path, {"a.trc": TRC, "b.trc": TRC, "a.mot": MOT})
+    assert error.code == "zip-several-trials"
+    assert {fault.where for fault in error.faults} == {"a.trc", "b.trc", "a.mot"}
+
+
+def test_zip_with_too_many_files(tmp_path: Path) -> None:
+    assert refused_zip(tmp_path, {f"{i}.txt": "" for i in range(100)}).code == "zip-too-many-files"
+
+
+def test_zip_bomb(tmp_path: Path) -> None:
+    """100 MB of blanks in 100 kB of zip."""
+    bomb = "PathFileType" + " " * (archive.MAX_MEMBER_BYTES + 10)
+    assert refused_zip(tmp_path, {"a.trc": bomb}).code == "zip-bomb"
+
+
+def test_damaged_zip(tmp_path: Path) -> None:
+    with zipfile.ZipFile(tmp_path / "a.zip", "w", zipfile.ZIP_DEFLATED) as packed:
+        packed.writestr("a.trc", TRC * 50)
+    content = bytearray((tmp_path / "a.zip").read_bytes())
+    assert refused_bytes(tmp_path, bytes(content[: len(content) // 2]), "half.zip").code == "zip-damaged"
+    content[60] ^= 0xFF
+    assert refused_bytes(tmp_path, bytes(content), "flipped.zip").code in {"zip-damaged", "trc-broken"}
+
+
+def test_litter_in_a_zip_is_no_second_trial(tmp_path: Path) -> None:
+    path = tmp_path / "trial.zip"
+    with zipfile.ZipFile(path, "w") as packed:
+        packed.writestr("x/a.trc", TRC)
+        packed.writestr("x/a.mot", MOT)
+        packed.writestr("__MACOSX/x/._a.trc", TRC)
+        packed.writestr("x/.hidden.trc", TRC)
+    assert read_recording(path).n_frames == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        (TRC.replace("\t2\t1\tmm", "\t2\t7\tmm"), "trc-broken"),
+        (TRC[: TRC.index("1\t0\t1")], "no-frames"),
+        (TRC.replace("0.01\t1\t2", "0.01\tabc\t2"), "trc-broken"),
+        (TRC.replace("2\t0.01", "2\t-1"), "trc-broken"),
+        ("PathFileType", "trc-broken"),
+    ],
+    ids=["marker count", "no rows", "not a number", "time", "header only"],
+)
+def test_broken_trc(text: str, code: str, tmp_path: Path) -> None:
+    assert refused_zip(tmp_path, {"a.trc": text, "a.mot": MOT}).code == code
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        (MOT.replace("700\t0\t0", "x\t0\t0", 1), "mot-broken"),
+        (MOT.replace("ground_force_px", "other_px").replace("_py", "y").replace("_pz", "z"), "mot-without-forces"),
+        (MOT.replace("\n0.01\t", "\n-5\t"), "mot-broken"),
+        (MOT.replace("\n0\t0\t7", "\n50\t0\t7").replace("\n0.01\t", "\n50.01\t"), "times-do-not-overlap"),
+    ],
+    ids=["not a number", "no centre of pressure", "time", "other times"],
+)
+def test_broken_mot(text: str, code: str, tmp_path: Path) -> None:
+    assert refused_zip(tmp_path, {"a.trc": TRC, "a.mot": text}).code == code
