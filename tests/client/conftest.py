@@ -1,0 +1,27 @@
+"""A running application for the client to talk to."""
+
+from collections.abc import Iterator
+
+import pytest
+
+from stridelab.client import Client
+from support.database import databases
+from support.interface import Served, served
+
+
+@pytest.fixture(scope="session")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    data = tmp_path_factory.mktemp("data")
+    with databases() as made, made.fresh() as url, served(url, data) as running:
+        yield running
+
+
+@pytest.fixture
+def lab(service: Served) -> Iterator[Client]:
+    with Client(service.base_url) as client:
+        yield client
+
+
+@pytest.fixture
+def anyio_backend() -> str:
+    return "asyncio"
