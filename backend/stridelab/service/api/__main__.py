@@ -20,7 +20,7 @@ def server(settings: Settings) -> uvicorn.Server:
             f"{settings.host} can be reached by others: set STRIDELAB_API_TOKEN or STRIDELAB_API_TOKEN_FILE first.",
         )
     config = uvicorn.Config(
-        create_app(settings),
+        create_app(settings, with_sample=True),
         host=settings.host,
         port=settings.port,
         ws_max_size=WS_MAX_BYTES,

@@ -14,6 +14,7 @@ from fastapi import APIRouter, FastAPI
 
 from stridelab import __version__
 from stridelab.errors import Unavailable
+from stridelab.service import bundled
 from stridelab.service.api import health, metrics, openapi, problems, session
 from stridelab.service.api.auth import Gate, Keys
 from stridelab.service.api.edge import Edge
@@ -35,13 +36,18 @@ PARSERS: Final = 2
 STALE_SPOOL_S: Final = 3600.0
 
 
-def create_app(settings: Settings) -> FastAPI:
-    """The application; nothing is opened before it starts, so that its description costs nothing."""
+def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
+    """The application; nothing is opened before it starts, so that its description costs nothing.
+
+    ``with_sample`` brings the bundled recording into the database at start, as every real service does.
+    """
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         async with open_parts(settings) as parts:
             app.state.parts = parts
+            if with_sample:
+                await bundled.seed(parts.engine, parts.blobs)
             yield
 
     app = FastAPI(
