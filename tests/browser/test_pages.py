@@ -64,7 +64,9 @@ def test_plots_show_the_curves_of_the_file(tab: Tab, service: Service, estimated
     assert axes.count() == 5
 
 
-def test_cursor_is_shared_by_readout_plots_and_viewer_link(tab: Tab, estimated: tuple[str, str]) -> None:
+def test_cursor_is_shared_by_readout_plots_and_viewer_link(
+    tab: Tab, service: Service, estimated: tuple[str, str]
+) -> None:
     recording_id, job_id = estimated
     page = tab.go(f"/jobs/{job_id}")
     page.wait_for_selector("#plots[data-ready]")
@@ -78,8 +80,13 @@ def test_cursor_is_shared_by_readout_plots_and_viewer_link(tab: Tab, estimated: 
     expect(page.locator("#readout")).to_contain_text(f"t {at:.3f} s")
     link = page.get_by_role("link", name="See this instant in 3D")
     expect(link).to_have_attribute("href", f"/view/?recording={recording_id}&job={job_id}&t={at:.3f}")
+    page.evaluate("() => Plotly.relayout('plots', { 'xaxis.range': [0.2, 0.3] })")
     page.get_by_role("button", name="Show window").click()
-    page.wait_for_function("() => document.getElementById('plots').layout.xaxis.range[0] > 0.05")
+    window_s = service.client.result(job_id).summary["window_s"]
+    zoomed = (
+        "([a, b]) => { const r = document.getElementById('plots').layout.xaxis.range; return r[0] === a && r[1] === b }"
+    )
+    page.wait_for_function(zoomed, arg=window_s)
 
 
 def test_many_files_at_once_each_with_its_own_answer(tab: Tab, trial: Path, tmp_path: Path) -> None:
