@@ -99,7 +99,7 @@ def read_c3d(path: Path) -> RawTrial:
         up_hint=_SCREEN.get(P.text("POINT", "Y_SCREEN").upper()),
         remarks=(*choice.remarks, *unit_remarks, *subject_remarks, *plate_remarks),
         metres_per_unit=scale,
-        carried={name.lower(): "".join(P.texts(CARRIED_GROUP, name)) for name in P.names(CARRIED_GROUP)},
+        carried=_carried(P),
     )
 
 
@@ -117,6 +117,12 @@ def _continued(P: Parameters, name: str) -> list[str]:
     while more := P.texts("POINT", f"{name}{k}"):
         values, k = values + more, k + 1
     return values
+
+
+def _carried(P: Parameters) -> dict[str, str]:
+    """Texts of our own group, put together again from their pieces."""
+    pieces = {name.lower(): P.texts(CARRIED_GROUP, name) for name in P.names(CARRIED_GROUP)}
+    return {name: "".join(texts) for name, texts in pieces.items() if texts}
 
 
 def _stated_subject(P: Parameters) -> dict[str, float]:

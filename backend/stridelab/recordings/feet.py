@@ -101,7 +101,7 @@ def ground_velocity_m_s(recording: Recording, tracks: list[Points]) -> Float[np.
     low = []
     for track in tracks:
         v = velocity_m_s(track, recording.marker_rate_hz)
-        low.append(v[track[:, 2] < np.nanpercentile(track[:, 2], 30.0)])
+        low.append(v[track[:, 2] <= np.nanpercentile(track[:, 2], 30.0)])
     return np.asarray(np.nanmedian(np.concatenate(low), axis=0) * [1.0, 1.0, 0.0], dtype=np.float64)
 
 

@@ -63,7 +63,7 @@ def fore_aft_remarks(plates: tuple[Plate, ...], direction: Vector3 | None, rate_
             i, j = round(start_s * rate_hz), round(end_s * rate_hz)
             k = (i + j) // 2
             brake_n, push_n = float(along_n[i:k].mean()), float(along_n[k:j].mean())
-            if j - i >= 0.3 * rate_hz and min(abs(brake_n), abs(push_n)) > 0.02 * float(plate.force_n[i:j, 2].mean()):
+            if j - i >= 0.25 * rate_hz and min(abs(brake_n), abs(push_n)) > 0.02 * float(plate.force_n[i:j, 2].mean()):
                 signs.append(brake_n > 0.0 > push_n)
         if signs and all(signs):
             turned.append(plate.index)

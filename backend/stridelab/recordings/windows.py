@@ -15,13 +15,14 @@ from jaxtyping import Int
 from stridelab.conventions import Mask
 from stridelab.errors import Fault, NotEstimable
 from stridelab.recordings.feet import Foot, find_feet
-from stridelab.recordings.footing import SLACK_S, STAIR_M, held_by_step, main_plate, on_plate
+from stridelab.recordings.footing import STAIR_M, held_by_step, main_plate, on_plate
 from stridelab.recordings.gaps import runs
 from stridelab.recordings.recording import Plate, Recording, Remark, Window
 from stridelab.recordings.steps import loaded_intervals, vertical_force_n, whole_steps
 
 MIN_WINDOW_S = 0.25
 """Half a step at a normal pace; nothing can be estimated from less."""
+_SHARED_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ def find_windows(recording: Recording, landmarks: Mapping[str, str]) -> WindowSe
         window for window in _as_windows(complete, recording.marker_rate_hz) if _carries(recording, plates, window)
     )
     remarks = _trust(recording, windows)
-    if np.count_nonzero(shared) >= SLACK_S * recording.marker_rate_hz and _alternates(feet):
+    if np.count_nonzero(shared) >= _SHARED_S * recording.marker_rate_hz and _alternates(feet):
         message = "Two feet stand on one plate at a time: the total force is right, the force per foot is not."
         remarks = (*remarks, Remark("two-feet-on-one-plate", message))
     return WindowSearch(windows, remarks)

@@ -1,0 +1,150 @@
+"""C3D files out and in again."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import ezc3d
+import numpy as np
+import pytest
+
+from stridelab.errors import InvalidInput
+from stridelab.recordings.reader import read_recording
+from stridelab.recordings.recording import Event, Recording, Subject
+from stridelab.recordings.writer import add_points_to_c3d, chunks, write_c3d
+from support.schematic_walk import walk
+from support.synthetic_c3d import PlateChannels, write_file
+
+
+def full() -> Recording:
+    recording = walk([2, 3])
+    markers = {label: track.copy() for label, track in recording.markers_m.items()}
+    markers["l_heel"][50:90] = np.nan
+    return replace(
+        recording,
+        markers_m=markers,
+        subject=Subject(1.72, 71.5, "female", 34.0),
+        events=(Event(0.8, "foot_off", "right"), Event(61.25, "foot_strike", "left")),
+        carried={"segment_table": '{"name": "own", "text": "' + "two words " * 40 + '"}'},
+        model_points_m={"LHJC": recording.markers_m["pelvis_0"] - 0.1},
+    )
+
+
+def test_a_recording_comes_back(tmp_path: Path) -> None:
+    recording = full()
+    com = np.column_stack([recording.time_s, 0 * recording.time_s, 1.0 + 0 * recording.time_s])
+    write_c3d(tmp_path / "out.c3d", recording, extra_points={"CentreOfMass": com})
+    back = read_recording(tmp_path / "out.c3d")
+    assert set(back.markers_m) == set(recording.markers_m)
+    for label, track in recording.markers_m.items():
+        np.testing.assert_allclose(back.markers_m[label], track, atol=1e-6)
+    np.testing.assert_allclose(back.model_points_m["CentreOfMass"], com, atol=1e-6)
+    assert "LHJC" in back.model_points_m
+    for a, b in zip(recording.plates, back.plates, strict=True):
+        np.testing.assert_allclose(b.force_n, a.force_n, atol=1e-3)
+        np.testing.assert_allclose(b.moment_nm, a.moment_nm, atol=1e-3)
+        np.testing.assert_allclose(b.corners_m, a.corners_m, atol=1e-6)
+    assert back.subject == recording.subject
+    assert [(e.kind, e.side) for e in back.events] == [(e.kind, e.side) for e in recording.events]
+    np.testing.assert_allclose([e.time_s for e in back.events], [0.8, 61.25], atol=1e-4)
+    assert back.carried == recording.carried
+    assert back.walking_direction is not None
+    np.testing.assert_allclose(back.walking_direction, recording.walking_direction, atol=1e-6)
+    assert "plate-sign-reversed" not in {remark.code for remark in back.remarks}
+
+
+def test_another_program_reads_the_same_plates(tmp_path: Path) -> None:
+    """ezc3d's own force-plate filter, which trusts the types of the parameters."""
+    recording = full()
+    write_c3d(tmp_path / "out.c3d", recording)
+    plates = ezc3d.c3d(str(tmp_path / "out.c3d"), extract_forceplat_data=True)["data"]["platform"]
+    for ours, theirs in zip(recording.plates, plates, strict=True):
+        np.testing.assert_allclose(theirs["force"].T, ours.force_n, atol=1e-3)
+        cop = theirs["center_of_pressure"].T[ours.force_n[:, 2] > 50.0] / 1000.0
+        inside = np.all((cop > ours.corners_m.min(axis=0) - 1e-6) & (cop < ours.corners_m.max(axis=0) + 1e-6), axis=1)
+        assert inside.all()
+
+
+def test_a_force_rate_that_is_no_multiple_is_raised_to_one(tmp_path: Path) -> None:
+    recording = walk([2, 3], force_rate_hz=950.0)
+    write_c3d(tmp_path / "out.c3d", recording)
+    back = read_recording(tmp_path / "out.c3d")
+    assert back.force_rate_hz == 1000.0
+    assert len(back.plates[0].force_n) == 10 * recording.n_frames
+
+
+def test_no_plates_no_subject_no_events(tmp_path: Path) -> None:
+    recording = replace(walk([2]), plates=())
+    write_c3d(tmp_path / "out.c3d", recording)
+    back = read_recording(tmp_path / "out.c3d")
+    assert back.plates == ()
+    assert back.subject == Subject()
+
+
+def test_chunks_never_end_in_a_blank() -> None:
+    text = "word " * 200 + "x" * 300
+    parts = chunks(text)
+    assert "".join(parts) == text
+    assert all(len(part) <= 100 for part in parts)
+    assert all(part == part.strip() for part in parts)
+    assert chunks("") == [""]
+
+
+def upload(folder: Path) -> Path:
+    """Y up, 260 points (more than one list of labels), a gap, an odd unit, a copyright notice, cropped to frame 120."""
+    rng = np.random.default_rng(0)
+    rest = rng.uniform([-300, 0, -300], [300, 1700, 300], (260, 3))
+    points = {f"M{i}": rest[i] + rng.normal(0, 5, (40, 3)) for i in range(260)}
+    points["M7"][10:20] = np.nan
+    signals = np.zeros((400, 6))
+    signals[100:300, 2] = -700.0
+    corners = np.array([[-250.0, 0, 200], [250, 0, 200], [250, 0, -200], [-250, 0, -200]])[[3, 2, 1, 0]]
+    extra = {
+        ("POINT", "Y_SCREEN"): "+Y",
+        ("COPYRIGHT", "NOTICE"): ["keep this", "and this"],
+        ("EVENT", "USED"): [1],
+        ("EVENT", "LABELS"): ["Foot Strike"],
+        ("EVENT", "CONTEXTS"): ["Left"],
+        ("EVENT", "TIMES"): np.array([[0.0], [1.35]]),
+    }
+    plates = [PlateChannels(2, signals, corners_mm=corners)]
+    return write_file(folder / "upload.c3d", points, plates=plates, parameters=extra, first_frame=120)
+
+
+def test_points_are_added_in_the_files_own_axes_and_all_else_is_kept(tmp_path: Path) -> None:
+    source, target = upload(tmp_path), tmp_path / "com.c3d"
+    com = np.column_stack([np.linspace(0, 1, 40), np.full(40, 0.2), np.full(40, 0.9)])
+    com[3] = np.nan
+    add_points_to_c3d(source, target, {"CentreOfMass": com})
+    before, after = ezc3d.c3d(str(source)), ezc3d.c3d(str(target))
+    n = before["data"]["points"].shape[1]
+    np.testing.assert_array_equal(after["data"]["points"][:3, :n], before["data"]["points"][:3])
+    np.testing.assert_array_equal(after["data"]["analogs"], before["data"]["analogs"])
+    assert after["header"]["points"]["first_frame"] == before["header"]["points"]["first_frame"] == 120
+    assert after["parameters"]["COPYRIGHT"]["NOTICE"]["value"] == ["keep this", "and this"]
+    for name in ("CORNERS", "ORIGIN", "CHANNEL", "TYPE", "ZERO"):
+        np.testing.assert_array_equal(
+            after["parameters"]["FORCE_PLATFORM"][name]["value"], before["parameters"]["FORCE_PLATFORM"][name]["value"]
+        )
+    y_up = np.column_stack([com[:, 0], com[:, 2], -com[:, 1]])
+    np.testing.assert_allclose(after["data"]["points"][:3, n].T / 1000.0, y_up, atol=1e-6)
+    assert after["data"]["meta_points"]["residuals"][0, n, 3] == -1
+    a, b = read_recording(source), read_recording(target)
+    assert a.up_axis == b.up_axis == "+y"
+    assert a.events == b.events
+    np.testing.assert_allclose(b.model_points_m["CentreOfMass"][10:], com[10:], atol=1e-6)
+    for p, q in zip(a.plates, b.plates, strict=True):
+        np.testing.assert_array_equal(p.force_n, q.force_n)
+
+
+def test_a_label_that_is_taken_is_not_overwritten(tmp_path: Path) -> None:
+    source, target = upload(tmp_path), tmp_path / "com.c3d"
+    add_points_to_c3d(source, target, {"M3": np.ones((40, 3))})
+    markers = read_recording(target).markers_m
+    assert {"M3", "M3_stridelab"} <= set(markers)
+
+
+def test_points_of_another_length_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput) as refused:
+        add_points_to_c3d(upload(tmp_path), tmp_path / "com.c3d", {"CentreOfMass": np.ones((39, 3))})
+    assert refused.value.code == "wrong-frame-count"
+    assert not (tmp_path / "com.c3d").exists()
