@@ -19,6 +19,7 @@ from stridelab.service.api import health, metrics, openapi, problems, session
 from stridelab.service.api.auth import Gate, Keys
 from stridelab.service.api.edge import Edge
 from stridelab.service.api.jobs import endpoints as jobs
+from stridelab.service.api.linger import Linger
 from stridelab.service.api.parts import Parts
 from stridelab.service.api.recordings import endpoints as recordings
 from stridelab.service.api.subjects import endpoints as subjects
@@ -72,6 +73,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     app.include_router(session.router)
     _mount_pages(app, settings)
     app.add_middleware(Gate, settings=settings, keys=keys)
+    app.add_middleware(Linger)
     app.add_middleware(Edge)
     return app
 

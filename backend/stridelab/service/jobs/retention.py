@@ -11,6 +11,7 @@ from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service.bundled import SHIPPED_JOBS
 from stridelab.service.jobs.queue import Consumer
 from stridelab.service.settings import Settings
+from stridelab.service.storage import uploads
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.tables import job, job_event, recording
 
@@ -31,6 +32,7 @@ async def sweep(engine: AsyncEngine, blobs: BlobStore, consumer: Consumer, limit
             await remove_old_events(connection, timedelta(days=limits.event_retention_days))
             await remove_old_jobs(connection, blobs, timedelta(days=limits.result_retention_days))
             await remove_orphans(connection, blobs)
+            await uploads.remove_unused(connection, blobs, ORPHAN_AGE)
             await consumer.remove_old(_QUEUE_HOURS)
         finally:
             await connection.rollback()

@@ -1,8 +1,4 @@
-"""A recording's row and its files belong together: no row without files, no files that nobody needs.
-
-An upload is stored once however often it comes: its key is its hash, and a lock on that hash keeps a deletion from
-taking away what an upload of the same bytes is just about to use.
-"""
+"""A recording's row and its files belong together: no row without files, no files that nobody needs."""
 
 import uuid
 from collections.abc import Mapping
@@ -10,8 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import structlog
-from sqlalchemy import delete, func, insert, select, update
-from sqlalchemy.ext.asyncio import AsyncConnection
+from sqlalchemy import delete, insert, select, update
 
 from stridelab.errors import Conflict
 from stridelab.schemas.jobs import FINAL_STATES
@@ -21,13 +16,9 @@ from stridelab.service.api.recordings.multipart import ReceivedForm
 from stridelab.service.api.recordings.parsing import NO_SWITCHES, Parsed, Switches
 from stridelab.service.api.recordings.rows import recording_of, recording_row
 from stridelab.service.storage.tables import job, recording
+from stridelab.service.storage.uploads import delete_if_unused, lock_blob, upload_key
 
 log = structlog.get_logger(__name__)
-
-
-def upload_key(sha256: str) -> str:
-    """Where an uploaded file lies."""
-    return f"uploads/{sha256}"
 
 
 def own_prefix(recording_id: str) -> str:
@@ -52,7 +43,7 @@ async def store_upload(parts: Parts, form: ReceivedForm, parsed: Parsed, subject
     }
     try:
         async with parts.engine.begin() as connection:
-            await _lock_blob(connection, values["blob_key"])
+            await lock_blob(connection, values["blob_key"])
             await parts.blobs.put_file(tracks_key, parsed.tracks)
             if not await parts.blobs.exists(values["blob_key"]):
                 await parts.blobs.put_file(values["blob_key"], form.path)
@@ -120,15 +111,7 @@ async def _discard(parts: Parts, recording_id: str, blob_key: str) -> None:
     """Remove the files of a recording that has no row, and its blob unless another recording uses it."""
     await parts.blobs.delete_prefix(own_prefix(recording_id))
     async with parts.engine.begin() as connection:
-        await _lock_blob(connection, blob_key)
-        users = select(func.count()).where(recording.c.blob_key == blob_key)
-        if (await connection.execute(users)).scalar_one() == 0:
-            await parts.blobs.delete(blob_key)
-
-
-async def _lock_blob(connection: AsyncConnection, blob_key: str) -> None:
-    """Keep others from storing or removing the same blob until the transaction ends."""
-    await connection.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(blob_key, 0))))
+        await delete_if_unused(connection, parts.blobs, blob_key)
 
 
 def _tracks_key(recording_id: str) -> str:
