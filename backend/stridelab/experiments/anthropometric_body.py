@@ -21,13 +21,11 @@ from stridelab.body import segment_tables
 from stridelab.body.segment_tables import SegmentRow, SegmentTable
 from stridelab.conventions import Points, Rotation, Vector3
 from stridelab.experiments.body_proportions import SIDES, Proportions, letter, proportions, sign
-from stridelab.recordings.recording import Sex, Side
+from stridelab.recordings.recording import Sex
 
 Configurations = Float[np.ndarray, "n 34"]
 """One configuration (root position, joint angles) per sample, or its rate."""
 Configuration = Float[np.ndarray, "34"]
-
-BALL: Final = slice(0, 3)
 
 # Radii of gyration about the axes forwards, upwards, rightwards, per segment length (Dumas et al. 2007, table 2).
 # The hand's and the foot's are rescaled to the lengths used here (wrist to knuckles; ankle to metatarsal heads).
@@ -178,8 +176,3 @@ def _inertia(frame: SegmentFrame, row: SegmentRow, radii: tuple[float, float, fl
     lever = frame.origin_m + frame.length_m * frame.axes @ np.array(row.com)
     about_com = mass_kg * np.diag((frame.length_m * np.array(radii)) ** 2)
     return pin.Inertia(mass_kg, lever, frame.axes @ about_com @ frame.axes.T)
-
-
-def side_of(name: str) -> Side | None:
-    """Side of a link or landmark name, None in the middle of the body."""
-    return {"l_": "left", "r_": "right"}.get(name[:2])  # type: ignore[return-value]

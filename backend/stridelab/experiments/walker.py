@@ -9,6 +9,7 @@
 6. wrench by Newton and Euler: f = m (c'' - g), moment at the origin = c x f + dL/dt   (4.2a, 4.2b), shared by the feet.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -19,7 +20,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 from scipy.signal import butter, sosfiltfilt
 from scipy.spatial.transform import Rotation
 
-from stridelab.conventions import Points
+from stridelab.conventions import GRAVITY_M_S2, Points
 from stridelab.errors import Fault, InvalidInput
 from stridelab.experiments.anthropometric_body import AnthropometricBody, Configurations, build_body
 from stridelab.experiments.balance import com_over_zmp
@@ -39,6 +40,10 @@ MARGIN_S: Final = 0.1
 """The motion is known this long before and after the recording, so that a late force can be read."""
 _PASSES: Final = 6
 _TRACKED_HZ: Final = 25.0
+_FROUDE: Final = 0.5
+"""People run beyond this v^2 / (g leg length) (Alexander 1989)."""
+_LEG: Final = 0.53
+"""Leg length over stature."""
 _REACH: Final = 0.99
 """Longest leg over thigh plus shank: knees stay bent by 20 degrees or more."""
 _STANCE_WIDTH: Final = 0.07
@@ -125,6 +130,10 @@ class HumanWalker:
                 raise _out_of_range(name, f"{name} must lie between {low:g} and {high:g}, not {value:g}.")
         if self.seed < 0:
             raise _out_of_range("seed", "seed must not be negative.")
+        fastest = math.sqrt(_FROUDE * GRAVITY_M_S2 * _LEG * self.height_m)
+        if self.speed_m_s > fastest:
+            message = f"A person {self.height_m:g} m tall runs rather than walks at more than {fastest:.2f} m/s."
+            raise _out_of_range("speed_m_s", message)
 
 
 def _out_of_range(name: str, message: str) -> InvalidInput:
