@@ -1,5 +1,6 @@
 """The page of one job and, once it has succeeded, of its result."""
 
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
@@ -45,8 +46,9 @@ async def plots(request: Request) -> Response:
     result = await client.result(request.path_params["id"])
     if all(item.name != COM_TABLE for item in result.artifacts):
         raise HTTPException(404, "This job has no curves.")
-    columns = read_columns(await client.read_artifact(request.path_params["id"], COM_TABLE))
-    return JSONResponse(curves(columns, result.summary["window_s"]), headers={"Cache-Control": "private, max-age=600"})
+    content = await client.read_artifact(request.path_params["id"], COM_TABLE)
+    drawn = await run_in_threadpool(lambda: curves(read_columns(content), result.summary["window_s"]))
+    return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})
 
 
 async def _recording_of(client: AsyncClient, found: Job, result: JobResult | None) -> Recording | None:

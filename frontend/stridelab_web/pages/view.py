@@ -1,5 +1,6 @@
 """The viewer's page: a frame with viser's client, and our own timeline under it."""
 
+from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
@@ -62,9 +63,13 @@ async def values(request: Request) -> Response:
 async def _frames(request: Request) -> Frames:
     client, job_id = client_of(request), request.path_params["job"]
     recording = await client.recording(request.path_params["recording"])
-    tracks = read_columns(await read_tracks(client, recording.id))
-    com = None if job_id == NO_JOB else read_columns(await client.read_artifact(job_id, COM_TABLE))
-    return build_frames(recording, tracks, com)
+    tracks = await read_tracks(client, recording.id)
+    com = None if job_id == NO_JOB else await client.read_artifact(job_id, COM_TABLE)
+
+    def build() -> Frames:
+        return build_frames(recording, read_columns(tracks), None if com is None else read_columns(com))
+
+    return await run_in_threadpool(build)  # a minute of markers takes longer than other requests may wait
 
 
 async def _newest_estimate(client: AsyncClient, recording_id: str) -> str:
