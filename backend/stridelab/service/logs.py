@@ -65,5 +65,6 @@ def configure_logging(level: str = "info", stream: Sink | None = None) -> None:
 
 def _rendering(out: Sink) -> list[structlog.typing.Processor]:
     if out.isatty():
-        return [structlog.dev.ConsoleRenderer()]
+        # plain: rich traces show local variables, which may be personal
+        return [structlog.dev.ConsoleRenderer(exception_formatter=structlog.dev.plain_traceback)]
     return [structlog.processors.format_exc_info, structlog.processors.JSONRenderer()]
