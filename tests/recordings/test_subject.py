@@ -1,7 +1,7 @@
 """What a file says of the person."""
 
 from stridelab.recordings.recording import Subject
-from stridelab.recordings.subject import read_subject
+from stridelab.recordings.subject import read_joint_widths_m, read_subject
 
 
 def test_rehazenter_group() -> None:
@@ -24,3 +24,8 @@ def test_fillers_are_dropped_and_said() -> None:
 def test_gender_code_other_than_zero_or_one_is_unknown() -> None:
     assert read_subject({"gender": 2.0})[0].sex is None
     assert read_subject({"gender": 1.0})[0].sex == "male"
+
+
+def test_joint_widths_are_in_millimetres_and_absurd_ones_are_left_out() -> None:
+    stated = {"LKneeWidth": 124.0, "RAnkleWidth": 65.0, "LElbowWidth": 0.0, "LHandWidth": -17.9, "HipWidth": 123.8}
+    assert read_joint_widths_m(stated) == {"l_knee": 0.124, "r_ankle": 0.065}

@@ -183,9 +183,14 @@ def test_zip_with_too_many_files(tmp_path: Path) -> None:
 
 
 def test_zip_bomb(tmp_path: Path) -> None:
-    """100 MB of blanks in 100 kB of zip."""
+    """64 MB of blanks in 64 kB of zip."""
     bomb = "PathFileType" + " " * (archive.MAX_MEMBER_BYTES + 10)
     assert refused_zip(tmp_path, {"a.trc": bomb}).code == "zip-bomb"
+
+
+def test_many_members_that_are_a_bomb_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(archive, "MAX_TOTAL_BYTES", 10_000)
+    assert refused_zip(tmp_path, {f"{i}.txt": " " * 4000 for i in range(5)}).code == "zip-bomb"
 
 
 def test_damaged_zip(tmp_path: Path) -> None:

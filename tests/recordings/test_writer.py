@@ -25,6 +25,7 @@ def full() -> Recording:
         subject=Subject(1.72, 71.5, "female", 34.0),
         events=(Event(0.8, "foot_off", "right"), Event(61.25, "foot_strike", "left")),
         carried={"segment_table": '{"name": "own", "text": "' + "two words " * 40 + '"}'},
+        joint_widths_m={"l_knee": 0.104, "r_ankle": 0.071},
         model_points_m={"LHJC": recording.markers_m["pelvis_0"] - 0.1},
     )
 
@@ -47,6 +48,7 @@ def test_a_recording_comes_back(tmp_path: Path) -> None:
     assert [(e.kind, e.side) for e in back.events] == [(e.kind, e.side) for e in recording.events]
     np.testing.assert_allclose([e.time_s for e in back.events], [0.8, 61.25], atol=1e-4)
     assert back.carried == recording.carried
+    assert back.joint_widths_m == pytest.approx(recording.joint_widths_m)
     assert back.walking_direction is not None
     np.testing.assert_allclose(back.walking_direction, recording.walking_direction, atol=1e-6)
     assert "plate-sign-reversed" not in {remark.code for remark in back.remarks}

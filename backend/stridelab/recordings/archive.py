@@ -10,6 +10,7 @@ from stridelab.errors import Fault, UnreadableFile
 MAX_MEMBERS = 64
 MAX_MEMBER_BYTES = 64 * 1024 * 1024
 """Largest text that is unpacked; ten minutes of full-body markers are about 40 MB."""
+MAX_TOTAL_BYTES = 2 * MAX_MEMBER_BYTES
 
 
 @dataclass(frozen=True)
@@ -33,7 +34,7 @@ def open_trial(path: Path) -> TrialTexts:
                     f"The zip holds {len(members)} files; one TRC and one MOT or STO file are expected.",
                     [Fault(path.name, "too many files")],
                 )
-            texts = {m.filename: _unpack(archive, m) for m in members}
+            texts = _unpack_all(archive, members)
     except (
         zipfile.BadZipFile,
         zipfile.LargeZipFile,
@@ -76,14 +77,25 @@ def _is_litter(name: str) -> bool:
     return name.startswith("__MACOSX/") or name.rsplit("/", 1)[-1].startswith(".")
 
 
-def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo) -> str:
+def _unpack_all(archive: zipfile.ZipFile, members: list[zipfile.ZipInfo]) -> dict[str, str]:
+    """Texts of all members, as long as they fit into the limit together."""
+    texts: dict[str, str] = {}
+    left = MAX_TOTAL_BYTES
+    for member in members:
+        texts[member.filename] = _unpack(archive, member, min(left, MAX_MEMBER_BYTES))
+        left -= len(texts[member.filename])
+    return texts
+
+
+def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo, limit: int) -> str:
     """Text of a member; stops reading at the limit whatever size the zip's directory states."""
     with archive.open(member) as file:
-        content = file.read(MAX_MEMBER_BYTES + 1)
-    if len(content) > MAX_MEMBER_BYTES:
+        content = file.read(limit + 1)
+    if len(content) > limit:
         raise UnreadableFile(
             "zip-bomb",
-            f"A file in the zip unpacks to more than {MAX_MEMBER_BYTES // 2**20} MB.",
+            f"The zip unpacks to more than {MAX_MEMBER_BYTES // 2**20} MB a file "
+            f"or {MAX_TOTAL_BYTES // 2**20} MB in all.",
             [Fault(member.filename, "too large when unpacked")],
         )
     return content.decode("utf-8-sig", errors="replace")

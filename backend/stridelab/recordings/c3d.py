@@ -17,7 +17,7 @@ from stridelab.recordings.gaps import mark_missing
 from stridelab.recordings.plates import CHANNELS, corners_fault, sensor_wrench
 from stridelab.recordings.raw import Cloud, PlateSignals, RawTrial
 from stridelab.recordings.recording import Event, Remark
-from stridelab.recordings.subject import read_subject
+from stridelab.recordings.subject import read_joint_widths_m, read_subject
 from stridelab.recordings.units import MOMENT_SCALE, length_scale
 
 CARRIED_GROUP = "STRIDELAB"
@@ -99,6 +99,9 @@ def read_c3d(path: Path) -> RawTrial:
         up_hint=_SCREEN.get(P.text("POINT", "Y_SCREEN").upper()),
         remarks=(*choice.remarks, *unit_remarks, *subject_remarks, *plate_remarks),
         metres_per_unit=scale,
+        joint_widths_m=read_joint_widths_m(
+            {name: P.number("PROCESSING", name, math.nan) for name in P.names("PROCESSING")}
+        ),
         carried=_carried(P),
     )
 

@@ -66,4 +66,5 @@ class RawTrial:
     up_hint: str | None
     remarks: tuple[Remark, ...]
     metres_per_unit: float
+    joint_widths_m: Mapping[str, float] = field(default_factory=dict)
     carried: Mapping[str, str] = field(default_factory=dict)

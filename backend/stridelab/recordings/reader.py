@@ -92,6 +92,7 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
         walking_direction=direction,
         remarks=tuple(remarks),
         carried=raw.carried,
+        joint_widths_m=raw.joint_widths_m,
         model_points_m=outputs,
         filled=filled,
     )

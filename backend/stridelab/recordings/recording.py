@@ -93,7 +93,7 @@ class Recording:
     ``walking_direction`` is a horizontal unit vector, or None where nobody walks. ``carried`` holds metadata that a
     simulated recording carries (its own segment table), else it is empty. ``model_points_m`` are positions in the file
     that a gait model computed (joint centres, a CoM): never taken for markers. ``filled`` marks, per label, the frames
-    whose position was interpolated over a short gap.
+    whose position was interpolated over a short gap. ``joint_widths_m`` are calliper widths by "l_knee", "r_ankle" ...
     """
 
     markers_m: Mapping[str, Points]

@@ -7,6 +7,8 @@ from stridelab.recordings.recording import Remark, Sex, Subject
 
 HEIGHT_RANGE_M = (0.4, 2.6)
 MASS_RANGE_KG = (2.0, 400.0)
+WIDTH_RANGE_M = (0.03, 0.25)
+WIDTH_JOINTS = ("knee", "ankle", "elbow")
 AGE_RANGE_YEARS = (0.5, 98.0)
 """99 years is what several programs write where the age is not known."""
 
@@ -41,3 +43,14 @@ def read_subject(stated: Mapping[str, float]) -> tuple[Subject, tuple[Remark, ..
     if gender is not None and gender in (0.0, 1.0):
         sex = "male" if gender == 1.0 else "female"
     return Subject(height_m, mass_kg, sex, age_years), tuple(remarks)
+
+
+def read_joint_widths_m(stated: Mapping[str, float]) -> dict[str, float]:
+    """Calliper widths of a Plug-in Gait file ("LKneeWidth" in mm) as {"l_knee": metres}; absurd ones are left out."""
+    values = {key.lower(): value for key, value in stated.items()}
+    found = {
+        f"{side}_{joint}": values.get(f"{side}{joint}width", math.nan) / 1000.0
+        for side in "lr"
+        for joint in WIDTH_JOINTS
+    }
+    return {name: width for name, width in found.items() if WIDTH_RANGE_M[0] <= width <= WIDTH_RANGE_M[1]}

@@ -45,6 +45,9 @@ def write_c3d(path: Path, recording: Recording, *, extra_points: Mapping[str, Po
     for name, value in (("Height", recording.subject.height_m), ("Bodymass", recording.subject.mass_kg)):
         if value is not None:
             content.add_parameter("PROCESSING", name, [value * (1000.0 if name == "Height" else 1.0)])
+    for name, width_m in recording.joint_widths_m.items():
+        side, joint = name.split("_")
+        content.add_parameter("PROCESSING", f"{side.upper()}{joint.capitalize()}Width", [1000.0 * width_m])
     if recording.subject.age_years is not None:
         content.add_parameter(CARRIED_GROUP, "AGE", [recording.subject.age_years])
     if recording.subject.sex is not None:
