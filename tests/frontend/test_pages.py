@@ -132,6 +132,7 @@ def test_viewer_page_takes_the_newest_estimate_unless_told(fake: FakeService, br
     newer = fake.add_job(state="succeeded", recording_id=recording.id)
     assert f'data-scene="/view/scene/{recording.id}/{newer.id}"' in browse(f"/view/?recording={recording.id}").text
     assert f'data-scene="/view/scene/{recording.id}/{older.id}"' in browse(f"/view/?job={older.id}").text
+    assert f'data-start="{recording.windows_s[0][0]}"' in browse(f"/view/?recording={recording.id}").text
     assert browse("/view/").status_code == 404
 
 

@@ -17,7 +17,10 @@ NO_JOB = "-"
 
 
 async def view(request: Request) -> Response:
-    """``GET /view/?recording=&job=&t=``; without ``job``, the newest estimate of the recording is shown."""
+    """``GET /view/?recording=&job=&t=``; without ``job``, the newest estimate of the recording is shown.
+
+    Without ``t`` the scene opens where the force is measured: many files begin before anybody is in sight.
+    """
     client, query = client_of(request), request.query_params
     job_id = query.get("job", "")
     recording_id = query.get("recording", "")
@@ -45,6 +48,7 @@ async def view(request: Request) -> Response:
         scene=f"/view/scene/{recording.id}/{job_id or NO_JOB}",
         windows=strips.bars(recording.windows_s, recording.duration_s),
         windows_text=strips.windows_text(recording),
+        start_s=recording.windows_s[0][0] if recording.windows_s else 0.0,
         plate_bars=[strips.plate_bars(plate, recording.duration_s) for plate in recording.plates if plate.use],
     )
 

@@ -37,7 +37,7 @@ async function start() {
   slider.disabled = false;
   frame.contentWindow.addEventListener("keydown", (event) => onKey(event, false));
   applyShown();
-  seek(frameAt(Number(new URLSearchParams(location.search).get("t"))), false);
+  seek(frameAt(Number(new URLSearchParams(location.search).get("t") ?? player.dataset.start)), false);
   player.dataset.ready = "true";
   setInterval(() => playing || (scene.isStale() && scene.show(at)), HEARTBEAT_MS);
 }
