@@ -4,6 +4,7 @@ import io
 import json
 import zipfile
 from collections.abc import AsyncIterator
+from datetime import datetime
 from typing import Final
 
 from sqlalchemy import select
@@ -39,21 +40,28 @@ async def stream(parts: Parts, record: JobRecord, result: JobResult) -> Streamin
             )
             blobs |= {f"input/{row.filename}": row.blob_key for row in found}
     headers = {"Content-Disposition": content_disposition(f"{record.kind}-{record.id[:8]}.zip")}
-    return StreamingResponse(_pack(parts, texts, blobs), media_type="application/zip", headers=headers)
+    return StreamingResponse(
+        _pack(parts, texts, blobs, record.finished_at or record.created_at),
+        media_type="application/zip",
+        headers=headers,
+    )
 
 
 def _json(value: object) -> str:
     return json.dumps(value, indent=2, ensure_ascii=False) + "\n"
 
 
-async def _pack(parts: Parts, texts: dict[str, str], blobs: dict[str, str]) -> AsyncIterator[bytes]:
+async def _pack(
+    parts: Parts, texts: dict[str, str], blobs: dict[str, str], written_at: datetime
+) -> AsyncIterator[bytes]:
+    moment = written_at.timetuple()[:6]
     outbox = _Outbox()
     # Artifacts are compressed already (Parquet) or small; storing keeps the API's processor free.
     with zipfile.ZipFile(outbox, "w", zipfile.ZIP_STORED) as archive:
         for name, text in texts.items():
-            archive.writestr(name, text)
+            archive.writestr(zipfile.ZipInfo(name, moment), text)
         for name, key in blobs.items():
-            with archive.open(name, "w", force_zip64=True) as entry:
+            with archive.open(zipfile.ZipInfo(name, moment), "w", force_zip64=True) as entry:
                 async for piece in parts.blobs.stream(key):
                     entry.write(piece)
                     if outbox.waiting_bytes > _FLUSH_BYTES:

@@ -12,6 +12,7 @@ from stridelab.schemas.jobs import Job
 from stridelab.service.api.jobs.rows import job_of
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.parts import AppParts, known_form
+from stridelab.service.bundled import SAMPLE_ID
 from stridelab.service.jobs.kinds.kind import JobKind
 from stridelab.service.jobs.kinds.registry import KINDS
 
@@ -31,12 +32,12 @@ _EXAMPLES: Final[dict[str, Any]] = {
     "estimate-com": {
         "default": {
             "summary": "Best estimator, everything automatic",
-            "value": {"recording_id": "00000000000000000000000000000000"},
+            "value": {"recording_id": SAMPLE_ID},
         },
         "filter": {
             "summary": "Complementary filter with own cut-offs, latency applied",
             "value": {
-                "recording_id": "00000000000000000000000000000000",
+                "recording_id": SAMPLE_ID,
                 "method": "complementary",
                 "latency": "apply",
                 "segment_table": "dumas2007",
