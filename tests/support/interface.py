@@ -7,13 +7,16 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
+from unittest import mock
 
 import httpx
+import structlog
 import uvicorn
 from fastapi import FastAPI
 
 from stridelab.service.api.app import create_app
 from stridelab.service.api.parts import Parts
+from stridelab.service.jobs.isolated import IsolatedPool
 from stridelab.service.settings import Settings
 
 T = TypeVar("T")
@@ -57,6 +60,9 @@ def served(database_url: str, data: Path, **options: Any) -> Iterator[Served]:
     """Run the application with ``options`` as settings; stopped at the end."""
     settings = Settings(**{"database_url": database_url, "data_dir": data, "min_free_disk_mb": 0, **options})
     app = create_app(settings)
+    structlog.configure(
+        logger_factory=structlog.stdlib.LoggerFactory(), processors=[structlog.processors.KeyValueRenderer()]
+    )
     server = uvicorn.Server(
         uvicorn.Config(app, host="127.0.0.1", port=0, log_config=None, access_log=False, timeout_graceful_shutdown=1)
     )
@@ -72,8 +78,10 @@ def served(database_url: str, data: Path, **options: Any) -> Iterator[Served]:
         await task
 
     thread = threading.Thread(target=lambda: asyncio.run(serve()), daemon=True)
-    thread.start()
-    assert started.wait(60)
+    # A child that waits for an upload costs seconds of imports, and most tests upload nothing.
+    with mock.patch("stridelab.service.api.app.IsolatedPool", lambda spares: IsolatedPool(0 * spares)):
+        thread.start()
+        assert started.wait(60)
     assert server.started, "the application did not start; see the log"
     port = server.servers[0].sockets[0].getsockname()[1]
     try:

@@ -11,16 +11,12 @@ import httpx
 import pytest
 
 from stridelab.service.jobs.kinds.registry import KINDS
+from support.answers import refusal
 from support.database import TestDatabases
 from support.interface import Served, served
 from support.rows import add_job, add_recording, fail, report, start_job, succeed
 
 JOBS = "/api/v1/jobs"
-
-
-def refusal(answer: httpx.Response) -> tuple[int, str]:
-    assert answer.headers["content-type"] == "application/problem+json", answer.text
-    return answer.status_code, answer.json()["code"]
 
 
 @pytest.fixture

@@ -91,12 +91,12 @@ def test_metrics_count_what_is_there(postgres: TestDatabases, tmp_path: Path) ->
 def lines() -> Iterator[io.StringIO]:
     """What is logged, with everything put back at the end."""
     root, out = logging.getLogger(), io.StringIO()
-    handlers, level = root.handlers[:], root.level
+    handlers, level, before = root.handlers[:], root.level, structlog.get_config()
     configure_logging("info", out)
     yield out
     root.handlers[:] = handlers
     root.setLevel(level)
-    structlog.reset_defaults()
+    structlog.configure(**before)
     for name in ("uvicorn.access", "procrastinate", "httpx", "httpcore", "alembic", "websockets"):
         logging.getLogger(name).setLevel(logging.NOTSET)
 
@@ -105,6 +105,7 @@ def test_a_request_is_one_line_without_personal_data(
     lines: io.StringIO, postgres: TestDatabases, tmp_path: Path
 ) -> None:
     with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
+        configure_logging("info", lines)
         job_id = service.run(add_job(service.parts))
         answers = [
             http.get(f"/api/v1/jobs/{job_id}"),
