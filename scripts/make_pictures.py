@@ -1,0 +1,52 @@
+"""Take the pictures of README and docs from a running service; usage: make_pictures.py http://127.0.0.1:8000.
+
+Needs Chromium on the PATH. The pictures show the bundled sample, so nobody's recording gets into them.
+"""
+
+import shutil
+import sys
+from pathlib import Path
+
+from playwright.sync_api import Browser, sync_playwright
+
+PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
+FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
+SAMPLE = "sample-walk"
+
+
+def viewer(browser: Browser, base: str) -> None:
+    """The scene in the middle of the window, without the note on software rendering."""
+    page = browser.new_page(viewport={"width": 1200, "height": 720})
+    page.goto(f"{base}/view/?recording={SAMPLE}&t=2.3")
+    page.wait_for_selector("[data-player][data-ready=true]", timeout=120_000)
+    scene = page.frame_locator("iframe")
+    scene.locator("canvas").first.wait_for(timeout=120_000)
+    for close in scene.locator(".mantine-Notification-closeButton").all():
+        close.click()
+    page.wait_for_timeout(4_000)  # nodes fade in, and software rendering draws few images a second
+    page.screenshot(path=PICTURES / "viewer.png")
+    page.close()
+
+
+def result(browser: Browser, base: str) -> None:
+    """The result page from its numbers to its first curves."""
+    page = browser.new_page(viewport={"width": 1200, "height": 1500})
+    page.goto(f"{base}/jobs/{SAMPLE}-com")
+    page.wait_for_selector(".plotly .main-svg", timeout=60_000)
+    page.wait_for_timeout(1_000)
+    page.screenshot(path=PICTURES / "result.png")
+    page.close()
+
+
+def main(base: str) -> None:
+    """Take all pictures."""
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    with sync_playwright() as play:
+        browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        viewer(browser, base)
+        result(browser, base)
+        browser.close()
+
+
+if __name__ == "__main__":
+    main(sys.argv[1].rstrip("/"))
