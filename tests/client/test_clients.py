@@ -211,12 +211,14 @@ def test_an_interrupted_stream_is_resumed_without_losing_or_repeating(monkeypatc
         if len(asked) == 1:
             return httpx.Response(200, stream=Broken())
         if len(asked) == 2:
+            return httpx.Response(503, json={"title": "-", "status": 503, "code": "c", "detail": "d"})
+        if len(asked) == 3:
             return httpx.Response(200, text=": nothing yet\n\n" + event(3, "running"))
         return httpx.Response(200, text=event(4, "succeeded"))
 
     with answering(handler) as lab:
         assert [e.seq for e in lab.events("j")] == [1, 2, 3, 4]
-    assert asked == [None, "2", "3"]
+    assert asked == [None, "2", "2", "3"]
 
 
 def test_a_service_that_is_gone_is_told_after_some_patience(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -241,12 +243,15 @@ def test_a_service_that_is_gone_is_told_after_some_patience(monkeypatch: pytest.
 
 def test_waiting_survives_a_restart_of_the_service(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(time, "sleep", lambda _: None)
-    answers = iter(["running", None, "running", None, None, "succeeded"])
+    answers = iter(["running", None, "running", None, "starting", "succeeded"])
 
     def handler(request: httpx.Request) -> httpx.Response:
         state = next(answers)
         if state is None:
             raise httpx.ConnectError("restarting", request=request)
+        if state == "starting":
+            problem = Problem(title="-", status=503, code="database-unreachable", detail="Wait.")
+            return httpx.Response(503, json=problem.model_dump())
         return httpx.Response(200, json={**JOB, "state": state})
 
     with answering(handler) as lab:

@@ -2,12 +2,14 @@
 
 from typing import Any
 
+import httpx
+
 from stridelab import __version__
 from stridelab.client.calls import MAX_WAIT_S, Call
-from stridelab.client.errors import Unreachable
+from stridelab.client.errors import ProblemError, Unreachable
 
 DEFAULT_URL = "http://127.0.0.1:8000"
-RETRY_S = (0.2, 0.5, 1.0, 2.0, 4.0)
+RETRY_S = (0.2, 0.5, 1.0, 2.0, 4.0, 8.0)
 """Pauses between attempts to take up an interrupted stream or long-poll; then the client gives up."""
 
 
@@ -29,6 +31,13 @@ def request_arguments(call: Call[Any], timeout_s: float) -> dict[str, Any]:
     if call.json is not None:
         arguments["json"] = call.json
     return arguments
+
+
+def passes(error: Exception) -> bool:
+    """Whether a failure may be over in a moment: the service, its database or a proxy is being restarted."""
+    return isinstance(error, Unreachable | httpx.TransportError) or (
+        isinstance(error, ProblemError) and error.status in (502, 503, 504)
+    )
 
 
 def poll_s(left_s: float | None) -> float:

@@ -15,11 +15,12 @@ from stridelab.client.connection import (
     DEFAULT_URL,
     RETRY_S,
     connection_headers,
+    passes,
     poll_s,
     request_arguments,
     unreachable,
 )
-from stridelab.client.errors import Unreachable
+from stridelab.client.errors import ClientError, ProblemError
 from stridelab.client.sse import EventReader
 from stridelab.schemas.base import Page
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent, JobResult
@@ -156,8 +157,8 @@ class Client:
             try:
                 job = self.job(job_id, wait_s=poll_s(left_s))
                 failures = 0
-            except Unreachable:
-                if failures == len(RETRY_S):
+            except ClientError as error:
+                if failures == len(RETRY_S) or not passes(error):
                     raise
                 time.sleep(RETRY_S[failures])
                 failures += 1
@@ -188,7 +189,9 @@ class Client:
                             yield event
                             if event.state in FINAL_STATES:
                                 return
-            except httpx.TransportError as error:
+            except (ProblemError, httpx.TransportError) as error:
+                if isinstance(error, ProblemError) and (failures == len(RETRY_S) or not passes(error)):
+                    raise
                 if failures == len(RETRY_S):
                     raise unreachable(str(self._http.base_url), error) from error
             reader.reset()

@@ -26,23 +26,33 @@ async def change_recording(parts: Parts, recording_id: str, patch: RecordingPatc
     async with parts.engine.connect() as connection:
         row = await recording_row(connection, recording_id)
     refuse_bundled(row)
-    changes = await _links(parts, row, patch)
-    if "subject" in patch.model_fields_set:
-        given = {} if patch.subject is None else patch.subject.model_dump(mode="json", exclude_unset=True)
-        kept = {} if patch.subject is None else row["subject_fields"]
-        merged = {**kept, **given}
-        changes["subject_fields"] = {name: value for name, value in merged.items() if value is not None}
+    links = await _links(parts, row, patch)
     switches = _switches(row, patch)
     if switches != Switches.of_row(row):
         with tempfile.TemporaryDirectory(dir=parts.spool) as name:
             await parts.blobs.get_file(row["blob_key"], Path(name) / "trial")
             parsed = await parse(parts, Path(name), "trial", row["filename"], switches)
-            await replace_facts(parts, row, switches, parsed, changes)
-    elif changes:
+            await replace_facts(
+                parts, row, switches, parsed, lambda locked: {**links, **_subject_fields(locked, patch)}
+            )
+    elif patch.model_fields_set:
         async with parts.engine.begin() as connection:
-            await connection.execute(update(recording).where(recording.c.id == recording_id).values(changes))
+            locked = await recording_row(connection, recording_id, lock=True)
+            changes = {**links, **_subject_fields(locked, patch)}
+            if changes:
+                await connection.execute(update(recording).where(recording.c.id == recording_id).values(changes))
     async with parts.engine.connect() as connection:
         return recording_of(await recording_row(connection, recording_id))
+
+
+def _subject_fields(row: Mapping[str, Any], patch: RecordingPatch) -> dict[str, Any]:
+    """The column of stated subject fields, if it changes: given fields are set, null clears one, or all."""
+    if "subject" not in patch.model_fields_set:
+        return {}
+    if patch.subject is None:
+        return {"subject_fields": {}}
+    merged = {**row["subject_fields"], **patch.subject.model_dump(mode="json", exclude_unset=True)}
+    return {"subject_fields": {name: value for name, value in merged.items() if value is not None}}
 
 
 async def _links(parts: Parts, row: Mapping[str, Any], patch: RecordingPatch) -> dict[str, Any]:

@@ -1,7 +1,7 @@
 """A recording's row and its files belong together: no row without files, no files that nobody needs."""
 
 import uuid
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -55,9 +55,13 @@ async def store_upload(parts: Parts, form: ReceivedForm, parsed: Parsed, subject
 
 
 async def replace_facts(
-    parts: Parts, before: Mapping[str, Any], switches: Switches, parsed: Parsed, changes: Mapping[str, Any]
+    parts: Parts,
+    before: Mapping[str, Any],
+    switches: Switches,
+    parsed: Parsed,
+    changes: Callable[[Mapping[str, Any]], Mapping[str, Any]],
 ) -> None:
-    """Put facts and tracks parsed with new switches in place of the old ones, together with ``changes``.
+    """Put facts and tracks parsed with new switches in place of the old ones, with ``changes`` of the locked row.
 
     Raises ``Conflict`` (``changed-meanwhile``) where somebody else changed the switches since ``before`` was read.
     """
@@ -70,7 +74,7 @@ async def replace_facts(
             if row["tracks_key"] != before["tracks_key"]:
                 raise Conflict("changed-meanwhile", "The recording was changed by somebody else meanwhile; try again.")
             values = {
-                **changes,
+                **changes(row),
                 **switches.to_columns(),
                 "facts": parsed.facts.model_dump(mode="json"),
                 "tracks_key": tracks_key,
