@@ -150,4 +150,4 @@ def _place_camera(
     reach = max(float(extent @ np.abs(along)), 1.5 * float(extent[2]), 1.2)
     server.initial_camera.fov = 0.7
     server.initial_camera.look_at = tuple(centre)
-    server.initial_camera.position = tuple(centre + view / np.linalg.norm(view) * reach * 2.2)
+    server.initial_camera.position = tuple(centre + view / np.linalg.norm(view) * reach * 1.7)
