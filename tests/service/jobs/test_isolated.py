@@ -1,0 +1,193 @@
+import asyncio
+import os
+import time
+from collections.abc import Callable, Coroutine
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from stridelab.errors import NotEstimable, StridelabError
+from stridelab.service.jobs.isolated import LOG_BYTES, IsolatedOutcome, IsolatedPool
+
+Run = Callable[..., IsolatedOutcome]
+
+
+@pytest.fixture
+def with_pool(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[IsolatedPool], Coroutine[Any, Any, Any]]], Any]:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+
+    def run(act: Callable[[IsolatedPool], Coroutine[Any, Any, Any]]) -> Any:
+        async def inside() -> Any:
+            async with IsolatedPool(1, preload=()) as pool:
+                return await act(pool)
+
+        return asyncio.run(inside())
+
+    return run
+
+
+@pytest.fixture
+def run(with_pool: Any, tmp_path: Path) -> Run:
+    """One task in one child."""
+
+    def once(function: str, task: dict[str, Any] | None = None, **options: Any) -> IsolatedOutcome:
+        limits = {"timeout_s": 30.0, "memory_mb": 500, **options}
+        return with_pool(lambda pool: pool.run(f"support.computations:{function}", task or {}, tmp_path, **limits))
+
+    return once
+
+
+def test_value_progress_and_log_come_back(run: Run) -> None:
+    heard: list[tuple[float, str]] = []
+    outcome = run("add", {"a": 1, "b": 2}, on_progress=lambda fraction, message: heard.append((fraction, message)))
+    assert outcome == IsolatedOutcome("ok", {"sum": 3}, None, None, "adding\n")
+    assert heard == [(0.5, "half")]
+
+
+def test_own_errors_keep_their_class_code_and_places(run: Run) -> None:
+    outcome = run("refuse")
+    assert outcome.state == "error"
+    error = outcome.as_error()
+    assert type(error) is NotEstimable
+    assert (error.code, error.message) == ("no-plates", "The recording has no plates.")
+    assert [(fault.where, fault.message) for fault in error.faults] == [("plates", "none")]
+
+
+@pytest.mark.parametrize(
+    ("function", "state", "code"),
+    [
+        ("stumble", "error", "computation-failed"),
+        ("not_a_number", "error", "computation-failed"),
+        ("no_such_function", "error", "computation-failed"),
+        ("segfault", "crashed", "computation-crashed"),
+        ("abort", "crashed", "computation-crashed"),
+        ("leave", "crashed", "computation-crashed"),
+    ],
+)
+def test_other_ends_have_names(run: Run, function: str, state: str, code: str) -> None:
+    outcome = run(function)
+    assert outcome.state == state
+    assert outcome.problem is not None
+    assert outcome.problem["code"] == code
+    error = outcome.as_error()
+    assert type(error) is StridelabError
+    assert error.code == code
+
+
+def test_reserving_too_much_memory_is_refused(run: Run) -> None:
+    assert run("reserve", {"bytes": 400 << 20}).value == 400 << 20
+    outcome = run("reserve", {"bytes": 4 << 30})
+    assert outcome.state == "memory"
+    assert outcome.as_error().code == "computation-out-of-memory"
+
+
+def test_memory_of_children_counts(run: Run) -> None:
+    # each stays below the limit of one process; together they do not
+    outcome = run("hoard", memory_mb=250)
+    assert outcome.state == "memory"
+    assert "250 MB" in outcome.as_error().message
+
+
+def test_native_call_that_never_returns_times_out(run: Run) -> None:
+    began = time.monotonic()
+    outcome = run("hang", timeout_s=0.5)
+    assert outcome.state == "timeout"
+    assert "0.5 s" in outcome.as_error().message
+    assert time.monotonic() - began < 20
+
+
+def test_cancelling_kills_the_child_and_what_it_started(with_pool: Any, tmp_path: Path) -> None:
+    heard: list[str] = []
+
+    async def act(pool: IsolatedPool) -> IsolatedOutcome:
+        cancel = asyncio.Event()
+
+        def note(_fraction: float, message: str) -> None:
+            heard.append(message)
+            cancel.set()
+
+        return await pool.run(
+            "support.computations:with_a_grandchild",
+            {},
+            tmp_path,
+            timeout_s=60.0,
+            memory_mb=500,
+            cancel=cancel,
+            on_progress=note,
+        )
+
+    assert with_pool(act).state == "cancelled"
+    grandchild = int(heard[0].split()[1])
+    deadline = time.monotonic() + 5
+    while psutil.pid_exists(grandchild) and psutil.Process(grandchild).status() != psutil.STATUS_ZOMBIE:
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_cancelling_the_caller_kills_the_child(with_pool: Any, tmp_path: Path) -> None:
+    pids: list[int] = []
+
+    async def act(pool: IsolatedPool) -> None:
+        task = asyncio.create_task(
+            pool.run(
+                "support.computations:spin",
+                {},
+                tmp_path,
+                timeout_s=60.0,
+                memory_mb=500,
+                on_progress=lambda _fraction, message: pids.append(int(message.split()[1])),
+            )
+        )
+        while not pids:
+            await asyncio.sleep(0.02)
+        task.cancel()
+        with pytest.raises(asyncio.CancelledError):
+            await task
+        assert not psutil.pid_exists(pids[0])
+
+    with_pool(act)
+
+
+def test_only_the_end_of_a_long_log_is_kept(run: Run) -> None:
+    outcome = run("chatter", {"bytes": 3_000_000})
+    assert outcome.value == {"written": 3_000_000}
+    assert len(outcome.log_tail) == LOG_BYTES
+    assert outcome.log_tail.endswith("last words\n")
+
+
+def test_child_is_modest_and_knows_no_secrets(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("STRIDELAB_API_TOKEN", "secret")
+    monkeypatch.setenv("STRIDELAB_DATABASE_URL", "postgresql://secret")
+    monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    seen = run("environment").value
+    assert not [name for name in seen["names"] if name.startswith(("STRIDELAB_", "AWS_"))]
+    assert seen["nice"] == min(19, os.nice(0) + 10)
+    assert seen["session"]
+    assert seen["cwd"]
+    assert seen["threads"] == "1"
+
+
+def test_every_task_has_a_child_of_its_own(with_pool: Any, tmp_path: Path) -> None:
+    async def act(pool: IsolatedPool) -> list[IsolatedOutcome]:
+        ask = {"timeout_s": 30.0, "memory_mb": 500}
+        return await asyncio.gather(
+            *(pool.run("support.computations:add", {"a": n, "b": 1}, tmp_path, **ask) for n in range(4)),
+            pool.run("support.computations:segfault", {}, tmp_path, **ask),
+        )
+
+    outcomes = with_pool(act)
+    assert [outcome.value for outcome in outcomes[:4]] == [{"sum": n + 1} for n in range(4)]
+    assert outcomes[4].state == "crashed"
+
+
+def test_dead_spare_is_replaced(with_pool: Any, tmp_path: Path) -> None:
+    async def act(pool: IsolatedPool) -> IsolatedOutcome:
+        while not pool._spares:
+            await asyncio.sleep(0.02)
+        os.kill(pool._spares[0]._process.pid, 9)
+        await pool._spares[0]._process.wait()
+        return await pool.run("support.computations:add", {"a": 1, "b": 1}, tmp_path, timeout_s=30.0, memory_mb=500)
+
+    assert with_pool(act).value == {"sum": 2}
