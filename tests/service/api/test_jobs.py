@@ -240,6 +240,28 @@ def test_a_stream_ends_when_its_job_is_deleted(service: Served, recording_id: st
         assert [json.loads(event["data"])["state"] for event in events] in ([], ["cancelled"])
 
 
+def test_streams_and_polls_end_when_the_server_is_to_stop(
+    postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    with postgres.fresh() as url, served(url, tmp_path_factory.mktemp("data")) as service, service.http() as http:
+        job_id = service.run(add_job(service.parts))
+        states: list[str] = []
+
+        def wait() -> None:
+            with service.http() as other:
+                states.append(other.get(f"{JOBS}/{job_id}", params={"wait": "25"}).json()["state"])
+
+        waiting = threading.Thread(target=wait)
+        waiting.start()
+        with http.stream("GET", f"{JOBS}/{job_id}/events") as response:
+            events = iter(Stream(response))
+            next(events)
+            service.loop.call_soon_threadsafe(service.parts.closing.set)
+            assert next(events, None) is None
+        waiting.join(10)
+        assert states == ["queued"]
+
+
 def test_result_artifacts_and_bundle(http: httpx.Client, service: Served, recording_id: str) -> None:
     job_id = service.run(add_job(service.parts, recording_id))
     assert refusal(http.get(f"{JOBS}/{job_id}/result")) == (409, "job-not-finished")

@@ -1,5 +1,6 @@
 """The web application: its layers, its calls, and what it opens when it starts."""
 
+import asyncio
 import shutil
 import time
 from collections.abc import AsyncIterator
@@ -110,6 +111,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 spool=spool,
                 parsers=anyio.CapacityLimiter(PARSERS),
                 started_at_s=time.monotonic(),
+                closing=asyncio.Event(),
             )
     finally:
         await engine.dispose()

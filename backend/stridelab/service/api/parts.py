@@ -1,5 +1,6 @@
 """What the endpoints work with: one set of parts per application, made when it starts and closed when it ends."""
 
+import asyncio
 import re
 from dataclasses import dataclass
 from pathlib import Path
@@ -32,6 +33,8 @@ class Parts:
     spool: Path
     parsers: anyio.CapacityLimiter
     started_at_s: float
+    closing: asyncio.Event
+    """Set when the server has been told to stop."""
 
 
 def _parts(request: Request) -> Parts:

@@ -9,6 +9,7 @@ from starlette.responses import StreamingResponse
 from stridelab.errors import NotFound
 from stridelab.schemas.base import Page
 from stridelab.schemas.jobs import Job, JobResult, JobState
+from stridelab.service.api.closing import unless
 from stridelab.service.api.files import OCTETS, send_blob
 from stridelab.service.api.jobs import bundle, events
 from stridelab.service.api.jobs.rows import job_of
@@ -60,7 +61,7 @@ async def get_job(parts: AppParts, job_id: str, wait: Wait = 0.0) -> Job:
     """State and progress of a job. With `wait`, the answer comes when the job has finished, or after that time."""
     record = await _known(parts, job_id)
     if wait > 0 and not record.is_final:
-        record = await parts.board.wait(parts.store, job_id, wait)
+        record = await unless(parts.closing, parts.board.wait(parts.store, job_id, wait)) or record
     return job_of(record)
 
 

@@ -9,6 +9,7 @@ from starlette.responses import StreamingResponse
 
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.schemas.jobs import FINAL_STATES, JobEvent, JobState, Progress
+from stridelab.service.api.closing import until
 from stridelab.service.api.parts import Parts
 from stridelab.service.jobs.store import JobRecord
 
@@ -40,15 +41,16 @@ async def _lines(parts: Parts, job_id: str, after: int) -> AsyncIterator[str]:
     state: JobState | None = None
     yield ": following\n\n"
     try:
-        async for events in parts.board.follow(parts.store, job_id, after):
+        async for events in until(parts.closing, parts.board.follow(parts.store, job_id, after)):
             for event in events:
                 after = event.seq
                 yield _event(event, changed=event.state != state)
                 state = event.state
             if not events:
                 yield ": nothing new\n\n"
-        if state not in FINAL_STATES:
-            yield _event(_last_word(await parts.store.get(job_id), after), changed=True)
+        record = await parts.store.get(job_id)
+        if record.is_final and state not in FINAL_STATES:
+            yield _event(_last_word(record, after), changed=True)
     except (StridelabError, DBAPIError) as error:
         # Deleted, or the database is restarting. The answer has begun, so it ends; who resumes is told the reason.
         log.warning("event stream ended early", error=type(error).__name__)

@@ -1,0 +1,31 @@
+"""Answers that last (event streams, long-polls) end when the server is told to stop, instead of holding it up."""
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable
+from typing import TypeVar
+
+T = TypeVar("T")
+
+
+async def unless(closing: asyncio.Event, work: Awaitable[T]) -> T | None:
+    """What ``work`` gives, or None where ``closing`` is set first; ``work`` is then cancelled."""
+    doing, stopping = asyncio.ensure_future(work), asyncio.ensure_future(closing.wait())
+    try:
+        await asyncio.wait({doing, stopping}, return_when=asyncio.FIRST_COMPLETED)
+        return await doing if doing.done() else None
+    finally:
+        for task in (doing, stopping):
+            task.cancel()
+        await asyncio.gather(doing, stopping, return_exceptions=True)
+
+
+async def until(closing: asyncio.Event, source: AsyncIterator[T]) -> AsyncIterator[T]:
+    """The items of ``source`` until it ends or ``closing`` is set."""
+    while True:
+        try:
+            item = await unless(closing, anext(source))
+        except StopAsyncIteration:
+            return
+        if item is None:
+            return
+        yield item
