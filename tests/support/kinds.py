@@ -42,5 +42,7 @@ KINDS: Mapping[str, JobKind] = {
         kind("hog", "reserve", memory_mb=300),
         kind("hang", "hang", timeout_s=1.0),
         kind("spin", "spin", lane="long"),
+        kind("mark", "mark"),
+        kind("echo", "echo", lane="long"),
     )
 }
