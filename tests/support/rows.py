@@ -94,7 +94,11 @@ async def succeed(parts: Parts, attempt: Attempt, files: Sequence[tuple[str, str
             (folder / file).write_bytes(content)
             await parts.blobs.put_file(f"{attempt.blob_prefix}/{file}", folder / file)
             artifacts.append({"name": file, "media_type": media_type, "bytes": len(content)})
-        outcome = {"summary": {"mass_kg": 60.2}, "references": ["carpentier2017thesis"], "versions": {"stridelab": "0.1.0"}}
+        outcome = {
+            "summary": {"mass_kg": 60.2},
+            "references": ["carpentier2017thesis"],
+            "versions": {"stridelab": "0.1.0"},
+        }
         assert await Attempts(parts.engine, KINDS).succeed(attempt, parts.blobs, outcome, artifacts, folder, "log")
 
 

@@ -125,7 +125,7 @@ class SimulateRecordingInput(Contract):
     sex: Literal["female", "male"] = "female"
     lab: Literal["walkway", "two_plates"] = Field(
         default="walkway",
-        description="walkway: every footprint lies on a plate of its own; two_plates: two plates in a row, as in most labs",
+        description="walkway: every footprint has a plate of its own; two_plates: two plates in a row, as in most labs",
     )
     noise: SimulationNoise = Field(default_factory=SimulationNoise)
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 0
