@@ -13,9 +13,9 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.errors import StridelabError
 from stridelab.service.jobs.attempts import Attempt, Attempts, FinalState
+from stridelab.service.jobs.consumer import DATABASE_IS_AWAY
 from stridelab.service.jobs.isolated import IsolatedOutcome, IsolatedPool
 from stridelab.service.jobs.kinds.kind import JobKind, Json
-from stridelab.service.jobs.queue import DATABASE_IS_AWAY
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 

@@ -9,7 +9,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service.bundled import SHIPPED_JOBS
-from stridelab.service.jobs.queue import Consumer
+from stridelab.service.jobs.consumer import Consumer
 from stridelab.service.settings import Settings
 from stridelab.service.storage import uploads
 from stridelab.service.storage.blobs import BlobStore

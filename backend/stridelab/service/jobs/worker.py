@@ -20,10 +20,11 @@ from stridelab.errors import StridelabError, Unavailable
 from stridelab.service.jobs import retention
 from stridelab.service.jobs.attempts import Attempts
 from stridelab.service.jobs.board import Listener
+from stridelab.service.jobs.consumer import DATABASE_IS_AWAY, Consumer
 from stridelab.service.jobs.errand import Errand
 from stridelab.service.jobs.isolated import PRELOAD, IsolatedPool
 from stridelab.service.jobs.kinds.kind import JobKind
-from stridelab.service.jobs.queue import DATABASE_IS_AWAY, LANES, Consumer, Delivery, Lane
+from stridelab.service.jobs.queue import LANES, Delivery, Lane
 from stridelab.service.jobs.store import CANCEL_CHANNEL
 from stridelab.service.jobs.work_folder import WorkFolder
 from stridelab.service.settings import Settings, settings
