@@ -86,33 +86,17 @@ class RecordingFacts(Contract):
     warnings: list[Remark]
 
 
-class Recording(Contract):
-    """A stored recording (DESIGN section 4)."""
+class Recording(RecordingFacts):
+    """A stored recording: what parsing its file yielded, and what the service and its users know of it."""
 
     id: str
     sha256: str
     filename: str
     bytes: int
     created_at: datetime
-    duration_s: float
-    n_frames: int
-    marker_rate_hz: float
-    force_rate_hz: float
-    marker_set: str | None
-    n_markers: int
-    subject: SubjectFields
     subject_id: str | None = None
-    mass_from_force_kg: float | None = None
-    plates: list[PlateInfo]
-    windows_s: list[Interval]
-    up_axis: str
-    walking_direction: list[float] | None
-    labels: list[str]
-    landmarks: dict[str, str]
-    missing_landmarks: list[str]
     marker_map: dict[str, str]
     static_recording_id: str | None = None
     bundled: bool = False
     truth_job_id: str | None = None
     owner: str | None = None
-    warnings: list[Remark]
