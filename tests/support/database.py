@@ -12,7 +12,8 @@ from pathlib import Path
 import psycopg
 
 from stridelab.service.embedded_postgres import EmbeddedPostgres
-from stridelab.service.storage.database import migrate
+from stridelab.service.storage.database import parse_url
+from stridelab.service.storage.migrating import migrate
 
 _numbers = count()
 
@@ -33,17 +34,14 @@ class TestDatabases:
     """Databases on one server, copied from a migrated template."""
 
     __test__ = False
-    server: EmbeddedPostgres
-
-    @property
-    def admin_url(self) -> str:
-        return self.server.url
+    admin_url: str
+    template: str
 
     @contextmanager
     def fresh(self, *, migrated: bool = True) -> Iterator[str]:
         """URL of a new database; dropped at the end, whoever still holds a connection."""
-        name = f"test_{os.getpid()}_{next(_numbers)}"
-        template = "template_stridelab" if migrated else "template1"
+        name = f"stridelab_test_{os.getpid()}_{next(_numbers)}"
+        template = self.template if migrated else "template1"
         with psycopg.connect(self.admin_url, autocommit=True) as admin:
             admin.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"')
         try:
@@ -53,20 +51,35 @@ class TestDatabases:
                 admin.execute(f'DROP DATABASE "{name}" WITH (FORCE)')
 
     def _url(self, name: str) -> str:
-        return self.admin_url.replace("/postgres?", f"/{name}?")
+        return parse_url(self.admin_url).set(database=name).render_as_string(hide_password=False)
+
+
+@contextmanager
+def _server() -> Iterator[str]:
+    """URL of the server under test: STRIDELAB_TEST_DATABASE_URL (a superuser's), or an embedded one."""
+    given = os.environ.get("STRIDELAB_TEST_DATABASE_URL")
+    if given:
+        yield given
+        return
+    with public_folder() as folder:
+        server = EmbeddedPostgres(folder)
+        try:
+            yield server.start()
+        finally:
+            server.stop()
 
 
 @contextmanager
 def databases() -> Iterator[TestDatabases]:
     """One server for a whole test session."""
-    with public_folder() as folder:
-        server = EmbeddedPostgres(folder)
-        server.start()
+    with _server() as url:
+        template = f"stridelab_template_{os.getpid()}_{next(_numbers)}"
+        made = TestDatabases(url, template)
+        with psycopg.connect(url, autocommit=True) as admin:
+            admin.execute(f'CREATE DATABASE "{template}"')
         try:
-            made = TestDatabases(server)
-            with psycopg.connect(server.url, autocommit=True) as admin:
-                admin.execute("CREATE DATABASE template_stridelab")
-            migrate(made._url("template_stridelab"))
+            migrate(made._url(template))
             yield made
         finally:
-            server.stop()
+            with psycopg.connect(url, autocommit=True) as admin:
+                admin.execute(f'DROP DATABASE "{template}" WITH (FORCE)')

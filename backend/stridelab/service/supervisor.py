@@ -164,12 +164,13 @@ def _programs(
     settings: Settings, url: str, before_worker_restart: Callable[[], None], *, with_worker: bool
 ) -> list[_Program]:
     """The programs to keep running, the web server first."""
-    logs = settings.data_folder / "logs"
-    logs.mkdir(mode=0o700, exist_ok=True)
+    logs, blobs = settings.data_folder / "logs", settings.data_folder / "blobs"
+    for private in (logs, blobs):
+        private.mkdir(mode=0o700, exist_ok=True)
     environment = {
         **os.environ,
         "STRIDELAB_DATABASE_URL": url,
-        "STRIDELAB_BLOB_URL": settings.blob_url or (settings.data_folder / "blobs").as_uri(),
+        "STRIDELAB_BLOB_URL": settings.blob_url or blobs.as_uri(),
         "STRIDELAB_DATA_DIR": str(settings.data_folder),
         "STRIDELAB_HOST": settings.host,
         "STRIDELAB_PORT": str(settings.port),
