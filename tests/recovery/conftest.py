@@ -27,7 +27,7 @@ def database_url(postgres: TestDatabases) -> Iterator[str]:
         yield url
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def service() -> Iterator[Service]:
     with public_folder() as folder:
         made = Service(folder / "data")

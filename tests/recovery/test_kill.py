@@ -88,3 +88,16 @@ def test_everything_killed_at_once_and_started_again(tmp_path: Path) -> None:
             assert starts_and_ends(diary, "queued") == (1, 1)
         finally:
             service.stop()
+
+
+def test_two_services_side_by_side(service: Service) -> None:
+    with public_folder() as folder:
+        other = Service(folder / "data")
+        other.start()
+        try:
+            for each in (service, other):
+                assert each.jobs.until_final(each.jobs.submit("work")).state == "succeeded"
+                assert each.healthy()
+            assert len({(each.port, each.url) for each in (service, other)}) == 2
+        finally:
+            other.stop()

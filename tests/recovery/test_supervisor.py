@@ -36,19 +36,6 @@ def test_ctrl_c_ends_everything_and_the_next_start_finds_everything() -> None:
         wait_until(lambda: all(ended(process) for process in members), 20, "everything ended with the supervisor")
 
 
-def test_two_services_side_by_side(service: Service) -> None:
-    with public_folder() as folder:
-        other = Service(folder / "data")
-        other.start()
-        try:
-            for each in (service, other):
-                assert each.jobs.until_final(each.jobs.submit("work")).state == "succeeded"
-                assert each.healthy()
-            assert len({(each.port, each.url) for each in (service, other)}) == 2
-        finally:
-            other.stop()
-
-
 def refused(**settings: str) -> str:
     """What a service that does not start says."""
     result = subprocess.run(
