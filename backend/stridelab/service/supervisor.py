@@ -8,6 +8,7 @@ the database remembers is dead, and its jobs are taken up at once.
 import contextlib
 import importlib.util
 import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -63,6 +64,7 @@ class _Program:
     def keep_running(self) -> None:
         """Start it where it does not run and its pause is over."""
         now = time.monotonic()
+        self._trim_log()
         if self.process is not None:
             if self.process.poll() is None:
                 return
@@ -74,9 +76,7 @@ class _Program:
             self._start(now)
 
     def _start(self, now: float) -> None:
-        if self.log.exists() and self.log.stat().st_size > _MAX_LOG_BYTES:
-            self.log.replace(self.log.with_suffix(".log.old"))
-        with self.log.open("ab") as log:
+        with self.log.open("ab") as log:  # appending, so that the file may be emptied under the program's hands
             self.process = subprocess.Popen(
                 tethered([sys.executable, "-m", self.module]),
                 stdin=subprocess.DEVNULL,
@@ -86,6 +86,12 @@ class _Program:
                 start_new_session=True,  # the terminal's Ctrl-C is for the supervisor alone
             )
         self.started_at = now
+
+    def _trim_log(self) -> None:
+        """Move what was written aside when it is much; a line that arrives meanwhile may be lost."""
+        if self.log.exists() and self.log.stat().st_size > _MAX_LOG_BYTES:
+            shutil.copyfile(self.log, self.log.with_suffix(".log.old"))
+            os.truncate(self.log, 0)
 
     def send(self, signum: int) -> None:
         """Send a signal, if it runs."""
@@ -125,7 +131,7 @@ def serve(settings: Settings, *, with_worker: bool = True, say: Callable[[str], 
             _until_healthy(settings, programs[0])
             speak(f"stridelab is running on {_address(settings)}")
             speak("Next: open it in a browser, or run `stridelab demo` in another terminal. Ctrl-C stops everything.")
-            _keep(programs, database)
+            _keep(programs, database, speak)
     except _StopAsked:
         return
     finally:
@@ -198,15 +204,20 @@ def _until_healthy(settings: Settings, api: _Program) -> None:
         time.sleep(_TICK_S / 2)
 
 
-def _keep(programs: list[_Program], database: EmbeddedPostgres | None) -> NoReturn:
-    next_check = 0.0
+def _keep(programs: list[_Program], database: EmbeddedPostgres | None, say: Callable[[str], None]) -> NoReturn:
+    next_check, complained = 0.0, False
     while True:
         now = time.monotonic()
         if database is not None and now >= next_check:
             if database.postmaster_pid is None:
-                with contextlib.suppress(Unavailable):  # its log tells why; tried again until it comes up
+                try:
                     database.start(timeout_s=10.0)
-            next_check = now + _DATABASE_CHECK_S
+                    complained = False
+                except Unavailable as error:  # tried again until it comes up
+                    if not complained:
+                        say(f"The database stopped and does not start again: {error.message}")
+                    complained = True
+            next_check = time.monotonic() + _DATABASE_CHECK_S
         for program in programs:
             program.keep_running()
         time.sleep(_TICK_S)

@@ -64,6 +64,26 @@ def test_old_jobs_go_with_their_files(use: Any, blobs: BlobStore, database_url: 
     use(act)
 
 
+def test_ground_truth_stays_with_its_recording(use: Any, blobs: BlobStore, database_url: str) -> None:
+    async def act(store: JobStore, connection: AsyncConnection) -> None:
+        truth = (await store.submit("work", {})).job_id
+        await asyncio.to_thread(age, database_url, truth, "succeeded", 1000)
+
+        def refer() -> None:
+            with psycopg.connect(database_url) as other:
+                other.execute(
+                    "INSERT INTO recording (id, filename, sha256, bytes, blob_key, tracks_key, facts, subject_fields,"
+                    " truth_job_id) VALUES ('r', 'f', 's', 1, 'a', 'b', '{}', '{}', %s)",
+                    (truth,),
+                )
+
+        await asyncio.to_thread(refer)
+        assert await remove_old_jobs(connection, blobs, timedelta(days=90)) == []
+        assert (await store.get(truth)).state == "succeeded"
+
+    use(act)
+
+
 def test_old_events_go_and_those_of_open_jobs_stay(use: Any, database_url: str) -> None:
     async def act(store: JobStore, connection: AsyncConnection) -> None:
         old, waiting = [(await store.submit("work", {"n": n})).job_id for n in range(2)]

@@ -15,7 +15,7 @@ from psycopg import sql
 
 from stridelab.schemas.jobs import JobEvent
 from stridelab.service.jobs.store import CHANNEL, JobRecord, JobStore
-from stridelab.service.storage.database import conninfo
+from stridelab.service.storage.database import PATIENCE, conninfo
 
 FALLBACK_S: Final = 15.0
 """How often everybody looks without having been told to."""
@@ -57,7 +57,7 @@ class Listener:
         while True:
             try:
                 async with await psycopg.AsyncConnection.connect(
-                    conninfo(self._url), autocommit=True, connect_timeout=10, application_name="stridelab-listen"
+                    conninfo(self._url), autocommit=True, application_name="stridelab-listen", **PATIENCE
                 ) as connection:
                     for channel in self._channels:
                         await connection.execute(sql.SQL("LISTEN {}").format(sql.Identifier(channel)))

@@ -11,7 +11,7 @@ from psycopg import OperationalError as DriverError
 from sqlalchemy.exc import InterfaceError, OperationalError
 
 from stridelab.service.jobs.queue import LANES, Delivery, Lane
-from stridelab.service.storage.database import conninfo
+from stridelab.service.storage.database import PATIENCE, conninfo
 
 DATABASE_IS_AWAY: Final = (OperationalError, InterfaceError, DriverError, ConnectorException, TimeoutError)
 """What a database that does not answer looks like, by whichever way it was asked."""
@@ -26,7 +26,9 @@ class Consumer:
     """A worker's side of the queue: one registered worker, its heartbeat, and the deliveries it holds."""
 
     def __init__(self, url: str) -> None:
-        self._connector = PsycopgConnector(conninfo=conninfo(url), min_size=1, max_size=3, timeout=5.0)
+        self._connector = PsycopgConnector(
+            conninfo=conninfo(url), kwargs=dict(PATIENCE), min_size=1, max_size=3, timeout=5.0
+        )
         self._manager = JobManager(self._connector)
         self._worker: int | None = None
         self._held: set[int] = set()

@@ -7,6 +7,7 @@ long as they do: the kernel kills them when that thread ends.
 
 import asyncio
 import contextlib
+import itertools
 import json
 import os
 import signal
@@ -26,6 +27,7 @@ PRELOAD: Final = ("numpy", "scipy.signal", "scipy.optimize", "scipy.spatial.tran
 LOG_BYTES: Final = 64 * 1024
 """How much of the end of a child's log is kept."""
 _MEMORY_WATCH_S: Final = 0.1
+_TICKS_PER_FAMILY: Final = 10
 _LINE_BYTES: Final = 64 * 1024 * 1024
 _START_S: Final = 60.0
 _AFTER_DEATH_S: Final = 0.5
@@ -277,11 +279,13 @@ class _Child:
 
     async def _watch_memory(self, limit_bytes: int) -> None:
         """Return when the child and its own children hold more than the limit."""
-        while True:
+        for tick in itertools.count():
             await asyncio.sleep(_MEMORY_WATCH_S)
             with contextlib.suppress(psutil.Error):
                 process = psutil.Process(self._process.pid)
-                held = [process, *process.children(recursive=True)]
+                held = [process]
+                if tick % _TICKS_PER_FAMILY == 0:
+                    held += process.children(recursive=True)  # looks at every process of the machine
                 if sum(each.memory_info().rss for each in held) > limit_bytes:
                     return
 

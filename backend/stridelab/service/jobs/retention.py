@@ -4,7 +4,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Final
 
 import structlog
-from sqlalchemy import delete, func, select
+from sqlalchemy import delete, exists, func, select
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.schemas.jobs import FINAL_STATES
@@ -48,9 +48,13 @@ async def remove_old_events(connection: AsyncConnection, age: timedelta) -> None
 
 
 async def remove_old_jobs(connection: AsyncConnection, blobs: BlobStore, age: timedelta) -> list[str]:
-    """Delete jobs that ended that long ago, and then their files; returns their ids. The sample's results stay."""
+    """Delete jobs that ended that long ago, and then their files; returns their ids.
+
+    The sample's results stay, and a job that holds the ground truth of a recording stays as long as the recording.
+    """
     over = (job.c.state.in_(FINAL_STATES), job.c.finished_at < func.now() - age, job.c.id.not_in(SHIPPED_JOBS))
-    old = delete(job).where(*over)
+    is_truth = exists().where(recording.c.truth_job_id == job.c.id)
+    old = delete(job).where(*over, ~is_truth)
     gone = list((await connection.execute(old.returning(job.c.id))).scalars())
     await connection.commit()
     for job_id in gone:

@@ -1,5 +1,7 @@
 """How the database is reached. PostgreSQL only, by psycopg."""
 
+from typing import Any, Final
+
 from sqlalchemy.engine import URL, make_url
 from sqlalchemy.exc import ArgumentError
 from sqlalchemy.ext.asyncio import AsyncEngine, create_async_engine
@@ -9,6 +11,15 @@ from stridelab.service.settings import Settings
 from stridelab.service.storage.migrating import is_migrated, migrate
 
 __all__ = ["conninfo", "database_url", "is_migrated", "make_engine", "migrate", "parse_url"]
+
+PATIENCE: Final[dict[str, Any]] = {
+    "connect_timeout": 10,
+    "keepalives_idle": 10,
+    "keepalives_interval": 5,
+    "keepalives_count": 3,
+    "tcp_user_timeout": 20_000,
+}
+"""Connection parameters that notice a server which vanished from the network within half a minute."""
 
 
 def database_url(settings: Settings) -> str | None:
@@ -44,5 +55,5 @@ def make_engine(url: str, *, pool_size: int = 8) -> AsyncEngine:
         pool_pre_ping=True,
         pool_size=pool_size,
         max_overflow=pool_size,
-        connect_args={"connect_timeout": 10, "application_name": "stridelab"},
+        connect_args={**PATIENCE, "application_name": "stridelab"},
     )

@@ -1,0 +1,68 @@
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from stridelab.errors import InvalidInput
+from stridelab.service import supervisor
+from stridelab.service.settings import Settings
+from stridelab.service.supervisor import _Program, serve
+
+
+@pytest.fixture
+def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> _Program:
+    """A program that says a word and ends at once."""
+    (tmp_path / "short_lived.py").write_text("print('a word')\n", encoding="utf-8")
+    return _Program("short_lived", tmp_path / "x.log", {"PYTHONPATH": ":".join([str(tmp_path), *sys.path])})
+
+
+def until_ended(program: _Program) -> None:
+    assert program.process is not None
+    program.process.wait(30)
+
+
+def test_what_keeps_dying_is_started_later_and_later(program: _Program) -> None:
+    calls: list[float] = []
+    program.before_restart = lambda: calls.append(time.monotonic())
+    pauses = []
+    program.keep_running()
+    for _ in range(3):
+        until_ended(program)
+        program.keep_running()
+        pauses.append(program.next_start - time.monotonic())
+        assert program.process is None
+        program.next_start = 0.0
+        program.keep_running()
+        assert program.process is not None
+    until_ended(program)
+    assert pauses == sorted(pauses)
+    assert pauses[-1] > 2 * pauses[0]
+    assert len(calls) == 3
+    assert program.last_words() == "a word"
+
+
+def test_program_that_has_proven_itself_is_restarted_at_once(program: _Program) -> None:
+    program.failures = 4
+    program.keep_running()
+    until_ended(program)
+    program.started_at -= 31.0
+    program.keep_running()
+    assert program.failures == 0
+
+
+def test_log_does_not_grow_for_ever(program: _Program, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(supervisor, "_MAX_LOG_BYTES", 100)
+    program.log.write_bytes(b"x" * 101)
+    program.keep_running()
+    until_ended(program)
+    assert program.log.read_text(encoding="utf-8") == "a word\n"
+    assert program.log.with_suffix(".log.old").stat().st_size == 101
+
+
+def test_open_address_is_refused_before_anything_is_made(tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        serve(Settings(host="0.0.0.0", data_dir=tmp_path / "data", api_token=None))
+    assert caught.value.code == "token-needed"
+    assert [fault.where for fault in caught.value.faults] == ["STRIDELAB_API_TOKEN"]
+    assert not (tmp_path / "data").exists()
