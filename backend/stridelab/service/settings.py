@@ -5,7 +5,6 @@ from pathlib import Path
 
 from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
-from sqlalchemy.engine import make_url
 
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 
@@ -63,6 +62,8 @@ class Settings(BaseSettings):
         """The database address with the password of the secret file put in, or None for the embedded one."""
         if self.database_url is None or self.database_password_file is None:
             return self.database_url
+        from sqlalchemy.engine import make_url  # slow to import, and a start with the embedded database has no need
+
         password = self.database_password_file.read_text(encoding="utf-8").strip()
         return make_url(self.database_url).set(password=password).render_as_string(hide_password=False)
 

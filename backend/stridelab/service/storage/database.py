@@ -23,13 +23,11 @@ PATIENCE: Final[dict[str, Any]] = {
 
 
 def database_url(settings: Settings) -> str | None:
-    """The configured database with its password filled in from the file, or None for the embedded one."""
+    """The configured database, checked, with its password filled in from the file; None for the embedded one."""
     if settings.database_url is None:
         return None
-    url = parse_url(settings.database_url)
-    if settings.database_password_file is not None:
-        url = url.set(password=settings.database_password_file.read_text(encoding="utf-8").strip())
-    return url.render_as_string(hide_password=False)
+    parse_url(settings.database_url)
+    return conninfo(str(settings.database_dsn))
 
 
 def parse_url(url: str) -> URL:
