@@ -1,5 +1,6 @@
 """A private PostgreSQL for tests, and a migrated database of its own for each test that asks."""
 
+import json
 import os
 import shutil
 import tempfile
@@ -26,6 +27,8 @@ def public_folder() -> Iterator[Path]:
     try:
         yield folder
     finally:
+        for pointer in folder.rglob("postgres.json"):  # a killed service leaves the folder of its socket behind
+            shutil.rmtree(json.loads(pointer.read_text(encoding="utf-8"))["socket"], ignore_errors=True)
         shutil.rmtree(folder, ignore_errors=True)
 
 
