@@ -1,10 +1,15 @@
 """Shapes are checked at run time in the tests; real recordings come from STRIDELAB_TEST_DATA."""
 
 import os
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
 from jaxtyping import install_import_hook
+
+if TYPE_CHECKING:
+    from support.database import TestDatabases
 
 install_import_hook("stridelab", "beartype.beartype")
 
@@ -13,3 +18,19 @@ install_import_hook("stridelab", "beartype.beartype")
 def data_dir() -> Path:
     """Folder with the real recordings (gait/, robots/); tests that need it skip as a module where it is absent."""
     return Path(os.environ.get("STRIDELAB_TEST_DATA", Path(__file__).parents[2] / "shared")).resolve()
+
+
+@pytest.fixture(scope="session")
+def postgres() -> "Iterator[TestDatabases]":
+    """One PostgreSQL for all tests that need one."""
+    from support.database import databases
+
+    with databases() as made:
+        yield made
+
+
+@pytest.fixture
+def database_url(postgres: "TestDatabases") -> Iterator[str]:
+    """A migrated database of this test's own."""
+    with postgres.fresh() as url:
+        yield url

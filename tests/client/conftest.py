@@ -5,14 +5,13 @@ from collections.abc import Iterator
 import pytest
 
 from stridelab.client import Client
-from support.database import databases
+from support.database import TestDatabases
 from support.interface import Served, served
 
 
 @pytest.fixture(scope="session")
-def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
-    data = tmp_path_factory.mktemp("data")
-    with databases() as made, made.fresh() as url, served(url, data) as running:
+def service(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with postgres.fresh() as url, served(url, tmp_path_factory.mktemp("data")) as running:
         yield running
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from support.database import TestDatabases, databases, public_folder
+from support.database import public_folder
 from support.service import Service
 
 
@@ -13,18 +13,6 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if Path(__file__).parent in item.path.parents:
             item.add_marker(pytest.mark.recovery)
-
-
-@pytest.fixture(scope="session")
-def postgres() -> Iterator[TestDatabases]:
-    with databases() as made:
-        yield made
-
-
-@pytest.fixture
-def database_url(postgres: TestDatabases) -> Iterator[str]:
-    with postgres.fresh() as url:
-        yield url
 
 
 @pytest.fixture(scope="module")
