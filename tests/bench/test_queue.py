@@ -16,11 +16,13 @@ import numpy as np
 import psutil
 import pytest
 
+from stridelab.client import Client
 from stridelab.schemas.jobs import JobEvent
 from stridelab.service.jobs.board import JobBoard
 from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.storage.database import make_engine
-from support.database import databases
+from support.database import TestDatabases
+from support.interface import served
 from support.kinds import KINDS
 from support.service import worker
 
@@ -41,6 +43,7 @@ class Desk:
     """A client of the queue that stays connected from round to round."""
 
     def __init__(self, url: str) -> None:
+        self.url = url
         self.runner, self.stack = asyncio.Runner(), AsyncExitStack()
         self.engine = make_engine(url)
         self.store, self.board = JobStore(self.engine, KINDS), JobBoard(url)
@@ -70,9 +73,9 @@ class Desk:
 
 
 @pytest.fixture(scope="module")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+def desk(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
     folder = tmp_path_factory.mktemp("worker")
-    with databases() as made, made.fresh() as url, worker(url, folder, STRIDELAB_WORKER_SLOTS="1"):
+    with postgres.fresh() as url, worker(url, folder, STRIDELAB_WORKER_SLOTS="1"):
         opened = Desk(url)
         warm = opened.submit("work")
         opened.do(opened.board.wait(opened.store, warm, 60.0))
@@ -129,6 +132,30 @@ def test_progress_to_listener(benchmark: Any, desk: Desk, tmp_path: Path) -> Non
     desk.do(stream.aclose())
     desk.end(job_id)
     assert percentiles(benchmark, "progress to listener") < 30
+
+
+def test_progress_to_http_event_stream(benchmark: Any, desk: Desk, tmp_path: Path) -> None:
+    mark = tmp_path / "mark"
+    job_id = desk.submit("echo", mark=str(mark))
+    mark.touch()
+    desk.until_running(job_id)
+    with served(desk.url, tmp_path / "data") as web, Client(web.base_url) as client:
+        events = client.events(job_id)
+        heard = 1
+        while next(events).progress.message != "heard 1":
+            pass
+
+        def until_told() -> None:
+            nonlocal heard
+            heard += 1
+            mark.touch()
+            while next(events).progress.message != f"heard {heard}":
+                pass
+
+        benchmark.pedantic(until_told, setup=lambda: time.sleep(0.3), rounds=40)
+        desk.end(job_id)
+        assert [event.state for event in events][-1] == "cancelled"
+    assert percentiles(benchmark, "progress to http event stream") < 30
 
 
 def test_cancel_to_free_processor(benchmark: Any, desk: Desk) -> None:
