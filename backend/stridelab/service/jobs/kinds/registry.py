@@ -28,6 +28,7 @@ SIMULATE_RECORDING = JobKind(
     stage=rows.stage_simulate_recording,
     publish=rows.publish_simulated_recording,
     timeout_s=300.0,
+    lane="long",
 )
 
 KINDS: Mapping[str, JobKind] = MappingProxyType({kind.name: kind for kind in (ESTIMATE_COM, SIMULATE_RECORDING)})
