@@ -130,7 +130,9 @@ def serve(settings: Settings, *, with_worker: bool = True, say: Callable[[str], 
             programs += _programs(settings, str(url), forget, with_worker=with_worker)
             _until_healthy(settings, programs[0])
             speak(f"stridelab is running on {_address(settings)}")
-            speak("Next: open it in a browser, or run `stridelab demo` in another terminal. Ctrl-C stops everything.")
+            speak(
+                f"Next: open it in a browser, or run `{_program()} demo` in another terminal. Ctrl-C stops everything."
+            )
             _keep(programs, database, speak)
     except _StopAsked:
         return
@@ -269,6 +271,12 @@ def _free_port() -> int:
 def _address(settings: Settings) -> str:
     host = _EVERYWHERE.get(settings.host, settings.host)
     return f"http://[{host}]:{settings.port}" if ":" in host else f"http://{host}:{settings.port}"
+
+
+def _program() -> str:
+    """How a user calls this installation's command line from here."""
+    script = Path(sys.executable).with_name("stridelab")
+    return os.path.relpath(script) if script.exists() else "stridelab"
 
 
 def _answers(settings: Settings) -> bool:
