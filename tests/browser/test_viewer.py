@@ -107,7 +107,7 @@ def test_timeline_steps_scrubs_plays_and_keeps_the_address(
     tab: Tab, service: Service, estimated: tuple[str, str], tracks: dict[str, Any]
 ) -> None:
     recording_id, _ = estimated
-    page = scene(tab, f"/view/?recording={recording_id}")
+    page = scene(tab, f"/view/?recording={recording_id}&t=0")
     label = service.client.recording(recording_id).labels[0]
 
     def marker_stands_at(frame: int) -> Callable[[dict[str, Any]], bool]:
