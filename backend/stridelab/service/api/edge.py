@@ -16,15 +16,7 @@ CONTENT_POLICY: Final = (
     "default-src 'self'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; connect-src 'self'; "
     "object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'self'"
 )
-"""Everything from this service, nothing inline."""
-
-SCENE_PREFIX: Final = "/view/scene/"
-SCENE_POLICY: Final = (
-    "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; style-src 'self' 'unsafe-inline'; "
-    "img-src 'self' data: blob:; font-src 'self' data:; connect-src 'self' data: blob:; worker-src 'self' blob:; "
-    "object-src 'none'; base-uri 'none'; form-action 'self'; frame-ancestors 'self'"
-)
-"""viser's client is one HTML file with its script and styles inside."""
+"""Everything from this service, nothing inline; the page of the 3D scene brings a policy of its own."""
 
 HEADERS: Final = {
     "X-Content-Type-Options": "nosniff",
@@ -62,7 +54,7 @@ class Edge:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
-                _add_headers(message, scope["path"], request_id)
+                _add_headers(message, request_id)
             await send(message)
 
         try:
@@ -85,11 +77,11 @@ class Edge:
             )
 
 
-def _add_headers(message: Message, path: str, request_id: str) -> None:
+def _add_headers(message: Message, request_id: str) -> None:
     headers = MutableHeaders(scope=message)
     for name, value in HEADERS.items():
         headers.setdefault(name, value)
-    headers.setdefault("Content-Security-Policy", SCENE_POLICY if path.startswith(SCENE_PREFIX) else CONTENT_POLICY)
+    headers.setdefault("Content-Security-Policy", CONTENT_POLICY)
     headers["X-Request-ID"] = request_id
 
 
