@@ -9,6 +9,7 @@ secrets in its environment. This module imports only the standard library, so th
 import contextlib
 import faulthandler
 import importlib
+import io
 import json
 import os
 import resource
@@ -31,6 +32,8 @@ def main(parent_pid: int, modules: list[str]) -> None:
     _be_modest()
     wire = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # what libraries print belongs into the log, not between the answers
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(line_buffering=True)  # line by line, so that a killed child's last words are kept
     faulthandler.enable()
     for module in modules:
         try:
