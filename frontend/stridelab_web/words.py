@@ -8,7 +8,7 @@ from stridelab.schemas.jobs import FINAL_STATES, Job
 
 def fixed(value: float | None, digits: int = 2) -> str:
     """``value`` with a fixed number of decimals; a dash where there is none."""
-    return "–" if value is None else f"{value:.{digits}f}"
+    return "–" if value is None else f"{value:z.{digits}f}"
 
 
 def plain(value: float | None) -> str:

@@ -89,5 +89,5 @@ def _text(key: str, value: Any) -> str | None:
 
 def _number(key: str, value: float) -> str:
     if key in _IN_THOUSANDTHS:
-        return f"{1000 * value:.1f}"
-    return str(value) if isinstance(value, int) else f"{value:.2f}"
+        return f"{1000 * value:z.1f}"
+    return str(value) if isinstance(value, int) else f"{value:z.2f}"

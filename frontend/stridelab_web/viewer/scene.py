@@ -147,7 +147,7 @@ def _place_camera(
     server: viser.ViserServer, centre: np.ndarray, extent: np.ndarray, along: np.ndarray, view: np.ndarray
 ) -> None:
     """Look from the person's right side, a little from above and ahead, far enough to see the whole way."""
-    reach = max(float(extent @ np.abs(along)), 1.5 * float(extent[2]), 1.2)
+    reach = max(float(extent @ np.abs(along)), 1.9 * float(extent[2]), 1.2)
     server.initial_camera.fov = 0.7
     server.initial_camera.look_at = tuple(centre)
     server.initial_camera.position = tuple(centre + view / np.linalg.norm(view) * reach * 1.7)

@@ -1,0 +1,12 @@
+"""How numbers read on the pages."""
+
+import pytest
+
+from stridelab_web.words import fixed
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1.236, "1.24"), (-0.001, "0.00"), (-0.006, "-0.01"), (0.0, "0.00"), (None, "–")]
+)
+def test_fixed_digits_and_no_negative_zero(value: float | None, text: str) -> None:
+    assert fixed(value) == text
