@@ -40,11 +40,12 @@ def test_many_watchers_of_one_job_and_none_of_another(database_url: str) -> None
         engine = make_engine(database_url)
         async with JobBoard(database_url) as board:
             store = JobStore(engine, KINDS)
-            first, second = [(await store.submit("work", {"n": n})).job_id for n in range(2)]
             await asyncio.wait_for(board._listener.listening.wait(), 10)
+            first, second, third = [(await store.submit("work", {"n": n})).job_id for n in range(3)]
+            with board.watch(third) as passed:  # notifications keep their order: those of the submissions are through
+                await store.request_cancel(third)
+                await asyncio.wait_for(passed.wait(), 5.0)
             with board.watch(first) as a, board.watch(first) as b, board.watch(second) as c:
-                for event in (a, b, c):
-                    event.clear()
                 await store.request_cancel(first)
                 await asyncio.wait_for(asyncio.gather(a.wait(), b.wait()), 5.0)
                 assert not c.is_set()
