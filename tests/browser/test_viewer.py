@@ -129,6 +129,8 @@ def test_timeline_steps_scrubs_plays_and_keeps_the_address(
     slider.focus()
     page.keyboard.press("ArrowLeft")
     drawn(page, marker_stands_at(36))
+    # the address is written a few times a second at most, so the scene is ahead of it
+    page.wait_for_url(f"**t={tracks['time_s'][36]:.3f}")
     page.reload()
     page.wait_for_selector("[data-player][data-ready]", timeout=60_000)
     drawn(page, marker_stands_at(36))
