@@ -1,0 +1,1 @@
+"""Where and when a robot touches its surroundings: terrain, contact phases, their check, swing curves."""

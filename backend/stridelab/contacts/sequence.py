@@ -1,0 +1,77 @@
+"""The contact sequence of section 4.2: which effectors touch where, phase after phase.
+
+It is what a ``Scenario`` of the HTTP contract becomes once it has been checked, and the only input from the contact
+floor that the centroidal and the whole-body stage see.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from stridelab.contacts.terrain import Terrain
+from stridelab.conventions import Series
+from stridelab.dynamics.placement import Placement
+
+
+@dataclass(frozen=True, eq=False)
+class Contact:
+    """One effector on one surface. ``placement`` is T_world_contact of the effector's contact frame."""
+
+    effector: str
+    placement: Placement
+    surface: str
+    friction: float
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPhase:
+    """An interval in which the set of contacts does not change; ``contacts`` by effector."""
+
+    duration_s: float
+    contacts: Mapping[str, Contact]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactSequence:
+    """Phases one after the other on a terrain, for a robot. The first and the last phase are rest to rest."""
+
+    name: str
+    robot: str
+    friction: float
+    terrain: Terrain
+    phases: tuple[ContactPhase, ...]
+
+    @cached_property
+    def ends_s(self) -> Series:
+        """End of every phase ``(n_phases,)``, in seconds from the start."""
+        return np.cumsum([phase.duration_s for phase in self.phases])
+
+    @cached_property
+    def starts_s(self) -> Series:
+        """Start of every phase ``(n_phases,)``."""
+        return np.concatenate([[0.0], self.ends_s[:-1]])
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the whole motion."""
+        return float(self.ends_s[-1])
+
+    @cached_property
+    def effectors(self) -> tuple[str, ...]:
+        """All effectors that touch anything, in the order of their first contact."""
+        return tuple(dict.fromkeys(name for phase in self.phases for name in phase.contacts))
+
+    def phase_at(self, time_s: float) -> int:
+        """Index of the phase at ``time_s``; a boundary belongs to the phase that begins there."""
+        found = int(np.searchsorted(self.ends_s, time_s, side="right"))
+        return min(found, len(self.phases) - 1)
+
+    def last_contact(self, effector: str, phase: int) -> Contact | None:
+        """The contact that ``effector`` has in ``phase``, or the last one that it had before."""
+        return next((p.contacts[effector] for p in self.phases[phase::-1] if effector in p.contacts), None)
+
+    def next_contact(self, effector: str, phase: int) -> Contact | None:
+        """The contact that ``effector`` has in ``phase``, or the first one that it will have after."""
+        return next((p.contacts[effector] for p in self.phases[phase:] if effector in p.contacts), None)

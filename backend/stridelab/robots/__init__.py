@@ -1,0 +1,1 @@
+"""Humanoids as data: model, effectors, position-level inverse kinematics, configuration sampling."""

@@ -1,0 +1,126 @@
+"""Inputs and summaries of the robot wing's jobs."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from stridelab.schemas.base import Contract, Remark
+from stridelab.schemas.scenarios import Scenario
+
+
+class PlanMotionInput(Contract):
+    """Input of ``plan-motion``: a stored scenario or a whole one, never both."""
+
+    scenario_id: str | None = None
+    scenario: Scenario | None = None
+    formulation: Literal["forces", "wrench"] = "forces"
+    solver: Literal["auto", "native", "casadi"] = "auto"
+    free_durations: bool = False
+    whole_body: bool = True
+    replay: bool = False
+
+    @model_validator(mode="after")
+    def _one_scenario(self) -> "PlanMotionInput":
+        if (self.scenario_id is None) == (self.scenario is None):
+            raise ValueError("give either scenario_id or scenario")
+        if self.replay and not self.whole_body:
+            raise ValueError("a replay needs whole_body")
+        return self
+
+
+class CertificateCheck(Contract):
+    """One property of the motion: ``value`` against ``limit``, at most or at least."""
+
+    name: str
+    value: float
+    unit: str
+    limit: float
+    at_least: bool
+    passed: bool
+    phase: int | None = None
+    effector: str | None = None
+    time_s: float | None = None
+
+
+class CertificateSummary(Contract):
+    """All checks of a motion."""
+
+    passed: bool
+    checks: list[CertificateCheck]
+
+
+class ReplaySummary(Contract):
+    """What happened when the motion was replayed in physics."""
+
+    completed: bool
+    fall_time_s: float | None = None
+    com_error_rms_m: float
+    com_error_max_m: float
+    foot_slip_max_m: float
+    hand_force_mean_n: float | None = None
+    hand_contact_share: float | None = None
+    torque_ratio_max: float
+    real_time_factor: float
+
+
+class PlanVerification(Contract):
+    """The centroidal solution checked by plain arithmetic."""
+
+    dynamics_gap: float
+    terminal_gap: float
+    cone_margin_n: float
+    normal_force_min_n: float
+
+
+class PlanMotionSummary(Contract):
+    """Summary of ``plan-motion``."""
+
+    scenario_name: str
+    robot: str
+    duration_s: float
+    n_phases: int
+    converged: bool
+    solver: str
+    objective: float
+    cost_terms: dict[str, float]
+    iterations: int
+    solve_time_s: float
+    build_time_s: float
+    verification: PlanVerification
+    stage_times_s: dict[str, float]
+    certificate: CertificateSummary | None = None
+    replay: ReplaySummary | None = None
+    warnings: list[Remark]
+
+
+class LearnReachabilityInput(Contract):
+    """Input of ``learn-reachability``; ``effectors`` null learns all of the robot's."""
+
+    robot: str
+    effectors: Annotated[list[str], Field(min_length=1, max_length=16)] | None = None
+    samples: Annotated[int, Field(ge=500, le=200_000)] = 20_000
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 0
+    measure: Literal["uniform", "conditioned"] = "uniform"
+
+
+class LearnedEffector(Contract):
+    """What was learned for one effector."""
+
+    components: int
+    kl_nats: float
+    kl_sd_nats: float
+    held_out_log_likelihood: float
+    bandwidth_m: float
+    mode_m: tuple[float, float, float]
+
+
+class LearnReachabilitySummary(Contract):
+    """Summary of ``learn-reachability``."""
+
+    robot: str
+    robot_sha256: str
+    samples: int
+    tried: int
+    measure: str
+    effectors: dict[str, LearnedEffector]
+    warnings: list[Remark]

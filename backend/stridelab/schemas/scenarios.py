@@ -1,0 +1,98 @@
+"""Scenarios of the HTTP contract: a robot, a terrain, and which effectors touch it when."""
+
+from datetime import datetime
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from stridelab.schemas.base import Contract, FaultItem, Remark
+
+Metres = Annotated[float, Field(ge=-100.0, le=100.0)]
+Position = tuple[Metres, Metres, Metres]
+Quaternion = tuple[float, float, float, float]
+Friction = Annotated[float, Field(gt=0.0, le=2.0, description="coefficient of friction")]
+SurfaceName = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]*$")]
+Edge = Annotated[float, Field(gt=0.0, le=100.0)]
+
+
+class BoxSurface(Contract):
+    """A box, stood on by its upper face; turned by ``yaw_rad`` or by ``orientation_wxyz``, not by both."""
+
+    name: SurfaceName
+    kind: Literal["box"]
+    center_m: Position
+    size_m: tuple[Edge, Edge, Edge]
+    yaw_rad: float | None = None
+    orientation_wxyz: Quaternion | None = None
+    friction: Friction | None = Field(default=None, description="null takes the scenario's")
+
+
+class RailSurface(Contract):
+    """A round bar; the normal of a contact on it is perpendicular to it, in its vertical plane."""
+
+    name: SurfaceName
+    kind: Literal["rail"]
+    from_m: Position
+    to_m: Position
+    radius_m: Annotated[float, Field(gt=0.0, le=0.5)]
+    friction: Friction | None = Field(default=None, description="null takes the scenario's")
+
+
+TerrainSurface = Annotated[BoxSurface | RailSurface, Field(discriminator="kind")]
+
+
+class ScenarioContact(Contract):
+    """An effector on a surface: position and orientation of its contact frame in the world."""
+
+    effector: Annotated[str, Field(min_length=1, max_length=60)]
+    position_m: Position
+    orientation_wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
+class ScenarioPhase(Contract):
+    """An interval in which the contacts do not change."""
+
+    duration_s: Annotated[float, Field(description="seconds, 0.05 to 60")]
+    contacts: Annotated[list[ScenarioContact], Field(max_length=16)]
+
+
+class Scenario(Contract):
+    """Body of ``POST /scenarios`` and ``PUT /scenarios/{id}``: a contact sequence on a terrain."""
+
+    name: Annotated[str, Field(min_length=1, max_length=120)]
+    description: Annotated[str, Field(max_length=2000)] = ""
+    robot: Annotated[str, Field(min_length=1, max_length=60)]
+    friction: Friction = 0.3
+    terrain: Annotated[list[TerrainSurface], Field(max_length=200)]
+    phases: Annotated[list[ScenarioPhase], Field(max_length=400)]
+
+
+class StoredScenario(Scenario):
+    """A scenario as the service keeps it; a bundled one is read-only."""
+
+    id: str
+    created_at: datetime
+    bundled: bool = False
+    owner: str | None = None
+
+
+class ContactMargin(Contract):
+    """How far one contact of one phase is from being refused; positive is good."""
+
+    phase: int
+    effector: str
+    surface: str | None
+    height_m: float | None = Field(description="contact frame above (+) or below (-) the surface")
+    edge_m: float | None = Field(description="distance from the contact patch to the edge of its surface, inside > 0")
+    reach_m: float | None = Field(description="slack of the reach limits that the contacts of the phase share")
+
+
+class ScenarioCheck(Contract):
+    """Answer of ``POST /scenarios/check``; ``support_region_m`` holds, per phase, a polygon seen from above."""
+
+    valid: bool
+    errors: list[FaultItem]
+    warnings: list[Remark]
+    margins: list[ContactMargin]
+    support_region_m: list[list[tuple[float, float]]]
+    duration_s: float
