@@ -67,8 +67,10 @@ class CentroidalPlan:
     verification: Verification
 
     def at(self, time_s: float) -> Reference:
-        """Reference at ``time_s``: the CoM by exact integration from the node before it (its acceleration is constant
-        between nodes), the angular momentum linearly between nodes.
+        """Reference at ``time_s``.
+
+        The CoM is integrated exactly from the node before, its acceleration being constant between nodes; the angular
+        momentum is linear between nodes.
         """
         k = int(np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, len(self.time_s) - 2))
         h = self.time_s[k + 1] - self.time_s[k]

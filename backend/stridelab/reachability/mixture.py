@@ -11,7 +11,7 @@ from stridelab.conventions import Points, Series
 
 @dataclass(frozen=True, eq=False)
 class Mixture:
-    """``p(c) = sum_j w_j N(c; mu_j, S_j)``: weights ``(k,)``, means ``(k, 3)`` in m, covariances ``(k, 3, 3)`` in m^2."""
+    """``p(c) = sum_j w_j N(c; mu_j, S_j)``: weights ``(k,)``, means ``(k, 3)``, covariances ``(k, 3, 3)``."""
 
     weights: Float[np.ndarray, "k"]
     means_m: Float[np.ndarray, "k 3"]

@@ -44,7 +44,7 @@ class ProxyCard(Contract):
 
 
 class RobotFacts(Contract):
-    """One robot: ``GET /robots/{name}``. ``q_reference`` is in pinocchio's order (position, quaternion xyzw, joints)."""
+    """One robot: ``GET /robots/{name}``. ``q_reference``: position, quaternion xyzw, joints, as in pinocchio."""
 
     name: str
     title: str

@@ -5,8 +5,10 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Check:
-    """One measured property. ``value`` is the worst over the motion, met in ``phase`` by ``effector`` where that says
-    anything; it passes at or below ``limit``, or at or above it where ``at_least``.
+    """One measured property.
+
+    ``value`` is the worst over the motion, met in ``phase`` by ``effector`` where that says anything; it passes at or
+    below ``limit``, or at or above it where ``at_least``.
     """
 
     name: str
