@@ -53,6 +53,8 @@ def test_a_placement_and_its_inverse_cancel(seed: int) -> None:
 
 
 def test_the_length_of_a_quaternion_does_not_matter_and_zero_is_refused() -> None:
-    assert np.allclose(Placement.of([0, 0, 0], [2, 0, 0, 2]).rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12)
+    assert np.allclose(
+        Placement.of([0.0, 0.0, 0.0], [2.0, 0.0, 0.0, 2.0]).rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]], atol=1e-12
+    )
     with pytest.raises(ValueError, match="zero norm"):
-        Placement.of([0, 0, 0], [0, 0, 0, 0])
+        Placement.of([0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0])
