@@ -8,7 +8,19 @@ from importlib.metadata import PackageNotFoundError, version
 
 from stridelab.resources import models_dir
 
-PACKAGES = ("stridelab", "numpy", "scipy", "ezc3d", "pin", "pyarrow")
+PACKAGES = (
+    "stridelab",
+    "numpy",
+    "scipy",
+    "ezc3d",
+    "pin",
+    "pyarrow",
+    "casadi",
+    "daqp",
+    "mujoco",
+    "scikit-learn",
+    "example-robot-data",
+)
 """Packages that numbers depend on."""
 
 _ENTRY = re.compile(r"^@\w+\{([^,\s]+),.*?^\}", re.MULTILINE | re.DOTALL)

@@ -9,6 +9,12 @@ from stridelab.schemas.jobs import (
     SimulateRecordingInput,
     SimulateRecordingSummary,
 )
+from stridelab.schemas.plans import (
+    LearnReachabilityInput,
+    LearnReachabilitySummary,
+    PlanMotionInput,
+    PlanMotionSummary,
+)
 from stridelab.service.jobs.kinds import rows
 from stridelab.service.jobs.kinds.kind import JobKind
 
@@ -31,7 +37,30 @@ SIMULATE_RECORDING = JobKind(
     lane="long",
 )
 
-KINDS: Mapping[str, JobKind] = MappingProxyType({kind.name: kind for kind in (ESTIMATE_COM, SIMULATE_RECORDING)})
+PLAN_MOTION = JobKind(
+    name="plan-motion",
+    input_model=PlanMotionInput,
+    summary_model=PlanMotionSummary,
+    run="stridelab.service.jobs.kinds.plan_motion:run_in_child",
+    stage=rows.stage_plan_motion,
+    timeout_s=600.0,
+    memory_mb=4096,
+    lane="long",
+)
+LEARN_REACHABILITY = JobKind(
+    name="learn-reachability",
+    input_model=LearnReachabilityInput,
+    summary_model=LearnReachabilitySummary,
+    run="stridelab.service.jobs.kinds.learn_reachability:run_in_child",
+    stage=rows.stage_learn_reachability,
+    timeout_s=900.0,
+    memory_mb=4096,
+    lane="long",
+)
+
+KINDS: Mapping[str, JobKind] = MappingProxyType(
+    {kind.name: kind for kind in (ESTIMATE_COM, SIMULATE_RECORDING, PLAN_MOTION, LEARN_REACHABILITY)}
+)
 
 PARSE_UPLOAD = "stridelab.service.jobs.kinds.parse_upload:run_in_child"
 """Import path of the parser of uploads; it is run by ``POST /recordings``, not by the queue."""

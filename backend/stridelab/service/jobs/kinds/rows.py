@@ -15,10 +15,18 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.schemas.base import Contract
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
+from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
+from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.kind import Blobs, Json
-from stridelab.service.jobs.kinds.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
-from stridelab.service.storage.tables import recording, subject
+from stridelab.service.jobs.kinds.tasks import (
+    EstimateComTask,
+    LearnReachabilityTask,
+    PlanMotionTask,
+    RecordingSource,
+    SimulateRecordingTask,
+)
+from stridelab.service.storage.tables import recording, scenario, subject
 
 RECORDING_FILE, TRACKS_FILE, FACTS_FILE = "recording.c3d", "tracks.parquet", "facts.json"
 """Where ``simulate-recording`` leaves its recording, with tracks and facts for the recording's row."""
@@ -50,6 +58,22 @@ async def stage_simulate_recording(connection: AsyncConnection, blobs: Blobs, in
     """Nothing to fetch."""
     request = SimulateRecordingInput.model_validate(input.model_dump())
     return SimulateRecordingTask(input=request).model_dump(mode="json")
+
+
+async def stage_plan_motion(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """The task holds the scenario's body as it is now: what becomes of the row while the job runs does not matter.
+
+    Raises ``NotFound`` (``scenario-not-found``) where the scenario has been deleted since the job was accepted.
+    """
+    request = PlanMotionInput.model_validate(input.model_dump())
+    body = request.scenario or await _scenario_body(connection, str(request.scenario_id))
+    return PlanMotionTask(scenario=body, input=request).model_dump(mode="json")
+
+
+async def stage_learn_reachability(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """Nothing to fetch."""
+    request = LearnReachabilityInput.model_validate(input.model_dump())
+    return LearnReachabilityTask(input=request).model_dump(mode="json")
 
 
 async def publish_simulated_recording(
@@ -94,6 +118,18 @@ async def _recording_row(connection: AsyncConnection, recording_id: str) -> Mapp
             [Fault("recording_id", "unknown")],
         )
     return dict(row)
+
+
+async def _scenario_body(connection: AsyncConnection, scenario_id: str) -> Scenario:
+    result = await connection.execute(select(scenario.c.body).where(scenario.c.id == scenario_id))
+    body = result.scalar_one_or_none()
+    if body is None:
+        raise NotFound(
+            "scenario-not-found",
+            f"There is no scenario {scenario_id}; it may have been deleted since the job was accepted.",
+            [Fault("scenario_id", "unknown")],
+        )
+    return Scenario.model_validate(body)
 
 
 async def _source(

@@ -4,7 +4,9 @@ from pydantic import Field
 
 from stridelab.schemas.base import Contract
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
+from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
+from stridelab.schemas.scenarios import Scenario
 
 
 class RecordingSource(Contract):
@@ -35,3 +37,16 @@ class SimulateRecordingTask(Contract):
     """Task of ``simulate-recording``."""
 
     input: SimulateRecordingInput
+
+
+class PlanMotionTask(Contract):
+    """Task of ``plan-motion``: the scenario itself, wherever it came from."""
+
+    scenario: Scenario
+    input: PlanMotionInput
+
+
+class LearnReachabilityTask(Contract):
+    """Task of ``learn-reachability``."""
+
+    input: LearnReachabilityInput
