@@ -8,7 +8,7 @@ from starlette.staticfiles import StaticFiles
 from stridelab.client import ProblemError, Unreachable
 from stridelab_web import assets, scenes
 from stridelab_web.config import WebConfig
-from stridelab_web.pages import errors, job, login, overview, recording, view
+from stridelab_web.pages import errors, job, login, overview, plan, recording, robot, scenario, view
 from stridelab_web.pages.render import make_environment
 from stridelab_web.service import make_client
 
@@ -36,6 +36,11 @@ def routes() -> list[BaseRoute]:
         Route("/", overview.home),
         Route("/recordings", overview.recordings),
         Route("/recordings/{id}", recording.recording),
+        Route("/scenarios", scenario.scenarios),
+        Route("/scenarios/{id}", scenario.scenario),
+        Route("/plans/{id}", plan.plan),
+        Route("/plans/{id}/plots.json", plan.plots),
+        Route("/robots/{name}", robot.robot),
         Route("/jobs", overview.jobs),
         Route("/jobs/{id}", job.job),
         Route("/jobs/{id}/plots.json", job.plots),

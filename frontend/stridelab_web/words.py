@@ -16,6 +16,14 @@ def plain(value: float | None) -> str:
     return "" if value is None else f"{value:.6g}"
 
 
+def measured(value: float, unit: str) -> str:
+    """A measured value with its unit, to three digits: short lengths in millimetres, a ratio as a bare number."""
+    if unit == "m" and 0 < abs(value) < 0.1:
+        value, unit = 1000 * value, "mm"
+    text = f"{value:.0f}" if float(value).is_integer() and abs(value) < 1e6 else f"{value:.3g}"
+    return f"{text} {unit}" if unit not in ("", "1") else text
+
+
 def moment(value: datetime) -> str:
     """A time stamp, to the minute, in UTC as the interface gives it."""
     return value.strftime("%Y-%m-%d %H:%M")
@@ -50,7 +58,12 @@ def headline(job: Job) -> str:
     return "" if job.state in FINAL_STATES else job.progress.message
 
 
-_KINDS = {"estimate-com": "Centre of mass", "simulate-recording": "Simulated recording"}
+_KINDS = {
+    "estimate-com": "Centre of mass",
+    "simulate-recording": "Simulated recording",
+    "plan-motion": "Motion plan",
+    "learn-reachability": "Reachability",
+}
 
-FILTERS = {f.__name__: f for f in (fixed, plain, moment, megabytes, total_s, words, kind, headline)}
+FILTERS = {f.__name__: f for f in (fixed, plain, measured, moment, megabytes, total_s, words, kind, headline)}
 """Filters of the templates."""

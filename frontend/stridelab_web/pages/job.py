@@ -3,7 +3,7 @@
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import JSONResponse, RedirectResponse, Response
 
 from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import Job, JobResult
@@ -22,6 +22,8 @@ async def job(request: Request) -> Response:
     """``GET /jobs/{id}``."""
     client = client_of(request)
     found = await client.job(request.path_params["id"])
+    if found.kind == "plan-motion":
+        return RedirectResponse(f"/plans/{found.id}", status_code=303)
     result = await client.result(found.id) if found.state == "succeeded" else None
     recording = await _recording_of(client, found, result)
     plots = result is not None and any(item.name == COM_TABLE for item in result.artifacts)
@@ -30,11 +32,12 @@ async def job(request: Request) -> Response:
         "job.html",
         section="Jobs",
         job=found,
-        took_s=_took_s(found),
+        took_s=took_s(found),
         result=result,
         facts=facts_of(result) if result else [],
         recording=recording,
         plots=plots,
+        plots_url=f"/jobs/{found.id}/plots.json",
         plotly_style_ids=plotly_style_ids() if plots else (),
         viewer_url=f"/view/?recording={recording.id}&job={found.id}" if plots and recording else None,
     )
@@ -63,7 +66,8 @@ async def _recording_of(client: AsyncClient, found: Job, result: JobResult | Non
         raise
 
 
-def _took_s(found: Job) -> float | None:
+def took_s(found: Job) -> float | None:
+    """Seconds from start to end of a job that has finished."""
     if found.started_at is None or found.finished_at is None:
         return None
     return (found.finished_at - found.started_at).total_seconds()

@@ -8,9 +8,10 @@ from starlette.responses import Response
 from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import Job
 from stridelab_web.pages.render import page
+from stridelab_web.pages.scenario import cards
 from stridelab_web.service import client_of
 
-LATEST = 6
+LATEST, SCENARIOS = 6, 4
 
 
 async def home(request: Request) -> Response:
@@ -18,7 +19,15 @@ async def home(request: Request) -> Response:
     client = client_of(request)
     recordings, jobs = await client.recordings(limit=LATEST), await client.jobs(limit=LATEST)
     filenames = await _filenames(client, jobs.items)
-    return page(request, "home.html", section="Home", recordings=recordings.items, jobs=jobs.items, filenames=filenames)
+    return page(
+        request,
+        "home.html",
+        section="Home",
+        recordings=recordings.items,
+        jobs=jobs.items,
+        filenames=filenames,
+        scenarios=cards((await client.scenarios(limit=SCENARIOS)).items),
+    )
 
 
 async def recordings(request: Request) -> Response:

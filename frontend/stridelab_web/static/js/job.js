@@ -14,7 +14,7 @@ function follow() {
     show(job);
     if (FINAL.has(job.state)) {
       source.close();
-      location.reload();
+      finish(job);
     }
   };
   for (const name of ["message", "progress", "state"]) source.addEventListener(name, seen);
@@ -22,9 +22,15 @@ function follow() {
   source.addEventListener("error", async () => {
     if (source.readyState !== EventSource.CLOSED) return;
     const job = await call("GET", `/jobs/${id}?wait=20`).catch(() => null);
-    if (job && FINAL.has(job.state)) location.reload();
+    if (job && FINAL.has(job.state)) finish(job);
     else setTimeout(follow, 1000);
   });
+}
+
+// A page that was opened to see the result goes on to it; a failure stays here, with its reason.
+function finish(job) {
+  if (job.state === "succeeded" && card.dataset.then) location.replace(card.dataset.then);
+  else location.reload();
 }
 
 function show(job) {

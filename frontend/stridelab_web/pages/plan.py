@@ -1,0 +1,68 @@
+"""The page of one plan: how far it is, and then its certificate, its replay and its curves."""
+
+from typing import Any
+
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, RedirectResponse, Response
+
+from stridelab.schemas.plans import PlanMotionSummary
+from stridelab.schemas.scenarios import Scenario
+from stridelab_web.assets import plotly_style_ids
+from stridelab_web.pages.job import took_s
+from stridelab_web.pages.render import page
+from stridelab_web.plan_plots import CENTROIDAL_TABLE, plan_curves
+from stridelab_web.service import client_of
+from stridelab_web.tables import read_columns
+
+KIND = "plan-motion"
+SCENARIO_FILE = "scenario.json"
+
+
+async def plan(request: Request) -> Response:
+    """``GET /plans/{id}``; with ``watch`` the page goes on to the viewer as soon as the plan is there."""
+    client = client_of(request)
+    found = await client.job(request.path_params["id"])
+    if found.kind != KIND:
+        return RedirectResponse(f"/jobs/{found.id}", status_code=303)
+    result = await client.result(found.id) if found.state == "succeeded" else None
+    summary = PlanMotionSummary.model_validate(result.summary) if result else None
+    watch = f"/view/?plan={found.id}"
+    moves = summary is not None and summary.certificate is not None
+    return page(
+        request,
+        "plan.html",
+        section="Scenarios",
+        job=found,
+        took_s=took_s(found),
+        result=result,
+        summary=summary,
+        facts=[],
+        plots=result is not None,
+        plots_url=f"/plans/{found.id}/plots.json",
+        plotly_style_ids=plotly_style_ids() if result else (),
+        viewer_url=watch if moves else None,
+        then=f"{watch}&play=1" if "watch" in request.query_params else None,
+        stages=_stages(summary),
+    )
+
+
+async def plots(request: Request) -> Response:
+    """``GET /plans/{id}/plots.json``: the curves of the plan, for its page."""
+    client = client_of(request)
+    job_id = request.path_params["id"]
+    result = await client.result(job_id)
+    if all(item.name != CENTROIDAL_TABLE for item in result.artifacts):
+        raise HTTPException(404, "This job has no curves.")
+    content = await client.read_artifact(job_id, CENTROIDAL_TABLE)
+    scenario = Scenario.model_validate_json(await client.read_artifact(job_id, SCENARIO_FILE))
+    drawn = await run_in_threadpool(lambda: plan_curves(read_columns(content), scenario))
+    return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})
+
+
+def _stages(summary: PlanMotionSummary | None) -> list[dict[str, Any]]:
+    """Time of every stage with its share of the whole, in percent."""
+    times = summary.stage_times_s if summary else {}
+    whole = sum(times.values()) or 1.0
+    return [{"name": name, "time_s": time_s, "share": 100 * time_s / whole} for name, time_s in times.items()]

@@ -1,0 +1,75 @@
+// Scenario pages: plan, import, copy, delete.
+import { call, onSubmit, startJob } from "./api.js";
+
+for (const form of document.querySelectorAll("form[data-plan]")) {
+  const whole = form.elements.whole_body, replay = form.elements.replay;
+  whole?.addEventListener("change", () => {
+    replay.disabled = !whole.checked;
+    if (!whole.checked) replay.checked = false;
+  });
+  onSubmit(form, async () => {
+    const input = {
+      scenario_id: form.dataset.plan,
+      whole_body: whole ? whole.checked : true,
+      replay: replay ? replay.checked : true,
+    };
+    const job = await startJob("plan-motion", input);
+    location.assign(`/plans/${job.id}?watch=1`);
+    return "started";
+  });
+}
+
+const given = document.querySelector("form[data-import]");
+given?.elements.file.addEventListener("change", async (event) => {
+  const [file] = event.currentTarget.files;
+  const said = given.querySelector("[data-said]");
+  if (!file) return;
+  said.textContent = "…";
+  try {
+    location.assign(`/scenarios/${(await call("POST", "/scenarios", await read(file))).id}`);
+  } catch (error) {
+    said.textContent = `${file.name}: ${error.message}`;
+  }
+  given.reset();
+});
+
+// What the service itself adds to a scenario that is downloaded does not belong to it.
+const ADDED = ["id", "created_at", "bundled", "owner"];
+
+async function read(file) {
+  let body;
+  try {
+    body = JSON.parse(await file.text());
+  } catch {
+    throw new Error("this is not JSON");
+  }
+  return bare(body);
+}
+
+function bare(body) {
+  if (body === null || typeof body !== "object" || Array.isArray(body)) throw new Error("this is not a scenario");
+  return Object.fromEntries(Object.entries(body).filter(([key]) => !ADDED.includes(key)));
+}
+
+const said = document.querySelector("[data-said-copy]");
+document.querySelector("[data-copy]")?.addEventListener("click", async (event) => {
+  event.currentTarget.disabled = true;
+  try {
+    const original = await call("GET", `/scenarios/${event.target.dataset.copy}`);
+    const copy = await call("POST", "/scenarios", { ...bare(original), name: `${original.name} (copy)`.slice(0, 120) });
+    location.assign(`/scenarios/${copy.id}`);
+  } catch (error) {
+    said.textContent = error.message;
+    event.target.disabled = false;
+  }
+});
+
+document.querySelector("[data-delete]")?.addEventListener("click", async (event) => {
+  if (!confirm("Delete this scenario? Its plans stay.")) return;
+  try {
+    await call("DELETE", `/scenarios/${event.target.dataset.delete}`);
+    location.assign("/scenarios");
+  } catch (error) {
+    said.textContent = error.message;
+  }
+});
