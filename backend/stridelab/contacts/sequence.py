@@ -7,6 +7,7 @@ floor that the centroidal and the whole-body stage see.
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Literal
 
 import numpy as np
 
@@ -17,12 +18,16 @@ from stridelab.dynamics.placement import Placement
 
 @dataclass(frozen=True, eq=False)
 class Contact:
-    """One effector on one surface. ``placement`` is T_world_contact of the effector's contact frame."""
+    """One effector on one surface. ``placement`` is T_world_contact of the effector's contact frame.
+
+    ``kind`` is the effector's: a sole (``surface``) or a hand (``point``).
+    """
 
     effector: str
     placement: Placement
     surface: str
     friction: float
+    kind: Literal["surface", "point"] = "surface"
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,103 @@
+"""Geometry of what can be touched: upper faces of boxes and the top line of rails.
+
+A face is a rectangle with a frame (x and y along its edges, z outwards); a contact on it at local coordinates
+``(x, y, z)`` is ``z`` above it and ``min(a - |x|, b - |y|)`` away from its edge. A rail with direction ``d`` has the
+normal ``n = (z - (z d) d) / |..|``, perpendicular to it in its vertical plane, and is touched along the line
+``axis + radius n``.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.contacts.terrain import Box, Rail, Surface
+from stridelab.conventions import Points, Rotation, Series, Vector3
+
+UP = np.array([0.0, 0.0, 1.0])
+UP.flags.writeable = False
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where points ``(n,)`` lie against one surface.
+
+    ``height_m`` is the distance along the normal, negative inside. ``edge_m`` is the distance to the edge of what can
+    be touched, negative outside; ``aside_m`` how far a point lies beside it (past the edge of a face, off the top line
+    of a rail), 0 where it lies right above or below.
+    """
+
+    height_m: Series
+    edge_m: Series
+    aside_m: Series
+
+    @property
+    def distance_m(self) -> Series:
+        """Distance to the nearest point that can be touched."""
+        return np.asarray(np.hypot(self.height_m, self.aside_m))
+
+
+@dataclass(frozen=True, eq=False)
+class Touchable:
+    """The part of a surface that can be touched: a rectangle; for a rail one of no width.
+
+    ``frame`` holds the directions of its edges and its normal as columns, ``half_m`` half its edges.
+    """
+
+    surface: Surface
+    center_m: Vector3
+    frame: Rotation
+    half_m: Float[np.ndarray, "2"]
+
+    @property
+    def normal(self) -> Vector3:
+        """Unit vector away from the surface."""
+        return self.frame[:, 2]
+
+    def place(self, points_m: Points) -> Place:
+        """Where ``points_m`` ``(n, 3)`` lie against it."""
+        local = (points_m - self.center_m) @ self.frame
+        inside = self.half_m - np.abs(local[:, :2])
+        edge = inside[:, 0] if isinstance(self.surface, Rail) else inside.min(axis=1)
+        return Place(local[:, 2], edge, np.hypot(*np.maximum(-inside, 0.0).T))
+
+
+def touchable(surface: Surface) -> Touchable:
+    """The face of a box that points most upwards; the top line of a rail.
+
+    The normal of a vertical rail is taken along x: nothing tells its upper side.
+    """
+    return _upper_face(surface) if isinstance(surface, Box) else _top_line(surface)
+
+
+def is_vertical(rail: Rail) -> bool:
+    """Whether the rail has no upper side (within a degree)."""
+    d = rail.to_m - rail.from_m
+    return bool(abs(d[2]) > np.cos(np.radians(1.0)) * np.linalg.norm(d))
+
+
+def depth_in_box_m(box: Box, points_m: Points) -> Series:
+    """How deep points ``(n, 3)`` lie inside a box: distance to its nearest face, negative outside."""
+    local = (points_m - box.placement.position_m) @ box.placement.rotation
+    return np.asarray((box.size_m / 2 - np.abs(local)).min(axis=1))
+
+
+def _upper_face(box: Box) -> Touchable:
+    R = box.placement.rotation
+    up = int(np.argmax(np.abs(R[2])))
+    sign = 1.0 if R[2, up] > 0 else -1.0
+    x, y = ((1, 2), (2, 0), (0, 1))[up]
+    frame = np.column_stack([R[:, x], sign * R[:, y], sign * R[:, up]])
+    center = box.placement.position_m + box.size_m[up] / 2 * frame[:, 2]
+    return Touchable(box, center, frame, box.size_m[[x, y]] / 2)
+
+
+def _top_line(rail: Rail) -> Touchable:
+    span = rail.to_m - rail.from_m
+    length = float(np.linalg.norm(span))
+    d = span / length
+    n = np.array([1.0, 0.0, 0.0]) if is_vertical(rail) else UP
+    n = n - (n @ d) * d
+    n = n / np.linalg.norm(n)
+    center = (rail.from_m + rail.to_m) / 2 + rail.radius_m * n
+    return Touchable(rail, center, np.column_stack([d, np.cross(n, d), n]), np.array([length / 2, 0.0]))

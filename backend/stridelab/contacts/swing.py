@@ -1,0 +1,146 @@
+"""Swing curves: how an effector travels from one contact to the next (thesis 4.6.1).
+
+Quintic time scalings ``s(u) = u^3 (10 - 15 u + 6 u^2)`` on windows of the swing, so that velocity and acceleration
+vanish at both ends. With the lift-off and landing axes ``n_0, n_1``, the heights ``h_0, h_1`` and the windows below
+
+    p(t) = p_0 + n_0 h_0 s_up(t) + (a_1 - a_0) s_move(t) - n_1 h_1 s_down(t),   a_i = p_i + n_i h_i
+    R(t) = R_0 exp(s_move(t) log(R_0^T R_1))
+
+A sole rises along the vertical until it is ``FOOT_CLEARANCE_M`` above the higher of its two places; a hand retreats
+``HAND_RETREAT_M`` along the normals of its contacts.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final, Literal
+
+import numpy as np
+from scipy.spatial.transform import Rotation as ScipyRotation
+
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.conventions import Rotation, Vector3
+from stridelab.dynamics.placement import Placement
+from stridelab.errors import InvalidInput
+
+FOOT_CLEARANCE_M: Final = 0.06
+"""Apex of a sole above the higher of its two places."""
+HAND_RETREAT_M: Final = 0.05
+"""How far a hand leaves its surface."""
+LEVEL_M: Final = 0.02
+"""A foot that changes its height by less than this takes a level step."""
+
+Window = tuple[float, float]
+UP: Final[Window] = (0.0, 0.5)
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Shares of the swing during which the effector rises, moves and comes down."""
+
+    up: Window
+    move: Window
+    down: Window
+
+
+LEVEL: Final = Profile(UP, (0.04, 0.96), (0.5, 1.0))
+STAIR: Final = Profile(UP, (0.18, 0.80), (0.55, 1.0))
+HAND: Final = Profile((0.0, 0.4), (0.12, 0.88), (0.6, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class SwingPoint:
+    """State of the effector's contact frame at one instant, in world coordinates."""
+
+    placement: Placement
+    velocity_m_s: Vector3
+    acceleration_m_s2: Vector3
+    angular_velocity_rad_s: Vector3
+    angular_acceleration_rad_s2: Vector3
+
+
+def quintic(time_s: float, window: Window, duration_s: float) -> tuple[float, float, float]:
+    """``s`` and its first two time derivatives; ``window`` is a share of ``duration_s``, ``s`` is 0 before, 1 after."""
+    length_s = (window[1] - window[0]) * duration_s
+    u = min(max((time_s / duration_s - window[0]) * duration_s / length_s, 0.0), 1.0)
+    s = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
+    rate = 30.0 * u * u * (1.0 - u) ** 2 / length_s
+    return s, rate, 60.0 * u * (1.0 - u) * (1.0 - 2.0 * u) / length_s**2
+
+
+@dataclass(frozen=True, eq=False)
+class SwingCurve:
+    """From ``start`` to ``end`` in ``duration_s``. ``starts_s`` is when it begins in its sequence."""
+
+    start: Placement
+    end: Placement
+    duration_s: float
+    kind: Literal["surface", "point"]
+    starts_s: float = 0.0
+
+    @cached_property
+    def profile(self) -> Profile:
+        """The windows that fit this swing."""
+        if self.kind == "point":
+            return HAND
+        return LEVEL if abs(self.end.position_m[2] - self.start.position_m[2]) < LEVEL_M else STAIR
+
+    @cached_property
+    def _lifts(self) -> tuple[Vector3, Vector3]:
+        """``n_0 h_0`` and ``n_1 h_1``."""
+        if self.kind == "point":
+            return HAND_RETREAT_M * self.start.rotation[:, 2], HAND_RETREAT_M * self.end.rotation[:, 2]
+        z_start, z_end = self.start.position_m[2], self.end.position_m[2]
+        apex = max(z_start, z_end) + FOOT_CLEARANCE_M
+        return np.array([0.0, 0.0, apex - z_start]), np.array([0.0, 0.0, apex - z_end])
+
+    @cached_property
+    def _travel(self) -> Vector3:
+        """``a_1 - a_0``."""
+        up, down = self._lifts
+        return np.asarray(self.end.position_m + down - self.start.position_m - up)
+
+    @cached_property
+    def _turn(self) -> Vector3:
+        """``log(R_0^T R_1)``."""
+        return np.asarray(ScipyRotation.from_matrix(self.start.rotation.T @ self.end.rotation).as_rotvec())
+
+    def at(self, t_s: float) -> SwingPoint:
+        """State ``t_s`` seconds after the swing began; before and after it, at rest at its ends."""
+        up, down = self._lifts
+        s_up = quintic(t_s, self.profile.up, self.duration_s)
+        s_move = quintic(t_s, self.profile.move, self.duration_s)
+        s_down = quintic(t_s, self.profile.down, self.duration_s)
+        p, v, a = (up * s_up[i] + self._travel * s_move[i] - down * s_down[i] for i in range(3))
+        axis = self.start.rotation @ self._turn
+        return SwingPoint(
+            placement=Placement(self.start.position_m + p, self._rotation(s_move[0])),
+            velocity_m_s=v,
+            acceleration_m_s2=a,
+            angular_velocity_rad_s=axis * s_move[1],
+            angular_acceleration_rad_s2=axis * s_move[2],
+        )
+
+    def _rotation(self, share: float) -> Rotation:
+        if not self._turn.any():
+            return self.start.rotation
+        return np.asarray(self.start.rotation @ ScipyRotation.from_rotvec(share * self._turn).as_matrix())
+
+
+def swing_of(sequence: ContactSequence, effector: str, phase: int) -> SwingCurve:
+    """The swing of ``effector`` in a phase in which it is in the air, from its last contact to its next.
+
+    A swing may last several phases: ``t_s`` of the curve counts from its lift-off, ``SwingCurve.starts_s``. Raises
+    ``InvalidInput`` ("no-swing") where the effector touches something in that phase, or has no contact before or
+    after it.
+    """
+    start, end = sequence.last_contact(effector, phase), sequence.next_contact(effector, phase)
+    if effector in sequence.phases[phase].contacts or start is None or end is None:
+        raise InvalidInput("no-swing", f"{effector} does not swing from one contact to another in phase {phase}")
+    first, last = phase, phase
+    while effector not in sequence.phases[first - 1].contacts:
+        first -= 1
+    while effector not in sequence.phases[last + 1].contacts:
+        last += 1
+    starts_s = float(sequence.starts_s[first])
+    duration_s = float(sequence.ends_s[last]) - starts_s
+    return SwingCurve(start.placement, end.placement, duration_s, start.kind, starts_s)
