@@ -26,6 +26,8 @@ from stridelab.client.sse import EventReader
 from stridelab.schemas.base import Page
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent, JobResult
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectFields, SubjectInput
+from stridelab.schemas.robots import RobotFacts, RobotSummary
+from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
 from stridelab.schemas.service import Health
 
 T = TypeVar("T")
@@ -124,6 +126,42 @@ class AsyncClient:
         """Delete a subject; its recordings stay."""
         await self._send(calls.delete_subject(subject_id))
 
+    async def scenarios(self, limit: int = 50, cursor: str | None = None) -> Page[StoredScenario]:
+        """One page of scenarios, newest first."""
+        return await self._send(calls.scenarios(limit, cursor))
+
+    async def scenario(self, scenario_id: str) -> StoredScenario:
+        """One scenario."""
+        return await self._send(calls.scenario(scenario_id))
+
+    async def add_scenario(self, body: Scenario | Mapping[str, Any]) -> StoredScenario:
+        """Store a scenario; one that its robot cannot do is refused (``scenario-invalid``)."""
+        return await self._send(calls.add_scenario(body))
+
+    async def put_scenario(self, scenario_id: str, body: Scenario | Mapping[str, Any]) -> StoredScenario:
+        """Replace a scenario as a whole."""
+        return await self._send(calls.put_scenario(scenario_id, body))
+
+    async def delete_scenario(self, scenario_id: str) -> None:
+        """Delete a scenario; its jobs stay."""
+        await self._send(calls.delete_scenario(scenario_id))
+
+    async def check_scenario(self, body: Scenario | Mapping[str, Any]) -> ScenarioCheck:
+        """Whether its robot can do a scenario, and how far each contact is from being refused."""
+        return await self._send(calls.check_scenario(body))
+
+    async def robots(self) -> Page[RobotSummary]:
+        """All robots."""
+        return await self._send(calls.robots())
+
+    async def robot(self, name: str) -> RobotFacts:
+        """Facts of one robot; the first question takes a few seconds."""
+        return await self._send(calls.robot(name))
+
+    async def robot_links(self, name: str, target: Path) -> Path:
+        """Save the display meshes of a robot as ``target`` (binary glTF); they take a while to make at first."""
+        return await self._download(calls.links_path(name), target, wait_s=calls.LOADING_S)
+
     async def submit(
         self,
         kind: str,
@@ -143,9 +181,11 @@ class AsyncClient:
         state: str | None = None,
         kind: str | None = None,
         recording_id: str | None = None,
+        scenario_id: str | None = None,
     ) -> Page[Job]:
         """One page of jobs, newest first."""
-        return await self._send(calls.jobs(limit, cursor, state, kind, recording_id))
+        filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
+        return await self._send(calls.jobs(limit, cursor, **filters))
 
     async def job(self, job_id: str, wait_s: float = 0.0) -> Job:
         """One job; waits up to ``wait_s`` (at most 60 s) for it to finish."""
@@ -227,11 +267,11 @@ class AsyncClient:
         calls.raise_for_problem(response)
         return call.read(response)
 
-    async def _download(self, path: str, target: Path) -> Path:
+    async def _download(self, path: str, target: Path, wait_s: float = 0.0) -> Path:
         part = target.with_name(f".part-{target.name}")
         try:
             with self._reached():
-                async with self._http.stream("GET", path) as response:
+                async with self._http.stream("GET", path, timeout=self._timeout_s + wait_s) as response:
                     if response.status_code >= 400:
                         await response.aread()
                         calls.raise_for_problem(response)

@@ -12,11 +12,15 @@ from stridelab.client.errors import ClientError, ProblemError
 from stridelab.schemas.base import Page, Problem
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectInput
+from stridelab.schemas.robots import RobotFacts, RobotSummary
+from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
 from stridelab.schemas.service import Health
 
 T = TypeVar("T")
 API = "/api/v1"
 MAX_WAIT_S = 60.0
+LOADING_S = 180.0
+"""How much longer than usual a robot may take that is loaded, or drawn, for the first time."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +125,46 @@ def delete_subject(subject_id: str) -> Call[None]:
     return Call("DELETE", _at("subjects", subject_id), nothing)
 
 
+def scenarios(limit: int, cursor: str | None) -> Call[Page[StoredScenario]]:
+    """A page of scenarios."""
+    return _page(f"{API}/scenarios", Page[StoredScenario], limit, cursor)
+
+
+def scenario(scenario_id: str) -> Call[StoredScenario]:
+    """One scenario."""
+    return Call("GET", _at("scenarios", scenario_id), model(StoredScenario))
+
+
+def add_scenario(body: Scenario | Mapping[str, Any]) -> Call[StoredScenario]:
+    """Store a scenario."""
+    return Call("POST", f"{API}/scenarios", model(StoredScenario), json=_scenario(body))
+
+
+def put_scenario(scenario_id: str, body: Scenario | Mapping[str, Any]) -> Call[StoredScenario]:
+    """Replace a scenario."""
+    return Call("PUT", _at("scenarios", scenario_id), model(StoredScenario), json=_scenario(body))
+
+
+def delete_scenario(scenario_id: str) -> Call[None]:
+    """Delete a scenario."""
+    return Call("DELETE", _at("scenarios", scenario_id), nothing)
+
+
+def check_scenario(body: Scenario | Mapping[str, Any]) -> Call[ScenarioCheck]:
+    """Check a scenario."""
+    return Call("POST", f"{API}/scenarios/check", model(ScenarioCheck), json=_scenario(body))
+
+
+def robots() -> Call[Page[RobotSummary]]:
+    """All robots."""
+    return Call("GET", f"{API}/robots", model(Page[RobotSummary]))
+
+
+def robot(name: str) -> Call[RobotFacts]:
+    """Facts of one robot."""
+    return Call("GET", _at("robots", name), model(RobotFacts), wait_s=LOADING_S)
+
+
 def submit(kind: str, request: BaseModel | Mapping[str, Any], priority: int, idempotency_key: str | None) -> Call[Job]:
     """Submit a job."""
     body = _set_fields(request) if isinstance(request, BaseModel) else dict(request)
@@ -128,11 +172,9 @@ def submit(kind: str, request: BaseModel | Mapping[str, Any], priority: int, ide
     return Call("POST", _at("jobs", kind), model(Job), {"priority": str(priority)}, headers, body)
 
 
-def jobs(
-    limit: int, cursor: str | None, state: str | None, kind: str | None, recording_id: str | None
-) -> Call[Page[Job]]:
-    """A page of jobs."""
-    return _page(f"{API}/jobs", Page[Job], limit, cursor, state=state, kind=kind, recording_id=recording_id)
+def jobs(limit: int, cursor: str | None, **filters: str | None) -> Call[Page[Job]]:
+    """A page of jobs; ``filters`` are ``state``, ``kind``, ``recording_id`` and ``scenario_id``."""
+    return _page(f"{API}/jobs", Page[Job], limit, cursor, **filters)
 
 
 def job(job_id: str, wait_s: float) -> Call[Job]:
@@ -176,8 +218,20 @@ def tracks_path(recording_id: str) -> str:
     return _at("recordings", recording_id, "tracks.parquet")
 
 
+def links_path(name: str) -> str:
+    """Where the display meshes of a robot lie."""
+    return _at("robots", name, "links")
+
+
 def _at(*parts: str) -> str:
     return "/".join((API, *(quote(part, safe="") for part in parts)))
+
+
+def _scenario(body: Scenario | Mapping[str, Any]) -> Any:
+    """The fields of ``Scenario`` alone: a stored scenario may be sent back as it came."""
+    if not isinstance(body, Scenario):
+        return dict(body)
+    return body.model_dump(mode="json", include=set(Scenario.model_fields), exclude_unset=True)
 
 
 def _set_fields(request: BaseModel) -> Any:

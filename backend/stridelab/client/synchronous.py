@@ -25,6 +25,8 @@ from stridelab.client.sse import EventReader
 from stridelab.schemas.base import Page
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent, JobResult
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectFields, SubjectInput
+from stridelab.schemas.robots import RobotFacts, RobotSummary
+from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
 from stridelab.schemas.service import Health
 
 T = TypeVar("T")
@@ -121,6 +123,42 @@ class Client:
         """Delete a subject; its recordings stay."""
         self._send(calls.delete_subject(subject_id))
 
+    def scenarios(self, limit: int = 50, cursor: str | None = None) -> Page[StoredScenario]:
+        """One page of scenarios, newest first."""
+        return self._send(calls.scenarios(limit, cursor))
+
+    def scenario(self, scenario_id: str) -> StoredScenario:
+        """One scenario."""
+        return self._send(calls.scenario(scenario_id))
+
+    def add_scenario(self, body: Scenario | Mapping[str, Any]) -> StoredScenario:
+        """Store a scenario; one that its robot cannot do is refused (``scenario-invalid``)."""
+        return self._send(calls.add_scenario(body))
+
+    def put_scenario(self, scenario_id: str, body: Scenario | Mapping[str, Any]) -> StoredScenario:
+        """Replace a scenario as a whole."""
+        return self._send(calls.put_scenario(scenario_id, body))
+
+    def delete_scenario(self, scenario_id: str) -> None:
+        """Delete a scenario; its jobs stay."""
+        self._send(calls.delete_scenario(scenario_id))
+
+    def check_scenario(self, body: Scenario | Mapping[str, Any]) -> ScenarioCheck:
+        """Whether its robot can do a scenario, and how far each contact is from being refused."""
+        return self._send(calls.check_scenario(body))
+
+    def robots(self) -> Page[RobotSummary]:
+        """All robots."""
+        return self._send(calls.robots())
+
+    def robot(self, name: str) -> RobotFacts:
+        """Facts of one robot; the first question takes a few seconds."""
+        return self._send(calls.robot(name))
+
+    def robot_links(self, name: str, target: Path) -> Path:
+        """Save the display meshes of a robot as ``target`` (binary glTF); they take a while to make at first."""
+        return self._download(calls.links_path(name), target, wait_s=calls.LOADING_S)
+
     def submit(
         self,
         kind: str,
@@ -140,9 +178,11 @@ class Client:
         state: str | None = None,
         kind: str | None = None,
         recording_id: str | None = None,
+        scenario_id: str | None = None,
     ) -> Page[Job]:
         """One page of jobs, newest first."""
-        return self._send(calls.jobs(limit, cursor, state, kind, recording_id))
+        filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
+        return self._send(calls.jobs(limit, cursor, **filters))
 
     def job(self, job_id: str, wait_s: float = 0.0) -> Job:
         """One job; waits up to ``wait_s`` (at most 60 s) for it to finish."""
@@ -224,10 +264,10 @@ class Client:
         calls.raise_for_problem(response)
         return call.read(response)
 
-    def _download(self, path: str, target: Path) -> Path:
+    def _download(self, path: str, target: Path, wait_s: float = 0.0) -> Path:
         part = target.with_name(f".part-{target.name}")
         try:
-            with self._reached(), self._http.stream("GET", path) as response:
+            with self._reached(), self._http.stream("GET", path, timeout=self._timeout_s + wait_s) as response:
                 if response.status_code >= 400:
                     response.read()
                     calls.raise_for_problem(response)

@@ -34,6 +34,7 @@ class Job(Contract):
     queue_position: int | None = None
     owner: str | None = None
     recording_id: str | None = None
+    scenario_id: str | None = None
     log_tail: str | None = None
 
 

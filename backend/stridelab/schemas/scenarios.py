@@ -9,9 +9,14 @@ from stridelab.schemas.base import Contract, FaultItem, Remark
 
 Metres = Annotated[float, Field(ge=-100.0, le=100.0)]
 Position = tuple[Metres, Metres, Metres]
-Quaternion = tuple[float, float, float, float]
+QuaternionPart = Annotated[float, Field(ge=-10.0, le=10.0)]
+Quaternion = tuple[QuaternionPart, QuaternionPart, QuaternionPart, QuaternionPart]
 Friction = Annotated[float, Field(gt=0.0, le=2.0, description="coefficient of friction")]
 SurfaceName = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]*$")]
+UNPRINTABLE = r"\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ufeff"
+"""Control characters, and those that turn or hide text; a tab and a new line are for longer texts only."""
+OneLine = Annotated[str, Field(min_length=1, max_length=120, pattern=rf"^[^\t\n{UNPRINTABLE}]*$")]
+Prose = Annotated[str, Field(max_length=2000, pattern=rf"^[^{UNPRINTABLE}]*$")]
 Edge = Annotated[float, Field(gt=0.0, le=100.0)]
 
 
@@ -22,7 +27,7 @@ class BoxSurface(Contract):
     kind: Literal["box"]
     center_m: Position
     size_m: tuple[Edge, Edge, Edge]
-    yaw_rad: float | None = None
+    yaw_rad: Annotated[float, Field(ge=-100.0, le=100.0)] | None = None
     orientation_wxyz: Quaternion | None = None
     friction: Friction | None = Field(default=None, description="null takes the scenario's")
 
@@ -52,15 +57,15 @@ class ScenarioContact(Contract):
 class ScenarioPhase(Contract):
     """An interval in which the contacts do not change."""
 
-    duration_s: Annotated[float, Field(description="seconds, 0.05 to 60")]
+    duration_s: Annotated[float, Field(ge=-1e4, le=1e4, description="seconds, 0.05 to 60")]
     contacts: Annotated[list[ScenarioContact], Field(max_length=16)]
 
 
 class Scenario(Contract):
     """Body of ``POST /scenarios`` and ``PUT /scenarios/{id}``: a contact sequence on a terrain."""
 
-    name: Annotated[str, Field(min_length=1, max_length=120)]
-    description: Annotated[str, Field(max_length=2000)] = ""
+    name: OneLine
+    description: Prose = ""
     robot: Annotated[str, Field(min_length=1, max_length=60)]
     friction: Friction = 0.3
     terrain: Annotated[list[TerrainSurface], Field(max_length=200)]
@@ -72,6 +77,7 @@ class StoredScenario(Scenario):
 
     id: str
     created_at: datetime
+    updated_at: datetime | None = None
     bundled: bool = False
     owner: str | None = None
 

@@ -4,7 +4,7 @@ import asyncio
 import shutil
 import time
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import aclosing, asynccontextmanager
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
@@ -15,7 +15,7 @@ from fastapi import APIRouter, FastAPI
 
 from stridelab import __version__
 from stridelab.errors import Unavailable
-from stridelab.service import bundled
+from stridelab.service import bundled, bundled_scenarios
 from stridelab.service.api import health, metrics, openapi, problems, session
 from stridelab.service.api.auth import Gate, Keys
 from stridelab.service.api.edge import Edge
@@ -23,6 +23,9 @@ from stridelab.service.api.jobs import endpoints as jobs
 from stridelab.service.api.linger import Linger
 from stridelab.service.api.parts import Parts
 from stridelab.service.api.recordings import endpoints as recordings
+from stridelab.service.api.robots import endpoints as robots
+from stridelab.service.api.robots.shelf import RobotShelf
+from stridelab.service.api.scenarios import endpoints as scenarios
 from stridelab.service.api.subjects import endpoints as subjects
 from stridelab.service.jobs.board import JobBoard
 from stridelab.service.jobs.isolated import IsolatedPool
@@ -35,13 +38,15 @@ from stridelab.service.storage.database import database_url, make_engine
 FRONT: Final = "stridelab.service.front"
 PARSERS: Final = 2
 """Uploads that are parsed at the same time; others wait their turn."""
+JUDGES: Final = 2
+"""Scenarios that are checked at the same time."""
 STALE_SPOOL_S: Final = 3600.0
 
 
 def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     """The application; nothing is opened before it starts, so that its description costs nothing.
 
-    ``with_sample`` brings the bundled recording into the database at start, as every real service does.
+    ``with_sample`` brings the bundled recording and scenarios into the database at start, as every real service does.
     """
 
     @asynccontextmanager
@@ -50,6 +55,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
             app.state.parts = parts
             if with_sample:
                 await bundled.seed(parts.engine, parts.blobs)
+                await bundled_scenarios.seed(parts.engine)
             yield
 
     app = FastAPI(
@@ -67,8 +73,8 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     problems.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")
-    for router in (health.router, recordings.router, subjects.router, jobs.router):
-        api.include_router(router)
+    for part in (health, recordings, subjects, robots, scenarios, jobs):
+        api.include_router(part.router)
     app.include_router(api)
     app.include_router(metrics.router)
     app.include_router(session.router)
@@ -100,16 +106,23 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
     spool = _clean_spool(settings.data_folder / "spool")
     engine = make_engine(url)
     try:
-        async with JobBoard(url) as board, IsolatedPool(spares=1) as pool:
+        blobs = BlobStore.from_url(settings.blob_url or (settings.data_folder / "blobs").as_uri())
+        async with (
+            JobBoard(url) as board,
+            IsolatedPool(spares=1) as pool,
+            aclosing(RobotShelf(pool, blobs, spool, settings.job_memory_mb)) as shelf,
+        ):
             yield Parts(
                 settings=settings,
                 engine=engine,
-                blobs=BlobStore.from_url(settings.blob_url or (settings.data_folder / "blobs").as_uri()),
+                blobs=blobs,
                 store=JobStore(engine, KINDS, queue_limit=settings.queue_limit),
                 board=board,
                 pool=pool,
                 spool=spool,
                 parsers=anyio.CapacityLimiter(PARSERS),
+                judges=anyio.CapacityLimiter(JUDGES),
+                robots=shelf,
                 started_at_s=time.monotonic(),
                 closing=asyncio.Event(),
             )

@@ -1,5 +1,6 @@
 """Files on their way out: streamed, with a name that is safe in a header."""
 
+from collections.abc import Mapping
 from typing import Final
 from urllib.parse import quote
 
@@ -18,7 +19,9 @@ def content_disposition(filename: str) -> str:
     return f"attachment; filename=\"{plain}\"; filename*=UTF-8''{quote(filename, safe='')}"
 
 
-async def send_blob(parts: Parts, key: str, filename: str, media_type: str) -> StreamingResponse:
+async def send_blob(
+    parts: Parts, key: str, filename: str, media_type: str, more_headers: Mapping[str, str] | None = None
+) -> StreamingResponse:
     """The stored file ``key``. Raises ``NotFound`` (``file-gone``) before anything is sent."""
     info = await parts.blobs.info(key)
     if info is None:
@@ -27,5 +30,6 @@ async def send_blob(parts: Parts, key: str, filename: str, media_type: str) -> S
         "Content-Disposition": content_disposition(filename),
         "Content-Length": str(info.bytes),
         "Cache-Control": "private, no-cache",
+        **(more_headers or {}),
     }
     return StreamingResponse(parts.blobs.stream(key), media_type=media_type, headers=headers)

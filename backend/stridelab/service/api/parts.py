@@ -11,6 +11,7 @@ from fastapi import Depends, Request
 from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.service.api.robots.shelf import RobotShelf
 from stridelab.service.jobs.board import JobBoard
 from stridelab.service.jobs.isolated import IsolatedPool
 from stridelab.service.jobs.store import JobStore
@@ -32,6 +33,8 @@ class Parts:
     pool: IsolatedPool
     spool: Path
     parsers: anyio.CapacityLimiter
+    judges: anyio.CapacityLimiter
+    robots: RobotShelf
     started_at_s: float
     closing: asyncio.Event
     """Set when the server has been told to stop."""

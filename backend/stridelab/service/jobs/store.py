@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final
 
+import psycopg
 from sqlalchemy import case, func, insert, literal, select, tuple_, update
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
@@ -44,6 +45,7 @@ class JobRecord:
     attempt: int
     owner: str | None
     recording_id: str | None
+    scenario_id: str | None
     input: dict[str, Any]
     fraction: float
     message: str
@@ -103,10 +105,11 @@ class JobStore:
         priority: int = 0,
         idempotency_key: str | None = None,
         recording_id: str | None = None,
+        scenario_id: str | None = None,
     ) -> Submitted:
         """Accept a job whose ``input`` has been validated: row, event and delivery in one transaction.
 
-        Raises ``NotFound`` (``unknown-job-kind``, ``recording-not-found``), ``InvalidInput``
+        Raises ``NotFound`` (``unknown-job-kind``, ``recording-not-found``, ``scenario-not-found``), ``InvalidInput``
         (``priority-out-of-range``, ``idempotency-key-invalid``), ``Conflict`` (``idempotency-key-reused``) where the
         key came with another input before, ``Busy`` (``queue-full``).
         """
@@ -139,17 +142,14 @@ class JobStore:
                         input_hash=body_hash,
                         idempotency_key=idempotency_key,
                         recording_id=recording_id,
+                        scenario_id=scenario_id,
                     )
                 )
                 delivery = await queue.enqueue(connection, job_id, self._kinds[kind].lane, priority)
                 await connection.execute(update(job).where(job.c.id == job_id).values(queue_id=delivery))
                 await emit(connection, job_id)
         except IntegrityError as error:
-            raise NotFound(
-                "recording-not-found",
-                f"There is no recording {recording_id}.",
-                [Fault("recording_id", "unknown")],
-            ) from error
+            raise _unknown_reference(error, recording_id, scenario_id) from error
         return Submitted(job_id, created=True)
 
     async def get(self, job_id: str) -> JobRecord:
@@ -168,12 +168,14 @@ class JobStore:
         state: str | None = None,
         kind: str | None = None,
         recording_id: str | None = None,
+        scenario_id: str | None = None,
     ) -> JobPage:
         """Jobs, newest first; raises ``InvalidInput`` (``cursor-invalid``)."""
         wanted = _select().order_by(job.c.created_at.desc(), job.c.id.desc()).limit(limit + 1)
-        for column, value in ((job.c.state, state), (job.c.kind, kind), (job.c.recording_id, recording_id)):
+        asked = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
+        for column, value in asked.items():
             if value is not None:
-                wanted = wanted.where(column == value)
+                wanted = wanted.where(job.c[column] == value)
         if cursor is not None:
             at, job_id = _read_cursor(cursor)
             wanted = wanted.where(tuple_(job.c.created_at, job.c.id) < tuple_(literal(at), literal(job_id)))
@@ -277,6 +279,12 @@ def input_hash(kind: str, input: Mapping[str, Any]) -> str:  # noqa: A002 (the c
     """SHA-256 of what was asked for, independent of the order of keys."""
     canonical = json.dumps([kind, input], sort_keys=True, separators=(",", ":"))
     return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def _unknown_reference(error: IntegrityError, recording_id: str | None, scenario_id: str | None) -> NotFound:
+    violated = error.orig.diag.constraint_name if isinstance(error.orig, psycopg.Error) else None
+    what, named = ("scenario", scenario_id) if violated == "job_scenario_id_fkey" else ("recording", recording_id)
+    return NotFound(f"{what}-not-found", f"There is no {what} {named}.", [Fault(f"{what}_id", "unknown")])
 
 
 def _select() -> Any:

@@ -66,6 +66,9 @@ scenario = Table(
     _created_at(),
     Column("owner", Text),
     Column("body", JSONB, nullable=False),
+    Column("bundled", Boolean, nullable=False, server_default="false"),
+    Column("updated_at", DateTime(timezone=True), nullable=False, server_default=func.now()),
+    Index("scenario_newest", "created_at", "id"),
 )
 
 job = Table(
@@ -83,6 +86,7 @@ job = Table(
     Column("input_hash", Text, nullable=False),
     Column("idempotency_key", Text),
     Column("recording_id", Text, ForeignKey("recording.id", ondelete="CASCADE"), comment="what the job works on"),
+    Column("scenario_id", Text, ForeignKey("scenario.id", ondelete="SET NULL"), comment="what the job plans for"),
     Column("fraction", Float, nullable=False, server_default="0"),
     Column("message", Text, nullable=False, server_default=""),
     Column("cancel_requested", Boolean, nullable=False, server_default="false"),
@@ -96,6 +100,7 @@ job = Table(
     Index("job_state", "state", "priority", "created_at"),
     Index("job_newest", "created_at", "id"),
     Index("job_recording", "recording_id"),
+    Index("job_scenario", "scenario_id"),
     Index(
         "job_idempotency",
         "owner",

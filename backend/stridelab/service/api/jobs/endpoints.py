@@ -48,10 +48,16 @@ async def list_jobs(
     state: Annotated[JobState | None, Query(description="only jobs in this state")] = None,
     kind: Text = None,
     recording_id: Text = None,
+    scenario_id: Text = None,
 ) -> Page[Job]:
-    """Jobs, newest first, optionally of one state, kind or recording."""
+    """Jobs, newest first, optionally of one state, kind, recording or scenario."""
     found = await parts.store.list_jobs(
-        limit=limit, cursor=cursor or None, state=state, kind=kind or None, recording_id=recording_id or None
+        limit=limit,
+        cursor=cursor or None,
+        state=state,
+        kind=kind or None,
+        recording_id=recording_id or None,
+        scenario_id=scenario_id or None,
     )
     return Page[Job](items=[job_of(record) for record in found.items], next=found.next)
 

@@ -30,6 +30,7 @@ def job_of(record: JobRecord) -> Job:
         queue_position=record.queue_position,
         owner=record.owner,
         recording_id=record.recording_id,
+        scenario_id=record.scenario_id,
         log_tail=record.log_tail,
     )
 

@@ -9,10 +9,13 @@ from fastapi import APIRouter, Body, Header, Query, Response
 from stridelab.errors import NotFound
 from stridelab.schemas.base import Contract
 from stridelab.schemas.jobs import Job
+from stridelab.service.api.jobs.admitting import admit
 from stridelab.service.api.jobs.rows import job_of
 from stridelab.service.api.openapi import failures
-from stridelab.service.api.parts import AppParts, known_form
+from stridelab.service.api.parts import AppParts
+from stridelab.service.api.scenarios.examples import ONE_STEP
 from stridelab.service.bundled import SAMPLE_ID
+from stridelab.service.bundled_scenarios import EXAMPLE_ID
 from stridelab.service.jobs.kinds.kind import JobKind
 from stridelab.service.jobs.kinds.registry import KINDS
 
@@ -52,6 +55,19 @@ _EXAMPLES: Final[dict[str, Any]] = {
             "value": {"speed_m_s": 0.8, "mass_kg": 82.0, "noise": {"force_n": 8.0, "marker_m": 0.002}, "seed": 7},
         },
     },
+    "plan-motion": {
+        "stored": {"summary": "Walk through a stored scenario", "value": {"scenario_id": EXAMPLE_ID}},
+        "own": {
+            "summary": "A scenario of one's own, its centroidal motion only",
+            "value": {"scenario": ONE_STEP, "whole_body": False},
+        },
+    },
+    "learn-reachability": {
+        "feet": {
+            "summary": "The feet, from few samples",
+            "value": {"robot": "talos", "effectors": ["left_foot", "right_foot"], "samples": 2000, "seed": 1},
+        },
+    },
 }
 
 
@@ -71,12 +87,15 @@ def _add_kind(router: APIRouter, kind: JobKind) -> None:
     async def submit(
         parts: AppParts, response: Response, body: Contract, priority: Priority = 0, key: Key = None
     ) -> Job:
+        subject = await admit(parts, body)
         request = body.model_dump(mode="json", exclude_unset=True)
-        recording_id = request.get("recording_id")
-        if recording_id is not None:
-            known_form(recording_id, "recording")
         submitted = await parts.store.submit(
-            kind.name, request, priority=priority, idempotency_key=key, recording_id=recording_id
+            kind.name,
+            request,
+            priority=priority,
+            idempotency_key=key,
+            recording_id=subject.recording_id,
+            scenario_id=subject.scenario_id,
         )
         structlog.contextvars.bind_contextvars(job_id=submitted.job_id)
         response.headers["Location"] = f"/api/v1/jobs/{submitted.job_id}"
@@ -97,7 +116,7 @@ def _add_kind(router: APIRouter, kind: JobKind) -> None:
         description=f"{inspect.cleandoc(kind.summary_model.__doc__ or '')} The job runs in a worker; the answer says "
         "where to wait for it (`Location`).",
         responses=failures(
-            s404="The input names an unknown recording (`recording-not-found`).",
+            s404="The input names an unknown recording or scenario (`recording-not-found`, `scenario-not-found`).",
             s409="The idempotency key came with another body before (`idempotency-key-reused`).",
             s429="Too many jobs are waiting (`queue-full`); `Retry-After` says when to come back.",
         ),

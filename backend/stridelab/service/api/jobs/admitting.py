@@ -1,0 +1,48 @@
+"""What a job's input must hold before the job is accepted, beyond its schema; and what the job will work on."""
+
+from dataclasses import dataclass
+
+from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.robots.card import robot_card
+from stridelab.schemas.base import Contract
+from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
+from stridelab.service.api.parts import Parts, known_form
+from stridelab.service.api.scenarios.judging import refuse_invalid
+
+
+@dataclass(frozen=True)
+class Subject:
+    """The stored things that a job works on; whether they exist is found out when the job is stored."""
+
+    recording_id: str | None = None
+    scenario_id: str | None = None
+
+
+async def admit(parts: Parts, request: Contract) -> Subject:
+    """What ``request`` refers to.
+
+    Raises ``NotFound`` (``recording-not-found``, ``scenario-not-found``) for what cannot be an id, and
+    ``InvalidInput``: ``scenario-invalid`` for a scenario that the robot cannot do, ``invalid-request`` for a robot or
+    an effector that there is not.
+    """
+    if isinstance(request, PlanMotionInput) and request.scenario is not None:
+        await refuse_invalid(request.scenario, parts.judges)
+    if isinstance(request, LearnReachabilityInput):
+        _refuse_unknown_effectors(request)
+    return Subject(_identifier(request, "recording"), _identifier(request, "scenario"))
+
+
+def _identifier(request: Contract, what: str) -> str | None:
+    identifier: str | None = getattr(request, f"{what}_id", None)
+    return None if identifier is None else known_form(identifier, what)
+
+
+def _refuse_unknown_effectors(request: LearnReachabilityInput) -> None:
+    try:
+        known = robot_card(request.robot).effectors
+    except NotFound as error:
+        raise InvalidInput("invalid-request", error.message, [Fault("robot", "unknown")]) from error
+    unknown = [index for index, name in enumerate(request.effectors or ()) if name not in known]
+    if unknown:
+        sentence = f"The effectors of {request.robot} are {', '.join(known)}."
+        raise InvalidInput("invalid-request", sentence, [Fault(f"effectors.{index}", "unknown") for index in unknown])

@@ -1,0 +1,89 @@
+"""What is known of each robot: computed in a killable child when first asked for, then kept.
+
+Facts are kept in memory, display meshes as a file. The service itself never imports a rigid-body library.
+"""
+
+import tempfile
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Final
+
+import structlog
+
+from stridelab.errors import Unavailable
+from stridelab.schemas.robots import RobotFacts
+from stridelab.service.api.robots.once import Once
+from stridelab.service.jobs.isolated import IsolatedPool
+from stridelab.service.storage.blobs import BlobInfo, BlobStore
+
+log = structlog.get_logger(__name__)
+
+DESCRIBE: Final = "stridelab.service.jobs.kinds.robot_description:run_in_child"
+LINKS: Final = "stridelab.service.jobs.kinds.robot_links:run_in_child"
+LINKS_FILE: Final = "links.glb"
+DESCRIBE_TIMEOUT_S: Final = 60.0
+LINKS_TIMEOUT_S: Final = 180.0
+
+
+@dataclass(frozen=True)
+class RobotShelf:
+    """Facts and meshes of the robots, for one application."""
+
+    pool: IsolatedPool
+    blobs: BlobStore
+    spool: Path
+    memory_mb: int
+    _facts: Once[RobotFacts] = field(default_factory=lambda: Once(keep=True))
+    _links: Once[BlobInfo] = field(default_factory=lambda: Once(keep=False))
+
+    async def facts(self, name: str) -> RobotFacts:
+        """Facts of a known robot.
+
+        Raises ``Unavailable`` (``robot-data-missing``, or ``robot-not-loaded`` where the child crashed or took too
+        long).
+        """
+
+        async def describe() -> RobotFacts:
+            async with self._child(DESCRIBE, name, DESCRIBE_TIMEOUT_S) as (value, _):
+                return RobotFacts.model_validate(value["summary"])
+
+        return await self._facts.get(name, describe)
+
+    async def links(self, name: str) -> BlobInfo:
+        """The file with one named mesh per link (GLB), made where it is not there yet; raises as ``facts``."""
+        key = f"robots/{name}/{(await self.facts(name)).sha256}/{LINKS_FILE}"
+
+        async def make() -> BlobInfo:
+            found = await self.blobs.info(key)
+            if found is None:
+                async with self._child(LINKS, name, LINKS_TIMEOUT_S) as (_, folder):
+                    await self.blobs.put_file(key, folder / LINKS_FILE)
+                found = await self.blobs.info(key)
+            if found is None:
+                raise Unavailable("storage-unavailable", "The file storage has lost what it was just given.")
+            return found
+
+        return await self._links.get(key, make)
+
+    async def aclose(self) -> None:
+        """End the children that are still at work."""
+        await self._facts.aclose()
+        await self._links.aclose()
+
+    @asynccontextmanager
+    async def _child(self, target: str, name: str, timeout_s: float) -> AsyncIterator[tuple[dict[str, Any], Path]]:
+        """What ``target`` returned for the robot, and the folder with the files that it left, for a moment."""
+        with tempfile.TemporaryDirectory(dir=self.spool) as folder:
+            outcome = await self.pool.run(
+                target, {"robot": name}, Path(folder), timeout_s=timeout_s, memory_mb=self.memory_mb
+            )
+            if outcome.raised is not None:
+                raise outcome.as_error()
+            if outcome.state != "ok":
+                log.error("robot not loaded", robot=name, state=outcome.state, log_tail=outcome.log_tail[-2000:])
+                raise Unavailable(
+                    "robot-not-loaded", f"The model of {name} could not be loaded; the service's log says more."
+                )
+            yield outcome.value, Path(folder)

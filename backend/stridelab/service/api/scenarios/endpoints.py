@@ -1,0 +1,93 @@
+"""Scenarios: checked, stored, listed, replaced, deleted."""
+
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, Body, Response
+from sqlalchemy import delete, func, insert, update
+
+from stridelab.schemas.base import Page
+from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
+from stridelab.service.api.openapi import failures
+from stridelab.service.api.paging import Cursor, Limit
+from stridelab.service.api.parts import AppParts
+from stridelab.service.api.scenarios.examples import IN_THE_AIR, ONE_STEP
+from stridelab.service.api.scenarios.judging import judge, refuse_invalid
+from stridelab.service.api.scenarios.rows import own_row, scenario_of, scenario_row, scenarios_page
+from stridelab.service.api.strict import StrictRoute
+from stridelab.service.bundled_scenarios import new_id
+from stridelab.service.storage.tables import scenario
+
+router = APIRouter(prefix="/scenarios", tags=["scenarios"], route_class=StrictRoute)
+
+_STEP: Final[Any] = {"step": {"summary": "One step on a flat floor", "value": ONE_STEP}}
+_CHECKED: Final[Any] = {**_STEP, "air": {"summary": "A foot that touches nothing", "value": IN_THE_AIR}}
+_UNKNOWN: Final = failures(s404="No scenario with this id (`scenario-not-found`).")
+_READ_ONLY: Final = failures(s409="It comes with the program (`scenario-read-only`).")
+_INVALID: Final = failures(
+    s422="It is no scenario (`invalid-request`), or one that the robot cannot do (`scenario-invalid`); `errors` names "
+    "phase, effector and field."
+)
+
+
+@router.get("", summary="List scenarios")
+async def list_scenarios(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[StoredScenario]:
+    """Scenarios, newest first, those that come with the program among them.
+
+    A page of very long scenarios may hold fewer than `limit`; `next` tells whether more follow.
+    """
+    async with parts.engine.connect() as connection:
+        return await scenarios_page(connection, limit, cursor)
+
+
+@router.post("", status_code=201, summary="Add a scenario", responses=_INVALID)
+async def add_scenario(
+    parts: AppParts, body: Annotated[Scenario, Body(openapi_examples=_STEP)], response: Response
+) -> StoredScenario:
+    """Store a scenario. It is checked first: one that the robot cannot do is refused, naming phase and effector."""
+    await refuse_invalid(body, parts.judges)
+    async with parts.engine.begin() as connection:
+        scenario_id = new_id()
+        await connection.execute(insert(scenario).values(id=scenario_id, body=body.model_dump(mode="json")))
+        stored = scenario_of(await scenario_row(connection, scenario_id))
+    response.headers["Location"] = f"/api/v1/scenarios/{stored.id}"
+    return stored
+
+
+@router.post("/check", summary="Check a scenario")
+async def check_scenario(parts: AppParts, body: Annotated[Scenario, Body(openapi_examples=_CHECKED)]) -> ScenarioCheck:
+    """Tell, without storing anything, whether the robot can do a scenario.
+
+    `errors` names what is wrong where, `margins` how far every contact is from being refused, and `support_region_m`
+    where, seen from above, the centre of mass may rest in each phase.
+    """
+    return await judge(body, parts.judges)
+
+
+@router.get("/{scenario_id}", summary="One scenario", responses=_UNKNOWN)
+async def get_scenario(parts: AppParts, scenario_id: str) -> StoredScenario:
+    """One scenario: robot, terrain and contact phases."""
+    async with parts.engine.connect() as connection:
+        return scenario_of(await scenario_row(connection, scenario_id))
+
+
+@router.put("/{scenario_id}", summary="Replace a scenario", responses={**_UNKNOWN, **_READ_ONLY, **_INVALID})
+async def put_scenario(
+    parts: AppParts, scenario_id: str, body: Annotated[Scenario, Body(openapi_examples=_STEP)]
+) -> StoredScenario:
+    """Replace a scenario as a whole, checked like a new one. Jobs that run already keep what they began with."""
+    async with parts.engine.connect() as connection:
+        await own_row(connection, scenario_id)
+    await refuse_invalid(body, parts.judges)
+    async with parts.engine.begin() as connection:
+        await own_row(connection, scenario_id)
+        values = {"body": body.model_dump(mode="json"), "updated_at": func.now()}
+        await connection.execute(update(scenario).where(scenario.c.id == scenario_id).values(values))
+        return scenario_of(await scenario_row(connection, scenario_id))
+
+
+@router.delete("/{scenario_id}", status_code=204, summary="Delete a scenario", responses={**_UNKNOWN, **_READ_ONLY})
+async def delete_scenario(parts: AppParts, scenario_id: str) -> None:
+    """Delete a scenario. Its jobs and their results stay, without the link."""
+    async with parts.engine.begin() as connection:
+        await own_row(connection, scenario_id)
+        await connection.execute(delete(scenario).where(scenario.c.id == scenario_id))

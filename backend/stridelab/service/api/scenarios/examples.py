@@ -1,0 +1,27 @@
+"""Scenarios that show in the description of the interface what a body looks like; the tests send them."""
+
+from typing import Any, Final
+
+_LEFT: Final[Any] = {"effector": "left_foot", "position_m": [0.0, 0.085, 0.0]}
+_RIGHT: Final[Any] = {"effector": "right_foot", "position_m": [0.0, -0.085, 0.0]}
+_AHEAD: Final[Any] = {"effector": "left_foot", "position_m": [0.2, 0.085, 0.0]}
+
+ONE_STEP: Final[dict[str, Any]] = {
+    "name": "One step",
+    "robot": "talos",
+    "friction": 0.5,
+    "terrain": [{"name": "floor", "kind": "box", "center_m": [0.0, 0.0, -0.1], "size_m": [4.0, 2.0, 0.2]}],
+    "phases": [
+        {"duration_s": 1.0, "contacts": [_LEFT, _RIGHT]},
+        {"duration_s": 1.0, "contacts": [_RIGHT]},
+        {"duration_s": 1.0, "contacts": [_AHEAD, _RIGHT]},
+    ],
+}
+"""A left step of 20 cm on a flat floor, from rest to rest."""
+
+IN_THE_AIR: Final[dict[str, Any]] = {
+    **ONE_STEP,
+    "name": "A foot in the air",
+    "phases": [{"duration_s": 1.0, "contacts": [_LEFT, {**_RIGHT, "position_m": [0.0, -0.085, 0.3]}]}],
+}
+"""A foot that touches nothing; the check names it."""

@@ -1,0 +1,77 @@
+"""Whether a robot can do what a scenario asks: the same judge as in the command line and in the job.
+
+It is a few milliseconds of numpy in a thread. What it imports is imported with the first question, so that the
+service starts without it; pinocchio and CasADi are never imported here.
+"""
+
+import anyio
+
+from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.schemas.base import FaultItem, Remark
+from stridelab.schemas.scenarios import ContactMargin, Scenario, ScenarioCheck
+
+SHOWN_FAULTS = 50
+"""A scenario that is wrong everywhere is told so by its first faults."""
+
+
+async def judge(scenario: Scenario, limiter: anyio.CapacityLimiter) -> ScenarioCheck:
+    """What is wrong with ``scenario``, how far each contact is from being refused, and where it can stand."""
+    return await anyio.to_thread.run_sync(check, scenario, limiter=limiter)
+
+
+async def refuse_invalid(scenario: Scenario, limiter: anyio.CapacityLimiter) -> None:
+    """Raise ``InvalidInput`` (``scenario-invalid``), naming phase and effector, where a robot cannot do it."""
+    found = await judge(scenario, limiter)
+    if not found.valid:
+        faults = [Fault(fault.where, fault.message) for fault in found.errors]
+        first = faults[0]
+        more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
+        raise InvalidInput(
+            "scenario-invalid", f"The robot cannot do this: {first.where}: {first.message}{more}.", faults
+        )
+
+
+def check(scenario: Scenario) -> ScenarioCheck:
+    """``judge`` without the thread."""
+    from stridelab.contacts.shapes import effector_shapes
+    from stridelab.contacts.validation import check as examine
+
+    try:
+        effectors = effector_shapes(scenario.robot)
+    except NotFound as error:
+        return _refused(scenario, FaultItem(where="robot", message=error.message))
+    report = examine(scenario.model_dump(mode="json"), effectors)
+    faults = [FaultItem(where=fault.where, message=fault.message) for fault in report.faults[:SHOWN_FAULTS]]
+    return ScenarioCheck(
+        valid=report.valid,
+        errors=faults,
+        warnings=[Remark(code=remark.code, message=remark.message) for remark in report.remarks],
+        margins=[
+            ContactMargin(
+                phase=margin.phase,
+                effector=margin.effector,
+                surface=margin.surface,
+                height_m=margin.height_m,
+                edge_m=margin.edge_m,
+                reach_m=margin.reach_m,
+            )
+            for margin in report.margins
+        ],
+        support_region_m=[[(float(x), float(y)) for x, y in region] for region in report.support_region_m],
+        duration_s=_duration_s(scenario),
+    )
+
+
+def _refused(scenario: Scenario, fault: FaultItem) -> ScenarioCheck:
+    return ScenarioCheck(
+        valid=False,
+        errors=[fault],
+        warnings=[],
+        margins=[],
+        support_region_m=[[] for _ in scenario.phases],
+        duration_s=_duration_s(scenario),
+    )
+
+
+def _duration_s(scenario: Scenario) -> float:
+    return sum(phase.duration_s for phase in scenario.phases)

@@ -1,0 +1,69 @@
+"""The scenarios that come with the program: files of ``models/scenarios``, kept as read-only rows.
+
+The id of a bundled scenario is its file's stem. A user's scenario gets 32 random hexadecimal digits (``new_id``), a
+form that no bundled one may have, so that neither can take the other's place.
+"""
+
+import json
+import re
+import uuid
+from pathlib import Path
+from typing import Any, Final
+
+from sqlalchemy import delete, func, select
+from sqlalchemy.dialects.postgresql import insert
+from sqlalchemy.ext.asyncio import AsyncEngine
+
+from stridelab.resources import models_dir
+from stridelab.schemas.scenarios import Scenario
+from stridelab.service.storage.tables import scenario
+
+EXAMPLE_ID: Final = "flat-walk"
+"""The simplest of them."""
+
+_STEM: Final = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
+_USERS_FORM: Final = re.compile(r"[0-9a-f]{32}")
+_SEEDING_LOCK: Final = 0x5712DE1B0
+
+
+def new_id() -> str:
+    """An id for a user's scenario."""
+    return uuid.uuid4().hex
+
+
+def scenarios_folder() -> Path:
+    """Where the files lie."""
+    return models_dir() / "scenarios"
+
+
+def shipped(folder: Path | None = None) -> dict[str, dict[str, Any]]:
+    """The bodies of all bundled scenarios by id; raises ``ValueError`` for a file that is none."""
+    bodies = {}
+    for file in sorted((folder or scenarios_folder()).glob("*.json")):
+        if not _STEM.fullmatch(file.stem) or _USERS_FORM.fullmatch(file.stem) or len(file.stem) > 64:
+            raise ValueError(f"{file.name} cannot be the name of a bundled scenario")
+        body = Scenario.model_validate(json.loads(file.read_text(encoding="utf-8")))
+        bodies[file.stem] = body.model_dump(mode="json")
+    return bodies
+
+
+async def seed(engine: AsyncEngine, folder: Path | None = None) -> bool:
+    """Make the bundled rows those of this version's files; True where anything had to be written.
+
+    May be called by any number of processes at once and at every start. A row whose file has gone is removed, one
+    whose file has changed is replaced; users' scenarios are never touched.
+    """
+    bodies = shipped(folder)
+    async with engine.begin() as connection:
+        await connection.execute(select(func.pg_advisory_xact_lock(_SEEDING_LOCK)))
+        rows = await connection.execute(select(scenario.c.id, scenario.c.body).where(scenario.c.bundled))
+        present = {row.id: row.body for row in rows}
+        gone = sorted(present.keys() - bodies.keys())
+        changed = {name: body for name, body in bodies.items() if present.get(name) != body}
+        if gone:
+            await connection.execute(delete(scenario).where(scenario.c.id.in_(gone)))
+        for name, body in changed.items():
+            values = {"body": body, "bundled": True, "owner": None, "updated_at": func.now()}
+            put = insert(scenario).values(id=name, **values)
+            await connection.execute(put.on_conflict_do_update(index_elements=["id"], set_=values))
+    return bool(gone or changed)
