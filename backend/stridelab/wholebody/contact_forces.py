@@ -1,0 +1,41 @@
+"""Contact forces of one effector: how they act on the joints and the pyramid that they must stay in.
+
+A surface carries one force per corner of its rectangle, a point carries one. The pyramid
+
+    |f_x|, |f_y| <= mu / sqrt(2) f_n ,    f_n >= 0
+
+lies inside the exact cone ``|f_t| <= mu f_n``: its edges touch it. Forces are in world axes, x, y and n those of the
+contact frame.
+"""
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.contacts.sequence import Contact
+from stridelab.conventions import Points
+from stridelab.wholebody.hierarchy import Inequalities
+from stridelab.wholebody.rigid_body import FrameState
+
+_INSIDE_N = 1e-3
+"""Distance from the pyramid's faces, so that the solver's tolerance cannot leave the cone."""
+
+
+def pyramid(contact: Contact, points: int) -> Inequalities:
+    """Five rows per contact point on the ``3 points`` components of its forces."""
+    x, y, n = contact.placement.rotation.T
+    mu = contact.friction / np.sqrt(2.0)
+    one = np.array([x - mu * n, -x - mu * n, y - mu * n, -y - mu * n, -n])
+    upper = np.full(5 * points, -_INSIDE_N)
+    return Inequalities(np.kron(np.eye(points), one), np.full(5 * points, -np.inf), upper)
+
+
+def force_jacobian(frame: FrameState, points_m: Points) -> Float[np.ndarray, "m nv"]:
+    """Jacobian ``(3 k, nv)`` of contact points given in the contact frame: ``J_p = J_v - [R p]x J_w``."""
+    arms = points_m @ frame.rotation.T
+    J_v, J_w = frame.J[:3], frame.J[3:]
+    J = np.empty((3 * len(points_m), J_v.shape[1]))
+    for k, (x, y, z) in enumerate(arms):
+        J[3 * k] = J_v[0] + z * J_w[1] - y * J_w[2]
+        J[3 * k + 1] = J_v[1] + x * J_w[2] - z * J_w[0]
+        J[3 * k + 2] = J_v[2] + y * J_w[0] - x * J_w[1]
+    return J

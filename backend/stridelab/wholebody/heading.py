@@ -1,0 +1,52 @@
+"""Reference of the base's orientation: upright, turned with the feet.
+
+At the start of every phase the heading is the mean yaw of the surfaces' contacts (of an effector in the air: the one
+it has left); it goes to that of the next phase by the quintic with rest at both ends,
+``s(x) = x^3 (10 - 15 x + 6 x^2)``.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.contacts.sequence import Contact, ContactSequence
+from stridelab.conventions import Rotation, Vector3
+
+
+@dataclass(frozen=True, eq=False)
+class Heading:
+    """Yaw (rad, unwrapped) at every phase boundary ``(n_phases + 1,)``."""
+
+    sequence: ContactSequence
+    yaw_rad: Float[np.ndarray, "n"]
+
+    @staticmethod
+    def of(sequence: ContactSequence, surfaces: frozenset[str]) -> "Heading":
+        """From the contacts of the effectors ``surfaces``; 0 where none of them is ever used."""
+        mean: list[float] = []
+        for phase in range(len(sequence.phases)):
+            places = [
+                sequence.last_contact(name, phase) or sequence.next_contact(name, phase)
+                for name in sequence.effectors
+                if name in surfaces
+            ]
+            mean.append(_mean_yaw([contact for contact in places if contact is not None]))
+        return Heading(sequence, np.unwrap([*mean, mean[-1]]))
+
+    def at(self, phase: int, time_s: float) -> tuple[Rotation, Vector3, Vector3]:
+        """Rotation, angular velocity and acceleration in world axes."""
+        T = self.sequence.phases[phase].duration_s
+        x = float(np.clip((time_s - self.sequence.starts_s[phase]) / T, 0.0, 1.0))
+        turn = self.yaw_rad[phase + 1] - self.yaw_rad[phase]
+        yaw = self.yaw_rad[phase] + turn * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
+        rate = turn * 30.0 * x**2 * (1.0 - x) ** 2 / T
+        rate_rate = turn * 60.0 * x * (1.0 - x) * (1.0 - 2.0 * x) / T**2
+        c, s = np.cos(yaw), np.sin(yaw)
+        R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+        return R, np.array([0.0, 0.0, rate]), np.array([0.0, 0.0, rate_rate])
+
+
+def _mean_yaw(contacts: list[Contact]) -> float:
+    ahead = np.sum([contact.placement.rotation[:2, 0] for contact in contacts], axis=0) if contacts else (1.0, 0.0)
+    return float(np.arctan2(ahead[1], ahead[0]))

@@ -1,0 +1,63 @@
+"""Bounds on the joint accelerations that keep positions and velocities inside their limits.
+
+With the distance ``d = q_max - margin - q`` a barrier of second order (Nguyen and Sreenath 2016) asks
+``d'' + 2 k d' + k^2 d >= 0``, which is
+
+    q'' <= k^2 d - 2 k q'.
+
+``d`` then falls no faster than exponentially, and the bound orders braking early, so that a joint which nears its
+limit stops before it; a bound that only watches the next sample would order it too late. Velocities reach their
+limit with the time constant ``1 / k_v``.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+Angles = Float[np.ndarray, "na"]
+
+
+@dataclass(frozen=True, eq=False)
+class JointLimits:
+    """Limits of the actuated joints: positions (rad), velocities (rad/s), torques (N m), each ``(na,)``."""
+
+    lower_rad: Angles
+    upper_rad: Angles
+    velocity_rad_s: Angles
+    torque_nm: Angles
+
+    @staticmethod
+    def of(model: pin.Model) -> "JointLimits":
+        """The limits of a model whose first joint is the floating base."""
+        return JointLimits(
+            model.lowerPositionLimit[7:].copy(),
+            model.upperPositionLimit[7:].copy(),
+            model.velocityLimit[6:].copy(),
+            model.effortLimit[6:].copy(),
+        )
+
+    def shrunk(self, margin_rad: float, velocity_share: float, torque_share: float) -> "JointLimits":
+        """Limits to plan with, inside the true ones."""
+        return JointLimits(
+            self.lower_rad + margin_rad,
+            self.upper_rad - margin_rad,
+            velocity_share * self.velocity_rad_s,
+            torque_share * self.torque_nm,
+        )
+
+    def acceleration_bounds(
+        self, q_rad: Angles, v_rad_s: Angles, k_per_s: float, k_v_per_s: float, most_rad_s2: float
+    ) -> tuple[Angles, Angles]:
+        """Smallest and largest acceleration ``(na,)``; where they cross, braking for the nearer limit wins."""
+        to_upper, to_lower = self.upper_rad - q_rad, q_rad - self.lower_rad
+        upper = np.minimum(k_per_s**2 * to_upper - 2.0 * k_per_s * v_rad_s, k_v_per_s * (self.velocity_rad_s - v_rad_s))
+        lower = np.maximum(
+            -(k_per_s**2) * to_lower - 2.0 * k_per_s * v_rad_s, -k_v_per_s * (self.velocity_rad_s + v_rad_s)
+        )
+        upper, lower = np.clip(upper, -most_rad_s2, most_rad_s2), np.clip(lower, -most_rad_s2, most_rad_s2)
+        crossed = lower > upper
+        upper_wins = crossed & (to_upper <= to_lower)
+        lower_wins = crossed & ~upper_wins
+        return np.where(upper_wins, upper, lower), np.where(lower_wins, lower, upper)

@@ -1,0 +1,95 @@
+"""Tasks of the hierarchy as rows ``A a = b`` on the joint acceleration (section 4.6).
+
+Every motion task asks its error to vanish like a damped spring around the planned acceleration,
+
+    J a + dJ v = x''_ref + kp (x_ref - x) + kd (x'_ref - x').
+
+Positions, velocities and accelerations are in world axes, rotations as rotation vectors of ``R_ref R'``.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from stridelab.centroidal.plan import Reference
+from stridelab.conventions import Rotation, Vector3
+from stridelab.dynamics.placement import Placement
+from stridelab.wholebody.hierarchy import Rows
+from stridelab.wholebody.rigid_body import FrameState, RigidBody
+
+Angles = Float[np.ndarray, "na"]
+
+
+class Gain(NamedTuple):
+    """Stiffness (1/s^2) and damping (1/s) of an error."""
+
+    kp: float
+    kd: float
+
+    @staticmethod
+    def critical(kp: float) -> "Gain":
+        """No overshoot: ``kd = 2 sqrt(kp)``."""
+        return Gain(kp, 2.0 * float(np.sqrt(kp)))
+
+
+def rotation_error(reference: Rotation, actual: Rotation) -> Vector3:
+    """Rotation vector in world axes that turns ``actual`` into ``reference``."""
+    return np.asarray(pin.log3(reference @ actual.T))
+
+
+def contact(frame: FrameState, place: Placement, surface: bool, gain: Gain) -> Rows:
+    """A contact stays where it is planned: six rows for a surface, three for a point."""
+    e = place.position_m - frame.position_m
+    if surface:
+        e = np.concatenate([e, rotation_error(place.rotation, frame.rotation)])
+    k = len(e)
+    return Rows(frame.J[:k], gain.kp * e - gain.kd * frame.velocity[:k] - frame.drift[:k])
+
+
+def centre_of_mass(body: RigidBody, reference: Reference, gain: Gain) -> Rows:
+    """CoM on the plan, through the linear rows of the centroidal map: ``A_G a + dA_G v = m c''``."""
+    e, e_v = reference.com_m - body.com_m, reference.com_v_m_s - body.com_v_m_s
+    c_a = reference.com_a_m_s2 + gain.kp * e + gain.kd * e_v
+    return Rows(body.A_g[:3] / body.mass_kg, c_a - body.A_g_drift[:3] / body.mass_kg)
+
+
+def angular_momentum(body: RigidBody, reference: Reference, gain_per_s: float) -> Rows:
+    """Angular momentum about the CoM on the plan, first order: ``dL = dL_ref + k (L_ref - L)``."""
+    l_rate = reference.l_rate_nm + gain_per_s * (reference.l_nms - body.l_nms)
+    return Rows(body.A_g[3:], l_rate - body.A_g_drift[3:])
+
+
+def position(frame: FrameState, p_m: Vector3, v_m_s: Vector3, a_m_s2: Vector3, gain: Gain) -> Rows:
+    """A frame's origin on a moving point."""
+    e, e_v = p_m - frame.position_m, v_m_s - frame.velocity[:3]
+    return Rows(frame.J[:3], a_m_s2 + gain.kp * e + gain.kd * e_v - frame.drift[:3])
+
+
+def orientation(frame: FrameState, R: Rotation, w_rad_s: Vector3, w_rate_rad_s2: Vector3, gain: Gain) -> Rows:
+    """A frame's axes on turning ones, with angular velocity ``w`` and acceleration."""
+    e, e_v = rotation_error(R, frame.rotation), w_rad_s - frame.velocity[3:]
+    return Rows(frame.J[3:], w_rate_rad_s2 + gain.kp * e + gain.kd * e_v - frame.drift[3:])
+
+
+def posture(body: RigidBody, angles_rad: Angles, gain: Gain) -> Rows:
+    """Actuated joints at rest at ``angles_rad`` ``(na,)``."""
+    na = len(angles_rad)
+    A = np.zeros((na, na + 6))
+    A[:, 6:] = np.eye(na)
+    return Rows(A, gain.kp * (angles_rad - body.q[7:]) - gain.kd * body.v[6:])
+
+
+def stacked(weighted: list[tuple[float | Angles, Rows]], nz: int) -> Rows:
+    """Rows one below the other, each multiplied by its weight (one, or one per row), widened by zeros to ``nz``."""
+    m = sum(len(rows.b) for _, rows in weighted)
+    A, b = np.zeros((m, nz)), np.empty(m)
+    at = 0
+    for weight, rows in weighted:
+        k, n = rows.A.shape
+        w = np.asarray(weight)
+        A[at : at + k, :n] = w[..., None] * rows.A
+        b[at : at + k] = w * rows.b
+        at += k
+    return Rows(A, b)
