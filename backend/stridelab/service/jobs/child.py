@@ -79,13 +79,15 @@ def answer(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
 
 
 def _reporter(wire: IO[str]) -> Callable[[float, str], None]:
-    last = 0.0
+    last, stage = 0.0, ""
 
     def report(fraction: float, message: str = "") -> None:
-        nonlocal last
+        nonlocal last, stage
         now = time.monotonic()
-        if now - last >= _MIN_PROGRESS_S or fraction >= 1.0:
-            last = now
+        # The first word from a new stage ("whole body: ...") is never dropped: it may be the last that is heard.
+        new_stage, colon, _ = str(message).partition(":")
+        if now - last >= _MIN_PROGRESS_S or fraction >= 1.0 or (colon and new_stage != stage):
+            last, stage = now, new_stage
             _send(wire, {"progress": [min(max(float(fraction), 0.0), 1.0), str(message)[:500]]})
 
     return report

@@ -128,7 +128,10 @@ class Errand:
         if outcome.state == "cancelled":
             return await self._end("cancelled", None, outcome.log_tail, patiently)
         state: FinalState = "timed_out" if outcome.state == "timeout" else "failed"
-        return await self._end(state, outcome.problem, outcome.log_tail, patiently)
+        problem = outcome.problem
+        if problem is not None and outcome.raised is None and self._latest is not None:
+            problem = located(problem, self._latest[1])
+        return await self._end(state, problem, outcome.log_tail, patiently)
 
     async def _end(self, state: FinalState, problem: Json | None, log_tail: str, patiently: Patiently) -> str:
         ended = await patiently(lambda: self._attempts.end(self._attempt, state, problem, log_tail))
@@ -160,6 +163,16 @@ class Errand:
             except DATABASE_IS_AWAY:
                 await asyncio.sleep(0.5)
                 self._look.set()
+
+
+def located(problem: Json, message: str) -> Json:
+    """The problem of a computation that could not say itself where it was, with what it had last told.
+
+    Messages read ``"<stage>: <what it does>"``, or name only the stage.
+    """
+    fault = {"where": f"stage: {message.partition(':')[0]}", "message": f"last heard: {message}"}
+    detail = f"{problem['detail']} The last that it told: {message}."
+    return {**problem, "detail": detail, "errors": [*problem["errors"], fault]}
 
 
 def artifact_file(folder: Path, item: Json) -> Json:

@@ -1,0 +1,120 @@
+"""The files of ``plan-motion``: tables for people, arrays for programs, and what a viewer shows."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.robots.display import link_meshes
+from stridelab.robots.robot import Robot
+from stridelab.service.jobs.kinds.kind import ArtifactFile, ProgressCallback
+from stridelab.service.jobs.kinds.plan_display import (
+    JSON,
+    RAW,
+    display_forces,
+    display_frames,
+    display_poses,
+    write_display,
+)
+from stridelab.service.jobs.kinds.plan_recording import RECORDING_HZ, record
+from stridelab.service.jobs.kinds.plan_tables import centroidal_columns, motion_columns
+from stridelab.service.jobs.kinds.tables_io import atomically, write_table
+from stridelab.wholebody.motion import WholeBodyMotion
+
+if TYPE_CHECKING:
+    from stridelab.wholebody.replay import Replay
+
+NPZ = "application/x-npz"
+
+
+def write_plan(folder: Path, plan: CentroidalPlan) -> tuple[ArtifactFile, ...]:
+    """``centroidal.parquet`` and its CSV twin."""
+    about = _about(plan.sequence.name, plan.sequence.robot) | {"solver": plan.solver, "mass_kg": plan.mass_kg}
+    return write_table(folder, "centroidal", centroidal_columns(plan), about)
+
+
+def write_motion(
+    folder: Path, robot: Robot, motion: WholeBodyMotion, tell: ProgressCallback
+) -> tuple[ArtifactFile, ...]:
+    """``motion.npz``, ``motion.parquet`` with its CSV twin, the display files, and ``motion.viser``."""
+    sequence = motion.sequence
+    tell(0.1, "writing the motion")
+    limits_nm = np.asarray(robot.model.effortLimit)[6:]
+    tables = write_table(
+        folder,
+        "motion",
+        motion_columns(motion, limits_nm),
+        _about(sequence.name, robot.name) | {"rate_hz": motion.rate_hz},
+    )
+    arrays = write_arrays(folder / "motion.npz", motion_arrays(robot, motion))
+    tell(0.4, "placing the links")
+    links = link_meshes(robot)
+    frames = display_frames(len(motion.time_s), motion.rate_hz)
+    poses = display_poses(robot, motion.q[frames])
+    shown = write_display(
+        folder,
+        robot.name,
+        tuple(link.name for link in links),
+        tuple(motion.forces_n),
+        motion.time_s[frames],
+        poses,
+        display_forces(motion, frames),
+    )
+    tell(0.7, "recording it for viser")
+    every = max(1, round((len(frames) - 1) / (motion.time_s[-1] - motion.time_s[0]) / RECORDING_HZ))
+    recording = record(sequence.terrain, links, poses[::every], RECORDING_HZ)
+    atomically(folder / "motion.viser", lambda path: path.write_bytes(recording))
+    return (*tables, arrays, *shown, ArtifactFile("motion.viser", RAW))
+
+
+def write_replay(folder: Path, replay: "Replay") -> ArtifactFile:
+    """``replay.npz``: ``time_s``, ``q``, ``v`` in pinocchio's order and the total contact force per effector."""
+    forces = {f"forces_{effector}": track for effector, track in replay.forces_n.items()}
+    return write_arrays(folder / "replay.npz", {"time_s": replay.time_s, "q": replay.q, "v": replay.v, **forces})
+
+
+def write_json(folder: Path, name: str, value: BaseModel) -> ArtifactFile:
+    """A model of the contract as a file; what is null is left out."""
+    text = value.model_dump_json(indent=2, exclude_none=True) + "\n"
+    atomically(folder / name, lambda path: path.write_text(text, encoding="utf-8"))
+    return ArtifactFile(name, JSON)
+
+
+def motion_arrays(robot: Robot, motion: WholeBodyMotion) -> dict[str, np.ndarray]:
+    """Arrays of ``motion.npz``: ``time_s (n)``, ``q (n, nq)``, ``v``, ``a (n, nv)``, ``tau (n, nv - 6)``.
+
+    ``joint_names`` name the columns of ``tau``; ``forces (n, e, 3)`` is the total force of each of the ``effectors``,
+    ``forces_<effector> (n, k, 3)`` that on each of its points, which lie at ``points_<effector> (k, 3)`` in its
+    contact frame. Forces are in the world frame and zero where nothing touches.
+    """
+    effectors = tuple(motion.forces_n)
+    arrays = {
+        "time_s": motion.time_s,
+        "q": motion.q,
+        "v": motion.v,
+        "a": motion.a,
+        "tau": motion.tau_nm,
+        "joint_names": np.array(robot.joint_names),
+        "effectors": np.array(effectors),
+        "forces": np.stack([motion.forces_n[effector].sum(axis=1) for effector in effectors], axis=1),
+    }
+    arrays |= {f"forces_{effector}": motion.forces_n[effector] for effector in effectors}
+    arrays |= {f"points_{effector}": motion.points_m[effector] for effector in effectors}
+    return arrays
+
+
+def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> ArtifactFile:
+    """A compressed ``.npz`` file; nothing in it needs pickle. Raises ``ValueError`` for an array that would."""
+    for name, array in arrays.items():
+        if array.dtype.hasobject:
+            raise ValueError(f"{name} holds objects")
+
+    atomically(path, lambda part: np.savez_compressed(part, allow_pickle=False, **arrays))
+    return ArtifactFile(path.name, NPZ)
+
+
+def _about(scenario: str, robot: str) -> dict[str, Any]:
+    return {"scenario": scenario, "robot": robot, "frame": "world, z up"}

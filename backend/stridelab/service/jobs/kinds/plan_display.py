@@ -1,0 +1,85 @@
+"""What a viewer moves: poses of the links and forces of the effectors, at display rate, as raw numbers."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from stridelab.conventions import Points, Series
+from stridelab.dynamics.placement import Placement
+from stridelab.robots.display import link_poses
+from stridelab.robots.robot import Robot
+from stridelab.service.jobs.kinds.kind import ArtifactFile
+from stridelab.service.jobs.kinds.plan_tables import phases
+from stridelab.service.jobs.kinds.tables_io import atomically
+from stridelab.wholebody.motion import WholeBodyMotion
+
+DISPLAY_HZ = 50.0
+RAW, JSON = "application/octet-stream", "application/json"
+POSE_COLUMNS = ("px", "py", "pz", "qw", "qx", "qy", "qz")
+FORCE_COLUMNS = ("px", "py", "pz", "fx", "fy", "fz")
+
+_NOTHING_N = 1e-9
+
+
+def display_frames(n_samples: int, rate_hz: float) -> Int[np.ndarray, "f"]:
+    """Indices of the samples that are shown: whole steps nearest to 50 per second, and the last one."""
+    step = max(1, round(rate_hz / DISPLAY_HZ))
+    return np.unique(np.append(np.arange(0, n_samples, step), n_samples - 1))
+
+
+def display_poses(robot: Robot, q: Float[np.ndarray, "f nq"]) -> Float[np.ndarray, "f links 7"]:
+    """Poses ``px py pz qw qx qy qz`` of every link in the world, per frame."""
+    return np.stack([link_poses(robot, frame) for frame in q])
+
+
+def display_forces(motion: WholeBodyMotion, frames: Int[np.ndarray, "f"]) -> Float[np.ndarray, "f effectors 6"]:
+    """Point of application and total force of every effector of ``motion.forces_n``, NaN where it does not touch.
+
+    The point of application is the centre of pressure, the mean of the contact points weighted with their normal
+    forces; an effector that touches without load has it in the middle.
+    """
+    sequence = motion.sequence
+    phase = phases(sequence, motion.time_s[frames])
+    shown = np.full((len(frames), len(motion.forces_n), 6), np.nan)
+    for e, (effector, forces) in enumerate(motion.forces_n.items()):
+        for i, (frame, p) in enumerate(zip(frames, phase, strict=True)):
+            contact = sequence.phases[p].contacts.get(effector)
+            if contact is not None:
+                shown[i, e, :3] = centre_of_pressure_m(contact.placement, motion.points_m[effector], forces[frame])
+                shown[i, e, 3:] = forces[frame].sum(axis=0)
+    return shown
+
+
+def centre_of_pressure_m(placement: Placement, points_m: Points, forces_n: Points) -> Float[np.ndarray, "3"]:
+    """Where the force on the points ``(k, 3)`` of a contact frame acts, in the world; ``forces_n`` are world-frame."""
+    normal_n = forces_n @ placement.rotation[:, 2]
+    total_n = normal_n.sum()
+    weights = normal_n / total_n if total_n > _NOTHING_N else np.full(len(points_m), 1.0 / len(points_m))
+    return placement.act((weights @ points_m)[None])[0]
+
+
+def write_display(
+    folder: Path,
+    robot_name: str,
+    links: tuple[str, ...],
+    effectors: tuple[str, ...],
+    time_s: Series,
+    poses: Float[np.ndarray, "f links 7"],
+    forces: Float[np.ndarray, "f effectors 6"],
+) -> tuple[ArtifactFile, ...]:
+    """Write ``poses.f32`` and ``forces.f32`` (little endian, C order) and ``poses.json``, which describes both."""
+    about = {
+        "robot": robot_name,
+        "n_frames": len(time_s),
+        "time_s": [round(float(t), 6) for t in time_s],
+        "links": list(links),
+        "columns": list(POSE_COLUMNS),
+        "forces": {"file": "forces.f32", "effectors": list(effectors), "columns": list(FORCE_COLUMNS)},
+    }
+    text = json.dumps(about, allow_nan=False)
+    atomically(folder / "poses.f32", lambda path: path.write_bytes(poses.astype("<f4").tobytes()))
+    atomically(folder / "forces.f32", lambda path: path.write_bytes(forces.astype("<f4").tobytes()))
+    atomically(folder / "poses.json", lambda path: path.write_text(text, encoding="utf-8"))
+    return (ArtifactFile("poses.f32", RAW), ArtifactFile("poses.json", JSON), ArtifactFile("forces.f32", RAW))

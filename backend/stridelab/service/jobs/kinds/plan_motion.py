@@ -1,0 +1,163 @@
+"""``plan-motion``: from a scenario to a motion of the whole robot, checked and replayed (chapter 4).
+
+    Scenario -> ContactSequence -> CentroidalPlan -> WholeBodyMotion -> Certificate -> Replay -> artifacts
+
+Every stage has its share of the progress bar and its time in the summary, and every failure names its stage.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+import pinocchio as pin
+
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
+from stridelab.centroidal.solve import solve
+from stridelab.contacts.scenario_json import sequence_of
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.contacts.shapes import effector_shapes
+from stridelab.contacts.validation import check
+from stridelab.errors import Fault, NotEstimable
+from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.store import load_proxies
+from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
+from stridelab.schemas.base import Remark
+from stridelab.schemas.plans import PlanMotionInput
+from stridelab.schemas.scenarios import Scenario
+from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.jobs.kinds.plan_artifacts import write_json, write_motion, write_plan, write_replay
+from stridelab.service.jobs.kinds.plan_requirements import require_plan
+from stridelab.service.jobs.kinds.plan_summary import certificate_of, remarks, replay_of, summary
+from stridelab.service.jobs.kinds.stages import Stages
+from stridelab.service.jobs.kinds.tasks import PlanMotionTask
+from stridelab.wholebody.certify import certify
+from stridelab.wholebody.controller import WholeBodyController
+from stridelab.wholebody.motion import WholeBodyMotion
+
+if TYPE_CHECKING:
+    from stridelab.wholebody.replay import Replay
+
+CHECK, REACHABILITY, CENTROIDAL = "check", "reachability", "centroidal"
+WHOLE_BODY, CERTIFICATE, REPLAY, EXPORT = "whole body", "certificate", "replay", "export"
+
+BEND_M: Final = 0.017
+"""The CoM stands this much below that of the reference posture, where the knees leave more room upwards."""
+
+REFERENCES: Final = ("carpentier2017thesis", "carpentier2018multicontact", "carpentier2019pinocchio")
+SOLVER_REFERENCES: Final = {"ipopt": "wachter2006ipopt", "fatrop": "vanroye2023fatrop"}
+ROBOT_REFERENCES: Final = {"talos": "stasse2017talos"}
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run`` with JSON on both sides."""
+    return run(PlanMotionTask.model_validate(task), folder, progress).to_json()
+
+
+def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Plan the motion of ``task.scenario`` into ``folder``; the summary is a ``PlanMotionSummary``.
+
+    Raises ``NotEstimable`` for what this version has not (``...-unavailable``), before any work. After that every
+    error names its stage in its first fault: ``InvalidInput`` (``scenario-invalid``), ``NotFound``
+    (``robot-not-found``), ``NotEstimable`` (``plan-not-converged``, ``whole-body-failed``) and what else the stages
+    raise.
+    """
+    request = task.input
+    require_plan(request)
+    stages = Stages(progress, _shares(request))
+    artifacts: list[ArtifactFile] = []
+
+    with stages.at(CHECK, "looking at the scenario"):
+        sequence, noted = _checked(task.scenario)
+        robot = load_robot(sequence.robot)
+    with stages.at(REACHABILITY, "reading the learned densities"):
+        proxies = load_proxies(robot.name)
+    with stages.at(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s"):
+        plan = _planned(robot, sequence, proxies)
+
+    motion, certificate, replay, replayed = None, None, None, None
+    if request.whole_body:
+        with stages.at(WHOLE_BODY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
+            motion = WholeBodyController().run(robot, sequence, plan, _clock(tell, sequence.duration_s))
+        with stages.at(CERTIFICATE, "checking the motion"):
+            certificate = certificate_of(certify(robot, sequence, plan, proxies, motion))
+        if request.replay:
+            with stages.at(REPLAY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
+                replay = _replayed(robot, sequence, motion, _clock(tell, sequence.duration_s))
+                replayed = replay_of(replay)
+    with stages.at(EXPORT, "writing the plan") as tell:
+        artifacts += [*write_plan(folder, plan), write_json(folder, "scenario.json", task.scenario)]
+        if motion is not None and certificate is not None:
+            artifacts += [
+                *write_motion(folder, robot, motion, tell),
+                write_json(folder, "certificate.json", certificate),
+            ]
+        if replay is not None:
+            artifacts.append(write_replay(folder, replay))
+
+    warnings = (*noted, *remarks(plan, motion, certificate, replayed))
+    found = summary(plan, certificate, replayed, stages.times_s, warnings)
+    progress(1.0, "done")
+    return Outcome(found.model_dump(mode="json"), _references(plan, request), tuple(artifacts))
+
+
+def _shares(request: PlanMotionInput) -> dict[str, float]:
+    """Stages of this request, with their shares of the bar: about the seconds that each takes."""
+    shares = {CHECK: 1.0, REACHABILITY: 0.2, CENTROIDAL: 3.0}
+    if request.whole_body:
+        shares |= {WHOLE_BODY: 15.0, CERTIFICATE: 2.0}
+    if request.replay:
+        shares |= {REPLAY: 5.0}
+    return shares | {EXPORT: 4.0 if request.whole_body else 0.5}
+
+
+def _clock(tell: ProgressCallback, duration_s: float) -> ProgressCallback:
+    """Progress of a stage that goes through the motion, in the motion's own seconds."""
+
+    def on(fraction: float, _message: str) -> None:
+        tell(fraction, f"{fraction * duration_s:.1f} of {duration_s:.1f} s")
+
+    return on
+
+
+def _checked(scenario: Scenario) -> tuple[ContactSequence, tuple[Remark, ...]]:
+    body = scenario.model_dump(mode="json")
+    shapes = effector_shapes(scenario.robot)
+    sequence = sequence_of(body, shapes)
+    noted = check(body, shapes).remarks
+    return sequence, tuple(Remark(code=r.code, message=r.message) for r in noted)
+
+
+def _planned(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Mixture]) -> CentroidalPlan:
+    height_m = float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2]) - BEND_M
+    start, end = (
+        standing_com_m(phase.contacts, height_m, robot.effectors) for phase in (sequence.phases[0], sequence.phases[-1])
+    )
+    plan = solve(CentroidalProblem(sequence, robot.mass_kg, robot.effectors, proxies, start, end))
+    if not plan.converged:
+        raise NotEstimable(
+            "plan-not-converged",
+            f"The centroidal plan of {sequence.name!r} did not converge: {plan.status} after {plan.iterations} "
+            "iterations. Longer phases or contacts nearer to each other may help.",
+            [Fault("solver", f"{plan.solver}: {plan.status}")],
+        )
+    return plan
+
+
+def _replayed(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, clock: ProgressCallback) -> "Replay":
+    # The simulator is imported where it is asked for.
+    from stridelab.wholebody.replay import replay
+
+    return replay(robot, sequence, motion, clock)
+
+
+def _references(plan: CentroidalPlan, request: PlanMotionInput) -> tuple[str, ...]:
+    """Citation keys of the methods that were used."""
+    robot, solver = ROBOT_REFERENCES.get(plan.sequence.robot), SOLVER_REFERENCES.get(plan.solver)
+    keys = [*REFERENCES, *([robot] if robot else []), "andersson2019casadi", *([solver] if solver else [])]
+    if request.whole_body:
+        keys += ["escande2014hierarchical", "arnstrom2022daqp"]
+    if request.replay:
+        keys += ["todorov2012mujoco", "englsberger2015dcm"]
+    return tuple(keys)

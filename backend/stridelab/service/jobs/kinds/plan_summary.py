@@ -1,0 +1,102 @@
+"""The summary of ``plan-motion``: what the stages found, as numbers and as remarks for whoever reads them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import TYPE_CHECKING, Final
+
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.schemas.base import Remark
+from stridelab.schemas.plans import (
+    CertificateCheck,
+    CertificateSummary,
+    PlanMotionSummary,
+    PlanVerification,
+    ReplaySummary,
+)
+from stridelab.wholebody.certificate import Certificate, Check
+from stridelab.wholebody.motion import WholeBodyMotion
+
+if TYPE_CHECKING:
+    from stridelab.wholebody.replay import Replay
+
+MANY_ITERATIONS: Final = 50
+"""More than this has meant an ill-posed scenario or proxy wherever it was seen."""
+
+
+def summary(
+    plan: CentroidalPlan,
+    certificate: CertificateSummary | None,
+    replay: ReplaySummary | None,
+    stage_times_s: Mapping[str, float],
+    warnings: Sequence[Remark],
+) -> PlanMotionSummary:
+    """All of it in the form of the contract."""
+    sequence, found = plan.sequence, plan.verification
+    return PlanMotionSummary(
+        scenario_name=sequence.name,
+        robot=sequence.robot,
+        duration_s=sequence.duration_s,
+        n_phases=len(sequence.phases),
+        converged=plan.converged,
+        solver=plan.solver,
+        objective=plan.objective,
+        cost_terms=dict(plan.cost_terms),
+        iterations=plan.iterations,
+        solve_time_s=plan.solve_time_s,
+        build_time_s=plan.build_time_s,
+        verification=PlanVerification(**{f.name: float(getattr(found, f.name)) for f in fields(found)}),
+        stage_times_s=dict(stage_times_s),
+        certificate=certificate,
+        replay=replay,
+        warnings=list(warnings),
+    )
+
+
+def certificate_of(certificate: Certificate) -> CertificateSummary:
+    """The certificate in the form of the contract."""
+    names = [f.name for f in fields(Check)]
+    checks = [
+        CertificateCheck(**{name: getattr(check, name) for name in names}, passed=check.passed)
+        for check in certificate.checks
+    ]
+    return CertificateSummary(passed=certificate.passed, checks=checks)
+
+
+def replay_of(replay: "Replay") -> ReplaySummary:
+    """What happened in the replay in the form of the contract."""
+    return ReplaySummary(**{name: getattr(replay, name) for name in ReplaySummary.model_fields})
+
+
+def remarks(
+    plan: CentroidalPlan,
+    motion: WholeBodyMotion | None,
+    certificate: CertificateSummary | None,
+    replay: ReplaySummary | None,
+) -> tuple[Remark, ...]:
+    """What a reader should know before trusting the motion."""
+    found: list[Remark] = []
+    if plan.iterations > MANY_ITERATIONS:
+        message = f"The centroidal plan took {plan.iterations} iterations; more than {MANY_ITERATIONS} is a bad sign."
+        found.append(Remark(code="plan-slow-to-converge", message=message))
+    if motion is not None and motion.failures:
+        first = motion.failures[0]
+        message = (
+            f"At {len(motion.failures)} of {len(motion.time_s)} samples the whole-body problem had no solution, "
+            f"first at {first.time_s:.2f} s in phase {first.phase} ({first.reason})."
+        )
+        found.append(Remark(code="whole-body-gaps", message=message))
+    if certificate is not None and not certificate.passed:
+        listed = "; ".join(_failed(check) for check in certificate.checks if not check.passed)
+        found.append(Remark(code="certificate-not-passed", message=f"The motion fails its certificate: {listed}."))
+    if replay is not None and not replay.completed:
+        when = "" if replay.fall_time_s is None else f" after {replay.fall_time_s:.1f} s"
+        found.append(Remark(code="replay-fell", message=f"Replayed in physics, the robot falls{when}."))
+    return tuple(found)
+
+
+def _failed(check: CertificateCheck) -> str:
+    wanted = "at least" if check.at_least else "at most"
+    places = [f"phase {check.phase}" if check.phase is not None else "", check.effector or ""]
+    where = ", ".join(place for place in places if place)
+    value = f"{check.name} is {check.value:.4g} {check.unit}, {wanted} {check.limit:.4g} wanted"
+    return f"{value} ({where})" if where else value

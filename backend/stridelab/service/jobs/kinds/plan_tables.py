@@ -1,0 +1,63 @@
+"""Tables of ``plan-motion``: the centroidal plan at its nodes, and how the whole-body motion follows it."""
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.conventions import Series
+from stridelab.wholebody.motion import WholeBodyMotion
+
+AXES = "xyz"
+Columns = dict[str, Series | Int[np.ndarray, "n"]]
+_SAME_INSTANT_S = 1e-9
+
+
+def centroidal_columns(plan: CentroidalPlan) -> Columns:
+    """Columns of ``centroidal``, one row per node.
+
+    What is constant over an interval (phase, acceleration, forces) stands in the row of the node at which the interval
+    begins; the last node repeats the last interval. Forces are zero where a point does not touch.
+    """
+    columns: Columns = {"time_s": plan.time_s, "phase": _at_nodes(plan.phase)}
+    columns |= _xyz("com_{}_m", plan.com_m)
+    columns |= _xyz("com_v{}_m_s", plan.com_v_m_s)
+    columns |= _xyz("com_a{}_m_s2", _at_nodes(plan.com_a_m_s2))
+    columns |= _xyz("l_{}_nms", plan.l_nms)
+    for effector, forces in plan.forces_n.items():
+        for k in range(forces.shape[1]):
+            columns |= _xyz(f"f_{effector}_{k}_{{}}_n", _at_nodes(forces[:, k]))
+    return columns
+
+
+def motion_columns(motion: WholeBodyMotion, torque_limits_nm: Float[np.ndarray, "na"]) -> Columns:
+    """Columns of ``motion``, one row per sample: the CoM and the angular momentum beside those of the plan.
+
+    ``com_error_m`` is the distance between the two, ``f_<effector>_x_n`` the effector's total force, ``torque_ratio``
+    the largest ``|tau| / limit`` of all joints.
+    """
+    columns: Columns = {"time_s": motion.time_s, "phase": phases(motion.sequence, motion.time_s)}
+    columns |= _xyz("com_{}_m", motion.com_m)
+    columns |= _xyz("com_reference_{}_m", motion.com_reference_m)
+    columns["com_error_m"] = np.linalg.norm(motion.com_m - motion.com_reference_m, axis=1)
+    columns |= _xyz("com_v{}_m_s", motion.com_v_m_s)
+    columns |= _xyz("l_{}_nms", motion.l_nms)
+    columns |= _xyz("l_reference_{}_nms", motion.l_reference_nms)
+    for effector, forces in motion.forces_n.items():
+        columns |= _xyz(f"f_{effector}_{{}}_n", forces.sum(axis=1))
+    columns["torque_ratio"] = (np.abs(motion.tau_nm) / torque_limits_nm).max(axis=1)
+    return columns
+
+
+def phases(sequence: ContactSequence, time_s: Series) -> Int[np.ndarray, "n"]:
+    """Contact phase at every instant; a boundary belongs to the phase that begins there."""
+    found = np.searchsorted(sequence.ends_s, time_s + _SAME_INSTANT_S, side="right")
+    return np.minimum(found, len(sequence.phases) - 1)
+
+
+def _at_nodes(per_interval: np.ndarray) -> np.ndarray:
+    return np.concatenate([per_interval, per_interval[-1:]])
+
+
+def _xyz(name: str, track: Float[np.ndarray, "n 3"]) -> Columns:
+    return {name.format(axis): track[:, i] for i, axis in enumerate(AXES)}
