@@ -1,0 +1,52 @@
+"""The terms of (4.20a), and of our regularisers, for a motion: plain arithmetic on what the solver returned."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.verify import Motion, total_force_n
+from stridelab.conventions import g
+
+REGULARISERS = ("surface_force", "point_force")
+
+
+def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float]:
+    """Every term by its name; log-densities per effector by the trapezoidal rule over each interval."""
+    h = np.diff(motion.time_s)
+    a = total_force_n(motion) / problem.mass_kg + g
+    l_rate = np.diff(motion.l_nms, axis=0) / h[:, None]
+    weights = problem.weights
+    terms = {
+        "com_acceleration": weights.com_acceleration * float(h @ (a**2).sum(axis=1)),
+        "momentum_rate": weights.momentum_rate * float(h @ (l_rate**2).sum(axis=1)),
+        **{f"log_density_{name}": weights.likelihood * value for name, value in _densities(problem, motion).items()},
+        **dict.fromkeys(REGULARISERS, 0.0),
+    }
+    for name, f in motion.forces_n.items():
+        kind = "surface_force" if problem.effectors[name].kind == "surface" else "point_force"
+        squares = ((f / problem.weight_n) ** 2).sum(axis=(1, 2))
+        terms[kind] += problem.force_weight(name) * float(h @ squares)
+    return terms
+
+
+def objective(terms: Mapping[str, float]) -> float:
+    """(4.20a): the sum of all terms but our regularisers."""
+    return float(sum(value for name, value in terms.items() if name not in REGULARISERS))
+
+
+def _densities(problem: CentroidalProblem, motion: Motion) -> dict[str, float]:
+    """``-int log p_i(c) dt`` per effector while it touches."""
+    sums: dict[str, float] = {}
+    h = np.diff(motion.time_s)
+    for i, phase in enumerate(problem.sequence.phases):
+        intervals = np.flatnonzero(motion.phase == i)
+        seconds = h[intervals] / 2
+        for name, contact in phase.contacts.items():
+            if name not in problem.proxies:
+                continue
+            logp = problem.proxies[name].log_density(
+                contact.placement.inverse().act(motion.com_m[intervals[0] : intervals[-1] + 2])
+            )
+            sums[name] = sums.get(name, 0.0) - float(seconds @ (logp[:-1] + logp[1:]))
+    return sums

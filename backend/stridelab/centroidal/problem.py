@@ -1,0 +1,123 @@
+"""The optimal control problem (4.20) with the forces of the contact points as control, u_f.
+
+    min   sum_k int  w_c |c''|^2 + w_L |L_c'|^2 - sum_i log p_i(c)  dt           (4.20a)
+    s.t.  m c'' = sum f + m g,   L_c' = sum (p - c) x f                          (4.2)
+          f in the friction cone of its contact                                  (4.20c)
+          c, c', L_c given at both ends, c' = L_c = c'' = 0 at the last
+
+The condition on the last acceleration is ours: rest that stays rest. So is the weight on the forces: a small one on
+all makes them unique, a larger one on points keeps a hand from carrying what its arm cannot
+(docs/theory/centroidal-problem.md).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from stridelab.contacts.sequence import Contact, ContactSequence
+from stridelab.conventions import GRAVITY_M_S2, Points, Series, Vector3
+from stridelab.errors import Fault, InvalidInput
+from stridelab.reachability.mixture import Mixture
+from stridelab.robots.robot import Effector
+
+NODES_PER_PHASE_MIN = 2
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Weights of the cost: ``com_acceleration`` in 1 / (m/s^2)^2, ``momentum_rate`` in 1 / (Nm)^2, as in 4.5.1.
+
+    ``surface_force`` and ``point_force`` weigh ``sum |f / (m g)|^2`` over the points of surfaces (soles) and of point
+    effectors (hands); ``likelihood`` the log-density term, 1 in the thesis.
+    """
+
+    com_acceleration: float = 10.0
+    momentum_rate: float = 10.0
+    likelihood: float = 1.0
+    surface_force: float = 1.0
+    point_force: float = 300.0
+
+
+@dataclass(frozen=True, eq=False)
+class Grid:
+    """Nodes in time: ``n`` of them, and per interval its phase and its length (s)."""
+
+    time_s: Float[np.ndarray, "n"]
+    phase: Int[np.ndarray, "m"]
+    step_s: Float[np.ndarray, "m"]
+
+
+@dataclass(frozen=True, eq=False)
+class CentroidalProblem:
+    """One motion to plan, from rest at ``com_start_m`` to rest at ``com_end_m``.
+
+    ``effectors`` and ``proxies`` are looked up by the names that the sequence uses; an effector without a proxy has no
+    likelihood term. Surfaces are shrunk by ``contact_margin_m`` (x, y) on every side. Raises ``InvalidInput``
+    ("effector-unknown", "mass-out-of-range", "com-not-finite") for what cannot be a problem at all.
+    """
+
+    sequence: ContactSequence
+    mass_kg: float
+    effectors: Mapping[str, Effector]
+    proxies: Mapping[str, Mixture]
+    com_start_m: Vector3
+    com_end_m: Vector3
+    weights: Weights = Weights()
+    node_rate_hz: float = 20.0
+    contact_margin_m: tuple[float, float] = (0.02, 0.015)
+
+    def __post_init__(self) -> None:
+        unknown = [name for name in self.sequence.effectors if name not in self.effectors]
+        if unknown:
+            faults = [Fault(name, f"the robot has no effector {name!r}") for name in unknown]
+            raise InvalidInput("effector-unknown", f"The contact sequence uses {', '.join(unknown)}.", faults)
+        if not 0.0 < self.mass_kg < np.inf:
+            raise InvalidInput("mass-out-of-range", f"The robot's mass must be positive, not {self.mass_kg} kg.")
+        if not np.isfinite([self.com_start_m, self.com_end_m]).all():
+            raise InvalidInput("com-not-finite", "The centre of mass at the start and at the end must be numbers.")
+
+    @property
+    def weight_n(self) -> float:
+        """``m |g|``, the unit of force inside the solver."""
+        return self.mass_kg * GRAVITY_M_S2
+
+    def contact(self, effector: str, phase: int) -> Contact:
+        """The contact of an effector in a phase in which it touches."""
+        return self.sequence.phases[phase].contacts[effector]
+
+    def points_m(self, effector: str) -> Points:
+        """Contact points ``(k, 3)`` in the contact frame, the rectangle shrunk."""
+        tool = self.effectors[effector]
+        corners = tool.points_m()
+        if tool.contact_half_size_m is None:
+            return corners
+        shrink = 1.0 - np.array(self.contact_margin_m) / np.array(tool.contact_half_size_m)
+        return np.asarray(corners * np.append(np.clip(shrink, 0.0, 1.0), 1.0))
+
+    def force_weight(self, effector: str) -> float:
+        """Weight on ``sum |f / (m g)|^2`` of this effector's points."""
+        return self.weights.point_force if self.effectors[effector].kind == "point" else self.weights.surface_force
+
+    def grid(self) -> Grid:
+        """``node_rate_hz`` nodes per second of every phase, at least two intervals each, evenly spaced within."""
+        counts = [max(NODES_PER_PHASE_MIN, round(p.duration_s * self.node_rate_hz)) for p in self.sequence.phases]
+        phase = np.repeat(np.arange(len(counts)), counts)
+        step: Series = np.repeat([p.duration_s / n for p, n in zip(self.sequence.phases, counts, strict=True)], counts)
+        return Grid(time_s=np.concatenate([[0.0], np.cumsum(step)]), phase=phase, step_s=step)
+
+
+def standing_com_m(
+    phase_contacts: Mapping[str, Contact], height_m: float, effectors: Mapping[str, Effector]
+) -> Vector3:
+    """Where the CoM stands over a phase: ``height_m`` above the mean of its surface contacts.
+
+    Raises ``InvalidInput`` ("no-surface-contact") where nothing but points touches.
+    """
+    soles = [c.placement.position_m for name, c in phase_contacts.items() if effectors[name].kind == "surface"]
+    if not soles:
+        raise InvalidInput(
+            "no-surface-contact", "The robot cannot stand at rest in a phase without a sole on a surface."
+        )
+    return np.asarray(np.mean(soles, axis=0) + np.array([0.0, 0.0, height_m]))

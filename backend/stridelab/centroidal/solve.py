@@ -1,0 +1,94 @@
+"""From a problem to a plan: transcribe, solve, read the solution, check it."""
+
+import time
+from typing import Literal
+
+import numpy as np
+
+from stridelab.centroidal.cone import N_RAYS, rays
+from stridelab.centroidal.cost import cost_terms, objective
+from stridelab.centroidal.plan import CentroidalPlan, Verification
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Run, SolverName, run
+from stridelab.centroidal.transcription import Transcription, transcribe
+from stridelab.centroidal.verify import Motion, holds, total_force_n, verify
+from stridelab.conventions import Series, g
+
+AUTO: tuple[SolverName, ...] = ("ipopt",)
+"""Solvers in the order in which "auto" tries them."""
+
+
+def solve(
+    problem: CentroidalProblem, solver: Literal["auto", "ipopt", "fatrop"] = "auto", limits: Limits = DEFAULT_LIMITS
+) -> CentroidalPlan:
+    """Solve (4.20). The plan of a failed solve says so: ``converged`` False and why in ``status``; it never raises.
+
+    "auto" tries the solvers in turn until one converges; times and iterations are then the sums. A plan is converged
+    only if the solver says so *and* the plain check of ``verify`` agrees.
+    """
+    started = time.process_time()
+    programme = transcribe(problem)
+    build_s = time.process_time() - started
+    names = AUTO if solver == "auto" else (solver,)
+    runs: list[tuple[SolverName, Run]] = []
+    for name in names:
+        runs.append((name, run(name, programme, limits)))
+        motion = read(programme, runs[-1][1].w)
+        verification = verify(problem.sequence, problem.mass_kg, motion, problem.com_start_m, problem.com_end_m)
+        converged = runs[-1][1].success and holds(verification)
+        if converged:
+            break
+    terms = cost_terms(problem, motion)
+    return CentroidalPlan(
+        sequence=problem.sequence,
+        mass_kg=problem.mass_kg,
+        time_s=motion.time_s,
+        phase=motion.phase,
+        com_m=motion.com_m,
+        com_v_m_s=motion.com_v_m_s,
+        com_a_m_s2=total_force_n(motion) / problem.mass_kg + g,
+        l_nms=motion.l_nms,
+        forces_n=motion.forces_n,
+        points_m=motion.points_m,
+        solver=runs[-1][0],
+        converged=converged,
+        status=_sentence(runs, converged, verification),
+        iterations=sum(r.iterations for _, r in runs),
+        objective=objective(terms),
+        cost_terms=terms,
+        solve_time_s=sum(r.cpu_s for _, r in runs),
+        build_time_s=build_s,
+        verification=verification,
+    )
+
+
+def read(programme: Transcription, w: Series) -> Motion:
+    """States in SI units about the CoM and world-frame forces from the programme's variables."""
+    problem, layout = programme.problem, programme.layout
+    x = programme.states(w)
+    c, v = x[:, 0:3] + programme.origin_m, x[:, 3:6]
+    L = problem.weight_n * x[:, 6:9] - problem.mass_kg * np.cross(x[:, 0:3], v)
+    forces, points = {}, {}
+    for name, starts in layout.ray.items():
+        points[name] = problem.points_m(name)
+        count = len(points[name])
+        forces[name] = np.zeros((len(programme.grid.phase), count, 3))
+        for k, start in starts.items():
+            contact = problem.contact(name, int(programme.grid.phase[k]))
+            lengths = w[start : start + N_RAYS * count].reshape(count, N_RAYS)
+            forces[name][k] = problem.weight_n * lengths @ (contact.placement.rotation @ rays(contact.friction)).T
+    return Motion(programme.grid.time_s, programme.grid.phase, c, v, L, forces, points)
+
+
+def _sentence(runs: list[tuple[SolverName, Run]], converged: bool, verification: Verification) -> str:
+    """What happened, in words."""
+    said = "; ".join(f"{name}: {r.status} after {r.iterations} iterations" for name, r in runs)
+    if converged:
+        return f"Converged ({said})."
+    if runs[-1][1].success:
+        return (
+            f"The solver reports a solution ({said}) that does not verify: dynamics gap "
+            f"{verification.dynamics_gap:.1e}, terminal gap {verification.terminal_gap:.1e}, "
+            f"cone margin {verification.cone_margin_n:.1e} N."
+        )
+    return f"No motion was found over these contacts ({said})."
