@@ -3,11 +3,10 @@
 from collections.abc import Mapping
 from typing import Any
 
-from stridelab.contacts.assembly import assemble
-from stridelab.contacts.reading import read
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.shapes import EffectorShape
 from stridelab.contacts.terrain import Box, Surface
+from stridelab.contacts.validation import judge
 from stridelab.errors import InvalidInput
 
 
@@ -16,10 +15,13 @@ def sequence_of(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorSha
 
     Raises ``InvalidInput`` ("scenario-invalid") with all faults.
     """
-    draft = read(scenario, effectors)
-    if draft.faults:
-        raise InvalidInput("scenario-invalid", "the scenario cannot be carried out", draft.faults)
-    return assemble(draft, effectors)
+    report, sequence = judge(scenario, effectors)
+    if sequence is None:
+        first, more = report.faults[0], len(report.faults) - 1
+        others = f" and {more} more" if more else ""
+        message = f"The robot cannot do this: {first.where}: {first.message}{others}."
+        raise InvalidInput("scenario-invalid", message, report.faults)
+    return sequence
 
 
 def scenario_of(sequence: ContactSequence, description: str = "") -> dict[str, Any]:

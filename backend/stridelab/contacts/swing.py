@@ -12,13 +12,14 @@ A sole rises along the vertical until it is ``FOOT_CLEARANCE_M`` above the highe
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Final, Literal
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
+from jaxtyping import Float
 from scipy.spatial.transform import Rotation as ScipyRotation
 
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.conventions import Rotation, Vector3
+from stridelab.conventions import Points, Rotation, Series, Vector3
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import InvalidInput
 
@@ -33,8 +34,7 @@ Window = tuple[float, float]
 UP: Final[Window] = (0.0, 0.5)
 
 
-@dataclass(frozen=True)
-class Profile:
+class Profile(NamedTuple):
     """Shares of the swing during which the effector rises, moves and comes down."""
 
     up: Window
@@ -119,6 +119,14 @@ class SwingCurve:
             angular_velocity_rad_s=axis * s_move[1],
             angular_acceleration_rad_s2=axis * s_move[2],
         )
+
+    def path(self, shares: Series) -> tuple[Points, Float[np.ndarray, "n 3 3"]]:
+        """Positions and rotations at several shares of the swing, 0 to 1."""
+        scalings = np.array([[quintic(u, window, 1.0)[0] for window in self.profile] for u in shares.tolist()])
+        up, down = self._lifts
+        positions = self.start.position_m + scalings @ np.vstack([up, self._travel, -down])
+        turns = ScipyRotation.from_rotvec(np.outer(scalings[:, 1], self._turn)).as_matrix()
+        return positions, np.asarray(self.start.rotation @ turns)
 
     def _rotation(self, share: float) -> Rotation:
         if not self._turn.any():

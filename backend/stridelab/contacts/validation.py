@@ -1,0 +1,145 @@
+"""The judge of scenarios: refuses what no solver should be asked, naming phase and effector.
+
+The same for the HTTP interface, the command line and the job. Nothing here solves for a motion: a scenario that
+passes can still turn out to be impossible.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from stridelab.contacts.closeness import closeness
+from stridelab.contacts.obstruction import obstructed
+from stridelab.contacts.reading import Draft, contact_field, read
+from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
+from stridelab.contacts.shapes import EffectorShape
+from stridelab.contacts.support import Polygon, support_region_m
+from stridelab.contacts.timeline import colliding, out_of_nowhere, sliding, sliding_down, too_large, unsupported
+from stridelab.contacts.touching import Stance, Touch, touch_all
+from stridelab.errors import Fault
+
+PHASE = re.compile(r"phases\[(\d+)\]")
+
+
+@dataclass(frozen=True)
+class Remark:
+    """A warning: a stable code and a sentence."""
+
+    code: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Margin:
+    """How far one contact of one phase is from being refused; fields as in ``schemas.scenarios.ContactMargin``."""
+
+    phase: int
+    effector: str
+    surface: str | None
+    height_m: float | None
+    edge_m: float | None
+    reach_m: float | None
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """What is wrong with a scenario, what is worth knowing, and its margins.
+
+    ``faults`` come in the order of the phases. ``support_region_m`` holds one polygon per phase, seen from above.
+    """
+
+    faults: tuple[Fault, ...]
+    remarks: tuple[Remark, ...]
+    margins: tuple[Margin, ...]
+    support_region_m: tuple[Polygon, ...]
+    duration_s: float
+
+    @property
+    def valid(self) -> bool:
+        """Whether a motion may be planned."""
+        return not self.faults
+
+
+def check(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -> CheckReport:
+    """Judge a scenario, ``schemas.scenarios.Scenario`` as a mapping, for a robot with these effectors."""
+    return judge(scenario, effectors)[0]
+
+
+def judge(
+    scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]
+) -> tuple[CheckReport, ContactSequence | None]:
+    """The report, and the contact sequence where there are no faults."""
+    draft = read(scenario, effectors)
+    duration_s = sum(phase.duration_s or 0.0 for phase in draft.phases)
+    outsized = tuple(too_large(draft))
+    if outsized:
+        return CheckReport((*outsized, *draft.faults), (), (), ((),) * len(draft.phases), duration_s), None
+    stances = touch_all(draft, effectors)
+    reach = closeness(stances)
+    faults = [
+        *draft.faults,
+        *unsupported(draft, effectors),
+        *out_of_nowhere(draft, effectors),
+        *_misplaced(stances),
+        *sliding(stances),
+        *colliding(stances),
+        *sliding_down(stances),
+        *reach.faults,
+    ]
+    report = CheckReport(
+        faults=tuple(sorted(faults, key=_phase_of)),
+        remarks=tuple(_remarks(draft, stances, effectors)),
+        margins=tuple(
+            Margin(k, name, touch.surface, touch.height_m, touch.edge_m, reach.slack_m[k])
+            for k, stance in enumerate(stances)
+            for name, touch in stance.items()
+        ),
+        support_region_m=tuple(support_region_m(stance) for stance in stances),
+        duration_s=duration_s,
+    )
+    return report, _sequence(draft, stances) if report.valid else None
+
+
+def _misplaced(stances: tuple[Stance, ...]) -> list[Fault]:
+    """What is wrong with single contacts, where each place first occurs."""
+    first: dict[int, tuple[int, Touch]] = {}
+    for k, stance in enumerate(stances):
+        for touch in stance.values():
+            first.setdefault(id(touch), (k, touch))
+    return [Fault(contact_field(k, t.effector), problem) for k, t in first.values() for problem in t.problems]
+
+
+def _remarks(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, EffectorShape]) -> list[Remark]:
+    remarks = [
+        Remark(
+            "swing-obstructed",
+            f"{effector} passes {100 * depth:.1f} cm deep through {box!r} on its swing in phase {phase}",
+        )
+        for phase, effector, box, depth in obstructed(stances, draft.terrain)
+    ]
+    used = sorted({name for stance in stances for name in stance})
+    unknown = [name for name in used if effectors[name].reach is None]
+    if unknown:
+        remarks.append(Remark("reach-unknown", f"the reach of {', '.join(unknown)} was not checked: it is not learned"))
+    late = [name for name in used if effectors[name].kind == "point" and name not in draft.phases[0].named]
+    if late:
+        remarks.append(Remark("hand-comes-late", f"{', '.join(late)} touches nothing in the first phase"))
+    return remarks
+
+
+def _phase_of(fault: Fault) -> int:
+    found = PHASE.match(fault.where)
+    return int(found[1]) if found else -1
+
+
+def _sequence(draft: Draft, stances: tuple[Stance, ...]) -> ContactSequence:
+    phases = tuple(
+        ContactPhase(phase.duration_s or 0.0, {name: _contact(touch) for name, touch in stance.items()})
+        for phase, stance in zip(draft.phases, stances, strict=True)
+    )
+    return ContactSequence(draft.name, draft.robot, draft.friction, draft.terrain, phases)
+
+
+def _contact(touch: Touch) -> Contact:
+    return Contact(touch.effector, touch.placement, touch.surface or "", touch.friction, touch.shape.kind)
