@@ -7,7 +7,7 @@ hands and legs. The friction of a contact is that of the surface.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -78,7 +78,7 @@ def build_simulation(robot: Robot, terrain: Terrain, friction: float, effectors:
         _add_effector(spec.body(body_of[joint]), robot.effectors[name], T_body_contact)
     model = spec.compile()
 
-    names = [joint for joint in robot.joint_names]
+    names = robot.joint_names
     moving, locked = [model.joint(name) for name in names], [model.joint(name) for name in robot.locked]
     return SimulationModel(
         model=model,
@@ -89,7 +89,7 @@ def build_simulation(robot: Robot, terrain: Terrain, friction: float, effectors:
         locked_dof=np.array([joint.dofadr[0] for joint in locked], dtype=int),
         locked_actuator=np.array([model.actuator(name).id for name in robot.locked], dtype=int),
         locked_rad=np.array(list(robot.locked.values()), dtype=float),
-        torque_limit_nm=np.array(_torque_limits(robot, [model.actuator(k).name for k in range(model.nu)])),
+        torque_limit_nm=_torque_limits(robot, [model.actuator(k).name for k in range(model.nu)]),
         geom={name: model.geom(name).id for name in effectors},
         body={name: model.body(body_of[joint]).id for name, (joint, _) in placed.items()},
         T_body_contact={name: T for name, (_, T) in placed.items()},
@@ -111,14 +111,14 @@ def _without_shapes(robot: Robot) -> str:
     return ET.tostring(root, encoding="unicode")
 
 
-def _torque_limits(robot: Robot, actuators: list[str]) -> Iterator[float]:
+def _torque_limits(robot: Robot, actuators: list[str]) -> Float[np.ndarray, "nu"]:
     """Limits of the URDF, also of the joints that the reduced model leaves out."""
     stated = {}
     for joint in ET.parse(robot.urdf).getroot().findall("joint"):  # noqa: S314
         limit = joint.find("limit")
         if limit is not None:
             stated[joint.attrib["name"]] = float(limit.attrib["effort"])
-    return (stated[name] for name in actuators)
+    return np.array([stated[name] for name in actuators])
 
 
 def _add_terrain(spec: mujoco.MjSpec, terrain: Terrain, friction: float) -> None:

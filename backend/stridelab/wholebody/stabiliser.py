@@ -6,7 +6,7 @@ the sole, and the shift becomes ankle torques: a force ``f_z`` shifted by ``d`` 
 the joint with axis ``a`` has to oppose by ``-a (d x f)``.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,14 +16,26 @@ from jaxtyping import Float
 from stridelab.conventions import GRAVITY_M_S2, Rotation, Vector3
 from stridelab.robots.robot import Robot
 
+LOWEST_COM_M = 0.3
+"""Below this the pendulum is no model of the robot any more."""
 
-@dataclass(frozen=True)
+
+@dataclass(frozen=True, eq=False)
 class Ankle:
     """Two joints next to a sole: their indices among the actuated joints and their axes in the contact frame."""
 
     joints: tuple[int, int]
     axes: Float[np.ndarray, "2 3"]
     half_size_m: tuple[float, float]
+
+
+@dataclass(frozen=True, eq=False)
+class Standing:
+    """The soles stood on, by effector with their orientation, and what stands on them."""
+
+    soles: Mapping[str, Rotation]
+    com_height_m: float
+    weight_n: float
 
 
 @dataclass(frozen=True)
@@ -40,27 +52,23 @@ class AnkleStabiliser:
     def torques_nm(
         self,
         ankles: Mapping[str, Ankle],
-        standing: Sequence[tuple[str, Rotation]],
+        standing: Standing,
         com_error_m: Vector3,
         com_v_error_m_s: Vector3,
-        com_height_m: float,
-        mass_kg: float,
         n_joints: int,
     ) -> Float[np.ndarray, "na"]:
-        """Torques to add to the feed-forward ones; ``standing`` are the loaded soles with their orientation."""
+        """Torques to add to the feed-forward ones of the ``n_joints`` actuated joints."""
         tau = np.zeros(n_joints)
-        if not standing:
-            return tau
-        w = np.sqrt(GRAVITY_M_S2 / max(com_height_m, 0.3))
+        w = np.sqrt(GRAVITY_M_S2 / max(standing.com_height_m, LOWEST_COM_M))
         shift = self.gain * (com_error_m + com_v_error_m_s / w)
-        f_z = mass_kg * GRAVITY_M_S2 / len(standing)
-        for name, R in standing:
+        for name, R in standing.soles.items():
+            if name not in ankles:
+                continue
             ankle = ankles[name]
-            d = R.T @ [shift[0], shift[1], 0.0]
             limit = self.share * np.array(ankle.half_size_m)
-            dx, dy = np.clip(d[:2], -limit, limit)
-            moment = np.array([dy * f_z, -dx * f_z, 0.0])
-            tau[list(ankle.joints)] -= ankle.axes @ moment
+            dx, dy = np.clip((R.T @ [shift[0], shift[1], 0.0])[:2], -limit, limit)
+            f_z = standing.weight_n / len(standing.soles)
+            tau[list(ankle.joints)] -= ankle.axes @ [dy * f_z, -dx * f_z, 0.0]
         return tau
 
 

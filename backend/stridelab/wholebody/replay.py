@@ -1,0 +1,126 @@
+"""The motion replayed in physics: joint position control, feed-forward torques and the ankle stabiliser.
+
+The simulator knows nothing of the plan but what the joints are told. Torques are cut at the robot's limits. The state
+that the stabiliser sees comes from ``observe``: the true one unless a caller puts an estimator there.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.conventions import GRAVITY_M_S2, Vector3
+from stridelab.errors import InvalidInput
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.replay_log import Replay, ReplayLog
+from stridelab.wholebody.simulation import Simulation
+from stridelab.wholebody.simulation_model import build_simulation
+from stridelab.wholebody.stabiliser import AnkleStabiliser, Standing, ankles_of
+
+__all__ = ["PhysicsReplay", "Replay", "replay"]
+
+FALLEN_M: Final = 0.25
+"""A CoM that is farther off its reference than this does not come back."""
+AFTERWARDS_S: Final = 1.0
+"""How long the last posture is held: a robot that falls right after the end has not arrived."""
+SAY_EVERY: Final = 100
+
+Progress = Callable[[float, str], None]
+Observe = Callable[[Vector3, Vector3], tuple[Vector3, Vector3]]
+"""From the true CoM and its velocity to what the stabiliser is told of them."""
+
+
+def _truth(com_m: Vector3, com_v_m_s: Vector3) -> tuple[Vector3, Vector3]:
+    return com_m, com_v_m_s
+
+
+@dataclass(frozen=True)
+class PhysicsReplay:
+    """Joint control of stiffness (N m/rad) and damping (N m s/rad) in legs and torso, ``arm_share`` of it in the arms.
+
+    A rotor inertia of 0.1 kg m^2 and 3000 N m/rad make 28 Hz, well above the motion and well below the 1 kHz steps.
+    """
+
+    stiffness: float = 3000.0
+    damping: float = 100.0
+    arm_share: float = 0.1
+    stabiliser: AnkleStabiliser | None = field(default_factory=AnkleStabiliser)
+
+    def run(
+        self,
+        robot: Robot,
+        sequence: ContactSequence,
+        motion: WholeBodyMotion,
+        progress: Progress,
+        observe: Observe = _truth,
+    ) -> Replay:
+        """Replay ``motion`` and hold its last posture.
+
+        Raises ``InvalidInput`` (``replay-rate``) for a rate that the simulator's time step does not divide.
+        """
+        built = build_simulation(robot, sequence.terrain, sequence.friction, sequence.effectors)
+        simulation = Simulation(built, motion.q[0])
+        substeps = _substeps(motion.rate_hz, simulation.timestep_s)
+        kp, kd = self._gains(robot)
+        ankles, log, torque_ratio = ankles_of(robot), ReplayLog(robot, sequence), 0.0
+        last = len(motion.time_s) - 1
+        n_samples = last + round(AFTERWARDS_S * motion.rate_hz)
+        started, completed = time.perf_counter(), True
+        for k in range(n_samples):
+            i, moving = min(k, last), float(k < last)
+            forward = motion.tau_nm[i]
+            if self.stabiliser is not None:
+                com_m, com_v_m_s = observe(*simulation.com())
+                xi_error = com_m - motion.com_reference_m[i], com_v_m_s - moving * motion.com_v_reference_m_s[i]
+                standing = _standing(robot, sequence, k / motion.rate_hz, com_m)
+                forward = forward + self.stabiliser.torques_nm(ankles, standing, *xi_error, len(forward))
+            q_target, v_target = motion.q[i][7:], moving * motion.v[i][6:]
+            for j in range(substeps):
+                ahead = q_target + j * simulation.timestep_s * v_target
+                tau = kp * (ahead - simulation.joints_rad) + kd * (v_target - simulation.joint_rates_rad_s) + forward
+                held = simulation.locked_torques_nm(self.arm_share * self.stiffness, self.arm_share * self.damping)
+                torque_ratio = max(torque_ratio, simulation.step(tau, held))
+            simulation.refresh()
+            com_m, _ = simulation.com()
+            error_m = float(np.linalg.norm(com_m - motion.com_reference_m[min(k + 1, last)]))
+            log.sample(simulation, (k + 1) / motion.rate_hz, com_m, error_m)
+            completed = error_m < FALLEN_M
+            if not completed:
+                break
+            if k % SAY_EVERY == 0:
+                progress(k / n_samples, f"replay: {k / motion.rate_hz:.1f} of {n_samples / motion.rate_hz:.1f} s")
+        return log.replay(completed, torque_ratio, time.perf_counter() - started)
+
+    def _gains(self, robot: Robot) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:
+        joints = robot.joint_names
+        share = np.array([self.arm_share if robot.group[joint] in ("arm", "head") else 1.0 for joint in joints])
+        ankles = {joint for effector in robot.effectors.values() for joint in effector.ankle or ()}
+        soft = self.stabiliser.ankle_stiffness if self.stabiliser is not None else 1.0
+        ankle = np.array([soft if joint in ankles else 1.0 for joint in joints])
+        return self.stiffness * share * ankle, self.damping * share * np.sqrt(ankle)
+
+
+def replay(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, progress: Progress) -> Replay:
+    """``PhysicsReplay`` with its defaults."""
+    return PhysicsReplay().run(robot, sequence, motion, progress)
+
+
+def _substeps(rate_hz: float, timestep_s: float) -> int:
+    substeps = round(1.0 / (rate_hz * timestep_s))
+    if substeps < 1 or not np.isclose(substeps * timestep_s * rate_hz, 1.0):
+        raise InvalidInput("replay-rate", f"A motion at {rate_hz:g} Hz does not fit steps of {timestep_s:g} s.")
+    return substeps
+
+
+def _standing(robot: Robot, sequence: ContactSequence, time_s: float, com_m: Vector3) -> Standing:
+    """The soles that the plan stands on, and how high the CoM is above them."""
+    contacts = sequence.phases[sequence.phase_at(time_s)].contacts
+    soles = {name: c.placement for name, c in contacts.items() if robot.effectors[name].kind == "surface"}
+    ground_m = float(np.mean([placement.position_m[2] for placement in soles.values()])) if soles else 0.0
+    weight_n = robot.mass_kg * GRAVITY_M_S2
+    return Standing({n: p.rotation for n, p in soles.items()}, float(com_m[2]) - ground_m, weight_n)

@@ -1,0 +1,103 @@
+"""A running simulation in the robot's own coordinates."""
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Vector3
+from stridelab.dynamics.placement import Placement
+from stridelab.wholebody.simulation_model import SimulationModel
+
+
+class Simulation:
+    """State of one simulated robot; coordinates in pinocchio's order (base velocity in the base frame)."""
+
+    def __init__(self, built: SimulationModel, q: Float[np.ndarray, "nq"]) -> None:
+        self.built = built
+        self._model = built.model
+        self._data = mujoco.MjData(built.model)
+        self._root = 1  # the robot's first body; 0 is the world
+        x, y, z, w = q[3:7]
+        self._data.qpos[:7] = [*q[:3], w, x, y, z]
+        self._data.qpos[built.moving_qpos] = q[7:]
+        self._data.qpos[built.locked_qpos] = built.locked_rad
+        mujoco.mj_forward(self._model, self._data)
+
+    @property
+    def mass_kg(self) -> float:
+        """Mass of the simulated robot."""
+        return float(self._model.body_subtreemass[self._root])
+
+    @property
+    def timestep_s(self) -> float:
+        """Length of one step."""
+        return float(self._model.opt.timestep)
+
+    @property
+    def joints_rad(self) -> Float[np.ndarray, "na"]:
+        """Angles of the moving joints."""
+        return np.array(self._data.qpos[self.built.moving_qpos])
+
+    @property
+    def joint_rates_rad_s(self) -> Float[np.ndarray, "na"]:
+        """Rates of the moving joints."""
+        return np.array(self._data.qvel[self.built.moving_dof])
+
+    def locked_torques_nm(self, stiffness: float, damping: float) -> Float[np.ndarray, "nl"]:
+        """What holds the locked joints at their angles."""
+        built, data = self.built, self._data
+        off = built.locked_rad - data.qpos[built.locked_qpos]
+        return np.asarray(stiffness * off - damping * data.qvel[built.locked_dof])
+
+    def step(self, moving_nm: Float[np.ndarray, "na"], locked_nm: Float[np.ndarray, "nl"]) -> float:
+        """One step under torques cut at the limits; returns the largest share of a limit that was asked for."""
+        u = np.zeros(self._model.nu)
+        u[self.built.moving_actuator] = moving_nm
+        u[self.built.locked_actuator] = locked_nm
+        limit = self.built.torque_limit_nm
+        self._data.ctrl[:] = np.clip(u, -limit, limit)
+        mujoco.mj_step(self._model, self._data)
+        return float(np.max(np.abs(moving_nm) / limit[self.built.moving_actuator]))
+
+    def refresh(self) -> None:
+        """Bring everything that follows from the coordinates up to the instant after the last step.
+
+        A step ends with the integration; what is derived from positions and velocities is still that before it.
+        """
+        mujoco.mj_forward(self._model, self._data)
+
+    def push(self, body: str, force_n: Vector3) -> None:
+        """World-frame force on a body from now on, until another one is set."""
+        self._data.xfrc_applied[self._model.body(body).id, :3] = force_n
+
+    def com(self) -> tuple[Vector3, Vector3]:
+        """Position (m) and velocity (m/s) of the centre of mass."""
+        mujoco.mj_subtreeVel(self._model, self._data)
+        return np.array(self._data.subtree_com[self._root]), np.array(self._data.subtree_linvel[self._root])
+
+    def coordinates(self) -> tuple[Float[np.ndarray, "nq"], Float[np.ndarray, "nv"]]:
+        """``q`` and ``v`` of the robot's reduced model."""
+        d = self._data
+        w, x, y, z = d.qpos[3:7]
+        R = d.xmat[self._root].reshape(3, 3)
+        q = np.concatenate([d.qpos[:3], [x, y, z, w], self.joints_rad])
+        return q, np.concatenate([R.T @ d.qvel[:3], d.qvel[3:6], self.joint_rates_rad_s])
+
+    def contact(self, effector: str) -> Placement:
+        """Where an effector's contact frame is."""
+        body = self.built.body[effector]
+        T_world_body = Placement(np.array(self._data.xpos[body]), self._data.xmat[body].reshape(3, 3).copy())
+        return T_world_body @ self.built.T_body_contact[effector]
+
+    def forces_n(self) -> dict[str, Vector3]:
+        """World-frame force of the surroundings on every effector."""
+        found = {name: np.zeros(3) for name in self.built.geom}
+        of_geom = {geom: name for name, geom in self.built.geom.items()}
+        wrench = np.zeros(6)
+        for k, contact in enumerate(self._data.contact[: self._data.ncon]):
+            for geom, sign in ((contact.geom2, 1.0), (contact.geom1, -1.0)):
+                if geom in of_geom:
+                    # given in the contact's frame, whose rows are its axes, and acting on its second geometry
+                    mujoco.mj_contactForce(self._model, self._data, k, wrench)
+                    found[of_geom[geom]] += sign * contact.frame.reshape(3, 3).T @ wrench[:3]
+        return found

@@ -1,0 +1,200 @@
+"""Physics as the judge: free fall, standing, falling, slipping, and what the log says of each."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
+from stridelab.contacts.terrain import Box, Rail, Terrain
+from stridelab.conventions import GRAVITY_M_S2, Vector3
+from stridelab.dynamics.placement import Placement
+from stridelab.errors import InvalidInput
+from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.replay import PhysicsReplay, Replay
+from stridelab.wholebody.simulation import Simulation
+from stridelab.wholebody.simulation_model import build_simulation
+from stridelab.wholebody.stabiliser import AnkleStabiliser, Standing, ankles_of
+
+RATE_HZ = 250.0
+FEET = ("left_foot", "right_foot")
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("talos")
+
+
+def ground(slope_rad: float = 0.0) -> Terrain:
+    turn = Placement.of([0.0, 0.0, 0.0], [np.cos(slope_rad / 2), 0.0, np.sin(slope_rad / 2), 0.0])
+    return Terrain((Box("ground", turn @ Placement.of([0.0, 0.0, -0.5]), np.array([4.0, 4.0, 1.0])),))
+
+
+def sole(robot: Robot, name: str, q: np.ndarray) -> Placement:
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    frame = data.oMf[robot.model.getFrameId(robot.effectors[name].frame)]
+    return Placement(frame.translation.copy(), frame.rotation.copy()) @ robot.effectors[name].T_frame_contact
+
+
+def standing_still(robot: Robot, duration_s: float, friction: float = 0.7) -> WholeBodyMotion:
+    """The reference posture with the torques of statics, the weight shared by both soles."""
+    q, n = robot.q_reference, round(duration_s * RATE_HZ) + 1
+    model, data = robot.model, robot.model.createData()
+    feet = {name: Contact(name, sole(robot, name, q), "ground", friction) for name in FEET}
+    sequence = ContactSequence("stand", "talos", friction, ground(), (ContactPhase(duration_s, feet),))
+    tau = pin.computeGeneralizedGravity(model, data, q).copy()
+    com_m = pin.centerOfMass(model, data, q).copy()
+    share = (com_m[1] - feet["right_foot"].placement.position_m[1]) / 0.17
+    for name, part in (("left_foot", share), ("right_foot", 1 - share)):
+        J = pin.computeFrameJacobian(model, data, q, model.getFrameId(robot.effectors[name].frame), pin.LOCAL)
+        pressed = feet[name].placement.inverse().act(com_m[None])[0]
+        f_z = part * robot.mass_kg * GRAVITY_M_S2
+        tau -= J.T @ [0.0, 0.0, f_z, 0.0, -pressed[0] * f_z, 0.0]
+    still = np.zeros((n, model.nv))
+    return WholeBodyMotion(
+        sequence=sequence, rate_hz=RATE_HZ, time_s=np.arange(n) / RATE_HZ, q=np.tile(q, (n, 1)), v=still, a=still,
+        tau_nm=np.tile(tau[6:], (n, 1)), forces_n={}, points_m={}, com_m=np.tile(com_m, (n, 1)),
+        com_v_m_s=np.zeros((n, 3)), l_nms=np.zeros((n, 3)), com_reference_m=np.tile(com_m, (n, 1)),
+        com_v_reference_m_s=np.zeros((n, 3)), l_reference_nms=np.zeros((n, 3)), failures=(), solve_time_s=0.0,
+    )  # fmt: skip
+
+
+def quiet(_fraction: float, _message: str) -> None:
+    pass
+
+
+def played(robot: Robot, motion: WholeBodyMotion, physics: PhysicsReplay | None = None) -> Replay:
+    return (physics or PhysicsReplay()).run(robot, motion.sequence, motion, quiet)
+
+
+def test_the_simulated_robot_is_the_robot(robot: Robot) -> None:
+    rail = Rail("rail", np.array([0.0, -0.6, 0.8]), np.array([1.0, -0.6, 0.8]), 0.02)
+    built = build_simulation(robot, Terrain((*ground().boxes, rail)), 0.3, (*FEET, "right_hand"))
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        q = pin.integrate(robot.model, robot.q_reference, 0.2 * rng.normal(size=robot.model.nv))
+        simulation = Simulation(built, q)
+        data = robot.model.createData()
+        assert simulation.mass_kg == pytest.approx(robot.mass_kg, abs=1e-6)
+        assert np.allclose(simulation.com()[0], pin.centerOfMass(robot.model, data, q), atol=1e-6)
+        for name in (*FEET, "right_hand"):
+            expected, found = sole(robot, name, q), simulation.contact(name)
+            assert np.allclose(found.position_m, expected.position_m, atol=1e-6)
+            assert np.allclose(found.rotation, expected.rotation, atol=1e-6)
+        again, v = simulation.coordinates()
+        assert np.allclose(again, q, atol=1e-12)
+        assert not v.any()
+
+
+def test_without_contact_the_robot_falls_as_everything_does(robot: Robot) -> None:
+    built = build_simulation(robot, ground(), 0.3, FEET)
+    q = robot.q_reference.copy()
+    q[2] += 2.0
+    simulation = Simulation(built, q)
+    start_m, _ = simulation.com()
+    for _ in range(300):
+        simulation.step(np.zeros(len(robot.joint_names)), np.zeros(len(robot.locked)))
+    simulation.refresh()
+    com_m, com_v_m_s = simulation.com()
+    # implicit steps of 1 ms fall g t dt / 2 farther than the parabola
+    assert com_m[2] - start_m[2] == pytest.approx(-0.5 * GRAVITY_M_S2 * 0.3**2, abs=2e-3)
+    assert com_v_m_s[2] == pytest.approx(-GRAVITY_M_S2 * 0.3, rel=1e-6)
+    assert np.allclose(com_m[:2], start_m[:2], atol=1e-6)
+    assert all(np.linalg.norm(force) == 0.0 for force in simulation.forces_n().values())
+
+
+def test_standing_still_stands_still_and_carries_the_weight(robot: Robot) -> None:
+    found = played(robot, standing_still(robot, 1.5))
+    assert found.completed
+    assert found.fall_time_s is None
+    assert found.com_error_max_m < 0.005
+    assert found.foot_slip_max_m < 0.002
+    assert found.landing_error_max_m < 0.002
+    assert found.hand_force_mean_n is None
+    weight = robot.mass_kg * GRAVITY_M_S2
+    carried = sum(force[-1] for force in found.forces_n.values())
+    assert carried[2] == pytest.approx(weight, rel=0.01)
+    assert found.time_s[-1] == pytest.approx(1.5 + 1.0), "the last posture is held for a second"
+    assert found.q.shape == (len(found.time_s), robot.model.nq)
+
+
+def test_a_robot_without_torques_falls_and_the_replay_says_when(robot: Robot) -> None:
+    motion = standing_still(robot, 3.0)
+    limp = PhysicsReplay(stiffness=0.0, damping=0.0, stabiliser=None)
+    found = played(robot, replace(motion, tau_nm=np.zeros_like(motion.tau_nm)), limp)
+    assert not found.completed
+    assert found.fall_time_s is not None
+    assert 0.1 < found.fall_time_s < 1.5
+    assert found.com_error_max_m >= 0.25
+    assert len(found.time_s) < len(motion.time_s)
+
+
+def test_feet_slip_on_a_slope_steeper_than_the_friction_cone(robot: Robot) -> None:
+    motion = standing_still(robot, 1.0)
+    slope = 0.04
+    tilt = Placement.of([0.0, 0.0, 0.0], [np.cos(slope / 2), 0.0, np.sin(slope / 2), 0.0])
+    q = motion.q.copy()
+    q[:, :3] = tilt.act(q[:, :3])
+    base = tilt @ Placement.of([0.0, 0.0, 0.0], [q[0, 6], *q[0, 3:6]])
+    w, x, y, z = base.wxyz
+    q[:, 3:7] = [x, y, z, w]
+    leaning = replace(motion, q=q, com_reference_m=tilt.act(motion.com_reference_m))
+    slips = {}
+    for mu in (0.01, 0.5):
+        phases = tuple(
+            replace(p, contacts={n: replace(c, placement=tilt @ c.placement) for n, c in p.contacts.items()})
+            for p in motion.sequence.phases
+        )
+        sequence = replace(motion.sequence, friction=mu, terrain=ground(slope), phases=phases)
+        slips[mu] = PhysicsReplay().run(robot, sequence, replace(leaning, sequence=sequence), quiet).foot_slip_max_m
+    # g (sin a - mu cos a) t^2 / 2 is 0.15 m after one second, and another one follows
+    assert slips[0.01] > 0.1
+    assert slips[0.5] < 0.01
+
+
+def test_the_stabiliser_is_what_resists_a_shove(robot: Robot) -> None:
+    def blind(com_m: Vector3, com_v_m_s: Vector3) -> tuple[Vector3, Vector3]:
+        """A state estimate that is wrong by 4 cm to the left."""
+        return com_m + np.array([0.0, 0.04, 0.0]), com_v_m_s
+
+    motion = standing_still(robot, 1.0)
+    physics = PhysicsReplay()
+    true = physics.run(robot, motion.sequence, motion, quiet)
+    wrong = physics.run(robot, motion.sequence, motion, quiet, observe=blind)
+    assert wrong.com_m[-1, 1] < true.com_m[-1, 1] - 0.002, "who is told to be too far left leans right"
+
+
+def test_ankle_torques_move_the_centre_of_pressure_where_they_are_told(robot: Robot) -> None:
+    """A sole pressed with f at d ahead is in balance under the ankle torques that the stabiliser adds for d."""
+    ankles = ankles_of(robot)
+    assert set(ankles) == set(FEET)
+    stabiliser = AnkleStabiliser(gain=1.0)
+    standing = Standing({"left_foot": np.eye(3)}, 0.85, 900.0)
+    for d in ([0.03, 0.0, 0.0], [0.0, 0.02, 0.0], [0.02, -0.01, 0.0]):
+        tau = stabiliser.torques_nm(ankles, standing, np.array(d), np.zeros(3), len(robot.joint_names))
+        data = robot.model.createData()
+        q = robot.q_reference
+        frame = robot.model.getFrameId(robot.effectors["left_foot"].frame)
+        J = pin.computeFrameJacobian(robot.model, data, q, frame, pin.LOCAL)
+        moment = np.cross(d, [0.0, 0.0, 900.0])
+        balance = -(J[3:].T @ moment)[6:]
+        joints = list(ankles["left_foot"].joints)
+        assert np.allclose(tau[joints], balance[joints], atol=1e-6)
+        assert not np.delete(tau, joints).any()
+
+
+def test_the_shift_stays_inside_the_sole(robot: Robot) -> None:
+    standing = Standing({"left_foot": np.eye(3), "right_foot": np.eye(3)}, 0.85, 900.0)
+    tau = AnkleStabiliser().torques_nm(ankles_of(robot), standing, np.array([5.0, -5.0, 0.0]), np.zeros(3), 28)
+    assert np.abs(tau).max() == pytest.approx(450.0 * 0.7 * 0.10, rel=1e-6)
+
+
+def test_a_rate_that_does_not_fit_the_steps_is_refused(robot: Robot) -> None:
+    motion = standing_still(robot, 0.1)
+    with pytest.raises(InvalidInput) as refusal:
+        played(robot, replace(motion, rate_hz=300.0))
+    assert refusal.value.code == "replay-rate"
