@@ -57,6 +57,7 @@ class ReplaySummary(Contract):
     com_error_rms_m: float
     com_error_max_m: float
     foot_slip_max_m: float
+    landing_error_max_m: float
     hand_force_mean_n: float | None = None
     hand_contact_share: float | None = None
     torque_ratio_max: float
