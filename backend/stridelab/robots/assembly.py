@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 
 import coal
 import numpy as np
@@ -14,24 +14,23 @@ from stridelab.errors import Fault
 from stridelab.robots import card as cards
 from stridelab.robots.card import EffectorCard, RobotCard
 from stridelab.robots.data_files import DataFiles
+from stridelab.robots.description import collision_geometry, full_model, read_srdf
 from stridelab.robots.robot import Effector, Group, Robot
 
 
 def assemble(name: str, card: RobotCard, card_bytes: bytes, files: DataFiles) -> Robot:
     """Build the robot: joints locked, collision pruned to convex hulls, reference posture put on the ground.
 
-    Raises ``InvalidInput`` (``robot-card-invalid``) where the card names what the description lacks.
+    Raises ``InvalidInput`` (``robot-card-invalid``) where the card names what the description lacks, ``Unavailable``
+    (``robot-data-unreadable``).
     """
-    full = pin.buildModelFromUrdf(str(files.urdf), pin.JointModelFreeFlyer())
-    pin.loadRotorParameters(full, str(files.srdf), False)
-    full.armature = full.rotorInertia * full.rotorGearRatio**2
-    pin.loadReferenceConfigurations(full, str(files.srdf), False)
-    faults = list(_mismatches(card, full))
+    full = full_model(files.urdf)
+    read_srdf(full, files.srdf)
+    geometry = collision_geometry(full, files.urdf, (files.package_dir,))
+    faults = list(_mismatches(card, full, [str(part.name) for part in geometry.geometryObjects]))
     if faults:
         raise cards.invalid(name, faults)
 
-    packages = [str(files.package_dir)]
-    geometry = pin.buildGeomFromUrdf(full, str(files.urdf), pin.GeometryType.COLLISION, package_dirs=packages)
     pruned = convex_hulls(geometry, card.collision.left_out)
     pruned.addAllCollisionPairs()
     pin.removeCollisionPairs(full, pruned, str(files.srdf), False)
@@ -105,7 +104,7 @@ def on_the_ground(
     return moved
 
 
-def _mismatches(card: RobotCard, model: pin.Model) -> Iterator[Fault]:
+def _mismatches(card: RobotCard, model: pin.Model, parts: Sequence[str]) -> Iterator[Fault]:
     """Names in the card that the description does not know, and joints that it does not sort."""
     joints, frames = list(model.names)[2:], {frame.name for frame in model.frames}
     if card.base_frame not in frames:
@@ -124,9 +123,16 @@ def _mismatches(card: RobotCard, model: pin.Model) -> Iterator[Fault]:
     for i, pattern in enumerate(card.locked_joints):
         if not any(re.fullmatch(pattern, joint) for joint in joints):
             yield Fault(f"locked_joints[{i}]", f"no joint matches {pattern!r}")
+    for i, pattern in enumerate(card.collision.left_out):
+        if not any(re.fullmatch(pattern, part) for part in parts):
+            yield Fault(f"collision.left_out[{i}]", f"no collision geometry matches {pattern!r}")
     for joint in joints:
-        if not _matches(card.locked_joints, joint) and len(_groups(card, joint)) != 1:
+        if _matches(card.locked_joints, joint):
+            continue
+        if len(_groups(card, joint)) != 1:
             yield Fault("groups", f"joint {joint!r} lies in {len(_groups(card, joint))} groups instead of one")
+        if model.joints[model.getJointId(joint)].nq != 1:  # a joint that turns for ever
+            yield Fault("locked_joints", f"joint {joint!r} has no limits, and must be locked")
 
 
 def _groups(card: RobotCard, joint: str) -> list[Group]:

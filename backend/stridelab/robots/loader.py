@@ -20,7 +20,7 @@ def load_robot(name: str) -> "stridelab.robots.robot.Robot":
     """The robot of ``models/robots/<name>.toml``. Its arrays and models are shared: copy before changing them.
 
     Raises ``NotFound`` (``robot-not-found``), ``Unavailable`` (``robot-data-missing``) where its data package is
-    absent, ``InvalidInput`` (``robot-card-invalid``).
+    absent, ``Unavailable`` (``robot-data-unreadable``) where it is broken, ``InvalidInput`` (``robot-card-invalid``).
     """
     from stridelab.robots.assembly import assemble
 

@@ -1,0 +1,46 @@
+"""Self-collision of a configuration: which convex hulls of the robot overlap."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from stridelab.robots.robot import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class SelfCollision:
+    """The check with its own buffers, for many configurations; one per thread."""
+
+    robot: Robot
+    data: pin.Data
+    hulls: pin.GeometryData
+
+    @staticmethod
+    def of(robot: Robot) -> "SelfCollision":
+        """A check for ``robot``."""
+        return SelfCollision(robot, robot.model.createData(), robot.collision.createData())
+
+    def found(self, q: Float[np.ndarray, "nq"]) -> bool:
+        """Whether any pair collides; stops at the first."""
+        return bool(pin.computeCollisions(self.robot.model, self.data, self.robot.collision, self.hulls, q, True))
+
+    def pairs(self, q: Float[np.ndarray, "nq"]) -> tuple[tuple[str, str], ...]:
+        """Names of the links of all pairs that collide."""
+        pin.computeCollisions(self.robot.model, self.data, self.robot.collision, self.hulls, q, False)
+        checked = zip(self.robot.collision.collisionPairs, self.hulls.collisionResults, strict=True)
+        return tuple((self._link(p.first), self._link(p.second)) for p, result in checked if result.isCollision())
+
+    def _link(self, part: int) -> str:
+        return str(self.robot.model.frames[self.robot.collision.geometryObjects[part].parentFrame].name)
+
+
+def in_collision(robot: Robot, q: Float[np.ndarray, "nq"]) -> bool:
+    """Whether ``robot`` touches itself in configuration ``q``."""
+    return SelfCollision.of(robot).found(q)
+
+
+def self_collisions(robot: Robot, q: Float[np.ndarray, "nq"]) -> tuple[tuple[str, str], ...]:
+    """Names of the links that touch each other in configuration ``q``, pair by pair."""
+    return SelfCollision.of(robot).pairs(q)
