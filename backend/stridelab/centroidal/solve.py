@@ -14,8 +14,8 @@ from stridelab.centroidal.transcription import Transcription, transcribe
 from stridelab.centroidal.verify import Motion, holds, total_force_n, verify
 from stridelab.conventions import Series, g
 
-AUTO: tuple[SolverName, ...] = ("ipopt",)
-"""Solvers in the order in which "auto" tries them."""
+AUTO: tuple[SolverName, ...] = ("ipopt", "fatrop")
+"""Solvers in the order in which "auto" tries them: ipopt was faster and surer in every measurement."""
 
 
 def solve(
@@ -23,20 +23,20 @@ def solve(
 ) -> CentroidalPlan:
     """Solve (4.20). The plan of a failed solve says so: ``converged`` False and why in ``status``; it never raises.
 
-    "auto" tries the solvers in turn until one converges; times and iterations are then the sums. A plan is converged
-    only if the solver says so *and* the plain check of ``verify`` agrees.
+    "auto" tries the next solver where one does not converge, unless that proved that there is no solution at all; times
+    and iterations are then the sums. A plan is converged only if the solver says so *and* ``verify`` agrees.
     """
     started = time.process_time()
     programme = transcribe(problem)
-    build_s = time.process_time() - started
-    names = AUTO if solver == "auto" else (solver,)
+    transcribe_s = time.process_time() - started
     runs: list[tuple[SolverName, Run]] = []
-    for name in names:
-        runs.append((name, run(name, programme, limits)))
-        motion = read(programme, runs[-1][1].w)
+    for name in AUTO if solver == "auto" else (solver,):
+        found = run(name, programme, limits)
+        runs.append((name, found))
+        motion = read(programme, found.w)
         verification = verify(problem.sequence, problem.mass_kg, motion, problem.com_start_m, problem.com_end_m)
-        converged = runs[-1][1].success and holds(verification)
-        if converged:
+        converged = found.success and holds(verification)
+        if converged or found.infeasible:
             break
     terms = cost_terms(problem, motion)
     return CentroidalPlan(
@@ -56,8 +56,8 @@ def solve(
         iterations=sum(r.iterations for _, r in runs),
         objective=objective(terms),
         cost_terms=terms,
-        solve_time_s=sum(r.cpu_s for _, r in runs),
-        build_time_s=build_s,
+        solve_time_s=sum(r.solve_s for _, r in runs),
+        build_time_s=transcribe_s + sum(r.build_s for _, r in runs),
         verification=verification,
     )
 
@@ -91,4 +91,6 @@ def _sentence(runs: list[tuple[SolverName, Run]], converged: bool, verification:
             f"{verification.dynamics_gap:.1e}, terminal gap {verification.terminal_gap:.1e}, "
             f"cone margin {verification.cone_margin_n:.1e} N."
         )
+    if runs[-1][1].infeasible:
+        return f"No motion over these contacts ends at rest at the goal ({said})."
     return f"No motion was found over these contacts ({said})."

@@ -1,17 +1,19 @@
 """The programme handed to ipopt or fatrop through CasADi, quietly and within limits; nothing here raises.
 
-ipopt (adaptive barrier, Mehrotra's step lengths off, MUMPS) is the reference; fatrop exploits the stages. Both get the
-same functions, and constant rows.
+Both get the same functions and the constant rows, so that CasADi differentiates nothing. ipopt (adaptive barrier,
+MUMPS) needs 15 to 30 iterations on stairs; fatrop, which goes through the stages by itself, two to five times as many,
+and its set-up grows faster than the number of stages (figures in docs/theory/centroidal-problem.md).
 """
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
 
+from stridelab.centroidal.dynamics import N_STATE
 from stridelab.centroidal.sparse import constant
 from stridelab.centroidal.transcription import Transcription
 from stridelab.conventions import Series
@@ -22,9 +24,9 @@ TOLERANCE = 1e-6
 
 @dataclass(frozen=True)
 class Limits:
-    """When to give up: iterations, and seconds of wall time (ipopt only; fatrop knows iterations)."""
+    """When to give up: iterations, and seconds of wall time (ipopt alone; fatrop counts iterations only)."""
 
-    iterations: int = 200
+    iterations: int = 300
     wall_s: float = 60.0
 
 
@@ -33,55 +35,92 @@ DEFAULT_LIMITS = Limits()
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Where a solver stopped: the variables, whether it calls that a solution, its own words, its effort."""
+    """Where a solver stopped: the variables, whether it calls that a solution, its own words, its effort.
+
+    ``infeasible``: it says that the constraints, which are all linear, have no solution.
+    """
 
     w: Series
     success: bool
+    infeasible: bool
     status: str
     iterations: int
-    cpu_s: float
+    build_s: float
+    solve_s: float
 
 
 def run(name: SolverName, programme: Transcription, limits: Limits) -> Run:
-    """Solve from the programme's guess; a failure of any kind is a ``Run`` without success."""
-    solver = _SETUP[name](programme, limits)
+    """Solve from the programme's guess; a failure of any kind is a ``Run`` without success. Times are CPU times."""
     started = time.process_time()
+    built = started
     try:
+        solver = _SETUP[name](programme, limits)
+        built = time.process_time()
         found = solver(x0=programme.guess, lbx=programme.lower, ubx=np.inf, lbg=programme.b, ubg=programme.b)
-    except RuntimeError as failure:  # CasADi's only exception
-        return Run(programme.guess, False, str(failure).splitlines()[-1], 0, time.process_time() - started)
-    cpu_s = time.process_time() - started
+    except RuntimeError as failure:  # all that CasADi raises
+        words = str(failure).strip().splitlines()[-1]
+        return Run(programme.guess, False, False, words, 0, built - started, time.process_time() - built)
+    solve_s = time.process_time() - built
     stats, w = solver.stats(), found["x"].full().ravel()
-    success = bool(stats["success"]) and bool(np.isfinite(w).all())
-    status = str(stats["return_status"]).replace("_", " ").lower()
-    return Run(w if np.isfinite(w).all() else programme.guess, success, status, int(stats["iter_count"]), cpu_s)
+    finite = bool(np.isfinite(w).all())
+    said = str(stats["return_status"] if name == "ipopt" else stats["unified_return_status"])
+    return Run(
+        w=w if finite else programme.guess,
+        success=bool(stats["success"]) and finite,
+        infeasible=said == "Infeasible_Problem_Detected",
+        status=said.replace("_", " ").lower(),
+        iterations=int(stats["iter_count"]),
+        build_s=built - started,
+        solve_s=solve_s,
+    )
 
 
-def _programme(programme: Transcription) -> tuple[dict[str, ca.MX], dict[str, ca.Function]]:
-    """The programme's expressions, and its derivatives by CasADi's names for them."""
-    w, p = ca.MX.sym("w", programme.layout.n), ca.MX.sym("p", 0)
+@dataclass(frozen=True, eq=False)
+class _Expressions:
+    """The programme in CasADi's symbols: variables, multipliers, objective, rows and their derivatives."""
+
+    w: ca.MX
+    p: ca.MX
+    lam_f: ca.MX
+    lam_g: ca.MX
+    f: ca.MX
+    g: ca.MX
+    gradient: ca.MX
+    A: ca.DM
+    curvature: ca.MX
+
+    @property
+    def nlp(self) -> dict[str, ca.MX]:
+        return {"x": self.w, "f": self.f, "g": self.g}
+
+    def function(self, name: str, outputs: Mapping[str, ca.MX | ca.DM], multipliers: bool = False) -> ca.Function:
+        """A derivative by the names that CasADi looks for."""
+        inputs = {"x": self.w, "p": self.p} | ({"lam_f": self.lam_f, "lam_g": self.lam_g} if multipliers else {})
+        return ca.Function(name, [*inputs.values()], [*outputs.values()], [*inputs], [*outputs])
+
+
+def _expressions(programme: Transcription) -> _Expressions:
+    w, objective = ca.MX.sym("w", programme.layout.n), programme.objective
     A = constant(programme.A)
-    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", A.size1())
-    f, g = programme.objective.value(w), A @ w
-    upper = lam_f * programme.objective.curvature(w)
-    functions = {
-        "gradient": ca.Function(
-            "nlp_grad_f", [w, p], [f, programme.objective.gradient(w)], ["x", "p"], ["f", "grad_f_x"]
-        ),
-        "jacobian": ca.Function("nlp_jac_g", [w, p], [g, A], ["x", "p"], ["g", "jac_g_x"]),
-        "hessian": ca.Function(
-            "nlp_hess_l", [w, p, lam_f, lam_g], [upper], ["x", "p", "lam_f", "lam_g"], ["triu_hess_gamma_x_x"]
-        ),
-    }
-    return {"x": w, "f": f, "g": g}, functions
+    return _Expressions(
+        w=w,
+        p=ca.MX.sym("p", 0),
+        lam_f=ca.MX.sym("lam_f"),
+        lam_g=ca.MX.sym("lam_g", A.size1()),
+        f=objective.value(w),
+        g=A @ w,
+        gradient=objective.gradient(w),
+        A=A,
+        curvature=objective.curvature(w),
+    )
 
 
 def _ipopt(programme: Transcription, limits: Limits) -> ca.Function:
-    nlp, derivative = _programme(programme)
+    e = _expressions(programme)
     options: dict[str, Any] = {
-        "grad_f": derivative["gradient"],
-        "jac_g": derivative["jacobian"],
-        "hess_lag": derivative["hessian"],
+        "grad_f": e.function("nlp_grad_f", {"f": e.f, "grad_f_x": e.gradient}),
+        "jac_g": e.function("nlp_jac_g", {"g": e.g, "jac_g_x": e.A}),
+        "hess_lag": e.function("nlp_hess_l", {"triu_hess_gamma_x_x": e.lam_f * e.curvature}, multipliers=True),
         "no_nlp_grad": True,
         "print_time": False,
         "ipopt.print_level": 0,
@@ -95,7 +134,39 @@ def _ipopt(programme: Transcription, limits: Limits) -> ca.Function:
         "ipopt.max_iter": limits.iterations,
         "ipopt.max_wall_time": limits.wall_s,
     }
-    return ca.nlpsol("centroidal", "ipopt", nlp, options)
+    return ca.nlpsol("centroidal", "ipopt", e.nlp, options)
 
 
-_SETUP: dict[SolverName, Callable[[Transcription, Limits], ca.Function]] = {"ipopt": _ipopt}
+def _fatrop(programme: Transcription, limits: Limits) -> ca.Function:
+    """The stages are named, and the functions handed over as CasADi's cache: its fatrop has no options for them."""
+    e = _expressions(programme)
+    slope = e.lam_f * e.gradient + e.A.T @ e.lam_g
+    symmetric = ca.triu2symm(e.curvature)
+    known = [
+        e.function("nlp_grad_f", {"grad_f_x": e.gradient}),
+        e.function("nlp_jac_g", {"g": e.g, "jac_g_x": e.A}),
+        e.function(
+            "nlp_grad", {"f": e.f, "g": e.g, "grad_gamma_x": slope, "grad_gamma_p": ca.MX(0, 1)}, multipliers=True
+        ),
+        e.function("nlp_hess_l", {"grad_gamma_x": slope, "hess_gamma_x_x": e.lam_f * symmetric}, multipliers=True),
+    ]
+    layout = programme.layout
+    n_intervals = len(layout.wrench)
+    options: dict[str, Any] = {
+        "cache": {function.name(): function for function in known},
+        "structure_detection": "manual",
+        "N": n_intervals,
+        "nx": [N_STATE] * (n_intervals + 1),
+        "nu": [*(np.diff(layout.state) - N_STATE).tolist(), 0],
+        "ng": list(programme.stage_rows),
+        "equality": [True] * len(programme.b),
+        "print_time": False,
+        "calc_lam_p": False,
+        "fatrop.print_level": 0,
+        "fatrop.tol": TOLERANCE,
+        "fatrop.max_iter": limits.iterations,
+    }
+    return ca.nlpsol("centroidal", "fatrop", e.nlp, options)
+
+
+_SETUP: dict[SolverName, Callable[[Transcription, Limits], ca.Function]] = {"ipopt": _ipopt, "fatrop": _fatrop}

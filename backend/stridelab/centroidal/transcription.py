@@ -30,7 +30,8 @@ class Transcription:
     """``min objective(w)  s.t.  A w = b,  w >= lower``.
 
     Positions inside are relative to ``origin_m``, the CoM at the start; forces are in units of m |g|. ``guess`` is the
-    thesis' own start: a straight CoM path, at rest everywhere, the weight shared equally by the points.
+    thesis' own start: a straight CoM path, at rest everywhere, the weight shared equally by the points. ``stage_rows``
+    counts the rows of every node that do not lead to the next one.
     """
 
     problem: CentroidalProblem
@@ -41,6 +42,7 @@ class Transcription:
     b: Float[np.ndarray, "rows"]
     lower: Series
     guess: Series
+    stage_rows: tuple[int, ...]
     objective: Objective
 
     def states(self, w: Series) -> Float[np.ndarray, "nodes 9"]:
@@ -58,7 +60,7 @@ def transcribe(problem: CentroidalProblem) -> Transcription:
         for i, phase in enumerate(problem.sequence.phases)
         for name, contact in phase.contacts.items()
     }
-    A, b = _rows(problem, grid, layout, wrenches)
+    A, b, stage_rows = _rows(problem, grid, layout, wrenches)
     lower = np.full(layout.n, -np.inf)
     for effector, starts in layout.ray.items():
         size = N_RAYS * len(problem.points_m(effector))
@@ -73,6 +75,7 @@ def transcribe(problem: CentroidalProblem) -> Transcription:
         b=b,
         lower=lower,
         guess=_guess(problem, grid, layout, wrenches),
+        stage_rows=stage_rows,
         objective=objective(problem, grid, layout, origin),
     )
 
@@ -88,9 +91,12 @@ def wrench_of_rays(problem: CentroidalProblem, contact: Contact, origin_m: Vecto
     return np.hstack([np.vstack([V, skew(q) @ V]) for q in points])
 
 
-def _rows(problem: CentroidalProblem, grid: Grid, layout: Layout, wrenches: Wrenches) -> tuple[sp.csc_matrix, Series]:
+def _rows(
+    problem: CentroidalProblem, grid: Grid, layout: Layout, wrenches: Wrenches
+) -> tuple[sp.csc_matrix, Series, tuple[int, ...]]:
     """All equalities in the order that stage-wise solvers expect: per interval gap, boundary, wrench."""
     A, b, row = Blocks(), [], 0
+    stage_rows: list[int] = []
     last = len(grid.step_s) - 1
     for k, h in enumerate(grid.step_s):
         s, phase = step(float(h)), int(grid.phase[k])
@@ -100,6 +106,7 @@ def _rows(problem: CentroidalProblem, grid: Grid, layout: Layout, wrenches: Wren
         A.add(row, w, -s.B)
         b.append(s.b)
         row += N_STATE
+        first = row
         if k == 0:
             A.add(row, x, np.eye(N_STATE))
             b.append(np.zeros(N_STATE))
@@ -113,10 +120,11 @@ def _rows(problem: CentroidalProblem, grid: Grid, layout: Layout, wrenches: Wren
             A.add(row, w, np.eye(3))
             b.append(-DOWN)
             row += 3
+        stage_rows.append(row - first)
     A.add(row, int(layout.state[-1]), np.eye(N_STATE))
     b.append(np.concatenate([problem.com_end_m - problem.com_start_m, np.zeros(6)]))
     row += N_STATE
-    return A.matrix((row, layout.n)), np.concatenate(b)
+    return A.matrix((row, layout.n)), np.concatenate(b), (*stage_rows, N_STATE)
 
 
 def _guess(problem: CentroidalProblem, grid: Grid, layout: Layout, wrenches: Wrenches) -> Series:
