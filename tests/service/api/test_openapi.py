@@ -12,12 +12,14 @@ from hypothesis import HealthCheck, Phase, settings
 from schemathesis.specs.openapi.checks import positive_data_acceptance
 
 from stridelab.errors import Fault, UnreadableFile
+from stridelab.service import bundled_scenarios
 from stridelab.service.api.app import create_app
 from stridelab.service.api.recordings.parsing import Parsed
 from stridelab.service.bundled import seed
 from stridelab.service.settings import Settings
 from support.interface import Served
 from support.rows import add_job, add_recording, facts, start_job, succeed
+from support.scenarios import add_scenario
 
 DESCRIPTION = create_app(Settings()).openapi()
 OPERATIONS = [
@@ -26,7 +28,7 @@ OPERATIONS = [
     for method, operation in operations.items()
 ]
 CHANGEABLE = "0" * 32
-"""A recording that examples may change; jobs work on the sample that every service has."""
+"""A recording and a scenario that examples may change; jobs work on the samples that every service has."""
 
 
 def examples() -> Iterator[tuple[str, str, str, Any]]:
@@ -78,6 +80,8 @@ def stocked(service: Served) -> Iterator[Served]:
     """Enough things with known ids that examples and generated calls find something; uploads are not parsed."""
     parts = service.parts
     service.run(seed(parts.engine, parts.blobs))
+    service.run(bundled_scenarios.seed(parts.engine))
+    service.run(add_scenario(parts, CHANGEABLE))
     service.run(add_recording(parts, CHANGEABLE))
     for _ in range(2):
         job_id = service.run(add_job(parts))
@@ -94,7 +98,8 @@ def stocked(service: Served) -> Iterator[Served]:
 def test_every_example_runs(stocked: Served, method: str, path: str, name: str, value: Any) -> None:
     with stocked.http() as http:
         subject = http.post("/api/v1/subjects", json={}).json()["subject_id"]
-        place = path.replace("{subject_id}", subject).replace("{recording_id}", CHANGEABLE)
+        place = path.replace("{subject_id}", subject)
+        place = place.replace("{recording_id}", CHANGEABLE).replace("{scenario_id}", CHANGEABLE)
         answer = http.request(method, place, json=value)
     assert answer.status_code < 300, answer.text
 

@@ -35,6 +35,10 @@ log = structlog.get_logger(__name__)
 
 MEDIA_TYPE: Final = "application/problem+json"
 
+SHOWN_FAULTS: Final = 50
+"""A request that is wrong everywhere is told so by its first faults."""
+_SHOWN_CHARACTERS: Final = 300
+
 STATUS: Final[Mapping[type[StridelabError], int]] = {
     UnreadableFile: 422,
     InvalidInput: 422,
@@ -104,14 +108,18 @@ def answer_error(error: StridelabError) -> Response:
 
 
 def faults_of(errors: list[Any]) -> list[FaultItem]:
-    """Pydantic's list of errors as places and sentences; the refused values are not echoed."""
+    """Pydantic's first errors as places and sentences; the refused values are not echoed."""
     faults = []
-    for item in errors:
+    for item in errors[:SHOWN_FAULTS]:
         path = [str(part) for part in item["loc"]]
         if len(path) > 1 and path[0] in ("body", "query", "path", "header", "cookie"):
             path = path[1:]
-        faults.append(FaultItem(where=".".join(path), message=str(item["msg"])))
+        faults.append(FaultItem(where=_short(".".join(path)) or "body", message=_short(str(item["msg"]))))
     return faults
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _SHOWN_CHARACTERS else f"{text[:_SHOWN_CHARACTERS]}..."
 
 
 def install(app: FastAPI) -> None:

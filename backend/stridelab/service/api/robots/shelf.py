@@ -29,12 +29,14 @@ LINKS_TIMEOUT_S: Final = 180.0
 
 @dataclass(frozen=True)
 class RobotShelf:
-    """Facts and meshes of the robots, for one application."""
+    """Facts and meshes of the robots, for one application; ``describe`` and ``draw`` are what the children run."""
 
     pool: IsolatedPool
     blobs: BlobStore
     spool: Path
     memory_mb: int
+    describe: str = DESCRIBE
+    draw: str = LINKS
     _facts: Once[RobotFacts] = field(default_factory=lambda: Once(keep=True))
     _links: Once[BlobInfo] = field(default_factory=lambda: Once(keep=False))
 
@@ -45,11 +47,11 @@ class RobotShelf:
         long).
         """
 
-        async def describe() -> RobotFacts:
-            async with self._child(DESCRIBE, name, DESCRIBE_TIMEOUT_S) as (value, _):
-                return RobotFacts.model_validate(value["summary"])
+        async def load() -> RobotFacts:
+            async with self._child(self.describe, name, DESCRIBE_TIMEOUT_S) as (value, _):
+                return RobotFacts.model_validate(value)
 
-        return await self._facts.get(name, describe)
+        return await self._facts.get(name, load)
 
     async def links(self, name: str) -> BlobInfo:
         """The file with one named mesh per link (GLB), made where it is not there yet; raises as ``facts``."""
@@ -58,7 +60,7 @@ class RobotShelf:
         async def make() -> BlobInfo:
             found = await self.blobs.info(key)
             if found is None:
-                async with self._child(LINKS, name, LINKS_TIMEOUT_S) as (_, folder):
+                async with self._child(self.draw, name, LINKS_TIMEOUT_S) as (_, folder):
                     await self.blobs.put_file(key, folder / LINKS_FILE)
                 found = await self.blobs.info(key)
             if found is None:

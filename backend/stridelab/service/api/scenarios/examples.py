@@ -2,9 +2,9 @@
 
 from typing import Any, Final
 
-_LEFT: Final[Any] = {"effector": "left_foot", "position_m": [0.0, 0.085, 0.0]}
-_RIGHT: Final[Any] = {"effector": "right_foot", "position_m": [0.0, -0.085, 0.0]}
-_AHEAD: Final[Any] = {"effector": "left_foot", "position_m": [0.2, 0.085, 0.0]}
+_LEFT: Final[Any] = {"effector": "left_foot", "position_m": [0.0, 0.09, 0.0]}
+_RIGHT: Final[Any] = {"effector": "right_foot", "position_m": [0.0, -0.09, 0.0]}
+_AHEAD: Final[Any] = {"effector": "left_foot", "position_m": [0.2, 0.09, 0.0]}
 
 ONE_STEP: Final[dict[str, Any]] = {
     "name": "One step",
@@ -22,6 +22,6 @@ ONE_STEP: Final[dict[str, Any]] = {
 IN_THE_AIR: Final[dict[str, Any]] = {
     **ONE_STEP,
     "name": "A foot in the air",
-    "phases": [{"duration_s": 1.0, "contacts": [_LEFT, {**_RIGHT, "position_m": [0.0, -0.085, 0.3]}]}],
+    "phases": [{"duration_s": 1.0, "contacts": [_LEFT, {**_RIGHT, "position_m": [0.0, -0.09, 0.3]}]}],
 }
 """A foot that touches nothing; the check names it."""

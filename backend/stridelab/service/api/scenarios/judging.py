@@ -4,14 +4,14 @@ It is a few milliseconds of numpy in a thread. What it imports is imported with 
 service starts without it; pinocchio and CasADi are never imported here.
 """
 
+import math
+
 import anyio
 
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.schemas.base import FaultItem, Remark
 from stridelab.schemas.scenarios import ContactMargin, Scenario, ScenarioCheck
-
-SHOWN_FAULTS = 50
-"""A scenario that is wrong everywhere is told so by its first faults."""
+from stridelab.service.api.problems import SHOWN_FAULTS
 
 
 async def judge(scenario: Scenario, limiter: anyio.CapacityLimiter) -> ScenarioCheck:
@@ -58,7 +58,7 @@ def check(scenario: Scenario) -> ScenarioCheck:
             for margin in report.margins
         ],
         support_region_m=[[(float(x), float(y)) for x, y in region] for region in report.support_region_m],
-        duration_s=_duration_s(scenario),
+        duration_s=report.duration_s,
     )
 
 
@@ -69,9 +69,5 @@ def _refused(scenario: Scenario, fault: FaultItem) -> ScenarioCheck:
         warnings=[],
         margins=[],
         support_region_m=[[] for _ in scenario.phases],
-        duration_s=_duration_s(scenario),
+        duration_s=math.fsum(phase.duration_s for phase in scenario.phases),
     )
-
-
-def _duration_s(scenario: Scenario) -> float:
-    return sum(phase.duration_s for phase in scenario.phases)

@@ -1,0 +1,110 @@
+"""Jobs of the robot wing: which scenario they belong to, and what is refused before they are accepted."""
+
+import io
+import json
+import zipfile
+
+import httpx
+import pytest
+
+from stridelab.service import bundled_scenarios
+from support.answers import places, refusal
+from support.interface import Served
+from support.rows import start_job, succeed
+from support.scenarios import add_scenario, one_step, with_contact
+
+JOBS = "/api/v1/jobs"
+PLAN = f"{JOBS}/plan-motion"
+
+
+@pytest.fixture
+def scenario_id(service: Served) -> str:
+    return service.run(add_scenario(service.parts))
+
+
+def test_a_plan_belongs_to_its_scenario(http: httpx.Client, service: Served, scenario_id: str) -> None:
+    first = http.post(PLAN, json={"scenario_id": scenario_id})
+    assert first.status_code == 202, first.text
+    assert (first.json()["scenario_id"], first.json()["recording_id"]) == (scenario_id, None)
+    second = http.post(PLAN, json={"scenario_id": scenario_id, "whole_body": False}).json()
+    other = http.post(PLAN, json={"scenario_id": service.run(add_scenario(service.parts))}).json()
+
+    def listed(**params: str) -> list[str]:
+        return [item["id"] for item in http.get(JOBS, params=params).json()["items"]]
+
+    assert listed(scenario_id=scenario_id) == [second["id"], first.json()["id"]]
+    assert listed(scenario_id=other["scenario_id"]) == [other["id"]]
+    assert listed(scenario_id=scenario_id, kind="estimate-com") == []
+    assert listed(scenario_id="nope") == []
+    assert refusal(http.get(JOBS, params={"scenario_id": "a\x00"})) == (422, "invalid-request")
+
+    assert http.delete(f"/api/v1/scenarios/{scenario_id}").status_code == 204
+    kept = http.get(f"{JOBS}/{second['id']}").json()
+    assert (kept["state"], kept["scenario_id"]) == ("queued", None)
+
+
+def test_a_whole_scenario_belongs_to_none(http: httpx.Client) -> None:
+    made = http.post(PLAN, json={"scenario": one_step()})
+    assert made.status_code == 202, made.text
+    assert made.json()["scenario_id"] is None
+
+
+@pytest.mark.parametrize("identifier", ["f" * 32, "nope", "a b", "\n", "", "x" * 65, "'; DROP TABLE scenario; --"])
+def test_an_unknown_scenario_is_refused_at_once(http: httpx.Client, identifier: str) -> None:
+    assert refusal(http.post(PLAN, json={"scenario_id": identifier})) == (404, "scenario-not-found")
+
+
+def test_an_unknown_scenario_is_not_taken_for_a_recording(http: httpx.Client) -> None:
+    answer = http.post(f"{JOBS}/estimate-com", json={"recording_id": "scenario_id"})
+    assert refusal(answer) == (404, "recording-not-found")
+
+
+def test_a_scenario_that_the_robot_cannot_do_is_refused_before_any_solver(http: httpx.Client) -> None:
+    before = http.get(JOBS, params={"kind": "plan-motion"}).json()
+    answer = http.post(PLAN, json={"scenario": with_contact(0, 1, position_m=[0.0, -0.09, 0.3])})
+    assert refusal(answer) == (422, "scenario-invalid")
+    assert any(place.startswith("phases[0].contacts[right_foot]") for place in places(answer))
+    assert "right_foot" in answer.json()["detail"]
+    assert http.get(JOBS, params={"kind": "plan-motion"}).json() == before
+
+
+@pytest.mark.parametrize(
+    ("kind", "body", "where"),
+    [
+        ("plan-motion", {}, "body"),
+        ("plan-motion", {"scenario_id": "flat-walk", "scenario": one_step()}, "body"),
+        ("plan-motion", {"scenario_id": "flat-walk", "whole_body": False, "replay": True}, "body"),
+        ("plan-motion", {"scenario_id": 7}, "scenario_id"),
+        ("plan-motion", {"scenario_id": "flat-walk", "solver": "magic"}, "solver"),
+        ("plan-motion", {"scenario": {**one_step(), "friction": -1}}, "scenario.friction"),
+        ("learn-reachability", {"robot": "nao"}, "robot"),
+        ("learn-reachability", {"robot": "../talos"}, "robot"),
+        ("learn-reachability", {"robot": "talos", "effectors": ["left_foot", "tail"]}, "effectors.1"),
+        ("learn-reachability", {"robot": "talos", "effectors": []}, "effectors"),
+        ("learn-reachability", {"robot": "talos", "samples": 10**9}, "samples"),
+    ],
+)
+def test_an_invalid_input_is_named(http: httpx.Client, kind: str, body: object, where: str) -> None:
+    answer = http.post(f"{JOBS}/{kind}", json=body)
+    assert refusal(answer) == (422, "invalid-request")
+    assert places(answer) == [where]
+
+
+def test_reachability_is_learned_for_a_known_robot(http: httpx.Client) -> None:
+    answer = http.post(f"{JOBS}/learn-reachability", json={"robot": "talos", "effectors": ["left_foot"]})
+    assert answer.status_code == 202, answer.text
+    assert (answer.json()["scenario_id"], answer.json()["recording_id"]) == (None, None)
+
+
+def test_the_bundle_of_a_plan_holds_its_scenario_as_it_was(http: httpx.Client, service: Served) -> None:
+    service.run(bundled_scenarios.seed(service.parts.engine))
+    job_id = http.post(PLAN, json={"scenario_id": bundled_scenarios.EXAMPLE_ID}).json()["id"]
+    attempt = service.run(start_job(service.parts, job_id))
+    planned = json.dumps(one_step()).encode()
+    files = [("scenario.json", "application/json", planned), ("poses.f32", "application/octet-stream", b"\0" * 28)]
+    service.run(succeed(service.parts, attempt, files))
+    bundle = http.get(f"{JOBS}/{job_id}/bundle.zip")
+    with zipfile.ZipFile(io.BytesIO(bundle.content)) as archive:
+        assert archive.read("artifacts/scenario.json") == planned
+        assert json.loads(archive.read("input.json")) == {"scenario_id": bundled_scenarios.EXAMPLE_ID}
+        assert not any(name.startswith("input/") for name in archive.namelist())

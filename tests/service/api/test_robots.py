@@ -1,0 +1,169 @@
+"""Robots over HTTP: described and drawn by children, once however many ask, and never again than needed."""
+
+import asyncio
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import httpx
+import pytest
+
+from stridelab.robots import card
+from stridelab.service.api.robots import catalogue
+from stridelab.service.api.robots.shelf import RobotShelf
+from stridelab.service.jobs.isolated import IsolatedPool
+from support.answers import refusal
+from support.interface import Served
+from support.robot_children import FACTS, GLB
+
+ROBOTS = "/api/v1/robots"
+STUBS = {"describe": "support.robot_children:describe", "draw": "support.robot_children:draw"}
+
+
+@pytest.fixture
+def diary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+    path = tmp_path / "diary"
+    monkeypatch.setenv("ROBOT_DIARY", str(path))
+    path.touch()
+    return path
+
+
+def shelve(service: Served, **children: str) -> None:
+    """Give the application a shelf that knows nothing yet and runs stand-ins."""
+    parts = service.parts
+
+    async def made() -> RobotShelf:
+        pool = IsolatedPool(0, preload=())
+        return RobotShelf(pool, parts.blobs, parts.spool, 500, **{**STUBS, **children})
+
+    service.app.state.parts = replace(parts, robots=service.run(made()))
+
+
+@pytest.fixture
+def stubbed(service: Served, diary: Path) -> Iterator[Served]:
+    before = service.parts
+    shelve(service)
+    yield service
+    service.run(service.parts.robots.aclose())
+    service.run(before.blobs.delete_prefix("robots"))
+    service.app.state.parts = before
+
+
+def test_robots_are_listed_without_loading_one(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+    page = http.get(ROBOTS).json()
+    assert page["next"] is None
+    talos = next(item for item in page["items"] if item["name"] == "talos")
+    assert (talos["title"], talos["available"], talos["reason"]) == ("TALOS", True, None)
+    assert talos["effectors"] == ["left_foot", "right_foot", "left_hand", "right_hand"]
+    assert "CC BY-NC-ND" in talos["licence"]
+    assert diary.read_text() == ""
+
+
+def test_a_robot_that_cannot_be_loaded_here_says_why(
+    http: httpx.Client, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    good = (card.models_dir() / "robots" / "talos.toml").read_text(encoding="utf-8")
+    folder = tmp_path / "robots"
+    folder.mkdir()
+    (folder / "absent.toml").write_text(good.replace("example_robot_data", "no_such_package"), encoding="utf-8")
+    (folder / "broken.toml").write_text("title = 7", encoding="utf-8")
+    monkeypatch.setattr(card, "models_dir", lambda: tmp_path)
+    absent, broken = catalogue.summaries()
+    assert (absent.name, absent.available, absent.title) == ("absent", False, "TALOS")
+    assert "no_such_package" in str(absent.reason)
+    assert (broken.name, broken.available, broken.effectors) == ("broken", False, [])
+    assert broken.reason
+    assert [item["available"] for item in http.get(ROBOTS).json()["items"]] == [False, False]
+
+
+def test_facts_are_computed_once(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+    first = http.get(f"{ROBOTS}/talos")
+    assert first.status_code == 200, first.text
+    assert first.json() == FACTS
+    assert http.get(f"{ROBOTS}/talos").json() == FACTS
+    assert diary.read_text().splitlines() == ["describe talos"]
+
+
+def test_who_asks_at_the_same_time_shares_one_child(stubbed: Served, diary: Path) -> None:
+    def ask(path: str) -> httpx.Response:
+        with stubbed.http() as http:
+            return http.get(path)
+
+    paths = [f"{ROBOTS}/talos", f"{ROBOTS}/talos/links"] * 3
+    with ThreadPoolExecutor(len(paths)) as threads:
+        answers = list(threads.map(ask, paths))
+    assert [answer.status_code for answer in answers] == [200] * len(paths)
+    assert {answer.content for answer in answers[1::2]} == {GLB}
+    assert sorted(diary.read_text().splitlines()) == ["describe talos", "draw talos"]
+
+
+def test_one_who_leaves_does_not_take_it_from_the_others(stubbed: Served, diary: Path) -> None:
+    with stubbed.http() as http:
+        with pytest.raises(httpx.ReadTimeout):
+            http.get(f"{ROBOTS}/talos", timeout=0.05)
+        assert http.get(f"{ROBOTS}/talos").json() == FACTS
+    assert diary.read_text().splitlines() == ["describe talos"]
+
+
+def test_meshes_are_drawn_once_and_kept(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+    path = f"{ROBOTS}/talos/links"
+    first = http.get(path)
+    assert (first.status_code, first.content) == (200, GLB)
+    assert first.headers["content-type"] == "model/gltf-binary"
+    assert first.headers["cache-control"] == "private, no-cache"
+    assert first.headers["content-length"] == str(len(GLB))
+    key = f"robots/talos/{FACTS['sha256']}/links.glb"
+    assert key in stubbed.stored_files()
+    etag = first.headers["etag"]
+    for asked in (etag, f"W/{etag}", f'"x", {etag}', "*"):
+        again = http.get(path, headers={"If-None-Match": asked})
+        assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", etag)
+    assert http.get(path, headers={"If-None-Match": '"x"'}).content == GLB
+
+    shelve(stubbed)  # as after a restart
+    assert http.get(path).headers["etag"] == etag
+    assert diary.read_text().splitlines() == ["describe talos", "draw talos", "describe talos"]
+
+    stubbed.run(stubbed.parts.blobs.delete(key))
+    renewed = http.get(path, headers={"If-None-Match": etag})
+    assert (renewed.status_code, renewed.content) == (200, GLB)
+    assert renewed.headers["etag"] != etag
+    assert diary.read_text().splitlines()[-1] == "draw talos"
+    assert not any(name.startswith("spool/") for name in stubbed.stored_files())
+
+
+@pytest.mark.parametrize(("child", "code"), [("no_data", "robot-data-missing"), ("crash", "robot-not-loaded")])
+def test_a_failure_is_told_and_tried_again(
+    http: httpx.Client, stubbed: Served, diary: Path, child: str, code: str
+) -> None:
+    shelve(stubbed, describe=f"support.robot_children:{child}")
+    for path in (f"{ROBOTS}/talos", f"{ROBOTS}/talos/links"):
+        assert refusal(http.get(path)) == (503, code)
+    assert len(diary.read_text().splitlines()) == 2
+    shelve(stubbed, draw=f"support.robot_children:{child}")
+    assert refusal(http.get(f"{ROBOTS}/talos/links")) == (503, code)
+    assert http.get(f"{ROBOTS}/talos").status_code == 200
+
+
+@pytest.mark.parametrize("name", ["nao", "..%2Ftalos", "talos.toml", "TALOS", "%00", "x" * 300, "talos%0a", "'; --"])
+def test_an_unknown_robot_starts_nothing(http: httpx.Client, stubbed: Served, diary: Path, name: str) -> None:
+    for path in (f"{ROBOTS}/{name}", f"{ROBOTS}/{name}/links"):
+        status, code = refusal(http.get(path))
+        assert (status, code in {"robot-not-found", "unknown-path"}) == (404, True)
+    assert diary.read_text() == ""
+
+
+def test_an_application_that_stops_ends_its_children(stubbed: Served, diary: Path) -> None:
+    shelf = stubbed.parts.robots
+
+    async def stop_while_loading() -> object:
+        asking = asyncio.ensure_future(shelf.facts("talos"))
+        while not diary.read_text():
+            await asyncio.sleep(0.02)
+        await shelf.aclose()
+        return (await asyncio.gather(asking, return_exceptions=True))[0]
+
+    assert isinstance(stubbed.run(stop_while_loading()), asyncio.CancelledError)
+    assert list(stubbed.parts.spool.iterdir()) == []

@@ -1,0 +1,60 @@
+"""Stand-ins for the children that describe and draw robots; each run leaves a line in the file ``$ROBOT_DIARY``."""
+
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+from stridelab.errors import Unavailable
+
+GLB = b"glTF\x02\x00\x00\x00" + bytes(range(256))
+FACTS: dict[str, Any] = {
+    "name": "talos",
+    "title": "TALOS",
+    "mass_kg": 90.27,
+    "licence": "CC BY-NC-ND 3.0",
+    "sha256": "ab" * 32,
+    "effectors": [
+        {
+            "name": "left_foot",
+            "frame": "left_sole_link",
+            "kind": "surface",
+            "position_m": [0.0, 0.0, 0.0],
+            "orientation_wxyz": [1.0, 0.0, 0.0, 0.0],
+            "contact_half_size_m": [0.1, 0.06],
+        }
+    ],
+    "q_reference": [0.0, 0.0, 1.02, 0.0, 0.0, 0.0, 1.0],
+    "com_height_m": 0.88,
+    "limits": [],
+    "links": ["base_link"],
+    "proxies": [],
+}
+
+
+def _note(word: str) -> None:
+    with Path(os.environ["ROBOT_DIARY"]).open("a", encoding="utf-8") as diary:
+        diary.write(f"{word}\n")
+
+
+def describe(task: dict[str, Any], _folder: Path, _progress: Any) -> dict[str, Any]:
+    _note(f"describe {task['robot']}")
+    time.sleep(0.3)
+    return FACTS
+
+
+def draw(task: dict[str, Any], folder: Path, _progress: Any) -> dict[str, Any]:
+    _note(f"draw {task['robot']}")
+    time.sleep(0.3)
+    (folder / "links.glb").write_bytes(GLB)
+    return {}
+
+
+def no_data(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
+    _note("no data")
+    raise Unavailable("robot-data-missing", "The description of TALOS is missing.")
+
+
+def crash(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
+    _note("crash")
+    os.abort()
