@@ -1,13 +1,16 @@
 """Position-level inverse kinematics: a configuration that stands on given contacts with its CoM at a given place.
 
 With the errors ``e(q)`` of the contacts (six for a surface, three for a point) and of the CoM stacked, ``J`` their
-Jacobian and ``p`` the way back to the posture that one starts from, every step solves
+Jacobian, ``p`` the way back to the posture that one starts from and ``h(q)`` how far the points' frames are turned
+from their contacts', every step solves
 
-    min_dq  |J dq - e|^2 + w |dq - p|^2 + d |dq|^2     subject to   q_min + margin <= q + dq <= q_max - margin,
-                                                                    |dq| <= 0.2
+    min_dq  |J dq - e|^2 + s (|dq - p|_W^2 + w_h |H dq - h|^2) + d |dq|^2
+    subject to   q_min + margin <= q + dq <= q_max - margin ,   |dq| <= 0.2
 
-twice over: first with a posture weight ``w`` that falls from step to step, so that the redundancy of the body goes
-to the posture, then with ``w = 0`` to land on the contacts. The joint limits are never crossed on the way.
+twice over: first with a softness ``s`` that falls from step to step, so that the redundancy of the body goes to the
+posture, then with ``s = 0`` to land on the contacts. ``W`` holds the base upright first, then the torso, the arms and
+the legs, in the proportions in which the whole-body stage weighs them: a motion that starts here starts at rest. The
+joint limits are never crossed on the way.
 """
 
 from collections.abc import Mapping
@@ -28,8 +31,11 @@ TOLERANCE: float = 1e-7
 """Largest error (m, rad) of a converged configuration."""
 _MARGIN_RAD = 0.02
 _STEP = 0.2
-_POSTURE_STEPS, _STEPS = 40, 80
+_POSTURE_STEPS, _STEPS = 100, 150
 _DAMPING = 1e-9
+_UPRIGHT = 1.0
+_GROUP = {"leg": 4.5e-4, "torso": 0.125, "arm": 0.03125, "head": 0.03125}
+_HAND = 0.045
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,11 +72,11 @@ def stand(
     q = posture.copy()
     q[7:] = np.clip(q[7:], problem.lower, problem.upper)
     for step in range(_STEPS):
-        e, J = problem.errors(q)
-        weight = 1e-2 * 0.75**step if step < _POSTURE_STEPS else 0.0
-        if weight == 0.0 and np.abs(e).max() < 1e-10:
+        softness = 0.85**step if step < _POSTURE_STEPS else 0.0
+        e, _ = problem.errors(q)
+        if softness == 0.0 and np.abs(e).max() < 1e-10:
             break
-        q = pin.integrate(problem.model, q, problem.step(q, e, J, weight, posture))
+        q = pin.integrate(problem.model, q, problem.step(q, softness, posture))
     return problem.result(q)
 
 
@@ -95,6 +101,8 @@ class _Problem:
         self._data = self.model.createData()
         self._targets = {name: (se3(p), robot.effectors[name].kind) for name, p in placements.items()}
         self._com_m = com_m
+        groups = [_GROUP[robot.group[joint]] for joint in robot.joint_names]
+        self._weights = np.array([0.0, 0.0, 0.0, _UPRIGHT, _UPRIGHT, _UPRIGHT, *groups])
         middle = 0.5 * (self.model.lowerPositionLimit + self.model.upperPositionLimit)[7:]
         self.lower = np.minimum(self.model.lowerPositionLimit[7:] + _MARGIN_RAD, middle)
         self.upper = np.maximum(self.model.upperPositionLimit[7:] - _MARGIN_RAD, middle)
@@ -117,27 +125,34 @@ class _Problem:
                 J.append(J_frame[3:])
         return np.concatenate([*e, self._com_m - data.com[0]]), np.vstack([*J, J_com])
 
-    def step(
-        self,
-        q: Float[np.ndarray, "nq"],
-        e: Float[np.ndarray, "m"],
-        J: Float[np.ndarray, "m nv"],
-        weight: float,
-        posture: Float[np.ndarray, "nq"],
-    ) -> Float[np.ndarray, "nv"]:
-        """The bounded least-squares step; the base's position is the contacts' affair, never the posture's."""
+    def step(self, q: Float[np.ndarray, "nq"], softness: float, posture: Float[np.ndarray, "nq"]) -> np.ndarray:
+        """The bounded least-squares step ``(nv,)``."""
         nv = self.model.nv
-        p = pin.difference(self.model, q, posture)
-        w = np.full(nv, weight)
-        w[:3] = 0.0
-        H = J.T @ J + np.diag(w + _DAMPING)
+        e, J = self.errors(q)
+        h, H_hand = self._turned(q)
+        w = softness * self._weights
+        s_h = softness * _HAND
+        P = J.T @ J + s_h * H_hand.T @ H_hand + np.diag(w + _DAMPING)
+        c = -J.T @ e - s_h * H_hand.T @ h - w * pin.difference(self.model, q, posture)
         upper, lower = np.full(nv, _STEP), np.full(nv, -_STEP)
         upper[6:] = np.minimum(upper[6:], self.upper - q[7:])
         lower[6:] = np.maximum(lower[6:], self.lower - q[7:])
-        dq, _, flag, _ = daqp.solve(H, -J.T @ e - w * p, np.zeros((0, nv)), upper, lower)
+        dq, _, flag, _ = daqp.solve(P, c, np.zeros((0, nv)), upper, lower)
         if flag < 1:  # a convex programme with 0 inside its bounds fails only by rounding
             return np.zeros(nv)
         return np.asarray(dq)
+
+    def _turned(self, q: Float[np.ndarray, "nq"]) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
+        """How far the frames of points are turned from their contacts', after ``errors`` at the same ``q``."""
+        h: list[np.ndarray] = [np.zeros(0)]
+        H: list[np.ndarray] = [np.zeros((0, self.model.nv))]
+        for name, (target, kind) in self._targets.items():
+            if kind == "point":
+                here = self._data.oMf[self._frames[name]]
+                h.append(pin.log3(target.rotation @ here.rotation.T))
+                J = pin.getFrameJacobian(self.model, self._data, self._frames[name], pin.LOCAL_WORLD_ALIGNED)
+                H.append(J[3:])
+        return np.concatenate(h), np.vstack(H)
 
     def result(self, q: Float[np.ndarray, "nq"]) -> IkResult:
         """Errors at ``q`` by target."""

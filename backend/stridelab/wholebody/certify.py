@@ -1,0 +1,185 @@
+"""The certificate of a motion: every property measured anew from ``q, v, a, tau`` and the forces.
+
+Two limits are ours and only inform of how far the stages agree:
+
+* ``angular_momentum_mismatch_max``: the plan does not know the limbs, whose angular momentum the soles have to take up.
+  The limit is 5 % of ``m h sqrt(g h)``, h the CoM's height when the robot stands: 11 N m s for TALOS, whose motions up
+  to twice that kept their contacts (docs/theory/whole-body.md).
+* ``reachability_log_density_min``: below the 0.1 percentile of an effector's own density the CoM is where next to no
+  sampled posture had it.
+"""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.conventions import GRAVITY_M_S2
+from stridelab.reachability.mixture import Mixture
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.certificate import Certificate, Check
+from stridelab.wholebody.clearance import self_collision, terrain_distance, thinned
+from stridelab.wholebody.joint_limits import JointLimits
+from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.recomputed import Recomputed, recompute
+from stridelab.wholebody.worst import Worst
+
+COM_ERROR_M = 1e-3
+LANDING_ERROR_M = 1e-3
+CONTACT_DRIFT_M = 1e-3
+DYNAMICS_RESIDUAL_N = 1e-3
+INTEGRATION_GAP = 1e-6
+COLLISION_STEP_S = 0.04
+MOMENTUM_SHARE = 0.05
+RARE = 1e-3
+"""Share of an effector's density that counts as out of reach."""
+_DRAWS = 8192
+
+
+def certify(
+    robot: Robot,
+    sequence: ContactSequence,
+    plan: CentroidalPlan,
+    proxies: Mapping[str, Mixture],
+    motion: WholeBodyMotion,
+) -> Certificate:
+    """Check ``motion`` of ``robot`` over ``sequence`` against ``plan``; collisions are looked for every 40 ms."""
+    found = recompute(robot, sequence, motion)
+    worst = Worst(motion.time_s, found.phase)
+    chosen, at_times = thinned(motion.time_s, found.phase, max(1, round(COLLISION_STEP_S * motion.rate_hz)))
+    return Certificate(
+        (
+            _failures(motion),
+            *_tracking(sequence, plan, motion, found, worst),
+            *_limits(robot, motion, worst),
+            _friction(sequence, motion, found, worst),
+            worst.at_most("dynamics_residual", found.newton_euler[:, None], "N", DYNAMICS_RESIDUAL_N, [""]),
+            worst.at_most(
+                "torque_residual", np.abs(found.torque_gap_nm), "N m", DYNAMICS_RESIDUAL_N, robot.joint_names
+            ),
+            worst.at_most("integration_gap", found.integration_gap[:, None], "m", INTEGRATION_GAP, [""]),
+            self_collision(robot, motion.q[chosen], at_times),
+            terrain_distance(robot, sequence, motion.q[chosen], at_times),
+            *_reachability(sequence, proxies, found, worst),
+            _momentum(robot, plan, motion, found, worst),
+        )
+    )
+
+
+def _failures(motion: WholeBodyMotion) -> Check:
+    number = float(len(motion.failures))
+    if not motion.failures:
+        return Check("solver_failures", number, "samples", 0.0)
+    first = motion.failures[0]
+    return Check("solver_failures", number, "samples", 0.0, False, first.phase, None, first.time_s)
+
+
+def _tracking(
+    sequence: ContactSequence, plan: CentroidalPlan, motion: WholeBodyMotion, found: Recomputed, worst: Worst
+) -> tuple[Check, Check, Check]:
+    """CoM against the plan; contact points against their places at touch-down, and against touch-down ever after."""
+    planned = np.array([plan.at(float(t)).com_m for t in motion.time_s])
+    com_error = np.linalg.norm(found.com_m - planned, axis=1)
+    names = sequence.effectors
+    n = len(motion.time_s)
+    landing, drift = np.full((n, len(names)), -np.inf), np.full((n, len(names)), -np.inf)
+    for column, name in enumerate(names):
+        points = found.contact_points_m[name]
+        touched = None
+        for i in range(n):
+            contact = sequence.phases[found.phase[i]].contacts.get(name)
+            if contact is None:
+                touched = None
+            elif touched is None:
+                touched = points[i]
+                place = contact.placement.act(motion.points_m[name])
+                landing[i, column] = np.linalg.norm(points[i] - place, axis=1).max()
+            else:
+                drift[i, column] = np.linalg.norm(points[i] - touched, axis=1).max()
+    return (
+        worst.at_most("com_error_max", com_error[:, None], "m", COM_ERROR_M, [""]),
+        worst.at_most("landing_error_max", landing, "m", LANDING_ERROR_M, names),
+        worst.at_most("contact_drift_max", drift, "m", CONTACT_DRIFT_M, names),
+    )
+
+
+def _limits(robot: Robot, motion: WholeBodyMotion, worst: Worst) -> tuple[Check, ...]:
+    """Joint ranges, speeds, and torques of the joints that carry the body and of the arms."""
+    limits, joints = JointLimits.of(robot.model), robot.joint_names
+    angles = motion.q[:, 7:]
+    margin = np.minimum(angles - limits.lower_rad, limits.upper_rad - angles)
+    speed = np.abs(motion.v[:, 6:]) / limits.velocity_rad_s
+    torque = np.abs(motion.tau_nm) / limits.torque_nm
+    arm = np.array([robot.group[joint] == "arm" for joint in joints])
+
+    def ratio(name: str, of: np.ndarray) -> Check:
+        return worst.at_most(name, torque[:, of], "1", 1.0, [j for j, chosen in zip(joints, of, strict=True) if chosen])
+
+    return (
+        worst.at_least("joint_limit_margin", margin, "rad", 0.0, joints),
+        worst.at_most("velocity_ratio_max", speed, "1", 1.0, joints),
+        ratio("torque_ratio_max_legs_torso", ~arm),
+        ratio("torque_ratio_max_arms", arm),
+    )
+
+
+def _friction(sequence: ContactSequence, motion: WholeBodyMotion, found: Recomputed, worst: Worst) -> Check:
+    """Exact cones at all points, ``mu f_n - |f_t|``; a force on an effector in the air is outside by all of it."""
+    names = sequence.effectors
+    margin = np.full((len(motion.time_s), len(names)), np.inf)
+    for column, name in enumerate(names):
+        for phase, of_phase in enumerate(sequence.phases):
+            chosen = found.phase == phase
+            f = motion.forces_n[name][chosen]
+            contact = of_phase.contacts.get(name)
+            if contact is None:
+                size = np.linalg.norm(f, axis=2).max(axis=1, initial=0.0)
+                margin[chosen, column] = np.where(size > 0.0, -size, np.inf)
+                continue
+            normal = found.rotations[name][chosen][:, None, :, 2] if contact.kind == "surface" else None
+            n = contact.placement.rotation[:, 2] if normal is None else normal
+            f_n = (f * n).sum(axis=2)
+            f_t = np.linalg.norm(f - f_n[..., None] * n, axis=2)
+            margin[chosen, column] = (contact.friction * f_n - f_t).min(axis=1)
+    return worst.at_least("friction_cone_margin", margin, "N", 0.0, names)
+
+
+def _reachability(
+    sequence: ContactSequence, proxies: Mapping[str, Mixture], found: Recomputed, worst: Worst
+) -> tuple[Check, ...]:
+    """Log-density of the CoM in every contact's frame, the one that is least above its effector's 0.1 percentile."""
+    names = [name for name in sequence.effectors if name in proxies]
+    if not names:
+        return ()
+    log_p = np.full((len(found.phase), len(names)), np.inf)
+    rare = np.array([_percentile(proxies[name]) for name in names])
+    for column, name in enumerate(names):
+        for phase, of_phase in enumerate(sequence.phases):
+            contact, chosen = of_phase.contacts.get(name), found.phase == phase
+            if contact is not None and chosen.any():
+                in_contact = contact.placement.inverse().act(found.com_m[chosen])
+                log_p[chosen, column] = proxies[name].log_density(in_contact)
+    column = int(np.argmin((log_p - rare).min(axis=0)))
+    of = names[column : column + 1]
+    return (worst.at_least("reachability_log_density_min", log_p[:, [column]], "nats", float(rare[column]), of),)
+
+
+def _percentile(mixture: Mixture) -> float:
+    """Log-density below which only the share ``RARE`` of the mixture lies, from a fixed draw."""
+    rng = np.random.default_rng(0)
+    of = rng.choice(len(mixture.weights), size=_DRAWS, p=mixture.weights / mixture.weights.sum())
+    L = np.linalg.cholesky(mixture.covariances_m2)
+    draws = mixture.means_m[of] + np.einsum("nij,nj->ni", L[of], rng.standard_normal((_DRAWS, 3)))
+    return float(np.quantile(mixture.log_density(draws), RARE))
+
+
+def _momentum(robot: Robot, plan: CentroidalPlan, motion: WholeBodyMotion, found: Recomputed, worst: Worst) -> Check:
+    """Angular momentum about the CoM against the plan's."""
+    planned = np.array([plan.at(float(t)).l_nms for t in motion.time_s])
+    mismatch = np.linalg.norm(found.l_nms - planned, axis=1)
+    data = robot.model.createData()
+    h = float(pin.centerOfMass(robot.model, data, robot.q_reference)[2])
+    limit = MOMENTUM_SHARE * robot.mass_kg * h * float(np.sqrt(GRAVITY_M_S2 * h))
+    return worst.at_most("angular_momentum_mismatch_max", mismatch[:, None], "N m s", limit, [""])

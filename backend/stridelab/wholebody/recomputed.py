@@ -1,0 +1,99 @@
+"""What a motion amounts to, computed anew from ``q, v, a, tau`` and the contact forces alone.
+
+Nothing of the controller enters. The external forces go to the recursive Newton-Euler algorithm link by link, without
+contact Jacobians; the centroidal side is the time derivative of the body's momentum,
+
+    m (c'' - g) = sum f ,      L_c' = sum (p - c) x f .                                (4.2)
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float, Int
+
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.conventions import Points, Series, g
+from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.motion import WholeBodyMotion
+
+
+@dataclass(frozen=True, eq=False)
+class Recomputed:
+    """Per sample: CoM (m), its velocity, angular momentum, contact points, residuals of the dynamics.
+
+    ``contact_points_m`` and ``contact_forces_n`` are per effector ``(n, k, 3)`` in the world; ``newton_euler`` ``(n,)``
+    the larger norm of the gaps in force (N) and moment (N m); ``torque_gap_nm`` ``(n, na)`` what inverse dynamics says
+    more than ``tau``; ``integration_gap`` ``(n,)`` how far ``(q, v)`` is from where the sample before leads (m, rad and
+    their rates). ``normals`` and ``centres_m`` are those of the contact frames.
+    """
+
+    phase: Int[np.ndarray, "n"]
+    com_m: Points
+    com_v_m_s: Points
+    l_nms: Points
+    contact_points_m: Mapping[str, Float[np.ndarray, "n k 3"]]
+    centres_m: Mapping[str, Points]
+    rotations: Mapping[str, Float[np.ndarray, "n 3 3"]]
+    newton_euler: Series
+    torque_gap_nm: Float[np.ndarray, "n na"]
+    integration_gap: Series
+
+
+def phases(sequence: ContactSequence, time_s: Series) -> Int[np.ndarray, "n"]:
+    """Contact phase of every sample; a boundary belongs to the phase that begins there."""
+    return np.array([sequence.phase_at(float(t) + 1e-9) for t in time_s])
+
+
+def recompute(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) -> Recomputed:
+    """One pass over all samples."""
+    model, frames = with_contact_frames(robot)
+    data = model.createData()
+    mass = float(pin.computeTotalMass(model))
+    n, na = len(motion.time_s), model.nv - 6
+    com, com_v, l = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
+    points = {name: np.empty((n, *p.shape)) for name, p in motion.points_m.items()}
+    centres = {name: np.empty((n, 3)) for name in points}
+    rotations = {name: np.empty((n, 3, 3)) for name in points}
+    newton_euler, torque_gap, integration_gap = np.empty(n), np.empty((n, na)), np.zeros(n)
+    still = [pin.Force.Zero() for _ in range(model.njoints)]
+    dt = 1.0 / motion.rate_hz
+    for i in range(n):
+        q, v, a = motion.q[i], motion.v[i], motion.a[i]
+        pin.computeCentroidalMomentumTimeVariation(model, data, q, v, a)
+        com[i], l[i] = data.com[0], data.hg.angular
+        com_v[i] = data.hg.linear / mass
+        force_gap, moment_gap = data.dhg.linear - mass * g, data.dhg.angular.copy()
+        external = list(still)
+        for name, in_contact_frame in motion.points_m.items():
+            here = pin.updateFramePlacement(model, data, frames[name])
+            centres[name][i], rotations[name][i] = here.translation, here.rotation
+            p = in_contact_frame @ here.rotation.T + here.translation
+            points[name][i] = p
+            f = motion.forces_n[name][i]
+            total = f.sum(axis=0)
+            force_gap = force_gap - total
+            moment_gap = moment_gap - np.cross(p - com[i], f).sum(axis=0)
+            joint = model.frames[frames[name]].parentJoint
+            external[joint] = external[joint] + data.oMi[joint].actInv(pin.Force(total, np.cross(p, f).sum(axis=0)))
+        newton_euler[i] = max(np.linalg.norm(force_gap), np.linalg.norm(moment_gap))
+        torque_gap[i] = pin.rnea(model, data, q, v, a, external)[6:] - motion.tau_nm[i]
+        if i:
+            step = dt * motion.v[i - 1] + 0.5 * dt**2 * motion.a[i - 1]
+            q_gap = pin.difference(model, pin.integrate(model, motion.q[i - 1], step), q)
+            v_gap = motion.v[i - 1] + dt * motion.a[i - 1] - v
+            integration_gap[i] = max(np.abs(q_gap).max(), np.abs(v_gap).max())
+    return Recomputed(
+        phase=phases(sequence, motion.time_s),
+        com_m=com,
+        com_v_m_s=com_v,
+        l_nms=l,
+        contact_points_m=points,
+        centres_m=centres,
+        rotations=rotations,
+        newton_euler=newton_euler,
+        torque_gap_nm=torque_gap,
+        integration_gap=integration_gap,
+    )
