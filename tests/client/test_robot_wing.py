@@ -1,0 +1,117 @@
+"""Scenarios, robots and plans through both clients."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+
+from stridelab.client import AsyncClient, Client, ProblemError
+from stridelab.client.calls import LOADING_S
+from stridelab.schemas.plans import PlanMotionInput
+from stridelab.schemas.scenarios import Scenario
+from stridelab.service import bundled_scenarios
+from stridelab.service.api.robots.shelf import RobotShelf
+from stridelab.service.jobs.isolated import IsolatedPool
+from support.interface import Served
+from support.robot_children import FACTS, GLB
+from support.scenarios import one_step, with_contact
+
+
+@pytest.fixture
+def drawn(service: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Served]:
+    """Robots are described and drawn by stand-ins."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
+    monkeypatch.setenv("ROBOT_DIARY", str(tmp_path / "diary"))
+    before = service.parts
+
+    async def made() -> RobotShelf:
+        stubs = {"describe": "support.robot_children:describe", "draw": "support.robot_children:draw"}
+        return RobotShelf(IsolatedPool(0, preload=()), before.blobs, before.spool, 500, **stubs)
+
+    service.app.state.parts = replace(before, robots=service.run(made()))
+    yield service
+    service.app.state.parts = before
+
+
+def test_a_scenario_from_storing_to_deletion(lab: Client, service: Served) -> None:
+    service.run(bundled_scenarios.seed(service.parts.engine))
+    body = Scenario.model_validate(one_step())
+    made = lab.add_scenario(body)
+    assert (made.name, made.bundled) == ("One step", False)
+    assert lab.scenario(made.id) == made
+    page = lab.scenarios(limit=1)
+    assert page.items == [made]
+    assert all(item.bundled for item in lab.scenarios(cursor=page.next).items)
+
+    changed = made.model_copy(update={"name": "Another"})
+    put = lab.put_scenario(made.id, changed)  # sent back as it came
+    assert (put.id, put.name, put.phases) == (made.id, "Another", made.phases)
+    copy = lab.add_scenario(lab.scenario(bundled_scenarios.EXAMPLE_ID))
+    assert copy.bundled is False
+    with pytest.raises(ProblemError) as refused:
+        lab.put_scenario(bundled_scenarios.EXAMPLE_ID, body)
+    assert (refused.value.status, refused.value.code) == (409, "scenario-read-only")
+    for each in (made.id, copy.id):
+        lab.delete_scenario(each)
+        with pytest.raises(ProblemError) as gone:
+            lab.scenario(each)
+        assert gone.value.code == "scenario-not-found"
+
+
+def test_a_check_and_a_refusal_name_the_same_places(lab: Client) -> None:
+    assert lab.check_scenario(one_step()).valid
+    broken = with_contact(0, 1, position_m=[0.0, -0.09, 0.3])
+    check = lab.check_scenario(broken)
+    assert not check.valid
+    with pytest.raises(ProblemError) as refused:
+        lab.add_scenario(broken)
+    assert refused.value.code == "scenario-invalid"
+    assert refused.value.errors == check.errors
+
+
+def test_plans_of_a_scenario(lab: Client) -> None:
+    made = lab.add_scenario(one_step())
+    job = lab.submit("plan-motion", PlanMotionInput(scenario_id=made.id))
+    assert job.scenario_id == made.id
+    assert lab.jobs(scenario_id=made.id).items == [job]
+    assert lab.jobs(scenario_id=made.id, state="failed").items == []
+
+
+def test_robots(lab: Client, drawn: Served, tmp_path: Path) -> None:
+    assert [robot.name for robot in lab.robots().items if robot.available] == ["talos"]
+    assert lab.robot("talos").model_dump(mode="json") == FACTS
+    assert lab.robot_links("talos", tmp_path / "talos.glb").read_bytes() == GLB
+    with pytest.raises(ProblemError) as refused:
+        lab.robot_links("../nao", tmp_path / "nao.glb")
+    assert refused.value.status == 404
+    assert not (tmp_path / "nao.glb").exists()
+
+
+@pytest.mark.anyio
+async def test_the_asynchronous_client_does_the_same(drawn: Served, tmp_path: Path) -> None:
+    async with AsyncClient(drawn.base_url) as lab:
+        made = await lab.add_scenario(one_step())
+        assert await lab.scenario(made.id) == made
+        assert (await lab.scenarios(limit=1)).items == [made]
+        assert (await lab.put_scenario(made.id, one_step(name="Another"))).name == "Another"
+        assert (await lab.check_scenario(one_step())).valid
+        await lab.delete_scenario(made.id)
+        assert (await lab.jobs(scenario_id=made.id)).items == []
+        assert "talos" in [robot.name for robot in (await lab.robots()).items]
+        assert (await lab.robot("talos")).sha256 == FACTS["sha256"]
+        assert (await lab.robot_links("talos", tmp_path / "talos.glb")).read_bytes() == GLB
+
+
+def test_a_robot_may_take_longer_than_other_calls() -> None:
+    asked: list[dict[str, Any]] = []
+
+    def handler(request: httpx.Request) -> httpx.Response:
+        asked.append(request.extensions["timeout"])
+        return httpx.Response(200, json=FACTS)
+
+    with Client("http://lab", timeout_s=5.0, transport=httpx.MockTransport(handler)) as lab:
+        lab.robot("talos")
+    assert asked[0]["read"] == 5.0 + LOADING_S
