@@ -1,4 +1,4 @@
-"""The command line: the service, and the main job without one.
+"""The command line: the service, and the main jobs without one.
 
 Numeric packages are imported inside the commands, so that ``stridelab --help`` answers at once.
 """
@@ -32,7 +32,7 @@ class Commands(TyperGroup):
 app = typer.Typer(
     name="stridelab",
     cls=Commands,
-    help="Centre of mass and rolling-wheel analysis of human gait, as a service and on the command line.",
+    help="Human gait and the climbing of humanoid robots, as a service and on the command line.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -46,6 +46,8 @@ SegmentTable = Literal["auto", "dumas2007", "deleva1996", "carried"]
 OutFolder = Annotated[Path | None, typer.Option("--out", help="Folder for the result; must not exist yet.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of a table.")]
+Server = Annotated[str | None, typer.Option("--server", help="Run on this service (http://...) instead.")]
+Token = Annotated[str | None, typer.Option("--token", envvar="STRIDELAB_API_TOKEN", help="Its API token.")]
 
 
 @app.command()
@@ -103,8 +105,8 @@ def estimate(
     out_dir: OutFolder = None,
     force: Force = False,
     as_json: AsJson = False,
-    server: Annotated[str | None, typer.Option("--server", help="Run on this service (http://...) instead.")] = None,
-    token: Annotated[str | None, typer.Option("--token", envvar="STRIDELAB_API_TOKEN", help="Its API token.")] = None,
+    server: Server = None,
+    token: Token = None,
 ) -> None:
     """Estimate the centre of mass of one recording; needs no server."""
     from stridelab.cli_estimate import EstimateRequest
@@ -160,8 +162,32 @@ def simulate(
 
 
 @app.command()
+def plan(
+    scenario: Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: six-stairs.")],
+    no_whole_body: Annotated[
+        bool, typer.Option("--no-whole-body", help="Only the plan of the centre of mass and the contact forces.")
+    ] = False,
+    replay: Annotated[
+        bool | None,
+        typer.Option("--replay/--no-replay", help="Replay the motion in physics; done unless --no-whole-body."),
+    ] = None,
+    out_dir: OutFolder = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    server: Server = None,
+    token: Token = None,
+) -> None:
+    """Plan how a robot carries out a contact scenario, check the motion and replay it; needs no server."""
+    from stridelab.cli_plan import PlanRequest
+    from stridelab.cli_plan import plan as run
+
+    request = PlanRequest(scenario, whole_body=not no_whole_body, replay=replay)
+    run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+
+
+@app.command()
 def demo(out_dir: OutFolder = None, force: Force = False) -> None:
-    """The main job on the bundled recording, with the error against its known truth."""
+    """Both main jobs: a walk with its known truth, and a robot that climbs stairs."""
     from stridelab.cli_demo import demo as run
 
     run(out_dir=out_dir, force=force)

@@ -1,7 +1,11 @@
-"""``stridelab demo``: the main job on the bundled recording, whose truth is known because it was simulated."""
+"""``stridelab demo``: both main jobs on what comes with the program.
+
+The recording was simulated, so its truth is known; the stairs are climbed by the robot of the bundled scenario.
+"""
 
 import shutil
 from pathlib import Path
+from typing import Final
 
 from rich.markup import escape
 from rich.table import Table
@@ -9,8 +13,14 @@ from rich.table import Table
 from stridelab.cli_console import out
 from stridelab.cli_estimate import EstimateRequest, estimate_here, show_estimate
 from stridelab.cli_output import refuse_to_overwrite, result_folder
+from stridelab.cli_plan import PlanRequest, plan_here, show_plan
+from stridelab.cli_playback import write_page
 from stridelab.errors import Unavailable
 from stridelab.resources import models_dir
+
+WALK, CLIMB = "walk", "climb"
+"""Folders of the two results."""
+STAIRS: Final = "six-stairs"
 
 
 def sample_folder() -> Path:
@@ -21,10 +31,20 @@ def sample_folder() -> Path:
     return folder
 
 
-def demo(*, out_dir: Path | None, force: bool) -> None:
-    """Estimate the bundled recording with its latency corrected, and show the error against the truth."""
+def demo(*, out_dir: Path | None, force: bool, stairs: str = STAIRS) -> None:
+    """A walk into ``<out_dir>/walk`` and a climb into ``<out_dir>/climb``; ``stairs`` names the scenario."""
     target = out_dir or Path("stridelab-demo")
-    refuse_to_overwrite(target, force=force)
+    for name in (WALK, CLIMB):
+        refuse_to_overwrite(target / name, force=force)
+    _walk(target / WALK, force=force)
+    out.print()
+    _climb(target / CLIMB, stairs, force=force)
+    out.print()
+    out.print("Next: stridelab serve, then open the address it prints; or stridelab estimate your-trial.c3d")
+
+
+def _walk(target: Path, *, force: bool) -> None:
+    """Estimate the bundled recording with its latency corrected, and show the error against the truth."""
     source = sample_folder()
     out.print(f"A simulated person walks over two force plates: {escape(str(source / 'recording.c3d'))}")
     with result_folder(target, force=force) as folder:
@@ -39,4 +59,12 @@ def demo(*, out_dir: Path | None, force: bool) -> None:
     for name, values in errors.items():
         table.add_row(name, *(f"{value:.1f}" for value in values))
     out.print(table)
-    out.print("Next: stridelab serve, then open the address it prints; or stridelab estimate your-trial.c3d")
+
+
+def _climb(target: Path, stairs: str, *, force: bool) -> None:
+    """Plan the bundled stairs with the whole body, and replay the motion."""
+    out.print(f"A robot is planned over the scenario {escape(stairs)}, with its whole body, and replayed in physics")
+    with result_folder(target, force=force) as folder:
+        result = plan_here(PlanRequest(stairs), folder)
+        page = write_page(folder)
+    show_plan(result, target, as_json=False, with_page=page is not None)

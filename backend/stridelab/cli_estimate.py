@@ -1,22 +1,19 @@
 """``stridelab estimate`` and ``stridelab simulate``: the same runs as in the service, into a folder."""
 
-import json
 import shutil
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from pydantic import ValidationError
 from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli_console import out, progress_bar
-from stridelab.cli_output import REFERENCES_FILE, RESULT_FILE, refuse_to_overwrite, result_folder
+from stridelab.cli_output import refuse_to_overwrite, result_folder
+from stridelab.cli_result import show_files, show_json, show_remarks, validated, write_result
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
-from stridelab.schemas.base import Contract
 from stridelab.schemas.jobs import (
-    Artifact,
     EstimateComInput,
     EstimateComSummary,
     JobResult,
@@ -24,28 +21,7 @@ from stridelab.schemas.jobs import (
     SimulateRecordingSummary,
 )
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
-from stridelab.service.jobs.kinds.kind import Outcome
-from stridelab.service.jobs.kinds.provenance import bibliography
-from stridelab.service.jobs.kinds.provenance import versions as local_versions
 from stridelab.service.jobs.kinds.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
-
-T = TypeVar("T", bound=Contract)
-
-OPTIONS = {
-    "height_m": "--height",
-    "mass_kg": "--mass",
-    "sex": "--sex",
-    "age_years": "--age",
-    "latency": "--latency",
-    "cutoffs": "--cutoffs",
-    "window_s": "--window",
-    "duration_s": "--duration",
-    "speed_m_s": "--speed",
-    "seed": "--seed",
-    "noise": "--noise",
-    "lab": "--lab",
-}
-"""Option that sets a field of the contract, for messages."""
 
 
 @dataclass(frozen=True)
@@ -158,11 +134,11 @@ def simulate(
     with result_folder(target, force=force) as folder:
         result = simulate_here(input_, folder)
     if as_json:
-        out.print_json(json.dumps(result.model_dump(mode="json")))
+        show_json(result)
         return
     summary = SimulateRecordingSummary.model_validate(result.summary)
     out.print(f"{summary.n_steps} steps at {summary.speed_m_s:.2f} m/s")
-    _show_files(result, target)
+    show_files(result, target)
 
 
 def simulate_here(input_: SimulateRecordingInput, folder: Path) -> JobResult:
@@ -176,52 +152,18 @@ def simulate_here(input_: SimulateRecordingInput, folder: Path) -> JobResult:
     return write_result(folder, "simulate-recording", input_, outcome)
 
 
-def write_result(
-    folder: Path, kind: str, input_: Contract, outcome: Outcome, *, versions: Mapping[str, str] | None = None
-) -> JobResult:
-    """Write ``result.json`` and ``references.bib`` beside the artifacts; ``versions`` are those of this machine."""
-    result = JobResult(
-        kind=kind,
-        input=input_.model_dump(mode="json"),
-        versions=dict(versions or local_versions()),
-        references=list(outcome.references),
-        summary=outcome.summary,
-        artifacts=[
-            Artifact(name=a.name, media_type=a.media_type, bytes=(folder / a.name).stat().st_size)
-            for a in outcome.artifacts
-        ],
-    )
-    (folder / RESULT_FILE).write_text(result.model_dump_json(indent=2) + "\n", encoding="utf-8")
-    (folder / REFERENCES_FILE).write_text(bibliography(outcome.references), encoding="utf-8")
-    return result
-
-
 def show_estimate(result: JobResult, target: Path, *, as_json: bool) -> None:
     """The summary as a table, or as JSON."""
     if as_json:
-        out.print_json(json.dumps(result.model_dump(mode="json")))
+        show_json(result)
         return
     summary = EstimateComSummary.model_validate(result.summary)
     table = Table(show_header=False, box=None, pad_edge=False)
     for name, value in _rows(summary):
         table.add_row(f"[bold]{name}[/]", escape(value))
     out.print(table)
-    for remark in summary.warnings:
-        out.print(f"[yellow]note[/] {escape(remark.message)} [dim]({escape(remark.code)})[/]")
-    _show_files(result, target)
-
-
-def validated(model: type[T], fields: Mapping[str, Any]) -> T:
-    """A model of the contract. Raises ``InvalidInput`` naming the options behind the fields that make no sense."""
-    try:
-        return model.model_validate(fields)
-    except ValidationError as error:
-        faults = [
-            Fault(OPTIONS.get(str(item["loc"][0]), str(item["loc"][0])), item["msg"])
-            for item in error.errors(include_url=False)
-            if item["loc"]
-        ]
-        raise InvalidInput("option-invalid", "An option has a value that makes no sense.", faults) from error
+    show_remarks(summary.warnings)
+    show_files(result, target)
 
 
 def _rows(summary: EstimateComSummary) -> list[tuple[str, str]]:
@@ -245,11 +187,6 @@ def _rows(summary: EstimateComSummary) -> list[tuple[str, str]]:
 
 def _xyz(values: Sequence[float], unit: str) -> str:
     return " / ".join(f"{value:.1f}" for value in values) + f" {unit} (x / y / z)"
-
-
-def _show_files(result: JobResult, target: Path) -> None:
-    names = ", ".join(artifact.name for artifact in result.artifacts)
-    out.print(f"[green]written[/] {escape(str(target))}: {escape(names)}, {RESULT_FILE}, {REFERENCES_FILE}")
 
 
 def _require_file(path: Path) -> None:

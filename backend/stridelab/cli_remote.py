@@ -1,10 +1,12 @@
-"""``stridelab estimate --server``: upload, run there, bring the files home."""
+"""Commands with ``--server``: send what the job needs, run it there, bring the files home."""
 
 import uuid
+from collections.abc import Callable
 from pathlib import Path
 
 from stridelab.cli_console import Bar, progress_bar
-from stridelab.cli_estimate import EstimateRequest, write_result
+from stridelab.cli_estimate import EstimateRequest
+from stridelab.cli_result import write_result
 from stridelab.client import Client, ClientError, ProblemError, Unreachable
 from stridelab.errors import (
     Busy,
@@ -19,7 +21,7 @@ from stridelab.errors import (
     Unavailable,
     UnreadableFile,
 )
-from stridelab.schemas.base import Problem
+from stridelab.schemas.base import Contract, Problem
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.recordings import RecordingPatch
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Outcome
@@ -27,7 +29,8 @@ from stridelab.service.jobs.kinds.kind import ArtifactFile, Outcome
 AFTER_UPLOAD, AFTER_JOB = 0.3, 0.9
 """Fractions of the bar at the end of the upload and of the job; the rest is the download."""
 
-_CLASS_OF_STATUS: dict[int, type[StridelabError]] = {
+ErrorClass = type[StridelabError]
+_CLASS_OF_STATUS: dict[int, ErrorClass] = {
     400: InvalidInput,
     401: Forbidden,
     403: Forbidden,
@@ -39,19 +42,24 @@ _CLASS_OF_STATUS: dict[int, type[StridelabError]] = {
 }
 
 
-def estimate_remotely(request: EstimateRequest, folder: Path, server: str, token: str | None) -> JobResult:
-    """Upload the recording, run ``estimate-com`` on ``server``, and download its files into ``folder``.
+Prepare = Callable[[Client, Bar], Contract]
+"""Brings to the service what the job needs and returns the job's input."""
 
-    Raises the error that the same request would have raised here; ``Unavailable`` where nobody answers.
+
+def run_remotely(
+    kind: str, title: str, prepare: Prepare, folder: Path, server: str, token: str | None, *, unprepared: ErrorClass
+) -> JobResult:
+    """Run a job of ``kind`` on ``server`` and download its files into ``folder``.
+
+    Raises the error that the same request would have raised here; ``unprepared`` is the class of what the service
+    refuses to take in ``prepare``; ``Unavailable`` where nobody answers.
     """
-    request.input("checked before anything is sent")
-    stage: type[StridelabError] = UnreadableFile
+    refused = unprepared
     try:
-        with Client(server, token) as client, progress_bar(request.file.name) as bar:
-            recording_id = _upload(client, request, bar)
-            stage = InvalidInput
-            job_input = request.input(recording_id)
-            job = client.submit("estimate-com", job_input, idempotency_key=uuid.uuid4().hex)
+        with Client(server, token) as client, progress_bar(title) as bar:
+            job_input = prepare(client, bar)
+            refused = InvalidInput
+            job = client.submit(kind, job_input, idempotency_key=uuid.uuid4().hex)
             finished = _follow(client, job.id, bar)
             if finished.state != "succeeded":
                 raise _failure(finished)
@@ -61,7 +69,7 @@ def estimate_remotely(request: EstimateRequest, folder: Path, server: str, token
                 client.download_artifact(job.id, artifact.name, folder / _plain_name(artifact.name))
             bar(1.0, "done")
     except ProblemError as error:
-        raise _as_error(error.problem, stage, error.retry_after_s) from error
+        raise _as_error(error.problem, refused, error.retry_after_s) from error
     except Unreachable as error:
         raise Unavailable("service-unreachable", f"No service answers at {server}: {error}.") from error
     except ClientError as error:
@@ -69,6 +77,20 @@ def estimate_remotely(request: EstimateRequest, folder: Path, server: str, token
     artifacts = tuple(ArtifactFile(a.name, a.media_type) for a in result.artifacts)
     outcome = Outcome(result.summary, tuple(result.references), artifacts)
     return write_result(folder, result.kind, job_input, outcome, versions=result.versions)
+
+
+def estimate_remotely(request: EstimateRequest, folder: Path, server: str, token: str | None) -> JobResult:
+    """Upload the recording, run ``estimate-com`` on ``server``, and download its files into ``folder``."""
+    request.input("checked before anything is sent")
+    return run_remotely(
+        "estimate-com",
+        request.file.name,
+        lambda client, bar: request.input(_upload(client, request, bar)),
+        folder,
+        server,
+        token,
+        unprepared=UnreadableFile,
+    )
 
 
 def _upload(client: Client, request: EstimateRequest, bar: Bar) -> str:

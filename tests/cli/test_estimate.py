@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from stridelab import cli_demo
-from stridelab.cli_estimate import EstimateRequest, estimate, simulate, write_result
+from stridelab.cli_estimate import EstimateRequest, estimate, simulate
+from stridelab.cli_result import write_result
 from stridelab.schemas.jobs import EstimateComSummary, JobResult
 from stridelab.service.jobs.kinds import estimate_com
 from support.quiet import SAMPLE, estimate_task, quiet
@@ -70,15 +70,6 @@ def test_simulate_then_estimate(tmp_path: Path, capsys: pytest.CaptureFixture[st
     }
     assert json.loads((tmp_path / "walk" / "result.json").read_text())["input"]["noise"]["marker_m"] == 0.002
     assert "steps at" in capsys.readouterr().out
-
-
-def test_the_demo_shows_the_error_against_the_truth(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    cli_demo.demo(out_dir=tmp_path / "demo", force=False)
-    shown = capsys.readouterr().out
-    assert {p.name for p in (tmp_path / "demo").iterdir()} == FILES | {"truth.parquet", "truth.csv"}
-    assert "RMS error, mm" in shown
-    assert "markers only" in shown
-    assert str(tmp_path / "demo") in shown.replace("\n", "")
 
 
 def test_a_result_without_references_is_written_too(tmp_path: Path) -> None:

@@ -77,6 +77,19 @@ def hang(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
     ctypes.PyDLL(None).sleep(600)
 
 
+def hang_in_a_stage(_task: dict[str, Any], _folder: Path, progress: Any) -> None:
+    """Two stages; the second says one thing, right after the first, and hangs."""
+    progress(0.1, "check: looking at it")
+    progress(0.2, "check: still looking")
+    progress(0.3, "centroidal: solving")
+    ctypes.PyDLL(None).sleep(600)
+
+
+def stumble_in_a_stage(_task: dict[str, Any], _folder: Path, progress: Any) -> None:
+    progress(0.3, "centroidal: solving")
+    raise ValueError("something unforeseen")
+
+
 def spin(_task: dict[str, Any], _folder: Path, progress: Any) -> None:
     progress(0.1, f"pid {os.getpid()}")
     while True:

@@ -128,6 +128,25 @@ def test_what_goes_wrong_costs_only_its_own_job(in_shop: Open, kind: str, state:
     in_shop(act)
 
 
+@pytest.mark.parametrize(
+    ("kind", "state", "code"),
+    [
+        ("hang-in-a-stage", "timed_out", "computation-timed-out"),
+        ("stumble-in-a-stage", "failed", "computation-failed"),
+    ],
+)
+def test_a_computation_that_cannot_say_where_it_was_is_located(in_shop: Open, kind: str, state: str, code: str) -> None:
+    async def act(shop: Shop) -> None:
+        record = await shop.do(kind)
+        assert record.state == state
+        assert record.error is not None
+        assert record.error["code"] == code
+        assert record.error["errors"] == [{"where": "stage: centroidal", "message": "last heard: centroidal: solving"}]
+        assert record.error["detail"].endswith("The last that it told: centroidal: solving.")
+
+    in_shop(act)
+
+
 def test_log_tail_shows_where_it_happened(in_shop: Open) -> None:
     async def act(shop: Shop) -> None:
         crashed = await shop.do("segfault")

@@ -31,14 +31,14 @@ def test_a_stage_that_overshoots_stays_in_its_part() -> None:
     assert told.fractions == pytest.approx([0.0, 0.5, 0.5])
 
 
-def test_an_error_keeps_its_class_and_code_and_names_the_stage_first() -> None:
+def test_an_error_keeps_its_class_and_code_and_names_the_stage() -> None:
     stages = Stages(Told(), {"centroidal": 1.0})
     with pytest.raises(NotEstimable) as failure, stages.at("centroidal", "solving"):
         raise NotEstimable("plan-not-converged", "It did not converge.", [Fault("solver", "ipopt")])
     error = failure.value
     assert type(error) is NotEstimable
     assert (error.code, error.message) == ("plan-not-converged", "It did not converge.")
-    assert [fault.where for fault in error.faults] == ["stage: centroidal", "solver"]
+    assert [fault.where for fault in error.faults] == ["solver", "stage: centroidal"]
     assert stages.times_s == {}, "a stage that failed has no time"
 
 

@@ -57,7 +57,7 @@ def centre_of_pressure_m(placement: Placement, points_m: Points, forces_n: Point
     normal_n = forces_n @ placement.rotation[:, 2]
     total_n = normal_n.sum()
     weights = normal_n / total_n if total_n > _NOTHING_N else np.full(len(points_m), 1.0 / len(points_m))
-    return placement.act((weights @ points_m)[None])[0]
+    return np.asarray(placement.act((weights @ points_m)[None])[0])
 
 
 def write_display(

@@ -14,11 +14,10 @@ import pinocchio as pin
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
 from stridelab.centroidal.solve import solve
-from stridelab.contacts.scenario_json import sequence_of
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.shapes import effector_shapes
-from stridelab.contacts.validation import check
-from stridelab.errors import Fault, NotEstimable
+from stridelab.contacts.validation import judge
+from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.reachability.mixture import Mixture
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
@@ -59,7 +58,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     """Plan the motion of ``task.scenario`` into ``folder``; the summary is a ``PlanMotionSummary``.
 
     Raises ``NotEstimable`` for what this version has not (``...-unavailable``), before any work. After that every
-    error names its stage in its first fault: ``InvalidInput`` (``scenario-invalid``), ``NotFound``
+    error names its stage in its last fault: ``InvalidInput`` (``scenario-invalid``), ``NotFound``
     (``robot-not-found``), ``NotEstimable`` (``plan-not-converged``, ``whole-body-failed``) and what else the stages
     raise.
     """
@@ -103,13 +102,13 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
 
 
 def _shares(request: PlanMotionInput) -> dict[str, float]:
-    """Stages of this request, with their shares of the bar: about the seconds that each takes."""
-    shares = {CHECK: 1.0, REACHABILITY: 0.2, CENTROIDAL: 3.0}
+    """Stages of this request, with their shares of the bar: about their seconds for half a minute of motion."""
+    shares = {CHECK: 0.3, REACHABILITY: 0.1, CENTROIDAL: 2.0}
     if request.whole_body:
-        shares |= {WHOLE_BODY: 15.0, CERTIFICATE: 2.0}
+        shares |= {WHOLE_BODY: 4.0, CERTIFICATE: 2.0}
     if request.replay:
         shares |= {REPLAY: 5.0}
-    return shares | {EXPORT: 4.0 if request.whole_body else 0.5}
+    return shares | {EXPORT: 4.0 if request.whole_body else 0.3}
 
 
 def _clock(tell: ProgressCallback, duration_s: float) -> ProgressCallback:
@@ -122,11 +121,13 @@ def _clock(tell: ProgressCallback, duration_s: float) -> ProgressCallback:
 
 
 def _checked(scenario: Scenario) -> tuple[ContactSequence, tuple[Remark, ...]]:
-    body = scenario.model_dump(mode="json")
-    shapes = effector_shapes(scenario.robot)
-    sequence = sequence_of(body, shapes)
-    noted = check(body, shapes).remarks
-    return sequence, tuple(Remark(code=r.code, message=r.message) for r in noted)
+    report, sequence = judge(scenario.model_dump(mode="json"), effector_shapes(scenario.robot))
+    if sequence is None:
+        first = report.faults[0]
+        more = f" and {len(report.faults) - 1} more" if len(report.faults) > 1 else ""
+        message = f"The robot cannot do this: {first.where}: {first.message}{more}."
+        raise InvalidInput("scenario-invalid", message, report.faults)
+    return sequence, tuple(Remark(code=r.code, message=r.message) for r in report.remarks)
 
 
 def _planned(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Mixture]) -> CentroidalPlan:

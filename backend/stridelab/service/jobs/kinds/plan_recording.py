@@ -3,6 +3,9 @@
 A server that nobody connects to takes the scene; what it would have told a page is recorded.
 """
 
+import contextlib
+import io
+
 import numpy as np
 import viser
 from jaxtyping import Float
@@ -19,7 +22,8 @@ def record(
     terrain: Terrain, links: tuple[LinkMesh, ...], poses: Float[np.ndarray, "f links 7"], rate_hz: float
 ) -> bytes:
     """The bytes of a ``.viser`` file that shows frames ``poses`` (``px py pz qw qx qy qz`` per link) at ``rate_hz``."""
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    with contextlib.redirect_stdout(io.StringIO()):  # viser announces itself whatever it is told
+        server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
         _add_surroundings(server, terrain, centre=poses[:, :, :3].mean(axis=(0, 1)))
         nodes = [server.scene.add_glb(f"/robot/{link.name}", glb([link]), cast_shadow=False) for link in links]
@@ -30,7 +34,8 @@ def record(
             serializer.insert_sleep(1.0 / rate_hz)
         return bytes(serializer.serialize())
     finally:
-        server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):
+            server.stop()
 
 
 def _add_surroundings(server: viser.ViserServer, terrain: Terrain, centre: Float[np.ndarray, "3"]) -> None:

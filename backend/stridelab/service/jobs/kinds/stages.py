@@ -28,7 +28,7 @@ class Stages:
     def at(self, name: str, doing: str) -> Iterator[ProgressCallback]:
         """Do one stage; it is given a callback for its own fraction from 0 to 1.
 
-        An error of this project leaves it with ``stage: <name>`` in front of its faults.
+        An error of this project leaves it with ``stage: <name>`` behind its own faults.
         """
         first, share = self._parts[name]
 
@@ -41,5 +41,5 @@ class Stages:
             yield tell
         except StridelabError as error:
             fault = Fault(f"stage: {name}", f"stopped after {time.perf_counter() - started:.1f} s")
-            raise type(error)(error.code, error.message, (fault, *error.faults)) from error
+            raise type(error)(error.code, error.message, (*error.faults, fault)) from error
         self.times_s[name] = round(time.perf_counter() - started, 3)

@@ -1,0 +1,133 @@
+"""``stridelab plan``: the same run as in the service, into a folder, or on a service."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.markup import escape
+
+from stridelab.cli_console import out, progress_bar
+from stridelab.cli_output import refuse_to_overwrite, result_folder
+from stridelab.cli_playback import PAGE_FILE, write_page
+from stridelab.cli_result import show_files, show_json, show_remarks, write_result
+from stridelab.cli_scenario import read_scenario
+from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.plans import CertificateCheck, PlanMotionInput, PlanMotionSummary, ReplaySummary
+from stridelab.schemas.scenarios import Scenario
+from stridelab.service.jobs.kinds.tasks import PlanMotionTask
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """Options of ``stridelab plan`` as typed; ``replay`` None means with the whole body."""
+
+    scenario: str
+    whole_body: bool = True
+    replay: bool | None = None
+
+    def __post_init__(self) -> None:
+        if self.replay and not self.whole_body:
+            fault = Fault("--replay", "contradicts --no-whole-body")
+            raise InvalidInput("option-invalid", "Only a motion of the whole body can be replayed.", [fault])
+
+    @property
+    def title(self) -> str:
+        """The scenario without folder and suffix."""
+        return Path(self.scenario).stem
+
+    def of(self, scenario: Scenario | None) -> PlanMotionInput:
+        """Input of the job, for a scenario or, without one, for that of this id."""
+        source = {"scenario_id": self.scenario} if scenario is None else {"scenario": scenario}
+        replay = self.whole_body if self.replay is None else self.replay
+        return PlanMotionInput(**source, whole_body=self.whole_body, replay=replay)
+
+
+def plan(
+    request: PlanRequest, *, out_dir: Path | None, force: bool, as_json: bool, server: str | None, token: str | None
+) -> None:
+    """Plan one motion here or on a server, write the result folder and show the summary."""
+    target = out_dir or Path(f"{request.title}-plan")
+    refuse_to_overwrite(target, force=force)
+    with result_folder(target, force=force) as folder:
+        result = plan_here(request, folder) if server is None else plan_there(request, folder, server, token)
+        page = write_page(folder)
+    show_plan(result, target, as_json=as_json, with_page=page is not None)
+
+
+def plan_here(request: PlanRequest, folder: Path) -> JobResult:
+    """Run the job's own function in this process; ``folder`` then holds exactly what the service would publish."""
+    scenario = read_scenario(request.scenario)
+    task = PlanMotionTask(scenario=scenario, input=request.of(scenario))
+    with progress_bar(request.title) as bar:
+        bar(0.0, "starting")
+        from stridelab.service.jobs.kinds import plan_motion
+
+        outcome = plan_motion.run(task, folder, bar)
+    return write_result(folder, "plan-motion", task.input, outcome)
+
+
+def plan_there(request: PlanRequest, folder: Path, server: str, token: str | None) -> JobResult:
+    """Run ``plan-motion`` on ``server``; what is neither a file nor bundled is taken for the id of a scenario there."""
+    from stridelab.cli_remote import run_remotely
+
+    try:
+        asked = request.of(read_scenario(request.scenario))
+    except NotFound:
+        asked = request.of(None)
+
+    return run_remotely(
+        "plan-motion", request.title, lambda _client, _bar: asked, folder, server, token, unprepared=InvalidInput
+    )
+
+
+def show_plan(result: JobResult, target: Path, *, as_json: bool, with_page: bool) -> None:
+    """The summary with the certificate and the replay, or JSON."""
+    if as_json:
+        show_json(result)
+        return
+    summary = PlanMotionSummary.model_validate(result.summary)
+    out.print(f"{escape(summary.scenario_name)}: {summary.duration_s:.1f} s in {summary.n_phases} phases")
+    out.print(
+        f"[bold]plan[/] converged in {summary.iterations} iterations and {summary.solve_time_s:.2f} s "
+        f"({escape(summary.solver)}), objective {summary.objective:.4g}"
+    )
+    if summary.certificate is not None:
+        width = max(len(check.name) for check in summary.certificate.checks)
+        for check in summary.certificate.checks:
+            out.print(_line(check, width))
+        out.print("[green]certificate passed[/]" if summary.certificate.passed else "[red]certificate not passed[/]")
+    if summary.replay is not None:
+        out.print(f"[bold]replay[/] {_replay(summary.replay)}")
+    times = ", ".join(f"{escape(stage)} {seconds:.1f} s" for stage, seconds in summary.stage_times_s.items())
+    out.print(f"[bold]took[/] {times}")
+    show_remarks(summary.warnings)
+    show_files(result, target, *([PAGE_FILE] if with_page else []))
+    if with_page:
+        out.print(f"To see the motion, open {escape(str(target / PAGE_FILE))} in a browser.")
+
+
+def _line(check: CertificateCheck, width: int) -> str:
+    """One check: verdict, name, worst value against its limit, and where that was."""
+    verdict = "[green]passed[/]" if check.passed else "[bold red]failed[/]"
+    unit = "" if check.unit == "1" else f" {check.unit}"
+    value = f"{check.value:.4g} {'≥' if check.at_least else '≤'} {check.limit:.4g}{unit}"
+    places = [
+        f"phase {check.phase}" if check.phase is not None else "",
+        check.effector or "",
+        f"{check.time_s:.2f} s" if check.time_s is not None else "",
+    ]
+    where = ", ".join(place for place in places if place)
+    return f"{verdict} {escape(check.name):<{width}} {escape(value):<27} {escape(where)}".rstrip()
+
+
+def _replay(replay: ReplaySummary) -> str:
+    how = "completed" if replay.completed else "[bold red]fell[/]"
+    if replay.fall_time_s is not None:
+        how += f" at {replay.fall_time_s:.1f} s"
+    text = (
+        f"{how}: CoM error {1e3 * replay.com_error_rms_m:.1f} mm RMS, {1e3 * replay.com_error_max_m:.1f} mm at most; "
+        f"feet slip {1e3 * replay.foot_slip_max_m:.1f} mm; torques up to {replay.torque_ratio_max:.0%} of their limits"
+    )
+    if replay.hand_force_mean_n is not None:
+        text += f"; hand force {replay.hand_force_mean_n:.0f} N on average"
+    return text

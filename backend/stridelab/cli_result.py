@@ -1,0 +1,86 @@
+"""What every command with a result does: options checked, the run's files listed, result and references written."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+from rich.markup import escape
+
+from stridelab.cli_console import out
+from stridelab.cli_output import REFERENCES_FILE, RESULT_FILE
+from stridelab.errors import Fault, InvalidInput
+from stridelab.schemas.base import Contract, Remark
+from stridelab.schemas.jobs import Artifact, JobResult
+from stridelab.service.jobs.kinds.kind import Outcome
+from stridelab.service.jobs.kinds.provenance import bibliography
+from stridelab.service.jobs.kinds.provenance import versions as local_versions
+
+T = TypeVar("T", bound=Contract)
+
+OPTIONS = {
+    "height_m": "--height",
+    "mass_kg": "--mass",
+    "sex": "--sex",
+    "age_years": "--age",
+    "latency": "--latency",
+    "cutoffs": "--cutoffs",
+    "window_s": "--window",
+    "duration_s": "--duration",
+    "speed_m_s": "--speed",
+    "seed": "--seed",
+    "noise": "--noise",
+    "lab": "--lab",
+}
+"""Option that sets a field of the contract, for messages."""
+
+
+def validated(model: type[T], fields: Mapping[str, Any]) -> T:
+    """A model of the contract. Raises ``InvalidInput`` naming the options behind the fields that make no sense."""
+    try:
+        return model.model_validate(fields)
+    except ValidationError as error:
+        faults = [
+            Fault(OPTIONS.get(str(item["loc"][0]), str(item["loc"][0])), item["msg"])
+            for item in error.errors(include_url=False)
+            if item["loc"]
+        ]
+        raise InvalidInput("option-invalid", "An option has a value that makes no sense.", faults) from error
+
+
+def write_result(
+    folder: Path, kind: str, input_: Contract, outcome: Outcome, *, versions: Mapping[str, str] | None = None
+) -> JobResult:
+    """Write ``result.json`` and ``references.bib`` beside the artifacts; ``versions`` are those of this machine."""
+    result = JobResult(
+        kind=kind,
+        input=input_.model_dump(mode="json"),
+        versions=dict(versions or local_versions()),
+        references=list(outcome.references),
+        summary=outcome.summary,
+        artifacts=[
+            Artifact(name=a.name, media_type=a.media_type, bytes=(folder / a.name).stat().st_size)
+            for a in outcome.artifacts
+        ],
+    )
+    (folder / RESULT_FILE).write_text(result.model_dump_json(indent=2) + "\n", encoding="utf-8")
+    (folder / REFERENCES_FILE).write_text(bibliography(outcome.references), encoding="utf-8")
+    return result
+
+
+def show_json(result: JobResult) -> None:
+    """The whole result on stdout."""
+    out.print_json(json.dumps(result.model_dump(mode="json")))
+
+
+def show_remarks(remarks: list[Remark]) -> None:
+    """One line per warning."""
+    for remark in remarks:
+        out.print(f"[yellow]note[/] {escape(remark.message)} [dim]({escape(remark.code)})[/]")
+
+
+def show_files(result: JobResult, target: Path, *more: str) -> None:
+    """Where the result lies and what it holds."""
+    names = ", ".join([*(artifact.name for artifact in result.artifacts), *more, RESULT_FILE, REFERENCES_FILE])
+    out.print(f"[green]written[/] {escape(str(target))}: {escape(names)}")

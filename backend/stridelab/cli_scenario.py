@@ -1,0 +1,92 @@
+"""From what was typed to a scenario: a file, or the name of a bundled one."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from pydantic import ValidationError
+
+from stridelab.errors import Fault, InvalidInput, NotFound, TooLarge, UnreadableFile
+from stridelab.resources import models_dir
+from stridelab.schemas.scenarios import Scenario
+
+LARGEST_BYTES: Final = 1_000_000
+"""Largest scenario file; the service takes no larger one either."""
+
+_KIND_TAGS: Final = ("box", "rail")
+
+
+def bundled_names() -> tuple[str, ...]:
+    """Names of the scenarios that come with the program."""
+    return tuple(sorted(path.stem for path in (models_dir() / "scenarios").glob("*.json")))
+
+
+def is_bundled(typed: str) -> bool:
+    """Whether ``typed`` names a bundled scenario rather than a file."""
+    return typed in bundled_names() and not Path(typed).is_file()
+
+
+def read_scenario(typed: str) -> Scenario:
+    """The scenario of a file, or the bundled one of that name.
+
+    Raises ``NotFound`` (``scenario-not-found``) where there is neither, ``UnreadableFile`` (``file-not-readable``,
+    ``not-json``), ``TooLarge`` (``file-too-large``), and ``InvalidInput`` (``scenario-invalid``) naming every field
+    that is wrong.
+    """
+    path = models_dir() / "scenarios" / f"{typed}.json" if is_bundled(typed) else Path(typed)
+    if not path.exists():
+        known = ", ".join(bundled_names())
+        raise NotFound(
+            "scenario-not-found", f"There is no file {typed} and no bundled scenario {typed}; there are {known}."
+        )
+    return _validated(typed, _document(path))
+
+
+def _document(path: Path) -> Any:
+    try:
+        if path.stat().st_size > LARGEST_BYTES:
+            raise TooLarge("file-too-large", f"{path} is larger than {LARGEST_BYTES} bytes, too large for a scenario.")
+        return json.loads(path.read_bytes().decode("utf-8"))
+    except OSError as error:
+        reason = error.strerror or "it cannot be opened"
+        raise UnreadableFile("file-not-readable", f"Cannot read {path}: {reason}.") from error
+    except UnicodeDecodeError as error:
+        raise UnreadableFile("not-json", f"{path} is not JSON: it is not UTF-8 text.") from error
+    except json.JSONDecodeError as error:
+        where = f"line {error.lineno}, column {error.colno}"
+        raise UnreadableFile("not-json", f"{path} is not JSON: {error.msg} in {where}.") from error
+    except (RecursionError, ValueError) as error:
+        raise UnreadableFile(
+            "not-json", f"{path} is not JSON that can be read: nested too deep, or a number too long."
+        ) from error
+
+
+def _validated(typed: str, document: Any) -> Scenario:
+    try:
+        return Scenario.model_validate(document)
+    except ValidationError as error:
+        faults = [Fault(place(item["loc"], document), item["msg"]) for item in error.errors(include_url=False)]
+        more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
+        message = f"{typed} is not a scenario: {faults[0].where}: {faults[0].message}{more}."
+        raise InvalidInput("scenario-invalid", message, faults) from error
+
+
+def place(path: Sequence[int | str], document: Any) -> str:
+    """A field as people write it: ``phases[3].contacts[right_foot].position_m[0]``."""
+    text, value = "", document
+    for part in path:
+        if part in _KIND_TAGS:
+            continue  # which of the two kinds of surface was tried is no part of the document
+        value = _inside(value, part)
+        named = isinstance(value, dict) and isinstance(value.get("effector"), str)
+        key = value["effector"] if named else part
+        text += f"[{key}]" if isinstance(part, int) else f".{part}"
+    return text.lstrip(".") or "the file"
+
+
+def _inside(value: Any, part: int | str) -> Any:
+    try:
+        return value[part]
+    except (KeyError, IndexError, TypeError):
+        return None
