@@ -8,7 +8,7 @@ from starlette.staticfiles import StaticFiles
 from stridelab.client import ProblemError, Unreachable
 from stridelab_web import assets, scenes
 from stridelab_web.config import WebConfig
-from stridelab_web.pages import errors, job, login, overview, plan, recording, robot, scenario, view
+from stridelab_web.pages import errors, job, login, overview, plan, planner, recording, robot, scenario, view
 from stridelab_web.pages.render import make_environment
 from stridelab_web.service import make_client
 
@@ -31,7 +31,7 @@ def create_web(config: WebConfig) -> Starlette:
 
 def routes() -> list[BaseRoute]:
     """All addresses of the web app."""
-    scene = "/view/scene/{recording}/{job}"
+    scene = "/view/scene/{kind}/{id}/{job}"
     return [
         Route("/", overview.home),
         Route("/recordings", overview.recordings),
@@ -49,6 +49,7 @@ def routes() -> list[BaseRoute]:
         Route(f"{scene}/open", scenes.open_scene, methods=["POST"]),
         Route(f"{scene}/frames.json", view.layout),
         Route(f"{scene}/frames.f32", view.values),
+        Route("/view/scene/scenario/{id}/-/touches.json", planner.footholds),
         WebSocketRoute(scene, scenes.pump),
         Route("/login", login.login),
         Route("/static/plotly.min.js", assets.plotly_script),

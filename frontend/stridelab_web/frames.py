@@ -1,4 +1,4 @@
-"""A recording as frames of numbers: what moves in the viewer, in the order in which the browser reads it.
+"""What moves in the viewer, as frames of numbers in the order in which the browser reads them.
 
 The viewer process builds the nodes from the same ``Frames`` from which the web app serves the numbers, so that names
 and columns cannot disagree. Positions are in the world frame, metres; forces in newtons.
@@ -9,29 +9,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from stridelab.schemas.recordings import Recording
-from stridelab_web.tables import Columns, triple
-
 ARROW_M_PER_N: Final = 1 / 1000
 """Length of a force arrow: a body weight of 700 N is 0.7 m long."""
 HEAD_M: Final = 0.08
 """Length of an arrow's head; the shaft ends where it begins."""
-ARROW_THRESHOLD_N: Final = 20.0
-
-BONES: Final = (
-    ("asis", "knee_lateral"), ("asis", "psis"), ("trochanter", "knee_lateral"), ("knee_lateral", "ankle_lateral"),
-    ("knee_medial", "ankle_medial"), ("knee_lateral", "knee_medial"), ("ankle_lateral", "ankle_medial"),
-    ("ankle_lateral", "heel"), ("heel", "mt1"), ("heel", "mt5"), ("mt1", "mt5"), ("ankle_lateral", "mt5"),
-    ("ankle_lateral", "mt2"), ("acromion", "elbow_lateral"), ("elbow_lateral", "wrist_radial"),
-    ("elbow_lateral", "wrist_ulnar"), ("wrist_ulnar", "mc5"), ("wrist_radial", "mc2"), ("head_front", "head_back"),
-)  # fmt: skip
-"""Pairs of landmarks of one side that a line joins."""
-SPINE: Final = (
-    ("l_asis", "r_asis"), ("l_psis", "r_psis"), ("l_psis", "sacrum"), ("r_psis", "sacrum"), ("l_asis", "sacrum"),
-    ("r_asis", "sacrum"), ("sacrum", "c7"), ("c7", "l_acromion"), ("c7", "r_acromion"), ("c7", "jugular_notch"),
-    ("jugular_notch", "xiphoid"), ("l_head_front", "r_head_front"), ("l_head_back", "r_head_back"), ("c7", "head_top"),
-)  # fmt: skip
-"""Pairs of landmarks across the body that a line joins."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +22,14 @@ class Point:
     name: str
     at: int
     label: str
+
+
+@dataclass(frozen=True)
+class Body:
+    """A node with a pose: position, then quaternion wxyz, seven numbers from ``at`` on."""
+
+    name: str
+    at: int
 
 
 @dataclass(frozen=True)
@@ -63,17 +52,46 @@ class Arrow:
 
 
 @dataclass(frozen=True)
+class Span:
+    """A node that is there from ``start_s`` until ``end_s`` only."""
+
+    name: str
+    start_s: float
+    end_s: float
+
+
+@dataclass(frozen=True)
+class Track:
+    """The path of the point whose position is the three numbers from ``at`` on, drawn as the node ``name``."""
+
+    name: str
+    at: int
+
+
+@dataclass(frozen=True)
 class Frames:
-    """``values`` has shape ``(frames, width)``, float32, NaN where something is not there."""
+    """``values`` has shape ``(frames, width)``, float32, NaN where something is not there.
+
+    ``com_sd_m`` ``(frames, 3)`` belongs to the first of ``tracks``; ``still`` names nodes that are only shown or
+    hidden; ``phase_starts_s`` are the instants at which the set of contacts changes.
+    """
 
     time_s: np.ndarray
     values: np.ndarray
-    points: tuple[Point, ...]
-    sticks: tuple[Stick, ...]
-    arrows: tuple[Arrow, ...]
-    com_sd_m: np.ndarray | None
-    com_at: int | None
-    geometry_at: int | None
+    points: tuple[Point, ...] = ()
+    bodies: tuple[Body, ...] = ()
+    sticks: tuple[Stick, ...] = ()
+    arrows: tuple[Arrow, ...] = ()
+    spans: tuple[Span, ...] = ()
+    tracks: tuple[Track, ...] = ()
+    still: tuple[str, ...] = ()
+    phase_starts_s: tuple[float, ...] = ()
+    com_sd_m: np.ndarray | None = None
+
+    def track(self, name: str) -> np.ndarray | None:
+        """Positions ``(frames, 3)`` of the track ``name``, if there is one."""
+        at = next((track.at for track in self.tracks if track.name == name), None)
+        return None if at is None else self.values[:, at : at + 3]
 
     def layout(self) -> dict[str, Any]:
         """What the browser must know to read ``values``."""
@@ -82,85 +100,41 @@ class Frames:
             "width": int(self.values.shape[1]),
             "time_s": [round(float(t), 6) for t in self.time_s],
             "points": [[p.name, p.at, p.label] for p in self.points],
+            "bodies": [[b.name, b.at] for b in self.bodies],
             "sticks": [[s.name, s.start, s.end] for s in self.sticks],
             "arrows": [[a.shaft, a.head, a.at, a.label] for a in self.arrows],
+            "spans": [[s.name, s.start_s, s.end_s] for s in self.spans],
+            "still": [*(t.name for t in self.tracks), *self.still],
+            "phase_starts_s": list(self.phase_starts_s),
             "arrow_m_per_n": ARROW_M_PER_N,
             "head_m": HEAD_M,
         }
 
 
-def build_frames(recording: Recording, tracks: Columns, com: Columns | None) -> Frames:
-    """Frames of ``tracks.parquet`` and, where a job is shown, of its ``com.parquet``."""
-    time_s = tracks["time_s"]
-    blocks: list[np.ndarray] = []
-    points: list[Point] = []
+class Sheet:
+    """Columns of numbers, put beside one another."""
 
-    def add(block: np.ndarray) -> int:
-        blocks.append(block)
-        return 3 * (len(blocks) - 1)
+    def __init__(self) -> None:
+        self._blocks: list[np.ndarray] = []
+        self._width = 0
 
-    at_of: dict[str, int] = {}
-    for k, label in enumerate(recording.labels):
-        track = triple(tracks, f"{label}_", "_m")
-        if track is not None:
-            at_of[label] = add(track)
-            points.append(Point(f"/markers/{k}", at_of[label], label))
-    sticks = _sticks(recording, at_of)
+    def add(self, block: np.ndarray) -> int:
+        """Put ``block`` ``(frames, k)`` beside the others; the number of its first column."""
+        at = self._width
+        self._blocks.append(block)
+        self._width += block.shape[1]
+        return at
 
-    arrows: list[Arrow] = []
-    measured = [(plate.index, *_plate_force(tracks, plate.index)) for plate in recording.plates if plate.use]
-    present = [(index, cop, force) for index, cop, force in measured if cop is not None and force is not None]
-    if len(present) > 1:
-        present.append((0, *_total([(cop, force) for _, cop, force in present])))
-    for index, cop, force in present:
-        at = add(np.where(_loaded(force), cop, np.nan))
-        add(force)
-        name, label = (f"plate{index}", f"force on plate {index}") if index else ("total", "total force")
-        arrows.append(Arrow(f"/forces/{name}_shaft", f"/forces/{name}_head", at, label))
-
-    com_at = geometry_at = None
-    sd = None
-    if com is not None:
-        geometry, fused = triple(com, "geometry_", "_m"), triple(com, "", "_m")
-        if geometry is not None:
-            geometry_at = add(_resample(time_s, com["time_s"], geometry))
-            points.append(Point("/com/markers_only", geometry_at, "centre of mass, markers only"))
-        if fused is not None:
-            com_at = add(_resample(time_s, com["time_s"], fused))
-            points.append(Point("/com/fused", com_at, "centre of mass"))
-        found = triple(com, "sd_", "_m")
-        sd = None if found is None else _resample(time_s, com["time_s"], found)
-    values = np.concatenate(blocks, axis=1) if blocks else np.empty((len(time_s), 0))
-    return Frames(time_s, values.astype(np.float32), tuple(points), sticks, tuple(arrows), sd, com_at, geometry_at)
+    def values(self, n_frames: int) -> np.ndarray:
+        """All columns, float32."""
+        whole = np.concatenate(self._blocks, axis=1) if self._blocks else np.empty((n_frames, 0))
+        return whole.astype(np.float32)
 
 
-def _sticks(recording: Recording, at_of: dict[str, int]) -> tuple[Stick, ...]:
-    place = {landmark: at_of[label] for landmark, label in recording.landmarks.items() if label in at_of}
-    pairs = [*SPINE, *((f"{side}_{a}", f"{side}_{b}") for side in "lr" for a, b in BONES)]
-    found = [(place[a], place[b]) for a, b in pairs if a in place and b in place]
-    return tuple(Stick(f"/skeleton/{k}", a, b) for k, (a, b) in enumerate(found))
-
-
-def _plate_force(tracks: Columns, index: int) -> tuple[np.ndarray | None, np.ndarray | None]:
-    return triple(tracks, f"plate{index}_cop", "_m"), triple(tracks, f"plate{index}_f", "_n")
-
-
-def _loaded(force_n: np.ndarray) -> np.ndarray:
-    return np.asarray(np.linalg.norm(force_n, axis=1, keepdims=True) > ARROW_THRESHOLD_N)
-
-
-def _total(plates: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """Sum of the forces, drawn from the centre of pressure of all plates together."""
-    force = np.sum([np.nan_to_num(f) for _, f in plates], axis=0)
-    weight = [np.where(np.isfinite(cop[:, :1]), np.clip(np.nan_to_num(f[:, 2:]), 0, None), 0.0) for cop, f in plates]
-    shared = np.sum([w * np.nan_to_num(cop) for w, (cop, _) in zip(weight, plates, strict=True)], axis=0)
-    whole = np.sum(weight, axis=0)
-    return shared / np.where(whole > 0, whole, np.nan), force
-
-
-def _resample(time_s: np.ndarray, own_time_s: np.ndarray, track: np.ndarray) -> np.ndarray:
-    """``track`` at ``time_s``, NaN outside; an instant that both have is taken over unchanged."""
+def resample(time_s: np.ndarray, own_time_s: np.ndarray, track: np.ndarray) -> np.ndarray:
+    """``track`` ``(n, k)`` at ``time_s``, NaN outside; an instant that both have is taken over unchanged."""
     if len(own_time_s) == len(time_s) and np.allclose(own_time_s, time_s, atol=1e-6):
         return track
-    columns = [np.interp(time_s, own_time_s, track[:, k], left=np.nan, right=np.nan) for k in range(3)]
-    return np.column_stack(columns)
+    return np.column_stack(
+        [np.interp(time_s, own_time_s, column, left=np.nan, right=np.nan) for column in np.transpose(track)]
+    )

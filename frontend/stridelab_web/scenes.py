@@ -6,7 +6,7 @@ from urllib.parse import urlsplit
 
 import httpx
 import websockets
-from starlette.requests import Request
+from starlette.requests import HTTPConnection, Request
 from starlette.responses import JSONResponse, Response
 from starlette.websockets import WebSocket, WebSocketDisconnect
 from websockets.asyncio.client import ClientConnection
@@ -15,9 +15,9 @@ from websockets.exceptions import ConnectionClosed
 from stridelab_web import viser_client
 from stridelab_web.assets import compressed
 from stridelab_web.config import WebConfig
-from stridelab_web.pages.view import NO_JOB
+from stridelab_web.documents import Document, document_of
 
-OPENING_S = 60.0
+OPENING_S = 120.0
 SHARE_MESSAGE = b"ShareUrl"
 """Type name inside the messages that ask viser for a tunnel through a server outside."""
 
@@ -27,18 +27,21 @@ class ViewerUnavailable(Exception):
 
 
 async def page(request: Request) -> Response:
-    """``GET /view/scene/{recording}/{job}/``: viser's client."""
+    """``GET /view/scene/{kind}/{id}/{job}/``: viser's client."""
     headers = {"Content-Security-Policy": viser_client.content_policy(), "Cache-Control": "no-cache"}
     return compressed(request, viser_client.page_gzip(), "text/html; charset=utf-8", headers)
 
 
 async def open_scene(request: Request) -> Response:
-    """``POST /view/scene/{recording}/{job}/open``: build the scene, so that the frame finds it ready."""
+    """``POST /view/scene/{kind}/{id}/{job}/open``: bring the scene up to date, building it if need be.
+
+    ``said`` is why the last change from within the scene was refused, or empty.
+    """
     try:
-        await _address(request.app.state.config, request.path_params)
+        opened = await _open(request.app.state.config, _document(request))
     except ViewerUnavailable as error:
         return JSONResponse({"detail": str(error)}, status_code=503)
-    return JSONResponse({"ready": True})
+    return JSONResponse({"ready": True, "said": opened["said"]})
 
 
 async def pump(socket: WebSocket) -> None:
@@ -52,9 +55,9 @@ async def pump(socket: WebSocket) -> None:
         await socket.close(4403, "foreign-origin")
         return
     try:
-        address = await _address(socket.app.state.config, socket.path_params)
+        opened = await _open(socket.app.state.config, _document(socket))
         upstream = await websockets.connect(
-            address,
+            f"ws://127.0.0.1:{opened['port']}/{opened['secret']}",
             subprotocols=[websockets.Subprotocol(name) for name in socket.scope["subprotocols"]],
             max_size=None,
             compression=None,
@@ -92,18 +95,24 @@ async def _down(socket: WebSocket, upstream: ClientConnection) -> None:
     await socket.close(1001, "scene-closed")
 
 
-async def _address(config: WebConfig, place: dict[str, Any]) -> str:
-    """Websocket address of a scene; the viewer builds the scene where it is not open."""
+def _document(connection: HTTPConnection) -> Document:
+    try:
+        return document_of(connection.path_params)
+    except KeyError as error:
+        raise ViewerUnavailable("There is no such scene.") from error
+
+
+async def _open(config: WebConfig, document: Document) -> dict[str, Any]:
+    """Where the scene of ``document`` is (``port`` and ``secret``); the viewer builds it where it is not open."""
     if config.viewer_url is None:
         raise ViewerUnavailable("This service runs without a viewer.")
-    wanted = {"recording_id": place["recording"], "job_id": None if place["job"] == NO_JOB else place["job"]}
     headers = {"Authorization": f"Bearer {config.token}"} if config.token else {}
     try:
         async with httpx.AsyncClient(trust_env=False, timeout=OPENING_S) as viewer:
-            answer = await viewer.post(f"{config.viewer_url}/scenes", json=wanted, headers=headers)
-        said = answer.json()
+            answer = await viewer.post(f"{config.viewer_url}/scenes", json=document.wanted, headers=headers)
+        said: dict[str, Any] = answer.json()
     except (httpx.HTTPError, ValueError) as error:
         raise ViewerUnavailable("The viewer does not answer. It may be starting; try again.") from error
     if answer.is_error:
-        raise ViewerUnavailable(str(said.get("detail", "The viewer cannot show this recording.")))
-    return f"ws://127.0.0.1:{said['port']}/{said['secret']}"
+        raise ViewerUnavailable(str(said.get("detail", "The viewer cannot show this.")))
+    return said

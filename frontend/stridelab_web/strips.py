@@ -28,6 +28,25 @@ class Tick:
 
 
 @dataclass(frozen=True)
+class Row:
+    """Bars beside a label; ``text`` says the same in words, ``css`` is the class of the bars."""
+
+    label: str
+    bars: tuple[Bar, ...]
+    text: str
+    css: str
+
+
+@dataclass(frozen=True)
+class Layer:
+    """Nodes of a scene that can be hidden: all whose names begin with ``prefix``."""
+
+    prefix: str
+    label: str
+    shown: bool = True
+
+
+@dataclass(frozen=True)
 class PlateBars:
     """The loaded intervals of one plate, and the sentence that says the same."""
 

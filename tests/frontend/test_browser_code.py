@@ -72,6 +72,6 @@ def encode88(content: bytes) -> bytes:
 
 
 def test_frame_is_the_installed_page(browse: Callable[[str], httpx.Response]) -> None:
-    answer = browse("/view/scene/some/-/")
+    answer = browse("/view/scene/recording/some/-/")
     assert answer.content == viser_client.page() == gzip.decompress(viser_client.page_gzip())
     assert answer.headers["content-security-policy"] == viser_client.content_policy()

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import httpx
 import numpy as np
 
-from stridelab_web.frames import build_frames
+from stridelab_web.recording_frames import build_frames
 from stridelab_web.tables import read_columns
 from support.fake_service import DURATION_S, LABELS, RATE_HZ, WINDOW_S, FakeService, com_m, marker_m
 
@@ -55,8 +55,8 @@ def test_a_plate_that_is_not_used_has_no_arrow(fake: FakeService) -> None:
 
 def test_centre_of_mass_is_on_the_clock_of_the_markers(fake: FakeService) -> None:
     frames = build_frames(fake.add_recording(), read_columns(fake.tracks), read_columns(fake.com))
-    assert frames.com_at is not None
-    shown = frames.values[:, frames.com_at : frames.com_at + 3]
+    shown = frames.track("/paths/fused")
+    assert shown is not None
     inside = (WINDOW_S[0] <= T) & (WINDOW_S[1] - 0.5 / RATE_HZ > T)
     assert np.abs(shown[inside] - com_m(T[inside])).max() < 1e-6
     assert np.isnan(shown[~inside]).all()
@@ -65,8 +65,8 @@ def test_centre_of_mass_is_on_the_clock_of_the_markers(fake: FakeService) -> Non
 def test_browser_gets_the_same_numbers(fake: FakeService, browse: Callable[[str], httpx.Response]) -> None:
     recording = fake.add_recording()
     job = fake.add_job(state="succeeded", recording_id=recording.id)
-    layout = browse(f"/view/scene/{recording.id}/{job.id}/frames.json").json()
-    raw = browse(f"/view/scene/{recording.id}/{job.id}/frames.f32").content
+    layout = browse(f"/view/scene/recording/{recording.id}/{job.id}/frames.json").json()
+    raw = browse(f"/view/scene/recording/{recording.id}/{job.id}/frames.f32").content
     values = np.frombuffer(raw, "<f4").reshape(layout["n_frames"], layout["width"])
     frames = build_frames(recording, read_columns(fake.tracks), read_columns(fake.com))
     np.testing.assert_array_equal(values, frames.values)

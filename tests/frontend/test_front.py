@@ -40,7 +40,7 @@ def test_pages_and_frame_have_policies_of_their_own(door: Caller) -> None:
     page = door.get("/login").headers["content-security-policy"]
     assert "script-src 'self'" in page
     assert "unsafe" not in page
-    frame = door.get("/view/scene/some/-/").headers["content-security-policy"]
+    frame = door.get("/view/scene/recording/some/-/").headers["content-security-policy"]
     assert "'sha256-" in frame
     assert "'unsafe-eval'" not in frame
 

@@ -57,7 +57,7 @@ def test_recording_page_of_an_unknown_id_is_a_friendly_404(browse: Browse) -> No
 
 
 def test_unknown_address_is_a_friendly_404(browse: Browse) -> None:
-    page = browse("/plans/here")
+    page = browse("/nothing/here")
     assert page.status_code == 404
     assert "There is no page at this address." in page.text
 
@@ -127,11 +127,14 @@ def test_result_outlives_its_recording(fake: FakeService, browse: Browse) -> Non
 
 def test_viewer_page_takes_the_newest_estimate_unless_told(fake: FakeService, browse: Browse) -> None:
     recording = fake.add_recording()
-    assert f'data-scene="/view/scene/{recording.id}/-"' in browse(f"/view/?recording={recording.id}").text
+    assert f'data-scene="/view/scene/recording/{recording.id}/-"' in browse(f"/view/?recording={recording.id}").text
     older = fake.add_job(state="succeeded", recording_id=recording.id)
     newer = fake.add_job(state="succeeded", recording_id=recording.id)
-    assert f'data-scene="/view/scene/{recording.id}/{newer.id}"' in browse(f"/view/?recording={recording.id}").text
-    assert f'data-scene="/view/scene/{recording.id}/{older.id}"' in browse(f"/view/?job={older.id}").text
+    assert (
+        f'data-scene="/view/scene/recording/{recording.id}/{newer.id}"'
+        in browse(f"/view/?recording={recording.id}").text
+    )
+    assert f'data-scene="/view/scene/recording/{recording.id}/{older.id}"' in browse(f"/view/?job={older.id}").text
     assert f'data-start="{recording.windows_s[0][0]}"' in browse(f"/view/?recording={recording.id}").text
     assert browse("/view/").status_code == 404
 

@@ -11,12 +11,14 @@ from stridelab_web.scenes import SHARE_MESSAGE
 from support.fake_service import FakeService
 from support.web import make_client
 
+PATH = "/view/scene/recording/some/-"
+
 
 def talk(fake: FakeService, headers: dict[str, str], viewer_url: str | None = None) -> list[Message]:
     """What the web app says to a websocket that only says hello."""
     said: list[Message] = []
     scope: dict[str, Any] = {
-        "type": "websocket", "path": "/view/scene/some/-", "raw_path": b"/view/scene/some/-", "query_string": b"",
+        "type": "websocket", "path": PATH, "raw_path": PATH.encode(), "query_string": b"",
         "headers": [(k.lower().encode(), v.encode()) for k, v in headers.items()], "subprotocols": ["viser-v1.1.1"],
         "scheme": "ws", "server": ("127.0.0.1", 80), "client": ("127.0.0.1", 1), "root_path": "",
     }  # fmt: skip
@@ -41,7 +43,7 @@ def test_without_a_viewer_the_socket_closes_and_the_page_says_why(fake: FakeServ
     said = talk(fake, {"Host": "127.0.0.1", "Origin": "http://127.0.0.1"}, viewer_url)
     assert [(m["type"], m["code"]) for m in said] == [("websocket.close", 1013)]
     recording = fake.add_recording()
-    answer = make_client(fake, viewer_url=viewer_url).request("POST", f"/view/scene/{recording.id}/-/open")
+    answer = make_client(fake, viewer_url=viewer_url).request("POST", f"/view/scene/recording/{recording.id}/-/open")
     assert answer.status_code == 503
     assert "viewer" in answer.json()["detail"]
 

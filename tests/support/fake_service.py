@@ -7,9 +7,11 @@ a page or the viewer must show.
 import asyncio
 import io
 import uuid
+from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from typing import Any
 
+import httpx
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -18,9 +20,12 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
+from stridelab.client import Client
 from stridelab.schemas.base import Problem, Remark
 from stridelab.schemas.jobs import Artifact, Job, JobEvent, JobResult, Progress
 from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
+from stridelab.schemas.scenarios import Scenario, StoredScenario
+from support import fake_planner
 
 RATE_HZ, DURATION_S = 100.0, 3.0
 WINDOW_S = (0.6, 2.4)
@@ -102,6 +107,23 @@ SUMMARY = {
 }  # fmt: skip
 
 
+class Loop(httpx.BaseTransport):
+    """Asks an ASGI app from code that waits; one event loop per request."""
+
+    def __init__(self, app: Starlette) -> None:
+        self._inside = httpx.ASGITransport(app)
+
+    def handle_request(self, request: httpx.Request) -> httpx.Response:
+        async def ask() -> httpx.Response:
+            answer = await self._inside.handle_async_request(request)
+            content = await answer.aread()
+            return httpx.Response(answer.status_code, headers=answer.headers, content=content, request=request)
+
+        # A thread of its own: whoever asks may run in an event loop.
+        with ThreadPoolExecutor(1) as pool:
+            return pool.submit(asyncio.run, ask()).result()
+
+
 class FakeService:
     """State of the fake: recordings, jobs, and how fast jobs move."""
 
@@ -110,6 +132,9 @@ class FakeService:
         self.jobs: dict[str, Job] = {}
         self.inputs: dict[str, dict[str, Any]] = {}
         self.patches: list[dict[str, Any]] = []
+        self.scenarios: dict[str, StoredScenario] = {}
+        self.plans: dict[str, dict[str, bytes]] = {}
+        self.failing: Problem | None = None
         self.step_s = step_s
         self.tracks = tracks_parquet()
         self.com = com_parquet()
@@ -141,6 +166,21 @@ class FakeService:
         self.jobs[job.id] = job
         return job
 
+    def add_scenario(self, *, bundled: bool = False, given: Scenario | None = None) -> StoredScenario:
+        """A stored scenario."""
+        kept = fake_planner.stored(given or fake_planner.scenario(), bundled=bundled)
+        self.scenarios[kept.id] = kept
+        return kept
+
+    def add_plan(
+        self, given: Scenario | None = None, *, whole_body: bool = True, scenario_id: str | None = None
+    ) -> Job:
+        """A finished plan."""
+        job = self.add_job("plan-motion", "succeeded")
+        self.plans[job.id] = fake_planner.plan_files(given or fake_planner.scenario(), whole_body=whole_body)
+        self.inputs[job.id] = {"scenario_id": scenario_id}
+        return job
+
     def change(self, job_id: str, **fields: Any) -> None:
         """Replace fields of a job."""
         self.jobs[job_id] = self.jobs[job_id].model_copy(update=fields)
@@ -152,12 +192,19 @@ class FakeService:
             if self.jobs[job_id].state == "cancelled":
                 return
             self.change(job_id, state="running", progress=Progress(fraction=fraction, message="fusing"))
+        if self.failing is not None:
+            self.change(job_id, state="failed", error=self.failing, finished_at=_NOW)
+            return
+        if self.jobs[job_id].kind == "plan-motion":
+            self.plans[job_id] = fake_planner.plan_files(self.scenarios[self.inputs[job_id]["scenario_id"]])
         self.change(job_id, state="succeeded", progress=Progress(fraction=1.0), started_at=_NOW, finished_at=_NOW)
 
     def result(self, job_id: str) -> JobResult:
         """The result of a succeeded job."""
         job = self.jobs[job_id]
         given = self.inputs.get(job_id, {"recording_id": job.recording_id})
+        if job_id in self.plans:
+            return fake_planner.plan_result(given, self.plans[job_id])
         versions = {"stridelab": "0.1.0", "numpy": "2.4"}
         if job.kind == "simulate-recording":
             summary = {"recording_id": next(iter(self.recordings)), "speed_m_s": 1.2, "n_steps": 6, "warnings": []}
@@ -177,6 +224,10 @@ class FakeService:
             artifacts=artifacts,
         )
 
+    def client(self) -> Client:
+        """A synchronous client of the fake, without a network."""
+        return Client("http://127.0.0.1", transport=Loop(self.app()))
+
     def app(self) -> Starlette:
         """The ASGI app."""
         api = "/api/v1"
@@ -190,6 +241,10 @@ class FakeService:
             Route(f"{api}/jobs/{{id}}/events", self._events),
             Route(f"{api}/jobs/{{id}}/result", self._result),
             Route(f"{api}/jobs/{{id}}/artifacts/{{name}}", self._artifact),
+            Route(f"{api}/scenarios", self._scenarios, methods=["GET", "POST"]),
+            Route(f"{api}/scenarios/{{id}}", self._scenario, methods=["GET", "PUT"]),
+            Route(f"{api}/robots/{{name}}", self._robot),
+            Route(f"{api}/robots/{{name}}/links", self._links),
         ]
         return Starlette(routes=routes)
 
@@ -276,7 +331,36 @@ class FakeService:
     async def _result(self, request: Request) -> Response:
         return _answer(self.result(request.path_params["id"]).model_dump(mode="json"))
 
+    async def _scenarios(self, request: Request) -> Response:
+        if request.method == "GET":
+            newest = [s.model_dump(mode="json") for s in reversed(self.scenarios.values())]
+            return _answer({"items": newest[: int(request.query_params.get("limit", 50))], "next": None})
+        given = Scenario.model_validate(await request.json())
+        return _answer(self.add_scenario(given=given).model_dump(mode="json"), 201)
+
+    async def _scenario(self, request: Request) -> Response:
+        key = request.path_params["id"]
+        if key not in self.scenarios:
+            return _problem(404, "scenario-not-found", "There is no such scenario.")
+        if request.method == "PUT":
+            if self.scenarios[key].bundled:
+                return _problem(409, "scenario-read-only", "This scenario is a sample and cannot be changed.")
+            given = Scenario.model_validate(await request.json())
+            if wrong := fake_planner.refusal(given):
+                return _problem(422, "scenario-invalid", "This scenario cannot be used.", wrong)
+            self.scenarios[key] = fake_planner.stored(given, key=key)
+        return _answer(self.scenarios[key].model_dump(mode="json"))
+
+    async def _robot(self, request: Request) -> Response:
+        return _answer(fake_planner.robot().model_dump(mode="json"))
+
+    async def _links(self, request: Request) -> Response:
+        return Response(fake_planner.links_glb(), media_type="model/gltf-binary")
+
     async def _artifact(self, request: Request) -> Response:
+        files = self.plans.get(request.path_params["id"])
+        if files is not None:
+            return Response(files[request.path_params["name"]], media_type="application/octet-stream")
         return Response(self.com, media_type="application/vnd.apache.parquet")
 
 

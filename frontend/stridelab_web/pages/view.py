@@ -1,26 +1,49 @@
-"""The viewer's page: a frame with viser's client, and our own timeline under it."""
+"""The viewer's page: a frame with viser's client, and our own timeline, or the list of touches, beside it."""
 
 from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from stridelab.client import AsyncClient
 from stridelab_web import strips
-from stridelab_web.frames import Frames, build_frames
+from stridelab_web.documents import Document, document_of
+from stridelab_web.frames import Frames
+from stridelab_web.pages import planner
 from stridelab_web.pages.job import COM_TABLE
 from stridelab_web.pages.render import page
+from stridelab_web.recording_frames import build_frames
 from stridelab_web.service import client_of, read_tracks
+from stridelab_web.strips import Layer, Row
 from stridelab_web.tables import read_columns
-
-NO_JOB = "-"
-"""Stands for "no result" in the address of a scene."""
 
 
 async def view(request: Request) -> Response:
-    """``GET /view/?recording=&job=&t=``; without ``job``, the newest estimate of the recording is shown.
+    """``GET /view/?recording=&job=&t=``, ``?plan=&t=`` or ``?scenario=``.
 
-    Without ``t`` the scene opens where the force is measured: many files begin before anybody is in sight.
+    Without ``job``, the newest estimate of the recording is shown. Without ``t``, a recording opens where the force is
+    measured: many files begin before anybody is in sight.
     """
+    query = request.query_params
+    if plan_id := query.get("plan"):
+        return await planner.plan(request, plan_id)
+    if scenario_id := query.get("scenario"):
+        return await planner.scenario(request, scenario_id)
+    return await _recording(request)
+
+
+async def layout(request: Request) -> Response:
+    """``GET /view/scene/{kind}/{id}/{job}/frames.json``: what the numbers of ``frames.f32`` are."""
+    return JSONResponse((await _frames(request)).layout())
+
+
+async def values(request: Request) -> Response:
+    """``GET /view/scene/{kind}/{id}/{job}/frames.f32``: little-endian float32, one row per frame."""
+    content = (await _frames(request)).values.astype("<f4").tobytes()
+    return Response(content, media_type="application/octet-stream")
+
+
+async def _recording(request: Request) -> Response:
     client, query = client_of(request), request.query_params
     job_id = query.get("job", "")
     recording_id = query.get("recording", "")
@@ -32,43 +55,53 @@ async def view(request: Request) -> Response:
             "error.html",
             404,
             title="Nothing to show",
-            detail="The viewer needs a recording: open one and press “Open in viewer”.",
+            detail="The viewer needs a recording, a scenario or a plan: open one and press its 3D button.",
             code="",
             status=404,
             errors=[],
         )
     recording = await client.recording(recording_id)
     job_id = job_id or await _newest_estimate(client, recording.id)
+    measured = strips.bars(recording.windows_s, recording.duration_s)
+    plates = [strips.plate_bars(plate, recording.duration_s) for plate in recording.plates if plate.use]
+    layers = [
+        Layer("/skeleton/", "Lines"),
+        Layer("/forces/plate", "Forces"),
+        Layer("/forces/total", "Total force", False),
+    ]
+    links = [("Recording", f"/recordings/{recording.id}")]
+    if job_id:
+        layers.append(Layer("/paths/", "Path"))
+        links.append(("Result", f"/jobs/{job_id}"))
     return page(
         request,
         "view.html",
         section="",
-        recording=recording,
-        job_id=job_id,
-        scene=f"/view/scene/{recording.id}/{job_id or NO_JOB}",
-        windows=strips.bars(recording.windows_s, recording.duration_s),
-        windows_text=strips.windows_text(recording),
+        title=recording.filename,
+        scene=Document("recording", recording.id, job_id or None).address,
         start_s=recording.windows_s[0][0] if recording.windows_s else 0.0,
-        plate_bars=[strips.plate_bars(plate, recording.duration_s) for plate in recording.plates if plate.use],
+        rows=[
+            Row("Measured", measured, strips.windows_text(recording), "window"),
+            *(Row(f"Plate {plate.index}", plate.bars, plate.text, "load") for plate in plates),
+        ],
+        layers=layers,
+        links=links,
     )
 
 
-async def layout(request: Request) -> Response:
-    """``GET /view/scene/{recording}/{job}/frames.json``: what the numbers of ``frames.f32`` are."""
-    return JSONResponse((await _frames(request)).layout())
-
-
-async def values(request: Request) -> Response:
-    """``GET /view/scene/{recording}/{job}/frames.f32``: little-endian float32, one row per frame."""
-    content = (await _frames(request)).values.astype("<f4").tobytes()
-    return Response(content, media_type="application/octet-stream")
-
-
 async def _frames(request: Request) -> Frames:
-    client, job_id = client_of(request), request.path_params["job"]
-    recording = await client.recording(request.path_params["recording"])
+    client = client_of(request)
+    try:
+        document = document_of(request.path_params)
+    except KeyError as error:
+        raise HTTPException(404, "There is no such scene.") from error
+    if document.kind == "plan":
+        return await planner.frames(client, document.id)
+    if document.kind == "scenario":
+        raise HTTPException(404, "A scenario does not move by itself.")
+    recording = await client.recording(document.id)
     tracks = await read_tracks(client, recording.id)
-    com = None if job_id == NO_JOB else await client.read_artifact(job_id, COM_TABLE)
+    com = None if document.job_id is None else await client.read_artifact(document.job_id, COM_TABLE)
 
     def build() -> Frames:
         return build_frames(recording, read_columns(tracks), None if com is None else read_columns(com))

@@ -7,7 +7,6 @@ HTTP interface is, ``STRIDELAB_API_TOKEN`` or ``STRIDELAB_API_TOKEN_FILE`` how t
 import asyncio
 import contextlib
 import os
-import tempfile
 from collections.abc import AsyncIterator
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -17,14 +16,13 @@ import uvicorn
 from starlette.applications import Starlette
 
 from stridelab.client import Client
-from stridelab.schemas.recordings import Recording
-from stridelab_web.frames import Frames, build_frames
-from stridelab_web.tables import read_columns
 from stridelab_web.viewer.control import create_control
-from stridelab_web.viewer.library import Document, Library
+from stridelab_web.viewer.kinds import kinds
+from stridelab_web.viewer.library import Library
 
-COM_TABLE = "com.parquet"
 TIDY_EVERY_S = 30.0
+SLOWEST_S = 110.0
+"""The meshes of a robot are made when they are first asked for."""
 _EVERYWHERE = {"0.0.0.0": "127.0.0.1", "::": "[::1]", "": "127.0.0.1"}  # noqa: S104
 
 
@@ -41,25 +39,12 @@ def token() -> str | None:
     return text.strip() or None
 
 
-def load(client: Client, document: Document, recording: Recording) -> Frames:
-    """The frames of a document, read through the HTTP interface."""
-    with tempfile.TemporaryDirectory(prefix="stridelab-") as folder:
-        tracks = client.download_tracks(recording.id, Path(folder) / "tracks.parquet").read_bytes()
-        com = None
-        if document.job_id is not None:
-            com = client.download_artifact(document.job_id, COM_TABLE, Path(folder) / COM_TABLE).read_bytes()
-    return build_frames(recording, read_columns(tracks), None if com is None else read_columns(com))
-
-
 def main() -> None:
     """Listen until the process is ended."""
     here = urlsplit(os.environ.get("STRIDELAB_VIEWER_URL", "http://127.0.0.1:8765"))
     # An explicit transport keeps proxies of the environment out of a loopback connection.
-    client = Client(service_url(), token(), transport=httpx.HTTPTransport())
-    library = Library(
-        look_up=lambda document: client.recording(document.recording_id),
-        load=lambda document, recording: load(client, document, recording),
-    )
+    client = Client(service_url(), token(), timeout_s=SLOWEST_S, transport=httpx.HTTPTransport())
+    library = Library(kinds(client))
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:

@@ -9,11 +9,12 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from stridelab.client import ProblemError, Unreachable
-from stridelab_web.viewer.library import Document, Library
+from stridelab_web.documents import document_of
+from stridelab_web.viewer.library import Library
 
 
 def create_control(library: Library, token: str | None) -> Starlette:
-    """``GET /health`` and ``POST /scenes {recording_id, job_id}`` -> ``{port, secret}``.
+    """``GET /health`` and ``POST /scenes {kind, id, job_id}`` -> ``{port, secret, said}``.
 
     Browsers cannot call it: a page's request carries an Origin and is refused, and a name that was rebound to this
     machine is not a loopback host. Where the service has a token, it is needed here too.
@@ -25,14 +26,15 @@ def create_control(library: Library, token: str | None) -> Starlette:
     async def scenes(request: Request) -> Response:
         if not _may(request, token):
             return JSONResponse({"detail": "not allowed"}, status_code=403)
-        wanted = await request.json()
         try:
-            opened = await run_in_threadpool(library.open, Document(wanted["recording_id"], wanted["job_id"]))
+            opened = await run_in_threadpool(library.open, document_of(await request.json()))
+        except KeyError:
+            return JSONResponse({"detail": "There is no such scene."}, status_code=404)
         except ProblemError as refusal:
             return JSONResponse(refusal.problem.model_dump(mode="json"), status_code=refusal.status)
         except Unreachable as silence:
             return JSONResponse({"detail": str(silence)}, status_code=503)
-        return JSONResponse({"port": opened.port, "secret": opened.secret})
+        return JSONResponse({"port": opened.port, "secret": opened.secret, "said": opened.said})
 
     return Starlette(routes=[Route("/health", health), Route("/scenes", scenes, methods=["POST"])])
 

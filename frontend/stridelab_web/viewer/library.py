@@ -3,40 +3,43 @@
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import viser
 
-from stridelab.schemas.recordings import Recording
-from stridelab_web.frames import Frames
-from stridelab_web.viewer import scene
+from stridelab_web.documents import Document, DocumentKind
 from stridelab_web.viewer.guard import start_guarded_server
+from stridelab_web.viewer.kinds import Kind, Live
 
 SCENES_AT_MOST = 8
 IDLE_S = 600.0
-
-
-@dataclass(frozen=True)
-class Document:
-    """What a scene shows: a recording and, where one is chosen, the result of a job."""
-
-    recording_id: str
-    job_id: str | None
+TURNS = 16
 
 
 @dataclass
 class OpenScene:
-    """A running viser server; ``recording`` is what it was built from."""
+    """A running viser server; ``source`` is what it shows, ``live`` follows it where the scene can."""
 
     server: viser.ViserServer
     secret: str
-    recording: Recording
-    used_at_s: float
+    source: Any
+    live: Live | None = None
+    used_at_s: float = 0.0
 
     @property
     def port(self) -> int:
         return int(self.server.get_port())
+
+    @property
+    def said(self) -> str:
+        """Why the last change from within the scene was refused; empty where it was not."""
+        return self.live.said if self.live is not None else ""
+
+    def shows(self, source: Any) -> bool:
+        """Whether the scene shows ``source``; one that changes from within is told in any case."""
+        return self.source == source if self.live is None else self.live.follow(source)
 
 
 class Library:
@@ -44,39 +47,40 @@ class Library:
 
     def __init__(
         self,
-        look_up: Callable[[Document], Recording],
-        load: Callable[[Document, Recording], Frames],
+        kinds: Mapping[DocumentKind, Kind],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._look_up = look_up
-        self._load = load
+        self._kinds = kinds
         self._clock = clock
         self._lock = threading.Lock()
+        self._turns = tuple(threading.Lock() for _ in range(TURNS))
         self._open: OrderedDict[Document, OpenScene] = OrderedDict()
 
     def __len__(self) -> int:
         return len(self._open)
 
     def open(self, document: Document) -> OpenScene:
-        """The scene of ``document``, built if it is not open or if its recording has changed since.
+        """The scene of ``document``, built if it is not open or cannot show what has changed since.
 
         Raises the client's errors where the service refuses or does not answer.
         """
-        recording = self._look_up(document)
-        with self._lock:
-            found = self._open.get(document)
-            if found is not None and found.recording != recording:
-                self._close(document)
-                found = None
+        kind = self._kinds[document.kind]
+        # What takes long to read must not keep other scenes waiting, but no scene is built twice at once.
+        with self._turns[hash(document) % len(self._turns)]:
+            source = kind.look_up(document)
+            with self._lock:
+                found = self._open.get(document)
+                if found is not None and not found.shows(source):
+                    self._close(document)
+                    found = None
             if found is None:
-                frames = self._load(document, recording)
-                server, secret = start_guarded_server()
-                scene.build(server, recording, frames)
-                found = self._open[document] = OpenScene(server, secret, recording, 0.0)
-            found.used_at_s = self._clock()
-            self._open.move_to_end(document)
-            for oldest in list(self._open)[:-SCENES_AT_MOST]:
-                self._close(oldest)
+                found = _build(kind, document, source)
+            with self._lock:
+                self._open[document] = found
+                found.used_at_s = self._clock()
+                self._open.move_to_end(document)
+                for oldest in list(self._open)[:-SCENES_AT_MOST]:
+                    self._close(oldest)
             return found
 
     def close_idle(self) -> None:
@@ -97,3 +101,12 @@ class Library:
 
     def _close(self, document: Document) -> None:
         self._open.pop(document).server.stop()
+
+
+def _build(kind: Kind, document: Document, source: Any) -> OpenScene:
+    server, secret = start_guarded_server()
+    try:
+        return OpenScene(server, secret, source, kind.build(server, document, source))
+    except BaseException:
+        server.stop()
+        raise

@@ -44,7 +44,7 @@ def band(path_m: np.ndarray, radius_m: np.ndarray, direction: np.ndarray) -> Mes
     return vertices.astype(np.float32), _tube_faces(len(path_m), BAND_SIDES)
 
 
-def tube(path_m: np.ndarray, radius_m: float) -> Mesh:
+def tube(path_m: np.ndarray, radius_m: float, sides: int = TUBE_SIDES) -> Mesh:
     """Thin tube along ``path_m`` ``(n, 3)``, each ring perpendicular to the path where it stands."""
     tangent = np.gradient(path_m.astype(float), axis=0)
     norm = np.linalg.norm(tangent, axis=1, keepdims=True)
@@ -54,18 +54,29 @@ def tube(path_m: np.ndarray, radius_m: float) -> Mesh:
     first = np.cross(helper, tangent)
     first /= np.linalg.norm(first, axis=1, keepdims=True)
     second = np.cross(tangent, first)
-    ring = radius_m * _ring(TUBE_SIDES)
+    ring = radius_m * _ring(sides)
     vertices = path_m[:, None] + ring[None, :, :1] * first[:, None] + ring[None, :, 1:] * second[:, None]
-    return vertices.reshape(-1, 3).astype(np.float32), _tube_faces(len(path_m), TUBE_SIDES)
+    return vertices.reshape(-1, 3).astype(np.float32), _tube_faces(len(path_m), sides)
 
 
 def rim(corners_m: np.ndarray, share: float) -> Mesh:
     """Frame inside four corners ``(4, 3)``: ``share`` of the way to their middle wide."""
-    inner = corners_m + share * (corners_m.mean(axis=0) - corners_m)
-    k = np.arange(4)
-    after = (k + 1) % 4
-    faces = np.concatenate([np.column_stack([k, after, after + 4]), np.column_stack([k, after + 4, k + 4])])
-    return np.concatenate([corners_m, inner]).astype(np.float32), faces.astype(np.uint32)
+    return between(corners_m, corners_m + share * (corners_m.mean(axis=0) - corners_m))
+
+
+def between(outer_m: np.ndarray, inner_m: np.ndarray) -> Mesh:
+    """The band between two closed lines of as many corners ``(n, 3)`` each."""
+    n = len(outer_m)
+    k = np.arange(n)
+    after = (k + 1) % n
+    faces = np.concatenate([np.column_stack([k, after, after + n]), np.column_stack([k, after + n, k + n])])
+    return np.concatenate([outer_m, inner_m]).astype(np.float32), faces.astype(np.uint32)
+
+
+def polygon(corners_m: np.ndarray) -> Mesh:
+    """A convex polygon ``(n, 3)`` as a fan."""
+    k = np.arange(1, len(corners_m) - 1)
+    return corners_m.astype(np.float32), np.column_stack([np.zeros_like(k), k, k + 1]).astype(np.uint32)
 
 
 def together(meshes: list[Mesh]) -> Mesh:

@@ -13,7 +13,7 @@ const loop = player.querySelector("[data-loop]");
 const playButton = player.querySelector('[data-do="play"]');
 const base = stage.dataset.scene;
 
-let scene = null, time_s = [], at = 0, playing = false, last_ms = 0, addressed_ms = 0, addressLater = 0;
+let scene = null, time_s = [], phases_s = [], at = 0, playing = false, last_ms = 0, addressed_ms = 0, addressLater = 0;
 
 start().catch((error) => {
   veil.hidden = false;
@@ -27,11 +27,16 @@ async function start() {
     get(`${base}/open`, { method: "POST" }),
   ]);
   time_s = layout.time_s;
+  phases_s = layout.phase_starts_s;
   scene = new Scene(frame, layout, new Float32Array(values));
-  if (!layout.arrows.some(([name]) => name.startsWith("/forces/total"))) player.querySelector("[data-total]").hidden = true;
+  // A layer of which nothing is there is not offered.
+  for (const box of player.querySelectorAll("[data-show]")) {
+    const there = [...scene.nodes.names, ...layout.still].some((name) => name.startsWith(box.dataset.show));
+    box.closest("label").hidden = !there;
+  }
   frame.src = `${base}/?hideViserLogo&fixedDpr=1`;
   frame.hidden = false;
-  await scene.ready();
+  await scene.nodes.ready();
   veil.hidden = true;
   slider.max = String(time_s.length - 1);
   slider.disabled = false;
@@ -39,7 +44,8 @@ async function start() {
   applyShown();
   seek(frameAt(Number(new URLSearchParams(location.search).get("t") ?? player.dataset.start)), false);
   player.dataset.ready = "true";
-  setInterval(() => playing || (scene.isStale() && scene.show(at)), HEARTBEAT_MS);
+  if (new URLSearchParams(location.search).has("play")) play(true);
+  setInterval(() => playing || (scene.nodes.isStale() && scene.show(at)), HEARTBEAT_MS);
 }
 
 async function get(url, options) {
@@ -66,15 +72,30 @@ function seek(target, remember = true) {
   const whole = Math.round(at);
   scene.show(at);
   slider.value = String(whole);
-  slider.setAttribute("aria-valuetext", `${time_s[whole].toFixed(3)} seconds, frame ${whole + 1}`);
-  clock.textContent = `${time_s[whole].toFixed(3)} s · frame ${whole + 1} of ${time_s.length}`;
+  const phase = phaseAt(time_s[whole]);
+  slider.setAttribute("aria-valuetext", `${time_s[whole].toFixed(3)} seconds, frame ${whole + 1}${phase < 0 ? "" : `, phase ${phase}`}`);
+  clock.textContent = `${time_s[whole].toFixed(3)} s · frame ${whole + 1} of ${time_s.length}${phase < 0 ? "" : ` · phase ${phase}`}`;
   if (remember) rememberTime(whole);
+}
+
+// Phases count from 0; a boundary belongs to the phase that begins there. A recording has none.
+function phaseAt(t_s) {
+  return phases_s.findLastIndex((start_s) => start_s <= t_s + 1e-6);
+}
+
+function toPhase(step) {
+  const now = phaseAt(time_s[Math.round(at)]);
+  const target = phases_s[now + step];
+  if (playing) play(false);
+  if (target !== undefined) seek(frameAt(target));
+  else seek(step < 0 ? 0 : time_s.length - 1);
 }
 
 function rememberTime(whole) {
   const write = () => {
     addressed_ms = performance.now();
     const url = new URL(location.href);
+    url.searchParams.delete("play");
     url.searchParams.set("t", time_s[whole].toFixed(3));
     history.replaceState(null, "", url);
   };
@@ -129,12 +150,20 @@ slider.addEventListener("input", () => {
   seek(Number(slider.value));
 });
 
+for (const strip of player.querySelectorAll("[data-seek]")) {
+  strip.addEventListener("click", (event) => {
+    if (!time_s.length) return;
+    const box = strip.getBoundingClientRect();
+    seek(frameAt(((event.clientX - box.left) / box.width) * time_s.at(-1)));
+  });
+}
+
 function applyShown() {
-  scene.hidden = new Set([...player.querySelectorAll("[data-show]")].filter((box) => !box.checked).map((box) => box.dataset.show));
+  scene.hide([...player.querySelectorAll("[data-show]")].filter((box) => !box.checked).map((box) => box.dataset.show));
 }
 for (const box of player.querySelectorAll("[data-show]")) {
   box.addEventListener("change", () => {
-    if (!scene?.viser) return;
+    if (!scene?.nodes.viser) return;
     applyShown();
     scene.show(at);
   });
@@ -143,13 +172,14 @@ for (const box of player.querySelectorAll("[data-show]")) {
 // In our page arrows step too; inside the scene they belong to viser's camera.
 const KEYS = { " ": deeds.play, ",": () => step(-1), ".": () => step(1) };
 const PAGE_KEYS = { ArrowLeft: () => step(-1), ArrowRight: () => step(1), Home: deeds.start, End: () => seek(time_s.length - 1) };
+const PHASE_KEYS = { PageUp: () => toPhase(-1), PageDown: () => toPhase(1) };
 function onKey(event, ours) {
-  if (!scene?.viser || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (!scene?.nodes.viser || event.ctrlKey || event.metaKey || event.altKey) return;
   const name = event.target?.tagName;
   if (name === "SELECT" || (name === "INPUT" && event.target.type !== "range" && event.key !== "," && event.key !== ".")) return;
   if ((name === "BUTTON" || name === "A") && event.key === " ") return;
   if (name === "INPUT" && event.key in PAGE_KEYS) return; // the slider steps by itself
-  const deed = KEYS[event.key] ?? (ours ? PAGE_KEYS[event.key] : undefined);
+  const deed = KEYS[event.key] ?? (ours ? PAGE_KEYS[event.key] : undefined) ?? (phases_s.length ? PHASE_KEYS[event.key] : undefined);
   if (!deed) return;
   event.preventDefault();
   deed();

@@ -7,13 +7,13 @@ import numpy as np
 import viser
 
 from stridelab.schemas.recordings import Recording
-from stridelab_web.frames import HEAD_M, Frames
+from stridelab_web.frames import Frames
 from stridelab_web.viewer import shapes
+from stridelab_web.viewer.parts import add_arrow, add_path, prepare
 
 BLUE, ORANGE, BROWN = (11, 92, 156), (226, 132, 20), (176, 96, 0)
 MARKER, BONE, PLATE, PLATE_OFF = (62, 78, 94), (166, 180, 194), (214, 224, 232), (235, 235, 235)
 MARKER_RADIUS_M, BONE_RADIUS_M, COM_RADIUS_M = 0.011, 0.006, 0.028
-SHAFT_RADIUS_M, HEAD_RADIUS_M = 0.012, 0.03
 BAND_WIDTHS = 1.96
 """Semi-axes of the band in standard deviations: 95 %."""
 BAND_SAMPLES = 400
@@ -23,12 +23,7 @@ PLATE_RIM, LABEL_INSIDE = 0.04, 0.25
 def build(server: viser.ViserServer, recording: Recording, frames: Frames) -> None:
     """Put the scene of ``recording`` into an empty server."""
     scene = server.scene
-    scene.set_up_direction("+z")
-    # Without a graphics card an environment map costs a hundredfold (0.4 instead of 36 images per second for fifty
-    # spheres in software), and so do screen-space lines: lines are thin meshes here.
-    scene.configure_environment_map(hdri=None)
-    scene.configure_default_lights(enabled=True, cast_shadow=False)
-    scene.add_light_ambient("/light", intensity=2.2)
+    prepare(scene)
     centre, extent = _bounds(recording, frames)
     scene.add_grid(
         "/floor",
@@ -49,11 +44,8 @@ def build(server: viser.ViserServer, recording: Recording, frames: Frames) -> No
     stick = shapes.cylinder(BONE_RADIUS_M)
     for bone in frames.sticks:
         scene.add_mesh_simple(bone.name, *stick, color=BONE, side="double", cast_shadow=False, receive_shadow=False)
-    shaft, head = shapes.cylinder(SHAFT_RADIUS_M), shapes.cone(HEAD_RADIUS_M, HEAD_M)
     for arrow in frames.arrows:
-        colour = BROWN if arrow.shaft == "/forces/total_shaft" else ORANGE
-        for name, mesh in ((arrow.shaft, shaft), (arrow.head, head)):
-            scene.add_mesh_simple(name, *mesh, color=colour, side="double", cast_shadow=False, receive_shadow=False)
+        add_arrow(scene, arrow, BROWN if arrow.shaft == "/forces/total_shaft" else ORANGE)
     _add_paths(scene, recording, frames)
     _place_camera(server, centre, extent, along, view)
 
@@ -85,23 +77,11 @@ def _add_point(scene: viser.SceneApi, name: str, position: np.ndarray) -> None:
 
 
 def _add_paths(scene: viser.SceneApi, recording: Recording, frames: Frames) -> None:
-    for name, at, colour, radius in (
-        ("/paths/fused", frames.com_at, BLUE, 0.004),
-        ("/paths/markers_only", frames.geometry_at, BROWN, 0.003),
-    ):
-        if at is None:
-            continue
-        path = frames.values[:, at : at + 3]
-        whole = _runs(np.isfinite(path).all(axis=1))
-        pieces = [shapes.tube(path[part], radius) for part in whole if part.stop - part.start > 1]
-        if pieces:
-            vertices, faces = shapes.together(pieces)
-            scene.add_mesh_simple(
-                name, vertices, faces, color=colour, side="double", cast_shadow=False, receive_shadow=False
-            )
-    if frames.com_at is None or frames.com_sd_m is None:
+    add_path(scene, "/paths/fused", frames.track("/paths/fused"), BLUE, 0.004)
+    add_path(scene, "/paths/markers_only", frames.track("/paths/markers_only"), BROWN, 0.003)
+    path = frames.track("/paths/fused")
+    if path is None or frames.com_sd_m is None:
         return
-    path = frames.values[:, frames.com_at : frames.com_at + 3]
     there = np.flatnonzero(np.isfinite(path).all(axis=1) & np.isfinite(frames.com_sd_m).all(axis=1))
     if len(there) < 2:
         return
@@ -110,12 +90,6 @@ def _add_paths(scene: viser.SceneApi, recording: Recording, frames: Frames) -> N
     scene.add_mesh_simple(
         "/paths/band", vertices, faces, color=BLUE, opacity=0.22, side="double", cast_shadow=False, receive_shadow=False
     )
-
-
-def _runs(there: np.ndarray) -> list[slice]:
-    """Slices of consecutive samples where ``there`` holds."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(int)))
-    return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]
 
 
 def _first(frames: Frames, at: int) -> np.ndarray:

@@ -1,0 +1,112 @@
+"""The viewer's pages of the robot wing: a plan on its timeline, and a scenario with its touches."""
+
+import itertools
+
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+
+from stridelab.client import AsyncClient, ProblemError
+from stridelab.schemas.scenarios import Scenario
+from stridelab_web import strips
+from stridelab_web.documents import Document
+from stridelab_web.footholds import facts, half_sizes, side
+from stridelab_web.frames import Frames
+from stridelab_web.pages.render import page
+from stridelab_web.plan_files import SCENARIO, needed, read_plan
+from stridelab_web.service import client_of
+from stridelab_web.strips import Bar, Layer, Row
+from stridelab_web.touches import touches
+from stridelab_web.words import words
+
+KIND = "plan-motion"
+NUMBER_FROM_PERCENT = 1.6
+"""A phase at least this wide, in percent of the plan, has its number written on it."""
+
+
+async def plan(request: Request, job_id: str) -> Response:
+    """``GET /view/?plan=&t=``."""
+    client = client_of(request)
+    job = await client.job(job_id)
+    if job.kind != KIND:
+        raise HTTPException(404, "This job is no plan.")
+    if job.state != "succeeded":
+        raise HTTPException(409, f"This plan is {words(job.state)}: there is nothing to show yet.")
+    result = await client.result(job.id)
+    scenario = Scenario.model_validate_json(await client.read_artifact(job.id, SCENARIO))
+    layers = [Layer("/forces/", "Forces"), Layer("/contacts/", "Contacts"), Layer("/paths/", "Path")]
+    if "poses.f32" in needed(result):
+        layers.insert(0, Layer("/robot/", "Robot"))
+    links = [("Result", f"/plans/{job.id}")]
+    if scenario_id := await _still_there(client, result.input.get("scenario_id")):
+        links.append(("Scenario", f"/view/?scenario={scenario_id}"))
+    return page(
+        request,
+        "view.html",
+        section="",
+        title=scenario.name,
+        scene=Document("plan", job.id).address,
+        start_s=0.0,
+        rows=phase_rows(scenario),
+        layers=layers,
+        links=links,
+    )
+
+
+async def scenario(request: Request, scenario_id: str) -> Response:
+    """``GET /view/?scenario=``."""
+    client = client_of(request)
+    stored = await client.scenario(scenario_id)
+    return page(
+        request,
+        "view_scenario.html",
+        section="",
+        scenario=stored,
+        scene=Document("scenario", stored.id).address,
+        duration_s=sum(phase.duration_s for phase in stored.phases),
+    )
+
+
+async def footholds(request: Request) -> Response:
+    """``GET /view/scene/scenario/{id}/-/touches.json``: the touches as the page lists and moves them."""
+    client = client_of(request)
+    stored = await client.scenario(request.path_params["id"])
+    sizes = half_sizes((await client.robot(stored.robot)).effectors)
+    return JSONResponse([facts(touch, sizes) for touch in touches(stored)])
+
+
+async def frames(client: AsyncClient, job_id: str) -> Frames:
+    """The frames of a plan."""
+    result = await client.result(job_id)
+    files = {name: await client.read_artifact(job_id, name) for name in needed(result)}
+    _, found = await run_in_threadpool(lambda: read_plan(files))
+    return found
+
+
+def phase_rows(scenario: Scenario) -> list[Row]:
+    """The phases with their numbers, and when each effector touches."""
+    placed = touches(scenario)
+    duration_s = sum(phase.duration_s for phase in scenario.phases)
+    ends_s = [0.0, *itertools.accumulate(phase.duration_s for phase in scenario.phases)]
+    numbered = [
+        Bar(bar.x, bar.width, str(k) if bar.width >= NUMBER_FROM_PERCENT else "")
+        for k, bar in enumerate(strips.bars(itertools.pairwise(ends_s), duration_s))
+    ]
+    rows = [Row("Phase", tuple(numbered), f"{len(scenario.phases)} phases, counted from 0", "phase")]
+    for effector in dict.fromkeys(touch.effector for touch in placed):
+        bars = strips.bars([(t.start_s, t.end_s) for t in placed if t.effector == effector], duration_s)
+        said = "; ".join(bar.text for bar in bars)
+        rows.append(Row(words(effector).capitalize(), bars, f"{words(effector)} touches: {said}", side(effector)))
+    return rows
+
+
+async def _still_there(client: AsyncClient, scenario_id: str | None) -> str | None:
+    if scenario_id is None:
+        return None
+    try:
+        return (await client.scenario(scenario_id)).id
+    except ProblemError as refusal:
+        if refusal.status == 404:  # a plan outlives the scenario that it was made from
+            return None
+        raise

@@ -1,0 +1,107 @@
+"""A plan as frames: the robot's links, the forces on its effectors, the centre of mass, and when what touches."""
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+
+from stridelab.schemas.scenarios import Scenario
+from stridelab_web.footholds import node
+from stridelab_web.frames import Arrow, Body, Frames, Point, Sheet, Span, Track
+from stridelab_web.tables import Columns, triple
+from stridelab_web.touches import touches
+
+POSE, FORCE = 7, 6
+COM = "/com/plan"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """``poses.json`` with its two arrays: ``poses`` ``(frames, links, 7)``, ``forces`` ``(frames, effectors, 6)``."""
+
+    time_s: np.ndarray
+    links: tuple[str, ...]
+    effectors: tuple[str, ...]
+    poses: np.ndarray
+    forces: np.ndarray
+
+
+def read_motion(about: bytes, poses: bytes, forces: bytes) -> Motion:
+    """The motion of ``poses.json``, ``poses.f32`` and ``forces.f32``.
+
+    Raises ``ValueError`` where an array has another size than the description says.
+    """
+    said = json.loads(about)
+    time_s = np.array(said["time_s"], dtype=float)
+    links, effectors = tuple(said["links"]), tuple(said["forces"]["effectors"])
+    return Motion(
+        time_s,
+        links,
+        effectors,
+        np.frombuffer(poses, "<f4").reshape(len(time_s), len(links), POSE),
+        np.frombuffer(forces, "<f4").reshape(len(time_s), len(effectors), FORCE),
+    )
+
+
+def plan_frames(scenario: Scenario, centroidal: Columns, motion: Motion | None) -> Frames:
+    """Frames of a plan; without a whole-body motion those of the centroidal plan alone, at its nodes."""
+    time_s = centroidal["time_s"] if motion is None else motion.time_s
+    sheet = Sheet()
+    com_at = sheet.add(com_m(centroidal, time_s))
+    bodies, arrows = [], []
+    if motion is not None:
+        for k, link in enumerate(motion.links):
+            bodies.append(Body(f"/robot/{link}", sheet.add(motion.poses[:, k])))
+        forces = {effector: motion.forces[:, k] for k, effector in enumerate(motion.effectors)}
+    else:
+        forces = centroidal_forces(scenario, centroidal)
+    for effector, force in forces.items():
+        name = f"/forces/{effector}"
+        arrows.append(Arrow(f"{name}_shaft", f"{name}_head", sheet.add(force), f"force on {effector}"))
+    ends_s = np.cumsum([phase.duration_s for phase in scenario.phases])
+    placed = touches(scenario)
+    return Frames(
+        time_s,
+        sheet.values(len(time_s)),
+        points=(Point(COM, com_at, "centre of mass"),),
+        bodies=tuple(bodies),
+        arrows=tuple(arrows),
+        spans=tuple(Span(f"{node(touch)}/touching", touch.start_s, touch.end_s) for touch in touches(scenario)),
+        tracks=(Track("/paths/com", com_at),),
+        still=tuple(node(touch) for touch in placed),
+        phase_starts_s=(0.0, *(float(end) for end in ends_s[:-1])),
+    )
+
+
+def com_m(centroidal: Columns, time_s: np.ndarray) -> np.ndarray:
+    """Centre of mass ``(n, 3)`` at ``time_s``: its acceleration is constant between the nodes of the plan."""
+    nodes_s = centroidal["time_s"]
+    position, velocity = triple(centroidal, "com_", "_m"), triple(centroidal, "com_v", "_m_s")
+    acceleration = triple(centroidal, "com_a", "_m_s2")
+    if position is None or velocity is None or acceleration is None:
+        raise ValueError("the plan's table lacks the centre of mass")
+    k = np.clip(np.searchsorted(nodes_s, time_s, side="right") - 1, 0, len(nodes_s) - 1)
+    dt = np.clip(time_s - nodes_s[k], 0.0, None)[:, None]
+    return np.asarray(position[k] + velocity[k] * dt + acceleration[k] * dt**2 / 2)
+
+
+def centroidal_forces(scenario: Scenario, centroidal: Columns) -> dict[str, np.ndarray]:
+    """Point of application and force ``(nodes, 6)`` per effector, NaN where it does not touch.
+
+    A plan without a whole body does not say where in a patch the force acts: it is drawn from the middle.
+    """
+    placed = touches(scenario)
+    phase = centroidal["phase"].astype(int)
+    found: dict[str, np.ndarray] = {}
+    for effector in dict.fromkeys(touch.effector for touch in placed):
+        points: list[np.ndarray] = []
+        while (force := triple(centroidal, f"f_{effector}_{len(points)}_", "_n")) is not None:
+            points.append(force)
+        rows = np.full((len(phase), FORCE), np.nan)
+        for touch in placed:
+            there = (touch.first_phase <= phase) & (phase <= touch.last_phase)
+            if touch.effector == effector and points:
+                rows[there, :3] = touch.contact.position_m
+                rows[there, 3:] = np.sum(points, axis=0)[there]
+        found[effector] = rows
+    return found

@@ -1,0 +1,83 @@
+// Moves nodes of viser's scene in the frame, without a message from the server.
+//
+// viser's client keeps node poses in a plain object that its render loop reads (`nodePoseData`) and the three.js
+// objects in another (`nodeRefFromName`); both are private, so viser is pinned exactly and browser tests compare nodes
+// with the files that they show.
+
+const FIND_EVERY_MS = 100;
+export const HIDDEN = 1e-6; // a scale of zero would make a matrix that cannot be inverted
+
+function findViser(frame) {
+  const inside = frame.contentWindow;
+  if (!inside) return null;
+  if (inside.__viserMutable?.nodePoseData) return inside.__viserMutable;
+  for (let node = frame.contentDocument?.querySelector("canvas"); node; node = node.parentElement) {
+    const key = Object.keys(node).find((name) => name.startsWith("__reactFiber$"));
+    for (let fiber = key && node[key]; fiber; fiber = fiber.return) {
+      const found = fiber.memoizedProps?.value?.mutable?.current;
+      if (found?.nodePoseData) return found;
+    }
+  }
+  return null;
+}
+
+export class Nodes {
+  constructor(frame, names) {
+    this.frame = frame;
+    this.names = names;
+    this.hidden = new Set();
+    this.viser = null;
+    this.own = new WeakMap();
+    this.seen = new Map();
+  }
+
+  // Resolves once viser has made every node.
+  ready() {
+    return new Promise((done) => {
+      const look = () => {
+        this.find();
+        if (this.viser && this.names.every((name) => this.viser.nodeRefFromName[name])) done();
+        else setTimeout(look, FIND_EVERY_MS);
+      };
+      look();
+    });
+  }
+
+  find() {
+    this.viser = findViser(this.frame) ?? this.viser;
+  }
+
+  // Draws what was changed, and remembers which nodes it was drawn with.
+  draw() {
+    for (const name of this.names) this.seen.set(name, this.viser.nodeRefFromName[name]);
+    this.viser.requestRender();
+  }
+
+  // Whether viser has made nodes anew since the last `draw` (after a lost connection): they stand where it put them.
+  isStale() {
+    const viser = findViser(this.frame);
+    return viser !== null && this.names.every((name) => viser.nodeRefFromName[name]) && this.names.some((name) => viser.nodeRefFromName[name] !== this.seen.get(name));
+  }
+
+  position(name) {
+    return this.viser?.nodePoseData[name]?.position ?? null;
+  }
+
+  pose(name, position, wxyz) {
+    const pose = this.viser.nodePoseData[name];
+    if (!pose) return;
+    pose.position = position;
+    if (wxyz) pose.wxyz = wxyz;
+    if (pose.poseUpdateState !== "waitForMakeObject") pose.poseUpdateState = "needsUpdate";
+  }
+
+  scale(name, across, along = across) {
+    const object = this.viser.nodeRefFromName[name];
+    if (!object) return;
+    // Some shapes carry their size as scale, so ours multiplies the one that viser gave.
+    if (!this.own.has(object)) this.own.set(object, object.scale.clone());
+    const own = this.own.get(object);
+    const off = [...this.hidden].some((group) => name.startsWith(group));
+    object.scale.set(own.x * (off ? HIDDEN : across), own.y * (off ? HIDDEN : across), own.z * (off ? HIDDEN : along));
+  }
+}

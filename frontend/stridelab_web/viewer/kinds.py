@@ -1,0 +1,79 @@
+"""How each kind of document is read and put into a scene; everything comes through the HTTP interface."""
+
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Protocol
+
+import trimesh
+import viser
+
+from stridelab.client import Client
+from stridelab_web.documents import Document, DocumentKind
+from stridelab_web.footholds import HalfSizes, half_sizes
+from stridelab_web.frames import Frames
+from stridelab_web.plan_files import needed, read_plan
+from stridelab_web.recording_frames import build_frames
+from stridelab_web.tables import read_columns
+from stridelab_web.viewer import gait_scene, planner_scene
+from stridelab_web.viewer.robot_links import read_links
+from stridelab_web.viewer.scenario_scene import ScenarioScene
+
+COM_TABLE = "com.parquet"
+
+
+class Live(Protocol):
+    """A scene that can follow its source; ``said`` is why the last change from within it was refused, or empty."""
+
+    said: str
+
+    def follow(self, source: Any) -> bool:
+        """Show ``source``; False where the scene must be built anew."""
+        ...
+
+
+@dataclass(frozen=True)
+class Kind:
+    """``look_up`` reads what a scene depends on (compared with ==), ``build`` fills an empty server with it."""
+
+    look_up: Callable[[Document], Any]
+    build: Callable[[viser.ViserServer, Document, Any], Live | None]
+
+
+def kinds(client: Client) -> Mapping[DocumentKind, Kind]:
+    """All kinds of documents, read through ``client``."""
+
+    @lru_cache(maxsize=4)
+    def sizes(robot: str) -> HalfSizes:
+        return half_sizes(client.robot(robot).effectors)
+
+    @lru_cache(maxsize=4)
+    def links(robot: str) -> dict[str, trimesh.Trimesh]:
+        with tempfile.TemporaryDirectory(prefix="stridelab-") as folder:
+            return read_links(client.robot_links(robot, Path(folder) / "links.glb").read_bytes())
+
+    def build_recording(server: viser.ViserServer, document: Document, recording: Any) -> None:
+        gait_scene.build(server, recording, _recording_frames(client, document, recording))
+
+    def build_plan(server: viser.ViserServer, document: Document, result: Any) -> None:
+        scenario, frames = read_plan({name: client.read_artifact(document.id, name) for name in needed(result)})
+        meshes = links(scenario.robot) if frames.bodies else {}
+        planner_scene.build(server, scenario, sizes(scenario.robot), frames, meshes)
+
+    def build_scenario(server: viser.ViserServer, _: Document, stored: Any) -> Live:
+        return ScenarioScene(server, stored, sizes(stored.robot), client.put_scenario)
+
+    return {
+        "recording": Kind(lambda document: client.recording(document.id), build_recording),
+        "plan": Kind(lambda document: client.result(document.id), build_plan),
+        "scenario": Kind(lambda document: client.scenario(document.id), build_scenario),
+    }
+
+
+def _recording_frames(client: Client, document: Document, recording: Any) -> Frames:
+    with tempfile.TemporaryDirectory(prefix="stridelab-") as folder:
+        tracks = client.download_tracks(document.id, Path(folder) / "tracks.parquet").read_bytes()
+    com = None if document.job_id is None else client.read_artifact(document.job_id, COM_TABLE)
+    return build_frames(recording, read_columns(tracks), None if com is None else read_columns(com))

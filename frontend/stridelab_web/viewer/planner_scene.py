@@ -1,0 +1,76 @@
+"""The scene of a plan: terrain, robot, contacts, forces, and the path of the centre of mass."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import trimesh
+import viser
+
+from stridelab.schemas.scenarios import RailSurface, Scenario
+from stridelab_web.footholds import HalfSizes
+from stridelab_web.frames import Frames
+from stridelab_web.plan_frames import COM
+from stridelab_web.touches import box_corners_m, touches
+from stridelab_web.viewer.marks import add_marks
+from stridelab_web.viewer.parts import Colour, add_arrow, add_path, place_camera, prepare
+from stridelab_web.viewer.robot_links import add_robot
+from stridelab_web.viewer.terrain import add_terrain, is_ground
+
+COM_COLOUR: Colour = (20, 30, 40)
+FORCE: Colour = (170, 51, 119)
+COM_RADIUS_M, PATH_RADIUS_M = 0.03, 0.006
+TOWARDS_CAMERA = np.array([0.5, -1.0, 0.42])
+"""From the right front of a robot that walks along x."""
+BODY_M = (0.45, 0.45, 1.75)
+"""Room that a robot takes around and above its footholds."""
+NEAR_M = 1.0
+"""Boxes matter for the picture up to this far from the nearest touch."""
+
+
+def build(
+    server: viser.ViserServer,
+    scenario: Scenario,
+    sizes: HalfSizes,
+    frames: Frames,
+    meshes: Mapping[str, trimesh.Trimesh],
+) -> None:
+    """Put a plan into an empty server; the page moves its nodes."""
+    scene = server.scene
+    prepare(scene)
+    add_terrain(scene, scenario)
+    add_marks(scene, scenario, sizes, touching=True)
+    add_robot(scene, [body.name.removeprefix("/robot/") for body in frames.bodies], meshes)
+    for arrow in frames.arrows:
+        add_arrow(scene, arrow, FORCE)
+    add_path(scene, "/paths/com", frames.track("/paths/com"), COM_COLOUR, PATH_RADIUS_M)
+    scene.add_icosphere(COM, COM_RADIUS_M, COM_COLOUR, subdivisions=3, cast_shadow=False, receive_shadow=False)
+    place_camera(server, sights_m(scenario), towards_camera(scenario))
+
+
+def towards_camera(scenario: Scenario) -> np.ndarray:
+    """Direction to the camera: right front of somebody who goes from the first touches to the last."""
+    placed = [np.array(touch.contact.position_m) for touch in touches(scenario)]
+    along = (placed[-1] - placed[0])[:2] if placed else np.zeros(2)
+    length = float(np.linalg.norm(along))
+    c, s = along / length if length > 0.3 else (1.0, 0.0)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(turn @ TOWARDS_CAMERA)
+
+
+def sights_m(scenario: Scenario) -> np.ndarray:
+    """Points ``(n, 3)`` that the picture must hold: a robot at every touch, rails, and what stands near."""
+    places = np.array([touch.contact.position_m for touch in touches(scenario)]).reshape(-1, 3)
+    if not len(places):
+        places = np.zeros((1, 3))
+    feet = [t.contact.position_m for t in touches(scenario) if "foot" in t.effector]
+    standing = np.array(feet).reshape(-1, 3) if feet else places
+    x, y, z = BODY_M
+    room = np.array([[sx * x, sy * y, h] for sx in (-1, 1) for sy in (-1, 1) for h in (0.0, z)])
+    cloud = [(standing[:, None] + room).reshape(-1, 3), places]
+    low, high = places.min(axis=0) - NEAR_M, places.max(axis=0) + NEAR_M
+    for surface in scenario.terrain:
+        if isinstance(surface, RailSurface):
+            cloud.append(np.clip([surface.from_m, surface.to_m], low, high))
+        elif not is_ground(surface):
+            cloud.append(np.clip(box_corners_m(surface), low, high))
+    return np.concatenate(cloud)

@@ -1,0 +1,134 @@
+"""The scene of a scenario: terrain and touches, which can be dragged where the scenario is somebody's own.
+
+Whoever drags sees the mark slide at once; on release the scenario is stored through the HTTP interface. Where the
+service refuses, the mark goes back and ``said`` holds its sentence. Each attempt moves the node ``TURN`` one metre up
+its x axis, by which the pages that show the scene learn of it (static/js/edit.js).
+"""
+
+import asyncio
+import threading
+from collections.abc import Callable, Coroutine
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import viser
+
+from stridelab.client import ClientError, ProblemError
+from stridelab.schemas.scenarios import Scenario, StoredScenario
+from stridelab_web.footholds import HalfSizes, moved
+from stridelab_web.touches import Touch, touches
+from stridelab_web.viewer.marks import add_marks, place
+from stridelab_web.viewer.parts import place_camera, prepare
+from stridelab_web.viewer.planner_scene import sights_m, towards_camera
+from stridelab_web.viewer.terrain import add_terrain
+from stridelab_web.viewer.treads import Guide, guide_of
+
+TURN = "/turn"
+MOVED_M = 1e-4
+"""A drag that ends closer to where it began changes nothing."""
+Put = Callable[[str, Scenario], StoredScenario]
+
+
+@dataclass(frozen=True)
+class Grip:
+    """A drag under way: what is dragged, on what it slides, and how far from its middle it was taken hold of."""
+
+    touch: Touch
+    guide: Guide
+    offset_m: np.ndarray
+
+
+class ScenarioScene:
+    """A scenario in a server; it follows the stored one without being built anew."""
+
+    def __init__(self, server: viser.ViserServer, stored: StoredScenario, sizes: HalfSizes, put: Put) -> None:
+        self._stored, self._sizes, self._put = stored, sizes, put
+        self._lock = threading.Lock()
+        self._attempts = 0
+        self._grips: dict[int, Grip] = {}
+        self.said = ""
+        scene = server.scene
+        prepare(scene)
+        add_terrain(scene, stored)
+        self._marks = add_marks(scene, stored, sizes, touching=False)
+        self._turn = scene.add_frame(TURN, show_axes=False)
+        if not stored.bundled:
+            for number, mark in self._marks.items():
+                mark.on_drag("left")(self._drag_of(number))
+        place_camera(server, sights_m(stored), towards_camera(stored))
+
+    def follow(self, stored: StoredScenario) -> bool:
+        """Show ``stored`` instead; False where more than the places of touches has changed."""
+        with self._lock:
+            if _shape(stored) != _shape(self._stored):
+                return False
+            self._show(stored)
+        return True
+
+    def _drag_of(
+        self, number: int
+    ) -> Callable[[viser.SceneNodeDragEvent[viser.MeshHandle]], Coroutine[Any, Any, None]]:
+        # Only coroutines see start, updates and end in their order; what takes long is left to a thread.
+        async def drag(event: viser.SceneNodeDragEvent[viser.MeshHandle]) -> None:
+            eye = np.array(event.client.camera.position)
+            if event.phase == "start":
+                self._take(event.client_id, number, eye, np.array(event.start_position))
+            grip = self._grips.get(event.client_id)
+            if grip is None:
+                return
+            to = self.slide(grip, eye, np.array(event.end_position))
+            if to is not None:
+                self._marks[number].position = tuple(to)
+            if event.phase == "end":
+                del self._grips[event.client_id]
+                await asyncio.to_thread(self.store, grip.touch, np.array(self._marks[number].position))
+
+        return drag
+
+    def _take(self, client_id: int, number: int, eye_m: np.ndarray, held_m: np.ndarray) -> None:
+        touch = touches(self._stored)[number - 1]
+        guide = guide_of(self._stored, touch)
+        hit = None if guide is None else guide.meet(eye_m, held_m)
+        if guide is not None and hit is not None:
+            self._grips[client_id] = Grip(touch, guide, np.array(touch.contact.position_m) - hit)
+
+    def slide(self, grip: Grip, eye_m: np.ndarray, pointer_m: np.ndarray) -> np.ndarray | None:
+        """Where what is held goes for a pointer at ``pointer_m``; None where the ray leads nowhere."""
+        hit = grip.guide.meet(eye_m, pointer_m)
+        half_m = self._sizes.get(grip.touch.effector, (0.0, 0.0))
+        return None if hit is None else grip.guide.keep(grip.touch, half_m, hit + grip.offset_m)
+
+    def store(self, touch: Touch, position_m: np.ndarray) -> None:
+        """Store the scenario with ``touch`` at ``position_m``, or put the mark back and keep the service's sentence."""
+        with self._lock:
+            self.said = ""
+            if float(np.linalg.norm(position_m - touch.contact.position_m)) > MOVED_M:
+                try:
+                    stored = self._put(
+                        self._stored.id, moved(self._stored, touch, [round(float(x), 4) for x in position_m])
+                    )
+                except ClientError as refusal:
+                    self.said = sentence(refusal)
+                    stored = self._stored
+                self._show(stored)
+            self._attempts += 1
+            self._turn.position = (float(self._attempts), 0.0, 0.0)
+
+    def _show(self, stored: StoredScenario) -> None:
+        self._stored = stored
+        for touch in touches(stored):
+            place(self._marks[touch.number], touch)
+
+
+def sentence(refusal: ClientError) -> str:
+    """What to tell whoever tried; the same sentence as in static/js/api.js."""
+    if not isinstance(refusal, ProblemError):
+        return "The service does not answer. Is it still running?"
+    return " ".join([refusal.detail, *(f"{item.where}: {item.message}" for item in refusal.errors)])
+
+
+def _shape(scenario: StoredScenario) -> object:
+    """All of a scenario that needs other nodes when it changes."""
+    runs = [(touch.effector, touch.first_phase, touch.last_phase) for touch in touches(scenario)]
+    return scenario.id, scenario.bundled, scenario.robot, scenario.terrain, runs

@@ -1,0 +1,207 @@
+"""The robot wing as the pages see it, answered from memory: a robot of boxes climbs two steps along known curves.
+
+The right foot's link is the one that tests look at: ``foot_pose`` says where it is at any time.
+"""
+
+import io
+import itertools
+import json
+import math
+import uuid
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import trimesh
+
+from stridelab.schemas.jobs import Artifact, JobResult
+from stridelab.schemas.robots import RobotEffector, RobotFacts
+from stridelab.schemas.scenarios import (
+    BoxSurface,
+    RailSurface,
+    Scenario,
+    ScenarioContact,
+    ScenarioPhase,
+    StoredScenario,
+)
+
+LINKS = ("base_link", "leg_left_6_link", "leg_right_6_link", "arm_right_7_link", "bare_link")
+EFFECTORS = ("left_foot", "right_foot", "right_hand")
+HALF_M = (0.10, 0.06)
+DISPLAY_HZ, NODES_HZ = 50.0, 20.0
+REFUSED_BEYOND_M = 0.4
+"""The fake judge refuses every foot that stands farther to the side."""
+_NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
+
+
+def scenario(name: str = "Two steps", robot: str = "boxes") -> Scenario:
+    """Feet side by side, right then left foot onto a step of 0.1 m, then onto the next; the right hand on a rail."""
+    rail = ScenarioContact(effector="right_hand", position_m=(0.2, -0.5, 0.92))
+    phases: list[ScenarioPhase] = []
+
+    def phase(duration_s: float, *contacts: ScenarioContact) -> None:
+        phases.append(ScenarioPhase(duration_s=duration_s, contacts=list(contacts)))
+
+    def foot(side: str, k: int) -> ScenarioContact:
+        y = 0.09 if side == "left" else -0.09
+        return ScenarioContact(effector=f"{side}_foot", position_m=(0.3 * k, y, 0.1 * k))
+
+    phase(1.0, foot("left", 0), foot("right", 0))
+    for k in (1, 2):
+        phase(0.8, foot("left", k - 1), rail)
+        phase(0.2, foot("left", k - 1), foot("right", k), rail)
+        phase(0.8, foot("right", k), rail)
+        phase(0.2 if k == 1 else 1.0, foot("left", k), foot("right", k), rail)
+    return Scenario(
+        name=name,
+        description="",
+        robot=robot,
+        friction=0.3,
+        terrain=[
+            BoxSurface(name="ground", kind="box", center_m=(0.5, 0.0, -0.05), size_m=(6.0, 6.0, 0.1)),
+            # the lower step runs on below the upper one
+            BoxSurface(name="step 1", kind="box", center_m=(0.745, 0.0, 0.05), size_m=(1.2, 1.2, 0.1)),
+            BoxSurface(name="step 2", kind="box", center_m=(0.895, 0.0, 0.1), size_m=(0.9, 1.2, 0.2)),
+            RailSurface(name="rail", kind="rail", from_m=(-0.2, -0.5, 0.9), to_m=(1.4, -0.5, 0.9), radius_m=0.02),
+        ],
+        phases=phases,
+    )
+
+
+def duration_s(given: Scenario) -> float:
+    return sum(phase.duration_s for phase in given.phases)
+
+
+def foot_pose(time_s: np.ndarray) -> np.ndarray:
+    """Pose ``(n, 7)`` of ``leg_right_6_link``: along a parabola, turning half about the vertical, w both signs."""
+    half = math.pi * time_s / 10
+    zero = np.zeros_like(time_s)
+    position = [0.12 * time_s, -0.09 + 0.01 * time_s, 0.05 + 0.004 * time_s**2]
+    sign = np.where(np.arange(len(time_s)) % 2 == 0, 1.0, -1.0)  # q and -q are the same: frames alternate
+    return np.column_stack([*position, sign * np.cos(half), zero, zero, sign * np.sin(half)])
+
+
+def links_glb() -> bytes:
+    """A box per link, each in its link's frame; the last link has none."""
+    scene = trimesh.Scene()
+    sizes = {"base_link": (0.3, 0.4, 0.8), "leg_left_6_link": (0.2, 0.12, 0.1), "leg_right_6_link": (0.2, 0.12, 0.1),
+             "arm_right_7_link": (0.08, 0.08, 0.3)}  # fmt: skip
+    for name, size in sizes.items():
+        box = trimesh.creation.box(size)
+        box.visual.vertex_colors = [200, 205, 210, 255]
+        scene.add_geometry(box, node_name=name, geom_name=name)
+    return bytes(scene.export(file_type="glb"))
+
+
+def display_times_s(given: Scenario) -> np.ndarray:
+    return np.arange(round(duration_s(given) * DISPLAY_HZ) + 1) / DISPLAY_HZ
+
+
+def poses(given: Scenario) -> np.ndarray:
+    """``poses.f32`` as an array ``(frames, links, 7)``."""
+    t = display_times_s(given)
+    found = np.zeros((len(t), len(LINKS), 7), dtype="<f4")
+    found[:, :, 3] = 1.0
+    found[:, 0, :3] = np.column_stack([0.1 * t, 0 * t, 0.9 + 0.02 * t])
+    found[:, 1, :3] = np.column_stack([0.1 * t, 0 * t + 0.09, 0.05 + 0.03 * t])
+    found[:, 2] = foot_pose(t)
+    found[:, 3, :3] = np.column_stack([0.2 + 0.1 * t, 0 * t - 0.5, 0 * t + 1.05])
+    return found
+
+
+def forces(given: Scenario) -> np.ndarray:
+    """``forces.f32`` as an array ``(frames, effectors, 6)``, NaN where nothing touches."""
+    t = display_times_s(given)
+    found = np.full((len(t), len(EFFECTORS), 6), np.nan, dtype="<f4")
+    start_s = 0.0
+    for phase in given.phases:
+        there = (t >= start_s - 1e-9) & (t < start_s + phase.duration_s - 1e-9)
+        start_s += phase.duration_s
+        for contact in phase.contacts:
+            k = EFFECTORS.index(contact.effector)
+            found[there, k, :3] = contact.position_m
+            found[there, k, 3:] = (5.0, 0.0, 20.0) if contact.effector == "right_hand" else (10.0, -5.0, 400.0)
+    return found
+
+
+def centroidal(given: Scenario) -> dict[str, np.ndarray]:
+    """Columns of ``centroidal.parquet``: the CoM speeds up and slows down by a constant each half of the way."""
+    t = np.arange(round(duration_s(given) * NODES_HZ) + 1) / NODES_HZ
+    half = duration_s(given) / 2
+    a = 0.04
+    x = np.where(t <= half, a * t**2 / 2, a * half**2 - a * (2 * half - t) ** 2 / 2)
+    v = np.where(t <= half, a * t, a * (2 * half - t))
+    ends = np.array(list(itertools.accumulate(phase.duration_s for phase in given.phases)))
+    zero = np.zeros_like(t)
+    columns = {
+        "time_s": t,
+        "phase": np.minimum(np.searchsorted(ends, t + 1e-9, side="right"), len(ends) - 1).astype(float),
+        "com_x_m": x, "com_y_m": zero, "com_z_m": zero + 0.88,
+        "com_vx_m_s": v, "com_vy_m_s": zero, "com_vz_m_s": zero,
+        "com_ax_m_s2": np.where(t < half, a, -a), "com_ay_m_s2": zero, "com_az_m_s2": zero,
+    }  # fmt: skip
+    for effector in EFFECTORS:
+        for k in range(1 if effector == "right_hand" else 4):
+            columns |= {f"f_{effector}_{k}_{axis}_n": zero + (100.0 if axis == "z" else 0.0) for axis in "xyz"}
+    return columns
+
+
+def plan_files(given: Scenario, *, whole_body: bool = True) -> dict[str, bytes]:
+    """All files of a plan."""
+    sink = io.BytesIO()
+    pq.write_table(pa.table(centroidal(given)), sink)
+    found = {"scenario.json": given.model_dump_json().encode(), "centroidal.parquet": sink.getvalue()}
+    if whole_body:
+        about = {
+            "robot": given.robot,
+            "n_frames": len(display_times_s(given)),
+            "time_s": [round(float(t), 6) for t in display_times_s(given)],
+            "links": list(LINKS),
+            "forces": {"file": "forces.f32", "effectors": list(EFFECTORS)},
+        }
+        found |= {
+            "poses.json": json.dumps(about).encode(),
+            "poses.f32": poses(given).tobytes(),
+            "forces.f32": forces(given).tobytes(),
+        }
+    return found
+
+
+def plan_result(given: dict[str, Any], files: dict[str, bytes]) -> JobResult:
+    """Result of a plan with these files."""
+    artifacts = [Artifact(name=n, media_type="application/octet-stream", bytes=len(c)) for n, c in files.items()]
+    return JobResult(kind="plan-motion", input=given, versions={}, references=[], summary={}, artifacts=artifacts)
+
+
+def stored(given: Scenario, *, bundled: bool = False, key: str | None = None) -> StoredScenario:
+    """``given`` as the service keeps it."""
+    return StoredScenario(
+        **{**given.model_dump(), "id": key or uuid.uuid4().hex, "created_at": _NOW, "bundled": bundled}
+    )
+
+
+def robot() -> RobotFacts:
+    """The robot of boxes."""
+    effectors = [
+        RobotEffector(
+            name=name, frame=name, kind="point" if "hand" in name else "surface", position_m=(0, 0, 0),
+            orientation_wxyz=(1, 0, 0, 0), contact_half_size_m=None if "hand" in name else HALF_M,
+        )
+        for name in EFFECTORS
+    ]  # fmt: skip
+    return RobotFacts(
+        name="boxes", title="Boxes", mass_kg=60.0, licence="BSD-3-Clause", sha256="0" * 64, effectors=effectors,
+        q_reference=[], com_height_m=0.88, limits=[], links=list(LINKS), proxies=[],
+    )  # fmt: skip
+
+
+def refusal(given: Scenario) -> list[tuple[str, str]]:
+    """What the fake judge finds wrong."""
+    return [
+        (f"phases[{k}].contacts[{contact.effector}]", "The foot stands on nothing.")
+        for k, phase in enumerate(given.phases)
+        for contact in phase.contacts
+        if "foot" in contact.effector and abs(contact.position_m[1]) > REFUSED_BEYOND_M
+    ]
