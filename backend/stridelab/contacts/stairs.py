@@ -6,6 +6,7 @@ has its riser at ``first_riser_m + (i - 1) depth_m`` and its foothold at ``x = i
 
 import math
 from collections.abc import Iterable
+from copy import deepcopy
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -198,7 +199,7 @@ def _contact(effector: str, position_m: Point, wxyz: Iterable[float] = (1.0, 0.0
 
 
 def _phase(duration_s: float, contacts: Contacts) -> dict[str, Any]:
-    return {"duration_s": duration_s, "contacts": [contacts[name] for name in sorted(contacts)]}
+    return {"duration_s": duration_s, "contacts": [deepcopy(contacts[name]) for name in sorted(contacts)]}
 
 
 def _ground() -> dict[str, Any]:

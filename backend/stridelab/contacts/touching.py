@@ -127,15 +127,17 @@ class _Ground:
         return float(best.min())
 
     def _obstructed(self, on: Touchable, sole_m: Points) -> Iterator[str]:
-        """Boxes that the sole would be inside of."""
+        """The box that the sole would be inside of, the highest if there are several."""
         raised = sole_m + LEVEL_TOLERANCE_M * on.normal
-        for box, face in zip(self.boxes, self.faces, strict=True):
-            if box is on.surface:
-                continue
-            depth = depth_in_box_m(box, raised)
-            if depth.max() > DEPTH_TOLERANCE_M:
-                rise = float(face.place(sole_m[[int(depth.argmax())]]).height_m[0])
-                yield f"is inside {box.name!r}, {-rise:.3g} m below its upper face"
+        others = [(box, face) for box, face in zip(self.boxes, self.faces, strict=True) if box is not on.surface]
+        inside = [
+            (-float(face.place(sole_m[[int(depth.argmax())]]).height_m[0]), box.name)
+            for box, face in others
+            if (depth := depth_in_box_m(box, raised)).max() > DEPTH_TOLERANCE_M
+        ]
+        if inside:
+            below, name = max(inside)
+            yield f"is inside {name!r}, {below:.3g} m below its upper face"
 
 
 def _nearest(parts: Sequence[Touchable], point_m: Vector3) -> Touchable | None:

@@ -71,7 +71,7 @@ def judge(
 ) -> tuple[CheckReport, ContactSequence | None]:
     """The report, and the contact sequence where there are no faults."""
     draft = read(scenario, effectors)
-    duration_s = sum(phase.duration_s or 0.0 for phase in draft.phases)
+    duration_s = float(sum(phase.duration_s or 0.0 for phase in draft.phases))
     outsized = tuple(too_large(draft))
     if outsized:
         return CheckReport((*outsized, *draft.faults), (), (), ((),) * len(draft.phases), duration_s), None

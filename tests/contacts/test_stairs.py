@@ -1,0 +1,129 @@
+"""The bundled scenarios: files equal builders, numbers are those of the experiments, nothing is in the way."""
+
+import json
+import runpy
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stridelab.contacts.scenario_json import sequence_of
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.contacts.shapes import effector_shapes
+from stridelab.contacts.stairs import BUNDLED, HandRail, Stairs, Timing, flat_walk, six_stairs, stairs_with_rail
+from stridelab.contacts.surfaces import depth_in_box_m
+from stridelab.contacts.swing import swing_of
+from stridelab.contacts.terrain import Rail
+from stridelab.contacts.touching import outline
+from stridelab.contacts.validation import check
+from stridelab.resources import models_dir
+from stridelab.schemas.scenarios import Scenario
+from support.shapes import SHAPES
+
+SCRIPT = Path(__file__).parents[2] / "scripts" / "make_scenarios.py"
+
+
+def bundled(name: str) -> ContactSequence:
+    return sequence_of(BUNDLED[name](), SHAPES)
+
+
+@pytest.mark.parametrize("name", BUNDLED)
+def test_the_files_are_what_the_builders_make(name: str, tmp_path: Path) -> None:
+    runpy.run_path(str(SCRIPT))["make_scenarios"](tmp_path)
+    shipped = (models_dir() / "scenarios" / f"{name}.json").read_text(encoding="utf-8")
+    assert shipped == (tmp_path / f"{name}.json").read_text(encoding="utf-8")
+    assert json.loads(shipped) == BUNDLED[name]()
+
+
+def test_nothing_else_is_bundled() -> None:
+    assert {path.stem for path in (models_dir() / "scenarios").glob("*.json")} == set(BUNDLED)
+
+
+@pytest.mark.parametrize("name", BUNDLED)
+def test_bundled_scenarios_keep_the_contract_and_pass_the_judge(name: str) -> None:
+    scenario = Scenario.model_validate(BUNDLED[name]()).model_dump(mode="json")
+    for shapes in (SHAPES, effector_shapes("talos")):
+        report = check(scenario, shapes)
+        assert report.faults == ()
+        assert not [remark for remark in report.remarks if remark.code == "swing-obstructed"]
+
+
+@pytest.mark.parametrize(
+    ("name", "duration_s", "phases"),
+    [("flat-walk", 9.8, 17), ("long-stride", 8.0, 11), ("six-stairs", 24.0, 25), ("stairs-with-rail", 36.4, 31)],
+)
+def test_durations(name: str, duration_s: float, phases: int) -> None:
+    sequence = bundled(name)
+    assert sequence.duration_s == pytest.approx(duration_s)
+    assert len(sequence.phases) == phases
+
+
+def test_long_strides_span_90_centimetres_but_the_first_and_the_last() -> None:
+    sequence = bundled("long-stride")
+    swings = [swing_of(sequence, "right_foot" if k % 4 == 1 else "left_foot", k) for k in range(1, 11, 2)]
+    lengths = [curve.end.position_m[0] - curve.start.position_m[0] for curve in swings]
+    np.testing.assert_allclose(lengths, [0.45, 0.90, 0.90, 0.90, 0.45])
+
+
+def test_six_stairs_are_climbed_right_foot_first() -> None:
+    sequence = bundled("six-stairs")
+    for i in range(1, 7):
+        right, left = sequence.phases[4 * i - 2].contacts, sequence.phases[4 * i].contacts
+        for contact in (right["right_foot"], left["left_foot"]):
+            side = 0.09 if contact.effector == "left_foot" else -0.09
+            np.testing.assert_allclose(contact.placement.position_m, [0.30 * i, side, 0.10 * i], atol=1e-9)
+            assert contact.surface == f"stair {i}"
+    first = sequence.terrain.boxes[1]
+    assert first.placement.position_m[0] - first.size_m[0] / 2 == pytest.approx(0.145)
+
+
+def test_the_hand_lies_on_the_rail_with_its_axes() -> None:
+    sequence = bundled("stairs-with-rail")
+    (rail,) = sequence.terrain.rails
+    d = (rail.to_m - rail.from_m) / np.linalg.norm(rail.to_m - rail.from_m)
+    assert np.degrees(np.arctan2(d[2], d[0])) == pytest.approx(26.565, abs=1e-3)
+    hands = [phase.contacts["right_hand"] for phase in sequence.phases if "right_hand" in phase.contacts]
+    for hand in hands:
+        R = hand.placement.rotation
+        axis = hand.placement.position_m - rail.radius_m * R[:, 2]
+        np.testing.assert_allclose(R[:, 0], d, atol=1e-6)
+        np.testing.assert_allclose(np.cross(axis - rail.from_m, d), 0.0, atol=1e-6)
+        assert R[1, 2] == 0.0
+        assert R[2, 2] > 0.0
+        assert (hand.surface, hand.friction, hand.kind) == ("rail", 0.6, "point")
+    np.testing.assert_allclose(hands[0].placement.position_m, [-0.30 + 0.22, -0.50, -0.15 + 0.70], atol=1e-6)
+    feet = {c.friction for phase in sequence.phases for c in phase.contacts.values() if c.kind == "surface"}
+    assert feet == {0.3}
+
+
+@pytest.mark.parametrize("name", BUNDLED)
+def test_soles_clear_the_treads_on_their_way(name: str) -> None:
+    """The corners of a swinging sole never get inside a box; past the lift-off they are well above what they leave."""
+    sequence = bundled(name)
+    for k, phase in enumerate(sequence.phases):
+        for effector in ("left_foot", "right_foot"):
+            if effector in phase.contacts:
+                continue
+            curve = swing_of(sequence, effector, k)
+            for t in np.linspace(0.0, curve.duration_s, 120):
+                sole = curve.at(float(t)).placement.act(outline(SHAPES[effector]))
+                for box in sequence.terrain.boxes:
+                    assert depth_in_box_m(box, sole).max() < 1e-9
+                    if 0.3 * curve.duration_s < t < 0.7 * curve.duration_s:
+                        assert depth_in_box_m(box, sole).max() < -0.01
+
+
+def test_builders_take_other_stairs() -> None:
+    scenario = six_stairs(Stairs(3, 0.15, depth_m=0.32, width_m=0.9), Timing(1.0, 1.0, 0.3))
+    sequence = sequence_of(scenario, SHAPES)
+    assert scenario["name"] == "Three stairs"
+    assert len(sequence.terrain.boxes) == 4
+    assert sequence.duration_s == pytest.approx(1.0 + 6 * 1.0 + 5 * 0.3 + 1.0)
+    np.testing.assert_allclose(sequence.phases[-1].contacts["left_foot"].placement.position_m, [0.96, 0.09, 0.45])
+
+
+def test_builders_take_other_rails_and_walks() -> None:
+    sequence = sequence_of(stairs_with_rail(rail=HandRail(0.30, 0.90, -0.55, radius_m=0.03)), SHAPES)
+    assert [type(surface) for surface in sequence.terrain.surfaces][-1] is Rail
+    np.testing.assert_allclose(sequence.phases[-1].contacts["right_hand"].placement.position_m, [1.5, -0.55, 1.5])
+    assert len(sequence_of(flat_walk(steps=4, step_m=0.3), SHAPES).phases) == 9

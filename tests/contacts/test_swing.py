@@ -1,0 +1,144 @@
+"""Swing curves: ends at rest, derivatives, apex, the profile of the stairs."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation as ScipyRotation
+
+from stridelab.contacts.scenario_json import sequence_of
+from stridelab.contacts.stairs import flat_walk, six_stairs, stairs_with_rail
+from stridelab.contacts.swing import FOOT_CLEARANCE_M, HAND_RETREAT_M, SwingCurve, swing_of
+from stridelab.dynamics.placement import Placement
+from stridelab.errors import InvalidInput
+from support.shapes import SHAPES
+
+coordinate = st.floats(-1.0, 1.0)
+position = st.tuples(coordinate, coordinate, coordinate)
+rotation_vector = st.tuples(coordinate, coordinate, coordinate)
+
+
+def placed(position_m: tuple[float, ...], rotvec: tuple[float, ...] = (0.0, 0.0, 0.0)) -> Placement:
+    return Placement(np.array(position_m), ScipyRotation.from_rotvec(rotvec).as_matrix())
+
+
+placements = st.builds(placed, position, rotation_vector)
+curves = st.builds(SwingCurve, placements, placements, st.floats(0.1, 3.0), st.sampled_from(["surface", "point"]))
+
+
+def rotation_between(a: Placement, b: Placement) -> np.ndarray:
+    """World-frame rotation vector from ``a`` to ``b``."""
+    return ScipyRotation.from_matrix(b.rotation @ a.rotation.T).as_rotvec()
+
+
+@given(curves)
+def test_begins_and_ends_at_rest_at_its_contacts(curve: SwingCurve) -> None:
+    for t, goal in ((0.0, curve.start), (curve.duration_s, curve.end)):
+        point = curve.at(t)
+        np.testing.assert_allclose(point.placement.position_m, goal.position_m, atol=1e-12)
+        np.testing.assert_allclose(point.placement.rotation, goal.rotation, atol=1e-12)
+        for derivative in (
+            point.velocity_m_s,
+            point.acceleration_m_s2,
+            point.angular_velocity_rad_s,
+            point.angular_acceleration_rad_s2,
+        ):
+            np.testing.assert_allclose(derivative, 0.0, atol=1e-9)
+
+
+@given(curves, st.floats(0.01, 0.99))
+def test_derivatives_are_those_of_the_placement(curve: SwingCurve, share: float) -> None:
+    t, h = share * curve.duration_s, 1e-5 * curve.duration_s
+    before, here, after = curve.at(t - h), curve.at(t), curve.at(t + h)
+    scale = 1.0 / curve.duration_s
+    velocity = (after.placement.position_m - before.placement.position_m) / (2 * h)
+    acceleration = (after.velocity_m_s - before.velocity_m_s) / (2 * h)
+    spin = rotation_between(before.placement, after.placement) / (2 * h)
+    spin_rate = (after.angular_velocity_rad_s - before.angular_velocity_rad_s) / (2 * h)
+    np.testing.assert_allclose(here.velocity_m_s, velocity, atol=1e-5 * scale)
+    np.testing.assert_allclose(here.acceleration_m_s2, acceleration, atol=1e-1 * scale**2)
+    np.testing.assert_allclose(here.angular_velocity_rad_s, spin, atol=1e-5 * scale)
+    np.testing.assert_allclose(here.angular_acceleration_rad_s2, spin_rate, atol=1e-1 * scale**2)
+
+
+@given(curves, st.floats(0.0, 1.0))
+def test_moves_without_jumps(curve: SwingCurve, share: float) -> None:
+    t, h = share * curve.duration_s, 1e-7 * curve.duration_s
+    here, next_ = curve.at(t), curve.at(t + h)
+    np.testing.assert_allclose(next_.placement.position_m, here.placement.position_m, atol=1e-5)
+    np.testing.assert_allclose(next_.velocity_m_s, here.velocity_m_s, atol=1e-4 / curve.duration_s)
+    np.testing.assert_allclose(next_.acceleration_m_s2, here.acceleration_m_s2, atol=1e-2 / curve.duration_s**2)
+
+
+@given(placements, placements, st.floats(0.1, 3.0))
+def test_a_sole_rises_to_its_clearance_above_the_higher_place(
+    start: Placement, end: Placement, duration: float
+) -> None:
+    curve = SwingCurve(start, end, duration, "surface")
+    z = np.array([curve.at(t).placement.position_m[2] for t in np.linspace(0.0, duration, 401)])
+    higher = max(start.position_m[2], end.position_m[2])
+    assert z.max() - higher == pytest.approx(FOOT_CLEARANCE_M, abs=2e-3)
+    assert curve.at(duration / 2).placement.position_m[2] - higher == pytest.approx(FOOT_CLEARANCE_M, abs=2e-3)
+
+
+@given(placements, rotation_vector, st.floats(0.1, 3.0))
+def test_a_hand_on_one_rail_retreats_along_its_normal(
+    start: Placement, along: tuple[float, ...], duration: float
+) -> None:
+    n = start.rotation[:, 2]
+    travel = np.array(along) - n * (n @ np.array(along))
+    curve = SwingCurve(start, Placement(start.position_m + travel, start.rotation), duration, "point")
+    off = np.array([(curve.at(t).placement.position_m - start.position_m) @ n for t in np.linspace(0, duration, 101)])
+    assert off.max() == pytest.approx(HAND_RETREAT_M, abs=1e-9)
+    assert off.min() >= -1e-12
+
+
+@settings(max_examples=30)
+@given(curves)
+def test_the_path_is_that_of_the_curve(curve: SwingCurve) -> None:
+    shares = np.linspace(0.0, 1.0, 7)
+    positions, rotations = curve.path(shares)
+    for share, p, R in zip(shares, positions, rotations, strict=True):
+        at = curve.at(float(share) * curve.duration_s).placement
+        np.testing.assert_allclose(p, at.position_m, atol=1e-12)
+        np.testing.assert_allclose(R, at.rotation, atol=1e-12)
+
+
+def test_on_stairs_the_foot_moves_forwards_between_18_and_80_per_cent() -> None:
+    curve = SwingCurve(placed((0.0, 0.0, 0.0)), placed((0.3, 0.0, 0.1)), 1.0, "surface")
+    x = [curve.at(t).placement.position_m[0] for t in (0.18, 0.49, 0.80)]
+    np.testing.assert_allclose(x, [0.0, 0.15, 0.3], atol=1e-12)
+
+
+def test_a_level_step_moves_forwards_between_4_and_96_per_cent() -> None:
+    curve = SwingCurve(placed((0.0, 0.0, 0.0)), placed((0.9, 0.0, 0.0)), 1.0, "surface")
+    x = [curve.at(t).placement.position_m[0] for t in (0.04, 0.5, 0.96)]
+    np.testing.assert_allclose(x, [0.0, 0.45, 0.9], atol=1e-12)
+
+
+def test_a_swing_that_outlasts_a_phase_counts_from_its_lift_off() -> None:
+    scenario = stairs_with_rail()
+    resting = scenario["phases"][2]
+    resting["contacts"] = [c for c in resting["contacts"] if c["effector"] != "right_hand"]
+    sequence = sequence_of(scenario, SHAPES)
+    for phase in (1, 2):
+        curve = swing_of(sequence, "right_hand", phase)
+        assert curve.kind == "point"
+        assert curve.starts_s == pytest.approx(1.9)
+        assert curve.duration_s == pytest.approx(1.8 + 0.4)
+
+
+def test_swings_of_a_sequence_join_its_contacts() -> None:
+    sequence = sequence_of(six_stairs(), SHAPES)
+    curve = swing_of(sequence, "right_foot", 5)
+    assert curve.start is sequence.phases[4].contacts["right_foot"].placement
+    assert curve.end is sequence.phases[6].contacts["right_foot"].placement
+    assert (curve.duration_s, curve.kind) == (pytest.approx(1.4), "surface")
+    assert curve.starts_s == pytest.approx(sequence.starts_s[5])
+
+
+@pytest.mark.parametrize(("effector", "phase"), [("left_foot", 1), ("right_hand", 1), ("left_foot", 0)])
+def test_refuses_what_does_not_swing(effector: str, phase: int) -> None:
+    with pytest.raises(InvalidInput, match=effector) as caught:
+        swing_of(sequence_of(flat_walk(), SHAPES), effector, phase)
+    assert caught.value.code == "no-swing"
