@@ -1,0 +1,359 @@
+"""``plan-motion`` from a scenario to its files, each checked against mechanics, and every way in which it can end."""
+
+import asyncio
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+import pyarrow.parquet as pq
+import pytest
+
+from stridelab.contacts.shapes import effector_shapes
+from stridelab.contacts.validation import judge
+from stridelab.conventions import g
+from stridelab.errors import Fault, InvalidInput, NotEstimable, NotFound, StridelabError
+from stridelab.resources import models_dir
+from stridelab.robots.loader import load_robot
+from stridelab.schemas.plans import CertificateSummary, PlanMotionSummary
+from stridelab.schemas.scenarios import Scenario
+from stridelab.service.jobs.errand import located
+from stridelab.service.jobs.isolated import IsolatedPool
+from stridelab.service.jobs.kinds import plan_motion
+from stridelab.service.jobs.kinds.kind import Outcome
+from stridelab.service.jobs.kinds.provenance import known_references
+from stridelab.service.jobs.kinds.tables_io import read_about
+from support.planning import changed, plan_task, short_walk
+from support.quiet import Told, quiet
+
+CENTROIDAL_FILES = {"centroidal.parquet", "centroidal.csv", "scenario.json"}
+MOTION_FILES = {"motion.npz", "motion.parquet", "motion.csv", "poses.f32", "poses.json", "forces.f32", "motion.viser"}
+ALL_FILES = CENTROIDAL_FILES | MOTION_FILES | {"certificate.json", "replay.npz"}
+STAGES = ["check", "reachability", "centroidal", "whole body", "certificate", "replay", "export"]
+
+
+class Planned(NamedTuple):
+    folder: Path
+    outcome: Outcome
+    summary: PlanMotionSummary
+    told: Told
+
+    def columns(self, table: str, *names: str) -> np.ndarray:
+        read = pq.read_table(self.folder / table)
+        return np.column_stack([read[name].to_numpy() for name in names])
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        with np.load(self.folder / "motion.npz", allow_pickle=False) as read:
+            return dict(read)
+
+
+def run(folder: Path, scenario: Scenario, **asked: Any) -> Planned:
+    told = Told()
+    outcome = plan_motion.run(plan_task(scenario, **asked), folder, told)
+    return Planned(folder, outcome, PlanMotionSummary.model_validate(outcome.summary), told)
+
+
+@pytest.fixture(scope="module")
+def walked(tmp_path_factory: pytest.TempPathFactory) -> Planned:
+    return run(tmp_path_factory.mktemp("walk"), short_walk(), whole_body=True, replay=True)
+
+
+def test_the_files_are_those_of_the_contract(walked: Planned) -> None:
+    assert {artifact.name for artifact in walked.outcome.artifacts} == ALL_FILES
+    assert {path.name for path in walked.folder.iterdir()} == ALL_FILES
+    json.dumps(walked.outcome.to_json(), allow_nan=False)
+
+
+def test_the_summary_says_what_every_stage_found(walked: Planned) -> None:
+    summary = walked.summary
+    assert (summary.converged, summary.robot, summary.n_phases) == (True, "talos", len(short_walk().phases))
+    assert summary.duration_s == pytest.approx(sum(phase.duration_s for phase in short_walk().phases))
+    assert list(summary.stage_times_s) == STAGES
+    assert summary.certificate is not None
+    assert summary.certificate.passed, [check for check in summary.certificate.checks if not check.passed]
+    assert summary.replay is not None
+    assert summary.replay.completed
+    assert summary.replay.com_error_max_m < 0.03
+    assert summary.warnings == []
+
+
+def test_progress_goes_through_the_stages_and_tells_the_motions_time(walked: Planned) -> None:
+    told = walked.told
+    named = list(dict.fromkeys(message.partition(":")[0] for message in told.messages))
+    assert named == [*STAGES, "done"]
+    assert told.fractions[-1] == 1.0
+    for stage in ("whole body", "replay"):
+        ticking = [m for m in told.messages if m.startswith(f"{stage}: ")]
+        assert ticking[0] == f"{stage}: 0.0 of {walked.summary.duration_s:.1f} s"
+        assert len(ticking) >= 10
+
+
+def test_references_name_the_methods(walked: Planned) -> None:
+    assert set(walked.outcome.references) <= known_references()
+    assert {
+        "carpentier2017thesis",
+        "stasse2017talos",
+        "wachter2006ipopt",
+        "arnstrom2022daqp",
+        "todorov2012mujoco",
+    } <= set(walked.outcome.references)
+
+
+def test_the_centroidal_table_obeys_newton_and_integrates_to_itself(walked: Planned) -> None:
+    """From the file alone: m (c'' - g) is the sum of the forces, and c, c' are the integral of c''."""
+    table = "centroidal.parquet"
+    names = pq.read_schema(walked.folder / table).names
+    mass_kg = read_about(walked.folder / table)["provenance"]["mass_kg"]
+    assert mass_kg == pytest.approx(load_robot("talos").mass_kg)
+    time_s = walked.columns(table, "time_s")[:, 0]
+    com, v, a = (
+        walked.columns(table, *(f"com_{d}{x}_{u}" for x in "xyz")) for d, u in (("", "m"), ("v", "m_s"), ("a", "m_s2"))
+    )
+    force = np.column_stack(
+        [
+            walked.columns(table, *(n for n in names if n.startswith("f_") and n.endswith(f"_{x}_n"))).sum(axis=1)
+            for x in "xyz"
+        ]
+    )
+    np.testing.assert_allclose(mass_kg * (a - g), force, atol=1e-6)
+    h = np.diff(time_s)[:, None]
+    np.testing.assert_allclose(com[1:], com[:-1] + h * v[:-1] + 0.5 * h**2 * a[:-1], atol=1e-7)
+    np.testing.assert_allclose(v[1:], v[:-1] + h * a[:-1], atol=1e-7)
+
+
+def test_a_foot_in_the_air_carries_nothing_in_the_tables(walked: Planned) -> None:
+    for phase, stage in enumerate(short_walk().phases):
+        standing = {contact.effector for contact in stage.contacts}
+        for foot in ("left_foot", "right_foot"):
+            forces = walked.columns("centroidal.parquet", *(f"f_{foot}_{k}_z_n" for k in range(4)))
+            rows = walked.columns("centroidal.parquet", "phase")[:, 0] == phase
+            assert (forces[rows].sum() > 0.0) == (foot in standing)
+
+
+def test_the_motion_obeys_the_equations_of_motion(walked: Planned) -> None:
+    """From motion.npz alone: inverse dynamics of q, v, a are the joint torques and the contact forces, nothing else."""
+    robot, arrays = load_robot("talos"), walked.arrays()
+    model = robot.model
+    data = model.createData()
+    for i in np.linspace(0, len(arrays["time_s"]) - 1, 12).astype(int):
+        q, v, a = (arrays[name][i] for name in "qva")
+        missing = pin.rnea(model, data, q, v, a) - np.concatenate([np.zeros(6), arrays["tau"][i]])
+        pin.computeJointJacobians(model, data, q)
+        pin.updateFramePlacements(model, data)
+        for effector in arrays["effectors"]:
+            tool = robot.effectors[str(effector)]
+            frame = model.getFrameId(tool.frame)
+            J = pin.getFrameJacobian(model, data, frame, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+            centre = data.oMf[frame]
+            for point, force in zip(arrays[f"points_{effector}"], arrays[f"forces_{effector}"][i], strict=True):
+                arm = centre.rotation @ tool.T_frame_contact.act(point[None])[0]
+                missing -= J.T @ np.concatenate([force, np.cross(arm, force)])
+        assert np.abs(missing).max() < 1e-6
+    assert arrays["joint_names"].tolist() == list(robot.joint_names)
+
+
+def test_feet_stand_where_the_scenario_puts_them_and_the_com_is_that_of_the_joints(walked: Planned) -> None:
+    robot, arrays = load_robot("talos"), walked.arrays()
+    data = robot.model.createData()
+    com = walked.columns("motion.parquet", "com_x_m", "com_y_m", "com_z_m")
+    error = walked.columns("motion.parquet", "com_error_m")[:, 0]
+    ends_s = np.cumsum([phase.duration_s for phase in short_walk().phases])
+    for phase, end_s in zip(short_walk().phases, ends_s, strict=True):
+        i = round((end_s - 0.02) * 250.0)
+        pin.centerOfMass(robot.model, data, arrays["q"][i])
+        np.testing.assert_allclose(data.com[0], com[i], atol=1e-9)
+        pin.framesForwardKinematics(robot.model, data, arrays["q"][i])
+        for contact in phase.contacts:
+            tool = robot.effectors[contact.effector]
+            link = data.oMf[robot.model.getFrameId(tool.frame)]
+            sole = link.translation + link.rotation @ tool.T_frame_contact.position_m
+            np.testing.assert_allclose(sole, contact.position_m, atol=1e-3)
+    assert error.max() < 1e-3
+
+
+def test_the_display_files_are_the_motion(walked: Planned) -> None:
+    robot, arrays = load_robot("talos"), walked.arrays()
+    about = json.loads((walked.folder / "poses.json").read_text())
+    poses = np.frombuffer((walked.folder / "poses.f32").read_bytes(), "<f4").reshape(about["n_frames"], -1, 7)
+    shown = np.array(about["time_s"])
+    assert np.diff(shown) == pytest.approx(np.full(len(shown) - 1, 0.02))
+    assert shown[-1] == pytest.approx(walked.summary.duration_s)
+    data = robot.model.createData()
+    foot = about["links"].index("leg_right_6_link")
+    joint = robot.model.getJointId("leg_right_6_joint")
+    samples = np.round(shown * 250.0).astype(int)
+    for frame in range(0, len(shown), 17):
+        pin.forwardKinematics(robot.model, data, arrays["q"][samples[frame]])
+        np.testing.assert_allclose(poses[frame, foot, :3], data.oMi[joint].translation, atol=1e-6)
+    effectors = about["forces"]["effectors"]
+    forces = np.frombuffer((walked.folder / "forces.f32").read_bytes(), "<f4").reshape(len(shown), len(effectors), 6)
+    np.testing.assert_allclose(np.nan_to_num(forces[..., 3:]), arrays["forces"][samples], rtol=1e-6, atol=1e-4)
+    ends_s = np.cumsum([phase.duration_s for phase in short_walk().phases])
+    phase = np.minimum(np.searchsorted(ends_s, shown + 1e-9, side="right"), len(ends_s) - 1)
+    standing = np.array(
+        [[e in {c.effector for c in short_walk().phases[p].contacts} for e in effectors] for p in phase]
+    )
+    np.testing.assert_array_equal(np.isfinite(forces).all(axis=2), standing)
+    np.testing.assert_array_equal(np.isnan(forces).all(axis=2), ~standing)
+
+
+def test_the_replay_is_kept(walked: Planned) -> None:
+    with np.load(walked.folder / "replay.npz", allow_pickle=False) as read:
+        n = len(read["time_s"])
+        assert read["q"].shape == (n, load_robot("talos").model.nq)
+        assert read["v"].shape == (n, load_robot("talos").model.nv)
+        total = read["forces_left_foot"] + read["forces_right_foot"]
+    weight_n = load_robot("talos").mass_kg * 9.81
+    assert np.median(total[:, 2]) == pytest.approx(weight_n, rel=0.05)
+
+
+def test_scenario_and_certificate_can_be_read_back(walked: Planned) -> None:
+    assert Scenario.model_validate_json((walked.folder / "scenario.json").read_text()) == short_walk()
+    kept = CertificateSummary.model_validate_json((walked.folder / "certificate.json").read_text())
+    assert kept == walked.summary.certificate
+
+
+def test_without_the_whole_body_there_is_the_plan_only(tmp_path: Path) -> None:
+    task = plan_task(whole_body=False).model_dump(mode="json")
+    done = plan_motion.run_in_child(task, tmp_path, quiet)
+    assert {a["name"] for a in done["artifacts"]} == CENTROIDAL_FILES == {path.name for path in tmp_path.iterdir()}
+    assert list(done["summary"]["stage_times_s"]) == ["check", "reachability", "centroidal", "export"]
+    assert (done["summary"]["certificate"], done["summary"]["replay"]) == (None, None)
+
+
+def refused(folder: Path, kind: type[StridelabError], scenario: Scenario | None = None, **asked: Any) -> StridelabError:
+    with pytest.raises(kind) as failure:
+        plan_motion.run(plan_task(scenario, **asked), folder, quiet)
+    assert type(failure.value) is kind
+    assert list(folder.iterdir()) == [], "a failed run leaves nothing"
+    return failure.value
+
+
+@pytest.mark.parametrize(
+    ("asked", "code"),
+    [
+        ({"formulation": "wrench"}, "formulation-unavailable"),
+        ({"solver": "native"}, "solver-unavailable"),
+        ({"free_durations": True}, "free-durations-unavailable"),
+    ],
+)
+def test_what_this_version_has_not_is_refused_before_any_work(tmp_path: Path, asked: dict[str, Any], code: str) -> None:
+    told = Told()
+    with pytest.raises(NotEstimable) as failure:
+        plan_motion.run(plan_task(**asked), tmp_path, told)
+    assert failure.value.code == code
+    assert told.messages == []
+
+
+BAD = {
+    "a foot in the air": (
+        lambda body: body["phases"][2]["contacts"][0]["position_m"].__setitem__(2, 0.3),
+        "phases[2].contacts[",
+    ),
+    "a phase without contacts": (lambda body: body["phases"][3].__setitem__("contacts", []), "phases[3]"),
+    "negative time": (lambda body: body["phases"][1].__setitem__("duration_s", -0.5), "phases[1].duration_s"),
+    "an unknown effector": (
+        lambda body: body["phases"][0]["contacts"][0].__setitem__("effector", "tail"),
+        "phases[0].contacts[tail]",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_scenario_that_cannot_be_is_refused_naming_the_phase(tmp_path: Path, name: str) -> None:
+    change, where = BAD[name]
+    error = refused(tmp_path, InvalidInput, changed(short_walk(), change))
+    assert error.code == "scenario-invalid"
+    assert any(fault.where.startswith(where) for fault in error.faults)
+    assert error.faults[-1].where == "stage: check"
+    assert error.faults[0].where in error.message
+
+
+def test_an_unknown_robot_is_not_found(tmp_path: Path) -> None:
+    error = refused(tmp_path, NotFound, changed(short_walk(), lambda body: body.__setitem__("robot", "marvin")))
+    assert error.code == "robot-not-found"
+    assert error.faults[-1].where == "stage: check"
+
+
+def test_a_solver_that_does_not_converge_is_said_with_status_and_iterations(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def solve(problem: Any) -> Any:
+        from stridelab.centroidal.solve import solve as genuine
+
+        return replace(genuine(problem), converged=False, status="Maximum_Iterations_Exceeded", iterations=200)
+
+    monkeypatch.setattr(plan_motion, "solve", solve)
+    error = refused(tmp_path, NotEstimable)
+    assert error.code == "plan-not-converged"
+    assert "Maximum_Iterations_Exceeded after 200 iterations" in error.message
+    assert [fault.where for fault in error.faults] == ["solver", "stage: centroidal"]
+
+
+def test_a_body_that_cannot_follow_keeps_its_own_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Stuck:
+        def run(self, *_: object) -> None:
+            fault = Fault("phases[1].contacts[right_foot]", "leg_right_4_joint at its limit")
+            raise NotEstimable("whole-body-failed", "The whole body cannot go on at 1.2 s.", [fault])
+
+    monkeypatch.setattr(plan_motion, "WholeBodyController", Stuck)
+    error = refused(tmp_path, NotEstimable)
+    assert error.code == "whole-body-failed"
+    assert [fault.where for fault in error.faults] == ["phases[1].contacts[right_foot]", "stage: whole body"]
+
+
+def test_a_solver_that_hangs_is_ended_and_its_stage_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+    heard: list[str] = []
+
+    async def act() -> Any:
+        async with IsolatedPool(1, preload=("stridelab.service.jobs.kinds.plan_motion",)) as pool:
+            return await pool.run(
+                "support.planning:plan_with_a_hanging_solver",
+                plan_task().model_dump(mode="json"),
+                tmp_path,
+                timeout_s=5.0,
+                memory_mb=4096,
+                on_progress=lambda _fraction, message: heard.append(message),
+            )
+
+    outcome = asyncio.run(act())
+    assert outcome.state == "timeout"
+    problem = located(outcome.problem, heard[-1])
+    assert problem["errors"] == [{"where": "stage: centroidal", "message": f"last heard: {heard[-1]}"}]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_suspicious_plan_is_remarked_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def solve(problem: Any) -> Any:
+        from stridelab.centroidal.solve import solve as genuine
+
+        return replace(genuine(problem), iterations=51)
+
+    monkeypatch.setattr(plan_motion, "solve", solve)
+    summary = run(tmp_path, short_walk(), whole_body=False).summary
+    assert [remark.code for remark in summary.warnings] == ["plan-slow-to-converge"]
+
+
+def bundled(name: str) -> Scenario:
+    return Scenario.model_validate_json((models_dir() / "scenarios" / f"{name}.json").read_text(encoding="utf-8"))
+
+
+def test_six_stairs_are_climbed(tmp_path: Path) -> None:
+    """The whole way on the stairs of the thesis' second experiment, with the bars that a useful motion has to keep."""
+    climbed = run(tmp_path, bundled("six-stairs"), whole_body=True, replay=True)
+    summary = climbed.summary
+    assert summary.certificate is not None
+    checks = {check.name: check for check in summary.certificate.checks}
+    assert summary.certificate.passed, [check for check in summary.certificate.checks if not check.passed]
+    assert checks["com_error_max"].value < 1e-3
+    assert checks["landing_error_max"].value < 1e-3
+    assert summary.replay is not None
+    assert summary.replay.completed
+    assert summary.replay.com_error_max_m < 0.03
+    report, sequence = judge(bundled("six-stairs").model_dump(mode="json"), effector_shapes("talos"))
+    assert sequence is not None, report.faults
+    com = climbed.columns("motion.parquet", "com_z_m")[:, 0]
+    assert com[-1] - com[0] == pytest.approx(6 * 0.10, abs=1e-3), "six stairs of ten centimetres"
