@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation as ScipyRotation
@@ -17,6 +17,7 @@ sizes = st.tuples(*[st.floats(0.1, 2.0)] * 3).map(np.array)
 rotations = vectors.map(lambda v: ScipyRotation.from_rotvec(np.pi * v).as_matrix())
 
 
+@settings(deadline=None)
 @given(vectors, rotations, sizes)
 def test_the_upper_face_looks_up_and_lies_on_the_box(
     center: np.ndarray, rotation: np.ndarray, size: np.ndarray
@@ -31,6 +32,7 @@ def test_the_upper_face_looks_up_and_lies_on_the_box(
     assert depth_in_box_m(box, center[np.newaxis])[0] == pytest.approx(size.min() / 2)
 
 
+@settings(deadline=None)
 @given(vectors, vectors, vectors)
 def test_distance_to_a_face_is_that_to_its_nearest_point(
     center: np.ndarray, turn: np.ndarray, point: np.ndarray

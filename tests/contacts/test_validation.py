@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from stridelab.contacts.stairs import flat_walk, six_stairs, stairs_with_rail
 from stridelab.contacts.validation import CheckReport, check
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck
-from support.shapes import SHAPES, CheckReport, Made, contact, faults, judged
+from support.shapes import SHAPES, Made, contact, faults, judged
 
 
 @pytest.mark.parametrize("duration_s", [0.0, -1.0, 0.049, 60.1, math.nan, math.inf, None, "long"], ids=str)
