@@ -1,0 +1,105 @@
+"""What is kept of learned densities: the mixtures, how they were learned and how good they are."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from pydantic import ConfigDict
+
+from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.sampling import Measure
+
+_STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+Triple = tuple[float, float, float]
+Matrix = tuple[Triple, Triple, Triple]
+
+
+@dataclass(frozen=True)
+class Reach:
+    """Box of the 0.5 and 99.5 percentiles of the sampled CoM in the contact frame, and its largest distance."""
+
+    __pydantic_config__ = _STRICT
+    com_low_m: Triple
+    com_high_m: Triple
+    com_distance_max_m: float
+
+
+@dataclass(frozen=True)
+class SizeTrial:
+    """A mixture of another size, fitted to the same samples."""
+
+    __pydantic_config__ = _STRICT
+    components: int
+    kl_nats: float
+    kl_sd_nats: float
+    held_out_log_likelihood: float
+
+
+@dataclass(frozen=True)
+class EffectorCard:
+    """One effector's mixture (metres, in its contact frame) and its quality.
+
+    ``kl_nats`` is KL(KDE || mixture) with the kernel density of all samples and bandwidth ``bandwidth_m``, estimated
+    from ``kl_draws`` draws with standard error ``kl_sd_nats``. ``held_out_log_likelihood`` is the mean log-density
+    (nats, per m^3) of the samples that EM did not see, with its standard error. ``sizes`` is the curve over the
+    number of components. ``em_converged`` tells whether EM met its tolerance.
+    """
+
+    __pydantic_config__ = _STRICT
+    weights: tuple[float, ...]
+    means: tuple[Triple, ...]
+    covariances: tuple[Matrix, ...]
+    components: int
+    em_converged: bool
+    bandwidth_m: float
+    kl_nats: float
+    kl_sd_nats: float
+    kl_draws: int
+    held_out_log_likelihood: float
+    held_out_log_likelihood_sd: float
+    mode_m: Triple
+    mode_log_density: float
+    reach: Reach
+    sizes: tuple[SizeTrial, ...]
+
+    @property
+    def mixture(self) -> Mixture:
+        """The density. Raises ``InvalidInput`` (``mixture-invalid``)."""
+        return Mixture(np.array(self.weights), np.array(self.means), np.array(self.covariances))
+
+
+@dataclass(frozen=True)
+class PairReach:
+    """The largest distance between the contact frames of two effectors over all samples."""
+
+    __pydantic_config__ = _STRICT
+    effectors: tuple[str, str]
+    distance_max_m: float
+
+
+@dataclass(frozen=True)
+class ReachabilityCard:
+    """All that was learned of one robot from one cloud of postures.
+
+    ``samples`` collision-free postures were kept of ``tried``; EM saw the first ``fitted`` of them. ``robot_sha256``
+    identifies the robot's card and description, ``versions`` the packages that computed the numbers.
+    """
+
+    __pydantic_config__ = _STRICT
+    robot: str
+    robot_sha256: str
+    measure: Measure
+    seed: int
+    samples: int
+    fitted: int
+    tried: int
+    versions: dict[str, str]
+    effectors: dict[str, EffectorCard]
+    pairs: tuple[PairReach, ...]
+
+    @property
+    def mixtures(self) -> Mapping[str, Mixture]:
+        """The density of every effector."""
+        return {name: effector.mixture for name, effector in self.effectors.items()}
