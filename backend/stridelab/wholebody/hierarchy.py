@@ -18,11 +18,11 @@ from typing import NamedTuple
 
 import daqp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 from scipy.linalg import lapack
 
-Matrix = Float[np.ndarray, "m n"]
-Vector = Float[np.ndarray, "m"]
+Unknowns = Float[np.ndarray, "n"]
+Basis = Float[np.ndarray, "n k"]
 
 _RANK = 1e-9
 """Pivots below this share of the largest one count as zero."""
@@ -30,6 +30,9 @@ _CONSISTENT = 1e-7
 """Largest residual, relative to the right-hand side, of equalities that can hold together."""
 _DAMPING = 1e-9
 """Weight of |w|^2 on a level that does not determine it."""
+_PROXIMAL = -1e-5
+"""Weight of the proximal steps for a level that does not determine ``w``; negative: only where they are needed."""
+_BINDING = 1e-6
 _NO_BOUND = 1e30
 
 
@@ -59,7 +62,7 @@ class HierarchyFailure:
 class HierarchyResult(NamedTuple):
     """``z``, valid where ``failure`` is None; ``programmes`` counts the quadratic programmes that it took."""
 
-    z: Float[np.ndarray, "n"]
+    z: Unknowns
     failure: HierarchyFailure | None
     programmes: int
 
@@ -72,22 +75,25 @@ def solve(equality: Rows, levels: Sequence[Rows], bounds: Inequalities) -> Hiera
     programmes = 0
     quick = _presumed(z, Z, levels[:-1])
     if quick is not None:
-        w, flag = _programme(*quick, levels[-1], bounds)
+        found = _programme(*quick, levels[-1], bounds)
         programmes = 1
-        if flag > 0:
-            return HierarchyResult(quick[0] + quick[1] @ w, None, programmes)
+        if found.flag > 0:
+            return HierarchyResult(quick[0] + quick[1] @ found.w, None, programmes)
     for number, level in enumerate(levels, start=1):
-        w, flag = _programme(z, Z, level, bounds)
+        found = _programme(z, Z, level, bounds)
         programmes += 1
-        if flag < 1:
-            return HierarchyResult(z, HierarchyFailure(number, _REASONS.get(flag, f"solver flag {flag}")), programmes)
-        z = z + Z @ w
-        if number < len(levels):
-            Z = Z @ _onto(Rows(level.A @ Z, np.zeros(len(level.b)))).null
+        if found.flag < 1:
+            reason = _REASONS.get(found.flag, f"solver flag {found.flag}")
+            return HierarchyResult(z, HierarchyFailure(number, reason), programmes)
+        z = z + Z @ found.w
+        if number < len(levels) and Z.shape[1]:
+            held = np.vstack([level.A, bounds.G[found.binding]]) @ Z
+            Z = Z @ _onto(Rows(held, np.zeros(len(held)))).null
+            bounds = _containing(z, bounds)
     return HierarchyResult(z, None, programmes)
 
 
-def violations(equality: Rows, bounds: Inequalities) -> Vector:
+def violations(equality: Rows, bounds: Inequalities) -> Float[np.ndarray, "m"]:
     """By how much each inequality is missed where the equalities hold and the misses are as small as they can be.
 
     The sum of squares of the misses is minimised; all zero means that the constraints can hold together.
@@ -105,8 +111,8 @@ def violations(equality: Rows, bounds: Inequalities) -> Vector:
 
 
 class _Onto(NamedTuple):
-    z: Float[np.ndarray, "n"]
-    null: Float[np.ndarray, "n k"]
+    z: Unknowns
+    null: Basis
     gap: float
 
 
@@ -132,7 +138,7 @@ def _onto(rows: Rows) -> _Onto:
     return _Onto(z, Q[:, rank:], gap)
 
 
-def _presumed(z: Vector, Z: Matrix, levels: Sequence[Rows]) -> tuple[Vector, Matrix] | None:
+def _presumed(z: Unknowns, Z: Basis, levels: Sequence[Rows]) -> tuple[Unknowns, Float[np.ndarray, "n j"]] | None:
     """Where the upper levels are all met exactly, or None if they cannot be even without inequalities."""
     for A, b in levels:
         w, null, gap = _onto(Rows(A @ Z, b - A @ z))
@@ -142,21 +148,39 @@ def _presumed(z: Vector, Z: Matrix, levels: Sequence[Rows]) -> tuple[Vector, Mat
     return z, Z
 
 
-def _programme(z: Vector, Z: Matrix, level: Rows, bounds: Inequalities) -> tuple[Vector, int]:
-    """``min_w |A (z + Z w) - b|^2`` under the inequalities, with the solver's flag (positive: solved)."""
+class _Found(NamedTuple):
+    w: Float[np.ndarray, "k"]
+    flag: int
+    binding: Bool[np.ndarray, "m"]
+
+
+def _programme(z: Unknowns, Z: Basis, level: Rows, bounds: Inequalities) -> _Found:
+    """``min_w |A (z + Z w) - b|^2`` under the inequalities; the solver's flag (positive: solved), the binding rows.
+
+    A row that binds with a positive multiplier binds for all optima of this level; where the level is met, none does.
+    """
+    if not Z.shape[1]:
+        return _Found(np.zeros(0), 1, np.zeros(len(bounds.upper), dtype=bool))
     B = level.A @ Z
-    H = B.T @ B
-    H.flat[:: len(H) + 1] += _DAMPING
     off = bounds.G @ z
-    w, _, flag, _ = daqp.solve(
-        H,
+    w, _, flag, info = daqp.solve(
+        B.T @ B,
         B.T @ (level.A @ z - level.b),
         np.ascontiguousarray(bounds.G @ Z),
         np.minimum(bounds.upper - off, _NO_BOUND),
         np.maximum(bounds.lower - off, -_NO_BOUND),
         np.zeros(len(off), np.int32),
+        eps_prox=_PROXIMAL,
     )
-    return np.asarray(w), int(flag)
+    pull = np.abs(np.asarray(info["lam"]))
+    met = np.abs(B @ w + level.A @ z - level.b).max() <= _CONSISTENT * (1.0 + np.abs(level.b).max())
+    return _Found(np.asarray(w), int(flag), pull > (np.inf if met else _BINDING * pull.max(initial=0.0)))
+
+
+def _containing(z: Unknowns, bounds: Inequalities) -> Inequalities:
+    """The bounds with ``z`` inside: a solver meets its active ones only to its tolerance."""
+    reached = bounds.G @ z
+    return Inequalities(bounds.G, np.minimum(bounds.lower, reached), np.maximum(bounds.upper, reached))
 
 
 _REASONS = {

@@ -1,0 +1,116 @@
+"""A stance is where it was asked for, or says how far it stayed away."""
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from stridelab.dynamics.placement import Placement
+from stridelab.errors import InvalidInput
+from stridelab.robots.inverse_kinematics import IkResult, stand
+from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
+
+FEET = {"left_foot": Placement.of([0.0, 0.09, 0.0]), "right_foot": Placement.of([0.0, -0.09, 0.0])}
+STAIR = {"left_foot": Placement.of([0.0, 0.09, 0.0]), "right_foot": Placement.of([0.3, -0.09, 0.15])}
+TURN = (np.cos(0.6), 0.0, 0.0, np.sin(0.6))
+TURNED = {
+    "left_foot": Placement.of([1.0 - 0.09 * np.sin(1.2), 0.09 * np.cos(1.2), 0.5], TURN),
+    "right_foot": Placement.of([1.0 + 0.09 * np.sin(1.2), -0.09 * np.cos(1.2), 0.5], TURN),
+}
+RAIL = {**FEET, "right_hand": Placement.of([0.22, -0.50, 0.80], (np.cos(0.23), 0.0, -np.sin(0.23), 0.0))}
+
+
+@pytest.fixture(scope="module")
+def talos() -> Robot:
+    return load_robot("talos")
+
+
+def placed(robot: Robot, result: IkResult, effector: str) -> pin.SE3:
+    """Forward kinematics of an effector's contact frame, from the link frame up."""
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, result.q)
+    tool = robot.effectors[effector]
+    link = data.oMf[robot.model.getFrameId(tool.frame)]
+    return link * pin.SE3(tool.T_frame_contact.rotation, tool.T_frame_contact.position_m)
+
+
+def inside_limits(robot: Robot, result: IkResult) -> bool:
+    q = result.q[7:]
+    return bool(np.all(q >= robot.model.lowerPositionLimit[7:]) and np.all(q <= robot.model.upperPositionLimit[7:]))
+
+
+@pytest.mark.parametrize(
+    ("placements", "com_m"),
+    [
+        (FEET, [0.0, 0.0, 0.86]),
+        (STAIR, [0.15, -0.02, 0.90]),
+        (TURNED, [1.0, 0.0, 1.36]),
+        (RAIL, [0.0, 0.02, 0.86]),
+    ],
+    ids=["feet", "stair", "turned", "rail"],
+)
+def test_a_stance_within_reach_is_reached(talos: Robot, placements: dict[str, Placement], com_m: list[float]) -> None:
+    found = stand(talos, placements, np.array(com_m))
+    assert found.converged
+    assert np.allclose(pin.centerOfMass(talos.model, talos.model.createData(), found.q), com_m, atol=1e-6)
+    for name, target in placements.items():
+        here = placed(talos, found, name)
+        assert np.allclose(here.translation, target.position_m, atol=1e-6)
+        if talos.effectors[name].kind == "surface":
+            assert np.allclose(here.rotation, target.rotation, atol=1e-6)
+    assert inside_limits(talos, found)
+
+
+def test_the_body_turns_with_its_feet(talos: Robot) -> None:
+    straight, turned = stand(talos, FEET, np.array([0.0, 0.0, 0.86])), stand(talos, TURNED, np.array([1.0, 0.0, 1.36]))
+    assert np.allclose(turned.q[7:], straight.q[7:], atol=1e-5)
+
+
+def test_the_posture_stays_where_nothing_asks_otherwise(talos: Robot) -> None:
+    com = pin.centerOfMass(talos.model, talos.model.createData(), talos.q_reference)
+    data = talos.model.createData()
+    pin.framesForwardKinematics(talos.model, data, talos.q_reference)
+    feet = {}
+    for name in FEET:
+        here = data.oMf[talos.model.getFrameId(talos.effectors[name].frame)]
+        feet[name] = Placement(here.translation.copy(), here.rotation.copy())
+    found = stand(talos, feet, com)
+    assert np.allclose(found.q, talos.q_reference, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("placements", "com_m", "worst_m"),
+    [
+        (FEET, [0.0, 0.0, 1.30], 0.1),
+        ({**FEET, "right_hand": Placement.of([1.5, -0.5, 0.8])}, [0.0, 0.0, 0.86], 0.3),
+    ],
+    ids=["too high", "out of the arm's reach"],
+)
+def test_a_stance_out_of_reach_says_so(
+    talos: Robot, placements: dict[str, Placement], com_m: list[float], worst_m: float
+) -> None:
+    found = stand(talos, placements, np.array(com_m))
+    assert not found.converged
+    assert found.error_m > worst_m / 2
+    assert inside_limits(talos, found)
+    data = talos.model.createData()
+    errors = {name: placed(talos, found, name).translation - target.position_m for name, target in placements.items()}
+    errors["centre of mass"] = pin.centerOfMass(talos.model, data, found.q) - np.array(com_m)
+    away = {name: float(np.linalg.norm(e)) for name, e in errors.items()}
+    assert found.error_m == pytest.approx(max(away.values()), abs=1e-9)
+    assert found.worst == max(away, key=lambda name: away[name])
+
+
+def test_the_start_can_be_given(talos: Robot) -> None:
+    start = talos.q_reference.copy()
+    arm = 7 + talos.joint_names.index("arm_left_4_joint")
+    start[arm] = -1.5
+    found = stand(talos, FEET, np.array([0.0, 0.0, 0.86]), start)
+    assert found.converged
+    assert found.q[arm] == pytest.approx(-1.5, abs=0.05)
+
+
+def test_an_unknown_effector_is_refused(talos: Robot) -> None:
+    with pytest.raises(InvalidInput) as refused:
+        stand(talos, {"tail": Placement.identity()}, np.zeros(3))
+    assert refused.value.code == "effector-unknown"
