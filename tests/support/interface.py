@@ -38,7 +38,7 @@ class Served:
         return parts
 
     def http(self, **options: Any) -> httpx.Client:
-        return httpx.Client(base_url=self.base_url, timeout=30.0, **options)
+        return httpx.Client(**{"base_url": self.base_url, "timeout": 30.0, **options})
 
     def run(self, work: Awaitable[T], timeout_s: float = 30.0) -> T:
         """Do ``work`` in the application's own event loop."""

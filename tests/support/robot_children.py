@@ -40,14 +40,14 @@ def _note(word: str) -> None:
 def describe(task: dict[str, Any], _folder: Path, _progress: Any) -> dict[str, Any]:
     _note(f"describe {task['robot']}")
     time.sleep(0.3)
-    return FACTS
+    return {"summary": FACTS, "references": [], "artifacts": []}
 
 
 def draw(task: dict[str, Any], folder: Path, _progress: Any) -> dict[str, Any]:
     _note(f"draw {task['robot']}")
     time.sleep(0.3)
     (folder / "links.glb").write_bytes(GLB)
-    return {}
+    return {"summary": {}, "references": [], "artifacts": [{"name": "links.glb", "media_type": "model/gltf-binary"}]}
 
 
 def no_data(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:

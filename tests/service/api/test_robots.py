@@ -1,6 +1,8 @@
 """Robots over HTTP: described and drawn by children, once however many ask, and never again than needed."""
 
 import asyncio
+import json
+import struct
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -153,6 +155,33 @@ def test_an_unknown_robot_starts_nothing(http: httpx.Client, stubbed: Served, di
         status, code = refusal(http.get(path))
         assert (status, code in {"robot-not-found", "unknown-path"}) == (404, True)
     assert diary.read_text() == ""
+
+
+def nodes_of(glb: bytes) -> list[str]:
+    """Names of the nodes of a binary glTF file with meshes, read by hand (Khronos, glTF 2.0, section 4.4)."""
+    magic, version, length = struct.unpack_from("<4sII", glb)
+    assert (magic, version, length) == (b"glTF", 2, len(glb))
+    json_length, kind = struct.unpack_from("<I4s", glb, 12)
+    assert kind == b"JSON"
+    nodes = json.loads(glb[20 : 20 + json_length])["nodes"]
+    return [node["name"] for node in nodes if "mesh" in node]
+
+
+def test_the_real_talos(service: Served) -> None:
+    with service.http(timeout=120.0) as http:
+        facts = http.get(f"{ROBOTS}/talos").json()
+        drawn = http.get(f"{ROBOTS}/talos/links")
+    assert facts["name"] == "talos"
+    assert 85.0 < facts["mass_kg"] < 100.0
+    assert {each["name"]: each["kind"] for each in facts["effectors"]} == {
+        "left_foot": "surface", "right_foot": "surface", "left_hand": "point", "right_hand": "point",
+    }  # fmt: skip
+    assert len(facts["q_reference"]) == 7 + len(facts["limits"])
+    assert all(each["lower_rad"] < each["upper_rad"] and each["torque_nm"] > 0 for each in facts["limits"])
+    assert drawn.headers["content-type"] == "model/gltf-binary"
+    assert set(nodes_of(drawn.content)) <= set(facts["links"])
+    assert "base_link" in nodes_of(drawn.content)
+    assert f"robots/talos/{facts['sha256']}/links.glb" in service.stored_files()
 
 
 def test_an_application_that_stops_ends_its_children(stubbed: Served, diary: Path) -> None:

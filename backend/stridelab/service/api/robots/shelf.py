@@ -49,7 +49,7 @@ class RobotShelf:
 
         async def load() -> RobotFacts:
             async with self._child(self.describe, name, DESCRIBE_TIMEOUT_S) as (value, _):
-                return RobotFacts.model_validate(value)
+                return RobotFacts.model_validate(value["summary"])
 
         return await self._facts.get(name, load)
 
