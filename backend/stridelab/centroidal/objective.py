@@ -1,8 +1,9 @@
-"""The objective in CasADi: value, gradient and a positive semidefinite curvature.
+"""The objective in CasADi: value, gradient and curvature.
 
-The curvature is that of Gauss and Newton for the squares and that of ``likelihood`` for the log-densities. Each part is
-one small function, mapped over the intervals or nodes and scattered into place, so that building takes milliseconds per
-second of motion where differentiating one large expression takes seconds.
+The curvature is that of Gauss and Newton for the squares (their residual, the rate of L_c, is nearly zero) and that of
+``likelihood`` for the log-densities. Each part is one small function, mapped over the intervals or nodes and scattered
+into place, so that building takes milliseconds per second of motion where differentiating one large expression takes
+seconds.
 """
 
 from dataclasses import dataclass
@@ -27,7 +28,10 @@ SCALE = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class Objective:
-    """CasADi functions of ``w``, all times ``SCALE``: ``value``, ``gradient``, upper triangle of the ``curvature``."""
+    """CasADi functions of ``w``, all times ``SCALE``: ``value``, ``gradient``, upper triangle of the ``curvature``.
+
+    ``curvature`` takes the theta of ``likelihood`` as its second argument.
+    """
 
     value: ca.Function
     gradient: ca.Function
@@ -45,7 +49,7 @@ class Visit:
 
 def objective(problem: CentroidalProblem, grid: Grid, layout: Layout, origin_m: Vector3) -> Objective:
     """(4.20a) with our regularisers, positions in ``w`` relative to ``origin_m``."""
-    w = ca.MX.sym("w", layout.n)
+    w, theta = ca.MX.sym("w", layout.n), ca.MX.sym("theta")
     H = Triangle()
 
     Q = _force_weights(problem, grid, layout)
@@ -77,12 +81,12 @@ def objective(problem: CentroidalProblem, grid: Grid, layout: Layout, origin_m: 
         part = likelihood(problem.proxies[name])
         value += ca.dot(seconds, part.value.map(M)(C, p, R))
         gradient += scatter(of_c, layout.n) @ ca.vec(part.gradient.map(M)(C, p, R) * np.repeat(seconds, 3, axis=0))
-        H.add_blocks(of_c, part.curvature.map(M)(C, p, R) * np.kron(seconds, np.ones((3, 3))))
+        H.add_blocks(of_c, part.curvature.map(M)(C, p, R, theta) * np.kron(seconds, np.ones((3, 3))))
 
     return Objective(
         ca.Function("value", [w], [SCALE * value]),
         ca.Function("gradient", [w], [ca.densify(SCALE * gradient)]),
-        ca.Function("curvature", [w], [SCALE * H.matrix(layout.n)]),
+        ca.Function("curvature", [w, theta], [SCALE * H.matrix(layout.n)]),
     )
 
 
