@@ -18,7 +18,7 @@ MARGIN_M: Final = 0.25
 SOLE_M: Final = (0.20, 0.12)
 HAND_M: Final = (0.06, 0.06)
 SOLE_THICKNESS_M: Final = 0.035
-FARTHEST_M: Final = 1.2
+FARTHEST_M: Final = 0.5
 """How far beyond the touches surroundings are shown: a floor may be as large as it likes."""
 
 View = Literal["side", "above"]

@@ -79,7 +79,7 @@ def test_a_picture_shows_every_touch_in_its_place(steps: Scenario) -> None:
         for shape in numbered.values():
             assert 0 < shape.x < picture.width
             assert 0 < shape.y < picture.height
-        assert picture.width < 5 * PX_PER_M, "a wide floor does not make the robot small"
+        assert picture.width < 3 * PX_PER_M, "a wide floor does not make the robot small"
 
 
 def test_nothing_to_draw_is_not_a_picture() -> None:
