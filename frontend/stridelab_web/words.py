@@ -44,6 +44,15 @@ def words(code: str) -> str:
     return code.replace("|", " or ").replace("-", " ").replace("_", " ")
 
 
+def check_name(code: str) -> str:
+    """Name of a check of a certificate."""
+    name = words(code).replace("com ", "CoM ")
+    for ending, said in ((" max", ", largest"), (" min", ", smallest")):
+        if name.endswith(ending):
+            name = name.removesuffix(ending) + said
+    return name[:1].upper() + name[1:]
+
+
 def kind(code: str) -> str:
     """Name of a kind of job."""
     return _KINDS.get(code, words(code).capitalize())
@@ -65,5 +74,7 @@ _KINDS = {
     "learn-reachability": "Reachability",
 }
 
-FILTERS = {f.__name__: f for f in (fixed, plain, measured, moment, megabytes, total_s, words, kind, headline)}
+FILTERS = {
+    f.__name__: f for f in (fixed, plain, measured, moment, megabytes, total_s, words, check_name, kind, headline)
+}
 """Filters of the templates."""

@@ -18,6 +18,8 @@ from stridelab_web.tables import read_columns
 
 KIND = "plan-motion"
 SCENARIO_FILE = "scenario.json"
+STAGES = ("check", "reachability", "centroidal", "whole body", "certificate", "replay", "export")
+"""In the order in which they run; stored results do not keep it."""
 
 
 async def plan(request: Request) -> Response:
@@ -63,6 +65,8 @@ async def plots(request: Request) -> Response:
 
 def _stages(summary: PlanMotionSummary | None) -> list[dict[str, Any]]:
     """Time of every stage with its share of the whole, in percent."""
-    times = summary.stage_times_s if summary else {}
+    taken = summary.stage_times_s if summary else {}
+    order = [*(name for name in STAGES if name in taken), *(name for name in taken if name not in STAGES)]
+    times = {name: taken[name] for name in order}
     whole = sum(times.values()) or 1.0
     return [{"name": name, "time_s": time_s, "share": 100 * time_s / whole} for name, time_s in times.items()]
