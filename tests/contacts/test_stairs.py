@@ -113,6 +113,12 @@ def test_soles_clear_the_treads_on_their_way(name: str) -> None:
                         assert depth_in_box_m(box, sole).max() < -0.01
 
 
+def test_talos_is_not_asked_to_climb_a_stair_of_one_and_a_half_metres() -> None:
+    (fault,) = check(six_stairs(Stairs(1, 1.5)), effector_shapes("talos")).faults
+    assert fault.where == "phases[2].contacts[right_foot]"
+    assert "too far from left_foot" in fault.message
+
+
 def test_builders_take_other_stairs() -> None:
     scenario = six_stairs(Stairs(3, 0.15, depth_m=0.32, width_m=0.9), Timing(1.0, 1.0, 0.3))
     sequence = sequence_of(scenario, SHAPES)

@@ -124,7 +124,10 @@ def _remarks(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, 
         remarks.append(Remark("reach-unknown", f"the reach of {', '.join(unknown)} was not checked: it is not learned"))
     late = [name for name in used if effectors[name].kind == "point" and name not in draft.phases[0].named]
     if late:
-        remarks.append(Remark("hand-comes-late", f"{', '.join(late)} touches nothing in the first phase"))
+        message = (
+            f"{', '.join(late)} touches nothing in the first phase: its first swing starts wherever it happens to be"
+        )
+        remarks.append(Remark("hand-comes-late", message))
     return remarks
 
 
