@@ -11,7 +11,9 @@ from sqlalchemy import insert, select, update
 from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.service import bundled_scenarios
+from stridelab.service.api.app import create_app
 from stridelab.service.api.scenarios.examples import ONE_STEP
+from stridelab.service.settings import Settings
 from stridelab.service.storage.database import make_engine
 from stridelab.service.storage.tables import scenario
 
@@ -51,6 +53,16 @@ def test_seeding_at_once_and_again_leaves_every_file_once(database_url: str) -> 
     assert first.keys() == files
     assert bundled_scenarios.EXAMPLE_ID in files
     assert all(row["bundled"] and row["owner"] is None for row in first.values())
+
+
+def test_a_service_has_them_from_the_start(database_url: str, tmp_path: Path) -> None:
+    app = create_app(Settings(database_url=database_url, data_dir=tmp_path), with_sample=True)
+
+    async def act(engine: AsyncEngine) -> Any:
+        async with app.router.lifespan_context(app):
+            return await rows(engine)
+
+    assert within(database_url, act).keys() == bundled_scenarios.shipped().keys()
 
 
 def test_rows_follow_their_files(database_url: str, tmp_path: Path) -> None:
