@@ -23,8 +23,8 @@ from stridelab.dynamics.placement import Placement
 from stridelab.robots.robot import Effector, Robot
 
 TIMESTEP_S: Final = 0.001
-ARMATURE_KG_M2: Final = {"leg": 0.1, "torso": 0.1, "arm": 0.02, "head": 0.02}
-"""Rotor inertia seen at the joints: without it position control of the light arm links is unstable."""
+HELD_ARMATURE_KG_M2: Final = 0.1
+"""Rotor inertia of the joints that the reduced model leaves out; without one, light links are unstable."""
 SOLE_THICKNESS_M: Final = 0.02
 HAND_RADIUS_M: Final = 0.02
 TORSION_M, ROLLING_M = 0.01, 0.001
@@ -67,9 +67,11 @@ def build_simulation(robot: Robot, terrain: Terrain, friction: float, effectors:
     spec.option.impratio = 10.0
     spec.worldbody.first_body().add_freejoint(name="root")
     body_of = {joint.name: joint.parent.name for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_HINGE}
+    inertia = dict(zip(robot.joint_names, robot.model.armature[6:], strict=True))
     for joint in spec.joints:
         if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
-            joint.armature = ARMATURE_KG_M2[robot.group.get(joint.name, "head")]
+            # the same as in the whole-body problem, or its torques would not fit
+            joint.armature = inertia.get(joint.name, HELD_ARMATURE_KG_M2)
             spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     _add_terrain(spec, terrain, friction)
     _add_hulls(spec, robot, body_of)
