@@ -2,16 +2,17 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from pydantic import ConfigDict
 
 from stridelab.reachability.mixture import Mixture
-from stridelab.reachability.sampling import Measure
 
 _STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
 
+Measure = Literal["uniform", "conditioned"]
+"""How postures are drawn: uniform within the joint limits, as in the thesis, or so given that the robot stands."""
 Triple = tuple[float, float, float]
 Matrix = tuple[Triple, Triple, Triple]
 
@@ -83,8 +84,9 @@ class PairReach:
 class ReachabilityCard:
     """All that was learned of one robot from one cloud of postures.
 
-    ``samples`` collision-free postures were kept of ``tried``; EM saw the first ``fitted`` of them. ``robot_sha256``
-    identifies the robot's card and description, ``versions`` the packages that computed the numbers.
+    ``samples`` postures were kept of ``tried`` that were checked for self-collision; EM saw the first ``fitted`` of
+    them. ``robot_sha256`` identifies the robot's card and description, ``versions`` the packages that computed the
+    numbers.
     """
 
     __pydantic_config__ = _STRICT

@@ -12,16 +12,17 @@ from importlib.metadata import version
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.mixture import GaussianMixture
 
-from stridelab.conventions import Points
+from stridelab.conventions import Points, Vector3
 from stridelab.errors import Fault, InvalidInput
-from stridelab.reachability.card import EffectorCard, PairReach, Reach, ReachabilityCard, SizeTrial
+from stridelab.reachability.card import EffectorCard, Measure, PairReach, Reach, ReachabilityCard, SizeTrial, Triple
 from stridelab.reachability.density import KernelDensity
 from stridelab.reachability.divergence import divergences
 from stridelab.reachability.mixture import Mixture
-from stridelab.reachability.sampling import ComCloud, Measure, Progress, require_effectors, sample_com
+from stridelab.reachability.sampling import ComCloud, Progress, require_effectors, sample_com
 from stridelab.robots.robot import Robot
 
 COMPONENTS: Final[Mapping[str, int]] = {"surface": 7, "point": 14}
@@ -107,8 +108,8 @@ def fit(com_m: Points, components: int, seed: int, sizes: Sequence[int] = SIZES)
     mode = mixture.mode_m()
     return EffectorCard(
         weights=tuple(mixture.weights.tolist()),
-        means=tuple(map(tuple, mixture.means_m.tolist())),
-        covariances=tuple(tuple(map(tuple, S)) for S in mixture.covariances_m2.tolist()),
+        means=tuple(_triple(mu) for mu in mixture.means_m),
+        covariances=tuple(_matrix(S) for S in mixture.covariances_m2),
         components=components,
         em_converged=converged,
         bandwidth_m=kde.bandwidth_m,
@@ -140,9 +141,14 @@ def reach_of(com_m: Points) -> Reach:
     return Reach(_triple(low), _triple(high), float(np.linalg.norm(com_m, axis=1).max()))
 
 
-def _triple(values: np.ndarray) -> tuple[float, float, float]:
+def _triple(values: Vector3) -> Triple:
     x, y, z = values.tolist()
     return x, y, z
+
+
+def _matrix(S: Float[np.ndarray, "3 3"]) -> tuple[Triple, Triple, Triple]:
+    x, y, z = S
+    return _triple(x), _triple(y), _triple(z)
 
 
 def _silent(_fraction: float, _message: str) -> None:

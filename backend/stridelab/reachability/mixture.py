@@ -42,7 +42,7 @@ class Mixture:
     def gradient(self, points_m: Points) -> Points:
         """``d log p / dc = sum_j gamma_j S_j^-1 (mu_j - c)`` (nats per m), ``gamma`` the responsibilities."""
         pulls = np.einsum("jab,njb->nja", self._precisions(), self.means_m - points_m[:, None])
-        return np.einsum("nj,nja->na", self._responsibilities(points_m), pulls)
+        return np.asarray(np.einsum("nj,nja->na", self._responsibilities(points_m), pulls))
 
     def sample(self, n: int, rng: np.random.Generator) -> Points:
         """``n`` independent points ``(n, 3)``."""

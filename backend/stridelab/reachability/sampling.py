@@ -2,26 +2,27 @@
 
     x_a = T_contact_world(q_a) c(q_a),     T_world_contact = T_world_link T_link_contact
 
-with configurations ``q_a`` uniform within the joint limits. Where the base stands in the world does not matter.
+with configurations ``q_a`` uniform within the joint limits, or uniform given that the robot stands (``standing``).
+Where the base is in the world does not matter.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Final, Literal, Protocol
+from typing import Final, Protocol
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.conventions import Points
-from stridelab.errors import Fault, NotEstimable, NotFound
+from stridelab.errors import Fault, NotFound
+from stridelab.reachability.card import Measure
+from stridelab.reachability.standing import StandingConfigurations
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 from stridelab.robots.sampling import uniform_configurations
 
-Measure = Literal["uniform", "conditioned"]
-"""How configurations are drawn: uniform within the joint limits, as in the thesis, or that measure given a stance."""
 Progress = Callable[[float, str], None]
 """Called with a fraction from 0 to 1 and a short message."""
 
@@ -48,7 +49,7 @@ class ComCloud:
     """Sampled CoM positions ``(n, 3)`` by effector, in its contact frame; row ``a`` of all is one configuration.
 
     ``pair_distance_max_m`` is the largest distance between the contact frames of two effectors over the samples;
-    ``tried`` counts the configurations drawn for them.
+    ``tried`` counts the configurations checked for self-collision to find them.
     """
 
     measure: Measure
@@ -106,10 +107,4 @@ def require_effectors(robot: Robot, effectors: Sequence[str]) -> None:
 
 
 def _configurations(robot: Robot, measure: Measure, rng: np.random.Generator) -> Configurations:
-    if measure == "conditioned":
-        raise NotEstimable(
-            "measure-unavailable",
-            "This version samples uniformly within the joint limits only.",
-            [Fault("measure", "conditioned is not available")],
-        )
-    return uniform_configurations(robot, rng)
+    return StandingConfigurations(robot, rng) if measure == "conditioned" else uniform_configurations(robot, rng)

@@ -15,7 +15,7 @@ from stridelab.errors import Fault, InvalidInput, NotFound, UnreadableFile
 from stridelab.reachability.card import ReachabilityCard
 from stridelab.reachability.mixture import Mixture
 from stridelab.resources import models_dir
-from stridelab.robots.loader import robot_names
+from stridelab.robots.card import robot_names
 
 _NUMBERS: Final = re.compile(r"\[\s+([-+\d.e,\s]+?)\s+\]")
 """A list of numbers that was spread over lines."""

@@ -1,0 +1,118 @@
+"""``learn-reachability``: where the CoM of a robot can be, seen from its effectors (section 4.3).
+
+Leaves ``mixtures.json`` (the format of models/reachability), ``card.json`` (the same without the mixtures' numbers) and
+the table ``samples`` of the CoM positions, one row per posture.
+"""
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import Final
+
+from stridelab.reachability.card import EffectorCard, ReachabilityCard
+from stridelab.reachability.learning import Learned, learn
+from stridelab.reachability.store import save
+from stridelab.robots.loader import load_robot
+from stridelab.schemas.base import Remark
+from stridelab.schemas.plans import LearnedEffector, LearnReachabilitySummary
+from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.jobs.kinds.tables_io import atomically, write_table
+from stridelab.service.jobs.kinds.tasks import LearnReachabilityTask
+
+MIXTURES_FILE, CARD_FILE, JSON = "mixtures.json", "card.json", "application/json"
+FEW_SAMPLES: Final = 5000
+"""Below this the densities of two seeds visibly differ."""
+LEARNING_SHARE: Final = 0.95
+REFERENCES: Final = (
+    "carpentier2017thesis",
+    "carpentier2018multicontact",
+    "carpentier2019pinocchio",
+    "pedregosa2011sklearn",
+)
+ROBOT_REFERENCES: Final = {"talos": "stasse2017talos"}
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run`` with JSON on both sides."""
+    return run(LearnReachabilityTask.model_validate(task), folder, progress).to_json()
+
+
+def run(task: LearnReachabilityTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Learn into ``folder``; the summary is a ``LearnReachabilitySummary``.
+
+    Raises ``NotFound`` (``robot-not-found``, ``effector-not-found``), ``Unavailable`` (``robot-data-missing``),
+    ``NotEstimable`` (``measure-unavailable``, ``no-free-configuration``).
+    """
+    request = task.input
+    progress(0.0, "loading the robot")
+    robot = load_robot(request.robot)
+
+    def learning(fraction: float, message: str) -> None:
+        progress(LEARNING_SHARE * fraction, message)
+
+    learned = learn(robot, request.effectors, request.samples, request.seed, request.measure, learning)
+    progress(LEARNING_SHARE, "writing the densities")
+    artifacts = _written(learned, folder, {"input": request.model_dump(mode="json"), "robot_sha256": robot.sha256})
+    card = learned.card
+    summary = LearnReachabilitySummary(
+        robot=card.robot,
+        robot_sha256=card.robot_sha256,
+        samples=card.samples,
+        tried=card.tried,
+        measure=card.measure,
+        effectors={name: _learned(effector) for name, effector in card.effectors.items()},
+        warnings=list(_warnings(card)),
+    )
+    robot_reference = ROBOT_REFERENCES.get(robot.name)
+    progress(1.0, "done")
+    references = (*REFERENCES, *([robot_reference] if robot_reference else []))
+    return Outcome(summary.model_dump(mode="json"), references, artifacts)
+
+
+def _written(learned: Learned, folder: Path, provenance: Json) -> tuple[ArtifactFile, ...]:
+    atomically(folder / MIXTURES_FILE, lambda path: save(path, learned.card))
+    facts = json.dumps(without_mixtures(learned.card), indent=1)
+    atomically(folder / CARD_FILE, lambda path: path.write_text(facts + "\n", encoding="utf-8"))
+    columns = {
+        f"{name}_com_{axis}_m": com_m[:, i]
+        for name, com_m in learned.cloud.com_m.items()
+        for i, axis in enumerate(("x", "y", "z"))
+    }
+    frames = {"frame": "the contact frame of the effector that the column names"}
+    return (
+        ArtifactFile(MIXTURES_FILE, JSON),
+        ArtifactFile(CARD_FILE, JSON),
+        *write_table(folder, "samples", columns, provenance | frames),
+    )
+
+
+def without_mixtures(card: ReachabilityCard) -> Json:
+    """How the densities were learned and how good they are."""
+    facts = asdict(card)
+    for effector in facts["effectors"].values():
+        for numbers in ("weights", "means", "covariances"):
+            del effector[numbers]
+    return facts
+
+
+def _learned(effector: EffectorCard) -> LearnedEffector:
+    return LearnedEffector(
+        components=effector.components,
+        kl_nats=effector.kl_nats,
+        kl_sd_nats=effector.kl_sd_nats,
+        held_out_log_likelihood=effector.held_out_log_likelihood,
+        bandwidth_m=effector.bandwidth_m,
+        mode_m=effector.mode_m,
+    )
+
+
+def _warnings(card: ReachabilityCard) -> tuple[Remark, ...]:
+    remarks = []
+    if card.samples < FEW_SAMPLES:
+        message = f"{card.samples} samples give a rough density; the thesis uses 20000."
+        remarks.append(Remark(code="few-samples", message=message))
+    for name, effector in card.effectors.items():
+        if not effector.em_converged:
+            message = f"The fit of {name} stopped before it met its tolerance."
+            remarks.append(Remark(code="fit-not-converged", message=message))
+    return tuple(remarks)
