@@ -126,7 +126,9 @@ def _replay(replay: ReplaySummary) -> str:
         how += f" at {replay.fall_time_s:.1f} s"
     text = (
         f"{how}: CoM error {1e3 * replay.com_error_rms_m:.1f} mm RMS, {1e3 * replay.com_error_max_m:.1f} mm at most; "
-        f"feet slip {1e3 * replay.foot_slip_max_m:.1f} mm; torques up to {replay.torque_ratio_max:.0%} of their limits"
+        f"feet land up to {1e3 * replay.landing_error_max_m:.1f} mm off and slip "
+        f"{1e3 * replay.foot_slip_max_m:.1f} mm; "
+        f"torques up to {replay.torque_ratio_max:.0%} of their limits"
     )
     if replay.hand_force_mean_n is not None:
         text += f"; hand force {replay.hand_force_mean_n:.0f} N on average"

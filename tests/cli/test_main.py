@@ -56,7 +56,8 @@ def test_help_names_every_command_and_imports_no_numeric_package() -> None:
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert found.stdout.strip().endswith("HEAVY []")
     assert all(
-        name in found.stdout for name in ("serve", "worker", "migrate", "estimate", "simulate", "demo", "doctor")
+        name in found.stdout
+        for name in ("serve", "worker", "migrate", "estimate", "simulate", "plan", "demo", "doctor")
     )
 
 
@@ -100,6 +101,10 @@ def test_a_bad_file_is_one_clear_line_and_leaves_nothing(run: Run, tmp_path: Pat
         (("estimate", "x.c3d", "--method", "kalman"), 4, "method-unavailable"),
         (("simulate", "--duration", "1000"), 2, "--duration"),
         (("simulate", "--noise", "wind=3"), 2, "--noise"),
+        (("plan",), 2, "scenario"),
+        (("plan", "nowhere.json"), 5, "six-stairs"),
+        (("plan", "x.c3d"), 3, "not-json"),
+        (("plan", "six-stairs", "--no-whole-body", "--replay"), 2, "--no-whole-body"),
         (("estimate",), 2, "file"),
         (("walk",), 2, "walk"),
         (("migrate",), 2, "STRIDELAB_DATABASE_URL"),

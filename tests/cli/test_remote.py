@@ -1,111 +1,22 @@
 """``estimate --server`` asks the service in the right order and brings home what a run here would write."""
 
-import json
-import shutil
-from collections.abc import Iterator
-from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, Self
+from typing import Any
 
 import pytest
 
 from stridelab import cli_remote
 from stridelab.cli_estimate import EstimateRequest
-from stridelab.client import Client, ProblemError
+from stridelab.client import ProblemError
 from stridelab.errors import Busy, Forbidden, InvalidInput, NotEstimable, StridelabError, UnreadableFile
-from stridelab.schemas.base import FaultItem, Problem
-from stridelab.schemas.jobs import Job, JobEvent, JobResult, Progress
-from stridelab.schemas.recordings import Recording, RecordingPatch
+from stridelab.schemas.jobs import JobResult
 from support.quiet import SAMPLE
-
-INDEX = json.loads((SAMPLE / "sample.json").read_text())
-DONE = INDEX["jobs"]["sample-walk-com"]
-NOW = datetime(2024, 1, 1, tzinfo=UTC)
-
-
-def problem(status: int, code: str) -> Problem:
-    return Problem(
-        title="t", status=status, code=code, detail="A sentence.", errors=[FaultItem(where="w", message="m")]
-    )
-
-
-class Service(Client):
-    """What the client of the command line is told; ``refuse`` makes one call fail, ``ends`` is the job's fate."""
-
-    def __init__(self) -> None:
-        self.calls: list[tuple[str, Any]] = []
-        self.refuse: dict[str, BaseException] = {}
-        self.ends: tuple[str, Problem | None] = ("succeeded", None)
-        self.artifact = "com.csv"
-
-    def __call__(self, server: str, token: str | None) -> "Service":
-        self.calls.append(("client", (server, token)))
-        return self
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.calls.append(("close", None))
-
-    def _note(self, call: str, value: Any) -> None:
-        self.calls.append((call, value))
-        if call in self.refuse:
-            raise self.refuse[call]
-
-    def upload(self, path: Path, subject: Any = None, *, progress: Any = None) -> Recording:
-        self._note("upload", (path.name, subject))
-        if progress is not None:
-            progress(10, 10)
-        facts = {**INDEX["facts"], "subject": {}}
-        fixed = {"sha256": "0", "filename": path.name, "bytes": 1, "created_at": NOW, "marker_map": {}}
-        return Recording.model_validate({**facts, **fixed, "id": f"id-of-{path.name}"})
-
-    def patch_recording(self, recording_id: str, patch: RecordingPatch) -> None:
-        self._note("patch", (recording_id, patch))
-
-    def submit(self, kind: str, asked: Any, *, idempotency_key: str) -> Job:
-        self._note("submit", (kind, asked, bool(idempotency_key)))
-        return self._job("queued", None)
-
-    def events(self, job_id: str) -> Iterator[JobEvent]:
-        self._note("events", job_id)
-        yield JobEvent(seq=1, at=NOW, state="running", attempt=1, progress=Progress(fraction=0.5, message="half"))
-
-    def wait(self, job_id: str) -> Job:
-        self._note("wait", job_id)
-        return self._job(*self.ends)
-
-    def cancel(self, job_id: str) -> None:
-        self._note("cancel", job_id)
-
-    def result(self, job_id: str) -> JobResult:
-        self._note("result", job_id)
-        artifacts = [{"name": self.artifact, "media_type": "text/csv", "bytes": 1}]
-        return JobResult.model_validate(
-            {"kind": DONE["kind"], "input": DONE["input"], **DONE["result"], "artifacts": artifacts}
-        )
-
-    def download_artifact(self, job_id: str, name: str, target: Path) -> None:
-        self._note("download", name)
-        shutil.copyfile(SAMPLE / name, target)
-
-    def _job(self, state: Any, error: Problem | None) -> Job:
-        return Job(
-            id="j",
-            kind="estimate-com",
-            state=state,
-            priority=0,
-            progress=Progress(),
-            attempt=1,
-            created_at=NOW,
-            error=error,
-        )
+from support.scripted_service import DONE, ScriptedService, problem
 
 
 @pytest.fixture
-def service(monkeypatch: pytest.MonkeyPatch) -> Service:
-    made = Service()
+def service(monkeypatch: pytest.MonkeyPatch) -> ScriptedService:
+    made = ScriptedService()
     monkeypatch.setattr(cli_remote, "Client", made)
     return made
 
@@ -116,7 +27,7 @@ def ask(folder: Path, **options: Any) -> JobResult:
     return cli_remote.estimate_remotely(request, folder, "http://lab:8000", "secret")
 
 
-def test_upload_job_and_download_in_order(service: Service, tmp_path: Path) -> None:
+def test_upload_job_and_download_in_order(service: ScriptedService, tmp_path: Path) -> None:
     result = ask(tmp_path, height_m=1.7)
     names = [call for call, _ in service.calls]
     assert names == ["client", "upload", "submit", "events", "wait", "result", "download", "close"]
@@ -129,7 +40,7 @@ def test_upload_job_and_download_in_order(service: Service, tmp_path: Path) -> N
     assert result.versions == DONE["result"]["versions"], "the versions are those of the machine that computed"
 
 
-def test_static_trial_map_and_plates_are_set_before_the_job(service: Service, tmp_path: Path) -> None:
+def test_static_trial_map_and_plates_are_set_before_the_job(service: ScriptedService, tmp_path: Path) -> None:
     static = tmp_path / "static.c3d"
     static.write_bytes(b"x")
     ask(tmp_path / "out", static=static, markers=("l_asis=A",), without_plates=(2,))
@@ -150,7 +61,7 @@ def test_static_trial_map_and_plates_are_set_before_the_job(service: Service, tm
     ],
 )
 def test_a_refusal_of_the_service_is_the_error_a_user_would_get_here(
-    service: Service, tmp_path: Path, call: str, status: int, kind: type[StridelabError]
+    service: ScriptedService, tmp_path: Path, call: str, status: int, kind: type[StridelabError]
 ) -> None:
     service.refuse[call] = ProblemError(problem(status, "some-code"), 3.0)
     with pytest.raises(kind) as refusal:
@@ -161,21 +72,21 @@ def test_a_refusal_of_the_service_is_the_error_a_user_would_get_here(
         assert refusal.value.faults[0].where == "w"
 
 
-def test_a_failed_job_is_not_estimable_with_its_own_code(service: Service, tmp_path: Path) -> None:
+def test_a_failed_job_is_not_estimable_with_its_own_code(service: ScriptedService, tmp_path: Path) -> None:
     service.ends = ("failed", problem(422, "no-plates"))
     with pytest.raises(NotEstimable) as refusal:
         ask(tmp_path)
     assert refusal.value.code == "no-plates"
 
 
-def test_a_cancelled_job_is_said(service: Service, tmp_path: Path) -> None:
+def test_a_cancelled_job_is_said(service: ScriptedService, tmp_path: Path) -> None:
     service.ends = ("cancelled", None)
     with pytest.raises(StridelabError) as refusal:
         ask(tmp_path)
     assert refusal.value.code == "job-cancelled"
 
 
-def test_ctrl_c_cancels_there_too(service: Service, tmp_path: Path) -> None:
+def test_ctrl_c_cancels_there_too(service: ScriptedService, tmp_path: Path) -> None:
     service.refuse["wait"] = KeyboardInterrupt()
     with pytest.raises(KeyboardInterrupt):
         ask(tmp_path)
@@ -183,7 +94,7 @@ def test_ctrl_c_cancels_there_too(service: Service, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["../evil", "a/b", "..", ""])
-def test_a_service_cannot_make_us_write_elsewhere(service: Service, tmp_path: Path, name: str) -> None:
+def test_a_service_cannot_make_us_write_elsewhere(service: ScriptedService, tmp_path: Path, name: str) -> None:
     service.artifact = name
     with pytest.raises(StridelabError) as refusal:
         ask(tmp_path / "out")
@@ -191,7 +102,7 @@ def test_a_service_cannot_make_us_write_elsewhere(service: Service, tmp_path: Pa
     assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
-def test_nothing_is_sent_for_options_that_make_no_sense(service: Service, tmp_path: Path) -> None:
+def test_nothing_is_sent_for_options_that_make_no_sense(service: ScriptedService, tmp_path: Path) -> None:
     with pytest.raises(InvalidInput):
         ask(tmp_path, latency="soon")
     assert service.calls == []

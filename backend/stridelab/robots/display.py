@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from stridelab.dynamics.placement import Placement
 from stridelab.robots.description import full_configuration, full_model, visual_geometry
 from stridelab.robots.gltf import glb
 from stridelab.robots.meshes import LinkMesh, merged, mesh_of
@@ -42,8 +41,9 @@ def link_poses(robot: Robot, q: Float[np.ndarray, "nq"]) -> Float[np.ndarray, "n
     """Pose of every link of ``link_names`` in the world: px, py, pz (m), qw, qx, qy, qz (w >= 0)."""
     data = robot.model.createData()
     pin.forwardKinematics(robot.model, data, q)
-    poses = (Placement(T_world_joint.translation, T_world_joint.rotation) for T_world_joint in list(data.oMi)[1:])
-    return np.array([np.concatenate([pose.position_m, pose.wxyz]) for pose in poses])
+    poses = np.array([pin.SE3ToXYZQUAT(T_world_joint) for T_world_joint in list(data.oMi)[1:]])
+    wxyz = poses[:, [6, 3, 4, 5]]
+    return np.column_stack([poses[:, :3], np.where(wxyz[:, :1] < 0.0, -wxyz, wxyz)])
 
 
 def _link_of(model: pin.Model, joint: int) -> str:

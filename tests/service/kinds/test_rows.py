@@ -12,12 +12,19 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.errors import NotFound
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
+from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
 from stridelab.service.jobs.kinds import rows
-from stridelab.service.jobs.kinds.tasks import EstimateComTask, SimulateRecordingTask
+from stridelab.service.jobs.kinds.tasks import (
+    EstimateComTask,
+    LearnReachabilityTask,
+    PlanMotionTask,
+    SimulateRecordingTask,
+)
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import make_engine
-from stridelab.service.storage.tables import job, recording, subject
+from stridelab.service.storage.tables import job, recording, scenario, subject
+from support.planning import short_walk
 
 FACTS = RecordingFacts(
     duration_s=1.0,
@@ -158,6 +165,42 @@ def test_a_simulation_becomes_a_recording_once_however_often_it_is_tried(
     assert RecordingFacts.model_validate(stored[0]["facts"]) == FACTS
     assert (tmp_path / "blob_key").read_bytes() == b"c3d"
     assert (tmp_path / "tracks_key").read_bytes() == b"tracks"
+
+
+def test_a_stored_scenario_becomes_part_of_the_task(database_url: str, blobs: BlobStore, folder: Path) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        await connection.execute(insert(scenario).values(id="s1", body=short_walk().model_dump(mode="json")))
+        return await rows.stage_plan_motion(connection, blobs, PlanMotionInput(scenario_id="s1", replay=True), folder)
+
+    task = PlanMotionTask.model_validate(within(database_url, act))
+    assert task.scenario == short_walk()
+    assert task.input.replay
+
+
+def test_a_scenario_in_the_input_needs_no_row(database_url: str, blobs: BlobStore, folder: Path) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        return await rows.stage_plan_motion(connection, blobs, PlanMotionInput(scenario=short_walk()), folder)
+
+    assert PlanMotionTask.model_validate(within(database_url, act)).scenario == short_walk()
+
+
+def test_a_scenario_deleted_meanwhile_is_named(database_url: str, blobs: BlobStore, folder: Path) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        return await rows.stage_plan_motion(connection, blobs, PlanMotionInput(scenario_id="gone"), folder)
+
+    with pytest.raises(NotFound) as refusal:
+        within(database_url, act)
+    assert refusal.value.code == "scenario-not-found"
+    assert [fault.where for fault in refusal.value.faults] == ["scenario_id"]
+
+
+def test_learning_stages_nothing(database_url: str, blobs: BlobStore, folder: Path) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        asked = LearnReachabilityInput(robot="talos", samples=500)
+        return await rows.stage_learn_reachability(connection, blobs, asked, folder)
+
+    assert LearnReachabilityTask.model_validate(within(database_url, act)).input.samples == 500
+    assert list(folder.iterdir()) == []
 
 
 def test_the_recordings_own_statement_wins_over_the_linked_subject() -> None:

@@ -1,0 +1,234 @@
+"""``stridelab plan`` and ``demo``: what a run here writes and shows, and what is asked of a service."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stridelab import cli_demo, cli_remote
+from stridelab.cli_plan import PlanRequest, plan, show_plan
+from stridelab.cli_playback import write_page
+from stridelab.client import ProblemError
+from stridelab.errors import Conflict, InvalidInput, NotEstimable
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.plans import PlanMotionSummary
+from stridelab.service.jobs.kinds import plan_motion
+from support.planning import changed, plan_task, short_walk
+from support.quiet import quiet
+from support.scripted_service import ScriptedService, problem
+
+PLAN_FILES = {"centroidal.parquet", "centroidal.csv", "scenario.json", "result.json", "references.bib"}
+
+
+@pytest.fixture
+def walk(tmp_path: Path) -> str:
+    path = tmp_path / "short-walk.json"
+    path.write_text(short_walk().model_dump_json())
+    return str(path)
+
+
+def act(request: PlanRequest, out_dir: Path | None, **options: Any) -> None:
+    plan(request, **{"out_dir": out_dir, "force": False, "as_json": False, "server": None, "token": None, **options})
+
+
+def test_the_result_is_that_of_the_job(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    act(PlanRequest(walk, whole_body=False), tmp_path / "out", as_json=True)
+    printed = JobResult.model_validate_json(capsys.readouterr().out)
+    assert {path.name for path in (tmp_path / "out").iterdir()} == PLAN_FILES
+    assert json.loads((tmp_path / "out" / "result.json").read_text()) == printed.model_dump(mode="json")
+    (tmp_path / "job").mkdir()
+    outcome = plan_motion.run(plan_task(whole_body=False), tmp_path / "job", quiet)
+    times = ("stage_times_s", "solve_time_s", "build_time_s")
+    assert {k: v for k, v in printed.summary.items() if k not in times} == {
+        k: v for k, v in outcome.summary.items() if k not in times
+    }
+    assert (tmp_path / "out" / "centroidal.csv").read_bytes() == (tmp_path / "job" / "centroidal.csv").read_bytes()
+
+
+def test_the_folder_is_named_after_the_scenario(walk: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    act(PlanRequest(walk, whole_body=False), None)
+    assert (tmp_path / "short-walk-plan" / "result.json").is_file()
+    with pytest.raises(Conflict):
+        act(PlanRequest(walk, whole_body=False), None)
+
+
+def test_a_replay_goes_with_the_whole_body() -> None:
+    def asked(**options: Any) -> tuple[bool, bool]:
+        made = PlanRequest("x", **options).of(short_walk())
+        return made.whole_body, made.replay
+
+    assert asked() == (True, True)
+    assert asked(replay=False) == (True, False)
+    assert asked(whole_body=False) == (False, False)
+    with pytest.raises(InvalidInput) as refusal:
+        PlanRequest("x", whole_body=False, replay=True)
+    assert refusal.value.faults[0].where == "--replay"
+
+
+def test_a_scenario_that_cannot_be_leaves_nothing(tmp_path: Path) -> None:
+    bad = changed(short_walk(), lambda body: body["phases"][2]["contacts"][0]["position_m"].__setitem__(2, 0.3))
+    (tmp_path / "bad.json").write_text(bad.model_dump_json())
+    with pytest.raises(InvalidInput) as refusal:
+        act(PlanRequest(str(tmp_path / "bad.json")), tmp_path / "out")
+    assert "phases[2].contacts[" in refusal.value.message
+    assert [path.name for path in tmp_path.iterdir()] == ["bad.json"]
+
+
+CHECKS = [
+    {"name": "com_error_max", "value": 1.6e-4, "unit": "m", "limit": 1e-3, "at_least": False, "passed": True},
+    {
+        "name": "terrain_distance_min", "value": -0.01, "unit": "m", "limit": 0.0, "at_least": True, "passed": False,
+        "phase": 23, "effector": "leg_right_4_link", "time_s": 26.72,
+    },
+    {"name": "torque_ratio_max", "value": 0.5, "unit": "1", "limit": 1.0, "at_least": False, "passed": True},
+]  # fmt: skip
+REPLAY = {
+    "completed": False, "fall_time_s": 12.2, "com_error_rms_m": 0.034, "com_error_max_m": 0.2514,
+    "foot_slip_max_m": 0.0271, "landing_error_max_m": 0.0123, "hand_force_mean_n": 6.0,
+    "torque_ratio_max": 0.89, "real_time_factor": 8.0,
+}  # fmt: skip
+
+
+def fallen() -> dict[str, Any]:
+    """Summary of a plan whose motion fails its certificate and whose replay falls."""
+    gaps = {"dynamics_gap": 0.0, "terminal_gap": 0.0, "cone_margin_n": 0.0, "normal_force_min_n": 0.0}
+    summary = PlanMotionSummary.model_validate(
+        {
+            "scenario_name": "Stairs [steep]", "robot": "talos", "duration_s": 36.4, "n_phases": 31,
+            "converged": True, "solver": "ipopt", "objective": -48.54, "cost_terms": {}, "iterations": 17,
+            "solve_time_s": 1.42, "build_time_s": 0.2, "stage_times_s": {"check": 0.1, "whole body": 3.4},
+            "verification": gaps, "certificate": {"passed": False, "checks": CHECKS}, "replay": REPLAY,
+            "warnings": [{"code": "replay-fell", "message": "Replayed in physics, the robot falls."}],
+        }
+    )  # fmt: skip
+    return summary.model_dump(mode="json")
+
+
+def test_the_tables_say_what_failed_and_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    result = JobResult(kind="plan-motion", input={}, versions={}, references=[], summary=fallen(), artifacts=[])
+    show_plan(result, tmp_path, as_json=False, with_page=True)
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "Stairs [steep]: 36.4 s in 31 phases"
+    checks = [line.split() for line in lines if line.startswith(("passed", "failed"))]
+    assert [line[:2] for line in checks] == [
+        ["passed", "com_error_max"],
+        ["failed", "terrain_distance_min"],
+        ["passed", "torque_ratio_max"],
+    ]
+    assert "-0.01 ≥ 0 m" in lines[3]
+    assert lines[3].endswith("phase 23, leg_right_4_link, 26.72 s")
+    assert lines[4].endswith("0.5 ≤ 1"), "what has no unit shows none"
+    assert "certificate not passed" in lines
+    replay = next(line for line in lines if line.startswith("replay"))
+    for words in (
+        "fell at 12.2 s",
+        "34.0 mm RMS",
+        "251.4 mm",
+        "land up to 12.3 mm off",
+        "slip 27.1 mm",
+        "89%",
+        "hand force 6 N",
+    ):
+        assert words in replay
+    assert any("replay-fell" in line for line in lines)
+    assert lines[-1] == f"To see the motion, open {tmp_path / 'motion.html'} in a browser."
+
+
+@pytest.fixture
+def service(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ScriptedService:
+    made = ScriptedService()
+    result = {"versions": {"stridelab": "9"}, "references": [], "summary": fallen()}
+    made.done = {"kind": "plan-motion", "input": {}, "result": result}
+    made.files = tmp_path / "there"
+    made.files.mkdir()
+    made.artifact = "motion.viser"
+    (made.files / "motion.viser").write_bytes(b"recorded")
+    monkeypatch.setattr(cli_remote, "Client", made)
+    return made
+
+
+def test_a_service_is_sent_the_scenario_and_its_files_come_home(
+    service: ScriptedService, walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    act(PlanRequest(walk), tmp_path / "out", server="http://lab:8000", token="secret")
+    told = dict(service.calls)
+    assert told["client"] == ("http://lab:8000", "secret")
+    kind, asked, keyed = told["submit"]
+    assert (kind, asked.scenario, asked.scenario_id, asked.replay, keyed) == (
+        "plan-motion",
+        short_walk(),
+        None,
+        True,
+        True,
+    )
+    files = {path.name for path in (tmp_path / "out").iterdir()}
+    assert files == {"motion.viser", "motion.html", "result.json", "references.bib"}
+    assert json.loads((tmp_path / "out" / "result.json").read_text())["versions"] == {"stridelab": "9"}
+    assert "certificate not passed" in capsys.readouterr().out
+
+
+def test_what_is_no_file_is_the_id_of_a_scenario_there(service: ScriptedService, tmp_path: Path) -> None:
+    act(PlanRequest("0123abcd"), tmp_path / "out", server="http://lab:8000")
+    asked = dict(service.calls)["submit"][1]
+    assert (asked.scenario_id, asked.scenario) == ("0123abcd", None)
+
+
+def test_a_failed_plan_there_is_not_estimable_with_its_stage(
+    service: ScriptedService, walk: str, tmp_path: Path
+) -> None:
+    service.ends = ("failed", problem(422, "plan-not-converged"))
+    with pytest.raises(NotEstimable) as refusal:
+        act(PlanRequest(walk), tmp_path / "out", server="http://lab:8000")
+    assert refusal.value.code == "plan-not-converged"
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_scenario_that_the_service_refuses_is_invalid_input(
+    service: ScriptedService, walk: str, tmp_path: Path
+) -> None:
+    service.refuse["submit"] = ProblemError(problem(422, "scenario-invalid"), None)
+    with pytest.raises(InvalidInput):
+        act(PlanRequest(walk), tmp_path / "out", server="http://lab:8000")
+
+
+def test_the_page_is_the_player_that_viser_would_have_made(tmp_path: Path) -> None:
+    import viser
+
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        serializer = server.get_scene_serializer()
+        recording = serializer.serialize()
+        serializer.serialize = lambda: recording  # type: ignore[method-assign]
+        expected = serializer.as_html()
+    finally:
+        server.stop()
+    (tmp_path / "motion.viser").write_bytes(recording)
+    page = write_page(tmp_path)
+    assert page == tmp_path / "motion.html"
+    assert page.read_text(encoding="utf-8") == expected
+
+
+def test_without_a_recording_there_is_no_page(tmp_path: Path) -> None:
+    assert write_page(tmp_path) is None
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_demo_does_both_main_jobs(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    cli_demo.demo(out_dir=tmp_path / "demo", force=False, stairs=walk)
+    shown = capsys.readouterr().out
+    com_files = {"com.parquet", "com.csv", "com.c3d", "result.json", "references.bib", "truth.parquet", "truth.csv"}
+    assert {path.name for path in (tmp_path / "demo" / "walk").iterdir()} == com_files
+    climb = {path.name for path in (tmp_path / "demo" / "climb").iterdir()}
+    assert PLAN_FILES | {"motion.npz", "motion.viser", "motion.html", "replay.npz", "certificate.json"} <= climb
+    for words in ("RMS error, mm", "markers only", "certificate passed", "replay completed", "motion.html"):
+        assert words in shown
+    assert str(tmp_path / "demo" / "climb" / "motion.html") in shown
+
+
+def test_the_demo_refuses_before_any_work(tmp_path: Path) -> None:
+    (tmp_path / "climb").mkdir()
+    with pytest.raises(Conflict):
+        cli_demo.demo(out_dir=tmp_path, force=False)
+    assert [path.name for path in tmp_path.iterdir()] == ["climb"]
