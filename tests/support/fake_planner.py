@@ -16,12 +16,21 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import trimesh
 
+from stridelab.schemas.base import FaultItem, Remark
 from stridelab.schemas.jobs import Artifact, JobResult
+from stridelab.schemas.plans import (
+    CertificateCheck,
+    CertificateSummary,
+    PlanMotionSummary,
+    PlanVerification,
+    ReplaySummary,
+)
 from stridelab.schemas.robots import RobotEffector, RobotFacts
 from stridelab.schemas.scenarios import (
     BoxSurface,
     RailSurface,
     Scenario,
+    ScenarioCheck,
     ScenarioContact,
     ScenarioPhase,
     StoredScenario,
@@ -152,7 +161,8 @@ def plan_files(given: Scenario, *, whole_body: bool = True) -> dict[str, bytes]:
     """All files of a plan."""
     sink = io.BytesIO()
     pq.write_table(pa.table(centroidal(given)), sink)
-    found = {"scenario.json": given.model_dump_json().encode(), "centroidal.parquet": sink.getvalue()}
+    bare = Scenario(**{name: getattr(given, name) for name in Scenario.model_fields})
+    found = {"scenario.json": bare.model_dump_json().encode(), "centroidal.parquet": sink.getvalue()}
     if whole_body:
         about = {
             "robot": given.robot,
@@ -172,7 +182,40 @@ def plan_files(given: Scenario, *, whole_body: bool = True) -> dict[str, bytes]:
 def plan_result(given: dict[str, Any], files: dict[str, bytes]) -> JobResult:
     """Result of a plan with these files."""
     artifacts = [Artifact(name=n, media_type="application/octet-stream", bytes=len(c)) for n, c in files.items()]
-    return JobResult(kind="plan-motion", input=given, versions={}, references=[], summary={}, artifacts=artifacts)
+    return JobResult(
+        kind="plan-motion",
+        input=given,
+        versions={},
+        references=[],
+        summary=plan_summary(whole_body="poses.json" in files).model_dump(mode="json"),
+        artifacts=artifacts,
+    )
+
+
+def plan_summary(*, whole_body: bool) -> PlanMotionSummary:
+    """One check passed and one failed; the replay falls."""
+    checks = [
+        CertificateCheck(
+            name="com_error_max", value=0.000155, unit="m", limit=0.001, at_least=False, passed=True, phase=3, time_s=2.5
+        ),
+        CertificateCheck(
+            name="terrain_distance_min", value=-0.0123, unit="m", limit=0.0, at_least=True, passed=False, phase=1,
+            effector="leg_left_4_link", time_s=1.25,
+        ),
+    ]  # fmt: skip
+    replay = ReplaySummary(
+        completed=False, fall_time_s=3.21, com_error_rms_m=0.1, com_error_max_m=0.25, foot_slip_max_m=0.0042,
+        landing_error_max_m=0.0071, hand_force_mean_n=6.4, torque_ratio_max=0.73, real_time_factor=5.0,
+    )  # fmt: skip
+    return PlanMotionSummary(
+        scenario_name="Two steps", robot="boxes", duration_s=5.0, n_phases=9, converged=True, solver="ipopt",
+        objective=-14.467, cost_terms={}, iterations=18, solve_time_s=0.55, build_time_s=0.32,
+        verification=PlanVerification(dynamics_gap=0, terminal_gap=0, cone_margin_n=1, normal_force_min_n=1),
+        stage_times_s={"export": 1.0, "check": 0.5, "centroidal": 2.5},
+        certificate=CertificateSummary(passed=False, checks=checks) if whole_body else None,
+        replay=replay if whole_body else None,
+        warnings=[Remark(code="replay-fell", message="Replayed in physics, the robot falls.")],
+    )  # fmt: skip
 
 
 def stored(given: Scenario, *, bundled: bool = False, key: str | None = None) -> StoredScenario:
@@ -205,3 +248,16 @@ def refusal(given: Scenario) -> list[tuple[str, str]]:
         for contact in phase.contacts
         if "foot" in contact.effector and abs(contact.position_m[1]) > REFUSED_BEYOND_M
     ]
+
+
+def check(given: Scenario) -> ScenarioCheck:
+    """What the fake judge says."""
+    wrong = refusal(given)
+    return ScenarioCheck(
+        valid=not wrong,
+        errors=[FaultItem(where=where, message=message) for where, message in wrong],
+        warnings=[Remark(code="swing-obstructed", message="The right foot passes through step 1.")],
+        margins=[],
+        support_region_m=[],
+        duration_s=duration_s(given),
+    )

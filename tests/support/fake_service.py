@@ -242,6 +242,7 @@ class FakeService:
             Route(f"{api}/jobs/{{id}}/result", self._result),
             Route(f"{api}/jobs/{{id}}/artifacts/{{name}}", self._artifact),
             Route(f"{api}/scenarios", self._scenarios, methods=["GET", "POST"]),
+            Route(f"{api}/scenarios/check", self._check, methods=["POST"]),
             Route(f"{api}/scenarios/{{id}}", self._scenario, methods=["GET", "PUT"]),
             Route(f"{api}/robots/{{name}}", self._robot),
             Route(f"{api}/robots/{{name}}/links", self._links),
@@ -291,7 +292,11 @@ class FakeService:
         found = [
             job
             for job in reversed(self.jobs.values())
-            if all(getattr(job, key) == query[key] for key in ("state", "kind", "recording_id") if key in query)
+            if all(
+                getattr(job, key) == query[key]
+                for key in ("state", "kind", "recording_id", "scenario_id")
+                if key in query
+            )
         ]
         limit = int(query.get("limit", 50))
         return _answer({"items": [j.model_dump(mode="json") for j in found[:limit]], "next": None})
@@ -350,6 +355,9 @@ class FakeService:
                 return _problem(422, "scenario-invalid", "This scenario cannot be used.", wrong)
             self.scenarios[key] = fake_planner.stored(given, key=key)
         return _answer(self.scenarios[key].model_dump(mode="json"))
+
+    async def _check(self, request: Request) -> Response:
+        return _answer(fake_planner.check(Scenario.model_validate(await request.json())).model_dump(mode="json"))
 
     async def _robot(self, request: Request) -> Response:
         return _answer(fake_planner.robot().model_dump(mode="json"))

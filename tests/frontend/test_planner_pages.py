@@ -1,0 +1,134 @@
+"""Pages of the robot wing say what the interface says."""
+
+import re
+from collections.abc import Callable
+
+import httpx
+import numpy as np
+
+from stridelab.schemas.base import FaultItem, Problem
+from stridelab.schemas.jobs import Progress
+from support import fake_planner
+from support.fake_service import FakeService
+
+Browse = Callable[[str], httpx.Response]
+
+
+def texts(page: str) -> str:
+    """What a reader sees, in one line."""
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", page))
+
+
+def test_home_plans_a_scenario_with_one_press(fake: FakeService, browse: Browse) -> None:
+    kept = fake.add_scenario(bundled=True)
+    page = browse("/").text
+    assert f'data-plan="{kept.id}"' in page
+    assert f'href="/scenarios/{kept.id}"' in page
+    assert "<polygon" in page
+
+
+def test_list_of_scenarios_and_what_a_name_smuggles_in(fake: FakeService, browse: Browse) -> None:
+    kept = fake.add_scenario(given=fake_planner.scenario(name="<b>stairs</b>"))
+    page = browse("/scenarios").text
+    assert "<b>stairs" not in page
+    assert "&lt;b&gt;stairs" in page
+    assert f'href="/view/?scenario={kept.id}"' in page
+    assert "BOXES" in page
+    assert "9 phases" in texts(page)
+
+
+def test_scenario_page_shows_pictures_check_and_plans(fake: FakeService, browse: Browse) -> None:
+    kept = fake.add_scenario()
+    job = fake.add_job(
+        "plan-motion", "running", scenario_id=kept.id, progress=Progress(fraction=0.4, message="whole body")
+    )
+    other = fake.add_job("plan-motion", "succeeded", scenario_id="another")
+    page = browse(f"/scenarios/{kept.id}").text
+    assert page.count('<svg class="drawing') == 2
+    assert f'href="/jobs/{job.id}"' in page
+    assert other.id not in page
+    assert f'data-plan="{kept.id}"' in page
+    assert "The right foot passes through step 1." in page
+    assert 'data-delete="' in page
+    assert "right foot touches 0.00 s to 1.00 s; 1.80 s to" in page
+
+
+def test_a_sample_cannot_be_deleted_and_an_impossible_one_not_planned(fake: FakeService, browse: Browse) -> None:
+    assert 'data-delete="' not in browse(f"/scenarios/{fake.add_scenario(bundled=True).id}").text
+    good = fake_planner.scenario()
+    astray = good.phases[0].contacts[0].model_copy(update={"position_m": (0.0, 3.0, 0.0)})
+    first = good.phases[0].model_copy(update={"contacts": [astray, *good.phases[0].contacts[1:]]})
+    kept = fake.add_scenario(given=good.model_copy(update={"phases": [first, *good.phases[1:]]}))
+    page = browse(f"/scenarios/{kept.id}").text
+    assert "This scenario cannot be planned." in page
+    assert "phases[0].contacts[left_foot]" in page
+    assert "data-plan=" not in page
+
+
+def test_plan_page_shows_certificate_replay_and_where_to_look(fake: FakeService, browse: Browse) -> None:
+    job = fake.add_plan()
+    page = browse(f"/plans/{job.id}").text
+    said = texts(page)
+    assert "Not every check passed." in said
+    assert "CoM error, largest 0.155 mm at most 1 mm passed" in said
+    assert "Terrain distance, smallest -12.3 mm at least 0 m failed leg left 4 link" in said
+    assert f'href="/view/?plan={job.id}&amp;t=1.250"' in page
+    assert "The robot falls at 3.21 s." in said
+    assert "Foot slip, largest 4.2 mm" in said
+    assert said.index("check 0.50 s") < said.index("centroidal 2.50 s") < said.index("export 1.00 s")
+    assert "Replayed in physics, the robot falls." in said
+    assert (
+        "motion"
+        not in browse(f"/plans/{fake.add_plan(whole_body=False).id}").text.split("<main")[1].split("Optimal")[0]
+    )
+
+
+def test_plan_page_of_the_centre_of_mass_alone(fake: FakeService, browse: Browse) -> None:
+    page = browse(f"/plans/{fake.add_plan(whole_body=False).id}").text
+    assert "a certificate needs the whole body" in page
+    assert "Watch the motion" not in page
+    assert "data-plots=" in page
+
+
+def test_curves_of_a_plan_are_those_of_its_file(fake: FakeService, browse: Browse) -> None:
+    job = fake.add_plan()
+    drawn = browse(f"/plans/{job.id}/plots.json").json()
+    columns = fake_planner.centroidal(fake_planner.scenario())
+    assert np.allclose(drawn["columns"]["com_x_m"], columns["com_x_m"], atol=1e-5)
+    assert set(drawn["columns"]["left_foot_fz_n"]) == {400.0}
+    assert drawn["shades_s"][0] == [1.0, 1.8]
+
+
+def test_a_failed_plan_says_its_stage_and_a_running_one_goes_on_to_the_viewer(
+    fake: FakeService, browse: Browse
+) -> None:
+    problem = Problem(
+        title="Not estimable", status=422, code="whole-body-failed", detail="No motion follows the plan.",
+        errors=[FaultItem(where="stage: whole body", message="right knee at its limit")],
+    )  # fmt: skip
+    failed = fake.add_job("plan-motion", "failed", error=problem)
+    page = browse(f"/plans/{failed.id}?watch=1").text
+    assert "No motion follows the plan." in page
+    assert "stage: whole body" in page
+    assert "right knee at its limit" in page
+    running = fake.add_job("plan-motion", "running")
+    assert f'data-then="/view/?plan={running.id}&amp;play=1"' in browse(f"/plans/{running.id}?watch=1").text
+    assert "data-then" not in browse(f"/plans/{running.id}").text
+
+
+def test_jobs_and_plans_lead_to_each_other(fake: FakeService, browse: Browse) -> None:
+    plan, estimate = fake.add_plan(), fake.add_job(state="succeeded")
+    there = browse(f"/jobs/{plan.id}")
+    assert there.status_code == 303
+    assert there.headers["location"] == f"/plans/{plan.id}"
+    back = browse(f"/plans/{estimate.id}")
+    assert back.status_code == 303
+    assert back.headers["location"] == f"/jobs/{estimate.id}"
+    assert browse(f"/plans/{estimate.id}/plots.json").status_code == 404
+
+
+def test_robot_page(browse: Browse) -> None:
+    said = texts(browse("/robots/boxes").text)
+    assert "60.00 kg" in said
+    assert "200 × 120 mm" in said
+    assert "BSD-3-Clause" in said
