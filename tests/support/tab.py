@@ -11,6 +11,10 @@ VISER_ALONE = "Evaluating a string as JavaScript violates"
 """viser's sorter of Gaussian splats, which no scene here uses, asks to evaluate text; the frame's policy refuses."""
 
 
+VISER_DRAGS = "Unable to preventDefault inside passive event listener invocation."
+"""viser's drag of a node says so in Chromium; the drag works."""
+
+
 @dataclass(frozen=True)
 class Service:
     """A running ``stridelab serve``."""
@@ -32,7 +36,7 @@ class Tab:
         return self.page
 
     def on_console(self, message: ConsoleMessage) -> None:
-        if message.type == "error":
+        if message.type == "error" and message.text != VISER_DRAGS:
             self.missteps.append(f"console: {message.text} ({message.location.get('url')})")
 
     def on_error(self, error: Exception) -> None:

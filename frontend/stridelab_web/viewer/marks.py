@@ -1,4 +1,4 @@
-"""Touches as marks on the terrain: a footprint with its toe, or a disc for a hand, in the colour of the effector."""
+"""Touches as marks on the terrain: a footprint with its toe, or a ball for a hand, in the colour of the effector."""
 
 import numpy as np
 import viser
@@ -11,9 +11,10 @@ from stridelab_web.viewer.parts import Colour, add_mesh
 
 COLOURS: dict[str, Colour] = {"left": (11, 92, 156), "right": (224, 138, 30), "hand": (86, 97, 108)}
 """The same as on the pages (app.css): told apart with every kind of colour vision, and numbers say the rest."""
-HAND_RADIUS_M = 0.045
+HAND_RADIUS_M = 0.034
 EDGE_M = 0.012
-LIFT_M, TOUCHING_LIFT_M = 0.004, 0.006
+LIFT_M, TOUCHING_LIFT_M, LABEL_M = 0.004, 0.006, 0.02
+LABEL_SCALE = 0.85
 TOE = 0.45
 """Length of the toe's triangle beyond the patch, as a share of its half width."""
 
@@ -25,17 +26,20 @@ def add_marks(
     made = {}
     for touch in touches(scenario):
         colour = COLOURS[side(touch.effector)]
-        half = sizes.get(touch.effector)
-        outline = _outline(half)
-        name = node(touch)
+        name, half = node(touch), sizes.get(touch.effector)
         # A drag needs an area to take hold of: pale where it is only a place, full where it carries.
-        made[touch.number] = add_mesh(scene, name, _lifted(shapes.polygon(outline), LIFT_M), colour, opacity=0.35)
+        made[touch.number] = add_mesh(scene, name, _area(half, LIFT_M), colour, opacity=0.4)
         place(made[touch.number], touch)
-        inner = outline * (1 - EDGE_M / np.abs(outline).max())
-        add_mesh(scene, f"{name}/edge", _lifted(shapes.between(outline, inner), LIFT_M), colour)
+        add_mesh(scene, f"{name}/edge", _edge(half), colour)
         if touching:
-            add_mesh(scene, f"{name}/touching", _lifted(shapes.polygon(outline), TOUCHING_LIFT_M), colour)
-        scene.add_label(f"{name}/label", str(touch.number), position=(0.0, 0.0, 0.03), anchor="bottom-center")
+            add_mesh(scene, f"{name}/touching", _area(half, TOUCHING_LIFT_M), colour)
+        scene.add_label(
+            f"{name}/label",
+            str(touch.number),
+            position=(0.0, 0.0, LABEL_M),
+            anchor="bottom-center",
+            font_screen_scale=0.85,
+        )
     return made
 
 
@@ -45,17 +49,25 @@ def place(handle: viser.MeshHandle, touch: Touch) -> None:
     handle.wxyz = touch.contact.orientation_wxyz
 
 
-def _outline(half_m: tuple[float, float] | None) -> np.ndarray:
-    """Corners ``(n, 3)`` in the contact frame, counterclockwise: a sole with its toe, or a disc."""
+def _area(half_m: tuple[float, float] | None, lift_m: float) -> shapes.Mesh:
+    """A sole with its toe, or a ball for a point."""
     if half_m is None:
-        angle = 2 * np.pi * np.arange(20) / 20
-        flat = HAND_RADIUS_M * np.column_stack([np.cos(angle), np.sin(angle)])
-    else:
-        x, y = half_m
-        flat = np.array([[x, -y], [x + TOE * y, 0.0], [x, y], [-x, y], [-x, -y]])
-    return np.column_stack([flat, np.zeros(len(flat))])
+        return shapes.ball(HAND_RADIUS_M + lift_m)
+    return shapes.polygon(_sole(half_m, lift_m))
 
 
-def _lifted(mesh: shapes.Mesh, lift_m: float) -> shapes.Mesh:
-    vertices, faces = mesh
-    return vertices + np.array([0.0, 0.0, lift_m], dtype=np.float32), faces
+def _edge(half_m: tuple[float, float] | None) -> shapes.Mesh:
+    """The line around a sole, or around the middle of a ball."""
+    if half_m is None:
+        angle = 2 * np.pi * np.arange(24) / 24
+        ring = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+        return shapes.between((HAND_RADIUS_M + EDGE_M) * ring, HAND_RADIUS_M * ring)
+    share = 1 - EDGE_M / max(half_m)
+    return shapes.between(_sole(half_m, LIFT_M), _sole((share * half_m[0], share * half_m[1]), LIFT_M))
+
+
+def _sole(half_m: tuple[float, float], lift_m: float) -> np.ndarray:
+    """Corners ``(5, 3)`` of a sole in the contact frame, counterclockwise."""
+    x, y = half_m
+    flat = np.array([[x, -y], [x + TOE * y, 0.0], [x, y], [-x, y], [-x, -y]])
+    return np.column_stack([flat, np.full(len(flat), lift_m)])

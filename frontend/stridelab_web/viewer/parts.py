@@ -11,19 +11,19 @@ from stridelab_web.viewer import shapes
 Colour = tuple[int, int, int]
 SHAFT_RADIUS_M, HEAD_RADIUS_M = 0.012, 0.03
 FOV_RAD = 0.7
-ASPECT = 1.6
-"""The narrowest usual shape of the picture; a wider one shows more."""
+WIDE, NARROW = 1.6, 1.25
+"""Width over height of the picture above a timeline, and beside a panel; a wider one shows more."""
 MARGIN = 1.06
 
 
-def prepare(scene: viser.SceneApi) -> None:
-    """Light without shadows, z up."""
+def prepare(scene: viser.SceneApi, ambient: float = 2.2) -> None:
+    """Light without shadows, z up; thin things need more ``ambient`` light than bodies whose shape it would hide."""
     scene.set_up_direction("+z")
     # Without a graphics card an environment map costs a hundredfold (0.4 instead of 36 images per second for fifty
     # spheres in software), and so do screen-space lines: lines are thin meshes here.
     scene.configure_environment_map(hdri=None)
     scene.configure_default_lights(enabled=True, cast_shadow=False)
-    scene.add_light_ambient("/light", intensity=2.2)
+    scene.add_light_ambient("/light", intensity=ambient)
 
 
 def add_mesh(
@@ -51,15 +51,17 @@ def add_path(scene: viser.SceneApi, name: str, path_m: np.ndarray | None, colour
         add_mesh(scene, name, shapes.together(pieces), colour)
 
 
-def place_camera(server: viser.ViserServer, corners_m: np.ndarray, towards_camera: np.ndarray) -> None:
+def place_camera(
+    server: viser.ViserServer, corners_m: np.ndarray, towards_camera: np.ndarray, aspect: float = WIDE
+) -> None:
     """Look at the middle of ``corners_m`` ``(n, 3)`` from a direction, from so far that all of them are in sight."""
-    look_at, position = camera(corners_m, towards_camera)
+    look_at, position = camera(corners_m, towards_camera, aspect)
     server.initial_camera.fov = FOV_RAD
     server.initial_camera.look_at = tuple(look_at)
     server.initial_camera.position = tuple(position)
 
 
-def camera(corners_m: np.ndarray, towards_camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def camera(corners_m: np.ndarray, towards_camera: np.ndarray, aspect: float) -> tuple[np.ndarray, np.ndarray]:
     """Where to look at and from: a point at ``d`` in front of the middle is in sight from ``|across| / tan - d`` on."""
     back = towards_camera / np.linalg.norm(towards_camera)
     right = np.cross([0.0, 0.0, 1.0], back)
@@ -70,7 +72,7 @@ def camera(corners_m: np.ndarray, towards_camera: np.ndarray) -> tuple[np.ndarra
     cloud = corners_m - middle
     # The middle of the picture, not of the box: what is near looks larger.
     for _ in range(4):
-        needed = np.maximum(np.abs(cloud @ up) / half, np.abs(cloud @ right) / (half * ASPECT)) + cloud @ back
+        needed = np.maximum(np.abs(cloud @ up) / half, np.abs(cloud @ right) / (half * aspect)) + cloud @ back
         reach = float(needed.max())
         depth = reach - cloud @ back
         tall, wide = cloud @ up / depth, cloud @ right / depth

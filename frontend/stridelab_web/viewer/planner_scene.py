@@ -19,10 +19,12 @@ from stridelab_web.viewer.terrain import add_terrain, is_ground
 COM_COLOUR: Colour = (20, 30, 40)
 FORCE: Colour = (170, 51, 119)
 COM_RADIUS_M, PATH_RADIUS_M = 0.03, 0.006
-TOWARDS_CAMERA = np.array([0.5, -1.0, 0.42])
-"""From the right front of a robot that walks along x."""
+AMBIENT = 1.1
+RIGHT_FRONT = np.array([0.3, -1.0, 0.42])
+"""Where a robot that walks along x is looked at from."""
 BODY_M = (0.45, 0.45, 1.75)
 """Room that a robot takes around and above its footholds."""
+APART_M = 0.3
 NEAR_M = 1.0
 """Boxes matter for the picture up to this far from the nearest touch."""
 
@@ -36,7 +38,7 @@ def build(
 ) -> None:
     """Put a plan into an empty server; the page moves its nodes."""
     scene = server.scene
-    prepare(scene)
+    prepare(scene, AMBIENT)
     add_terrain(scene, scenario)
     add_marks(scene, scenario, sizes, touching=True)
     add_robot(scene, [body.name.removeprefix("/robot/") for body in frames.bodies], meshes)
@@ -44,28 +46,33 @@ def build(
         add_arrow(scene, arrow, FORCE)
     add_path(scene, "/paths/com", frames.track("/paths/com"), COM_COLOUR, PATH_RADIUS_M)
     scene.add_icosphere(COM, COM_RADIUS_M, COM_COLOUR, subdivisions=3, cast_shadow=False, receive_shadow=False)
-    place_camera(server, sights_m(scenario), towards_camera(scenario))
+    place_camera(server, sights_m(scenario), turned(scenario, RIGHT_FRONT))
 
 
-def towards_camera(scenario: Scenario) -> np.ndarray:
-    """Direction to the camera: right front of somebody who goes from the first touches to the last."""
+def turned(scenario: Scenario, direction: np.ndarray) -> np.ndarray:
+    """A direction, given for a way along x, for the way from the first touch of ``scenario`` to the last."""
+    c, s = way(scenario)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(turn @ direction)
+
+
+def way(scenario: Scenario) -> tuple[float, float]:
+    """Unit vector, seen from above, from the first touch to the last; along x where they are not apart."""
     placed = [np.array(touch.contact.position_m) for touch in touches(scenario)]
     along = (placed[-1] - placed[0])[:2] if placed else np.zeros(2)
     length = float(np.linalg.norm(along))
-    c, s = along / length if length > 0.3 else (1.0, 0.0)
-    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-    return np.asarray(turn @ TOWARDS_CAMERA)
+    return (float(along[0]) / length, float(along[1]) / length) if length > APART_M else (1.0, 0.0)
 
 
-def sights_m(scenario: Scenario) -> np.ndarray:
-    """Points ``(n, 3)`` that the picture must hold: a robot at every touch, rails, and what stands near."""
+def sights_m(scenario: Scenario, height_m: float = BODY_M[2]) -> np.ndarray:
+    """Points ``(n, 3)`` that the picture must hold: ``height_m`` above every foothold, rails, and what stands near."""
     places = np.array([touch.contact.position_m for touch in touches(scenario)]).reshape(-1, 3)
     if not len(places):
         places = np.zeros((1, 3))
     feet = [t.contact.position_m for t in touches(scenario) if "foot" in t.effector]
     standing = np.array(feet).reshape(-1, 3) if feet else places
-    x, y, z = BODY_M
-    room = np.array([[sx * x, sy * y, h] for sx in (-1, 1) for sy in (-1, 1) for h in (0.0, z)])
+    x, y, _ = BODY_M
+    room = np.array([[sx * x, sy * y, h] for sx in (-1, 1) for sy in (-1, 1) for h in (0.0, height_m)])
     cloud = [(standing[:, None] + room).reshape(-1, 3), places]
     low, high = places.min(axis=0) - NEAR_M, places.max(axis=0) + NEAR_M
     for surface in scenario.terrain:

@@ -2,9 +2,15 @@
 
 import io
 from collections.abc import Mapping, Sequence
+from typing import Any
 
+import numpy as np
 import trimesh
 import viser
+
+from stridelab_web.viewer.parts import Colour
+
+LIGHTEST: Colour = (186, 196, 206)
 
 
 def read_links(glb: bytes) -> dict[str, trimesh.Trimesh]:
@@ -28,4 +34,27 @@ def add_robot(scene: viser.SceneApi, links: Sequence[str], meshes: Mapping[str, 
         if mesh is None or not len(mesh.faces):
             scene.add_frame(f"/robot/{link}", show_axes=False)
         else:
-            scene.add_mesh_trimesh(f"/robot/{link}", mesh, cast_shadow=False, receive_shadow=False)
+            scene.add_mesh_simple(
+                f"/robot/{link}",
+                np.asarray(mesh.vertices, dtype=np.float32),
+                np.asarray(mesh.faces, dtype=np.uint32),
+                color=_shade(mesh),
+                flat_shading=True,
+                cast_shadow=False,
+                receive_shadow=False,
+            )
+
+
+def _shade(mesh: trimesh.Trimesh) -> Colour:
+    """The link's own mean colour, no lighter than what stands out from a white background."""
+    red, green, blue = np.minimum(_own_colours(mesh).mean(axis=0), LIGHTEST).astype(int)
+    return int(red), int(green), int(blue)
+
+
+def _own_colours(mesh: trimesh.Trimesh) -> np.ndarray:
+    """Red, green and blue ``(n, 3)`` of the vertices."""
+    visual: Any = mesh.visual
+    if visual.kind == "vertex":
+        return np.asarray(visual.vertex_colors, dtype=float)[:, :3]
+    colours = getattr(visual, "vertex_attributes", {}).get("color")
+    return np.array([LIGHTEST], dtype=float) if colours is None else np.asarray(colours, dtype=float)[:, :3]

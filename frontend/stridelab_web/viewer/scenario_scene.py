@@ -19,12 +19,15 @@ from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab_web.footholds import HalfSizes, moved
 from stridelab_web.touches import Touch, touches
 from stridelab_web.viewer.marks import add_marks, place
-from stridelab_web.viewer.parts import place_camera, prepare
-from stridelab_web.viewer.planner_scene import sights_m, towards_camera
+from stridelab_web.viewer.parts import NARROW, place_camera, prepare
+from stridelab_web.viewer.planner_scene import AMBIENT, sights_m, turned, way
 from stridelab_web.viewer.terrain import add_terrain
 from stridelab_web.viewer.treads import Guide, guide_of
 
 TURN = "/turn"
+REAR = np.array([-0.42, 1.0, 0.75])
+"""From behind and above, no step hides what stands on the one below."""
+HEADROOM_M = 0.4
 MOVED_M = 1e-4
 """A drag that ends closer to where it began changes nothing."""
 Put = Callable[[str, Scenario], StoredScenario]
@@ -49,14 +52,14 @@ class ScenarioScene:
         self._grips: dict[int, Grip] = {}
         self.said = ""
         scene = server.scene
-        prepare(scene)
+        prepare(scene, AMBIENT)
         add_terrain(scene, stored)
         self._marks = add_marks(scene, stored, sizes, touching=False)
         self._turn = scene.add_frame(TURN, show_axes=False)
         if not stored.bundled:
             for number, mark in self._marks.items():
                 mark.on_drag("left")(self._drag_of(number))
-        place_camera(server, sights_m(stored), towards_camera(stored))
+        place_camera(server, sights_m(stored, HEADROOM_M), turned(stored, REAR * [1, _open_side(stored), 1]), NARROW)
 
     def follow(self, stored: StoredScenario) -> bool:
         """Show ``stored`` instead; False where more than the places of touches has changed."""
@@ -126,6 +129,15 @@ def sentence(refusal: ClientError) -> str:
     if not isinstance(refusal, ProblemError):
         return "The service does not answer. Is it still running?"
     return " ".join([refusal.detail, *(f"{item.where}: {item.message}" for item in refusal.errors)])
+
+
+def _open_side(scenario: Scenario) -> float:
+    """1 for the left of the way, -1 for its right: the side on which no hand, and so no rail, is in the picture."""
+    c, s = way(scenario)
+    placed = [(np.array(t.contact.position_m), "hand" in t.effector) for t in touches(scenario)]
+    hands = [c * p[1] - s * p[0] for p, hand in placed if hand]
+    feet = [c * p[1] - s * p[0] for p, hand in placed if not hand]
+    return 1.0 if hands and feet and np.mean(hands) < np.mean(feet) else -1.0
 
 
 def _shape(scenario: StoredScenario) -> object:

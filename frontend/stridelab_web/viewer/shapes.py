@@ -1,6 +1,7 @@
 """Small triangle meshes: unit cylinder, cone, and the band around the path of the centre of mass."""
 
 import numpy as np
+import trimesh
 
 SIDES = 10
 BAND_SIDES = 12
@@ -77,6 +78,12 @@ def polygon(corners_m: np.ndarray) -> Mesh:
     """A convex polygon ``(n, 3)`` as a fan."""
     k = np.arange(1, len(corners_m) - 1)
     return corners_m.astype(np.float32), np.column_stack([np.zeros_like(k), k, k + 1]).astype(np.uint32)
+
+
+def ball(radius_m: float) -> Mesh:
+    """A sphere around the origin."""
+    solid = trimesh.creation.icosphere(2, radius_m)
+    return np.asarray(solid.vertices, dtype=np.float32), np.asarray(solid.faces, dtype=np.uint32)
 
 
 def together(meshes: list[Mesh]) -> Mesh:

@@ -12,10 +12,11 @@ BOX: Colour = (222, 229, 235)
 RIM: Colour = (150, 165, 180)
 GROUND: Colour = (243, 245, 247)
 GRID_CELL, GRID_SECTION = (226, 231, 236), (203, 211, 218)
-RAIL: Colour = (96, 110, 124)
+RAIL: Colour = (168, 180, 192)
 GROUND_FROM_M = 2.5
 """A box whose upper face is at least this long and wide is drawn as ground, with a grid of 0.25 m and 1 m."""
-RIM_M = 0.012
+RIM_FROM_M, RIM_M = 0.003, 0.015
+"""The rim begins inside the face: sides of boxes in one plane would let it shine through."""
 LIFT_M = 0.0015
 """How far lines lie above the face that they are on, so that they do not flicker."""
 _FACES = np.array(
@@ -62,7 +63,7 @@ def _add_box(scene: viser.SceneApi, name: str, box: BoxSurface) -> None:
         )
         return
     square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
-    outer = np.column_stack([square * half[:2], np.full(4, half[2] + LIFT_M)])
+    outer = np.column_stack([square * np.maximum(half[:2] - RIM_FROM_M, 0.0), np.full(4, half[2] + LIFT_M)])
     inner = np.column_stack([square * np.maximum(half[:2] - RIM_M, 0.0), np.full(4, half[2] + LIFT_M)])
     rim, rim_faces = shapes.between(outer, inner)
     add_mesh(scene, f"{name}/rim", ((np.array(box.center_m) + rim @ R.T).astype(np.float32), rim_faces), RIM)

@@ -87,7 +87,7 @@ function halo() {
 // Writes a place into a row; a number that is being typed stays.
 function write(touch, position) {
   const row = rows.get(touch.number);
-  row.querySelector("[data-place]").textContent = `${position.map((v) => v.toFixed(3)).join(", ")} m`;
+  row.querySelector("[data-place]").textContent = position.map((v) => v.toFixed(3)).join(", ");
   const values = { x: position[0], y: position[1], z: position[2], yaw: touch.yaw_deg };
   for (const input of row.querySelectorAll("input")) {
     const text = String(Number(values[input.name].toFixed(input.name === "yaw" ? 1 : 4)));

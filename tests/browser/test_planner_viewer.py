@@ -1,0 +1,300 @@
+"""Plans and scenarios in the viewer: what is drawn is what the files say, and what is dragged is what is stored."""
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from stridelab.schemas.base import FaultItem, Problem
+from support import fake_planner
+from support.fake_lab import Lab, running_lab
+from support.tab import Service, Tab
+
+NODES = """(names) => {
+    const viser = document.querySelector("iframe").contentWindow.__viserMutable;
+    return Object.fromEntries(names.map((name) => {
+        const object = viser.nodeRefFromName[name];
+        return [name, {
+            position: object.position.toArray(), wxyz: [object.quaternion.w, ...object.quaternion.toArray().slice(0, 3)],
+            scale: object.scale.toArray(),
+        }];
+    }));
+}"""
+ON_SCREEN = """(name) => {
+    const frame = document.querySelector("iframe");
+    const viser = frame.contentWindow.__viserMutable;
+    const at = viser.nodeRefFromName[name].getWorldPosition(viser.nodeRefFromName[name].position.clone());
+    viser.camera.updateMatrixWorld();
+    const seen = at.project(viser.camera);
+    const box = frame.getBoundingClientRect(), inside = viser.canvas.getBoundingClientRect();
+    return [box.left + inside.left + (seen.x + 1) / 2 * inside.width, box.top + inside.top + (1 - seen.y) / 2 * inside.height];
+}"""
+"""Where a node is on the page, by the camera of the scene."""
+PROJECT = """([x, y, z]) => {
+    const frame = document.querySelector("iframe");
+    const viser = frame.contentWindow.__viserMutable;
+    const root = viser.nodeRefFromName[""];
+    const at = root.localToWorld(viser.camera.position.clone().set(x, y, z));
+    viser.camera.updateMatrixWorld();
+    const seen = at.project(viser.camera);
+    const box = frame.getBoundingClientRect(), inside = viser.canvas.getBoundingClientRect();
+    return [box.left + inside.left + (seen.x + 1) / 2 * inside.width, box.top + inside.top + (1 - seen.y) / 2 * inside.height];
+}"""
+FOOT = "/robot/leg_right_6_link"
+
+
+@pytest.fixture(scope="module")
+def lab() -> Iterator[Lab]:
+    with running_lab() as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def service(lab: Lab) -> Service:
+    return Service(lab.url, lab.fake.client())
+
+
+@pytest.fixture
+def tab(open_tab: Callable[..., Tab]) -> Tab:
+    """Small: without a graphics card every point of the picture costs."""
+    return open_tab(900, 640)
+
+
+def opened(tab: Tab, address: str) -> Page:
+    page = tab.go(address)
+    page.wait_for_selector("[data-ready]", timeout=60_000)
+    return page
+
+
+def until(page: Page, holds: Callable[[], bool]) -> None:
+    for _ in range(150):
+        if holds():
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError("the page does not come to the state that was asked for")
+
+
+def nodes(page: Page, *names: str) -> dict[str, Any]:
+    found: dict[str, Any] = page.evaluate(NODES, list(names))
+    return found
+
+
+def drag(page: Page, node: str, to_m: tuple[float, float, float]) -> None:
+    """Take hold of a mark in its middle and let go of it where ``to_m`` is in the picture."""
+    x, y = page.evaluate(ON_SCREEN, node)
+    u, v = page.evaluate(PROJECT, list(to_m))
+    page.mouse.move(x, y)
+    page.mouse.down()
+    for k in range(1, 9):
+        page.mouse.move(x + (u - x) * k / 8, y + (v - y) * k / 8)
+        page.wait_for_timeout(40)
+    page.mouse.up()
+
+
+def positions(lab: Lab, scenario_id: str, effector: str) -> list[tuple[float, ...] | None]:
+    """Where an effector is, phase by phase, in the stored scenario."""
+    return [
+        next((c.position_m for c in phase.contacts if c.effector == effector), None)
+        for phase in lab.fake.scenarios[scenario_id].phases
+    ]
+
+
+def test_the_robot_stands_where_the_files_say(tab: Tab, lab: Lab) -> None:
+    job = lab.fake.add_plan()
+    page = opened(tab, f"/view/?plan={job.id}&t=2.0")
+    given = fake_planner.scenario()
+    poses, time_s = fake_planner.poses(given), fake_planner.display_times_s(given)
+
+    def foot_is_at(frame: int) -> Callable[[], bool]:
+        expected = poses[frame, fake_planner.LINKS.index("leg_right_6_link")].astype(float)
+
+        def holds() -> bool:
+            shown = nodes(page, FOOT)[FOOT]
+            near = np.abs(np.array(shown["position"]) - expected[:3]).max() < 1e-4
+            return bool(near and abs(np.dot(shown["wxyz"], expected[3:])) > 1 - 1e-6)
+
+        return holds
+
+    until(page, foot_is_at(100))
+    expect(page.locator("[data-time]")).to_have_text(f"2.000 s · frame 101 of {len(time_s)} · phase 3")
+    page.get_by_role("slider", name="Time").fill("211")
+    until(page, foot_is_at(211))
+    page.wait_for_url(f"**t={time_s[211]:.3f}")
+    page.locator("body").press(".")
+    until(page, foot_is_at(212))
+
+
+def test_between_two_frames_the_robot_turns_the_short_way(tab: Tab, lab: Lab) -> None:
+    """The fake's quaternions change sign from frame to frame, as q and -q are the same turn."""
+    job = lab.fake.add_plan()
+    page = opened(tab, f"/view/?plan={job.id}&t=1.0")
+    page.get_by_label("Speed").select_option("0.1")
+    page.locator("body").press(" ")
+    for _ in range(8):
+        shown = nodes(page, FOOT)[FOOT]
+        t_s = shown["position"][0] / 0.12
+        expected = fake_planner.foot_pose(np.array([t_s]))[0]
+        assert abs(np.dot(shown["wxyz"], expected[3:])) > 1 - 1e-5
+        page.wait_for_timeout(60)
+    page.locator("body").press(" ")
+
+
+def test_contacts_and_forces_are_there_while_the_effector_touches(tab: Tab, lab: Lab) -> None:
+    job = lab.fake.add_plan()
+    page = opened(tab, f"/view/?plan={job.id}&t=0.5")
+    names = ("/contacts/1/touching", "/contacts/2/touching", "/contacts/3/touching", "/forces/right_hand_shaft")
+
+    def there() -> list[bool]:
+        shown = nodes(page, *names)
+        return [max(shown[name]["scale"]) > 1e-3 for name in names]
+
+    until(page, lambda: there() == [True, True, False, False])
+    page.get_by_role("slider", name="Time").fill("75")  # 1.5 s: left foot and right hand
+    until(page, lambda: there() == [True, False, True, True])
+    page.get_by_label("Contacts").uncheck()
+    until(page, lambda: there() == [False, False, False, True])
+    page.get_by_label("Forces").uncheck()
+    until(page, lambda: not any(there()))
+
+
+def test_the_phase_strip_leads_to_its_instant(tab: Tab, lab: Lab) -> None:
+    job = lab.fake.add_plan()
+    page = opened(tab, f"/view/?plan={job.id}&t=0")
+    strip = page.get_by_role("img", name="right foot touches")
+    box = strip.bounding_box()
+    assert box is not None
+    strip.click(position={"x": box["width"] / 2, "y": box["height"] / 2})
+    expect(page.locator("[data-time]")).to_contain_text("2.900 s")
+    page.locator("body").press("PageDown")
+    expect(page.locator("[data-time]")).to_contain_text("3.000 s")
+    expect(page.locator("[data-time]")).to_contain_text("phase 5")
+    page.locator("body").press("PageUp")
+    expect(page.locator("[data-time]")).to_contain_text("2.800 s")
+
+
+def test_a_dragged_foothold_is_stored_where_it_was_let_go(tab: Tab, lab: Lab) -> None:
+    kept = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={kept.id}")
+    before = positions(lab, kept.id, "left_foot")
+    target = (0.28, 0.21, 0.1)  # touch 5: the left foot on the first step, phases 4 to 6
+    drag(page, "/contacts/5", target)
+    expect(page.locator("[data-said]")).to_have_text("Stored.")
+    after = positions(lab, kept.id, "left_foot")
+    assert [k for k, (a, b) in enumerate(zip(before, after, strict=True)) if a != b] == [4, 5, 6]
+    assert after[4] == after[5] == after[6] != None  # noqa: E711
+    assert math.dist(after[4] or (), target) < 0.01
+    expect(page.get_by_role("button", name="5 left foot")).to_contain_text(f"{(after[4] or ())[0]:.3f}")
+
+    page.get_by_role("button", name="Undo").click()
+    until(page, lambda: positions(lab, kept.id, "left_foot") == before)
+    until(page, lambda: math.dist(nodes(page, "/contacts/5")["/contacts/5"]["position"], before[4] or ()) < 1e-6)
+
+
+def test_a_foothold_does_not_leave_its_tread(tab: Tab, lab: Lab) -> None:
+    kept = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={kept.id}")
+    drag(page, "/contacts/4", (1.2, -0.15, 0.1))  # far into the next step
+    expect(page.locator("[data-said]")).to_have_text("Stored.")
+    stored = positions(lab, kept.id, "right_foot")[2] or ()
+    # the next step begins at 0.445, half the sole is 0.10 m long
+    assert stored[0] == pytest.approx(0.345, abs=1e-3)
+    assert stored[2] == pytest.approx(0.1)
+
+
+def test_what_the_service_refuses_goes_back_with_its_sentence(tab: Tab, lab: Lab) -> None:
+    kept = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={kept.id}")
+    before = positions(lab, kept.id, "left_foot")
+    drag(page, "/contacts/5", (0.3, 0.48, 0.1))  # beyond what the fake judge allows
+    expect(page.locator("[data-said]")).to_contain_text("The foot stands on nothing.")
+    assert positions(lab, kept.id, "left_foot") == before
+    until(page, lambda: math.dist(nodes(page, "/contacts/5")["/contacts/5"]["position"], before[4] or ()) < 1e-6)
+    tab.missteps = [m for m in tab.missteps if "422" not in m]
+
+
+def test_keys_and_numbers_move_what_the_mouse_moves(tab: Tab, lab: Lab) -> None:
+    tab.page.set_viewport_size({"width": 800, "height": 600})
+    kept = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={kept.id}")
+    assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
+    assert page.evaluate("() => document.documentElement.scrollHeight <= window.innerHeight")
+    contact = page.get_by_role("button", name="4 right foot")
+    for key in ("ArrowUp", "ArrowUp", "ArrowRight", "Shift+ArrowDown"):
+        contact.press(key)
+    expect(page.locator("[data-said]")).to_have_text("Contact 4 stored.")
+    assert positions(lab, kept.id, "right_foot")[2] == pytest.approx((0.319, -0.1, 0.1))
+    assert positions(lab, kept.id, "right_foot")[4] == pytest.approx((0.319, -0.1, 0.1))
+
+    row = page.locator("li", has=contact)
+    row.get_by_label("x").fill("0.31")
+    row.get_by_label("x").press("Enter")
+    until(page, lambda: positions(lab, kept.id, "right_foot")[3] == pytest.approx((0.31, -0.1, 0.1)))
+    row.get_by_label("turn").fill("10")
+    row.get_by_label("turn").press("Enter")
+    half = math.radians(5)
+
+    def turned() -> bool:
+        contacts = {c.effector: c for c in lab.fake.scenarios[kept.id].phases[3].contacts}
+        return contacts["right_foot"].orientation_wxyz == pytest.approx((math.cos(half), 0, 0, math.sin(half)))
+
+    until(page, turned)
+    until(page, lambda: abs(nodes(page, "/contacts/4")["/contacts/4"]["wxyz"][3] - math.sin(half)) < 1e-6)
+    page.locator("h1").click()
+    page.keyboard.press("Control+z")
+    page.keyboard.press("Control+z")
+    until(page, lambda: positions(lab, kept.id, "right_foot")[3] == pytest.approx((0.319, -0.1, 0.1)))
+
+
+def test_samples_are_copied_before_they_are_changed(tab: Tab, lab: Lab) -> None:
+    sample = lab.fake.add_scenario(bundled=True)
+    page = opened(tab, f"/view/?scenario={sample.id}")
+    contact = page.get_by_role("button", name="5 left foot")
+    contact.press("ArrowUp")
+    contact.click()
+    expect(page.locator("li", has=contact).get_by_label("x")).to_be_disabled()
+    expect(page.get_by_role("button", name="Undo")).to_have_count(0)
+    page.wait_for_timeout(700)
+    assert lab.fake.scenarios[sample.id] == sample
+    page.get_by_role("button", name="Edit a copy").click()
+    page.wait_for_url(lambda url: "scenario=" in url and sample.id not in url)
+    copied = lab.fake.scenarios[page.url.rpartition("=")[2]]
+    assert (copied.name, copied.bundled) == ("Two steps (copy)", False)
+    assert copied.phases == sample.phases
+    page.wait_for_selector("[data-ready]", timeout=60_000)
+
+
+def test_planning_shows_its_progress_and_leads_to_the_plan(tab: Tab, lab: Lab) -> None:
+    kept = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={kept.id}")
+    page.get_by_role("button", name="Plan").click()
+    expect(page.get_by_role("progressbar")).to_be_visible()
+    page.wait_for_url("**/view/?plan=*")
+    page.wait_for_selector("[data-player][data-ready]", timeout=60_000)
+    job_id = page.url.partition("plan=")[2].partition("&")[0]
+    assert lab.fake.inputs[job_id] == {"scenario_id": kept.id, "whole_body": True, "replay": True}
+    expect(page.get_by_role("link", name="Scenario", exact=True)).to_have_attribute(
+        "href", f"/view/?scenario={kept.id}"
+    )
+
+
+def test_a_plan_can_be_cancelled_and_a_failure_says_why(tab: Tab, lab: Lab) -> None:
+    kept = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={kept.id}")
+    page.get_by_role("button", name="Plan").click()
+    page.get_by_role("button", name="Cancel").click()
+    expect(page.get_by_role("alert")).to_have_text("Cancelled.")
+    expect(page.get_by_role("button", name="Plan")).to_be_enabled()
+    lab.fake.failing = Problem(
+        title="Failed", status=422, code="whole-body-failed", detail="The whole body cannot follow the plan.",
+        errors=[FaultItem(where="phases[3]", message="The knee is straight.")],
+    )  # fmt: skip
+    try:
+        page.get_by_role("button", name="Plan").click()
+        expect(page.get_by_role("alert")).to_have_text(
+            "The whole body cannot follow the plan. phases[3]: The knee is straight."
+        )
+    finally:
+        lab.fake.failing = None
