@@ -196,7 +196,8 @@ def plan_summary(*, whole_body: bool) -> PlanMotionSummary:
     """One check passed and one failed; the replay falls."""
     checks = [
         CertificateCheck(
-            name="com_error_max", value=0.000155, unit="m", limit=0.001, at_least=False, passed=True, phase=3, time_s=2.5
+            name="com_error_max", value=0.000155, unit="m", limit=0.001, at_least=False, passed=True, phase=3,
+            time_s=2.5,
         ),
         CertificateCheck(
             name="terrain_distance_min", value=-0.0123, unit="m", limit=0.0, at_least=True, passed=False, phase=1,
