@@ -33,7 +33,7 @@ _MARGIN_RAD = 0.02
 _STEP = 0.2
 _POSTURE_STEPS, _STEPS = 100, 150
 _DAMPING = 1e-9
-_UPRIGHT = 1.0
+_UPRIGHT = 4.0
 _GROUP = {"leg": 4.5e-4, "torso": 0.125, "arm": 0.03125, "head": 0.03125}
 _HAND = 0.045
 

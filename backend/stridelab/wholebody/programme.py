@@ -51,7 +51,7 @@ class Settings:
     hand: Gain = GENTLE
     momentum_per_s: float = 8.0
     momentum_weight: float = 0.05
-    base_weight: float = 1.0
+    base_weight: float = 2.0
     posture_weight: Mapping[str, float] | None = None
     force_weight: float = 1e-3
     hand_weight: float = 0.3
