@@ -54,6 +54,8 @@ def run(name: SolverName, programme: Transcription, limits: Limits) -> Run:
     """Solve from the programme's guess; a failure of any kind is a ``Run`` without success. Times are CPU times."""
     started = time.process_time()
     built = started
+    if not np.isfinite(float(programme.objective.value(programme.guess))):  # fatrop would search its line for ever
+        return Run(programme.guess, False, False, "the cost is not a number at the start", 0, 0.0, 0.0)
     try:
         solver = _SETUP[name](programme, limits)
         built = time.process_time()
