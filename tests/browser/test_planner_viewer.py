@@ -18,31 +18,27 @@ NODES = """(names) => {
     return Object.fromEntries(names.map((name) => {
         const object = viser.nodeRefFromName[name];
         return [name, {
-            position: object.position.toArray(), wxyz: [object.quaternion.w, ...object.quaternion.toArray().slice(0, 3)],
+            position: object.position.toArray(),
+            wxyz: [object.quaternion.w, ...object.quaternion.toArray().slice(0, 3)],
             scale: object.scale.toArray(),
         }];
     }));
 }"""
-ON_SCREEN = """(name) => {
+ON_SCREEN = """(place) => {
     const frame = document.querySelector("iframe");
     const viser = frame.contentWindow.__viserMutable;
-    const at = viser.nodeRefFromName[name].getWorldPosition(viser.nodeRefFromName[name].position.clone());
+    const node = viser.nodeRefFromName[typeof place === "string" ? place : ""];
+    const own = typeof place === "string" ? [0, 0, 0] : place;
+    const at = node.localToWorld(viser.camera.position.clone().set(...own));
     viser.camera.updateMatrixWorld();
     const seen = at.project(viser.camera);
     const box = frame.getBoundingClientRect(), inside = viser.canvas.getBoundingClientRect();
-    return [box.left + inside.left + (seen.x + 1) / 2 * inside.width, box.top + inside.top + (1 - seen.y) / 2 * inside.height];
+    return [
+        box.left + inside.left + (seen.x + 1) / 2 * inside.width,
+        box.top + inside.top + (1 - seen.y) / 2 * inside.height,
+    ];
 }"""
-"""Where a node is on the page, by the camera of the scene."""
-PROJECT = """([x, y, z]) => {
-    const frame = document.querySelector("iframe");
-    const viser = frame.contentWindow.__viserMutable;
-    const root = viser.nodeRefFromName[""];
-    const at = root.localToWorld(viser.camera.position.clone().set(x, y, z));
-    viser.camera.updateMatrixWorld();
-    const seen = at.project(viser.camera);
-    const box = frame.getBoundingClientRect(), inside = viser.canvas.getBoundingClientRect();
-    return [box.left + inside.left + (seen.x + 1) / 2 * inside.width, box.top + inside.top + (1 - seen.y) / 2 * inside.height];
-}"""
+"""Where a node, or a point of the world, is on the page, by the camera of the scene."""
 FOOT = "/robot/leg_right_6_link"
 
 
@@ -85,7 +81,7 @@ def nodes(page: Page, *names: str) -> dict[str, Any]:
 def drag(page: Page, node: str, to_m: tuple[float, float, float]) -> None:
     """Take hold of a mark in its middle and let go of it where ``to_m`` is in the picture."""
     x, y = page.evaluate(ON_SCREEN, node)
-    u, v = page.evaluate(PROJECT, list(to_m))
+    u, v = page.evaluate(ON_SCREEN, list(to_m))
     page.mouse.move(x, y)
     page.mouse.down()
     for k in range(1, 9):

@@ -80,7 +80,7 @@ class ScenarioScene:
             grip = self._grips.get(event.client_id)
             if grip is None:
                 return
-            to = self.slide(grip, eye, np.array(event.end_position))
+            to = self._slide(grip, eye, np.array(event.end_position))
             if to is not None:
                 self._marks[number].position = tuple(to)
             if event.phase == "end":
@@ -96,11 +96,12 @@ class ScenarioScene:
         if guide is not None and hit is not None:
             self._grips[client_id] = Grip(touch, guide, np.array(touch.contact.position_m) - hit)
 
-    def slide(self, grip: Grip, eye_m: np.ndarray, pointer_m: np.ndarray) -> np.ndarray | None:
+    def _slide(self, grip: Grip, eye_m: np.ndarray, pointer_m: np.ndarray) -> np.ndarray | None:
         """Where what is held goes for a pointer at ``pointer_m``; None where the ray leads nowhere."""
         hit = grip.guide.meet(eye_m, pointer_m)
         half_m = self._sizes.get(grip.touch.effector, (0.0, 0.0))
-        return None if hit is None else grip.guide.keep(grip.touch, half_m, hit + grip.offset_m)
+        here = np.array(self._marks[grip.touch.number].position)
+        return None if hit is None else grip.guide.keep(grip.touch, half_m, here, hit + grip.offset_m)
 
     def store(self, touch: Touch, position_m: np.ndarray) -> None:
         """Store the scenario with ``touch`` at ``position_m``, or put the mark back and keep the service's sentence."""

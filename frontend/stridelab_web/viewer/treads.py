@@ -58,19 +58,23 @@ class Tread:
             return None
         return np.asarray(self.origin_m + self.rotation @ (eye - eye[2] / direction[2] * direction))
 
-    def keep(self, touch: Touch, half_m: tuple[float, float], wanted_m: np.ndarray) -> np.ndarray | None:
+    def keep(
+        self, touch: Touch, half_m: tuple[float, float], here_m: np.ndarray, wanted_m: np.ndarray
+    ) -> np.ndarray | None:
         """The place near ``wanted_m`` at which the patch of ``touch`` is wholly on the tread; None without one.
 
-        Half its edges are ``half_m``; the distance from the plane is that of ``wanted_m``.
+        Half its edges are ``half_m``. From ``here_m`` it does not jump to the other side of a box that stands in its
+        way. The distance from the plane is that of ``wanted_m``.
         """
         turned = self.rotation.T @ rotation(touch.contact.orientation_wxyz)
         half = np.array(half_m)
         wanted = self.rotation.T @ (wanted_m - self.origin_m)
         patch = Rectangle(wanted[:2], half, math.atan2(turned[1, 0], turned[0, 0]))
+        here = patch.at((self.rotation.T @ (here_m - self.origin_m))[:2])
         face = Rectangle(np.zeros(2), self.half_m, 0.0)
         for _ in range(ROUNDS):
             patch = patch.at(_inside(patch, face))
-            pushes = [_way_out(patch, block) for block in self.obstacles]
+            pushes = [_way_out(patch, block, here) for block in self.obstacles]
             deepest = max(pushes, key=np.linalg.norm, default=np.zeros(2))
             if np.linalg.norm(deepest) < 1e-9:
                 return np.asarray(self.origin_m + self.rotation @ [*patch.centre_m, wanted[2]])
@@ -96,11 +100,12 @@ class Bar:
         distance = (cosine * float(v @ w) - float(self.along @ w)) / (1 - cosine**2)
         return np.asarray(self.start_m + distance * self.along)
 
-    def keep(self, touch: Touch, half_m: tuple[float, float], wanted_m: np.ndarray) -> np.ndarray | None:
-        """The place of ``touch`` shifted along the rail to where ``wanted_m`` is, or to the rail's end."""
-        here = np.array(touch.contact.position_m)
+    def keep(
+        self, touch: Touch, half_m: tuple[float, float], here_m: np.ndarray, wanted_m: np.ndarray
+    ) -> np.ndarray | None:
+        """``here_m`` shifted along the rail to where ``wanted_m`` is, or to the rail's end."""
         distance = float(np.clip(self.along @ (wanted_m - self.start_m), 0.0, self.length_m))
-        return np.asarray(here + (distance - float(self.along @ (here - self.start_m))) * self.along)
+        return np.asarray(here_m + (distance - float(self.along @ (here_m - self.start_m))) * self.along)
 
 
 Guide = Tread | Bar
@@ -157,15 +162,19 @@ def _inside(patch: Rectangle, face: Rectangle) -> np.ndarray:
     return np.asarray(face.centre_m + face.axes.T @ np.clip(local, -room, room))
 
 
-def _way_out(patch: Rectangle, block: Rectangle) -> np.ndarray:
-    """The shortest shift after which ``patch`` and ``block`` do not overlap (separating axes); zero if they do not."""
-    best = np.zeros(2)
-    shortest = math.inf
+def _way_out(patch: Rectangle, block: Rectangle, here: Rectangle) -> np.ndarray:
+    """The shortest shift after which ``patch`` and ``block`` do not overlap (separating axes); zero if they do not.
+
+    Ways out to the side on which ``here`` is clear of the block come first.
+    """
+    ways: list[tuple[bool, float, np.ndarray]] = []
     for axis in (*patch.axes, *block.axes):
-        apart = float((patch.centre_m - block.centre_m) @ axis)
-        overlap = patch.extent(axis) + block.extent(axis) - abs(apart)
-        if overlap <= 1e-9:
+        touching = patch.extent(axis) + block.extent(axis)
+        apart, before = (float((one.centre_m - block.centre_m) @ axis) for one in (patch, here))
+        if abs(apart) >= touching - 1e-9:
             return np.zeros(2)
-        if overlap < shortest:
-            shortest, best = overlap, math.copysign(overlap, apart) * axis
-    return best
+        clear = abs(before) >= touching - 1e-6
+        side = math.copysign(1.0, before if clear else apart)
+        ways.append((not clear, touching - side * apart, side * axis))
+    _, shift, direction = min(ways, key=lambda way: way[:2])
+    return np.asarray(shift * direction)

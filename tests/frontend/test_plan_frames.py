@@ -1,0 +1,83 @@
+"""Frames of a plan are the numbers of its files, and what is there for a while is there in its phases."""
+
+from collections.abc import Callable
+
+import httpx
+import numpy as np
+import pytest
+
+from stridelab_web.plan_files import read_plan
+from stridelab_web.plan_frames import COM, com_m, read_motion
+from support import fake_planner
+from support.fake_service import FakeService
+
+SCENARIO = fake_planner.scenario()
+
+
+def test_every_link_and_force_is_as_in_its_file() -> None:
+    _, frames = read_plan(fake_planner.plan_files(SCENARIO))
+    poses, forces = fake_planner.poses(SCENARIO), fake_planner.forces(SCENARIO)
+    assert [body.name for body in frames.bodies] == [f"/robot/{link}" for link in fake_planner.LINKS]
+    for k, body in enumerate(frames.bodies):
+        np.testing.assert_array_equal(frames.values[:, body.at : body.at + 7], poses[:, k])
+    assert [arrow.label for arrow in frames.arrows] == [f"force on {name}" for name in fake_planner.EFFECTORS]
+    for k, arrow in enumerate(frames.arrows):
+        np.testing.assert_array_equal(frames.values[:, arrow.at : arrow.at + 6], forces[:, k])
+
+
+def test_centre_of_mass_follows_the_constant_acceleration_between_the_nodes() -> None:
+    _, frames = read_plan(fake_planner.plan_files(SCENARIO))
+    t = frames.time_s
+    half = fake_planner.duration_s(SCENARIO) / 2
+    a = 0.04
+    expected = np.where(t <= half, a * t**2 / 2, a * half**2 - a * (2 * half - t) ** 2 / 2)
+    shown = frames.track("/paths/com")
+    assert shown is not None
+    assert np.abs(shown[:, 0] - expected).max() < 1e-6
+    assert np.abs(shown[:, 2] - 0.88).max() < 1e-6
+    assert frames.points[0].name == COM
+
+
+def test_centre_of_mass_needs_its_columns() -> None:
+    columns = fake_planner.centroidal(SCENARIO)
+    del columns["com_az_m_s2"]
+    with pytest.raises(ValueError, match="centre of mass"):
+        com_m(columns, np.array([0.0]))
+
+
+def test_a_contact_is_there_in_its_phases() -> None:
+    _, frames = read_plan(fake_planner.plan_files(SCENARIO))
+    spans = {span.name: (span.start_s, span.end_s) for span in frames.spans}
+    assert spans["/contacts/1/touching"] == pytest.approx((0.0, 2.0))  # the left foot at the start: phases 0 to 2
+    assert spans["/contacts/3/touching"] == pytest.approx((1.0, 5.8))  # the hand, once for all
+    assert spans["/contacts/5/touching"] == pytest.approx((2.8, 4.0))
+    assert len(spans) == 7
+    assert frames.phase_starts_s == pytest.approx((0.0, 1.0, 1.8, 2.0, 2.8, 3.0, 3.8, 4.0, 4.8))
+
+
+def test_without_a_whole_body_forces_are_drawn_from_the_middle_of_the_patch() -> None:
+    _, frames = read_plan(fake_planner.plan_files(SCENARIO, whole_body=False))
+    assert frames.bodies == ()
+    at = {arrow.label: arrow.at for arrow in frames.arrows}
+    right = frames.values[:, at["force on right_foot"] : at["force on right_foot"] + 6]
+    k = int(np.argmin(np.abs(frames.time_s - 1.9)))
+    assert right[k] == pytest.approx((0.3, -0.09, 0.1, 0.0, 0.0, 400.0))  # four corners of 100 N
+    assert np.isnan(right[int(np.argmin(np.abs(frames.time_s - 1.5)))]).all()
+
+
+def test_a_file_of_another_size_is_refused() -> None:
+    files = fake_planner.plan_files(SCENARIO)
+    with pytest.raises(ValueError):
+        read_motion(files["poses.json"], files["poses.f32"][:-4], files["forces.f32"])
+
+
+def test_browser_gets_the_poses_of_the_file(fake: FakeService, browse: Callable[[str], httpx.Response]) -> None:
+    job = fake.add_plan()
+    layout = browse(f"/view/scene/plan/{job.id}/-/frames.json").json()
+    raw = browse(f"/view/scene/plan/{job.id}/-/frames.f32").content
+    values = np.frombuffer(raw, "<f4").reshape(layout["n_frames"], layout["width"])
+    at = dict(layout["bodies"])["/robot/leg_right_6_link"]
+    expected = fake_planner.poses(SCENARIO)[:, fake_planner.LINKS.index("leg_right_6_link")]
+    np.testing.assert_array_equal(values[:, at : at + 7], expected)
+    assert browse("/view/scene/film/x/-/frames.json").status_code == 404
+    assert browse("/view/scene/scenario/x/-/frames.json").status_code == 404

@@ -1,0 +1,195 @@
+"""Scenes of plans and scenarios: every node that the page moves is there, and a drag ends in the service."""
+
+import asyncio
+from collections.abc import Callable, Iterator
+from types import SimpleNamespace
+from typing import Any
+
+import httpx
+import numpy as np
+import pytest
+
+from stridelab.client import Unreachable
+from stridelab.schemas.scenarios import Scenario, StoredScenario
+from stridelab_web.documents import Document, document_of
+from stridelab_web.plan_files import read_plan
+from stridelab_web.touches import touches
+from stridelab_web.viewer.guard import start_guarded_server
+from stridelab_web.viewer.kinds import kinds
+from stridelab_web.viewer.library import Library, OpenScene
+from stridelab_web.viewer.parts import FOV_RAD, WIDE, camera
+from stridelab_web.viewer.robot_links import read_links
+from stridelab_web.viewer.scenario_scene import ScenarioScene
+from support import fake_planner
+from support.fake_service import FakeService
+
+SIZES = {"left_foot": fake_planner.HALF_M, "right_foot": fake_planner.HALF_M}
+
+
+@pytest.fixture
+def library(fake: FakeService) -> Iterator[Library]:
+    made = Library(kinds(fake.client()))
+    yield made
+    made.close()
+
+
+def names(scene: OpenScene) -> set[str]:
+    return set(scene.server.scene._handle_from_node_name)
+
+
+@pytest.mark.parametrize("whole_body", [True, False])
+def test_a_plan_has_every_node_that_the_page_moves(fake: FakeService, library: Library, whole_body: bool) -> None:
+    job = fake.add_plan(whole_body=whole_body)
+    opened = library.open(Document("plan", job.id))
+    layout = read_plan(fake.plans[job.id])[1].layout()
+    moved = {node[0] for key in ("points", "bodies", "spans") for node in layout[key]}
+    moved |= {name for arrow in layout["arrows"] for name in arrow[:2]} | set(layout["still"])
+    assert moved <= names(opened)
+    assert ("/robot/bare_link" in names(opened)) == whole_body
+    assert {"/terrain/0", "/terrain/3", "/terrain/0/grid", "/terrain/1/rim"} <= names(opened)
+
+
+def test_links_keep_their_frames() -> None:
+    found = read_links(fake_planner.links_glb())
+    assert set(found) == set(fake_planner.LINKS) - {"bare_link"}
+    assert found["base_link"].bounds == pytest.approx(np.array([[-0.15, -0.2, -0.4], [0.15, 0.2, 0.4]]))
+
+
+def test_documents_are_known_by_their_address() -> None:
+    document = Document("recording", "a", "b")
+    assert document.address == "/view/scene/recording/a/b"
+    assert document_of({"kind": "recording", "id": "a", "job": "b"}) == document
+    assert document_of(document.wanted) == document
+    assert document_of({"kind": "plan", "id": "a", "job": "-"}) == Document("plan", "a")
+    with pytest.raises(KeyError):
+        document_of({"kind": "film", "id": "a", "job": "-"})
+
+
+def test_the_camera_has_everything_in_sight_and_no_more_than_needed() -> None:
+    corners = np.array([[x, y, z] for x in (-1.0, 4.0) for y in (-0.7, 0.7) for z in (0.0, 2.5)])
+    towards = np.array([0.3, -1.0, 0.4])
+    look_at, eye = camera(corners, towards, WIDE)
+    back = (eye - look_at) / np.linalg.norm(eye - look_at)
+    assert back == pytest.approx(towards / np.linalg.norm(towards))
+    right = np.cross([0, 0, 1], back)
+    right /= np.linalg.norm(right)
+    up = np.cross(back, right)
+    depth = (eye - corners) @ back
+    tall = (corners - eye) @ up / depth / np.tan(FOV_RAD / 2)
+    wide = (corners - eye) @ right / depth / np.tan(FOV_RAD / 2) / WIDE
+    assert max(np.abs(tall).max(), np.abs(wide).max()) <= 1.0
+    assert max(np.abs(tall).max(), np.abs(wide).max()) > 0.85
+
+
+class Drag:
+    """Plays a person's drag into a scene, as viser would report it."""
+
+    def __init__(self, scene: ScenarioScene, eye_m: tuple[float, float, float] = (-0.4, 1.0, 1.6)) -> None:
+        self.scene = scene
+        self.client = SimpleNamespace(camera=SimpleNamespace(position=eye_m))
+
+    def __call__(self, number: int, *places: tuple[float, float, float]) -> None:
+        start = places[0]
+        phases = ["start", *["update"] * (len(places) - 2), "end"]
+        for phase, place in zip(phases, places, strict=True):
+            event: Any = SimpleNamespace(
+                client=self.client, client_id=7, phase=phase, start_position=start, end_position=place
+            )
+            asyncio.run(self.scene._drag_of(number)(event))
+
+
+Start = Callable[..., ScenarioScene]
+
+
+@pytest.fixture
+def start() -> Iterator[Start]:
+    servers = []
+
+    def make(stored: StoredScenario, put: Any) -> ScenarioScene:
+        server, _ = start_guarded_server()
+        servers.append(server)
+        return ScenarioScene(server, stored, SIZES, put)
+
+    yield make
+    for server in servers:
+        server.stop()
+
+
+def test_a_drag_moves_all_phases_of_a_touch_and_is_stored_once(start: Start) -> None:
+    kept = fake_planner.stored(fake_planner.scenario())
+    sent: list[Scenario] = []
+
+    def put(key: str, body: Scenario) -> StoredScenario:
+        assert key == kept.id
+        sent.append(body)
+        return fake_planner.stored(body, key=key)
+
+    scene = start(kept, put)
+    # taken hold of 5 cm beside its middle, on the mark, which lies a little above the tread
+    Drag(scene)(5, (0.35, 0.09, 0.1), (0.36, 0.12, 0.1), (0.33, 0.19, 0.1))
+    assert len(sent) == 1
+    placed = [t.contact.position_m for t in touches(sent[0])]
+    before = [t.contact.position_m for t in touches(kept)]
+    assert placed[4] == pytest.approx((0.28, 0.19, 0.1))
+    assert placed[:4] + placed[5:] == before[:4] + before[5:]
+    assert [t.last_phase for t in touches(sent[0])] == [t.last_phase for t in touches(kept)]
+    assert tuple(scene._marks[5].position) == pytest.approx((0.28, 0.19, 0.1))
+    assert tuple(scene._turn.position) == (1.0, 0.0, 0.0)
+
+
+def test_a_drag_that_comes_to_nothing_is_not_stored(start: Start) -> None:
+    scene = start(fake_planner.stored(fake_planner.scenario()), None)
+    Drag(scene)(5, (0.3, 0.09, 0.1), (0.3, 0.3, 0.1), (0.3, 0.09, 0.1))
+    assert scene.said == ""
+    assert tuple(scene._turn.position) == (1.0, 0.0, 0.0)
+
+
+def test_a_silent_service_puts_the_mark_back(start: Start) -> None:
+    def put(key: str, body: Scenario) -> StoredScenario:
+        raise Unreachable("nobody answers")
+
+    scene = start(fake_planner.stored(fake_planner.scenario()), put)
+    Drag(scene)(5, (0.3, 0.09, 0.1), (0.3, 0.2, 0.1))
+    assert "does not answer" in scene.said
+    assert tuple(scene._marks[5].position) == pytest.approx((0.3, 0.09, 0.1))
+
+
+def test_samples_cannot_be_dragged(start: Start) -> None:
+    own = start(fake_planner.stored(fake_planner.scenario()), None)
+    sample = start(fake_planner.stored(fake_planner.scenario(), bundled=True), None)
+    assert all(mark._impl.drag_cb for mark in own._marks.values())
+    assert not any(mark._impl.drag_cb for mark in sample._marks.values())
+
+
+def test_a_scene_follows_what_others_store(fake: FakeService, library: Library) -> None:
+    kept = fake.add_scenario()
+    first = library.open(Document("scenario", kept.id))
+    changed = fake_planner.scenario()
+    changed.phases[0].contacts[0] = changed.phases[0].contacts[0].model_copy(update={"position_m": (0.02, 0.1, 0.0)})
+    for k in (1, 2):
+        changed.phases[k].contacts[0] = changed.phases[0].contacts[0]
+    fake.scenarios[kept.id] = fake_planner.stored(changed, key=kept.id)
+    assert library.open(Document("scenario", kept.id)) is first
+    assert isinstance(first.live, ScenarioScene)
+    assert tuple(first.live._marks[1].position) == pytest.approx((0.02, 0.1, 0.0))
+    fake.scenarios[kept.id] = fake_planner.stored(
+        changed.model_copy(update={"terrain": changed.terrain[:3]}), key=kept.id
+    )
+    assert library.open(Document("scenario", kept.id)) is not first
+
+
+def test_pages_say_what_they_show(fake: FakeService, browse: Callable[[str], httpx.Response]) -> None:
+    kept = fake.add_scenario()
+    job = fake.add_plan(scenario_id=kept.id)
+    page = browse(f"/view/?plan={job.id}").text
+    assert f'data-scene="/view/scene/plan/{job.id}/-"' in page
+    assert "right foot touches: 0.00 s to 1.00 s; 1.80 s to 3.00 s; 3.80 s to 5.80 s" in page
+    assert f'href="/view/?scenario={kept.id}"' in page
+    del fake.scenarios[kept.id]
+    assert "/view/?scenario=" not in browse(f"/view/?plan={job.id}").text
+    assert browse(f"/view/?plan={fake.add_job('plan-motion', 'running').id}").status_code == 409
+    assert browse(f"/view/?plan={fake.add_job('estimate-com', 'succeeded').id}").status_code == 404
+    assert browse("/view/?scenario=nothing").status_code == 404
+    listed = browse(f"/view/scene/scenario/{fake.add_scenario().id}/-/touches.json").json()
+    assert [touch["number"] for touch in listed] == [1, 2, 3, 4, 5, 6, 7]
+    assert listed[4] | {"node": "/contacts/5", "phases": [4, 6], "side": "left", "surface": True} == listed[4]
