@@ -35,7 +35,7 @@ FIRM, MIDDLE, GENTLE = (Gain.critical(kp) for kp in (400.0, 60.0, 30.0))
 
 @dataclass(frozen=True)
 class Settings:
-    """Gains, weights and margins of the hierarchy (``stairs.md``-tuned for TALOS; nothing in them names a robot).
+    """Gains, weights and margins of the hierarchy (found on TALOS; nothing in them names a robot).
 
     ``posture_weight`` is per group of joints. ``contact_margin_m`` shrinks the rectangle of a surface, so that the
     centre of pressure stays inside the real sole. ``joint_margin_rad``, ``velocity_share`` and ``torque_share`` keep
