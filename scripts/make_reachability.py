@@ -6,6 +6,8 @@ Usage: make_reachability.py ROBOT [FOLDER]
 import sys
 from pathlib import Path
 
+from threadpoolctl import threadpool_limits
+
 from stridelab.reachability.learning import learn
 from stridelab.reachability.store import save
 from stridelab.resources import models_dir
@@ -15,7 +17,9 @@ from stridelab.robots.loader import load_robot
 def make_reachability(robot_name: str, folder: Path) -> None:
     """Learn from 20 000 uniform postures, as the thesis does, with seed 0."""
     folder.mkdir(parents=True, exist_ok=True)
-    save(folder / f"{robot_name}.json", learn(load_robot(robot_name)).card)
+    robot = load_robot(robot_name)
+    with threadpool_limits(1):  # the arrays are small: more threads mostly wait for each other
+        save(folder / f"{robot_name}.json", learn(robot).card)
 
 
 if __name__ == "__main__":

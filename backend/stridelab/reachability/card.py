@@ -1,6 +1,5 @@
 """What is kept of learned densities: the mixtures, how they were learned and how good they are."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -19,7 +18,10 @@ Matrix = tuple[Triple, Triple, Triple]
 
 @dataclass(frozen=True)
 class Reach:
-    """Box of the 0.5 and 99.5 percentiles of the sampled CoM in the contact frame, and its largest distance."""
+    """Box of the 0.5 and 99.5 percentiles of the sampled CoM in the contact frame, and its largest distance.
+
+    The largest distance of samples is a little less than what is possible.
+    """
 
     __pydantic_config__ = _STRICT
     com_low_m: Triple
@@ -65,15 +67,14 @@ class EffectorCard:
     reach: Reach
     sizes: tuple[SizeTrial, ...]
 
-    @property
     def mixture(self) -> Mixture:
-        """The density. Raises ``InvalidInput`` (``mixture-invalid``)."""
+        """The density. Raises ``InvalidInput`` (``mixture-invalid``) for a card that ``store`` did not check."""
         return Mixture(np.array(self.weights), np.array(self.means), np.array(self.covariances))
 
 
 @dataclass(frozen=True)
 class PairReach:
-    """The largest distance between the contact frames of two effectors over all samples."""
+    """The largest distance between the contact frames of two effectors over all samples: less than is possible."""
 
     __pydantic_config__ = _STRICT
     effectors: tuple[str, str]
@@ -100,8 +101,3 @@ class ReachabilityCard:
     versions: dict[str, str]
     effectors: dict[str, EffectorCard]
     pairs: tuple[PairReach, ...]
-
-    @property
-    def mixtures(self) -> Mapping[str, Mixture]:
-        """The density of every effector."""
-        return {name: effector.mixture for name, effector in self.effectors.items()}

@@ -7,13 +7,14 @@ which is unbiased; its standard error is that of the mean.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 
 from stridelab.conventions import Points, Series
 
 
+@runtime_checkable
 class Density(Protocol):
     """What can be evaluated."""
 
@@ -22,6 +23,7 @@ class Density(Protocol):
         ...
 
 
+@runtime_checkable
 class Drawable(Density, Protocol):
     """What can also be drawn from."""
 

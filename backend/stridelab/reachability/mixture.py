@@ -86,19 +86,16 @@ class Mixture:
 
 
 def _faults(
-    w: Float[np.ndarray, "..."], mu: Float[np.ndarray, "..."], S: Float[np.ndarray, "..."]
+    w: Float[np.ndarray, "k"], mu: Float[np.ndarray, "k 3"], S: Float[np.ndarray, "k 3 3"]
 ) -> tuple[Fault, ...]:
-    faults: list[Fault] = []
-    k = w.shape[0] if w.ndim == 1 else 0
-    shapes = {"weights": (w, (k,)), "means": (mu, (k, 3)), "covariances": (S, (k, 3, 3))}
-    for name, (values, expected) in shapes.items():
-        if k == 0 or values.shape != expected:
-            faults.append(Fault(name, f"the shape is {values.shape}; there are {k} weights"))
-        elif not np.isfinite(values).all():
-            faults.append(Fault(name, "not all numbers are finite"))
+    faults = [
+        Fault(name, "not all numbers are finite")
+        for name, values in (("weights", w), ("means", mu), ("covariances", S))
+        if not np.isfinite(values).all()
+    ]
     if faults:
         return tuple(faults)
-    if w.min() <= 0.0 or abs(w.sum() - 1.0) > SUM_TOLERANCE:
+    if not (w > 0.0).all() or abs(w.sum() - 1.0) > SUM_TOLERANCE:
         faults.append(Fault("weights", f"they must be positive with sum 1; the sum is {w.sum():.12g}"))
     for j, S_j in enumerate(S):
         if np.abs(S_j - S_j.T).max() > SUM_TOLERANCE * np.abs(S_j).max():

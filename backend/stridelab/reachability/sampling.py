@@ -6,14 +6,13 @@ with configurations ``q_a`` uniform within the joint limits, or uniform given th
 Where the base is in the world does not matter.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
 from stridelab.conventions import Points
 from stridelab.errors import Fault, NotFound
@@ -21,27 +20,13 @@ from stridelab.reachability.card import Measure
 from stridelab.reachability.standing import StandingConfigurations
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
-from stridelab.robots.sampling import uniform_configurations
+from stridelab.robots.sampling import UniformConfigurations, uniform_configurations
 
 Progress = Callable[[float, str], None]
 """Called with a fraction from 0 to 1 and a short message."""
 
 REPORT_EVERY: Final = 200
 """Samples between two reports of progress."""
-
-
-class Configurations(Protocol):
-    """An endless stream of configurations that counts what it drew and threw away."""
-
-    tried: int
-
-    def __iter__(self) -> Iterator[Float[np.ndarray, "nq"]]:
-        """The stream itself."""
-        ...
-
-    def __next__(self) -> Float[np.ndarray, "nq"]:
-        """Next configuration."""
-        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,5 +91,7 @@ def require_effectors(robot: Robot, effectors: Sequence[str]) -> None:
         )
 
 
-def _configurations(robot: Robot, measure: Measure, rng: np.random.Generator) -> Configurations:
+def _configurations(
+    robot: Robot, measure: Measure, rng: np.random.Generator
+) -> UniformConfigurations | StandingConfigurations:
     return StandingConfigurations(robot, rng) if measure == "conditioned" else uniform_configurations(robot, rng)

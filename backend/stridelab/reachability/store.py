@@ -12,7 +12,7 @@ from typing import Final
 from pydantic import TypeAdapter, ValidationError
 
 from stridelab.errors import Fault, InvalidInput, NotFound, UnreadableFile
-from stridelab.reachability.card import ReachabilityCard
+from stridelab.reachability.card import EffectorCard, ReachabilityCard
 from stridelab.reachability.mixture import Mixture
 from stridelab.resources import models_dir
 from stridelab.robots.card import robot_names
@@ -26,7 +26,7 @@ def load_proxies(robot_name: str) -> Mapping[str, Mixture]:
 
     Raises as ``load_card``.
     """
-    return MappingProxyType(dict(load_card(robot_name).mixtures))
+    return MappingProxyType({name: effector.mixture() for name, effector in load_card(robot_name).effectors.items()})
 
 
 @cache
@@ -57,15 +57,7 @@ def read(path: Path) -> ReachabilityCard:
         raise _damaged(path, faults) from error
     except OSError as error:
         raise _damaged(path, [Fault("", "it cannot be read")]) from error
-    faults = []
-    for name, effector in card.effectors.items():
-        try:
-            k = len(effector.mixture.weights)
-        except InvalidInput as error:
-            faults += [Fault(f"effectors.{name}.{fault.where}", fault.message) for fault in error.faults]
-        else:
-            if k != effector.components:
-                faults.append(Fault(f"effectors.{name}.components", f"there are {k} weights"))
+    faults = [fault for name, effector in card.effectors.items() for fault in _faults(f"effectors.{name}", effector)]
     if faults:
         raise _damaged(path, faults)
     return card
@@ -80,6 +72,20 @@ def text(card: ReachabilityCard) -> str:
     """The card as JSON, every vector on one line."""
     spread = json.dumps(asdict(card), indent=1, ensure_ascii=False, allow_nan=False)
     return _NUMBERS.sub(lambda found: "[" + re.sub(r"\s+", " ", found[1]) + "]", spread) + "\n"
+
+
+def _faults(where: str, effector: EffectorCard) -> list[Fault]:
+    """What the types do not say."""
+    k = effector.components
+    counts = {name: len(getattr(effector, name)) for name in ("weights", "means", "covariances")}
+    wrong = [Fault(f"{where}.{name}", f"there are {n} for {k} components") for name, n in counts.items() if n != k]
+    if k < 1 or wrong:
+        return [*wrong, *([Fault(f"{where}.components", "there are none")] if k < 1 else [])]
+    try:
+        effector.mixture()
+    except InvalidInput as error:
+        return [Fault(f"{where}.{fault.where}", fault.message) for fault in error.faults]
+    return []
 
 
 def _damaged(path: Path, faults: list[Fault]) -> UnreadableFile:

@@ -1,0 +1,185 @@
+"""What is saved is read back to the last bit; damaged files are refused by name; reading imports no robot library."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stridelab.errors import NotFound, UnreadableFile
+from stridelab.reachability import store
+from stridelab.reachability.card import EffectorCard, PairReach, Reach, ReachabilityCard, SizeTrial
+
+CARD = ReachabilityCard(
+    robot="talos",
+    robot_sha256="ab" * 32,
+    measure="uniform",
+    seed=3,
+    samples=1000,
+    fitted=800,
+    tried=2700,
+    versions={"numpy": "2.4"},
+    effectors={
+        "left_foot": EffectorCard(
+            weights=(0.1 + 0.2, 0.7),
+            means=((0.1, 1 / 3, 1e-17), (0.0, -0.1, 0.8)),
+            covariances=(
+                ((0.02, 0.001, 0.0), (0.001, 0.03, 0.0), (0.0, 0.0, 0.04)),
+                ((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)),
+            ),
+            components=2,
+            em_converged=True,
+            bandwidth_m=0.07,
+            kl_nats=0.05,
+            kl_sd_nats=0.004,
+            kl_draws=3000,
+            held_out_log_likelihood=0.31,
+            held_out_log_likelihood_sd=0.02,
+            mode_m=(0.0, -0.1, 0.8),
+            mode_log_density=1.7,
+            reach=Reach((-0.7, -0.5, 0.0), (0.8, 0.3, 1.0), 1.1),
+            sizes=(SizeTrial(1, 0.4, 0.01, -0.2), SizeTrial(2, 0.05, 0.004, 0.31)),
+        )
+    },
+    pairs=(PairReach(("left_foot", "right_foot"), 1.7),),
+)
+
+
+@pytest.fixture
+def saved(tmp_path: Path) -> Path:
+    path = tmp_path / "talos.json"
+    store.save(path, CARD)
+    return path
+
+
+def test_it_is_read_back_to_the_last_bit(saved: Path) -> None:
+    assert store.read(saved) == CARD
+    mixture = store.read(saved).effectors["left_foot"].mixture()
+    assert (mixture.means_m == np.array(CARD.effectors["left_foot"].means)).all()
+
+
+def test_the_file_is_plain_json_with_the_names_of_the_contract(saved: Path) -> None:
+    content = json.loads(saved.read_text(encoding="utf-8"))
+    foot = content["effectors"]["left_foot"]
+    assert {"weights", "means", "covariances", "reach", "kl_nats", "bandwidth_m"} <= foot.keys()
+    assert foot["reach"]["com_high_m"] == [0.8, 0.3, 1.0]
+    assert '"com_high_m": [0.8, 0.3, 1.0]' in saved.read_text(encoding="utf-8"), "vectors stand on one line"
+
+
+def _set(*path: str | int) -> Callable[[dict[str, Any], Any], None]:
+    def change(content: dict[str, Any], value: Any) -> None:
+        at: Any = content
+        for step in path[:-1]:
+            at = at[step]
+        at[path[-1]] = value
+
+    return change
+
+
+FOOT = ("effectors", "left_foot")
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "where"),
+    [
+        (("samples",), "many", "samples"),
+        (("measure",), "gaussian", "measure"),
+        (("surprise",), 1, "surprise"),
+        ((*FOOT, "weights"), [0.3, 0.8], "effectors.left_foot.weights"),
+        ((*FOOT, "weights"), [1.0], "effectors.left_foot.weights"),
+        ((*FOOT, "means"), [[0.0, 0.0, 0.0]], "effectors.left_foot.means"),
+        ((*FOOT, "means", 1), [0.0, 0.0], "effectors.left_foot.means[1][2]"),
+        ((*FOOT, "means", 1, 0), float("nan"), "effectors.left_foot.means[1][0]"),
+        ((*FOOT, "covariances", 0, 0, 1), 0.5, "effectors.left_foot.covariances[0]"),
+        ((*FOOT, "covariances", 1, 2, 2), -0.01, "effectors.left_foot.covariances[1]"),
+        ((*FOOT, "components"), 7, "effectors.left_foot.weights"),
+        ((*FOOT, "reach", "com_distance_max_m"), None, "effectors.left_foot.reach.com_distance_max_m"),
+    ],
+)
+def test_damage_is_named_by_file_and_place(saved: Path, path: tuple[str | int, ...], value: Any, where: str) -> None:
+    content = json.loads(saved.read_text(encoding="utf-8"))
+    _set(*path)(content, value)
+    saved.write_text(json.dumps(content), encoding="utf-8")
+    with pytest.raises(UnreadableFile) as refusal:
+        store.read(saved)
+    assert refusal.value.code == "reachability-damaged"
+    assert "talos.json" in refusal.value.message
+    assert where in {fault.where for fault in refusal.value.faults}
+
+
+def test_an_effector_without_components_is_refused(saved: Path) -> None:
+    content = json.loads(saved.read_text(encoding="utf-8"))
+    content["effectors"]["left_foot"] |= {"weights": [], "means": [], "covariances": [], "components": 0}
+    saved.write_text(json.dumps(content), encoding="utf-8")
+    with pytest.raises(UnreadableFile):
+        store.read(saved)
+
+
+@pytest.mark.parametrize("content", [b"", b"{", b"[]", b"null", b"\x93NUMPY\x01\x00", b"\xff\xfe{}"])
+def test_what_is_no_card_at_all_is_refused(tmp_path: Path, content: bytes) -> None:
+    path = tmp_path / "broken.json"
+    path.write_bytes(content)
+    with pytest.raises(UnreadableFile) as refusal:
+        store.read(path)
+    assert "broken.json" in refusal.value.message
+
+
+def test_a_truncated_file_is_refused(saved: Path) -> None:
+    saved.write_bytes(saved.read_bytes()[:-40])
+    with pytest.raises(UnreadableFile):
+        store.read(saved)
+
+
+def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(UnreadableFile) as refusal:
+        store.read(tmp_path / "nothing.json")
+    assert "nothing.json" in refusal.value.message
+
+
+@pytest.mark.parametrize("name", ["nao", "", "../robots/talos", "talos.json"])
+def test_an_unknown_robot_is_refused_before_any_file_is_looked_for(name: str) -> None:
+    with pytest.raises(NotFound) as refusal:
+        store.load_card(name)
+    assert refusal.value.code == "robot-not-found"
+    assert "talos" in refusal.value.message
+
+
+@pytest.fixture
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A models folder of this test's own, looked at without the cache."""
+    monkeypatch.setattr(store, "models_dir", lambda: tmp_path)
+    monkeypatch.setattr(store, "load_card", store.load_card.__wrapped__)
+    (tmp_path / "reachability").mkdir()
+    return tmp_path / "reachability" / "talos.json"
+
+
+def test_a_robot_that_nothing_was_learned_of(elsewhere: Path) -> None:
+    with pytest.raises(NotFound) as refusal:
+        store.load_proxies("talos")
+    assert refusal.value.code == "reachability-not-learned"
+
+
+def test_a_file_about_another_robot_is_refused(elsewhere: Path, saved: Path) -> None:
+    elsewhere.write_text(saved.read_text(encoding="utf-8").replace('"talos"', '"nao"'), encoding="utf-8")
+    with pytest.raises(UnreadableFile) as refusal:
+        store.load_proxies("talos")
+    assert refusal.value.faults[0].where == "robot"
+
+
+def test_proxies_are_read_only() -> None:
+    proxies = store.load_proxies("talos")
+    with pytest.raises(TypeError):
+        proxies["left_foot"] = proxies["right_foot"]  # type: ignore[index]
+
+
+def test_reading_imports_no_robot_library() -> None:
+    code = (
+        "import sys; from stridelab.reachability.store import load_proxies; load_proxies('talos'); "
+        "sys.exit(', '.join({'pinocchio', 'sklearn', 'coal'} & set(sys.modules)) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,113 @@
+"""The job leaves densities that can be read back, a card, and the samples; what it cannot do it refuses by name."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pyarrow.csv
+import pyarrow.parquet as pq
+import pytest
+from threadpoolctl import threadpool_limits
+
+from stridelab.errors import NotFound
+from stridelab.reachability import store
+from stridelab.reachability.learning import learn
+from stridelab.robots.loader import load_robot
+from stridelab.schemas.plans import LearnReachabilitySummary
+from stridelab.service.jobs.kinds.learn_reachability import run_in_child
+from stridelab.service.jobs.kinds.provenance import known_references
+from stridelab.service.jobs.kinds.registry import KINDS
+from stridelab.service.jobs.kinds.tables_io import read_about
+
+REQUEST = {"robot": "talos", "effectors": ["left_foot", "right_hand"], "samples": 500, "seed": 4}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_thread() -> Iterator[None]:
+    """As in the child."""
+    with threadpool_limits(1):
+        yield
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("learned")
+
+
+@pytest.fixture(scope="module")
+def outcome(folder: Path) -> dict:
+    told: list[float] = []
+    found = run_in_child({"input": REQUEST}, folder, lambda fraction, _: told.append(fraction))
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    return found
+
+
+def test_the_registry_runs_it() -> None:
+    assert KINDS["learn-reachability"].run == f"{run_in_child.__module__}:{run_in_child.__name__}"
+
+
+def test_the_summary_is_that_of_the_contract(outcome: dict) -> None:
+    summary = LearnReachabilitySummary.model_validate(outcome["summary"])
+    assert summary.robot_sha256 == load_robot("talos").sha256
+    assert (summary.samples, summary.measure) == (500, "uniform")
+    assert summary.tried > 500
+    assert summary.effectors["left_foot"].components == 7
+    assert summary.effectors["right_hand"].components == 14
+    assert "few-samples" in {remark.code for remark in summary.warnings}
+    assert set(outcome["references"]) <= known_references()
+
+
+def test_the_mixtures_are_those_of_the_same_seed(outcome: dict, folder: Path) -> None:
+    card = store.read(folder / "mixtures.json")
+    assert card == learn(load_robot("talos"), REQUEST["effectors"], 500, 4).card
+    assert card.effectors["left_foot"].kl_nats == outcome["summary"]["effectors"]["left_foot"]["kl_nats"]
+
+
+def test_the_card_tells_all_but_the_mixtures(outcome: dict, folder: Path) -> None:
+    card = json.loads((folder / "card.json").read_text(encoding="utf-8"))
+    whole = json.loads((folder / "mixtures.json").read_text(encoding="utf-8"))
+    for effector in whole["effectors"].values():
+        for numbers in ("weights", "means", "covariances"):
+            del effector[numbers]
+    assert card == whole
+    assert card["seed"] == 4
+    assert len(card["effectors"]["left_foot"]["sizes"]) == 9
+
+
+def test_the_samples_are_a_table_with_its_twin(outcome: dict, folder: Path) -> None:
+    table = pq.read_table(folder / "samples.parquet")
+    columns = [f"{name}_com_{axis}_m" for name in REQUEST["effectors"] for axis in "xyz"]
+    assert table.column_names == columns == pyarrow.csv.read_csv(folder / "samples.csv").column_names
+    assert table.num_rows == 500
+    x = np.column_stack([table[name].to_numpy() for name in columns[:3]])
+    reach = store.read(folder / "mixtures.json").effectors["left_foot"].reach
+    assert np.linalg.norm(x, axis=1).max() == pytest.approx(reach.com_distance_max_m)
+    about = read_about(folder / "samples.parquet")
+    assert about["units"][columns[0]] == "m"
+    assert about["provenance"]["input"]["seed"] == 4
+
+
+def test_every_file_is_an_artifact(outcome: dict, folder: Path) -> None:
+    names = {artifact["name"] for artifact in outcome["artifacts"]}
+    assert names == {"mixtures.json", "card.json", "samples.parquet", "samples.csv"}
+    assert names == {path.name for path in folder.iterdir()}
+
+
+def test_the_other_measure_learns_from_stances(tmp_path: Path) -> None:
+    asked = {"robot": "talos", "effectors": ["left_foot"], "samples": 500, "measure": "conditioned"}
+    found = run_in_child({"input": asked}, tmp_path, lambda *_: None)
+    assert found["summary"]["measure"] == "conditioned"
+    assert found["summary"]["effectors"]["left_foot"]["mode_m"][2] > 0.45, "well above a folded posture's 0.13"
+
+
+@pytest.mark.parametrize(
+    ("change", "code"),
+    [({"robot": "nao"}, "robot-not-found"), ({"effectors": ["left_foot", "tail"]}, "effector-not-found")],
+)
+def test_what_is_not_there_is_named(change: dict, code: str, tmp_path: Path) -> None:
+    with pytest.raises(NotFound) as refusal:
+        run_in_child({"input": REQUEST | change}, tmp_path, lambda *_: None)
+    assert refusal.value.code == code
+    assert not list(tmp_path.iterdir())
