@@ -12,7 +12,7 @@ from stridelab.cli_result import show_files, show_json, show_remarks, write_resu
 from stridelab.cli_scenario import read_scenario
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.schemas.jobs import JobResult
-from stridelab.schemas.plans import CertificateCheck, PlanMotionInput, PlanMotionSummary, ReplaySummary
+from stridelab.schemas.plans import PLAN_STAGES, CertificateCheck, PlanMotionInput, PlanMotionSummary, ReplaySummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.tasks import PlanMotionTask
 
@@ -98,8 +98,8 @@ def show_plan(result: JobResult, target: Path, *, as_json: bool, with_page: bool
         out.print("[green]certificate passed[/]" if summary.certificate.passed else "[red]certificate not passed[/]")
     if summary.replay is not None:
         out.print(f"[bold]replay[/] {_replay(summary.replay)}")
-    times = ", ".join(f"{escape(stage)} {seconds:.1f} s" for stage, seconds in summary.stage_times_s.items())
-    out.print(f"[bold]took[/] {times}")
+    times_s = {stage: summary.stage_times_s[stage] for stage in PLAN_STAGES if stage in summary.stage_times_s}
+    out.print(f"[bold]took[/] {', '.join(f'{stage} {seconds:.1f} s' for stage, seconds in times_s.items())}")
     show_remarks(summary.warnings)
     show_files(result, target, *([PAGE_FILE] if with_page else []))
     if with_page:

@@ -1,11 +1,14 @@
 """Inputs and summaries of the robot wing's jobs."""
 
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.scenarios import Scenario
+
+PLAN_STAGES: Final = ("check", "reachability", "centroidal", "whole body", "certificate", "replay", "export")
+"""Stages of ``plan-motion`` in their order: keys of ``stage_times_s``, first words of its progress messages."""
 
 
 class PlanMotionInput(Contract):

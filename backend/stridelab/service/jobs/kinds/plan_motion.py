@@ -23,7 +23,7 @@ from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Remark
-from stridelab.schemas.plans import PlanMotionInput
+from stridelab.schemas.plans import PLAN_STAGES, PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.plan_artifacts import write_json, write_motion, write_plan, write_replay
@@ -38,8 +38,7 @@ from stridelab.wholebody.motion import WholeBodyMotion
 if TYPE_CHECKING:
     from stridelab.wholebody.replay import Replay
 
-CHECK, REACHABILITY, CENTROIDAL = "check", "reachability", "centroidal"
-WHOLE_BODY, CERTIFICATE, REPLAY, EXPORT = "whole body", "certificate", "replay", "export"
+CHECK, REACHABILITY, CENTROIDAL, WHOLE_BODY, CERTIFICATE, REPLAY, EXPORT = PLAN_STAGES
 
 BEND_M: Final = 0.017
 """The CoM stands this much below that of the reference posture, where the knees leave more room upwards."""

@@ -12,9 +12,11 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation
 
 from stridelab.contacts.terrain import Rail, Terrain
+from stridelab.conventions import Points
 from stridelab.robots.display import LinkMesh, glb
 
 RECORDING_HZ = 25.0
+NEAREST_M = 2.0
 BOX_COLOUR, RAIL_COLOUR = (206, 212, 218), (120, 130, 140)
 
 
@@ -25,7 +27,8 @@ def record(
     with contextlib.redirect_stdout(io.StringIO()):  # viser announces itself whatever it is told
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
-        _add_surroundings(server, terrain, centre=poses[:, :, :3].mean(axis=(0, 1)))
+        _add_surroundings(server, terrain)
+        _look(server, poses[:, :, :3].reshape(-1, 3))
         nodes = [server.scene.add_glb(f"/robot/{link.name}", glb([link]), cast_shadow=False) for link in links]
         serializer = server.get_scene_serializer()
         for frame in poses.astype(float):
@@ -38,7 +41,15 @@ def record(
             server.stop()
 
 
-def _add_surroundings(server: viser.ViserServer, terrain: Terrain, centre: Float[np.ndarray, "3"]) -> None:
+def _look(server: viser.ViserServer, places_m: Points) -> None:
+    """Show all places that the robot comes to, from its right side when it walks along x."""
+    low, high = places_m.min(axis=0), places_m.max(axis=0)
+    centre, extent_m = (low + high) / 2.0, float(np.linalg.norm(high - low))
+    server.initial_camera.look_at = tuple(centre)
+    server.initial_camera.position = tuple(centre + max(extent_m, NEAREST_M) * np.array([0.3, -1.2, 0.25]))
+
+
+def _add_surroundings(server: viser.ViserServer, terrain: Terrain) -> None:
     scene = server.scene
     scene.set_up_direction("+z")
     # An environment map or shadows make a machine without graphics card show one frame per second.
@@ -56,8 +67,6 @@ def _add_surroundings(server: viser.ViserServer, terrain: Terrain, centre: Float
         )
     for rail in terrain.rails:
         _add_rail(scene, rail)
-    server.initial_camera.look_at = tuple(centre)
-    server.initial_camera.position = tuple(centre + np.array([0.8, -4.0, 0.8]))
 
 
 def _add_rail(scene: viser.SceneApi, rail: Rail) -> None:

@@ -1,13 +1,12 @@
-"""What of the contract's ``plan-motion`` and ``learn-reachability`` this version has, and the sentence for the rest."""
+"""What of the contract's ``plan-motion`` this version has, and the sentence for the rest."""
 
 from typing import Final
 
 from stridelab.errors import Fault, NotEstimable
-from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
+from stridelab.schemas.plans import PlanMotionInput
 
 SOLVERS: Final = ("auto", "casadi")
 FORMULATIONS: Final = ("forces",)
-MEASURES: Final = ("uniform",)
 
 
 def require_plan(request: PlanMotionInput) -> None:
@@ -23,11 +22,6 @@ def require_plan(request: PlanMotionInput) -> None:
             "This version plans with the durations that the scenario gives.",
             [Fault("free_durations", "not available")],
         )
-
-
-def require_learning(request: LearnReachabilityInput) -> None:
-    """Raise ``NotEstimable`` (``measure-unavailable``) for a sampling measure that is not there."""
-    _require("measure", request.measure, MEASURES, "sampling measure")
 
 
 def _require(field: str, value: str, available: tuple[str, ...], what: str) -> None:
