@@ -1,6 +1,7 @@
 """Take the pictures of README and docs from a running service; usage: make_pictures.py http://127.0.0.1:8000.
 
-Needs Chromium on the PATH. The pictures show the bundled sample, so nobody's recording gets into them.
+Needs Chromium on the PATH. The pictures show the bundled recording and a plan of a bundled scenario, which is computed
+for them, so nobody's data get into them.
 """
 
 import shutil
@@ -9,23 +10,34 @@ from pathlib import Path
 
 from playwright.sync_api import Browser, sync_playwright
 
+from stridelab.client import Client
+from stridelab.schemas.plans import PlanMotionInput
+
 PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
 SAMPLE = "sample-walk"
+SCENARIO, CLIMBING_S = "six-stairs", 12.4
 
 
-def viewer(browser: Browser, base: str) -> None:
-    """The scene in the middle of the window, without the note on software rendering."""
+def viewer(browser: Browser, base: str, what: str, picture: str) -> None:
+    """A scene at one instant, without the note on software rendering."""
     page = browser.new_page(viewport={"width": 1200, "height": 720})
-    page.goto(f"{base}/view/?recording={SAMPLE}&t=2.3")
+    page.goto(f"{base}/view/?{what}")
     page.wait_for_selector("[data-player][data-ready=true]", timeout=120_000)
     scene = page.frame_locator("iframe")
     scene.locator("canvas").first.wait_for(timeout=120_000)
     for close in scene.locator(".mantine-Notification-closeButton").all():
         close.click()
-    page.wait_for_timeout(4_000)  # nodes fade in, and software rendering draws few images a second
-    page.screenshot(path=PICTURES / "viewer.png")
+    page.wait_for_timeout(6_000)  # nodes fade in, and software rendering draws few images a second
+    page.screenshot(path=PICTURES / picture)
     page.close()
+
+
+def planned(base: str) -> str:
+    """A finished plan of the climb."""
+    with Client(base) as client:
+        job = client.submit("plan-motion", PlanMotionInput(scenario_id=SCENARIO))
+        return client.wait(job.id).id
 
 
 def result(browser: Browser, base: str) -> None:
@@ -43,7 +55,8 @@ def main(base: str) -> None:
     PICTURES.mkdir(parents=True, exist_ok=True)
     with sync_playwright() as play:
         browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
-        viewer(browser, base)
+        viewer(browser, base, f"recording={SAMPLE}&t=2.3", "viewer.png")
+        viewer(browser, base, f"plan={planned(base)}&t={CLIMBING_S}", "climb.png")
         result(browser, base)
         browser.close()
 

@@ -116,7 +116,8 @@ def test_inequalities_that_cannot_hold_fail_on_level_1_and_are_named() -> None:
     found = solve(equality, levels, against)
     assert found.failure is not None
     assert found.failure.level == 1
-    missed = violations(equality, against)
+    missed = violations(equality, against, np.ones(16))
     assert int(np.argmax(missed)) == len(missed) - 1
     assert missed[-1] == pytest.approx(2.0, rel=1e-3)
-    assert violations(equality, bounds).max() < 1e-4
+    assert violations(equality, against, np.full(16, 4.0))[-1] == pytest.approx(0.5, rel=1e-3)
+    assert violations(equality, bounds, np.ones(15)).max() < 1e-4

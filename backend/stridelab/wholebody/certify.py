@@ -126,7 +126,10 @@ def _limits(robot: Robot, motion: WholeBodyMotion, worst: Worst) -> tuple[Check,
 
 
 def _friction(sequence: ContactSequence, motion: WholeBodyMotion, found: Recomputed, worst: Worst) -> Check:
-    """Exact cones at all points, ``mu f_n - |f_t|``; a force on an effector in the air is outside by all of it."""
+    """Exact cones at all points, ``mu f_n - |f_t|``; a force on an effector in the air is outside by all of it.
+
+    The normal is that of the surface, not of the sole.
+    """
     names = sequence.effectors
     margin = np.full((len(motion.time_s), len(names)), np.inf)
     for column, name in enumerate(names):
@@ -138,8 +141,7 @@ def _friction(sequence: ContactSequence, motion: WholeBodyMotion, found: Recompu
                 size = np.linalg.norm(f, axis=2).max(axis=1, initial=0.0)
                 margin[chosen, column] = np.where(size > 0.0, -size, np.inf)
                 continue
-            normal = found.rotations[name][chosen][:, None, :, 2] if contact.kind == "surface" else None
-            n = contact.placement.rotation[:, 2] if normal is None else normal
+            n = contact.placement.rotation[:, 2]
             f_n = (f * n).sum(axis=2)
             f_t = np.linalg.norm(f - f_n[..., None] * n, axis=2)
             margin[chosen, column] = (contact.friction * f_n - f_t).min(axis=1)

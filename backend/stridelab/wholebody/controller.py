@@ -90,6 +90,7 @@ class _Run:
         self._phase = -1
         self._in_a_row = 0
         self._failures: list[SolverFailure] = []
+        self._short: list[str] = []
         nv = robot.model.nv
         margin = controller.settings.contact_margin_m
         self._points = {name: robot.effectors[name].points_m(margin) for name in sequence.effectors}
@@ -115,11 +116,13 @@ class _Run:
             self._last = _Solved(z[: body.model.nv], self._programme.forces_n(z))
         else:
             self._in_a_row += 1
+            if self._in_a_row == 1:
+                self._short = self._missed(rows[0], rows[2])
             self._failures.append(SolverFailure(t, phase, result.failure.level, result.failure.reason))
             if self._in_a_row > self._controller.failures_in_a_row:
-                raise self._failed(t, f"{self._in_a_row} samples in a row had no solution", rows[0], rows[2])
+                raise self._error(t, f"{self._in_a_row} samples in a row had no solution", self._short)
             if len(self._failures) > self._controller.failures_in_all:
-                raise self._failed(t, f"{len(self._failures)} samples had no solution", rows[0], rows[2])
+                raise self._error(t, f"{len(self._failures)} samples had no solution", self._short)
             z = self._programme.unknowns(self._last.a, self._last.forces_n)
         self._store(i, reference, z)
         dt = 1.0 / self._controller.rate_hz
@@ -189,13 +192,11 @@ class _Run:
         if away_m > _LOST_M:
             raise self._error(t, f"the centre of mass is {away_m:.2f} m away from the plan", ["centre of mass"])
 
-    def _failed(self, t: float, what: str, equality: Rows, bounds: Inequalities) -> NotEstimable:
+    def _missed(self, equality: Rows, bounds: Inequalities) -> list[str]:
         """Which limits ran out: those that are missed even where all misses together are as small as can be."""
-        missed = violations(equality, bounds)
-        names = np.array(self._programme.row_names)
-        order = [int(k) for k in np.argsort(-missed) if missed[k] > 1e-3 * missed.max()]
-        short = list(dict.fromkeys(str(names[k]) for k in order))[:4]
-        return self._error(t, what, short or ["no single limit"])
+        missed = violations(equality, bounds, self._programme.row_scales)
+        order = [int(k) for k in np.argsort(-missed) if missed[k] > 0.1 * missed.max()]
+        return list(dict.fromkeys(self._programme.row_names[k] for k in order))[:4] or ["no single limit"]
 
     def _error(self, t: float, what: str, short: list[str]) -> NotEstimable:
         phase = self._sequence.phase_at(t + 1e-9)

@@ -27,7 +27,7 @@ class Recomputed:
     ``contact_points_m`` and ``contact_forces_n`` are per effector ``(n, k, 3)`` in the world; ``newton_euler`` ``(n,)``
     the larger norm of the gaps in force (N) and moment (N m); ``torque_gap_nm`` ``(n, na)`` what inverse dynamics says
     more than ``tau``; ``integration_gap`` ``(n,)`` how far ``(q, v)`` is from where the sample before leads (m, rad and
-    their rates). ``normals`` and ``centres_m`` are those of the contact frames.
+    their rates).
     """
 
     phase: Int[np.ndarray, "n"]
@@ -35,8 +35,6 @@ class Recomputed:
     com_v_m_s: Points
     l_nms: Points
     contact_points_m: Mapping[str, Float[np.ndarray, "n k 3"]]
-    centres_m: Mapping[str, Points]
-    rotations: Mapping[str, Float[np.ndarray, "n 3 3"]]
     newton_euler: Series
     torque_gap_nm: Float[np.ndarray, "n na"]
     integration_gap: Series
@@ -55,8 +53,6 @@ def recompute(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) 
     n, na = len(motion.time_s), model.nv - 6
     com, com_v, l = np.empty((n, 3)), np.empty((n, 3)), np.empty((n, 3))
     points = {name: np.empty((n, *p.shape)) for name, p in motion.points_m.items()}
-    centres = {name: np.empty((n, 3)) for name in points}
-    rotations = {name: np.empty((n, 3, 3)) for name in points}
     newton_euler, torque_gap, integration_gap = np.empty(n), np.empty((n, na)), np.zeros(n)
     still = [pin.Force.Zero() for _ in range(model.njoints)]
     dt = 1.0 / motion.rate_hz
@@ -69,7 +65,6 @@ def recompute(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) 
         external = list(still)
         for name, in_contact_frame in motion.points_m.items():
             here = pin.updateFramePlacement(model, data, frames[name])
-            centres[name][i], rotations[name][i] = here.translation, here.rotation
             p = in_contact_frame @ here.rotation.T + here.translation
             points[name][i] = p
             f = motion.forces_n[name][i]
@@ -91,8 +86,6 @@ def recompute(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) 
         com_v_m_s=com_v,
         l_nms=l,
         contact_points_m=points,
-        centres_m=centres,
-        rotations=rotations,
         newton_euler=newton_euler,
         torque_gap_nm=torque_gap,
         integration_gap=integration_gap,

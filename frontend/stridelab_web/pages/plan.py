@@ -7,7 +7,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 
-from stridelab.schemas.plans import PlanMotionSummary
+from stridelab.schemas.plans import PLAN_STAGES, PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.job import took_s
@@ -18,8 +18,6 @@ from stridelab_web.tables import read_columns
 
 KIND = "plan-motion"
 SCENARIO_FILE = "scenario.json"
-STAGES = ("check", "reachability", "centroidal", "whole body", "certificate", "replay", "export")
-"""In the order in which they run; stored results do not keep it."""
 
 
 async def plan(request: Request) -> Response:
@@ -66,7 +64,7 @@ async def plots(request: Request) -> Response:
 def _stages(summary: PlanMotionSummary | None) -> list[dict[str, Any]]:
     """Time of every stage with its share of the whole, in percent."""
     taken = summary.stage_times_s if summary else {}
-    order = [*(name for name in STAGES if name in taken), *(name for name in taken if name not in STAGES)]
+    order = [*(name for name in PLAN_STAGES if name in taken), *(name for name in taken if name not in PLAN_STAGES)]
     times = {name: taken[name] for name in order}
     whole = sum(times.values()) or 1.0
     return [{"name": name, "time_s": time_s, "share": 100 * time_s / whole} for name, time_s in times.items()]
