@@ -5,6 +5,7 @@ import pytest
 from sklearn.neighbors import KernelDensity as Oracle
 
 from stridelab.errors import InvalidInput, NotFound
+from stridelab.reachability.density import scott_bandwidth_m
 from stridelab.reachability.divergence import divergences
 from stridelab.reachability.learning import (
     COMPONENTS,
@@ -52,6 +53,8 @@ def test_the_numbers_of_a_card_are_those_of_the_samples(fresh: ComCloud) -> None
     assert card.held_out_log_likelihood_sd == pytest.approx(mixture.log_density(held_out).std() / 20, rel=0.01)
     again, _ = expectation_maximisation(seen, 7, seed=1)
     assert (again.means_m == mixture.means_m).all(), "EM saw nothing of what is held out"
+    other, _ = expectation_maximisation(seen, 7, seed=2)
+    assert (other.means_m != mixture.means_m).all(), "the seed is used"
     assert [trial.components for trial in card.sizes] == [1, 3, 7]
     assert card.sizes[2].kl_nats == card.kl_nats
     assert card.sizes[0].kl_nats > card.sizes[1].kl_nats
@@ -65,6 +68,7 @@ def test_the_divergence_is_from_the_kernel_density_of_the_samples(fresh: ComClou
     """Estimated anew: scikit-learn's kernels, draws of this test's own."""
     x = fresh.com_m["right_hand"]
     card = fit(x, 14, seed=0, sizes=())
+    assert card.bandwidth_m == scott_bandwidth_m(x)
     rng = np.random.default_rng(99)
     draws = x[rng.integers(len(x), size=KL_DRAWS)] + card.bandwidth_m * rng.standard_normal((KL_DRAWS, 3))
     kde = Oracle(bandwidth=card.bandwidth_m, leaf_size=len(x)).fit(x)
