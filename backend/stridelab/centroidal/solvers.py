@@ -1,8 +1,8 @@
 """The programme handed to ipopt or fatrop through CasADi, quietly and within limits; nothing here raises.
 
 Both get the same functions and the constant rows, so that CasADi differentiates nothing. ipopt (adaptive barrier,
-MUMPS) corrects an indefinite curvature itself and gets the true one of the log-densities: 15 to 20 iterations on
-stairs. fatrop, which goes through the stages, gets the majoriser; it needs five to ten times as many iterations, and
+MUMPS) corrects an indefinite curvature itself and gets the true one of the log-densities: about 20 iterations on
+stairs. fatrop, which goes through the stages, gets the majoriser; it needs three to ten times as many iterations, and
 its set-up grows faster than the number of stages (figures in docs/theory/centroidal-problem.md).
 """
 
