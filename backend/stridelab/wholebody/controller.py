@@ -193,10 +193,16 @@ class _Run:
             raise self._error(t, f"the centre of mass is {away_m:.2f} m away from the plan", ["centre of mass"])
 
     def _missed(self, equality: Rows, bounds: Inequalities) -> list[str]:
-        """Which limits ran out: those that are missed even where all misses together are as small as can be."""
-        missed = violations(equality, bounds, self._programme.row_scales)
-        order = [int(k) for k in np.argsort(-missed) if missed[k] > 0.1 * missed.max()]
-        return list(dict.fromkeys(self._programme.row_names[k] for k in order))[:4] or ["no single limit"]
+        """Which limits ran out: the kind that alone would have to give way, and where by most; else all kinds."""
+        names = np.array(self._programme.row_names)
+        kinds = np.array([name.partition(" of ")[0] for name in names])
+        choices = [kinds == kind for kind in ("torque", "friction", "range or speed")]
+        for soft in (*choices, np.ones(len(names), dtype=bool)):
+            missed = violations(equality, bounds, soft)
+            if missed is not None:
+                order = [k for k in np.argsort(-missed) if missed[k] > 0.1 * missed.max()]
+                return list(dict.fromkeys(str(names[k]) for k in order))[:4]
+        return ["no single limit"]
 
     def _error(self, t: float, what: str, short: list[str]) -> NotEstimable:
         phase = self._sequence.phase_at(t + 1e-9)

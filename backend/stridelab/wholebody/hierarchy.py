@@ -93,22 +93,24 @@ def solve(equality: Rows, levels: Sequence[Rows], bounds: Inequalities) -> Hiera
     return HierarchyResult(z, None, programmes)
 
 
-def violations(equality: Rows, bounds: Inequalities, scale: Float[np.ndarray, "m"]) -> Float[np.ndarray, "m"]:
-    """By how much each inequality is missed, over ``scale``, where the equalities hold and the misses are smallest.
+def violations(equality: Rows, bounds: Inequalities, soft: Bool[np.ndarray, "m"]) -> Float[np.ndarray, "m"] | None:
+    """By how much the ``soft`` inequalities are missed where all else holds and the misses are as small as can be.
 
-    The sum of squares of the scaled misses is minimised; all zero means that the constraints can hold together.
+    The sum of squares of the misses is minimised. None where there is no solution even so.
     """
     z, Z, _ = _onto(equality)
-    G, off = np.ascontiguousarray(bounds.G @ Z / scale[:, None]), bounds.G @ z
-    n, m = Z.shape[1], len(off)
-    H = np.diag(np.concatenate([np.full(n, _DAMPING), np.ones(m)]))
-    rows = np.hstack([G, -np.eye(m)])
-    upper = np.minimum((bounds.upper - off) / scale, _NO_BOUND)
-    lower = np.maximum((bounds.lower - off) / scale, -_NO_BOUND)
-    x, _, flag, _ = daqp.solve(H, np.zeros(n + m), rows, upper, lower, np.zeros(m, np.int32))
+    G, off = bounds.G @ Z, bounds.G @ z
+    n, m, of = Z.shape[1], len(off), np.flatnonzero(soft)
+    H = np.diag(np.concatenate([np.full(n, _DAMPING), np.ones(len(of))]))
+    rows = np.hstack([G, np.zeros((m, len(of)))])
+    rows[of, n + np.arange(len(of))] = -1.0
+    upper, lower = np.minimum(bounds.upper - off, _NO_BOUND), np.maximum(bounds.lower - off, -_NO_BOUND)
+    x, _, flag, _ = daqp.solve(H, np.zeros(len(H)), rows, upper, lower, np.zeros(m, np.int32))
     if flag < 1:
-        return np.full(m, np.nan)
-    return np.asarray(np.abs(x[n:]))
+        return None
+    missed = np.zeros(m)
+    missed[of] = np.abs(x[n:])
+    return missed
 
 
 class _Onto(NamedTuple):

@@ -19,7 +19,7 @@ from jaxtyping import Float
 from stridelab.centroidal.plan import CentroidalPlan, Reference
 from stridelab.contacts.sequence import Contact
 from stridelab.contacts.swing import SwingCurve
-from stridelab.conventions import GRAVITY_M_S2, Points, Rotation, Vector3
+from stridelab.conventions import Points, Rotation, Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody import tasks
 from stridelab.wholebody.contact_forces import force_jacobian, pyramid
@@ -81,7 +81,7 @@ class Instant:
 class Programme:
     """Builds the rows of one phase; its arrays are allocated once and filled anew at every sample.
 
-    ``row_names`` and ``row_scales`` say of every inequality what it limits and how large that can be.
+    ``row_names`` say of every inequality what it limits, its kind in front of " of ".
     """
 
     def __init__(
@@ -118,13 +118,6 @@ class Programme:
             self._upper[row : row + m] = cone.upper
             row, column = row + m, column + n
         self._G[self._joint, 6:nv] = np.eye(na)
-        self.row_scales = np.concatenate(
-            [
-                np.full(n_cone, body.mass_kg * GRAVITY_M_S2),
-                self._limits.torque_nm,
-                np.full(na, settings.acceleration_rad_s2),
-            ]
-        )
         self.row_names = (
             *(f"friction of {name}" for name, cone in zip(contacts, cones, strict=True) for _ in cone.upper),
             *(f"torque of {joint}" for joint in robot.joint_names),
