@@ -9,14 +9,16 @@ import pinocchio as pin
 import pytest
 
 from stridelab.centroidal.plan import CentroidalPlan
-from stridelab.contacts.sequence import ContactSequence
+from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.conventions import g
+from stridelab.dynamics.placement import Placement
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.controller import WholeBodyController
 from stridelab.wholebody.hierarchy import HierarchyFailure, HierarchyResult, Inequalities, Rows, solve
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.programme import Instant, Programme, Settings
+from stridelab.wholebody.recomputed import recompute
 from stridelab.wholebody.rigid_body import RigidBody
 from support.sway import sway
 
@@ -95,6 +97,22 @@ def test_progress_is_told(talos: Robot) -> None:
     assert fractions == sorted(fractions)
     assert 0.0 <= fractions[0] <= fractions[-1] <= 1.0
     assert "0.4 s" in told[0][1]
+
+
+def test_a_hand_that_has_not_touched_anything_yet_is_led_to_its_first_contact(talos: Robot) -> None:
+    plan = sway(talos, duration_s=2.0, amplitude_m=0.01, period_s=1.0)
+    feet = plan.sequence.phases[0].contacts
+    place = Placement.of([0.20, -0.45, 0.75])
+    hand = Contact("right_hand", place, "table", 0.5, "point")
+    phases = (ContactPhase(1.2, feet), ContactPhase(0.8, {**feet, "right_hand": hand}))
+    sequence = replace(plan.sequence, phases=phases)
+    forces = {**plan.forces_n, "right_hand": np.zeros((len(plan.com_a_m_s2), 1, 3))}
+    motion = WholeBodyController().run(talos, sequence, replace(plan, sequence=sequence, forces_n=forces))
+    assert motion.failures == ()
+    found = recompute(talos, sequence, motion).contact_points_m["right_hand"][:, 0]
+    touching = motion.time_s >= 1.2
+    assert np.linalg.norm(found[0] - place.position_m) > 0.1
+    assert np.linalg.norm(found[touching] - place.position_m, axis=1).max() < 1e-3
 
 
 def test_without_contacts_the_body_falls(talos: Robot) -> None:

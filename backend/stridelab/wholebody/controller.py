@@ -199,7 +199,7 @@ class _Run:
         choices = [kinds == kind for kind in ("torque", "friction", "range or speed")]
         for soft in (*choices, np.ones(len(names), dtype=bool)):
             missed = violations(equality, bounds, soft)
-            if missed is not None:
+            if missed is not None and missed.max() > 0.0:
                 order = [k for k in np.argsort(-missed) if missed[k] > 0.1 * missed.max()]
                 return list(dict.fromkeys(str(names[k]) for k in order))[:4]
         return ["no single limit"]
