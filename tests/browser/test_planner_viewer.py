@@ -2,43 +2,17 @@
 
 import math
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Page, expect
+from playwright.sync_api import expect
 
 from stridelab.schemas.base import FaultItem, Problem
 from support import fake_planner
 from support.fake_lab import Lab, running_lab
+from support.scene_view import drag, nodes, opened, until
 from support.tab import Service, Tab
 
-NODES = """(names) => {
-    const viser = document.querySelector("iframe").contentWindow.__viserMutable;
-    return Object.fromEntries(names.map((name) => {
-        const object = viser.nodeRefFromName[name];
-        return [name, {
-            position: object.position.toArray(),
-            wxyz: [object.quaternion.w, ...object.quaternion.toArray().slice(0, 3)],
-            scale: object.scale.toArray(),
-        }];
-    }));
-}"""
-ON_SCREEN = """(place) => {
-    const frame = document.querySelector("iframe");
-    const viser = frame.contentWindow.__viserMutable;
-    const node = viser.nodeRefFromName[typeof place === "string" ? place : ""];
-    const own = typeof place === "string" ? [0, 0, 0] : place;
-    const at = node.localToWorld(viser.camera.position.clone().set(...own));
-    viser.camera.updateMatrixWorld();
-    const seen = at.project(viser.camera);
-    const box = frame.getBoundingClientRect(), inside = viser.canvas.getBoundingClientRect();
-    return [
-        box.left + inside.left + (seen.x + 1) / 2 * inside.width,
-        box.top + inside.top + (1 - seen.y) / 2 * inside.height,
-    ];
-}"""
-"""Where a node, or a point of the world, is on the page, by the camera of the scene."""
 FOOT = "/robot/leg_right_6_link"
 
 
@@ -57,37 +31,6 @@ def service(lab: Lab) -> Service:
 def tab(open_tab: Callable[..., Tab]) -> Tab:
     """Small: without a graphics card every point of the picture costs."""
     return open_tab(900, 640)
-
-
-def opened(tab: Tab, address: str) -> Page:
-    page = tab.go(address)
-    page.wait_for_selector("[data-ready]", timeout=60_000)
-    return page
-
-
-def until(page: Page, holds: Callable[[], bool]) -> None:
-    for _ in range(150):
-        if holds():
-            return
-        page.wait_for_timeout(100)
-    raise AssertionError("the page does not come to the state that was asked for")
-
-
-def nodes(page: Page, *names: str) -> dict[str, Any]:
-    found: dict[str, Any] = page.evaluate(NODES, list(names))
-    return found
-
-
-def drag(page: Page, node: str, to_m: tuple[float, float, float]) -> None:
-    """Take hold of a mark in its middle and let go of it where ``to_m`` is in the picture."""
-    x, y = page.evaluate(ON_SCREEN, node)
-    u, v = page.evaluate(ON_SCREEN, list(to_m))
-    page.mouse.move(x, y)
-    page.mouse.down()
-    for k in range(1, 9):
-        page.mouse.move(x + (u - x) * k / 8, y + (v - y) * k / 8)
-        page.wait_for_timeout(40)
-    page.mouse.up()
 
 
 def positions(lab: Lab, scenario_id: str, effector: str) -> list[tuple[float, ...] | None]:

@@ -1,0 +1,52 @@
+"""The real chain in a browser: a copied sample, a dragged foothold, a plan, and the robot where its file says."""
+
+import math
+
+import numpy as np
+from playwright.sync_api import expect
+
+from stridelab.schemas.scenarios import Scenario
+from stridelab_web.plan_frames import read_motion
+from stridelab_web.touches import touches
+from support.scene_view import drag, nodes, opened, until
+from support.tab import Service, Tab
+
+FOOT = "leg_right_6_link"
+PLANNED_WITHIN_MS = 240_000
+
+
+def test_from_a_sample_over_a_dragged_foothold_to_the_robot_that_walks_on_it(tab: Tab, service: Service) -> None:
+    client = service.client
+    page = opened(tab, "/view/?scenario=flat-walk")
+    page.get_by_role("button", name="Edit a copy").click()
+    page.wait_for_url(lambda url: "scenario=" in url and "flat-walk" not in url)
+    page.wait_for_selector("[data-ready]", timeout=60_000)
+    copy = client.scenario(page.url.rpartition("=")[2])
+    third = touches(copy)[2]
+    x, y, z = third.contact.position_m
+    target = (x + 0.03, y - math.copysign(0.01, y), z)
+
+    drag(page, "/contacts/3", target)
+    expect(page.locator("[data-said]")).to_have_text("Stored.")
+    stored = touches(client.scenario(copy.id))[2]
+    assert math.dist(stored.contact.position_m, target) < 0.01
+    assert math.dist(stored.contact.position_m, third.contact.position_m) > 0.02
+
+    page.get_by_role("button", name="Plan", exact=True).click()
+    page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
+    page.wait_for_selector("[data-player][data-ready]", timeout=90_000)
+    job_id = page.url.partition("plan=")[2].partition("&")[0]
+    planned = Scenario.model_validate_json(client.read_artifact(job_id, "scenario.json"))
+    assert planned.phases == client.scenario(copy.id).phases
+
+    motion = read_motion(*(client.read_artifact(job_id, name) for name in ("poses.json", "poses.f32", "forces.f32")))
+    frame = len(motion.time_s) * 2 // 3
+    page.get_by_role("slider", name="Time").fill(str(frame))
+    expected = motion.poses[frame, motion.links.index(FOOT)].astype(float)
+
+    def stands() -> bool:
+        shown = nodes(page, f"/robot/{FOOT}")[f"/robot/{FOOT}"]
+        near = np.abs(np.array(shown["position"]) - expected[:3]).max() < 1e-4
+        return bool(near and abs(np.dot(shown["wxyz"], expected[3:])) > 1 - 1e-6)
+
+    until(page, stands)
