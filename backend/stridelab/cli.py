@@ -3,6 +3,7 @@
 Numeric packages are imported inside the commands, so that ``stridelab --help`` answers at once.
 """
 
+import os
 import signal
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -214,6 +215,9 @@ def version() -> None:
 
 def main() -> None:
     """Run the command line; exit codes are those of ``cli_console.EXIT_CODES``."""
+    # Small matrices: threads of the linear algebra only wait for each other. The service's computations have one, too.
+    for library in ("OMP", "OPENBLAS"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
     # A supervisor ends its children with SIGTERM: the same quiet way out as Ctrl-C.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     app()

@@ -27,6 +27,9 @@ REFERENCES: Final = (
     "carpentier2017thesis",
     "carpentier2018multicontact",
     "carpentier2019pinocchio",
+    "dempster1977em",
+    "hershey2007kl",
+    "scott1992density",
     "pedregosa2011sklearn",
 )
 ROBOT_REFERENCES: Final = {"talos": "stasse2017talos"}

@@ -19,7 +19,7 @@ from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.validation import judge
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.reachability.mixture import Mixture
-from stridelab.reachability.store import load_proxies
+from stridelab.reachability.store import load_card, load_proxies
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Remark
@@ -70,7 +70,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         sequence, noted = _checked(task.scenario)
         robot = load_robot(sequence.robot)
     with stages.at(REACHABILITY, "reading the learned densities"):
-        proxies = load_proxies(robot.name)
+        proxies, doubts = _densities(robot)
     with stages.at(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s"):
         plan = _planned(robot, sequence, proxies)
 
@@ -94,7 +94,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         if replay is not None:
             artifacts.append(write_replay(folder, replay))
 
-    warnings = (*noted, *remarks(plan, motion, certificate, replayed))
+    warnings = (*noted, *doubts, *remarks(plan, motion, certificate, replayed))
     found = summary(plan, certificate, replayed, stages.times_s, warnings)
     progress(1.0, "done")
     return Outcome(found.model_dump(mode="json"), _references(plan, request), tuple(artifacts))
@@ -127,6 +127,14 @@ def _checked(scenario: Scenario) -> tuple[ContactSequence, tuple[Remark, ...]]:
         message = f"The robot cannot do this: {first.where}: {first.message}{more}."
         raise InvalidInput("scenario-invalid", message, report.faults)
     return sequence, tuple(Remark(code=r.code, message=r.message) for r in report.remarks)
+
+
+def _densities(robot: Robot) -> tuple[Mapping[str, Mixture], tuple[Remark, ...]]:
+    """The learned densities, and whether they were learned on this very robot."""
+    if load_card(robot.name).robot_sha256 == robot.sha256:
+        return load_proxies(robot.name), ()
+    message = f"The reachability densities were learned on another description of {robot.title} than the installed one."
+    return load_proxies(robot.name), (Remark(code="reachability-of-another-robot", message=message),)
 
 
 def _planned(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Mixture]) -> CentroidalPlan:
