@@ -91,7 +91,7 @@ def test_the_hand_lies_on_the_rail_with_its_axes() -> None:
         assert R[1, 2] == 0.0
         assert R[2, 2] > 0.0
         assert (hand.surface, hand.friction, hand.kind) == ("rail", 0.6, "point")
-    np.testing.assert_allclose(hands[0].placement.position_m, [-0.30 + 0.22, -0.50, -0.15 + 0.70], atol=1e-6)
+    np.testing.assert_allclose(hands[0].placement.position_m, [-0.30 + 0.22, -0.50, -0.15 + 0.80], atol=1e-6)
     feet = {c.friction for phase in sequence.phases for c in phase.contacts.values() if c.kind == "surface"}
     assert feet == {0.3}
 

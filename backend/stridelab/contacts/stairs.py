@@ -60,7 +60,7 @@ class HandRail:
     """
 
     ahead_m: float = 0.22
-    height_m: float = 0.70
+    height_m: float = 0.80
     y_m: float = -0.50
     radius_m: float = 0.02
     friction: float = 0.6
