@@ -156,7 +156,7 @@ def test_feet_slip_on_a_slope_steeper_than_the_friction_cone(robot: Robot) -> No
     assert slips[0.5] < 0.01
 
 
-def test_the_stabiliser_is_what_resists_a_shove(robot: Robot) -> None:
+def test_the_stabiliser_acts_on_what_it_is_told_of_the_state(robot: Robot) -> None:
     def blind(com_m: Vector3, com_v_m_s: Vector3) -> tuple[Vector3, Vector3]:
         """A state estimate that is wrong by 4 cm to the left."""
         return com_m + np.array([0.0, 0.04, 0.0]), com_v_m_s

@@ -66,10 +66,6 @@ class Simulation:
         """
         mujoco.mj_forward(self._model, self._data)
 
-    def push(self, body: str, force_n: Vector3) -> None:
-        """World-frame force on a body from now on, until another one is set."""
-        self._data.xfrc_applied[self._model.body(body).id, :3] = force_n
-
     def com(self) -> tuple[Vector3, Vector3]:
         """Position (m) and velocity (m/s) of the centre of mass."""
         mujoco.mj_subtreeVel(self._model, self._data)
