@@ -206,9 +206,9 @@ class _Run:
 
     def _error(self, t: float, what: str, short: list[str]) -> NotEstimable:
         phase = self._sequence.phase_at(t + 1e-9)
-        message = f"the whole body cannot follow the plan beyond {t:.2f} s (phase {phase}): {what}; short of: "
+        message = f"The whole body cannot follow the plan beyond {t:.2f} s (phase {phase}): {what}; short of: "
         faults = [Fault(f"phases[{phase}]", f"at {t:.2f} s: {name}") for name in short]
-        return NotEstimable("whole-body-failed", message + ", ".join(short), faults)
+        return NotEstimable("whole-body-failed", f"{message}{', '.join(short)}.", faults)
 
 
 def _start(robot: Robot, sequence: ContactSequence, plan: CentroidalPlan) -> np.ndarray:
@@ -217,7 +217,7 @@ def _start(robot: Robot, sequence: ContactSequence, plan: CentroidalPlan) -> np.
     found = stand(robot, {name: contact.placement for name, contact in contacts.items()}, plan.com_m[0])
     if not found.converged:
         message = (
-            f"no posture of {robot.title} stands on the first contacts: {found.worst} stays {found.error_m:.3f} m off"
+            f"No posture of {robot.title} stands on the first contacts: {found.worst} stays {found.error_m:.3f} m off."
         )
         raise NotEstimable("stance-unreachable", message, [Fault(f"phases[0].contacts[{found.worst}]", message)])
     return found.q
