@@ -8,6 +8,7 @@ from typing import Any
 import httpx
 import numpy as np
 import pytest
+import trimesh
 
 from stridelab.client import Unreachable
 from stridelab.schemas.scenarios import Scenario, StoredScenario
@@ -18,7 +19,7 @@ from stridelab_web.viewer.guard import start_guarded_server
 from stridelab_web.viewer.kinds import kinds
 from stridelab_web.viewer.library import Library, OpenScene
 from stridelab_web.viewer.parts import FOV_RAD, WIDE, camera
-from stridelab_web.viewer.robot_links import read_links
+from stridelab_web.viewer.robot_links import add_robot, pieces, read_links, shade
 from stridelab_web.viewer.scenario_scene import ScenarioScene
 from support import fake_planner
 from support.fake_service import FakeService
@@ -53,6 +54,38 @@ def test_links_keep_their_frames() -> None:
     found = read_links(fake_planner.links_glb())
     assert set(found) == set(fake_planner.LINKS) - {"bare_link"}
     assert found["base_link"].bounds == pytest.approx(np.array([[-0.15, -0.2, -0.4], [0.15, 0.2, 0.4]]))
+
+
+def test_links_keep_their_colours() -> None:
+    """As robots/gltf.py writes them: linear light on a material, of which trimesh's own copy keeps no colours."""
+    light = np.array([[255, 55, 0, 255]] * 4 + [[8, 8, 8, 255]] * 3, dtype=np.uint8)  # (255, 128, 0) and 51
+    faces = [[4, 5, 6], [0, 1, 2], [1, 2, 3]]
+    part = trimesh.Trimesh(np.arange(21.0).reshape(7, 3) ** 2, faces, process=False)
+    part.visual = trimesh.visual.TextureVisuals(material=trimesh.visual.material.PBRMaterial(metallicFactor=0.0))
+    part.visual.vertex_attributes["color"] = light
+    scene = trimesh.Scene()
+    scene.add_geometry(part, node_name="hand", transform=trimesh.transformations.translation_matrix([0, 0, 2]))
+    mesh = read_links(bytes(scene.export(file_type="glb")))["hand"]
+    assert mesh.visual.vertex_colors[0, :3] == pytest.approx([255, 128, 0], abs=2)
+    assert mesh.visual.vertex_colors[6, :3] == pytest.approx([51, 51, 51], abs=2)
+    assert mesh.vertices[0] == pytest.approx([0, 1, 6])
+    (vertices, triangles, orange), (_, _, grey) = pieces(mesh)
+    assert (len(vertices), triangles.tolist()) == (4, [[0, 1, 2], [1, 2, 3]])
+    assert vertices[3] == pytest.approx(mesh.vertices[3])
+    assert orange == shade(mesh.visual.vertex_colors[0, :3])
+    assert 84 < grey[0] < orange[1] < orange[0] == 216
+
+
+def test_a_link_of_several_colours_is_one_node_that_the_page_moves() -> None:
+    box = trimesh.creation.box((1, 1, 1))
+    box.visual.vertex_colors = np.where(box.vertices[:, :1] > 0, [255, 0, 0, 255], [0, 0, 0, 255]).astype(np.uint8)
+    server, _ = start_guarded_server()
+    try:
+        made = add_robot(server.scene, ["hand", "bare"], {"hand": box})
+        assert set(server.scene._handle_from_node_name) >= {"/robot/hand", "/robot/hand/1", "/robot/bare"}
+        assert [handle.name for handle in made.values()] == ["/robot/hand", "/robot/bare"]
+    finally:
+        server.stop()
 
 
 def test_documents_are_known_by_their_address() -> None:

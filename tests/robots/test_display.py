@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from stridelab.errors import Unavailable
 from stridelab.robots.display import LinkMesh, glb, link_meshes, link_names, link_poses
+from stridelab.robots.gltf import linear
 from stridelab.robots.loader import load_robot
 from stridelab.robots.meshes import decimated, merged, mesh_of
 from stridelab.robots.robot import Robot
@@ -165,8 +166,19 @@ def test_a_reader_of_glb_finds_the_same_nodes_shapes_and_colours(
         assert found.bounds[0] == pytest.approx(mesh.vertices_m.min(axis=0), abs=1e-6)
         assert found.bounds[1] == pytest.approx(mesh.vertices_m.max(axis=0), abs=1e-6)
         assert (found.faces == mesh.faces).all()
-        assert (found.visual.vertex_attributes["color"] == mesh.colours).all()
+        assert (found.visual.vertex_attributes["color"] == linear(mesh.colours)).all()
         assert found.visual.material.metallicFactor == 0.0
+
+
+def test_colours_of_a_screen_become_linear_light() -> None:
+    """Mid-grey by the standard's table; every tone comes back within 7 of 255; the opacity is no colour."""
+    tones = np.arange(256)
+    light = linear(np.repeat(tones[:, None], 4, axis=1).astype(np.uint8))
+    assert light[[0, 188, 255], 0].tolist() == [0, 128, 255]
+    assert (light[:, 3] == tones).all()
+    share = light[:, 0] / 255.0
+    back = 255.0 * np.where(share <= 0.0031308, 12.92 * share, 1.055 * share ** (1 / 2.4) - 0.055)
+    assert np.abs(back - tones).max() < 7.0
 
 
 def test_the_glb_is_well_formed(meshes: tuple[LinkMesh, ...]) -> None:

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
+from jaxtyping import UInt8
 
 from stridelab.robots.meshes import LinkMesh
 
@@ -18,7 +19,7 @@ _VERTICES, _INDICES = 34962, 34963
 def glb(meshes: Sequence[LinkMesh]) -> bytes:
     """One node per mesh, named after the link and placed at the origin; a mesh without triangles is an empty node.
 
-    Colours are taken as linear ones, since a URDF does not say which they are.
+    A URDF's colours are those of a screen, as every viewer of URDFs shows them; glTF keeps linear ones.
     """
     buffer = _Buffer()
     nodes: list[dict[str, Any]] = []
@@ -33,7 +34,7 @@ def glb(meshes: Sequence[LinkMesh]) -> bytes:
         colours = {"normalized": True}
         attributes = {
             "POSITION": buffer.add(vertices, _FLOAT, "VEC3", _VERTICES, extent),
-            "COLOR_0": buffer.add(mesh.colours, _UBYTE, "VEC4", _VERTICES, colours),
+            "COLOR_0": buffer.add(linear(mesh.colours), _UBYTE, "VEC4", _VERTICES, colours),
         }
         indices = buffer.add(mesh.faces.astype(np.uint32).ravel(), _UINT, "SCALAR", _INDICES, {})
         shapes.append(
@@ -53,6 +54,13 @@ def glb(meshes: Sequence[LinkMesh]) -> bytes:
     text = json.dumps(document, separators=(",", ":")).encode()
     chunks = _chunk(b"JSON", text + b" " * (-len(text) % 4)) + _chunk(b"BIN\0", bytes(buffer.data))
     return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def linear(colours: UInt8[np.ndarray, "n 4"]) -> UInt8[np.ndarray, "n 4"]:
+    """Colours of a screen as linear light (IEC 61966-2-1), the opacity unchanged; 8 bits keep them within 7 of 255."""
+    share = colours[:, :3] / 255.0
+    light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
+    return np.column_stack([np.round(255.0 * light).astype(np.uint8), colours[:, 3]])
 
 
 class _Buffer:

@@ -10,51 +10,86 @@ import viser
 
 from stridelab_web.viewer.parts import Colour
 
-LIGHTEST: Colour = (186, 196, 206)
+PLAIN: Colour = (186, 196, 206)
+"""Of a link without a colour."""
+DARKEST, LIGHTEST = 84, 216
+"""Where black and white are drawn: darker bodies lose their shape, lighter ones the background."""
 
 
 def read_links(glb: bytes) -> dict[str, trimesh.Trimesh]:
-    """Mesh per link, in the link's frame. Raises ``ValueError`` for a file that holds no such meshes."""
+    """Mesh per link, in the link's frame, with its colours. Raises ``ValueError`` for a file without such meshes."""
     loaded = trimesh.load(io.BytesIO(glb), file_type="glb", process=False)
     if not isinstance(loaded, trimesh.Scene):
         raise ValueError("the file of the robot's links holds no scene")
     found: dict[str, trimesh.Trimesh] = {}
     for name in loaded.graph.nodes_geometry:
         T_world_node, geometry = loaded.graph[name]
-        mesh = loaded.geometry[geometry].copy()
+        given = loaded.geometry[geometry]
+        # Made anew: a copy of a mesh with a material loses the colours of its vertices.
+        mesh = trimesh.Trimesh(given.vertices, given.faces, vertex_colors=_colours(given), process=False)
         mesh.apply_transform(T_world_node)
         found[name] = mesh
     return found
 
 
-def add_robot(scene: viser.SceneApi, links: Sequence[str], meshes: Mapping[str, trimesh.Trimesh]) -> None:
-    """A node ``/robot/<link>`` per link; a link without a mesh is an empty node, so that the page finds them all."""
+def add_robot(
+    scene: viser.SceneApi,
+    links: Sequence[str],
+    meshes: Mapping[str, trimesh.Trimesh],
+    opacity: float | None = None,
+) -> dict[str, viser.SceneNodeHandle]:
+    """A node ``/robot/<link>`` per link; a link without a mesh is an empty node, so that the page finds them all.
+
+    A mesh has one colour: those of a link beyond the first are nodes below it.
+    """
+    made: dict[str, viser.SceneNodeHandle] = {}
     for link in links:
         mesh = meshes.get(link)
         if mesh is None or not len(mesh.faces):
-            scene.add_frame(f"/robot/{link}", show_axes=False)
-        else:
-            scene.add_mesh_simple(
-                f"/robot/{link}",
-                np.asarray(mesh.vertices, dtype=np.float32),
-                np.asarray(mesh.faces, dtype=np.uint32),
-                color=_shade(mesh),
+            made[link] = scene.add_frame(f"/robot/{link}", show_axes=False)
+            continue
+        for k, (vertices, faces, colour) in enumerate(pieces(mesh)):
+            piece = scene.add_mesh_simple(
+                f"/robot/{link}/{k}" if k else f"/robot/{link}",
+                vertices,
+                faces,
+                color=colour,
+                opacity=opacity,
                 flat_shading=True,
                 cast_shadow=False,
                 receive_shadow=False,
             )
+            made.setdefault(link, piece)
+    return made
 
 
-def _shade(mesh: trimesh.Trimesh) -> Colour:
-    """The link's own mean colour, no lighter than what stands out from a white background."""
-    red, green, blue = np.minimum(_own_colours(mesh).mean(axis=0), LIGHTEST).astype(int)
+def pieces(mesh: trimesh.Trimesh) -> list[tuple[np.ndarray, np.ndarray, Colour]]:
+    """Vertices, faces and colour of the parts of one colour, the largest first."""
+    visual: Any = mesh.visual
+    own = np.asarray(visual.vertex_colors)[mesh.faces[:, 0], :3]
+    colours, of_face, count = np.unique(own, axis=0, return_inverse=True, return_counts=True)
+    found = []
+    for k in np.argsort(-count):
+        faces = np.asarray(mesh.faces)[of_face.reshape(-1) == k]
+        used, renumbered = np.unique(faces, return_inverse=True)
+        vertices = np.asarray(mesh.vertices, dtype=np.float32)[used]
+        found.append((vertices, renumbered.reshape(-1, 3).astype(np.uint32), shade(colours[k])))
+    return found
+
+
+def shade(colour: np.ndarray) -> Colour:
+    """The colour ``(3,)`` between ``DARKEST`` and ``LIGHTEST``."""
+    red, green, blue = np.round(DARKEST + (LIGHTEST - DARKEST) * (colour / 255)).astype(int)
     return int(red), int(green), int(blue)
 
 
-def _own_colours(mesh: trimesh.Trimesh) -> np.ndarray:
-    """Red, green and blue ``(n, 3)`` of the vertices."""
+def _colours(mesh: trimesh.Trimesh) -> np.ndarray:
+    """Red, green and blue ``(n, 3)`` of the vertices as a screen takes them; a GLB keeps them as linear light."""
     visual: Any = mesh.visual
-    if visual.kind == "vertex":
-        return np.asarray(visual.vertex_colors, dtype=float)[:, :3]
-    colours = getattr(visual, "vertex_attributes", {}).get("color")
-    return np.array([LIGHTEST], dtype=float) if colours is None else np.asarray(colours, dtype=float)[:, :3]
+    written = getattr(visual, "vertex_attributes", {}).get("color")
+    kept = visual.vertex_colors if visual.kind == "vertex" else written
+    if kept is None:
+        return np.tile(np.array(PLAIN, dtype=np.uint8), (len(mesh.vertices), 1))
+    light = np.asarray(kept)[:, :3] / 255
+    share = np.where(light <= 0.0031308, 12.92 * light, 1.055 * light ** (1 / 2.4) - 0.055)
+    return np.round(255 * share).astype(np.uint8)
