@@ -125,7 +125,7 @@ def test_feet_in_the_same_place() -> None:
     assert faults(report) == [("phases[0].contacts[right_foot]", "stands on the same place as left_foot")]
 
 
-FIRST_HOLD = (-0.08, -0.5, 0.55)
+FIRST_HOLD = (-0.08, -0.5, 0.65)
 
 
 @pytest.mark.parametrize("offset", [(0.0, 0.0, 0.02), (0.0, 0.03, 0.0), (0.0, 0.0, -0.02)])
