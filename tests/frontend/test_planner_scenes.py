@@ -1,6 +1,7 @@
 """Scenes of plans and scenarios: every node that the page moves is there, and a drag ends in the service."""
 
 import asyncio
+import math
 from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 from typing import Any
@@ -11,7 +12,7 @@ import pytest
 import trimesh
 
 from stridelab.client import Unreachable
-from stridelab.schemas.scenarios import Scenario, StoredScenario
+from stridelab.schemas.scenarios import BoxSurface, Scenario, StoredScenario
 from stridelab_web.documents import Document, document_of
 from stridelab_web.plan_files import read_plan
 from stridelab_web.touches import touches
@@ -21,10 +22,13 @@ from stridelab_web.viewer.library import Library, OpenScene
 from stridelab_web.viewer.parts import FOV_RAD, WIDE, camera
 from stridelab_web.viewer.robot_links import add_robot, pieces, read_links, shade
 from stridelab_web.viewer.scenario_scene import ScenarioScene
+from stridelab_web.viewer.standing import Posed, first_place
+from stridelab_web.viewer.terrain import faces_m
 from support import fake_planner
 from support.fake_service import FakeService
 
 SIZES = {"left_foot": fake_planner.HALF_M, "right_foot": fake_planner.HALF_M}
+POSED = Posed(dict(zip(fake_planner.LINKS, fake_planner.REFERENCE, strict=True)), {})
 
 
 @pytest.fixture
@@ -88,6 +92,32 @@ def test_a_link_of_several_colours_is_one_node_that_the_page_moves() -> None:
         server.stop()
 
 
+def test_what_lies_inside_another_box_is_not_drawn() -> None:
+    """A step that runs on below the next one: of its upper face the tread is left, of the next step what rises."""
+    turn = math.pi / 2
+    low = BoxSurface(name="low", kind="box", center_m=(1.0, 0.0, 0.1), size_m=(2.0, 1.0, 0.2))
+    high = BoxSurface(name="high", kind="box", center_m=(1.25, 0.0, 0.2), size_m=(1.0, 1.5, 0.4), yaw_rad=turn)
+    assert area_m2(faces_m(low, [])) == pytest.approx(2 * (2.0 * 1.0 + 2.0 * 0.2 + 1.0 * 0.2))
+    treads = [face for face in faces_m(low, [high]) if face[:, 2].min() > 0.2 - 1e-9]
+    assert np.concatenate(treads).max(axis=0) == pytest.approx([0.5, 0.5, 0.2])
+    assert area_m2(faces_m(low, [high])) == pytest.approx(area_m2(faces_m(low, [])) - 1.5)
+    risers = [face for face in faces_m(high, [low]) if face[:, 0].max() < 0.5 + 1e-9]
+    assert area_m2(np.array(risers)) == pytest.approx(1.0 * 0.2)
+    assert np.concatenate(risers)[:, 2].min() == pytest.approx(0.2)
+    for face in faces_m(high, [low]):
+        outwards = np.cross(face[1] - face[0], face[2] - face[1])
+        assert outwards @ (face.mean(axis=0) - high.center_m) > 0
+    askew = high.model_copy(update={"yaw_rad": 0.3})
+    assert len(faces_m(low, [askew])) == 6
+    around = low.model_copy(update={"center_m": (1.0, 0.0, 0.1), "size_m": (3.0, 3.0, 3.0)})
+    assert faces_m(low, [around]).shape == (0, 4, 3)
+
+
+def area_m2(faces: np.ndarray) -> float:
+    """Of all the rectangles ``(n, 4, 3)``."""
+    return float(np.linalg.norm(np.cross(faces[:, 1] - faces[:, 0], faces[:, 3] - faces[:, 0]), axis=1).sum())
+
+
 def test_documents_are_known_by_their_address() -> None:
     document = Document("recording", "a", "b")
     assert document.address == "/view/scene/recording/a/b"
@@ -141,7 +171,7 @@ def start() -> Iterator[Start]:
     def make(stored: StoredScenario, put: Any) -> ScenarioScene:
         server, _ = start_guarded_server()
         servers.append(server)
-        return ScenarioScene(server, stored, SIZES, put)
+        return ScenarioScene(server, stored, SIZES, put, POSED)
 
     yield make
     for server in servers:
@@ -209,6 +239,36 @@ def test_a_scene_follows_what_others_store(fake: FakeService, library: Library) 
         changed.model_copy(update={"terrain": changed.terrain[:3]}), key=kept.id
     )
     assert library.open(Document("scenario", kept.id)) is not first
+
+
+def test_the_robot_stands_where_the_scenario_begins(fake: FakeService, library: Library) -> None:
+    opened = library.open(Document("scenario", fake.add_scenario().id))
+    handles = opened.server.scene._handle_from_node_name
+    whole: Any = handles["/robot"]
+    assert whole.visible
+    assert (tuple(whole.position), tuple(whole.wxyz)) == ((0, 0, 0), (1, 0, 0, 0))
+    for link, pose in zip(fake_planner.LINKS, fake_planner.REFERENCE, strict=True):
+        assert (*handles[f"/robot/{link}"].position, *handles[f"/robot/{link}"].wxyz) == pose
+
+
+def test_the_robot_follows_the_first_footholds(start: Start) -> None:
+    given = fake_planner.scenario()
+    turned = (math.cos(0.3), 0.0, 0.0, math.sin(0.3))  # 0.6 rad to the left
+    left, right = given.phases[0].contacts
+    moved = [
+        left.model_copy(update={"position_m": (1.0, 2.0, 0.3), "orientation_wxyz": turned}),
+        right.model_copy(update={"position_m": (1.2, 1.8, 0.1), "orientation_wxyz": turned}),
+    ]
+    elsewhere = given.model_copy(update={"phases": [given.phases[0].model_copy(update={"contacts": moved})]})
+    place = first_place(elsewhere, SIZES)
+    assert place is not None
+    assert place.position_m == pytest.approx([1.1, 1.9, 0.2])
+    assert place.wxyz == pytest.approx(turned)
+    assert first_place(given.model_copy(update={"phases": []}), SIZES) is None
+    assert first_place(given, {}) is None, "a robot without feet stands nowhere"
+    scene = start(fake_planner.stored(given), lambda key, body: fake_planner.stored(body, key=key))
+    Drag(scene)(1, (0.0, 0.09, 0.0), (0.0, 0.13, 0.0))
+    assert tuple(scene._robot.position) == pytest.approx((0.0, 0.02, 0.0))
 
 
 def test_pages_say_what_they_show(fake: FakeService, browse: Callable[[str], httpx.Response]) -> None:

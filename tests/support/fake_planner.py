@@ -25,7 +25,7 @@ from stridelab.schemas.plans import (
     PlanVerification,
     ReplaySummary,
 )
-from stridelab.schemas.robots import RobotEffector, RobotFacts
+from stridelab.schemas.robots import LinkPose, RobotEffector, RobotFacts
 from stridelab.schemas.scenarios import (
     BoxSurface,
     RailSurface,
@@ -37,6 +37,11 @@ from stridelab.schemas.scenarios import (
 )
 
 LINKS = ("base_link", "leg_left_6_link", "leg_right_6_link", "arm_right_7_link", "bare_link")
+REFERENCE: list[LinkPose] = [
+    (0.0, 0.0, 0.9, 1, 0, 0, 0), (0.0, 0.09, 0.05, 1, 0, 0, 0), (0.0, -0.09, 0.05, 1, 0, 0, 0),
+    (0.0, -0.3, 0.8, 1, 0, 0, 0), (0.0, 0.0, 1.2, 1, 0, 0, 0),
+]  # fmt: skip
+"""Where the links are in the reference posture, in the order of ``LINKS``."""
 EFFECTORS = ("left_foot", "right_foot", "right_hand")
 HALF_M = (0.10, 0.06)
 DISPLAY_HZ, NODES_HZ = 50.0, 20.0
@@ -237,7 +242,7 @@ def robot() -> RobotFacts:
     ]  # fmt: skip
     return RobotFacts(
         name="boxes", title="Boxes", mass_kg=60.0, licence="BSD-3-Clause", sha256="0" * 64, effectors=effectors,
-        q_reference=[], com_height_m=0.88, limits=[], links=list(LINKS), proxies=[],
+        q_reference=[], com_height_m=0.88, limits=[], links=list(LINKS), link_poses=REFERENCE, proxies=[],
     )  # fmt: skip
 
 

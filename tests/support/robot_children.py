@@ -28,6 +28,7 @@ FACTS: dict[str, Any] = {
     "com_height_m": 0.88,
     "limits": [],
     "links": ["base_link"],
+    "link_poses": [[0.0, 0.0, 1.02, 1.0, 0.0, 0.0, 0.0]],
     "proxies": [],
 }
 

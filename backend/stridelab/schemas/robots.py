@@ -43,8 +43,16 @@ class ProxyCard(Contract):
     mode_m: tuple[float, float, float]
 
 
+LinkPose = tuple[float, float, float, float, float, float, float]
+"""Where a link is: px, py, pz in m, qw, qx, qy, qz."""
+
+
 class RobotFacts(Contract):
-    """One robot: ``GET /robots/{name}``. ``q_reference``: position, quaternion xyzw, joints, as in pinocchio."""
+    """One robot: ``GET /robots/{name}``. ``q_reference``: position, quaternion xyzw, joints, as in pinocchio.
+
+    In the reference posture the robot faces x and stands on z = 0, with x = y = 0 midway between its soles;
+    ``link_poses`` says where each of ``links`` is then.
+    """
 
     name: str
     title: str
@@ -56,6 +64,7 @@ class RobotFacts(Contract):
     com_height_m: float
     limits: list[JointLimits]
     links: list[str]
+    link_poses: list[LinkPose]
     proxies: list[ProxyCard]
 
 

@@ -11,6 +11,7 @@ import trimesh
 import viser
 
 from stridelab.client import Client
+from stridelab.schemas.robots import RobotFacts
 from stridelab_web.documents import Document, DocumentKind
 from stridelab_web.footholds import HalfSizes, half_sizes
 from stridelab_web.frames import Frames
@@ -20,6 +21,7 @@ from stridelab_web.tables import read_columns
 from stridelab_web.viewer import gait_scene, planner_scene
 from stridelab_web.viewer.robot_links import read_links
 from stridelab_web.viewer.scenario_scene import ScenarioScene
+from stridelab_web.viewer.standing import Posed
 
 COM_TABLE = "com.parquet"
 
@@ -46,13 +48,16 @@ def kinds(client: Client) -> Mapping[DocumentKind, Kind]:
     """All kinds of documents, read through ``client``."""
 
     @lru_cache(maxsize=4)
-    def sizes(robot: str) -> HalfSizes:
-        return half_sizes(client.robot(robot).effectors)
+    def robot(name: str) -> RobotFacts:
+        return client.robot(name)
+
+    def sizes(name: str) -> HalfSizes:
+        return half_sizes(robot(name).effectors)
 
     @lru_cache(maxsize=4)
-    def links(robot: str) -> dict[str, trimesh.Trimesh]:
+    def links(name: str) -> dict[str, trimesh.Trimesh]:
         with tempfile.TemporaryDirectory(prefix="stridelab-") as folder:
-            return read_links(client.robot_links(robot, Path(folder) / "links.glb").read_bytes())
+            return read_links(client.robot_links(name, Path(folder) / "links.glb").read_bytes())
 
     def build_recording(server: viser.ViserServer, document: Document, recording: Any) -> None:
         gait_scene.build(server, recording, _recording_frames(client, document, recording))
@@ -63,7 +68,9 @@ def kinds(client: Client) -> Mapping[DocumentKind, Kind]:
         planner_scene.build(server, scenario, sizes(scenario.robot), frames, meshes)
 
     def build_scenario(server: viser.ViserServer, _: Document, stored: Any) -> Live:
-        return ScenarioScene(server, stored, sizes(stored.robot), client.put_scenario)
+        facts = robot(stored.robot)
+        posed = Posed(dict(zip(facts.links, facts.link_poses, strict=True)), links(stored.robot))
+        return ScenarioScene(server, stored, sizes(stored.robot), client.put_scenario, posed)
 
     return {
         "recording": Kind(lambda document: client.recording(document.id), build_recording),

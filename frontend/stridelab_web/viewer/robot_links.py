@@ -33,10 +33,7 @@ def read_links(glb: bytes) -> dict[str, trimesh.Trimesh]:
 
 
 def add_robot(
-    scene: viser.SceneApi,
-    links: Sequence[str],
-    meshes: Mapping[str, trimesh.Trimesh],
-    opacity: float | None = None,
+    scene: viser.SceneApi, links: Sequence[str], meshes: Mapping[str, trimesh.Trimesh]
 ) -> dict[str, viser.SceneNodeHandle]:
     """A node ``/robot/<link>`` per link; a link without a mesh is an empty node, so that the page finds them all.
 
@@ -54,7 +51,6 @@ def add_robot(
                 vertices,
                 faces,
                 color=colour,
-                opacity=opacity,
                 flat_shading=True,
                 cast_shadow=False,
                 receive_shadow=False,

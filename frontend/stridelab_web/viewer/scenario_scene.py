@@ -1,4 +1,4 @@
-"""The scene of a scenario: terrain and touches, which can be dragged where the scenario is somebody's own.
+"""The scene of a scenario: terrain, the robot where it begins, and touches, which can be dragged where it is one's own.
 
 Whoever drags sees the mark slide at once; on release the scenario is stored through the HTTP interface. Where the
 service refuses, the mark goes back and ``said`` holds its sentence. Each attempt moves the node ``TURN`` one metre up
@@ -20,7 +20,8 @@ from stridelab_web.footholds import HalfSizes, moved
 from stridelab_web.touches import Touch, touches
 from stridelab_web.viewer.marks import add_marks, place
 from stridelab_web.viewer.parts import NARROW, place_camera, prepare
-from stridelab_web.viewer.planner_scene import AMBIENT, sights_m, turned, way
+from stridelab_web.viewer.planner_scene import AMBIENT, BODY_M, sights_m, turned, way
+from stridelab_web.viewer.standing import Posed, add_standing, first_place, stand
 from stridelab_web.viewer.terrain import add_terrain
 from stridelab_web.viewer.treads import Guide, guide_of
 
@@ -45,7 +46,9 @@ class Grip:
 class ScenarioScene:
     """A scenario in a server; it follows the stored one without being built anew."""
 
-    def __init__(self, server: viser.ViserServer, stored: StoredScenario, sizes: HalfSizes, put: Put) -> None:
+    def __init__(
+        self, server: viser.ViserServer, stored: StoredScenario, sizes: HalfSizes, put: Put, posed: Posed
+    ) -> None:
         self._stored, self._sizes, self._put = stored, sizes, put
         self._lock = threading.Lock()
         self._attempts = 0
@@ -56,10 +59,12 @@ class ScenarioScene:
         add_terrain(scene, stored)
         self._marks = add_marks(scene, stored, sizes, touching=False)
         self._turn = scene.add_frame(TURN, show_axes=False)
+        self._robot = add_standing(scene, posed)
+        stand(self._robot, first_place(stored, sizes))
         if not stored.bundled:
             for number, mark in self._marks.items():
                 mark.on_drag("left")(self._drag_of(number))
-        place_camera(server, sights_m(stored, HEADROOM_M), turned(stored, REAR * [1, _open_side(stored), 1]), NARROW)
+        place_camera(server, self._sights_m(), turned(stored, REAR * [1, _open_side(stored), 1]), NARROW)
 
     def follow(self, stored: StoredScenario) -> bool:
         """Show ``stored`` instead; False where more than the places of touches has changed."""
@@ -119,8 +124,19 @@ class ScenarioScene:
             self._attempts += 1
             self._turn.position = (float(self._attempts), 0.0, 0.0)
 
+    def _sights_m(self) -> np.ndarray:
+        """Points ``(n, 3)`` that the picture must hold: the way, and the robot where it begins."""
+        way_m = sights_m(self._stored, HEADROOM_M)
+        begin = first_place(self._stored, self._sizes)
+        if begin is None:
+            return way_m
+        x, y, height = BODY_M
+        room = np.array([[sx * x, sy * y, height] for sx in (-1, 1) for sy in (-1, 1)]) / [2, 2, 1]
+        return np.concatenate([way_m, begin.position_m + room])
+
     def _show(self, stored: StoredScenario) -> None:
         self._stored = stored
+        stand(self._robot, first_place(stored, self._sizes))
         for touch in touches(stored):
             place(self._marks[touch.number], touch)
 

@@ -1,10 +1,13 @@
 """What can be touched: boxes with the rim of their upper face, rails with their ends."""
 
+import itertools
+from collections.abc import Sequence
+
 import numpy as np
 import viser
 
 from stridelab.schemas.scenarios import BoxSurface, RailSurface, Scenario
-from stridelab_web.touches import box_corners_m, box_rotation
+from stridelab_web.touches import box_rotation
 from stridelab_web.viewer import shapes
 from stridelab_web.viewer.parts import Colour, add_mesh
 
@@ -19,20 +22,19 @@ RIM_FROM_M, RIM_M = 0.003, 0.015
 """The rim begins inside the face: sides of boxes in one plane would let it shine through."""
 LIFT_M = 0.0015
 """How far lines lie above the face that they are on, so that they do not flicker."""
-_FACES = np.array(
-    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1], [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4],
-     [1, 5, 7], [1, 7, 3]], dtype=np.uint32,
-)  # fmt: skip
-"""Triangles of ``touches.box_corners_m``."""
+SAME_M = 1e-6
+Span = tuple[np.ndarray, np.ndarray]
+"""The lowest and the highest corner of something whose edges are parallel to the axes."""
 
 
 def add_terrain(scene: viser.SceneApi, scenario: Scenario) -> None:
     """All surfaces of ``scenario`` below ``/terrain``."""
+    boxes = [surface for surface in scenario.terrain if isinstance(surface, BoxSurface)]
     for k, surface in enumerate(scenario.terrain):
         if isinstance(surface, RailSurface):
             _add_rail(scene, f"/terrain/{k}", surface)
         else:
-            _add_box(scene, f"/terrain/{k}", surface)
+            _add_box(scene, f"/terrain/{k}", surface, [box for box in boxes if box is not surface])
 
 
 def is_ground(box: BoxSurface) -> bool:
@@ -40,13 +42,57 @@ def is_ground(box: BoxSurface) -> bool:
     return min(box.size_m[:2]) >= GROUND_FROM_M
 
 
-def _add_box(scene: viser.SceneApi, name: str, box: BoxSurface) -> None:
-    corners, R = box_corners_m(box), box_rotation(box)
+def faces_m(box: BoxSurface, others: Sequence[BoxSurface]) -> np.ndarray:
+    """Corners ``(n, 4, 3)`` in the world, counterclockwise from outside, of all of a box's faces that can be seen.
+
+    What lies inside another box is left out. Stairs are boxes in one another whose sides share a plane: edges of a
+    hidden face would shine through there. Only boxes with parallel edges hide anything here.
+    """
+    R, half = box_rotation(box), np.array(box.size_m) / 2
+    spans = [span for other in others if (span := _span(box, other)) is not None]
+    found = []
+    for k, sign in itertools.product(range(3), (-1.0, 1.0)):
+        rest, level = [(k + 1) % 3, (k + 2) % 3], sign * half[k]
+        holes = [(low[rest], high[rest]) for low, high in spans if low[k] + SAME_M < level < high[k] - SAME_M]
+        for patch in free_m(half[rest], holes):
+            corners = np.full((4, 3), level)
+            corners[:, rest] = patch if sign > 0 else patch[::-1]
+            found.append(np.array(box.center_m) + corners @ R.T)
+    return np.array(found).reshape(-1, 4, 3)
+
+
+def free_m(half_m: np.ndarray, holes: Sequence[Span]) -> np.ndarray:
+    """Corners ``(n, 4, 2)``, counterclockwise, of rectangles that make up all of ``-half_m`` to ``half_m`` but holes.
+
+    They meet at whole edges, so that no gap opens between them.
+    """
+    ends = np.array([-half_m, half_m, *itertools.chain.from_iterable(holes)])
+    x, y = (np.unique(np.round(np.clip(ends[:, k], -half_m[k], half_m[k]), 6)) for k in range(2))
+    found = []
+    for (x0, x1), (y0, y1) in itertools.product(itertools.pairwise(x), itertools.pairwise(y)):
+        middle = np.array([x0 + x1, y0 + y1]) / 2
+        if not any(((low < middle) & (middle < high)).all() for low, high in holes):
+            found.append([[x0, y0], [x1, y0], [x1, y1], [x0, y1]])
+    return np.array(found).reshape(-1, 4, 2)
+
+
+def _span(box: BoxSurface, other: BoxSurface) -> Span | None:
+    """``other`` in the frame of ``box``; None where their edges are not parallel."""
+    R = box_rotation(box)
+    turn = np.abs(R.T @ box_rotation(other))
+    if np.abs(turn - np.round(turn)).max() > SAME_M:
+        return None
+    middle, reach = R.T @ (np.array(other.center_m) - box.center_m), turn @ np.array(other.size_m) / 2
+    return middle - reach, middle + reach
+
+
+def _add_box(scene: viser.SceneApi, name: str, box: BoxSurface, others: Sequence[BoxSurface]) -> None:
+    R, half = box_rotation(box), np.array(box.size_m) / 2
     # Every triangle has corners of its own, so that the faces of a box look flat.
-    vertices = corners[_FACES].reshape(-1, 3).astype(np.float32)
+    vertices = faces_m(box, others)[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.float32)
     faces = np.arange(len(vertices), dtype=np.uint32).reshape(-1, 3)
-    add_mesh(scene, name, (vertices, faces), GROUND if is_ground(box) else BOX)
-    half = np.array(box.size_m) / 2
+    if len(faces):
+        add_mesh(scene, name, (vertices, faces), GROUND if is_ground(box) else BOX)
     if is_ground(box):
         yaw = np.arctan2(R[1, 0], R[0, 0]) / 2
         scene.add_grid(

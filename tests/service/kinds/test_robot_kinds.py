@@ -66,6 +66,16 @@ def test_limits_of_talos(facts: RobotFacts) -> None:
     )
 
 
+def test_links_of_talos_are_where_the_reference_posture_has_them(facts: RobotFacts) -> None:
+    """The soles of the description, 0.107 m below the ankles, lie on the ground on both sides of the origin."""
+    poses = dict(zip(facts.links, facts.link_poses, strict=True))
+    assert poses["base_link"][:3] == pytest.approx(facts.q_reference[:3])
+    feet = np.array([poses["leg_left_6_link"], poses["leg_right_6_link"]])
+    assert feet[:, 3:] == pytest.approx(np.array([[1.0, 0.0, 0.0, 0.0]] * 2), abs=1e-3)
+    assert feet[:, :3].mean(axis=0) == pytest.approx([0.0, 0.0, 0.107], abs=1e-3)
+    assert feet[0, 1] > 0.05
+
+
 def test_proxies_are_those_of_the_reachability_file(facts: RobotFacts) -> None:
     kept = json.loads((models_dir() / "reachability" / "talos.json").read_text(encoding="utf-8"))
     assert [proxy.effector for proxy in facts.proxies] == list(kept["effectors"])

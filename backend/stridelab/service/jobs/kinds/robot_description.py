@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from stridelab.errors import NotFound
 from stridelab.reachability.store import load_card
-from stridelab.robots.display import link_names
+from stridelab.robots.display import link_names, link_poses
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Effector, Robot
 from stridelab.schemas.base import Contract
@@ -55,6 +55,7 @@ def facts(robot: Robot) -> RobotFacts:
         com_height_m=float(com_m[2]),  # the reference posture stands on z = 0
         limits=[joint_limits(robot, i) for i in range(len(robot.joint_names))],
         links=list(link_names(robot)),
+        link_poses=link_poses(robot, robot.q_reference).tolist(),
         proxies=proxy_cards(robot.name),
     )
 
