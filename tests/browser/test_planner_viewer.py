@@ -99,6 +99,47 @@ def test_contacts_and_forces_are_there_while_the_effector_touches(tab: Tab, lab:
     until(page, lambda: not any(there()))
 
 
+DRAWN_OVER = """(names) => names.map((name) => {
+    let material = null;
+    document.querySelector("iframe").contentWindow.__viserMutable.nodeRefFromName[name].traverse((part) => {
+        material ??= part.material ?? null;
+    });
+    return !material.depthTest;
+})"""
+
+
+def test_the_centre_of_mass_is_seen_through_the_body_unless_switched_off(tab: Tab, lab: Lab) -> None:
+    job = lab.fake.add_plan()
+    page = opened(tab, f"/view/?plan={job.id}&t=0.5")
+    inside = ["/com/plan", "/com/plan/light", "/paths/com", "/forces/left_foot_head"]
+    assert page.evaluate(DRAWN_OVER, [*inside, FOOT, "/terrain/0"]) == [True] * 4 + [False] * 2
+    page.get_by_label("See through").uncheck()
+    assert page.evaluate(DRAWN_OVER, inside) == [False] * 4
+    assert "through=0" in page.url
+    page = opened(tab, page.url.removeprefix(lab.url))
+    expect(page.get_by_label("See through")).not_to_be_checked()
+    assert page.evaluate(DRAWN_OVER, inside) == [False] * 4
+    page.get_by_label("See through").check()
+    assert page.evaluate(DRAWN_OVER, inside) == [True] * 4
+    assert "through" not in page.url
+
+
+def test_a_recording_has_nothing_to_see_through(tab: Tab, lab: Lab) -> None:
+    page = opened(tab, f"/view/?recording={lab.fake.add_recording().id}")
+    expect(page.get_by_label("See through")).to_be_hidden()
+
+
+def test_the_robot_at_the_start_does_not_keep_its_footholds(tab: Tab, lab: Lab) -> None:
+    kept = lab.fake.add_scenario()
+    page = opened(tab, f"/view/?scenario={kept.id}")
+    drag(page, "/contacts/1", (0.0, 0.14, 0.0))  # the left foot's link is above it
+    expect(page.locator("[data-said]")).to_have_text("Stored.")
+    stored = positions(lab, kept.id, "left_foot")[0] or ()
+    assert math.dist(stored, (0.0, 0.14, 0.0)) < 0.01
+    middle = (stored[1] - 0.09) / 2
+    until(page, lambda: abs(nodes(page, "/robot")["/robot"]["position"][1] - middle) < 1e-6)
+
+
 def test_the_phase_strip_leads_to_its_instant(tab: Tab, lab: Lab) -> None:
     job = lab.fake.add_plan()
     page = opened(tab, f"/view/?plan={job.id}&t=0")

@@ -53,6 +53,16 @@ def test_band_has_the_semi_axes_of_the_covariance() -> None:
     assert np.abs(ring[:, 0]).max() < 1e-7
 
 
+def test_the_two_halves_of_a_ball_face_outwards_and_are_equal() -> None:
+    dark, light = shapes.octants(0.05)
+    assert np.linalg.norm(np.concatenate([dark[0], light[0]]), axis=1) == pytest.approx(0.05)
+    # each octant is its share of the ball, seen from the middle
+    assert volume_m3(*dark) == pytest.approx(volume_m3(*light))
+    assert volume_m3(*dark) == pytest.approx(2 / 3 * np.pi * 0.05**3, rel=0.03)
+    for (vertices, faces), sign in ((dark, 1), (light, -1)):
+        assert (np.sign(vertices[faces].mean(axis=1)).prod(axis=1) == sign).all()
+
+
 def test_meshes_put_together_keep_their_triangles() -> None:
     meshes = [shapes.cone(0.1, 0.2), shapes.cone(0.2, 0.3)]
     vertices, faces = shapes.together(meshes)

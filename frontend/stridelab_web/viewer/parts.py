@@ -1,6 +1,7 @@
 """What scenes of every kind are made of: light, force arrows, paths, and a camera that has everything in sight."""
 
 import math
+from typing import Literal
 
 import numpy as np
 import viser
@@ -27,18 +28,23 @@ def prepare(scene: viser.SceneApi, ambient: float = 2.2) -> None:
 
 
 def add_mesh(
-    scene: viser.SceneApi, name: str, mesh: shapes.Mesh, colour: Colour, opacity: float | None = None
+    scene: viser.SceneApi,
+    name: str,
+    mesh: shapes.Mesh,
+    colour: Colour,
+    opacity: float | None = None,
+    side: Literal["front", "double"] = "double",
 ) -> viser.MeshHandle:
-    """A mesh of one colour, seen from both sides, without shadows."""
+    """A mesh of one colour without shadows. What is drawn over a body must be seen from the ``front`` alone."""
     return scene.add_mesh_simple(
-        name, *mesh, color=colour, opacity=opacity, side="double", cast_shadow=False, receive_shadow=False
+        name, *mesh, color=colour, opacity=opacity, side=side, cast_shadow=False, receive_shadow=False
     )
 
 
 def add_arrow(scene: viser.SceneApi, arrow: Arrow, colour: Colour) -> None:
     """Shaft and head of a force; the page gives them their length and direction."""
-    add_mesh(scene, arrow.shaft, shapes.cylinder(SHAFT_RADIUS_M), colour)
-    add_mesh(scene, arrow.head, shapes.cone(HEAD_RADIUS_M, HEAD_M), colour)
+    add_mesh(scene, arrow.shaft, shapes.cylinder(SHAFT_RADIUS_M), colour, side="front")
+    add_mesh(scene, arrow.head, shapes.cone(HEAD_RADIUS_M, HEAD_M), colour, side="front")
 
 
 def add_path(scene: viser.SceneApi, name: str, path_m: np.ndarray | None, colour: Colour, radius_m: float) -> None:
@@ -48,7 +54,7 @@ def add_path(scene: viser.SceneApi, name: str, path_m: np.ndarray | None, colour
     whole = _runs(np.isfinite(path_m).all(axis=1))
     pieces = [shapes.tube(path_m[part], radius_m) for part in whole if part.stop - part.start > 1]
     if pieces:
-        add_mesh(scene, name, shapes.together(pieces), colour)
+        add_mesh(scene, name, shapes.together(pieces), colour, side="front")
 
 
 def place_camera(

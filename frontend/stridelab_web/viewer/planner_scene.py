@@ -11,14 +11,17 @@ from stridelab_web.footholds import HalfSizes
 from stridelab_web.frames import Frames
 from stridelab_web.plan_frames import COM
 from stridelab_web.touches import box_corners_m, touches
+from stridelab_web.viewer import shapes
 from stridelab_web.viewer.marks import add_marks
-from stridelab_web.viewer.parts import Colour, add_arrow, add_path, place_camera, prepare
+from stridelab_web.viewer.parts import Colour, add_arrow, add_mesh, add_path, place_camera, prepare
 from stridelab_web.viewer.robot_links import add_robot
 from stridelab_web.viewer.terrain import add_terrain, is_ground
 
 COM_COLOUR: Colour = (20, 30, 40)
 FORCE: Colour = (170, 51, 119)
-COM_RADIUS_M, PATH_RADIUS_M = 0.03, 0.006
+COM_LIGHT: Colour = (255, 255, 255)
+COM_RADIUS_M, PATH_RADIUS_M = 0.05, 0.006
+"""The ball bears the usual sign of a centre of mass; the page draws both over the body (static/js/scene.js)."""
 AMBIENT = 1.1
 RIGHT_FRONT = np.array([0.3, -1.0, 0.42])
 """Where a robot that walks along x is looked at from."""
@@ -45,7 +48,9 @@ def build(
     for arrow in frames.arrows:
         add_arrow(scene, arrow, FORCE)
     add_path(scene, "/paths/com", frames.track("/paths/com"), COM_COLOUR, PATH_RADIUS_M)
-    scene.add_icosphere(COM, COM_RADIUS_M, COM_COLOUR, subdivisions=3, cast_shadow=False, receive_shadow=False)
+    dark, light = shapes.octants(COM_RADIUS_M)
+    add_mesh(scene, COM, dark, COM_COLOUR, side="front")
+    add_mesh(scene, f"{COM}/light", light, COM_LIGHT, side="front")
     place_camera(server, sights_m(scenario), turned(scenario, RIGHT_FRONT))
 
 

@@ -1,11 +1,15 @@
 """Small triangle meshes: unit cylinder, cone, and the band around the path of the centre of mass."""
 
+import itertools
+
 import numpy as np
 import trimesh
 
 SIDES = 10
 BAND_SIDES = 12
 TUBE_SIDES = 6
+OCTANT_STEPS = 6
+"""Patches along each edge of an eighth of a sphere."""
 Mesh = tuple[np.ndarray, np.ndarray]
 """Vertices ``(n, 3)`` and faces ``(m, 3)``."""
 
@@ -84,6 +88,22 @@ def ball(radius_m: float) -> Mesh:
     """A sphere around the origin."""
     solid = trimesh.creation.icosphere(2, radius_m)
     return np.asarray(solid.vertices, dtype=np.float32), np.asarray(solid.faces, dtype=np.uint32)
+
+
+def octants(radius_m: float) -> tuple[Mesh, Mesh]:
+    """A sphere around the origin in two halves, of which each has every other octant."""
+    quarter = np.linspace(0, np.pi / 2, OCTANT_STEPS + 1)
+    halves: tuple[list[Mesh], list[Mesh]] = ([], [])
+    for x, y, z in itertools.product((1, -1), repeat=3):
+        lines = np.array([[np.cos(a) * np.cos(b), np.sin(a) * np.cos(b), np.sin(b)] for b in quarter for a in quarter])
+        k = (np.arange(OCTANT_STEPS)[:, None] * (OCTANT_STEPS + 1) + np.arange(OCTANT_STEPS)).reshape(-1)
+        above = k + OCTANT_STEPS + 1
+        faces = np.concatenate([np.column_stack([k, k + 1, above + 1]), np.column_stack([k, above + 1, above])])
+        # A mirrored octant is inside out.
+        turned = faces if x * y * z > 0 else faces[:, ::-1]
+        vertices = (radius_m * lines * [x, y, z]).astype(np.float32)
+        halves[x * y * z < 0].append((vertices, turned.astype(np.uint32)))
+    return together(halves[0]), together(halves[1])
 
 
 def together(meshes: list[Mesh]) -> Mesh:

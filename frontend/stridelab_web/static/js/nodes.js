@@ -71,6 +71,16 @@ export class Nodes {
     if (pose.poseUpdateState !== "waitForMakeObject") pose.poseUpdateState = "needsUpdate";
   }
 
+  // Draws a node over whatever is in front of it and over nodes with a smaller `turn`; as any other with none.
+  over(name, turn) {
+    this.viser.nodeRefFromName[name]?.traverse((part) => {
+      if (!part.material) return;
+      part.material.depthTest = turn === 0;
+      part.material.transparent = turn > 0; // three.js draws these after the opaque ones, and by their turn
+      part.renderOrder = turn;
+    });
+  }
+
   scale(name, across, along = across) {
     const object = this.viser.nodeRefFromName[name];
     if (!object) return;

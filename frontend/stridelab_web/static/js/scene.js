@@ -1,10 +1,16 @@
 // Shows one instant of our frames: points, bodies, sticks, arrows, and what is there for a while only.
 import { HIDDEN, Nodes } from "./nodes.js";
 
+const COM = ["/com/plan", "/com/plan/light"]; // the two halves of its ball (viewer/planner_scene.py)
+
 export class Scene {
   constructor(frame, layout, values) {
     this.layout = layout;
     this.values = values;
+    // What a robot's body would hide, and whether it is drawn over the body.
+    const within = [...layout.arrows.flatMap(([shaft, head]) => [shaft, head]), ...layout.still.filter((name) => name.startsWith("/paths/")), ...COM];
+    this.inside = layout.bodies.length ? within : [];
+    this.through = true;
     this.row = new Float64Array(layout.width);
     this.nodes = new Nodes(frame, [
       ...layout.points.map(([name]) => name),
@@ -12,6 +18,7 @@ export class Scene {
       ...layout.sticks.map(([name]) => name),
       ...layout.arrows.flatMap(([shaft, head]) => [shaft, head]),
       ...layout.spans.map(([name]) => name),
+      ...this.inside,
     ]);
   }
 
@@ -30,6 +37,7 @@ export class Scene {
     const t_s = this.timeAt(at);
     for (const [name, start_s, end_s] of this.layout.spans) this.nodes.scale(name, start_s <= t_s && t_s <= end_s ? 1 : HIDDEN);
     for (const name of this.layout.still) this.nodes.scale(name, 1);
+    for (const [k, name] of this.inside.entries()) this.nodes.over(name, this.through ? k + 1 : 0);
     this.nodes.draw();
   }
 

@@ -11,6 +11,7 @@ const clock = player.querySelector("[data-time]");
 const speed = player.querySelector("[data-speed]");
 const loop = player.querySelector("[data-loop]");
 const playButton = player.querySelector('[data-do="play"]');
+const through = player.querySelector("[data-through]");
 const base = stage.dataset.scene;
 
 let scene = null, time_s = [], phases_s = [], at = 0, playing = false, last_ms = 0, addressed_ms = 0, addressLater = 0;
@@ -34,6 +35,8 @@ async function start() {
     const there = [...scene.nodes.names, ...layout.still].some((name) => name.startsWith(box.dataset.show));
     box.closest("label").hidden = !there;
   }
+  through.closest("label").hidden = scene.inside.length === 0;
+  through.checked = new URLSearchParams(location.search).get("through") !== "0";
   frame.src = `${base}/?hideViserLogo&fixedDpr=1`;
   frame.hidden = false;
   await scene.nodes.ready();
@@ -159,6 +162,7 @@ for (const strip of player.querySelectorAll("[data-seek]")) {
 }
 
 function applyShown() {
+  scene.through = through.checked;
   scene.hide([...player.querySelectorAll("[data-show]")].filter((box) => !box.checked).map((box) => box.dataset.show));
 }
 for (const box of player.querySelectorAll("[data-show]")) {
@@ -168,6 +172,16 @@ for (const box of player.querySelectorAll("[data-show]")) {
     scene.show(at);
   });
 }
+
+through.addEventListener("change", () => {
+  const url = new URL(location.href);
+  if (through.checked) url.searchParams.delete("through");
+  else url.searchParams.set("through", "0");
+  history.replaceState(null, "", url);
+  if (!scene?.nodes.viser) return;
+  applyShown();
+  scene.show(at);
+});
 
 // In our page arrows step too; inside the scene they belong to viser's camera.
 const KEYS = { " ": deeds.play, ",": () => step(-1), ".": () => step(1) };
