@@ -13,7 +13,7 @@ import pytest
 
 from stridelab.robots import card
 from stridelab.service.api.robots import catalogue
-from stridelab.service.api.robots.shelf import RobotShelf
+from stridelab.service.api.robots.shelf import LINKS_EDITION, RobotShelf
 from stridelab.service.jobs.isolated import IsolatedPool
 from support.answers import refusal
 from support.interface import Served
@@ -116,7 +116,7 @@ def test_meshes_are_drawn_once_and_kept(http: httpx.Client, stubbed: Served, dia
     assert first.headers["content-type"] == "model/gltf-binary"
     assert first.headers["cache-control"] == "private, no-cache"
     assert first.headers["content-length"] == str(len(GLB))
-    key = f"robots/talos/{FACTS['sha256']}/links.glb"
+    key = f"robots/talos/{FACTS['sha256']}/{LINKS_EDITION}/links.glb"
     assert key in stubbed.stored_files()
     etag = first.headers["etag"]
     for asked in (etag, f"W/{etag}", f'"x", {etag}', "*"):
@@ -181,7 +181,7 @@ def test_the_real_talos(service: Served) -> None:
     assert drawn.headers["content-type"] == "model/gltf-binary"
     assert set(nodes_of(drawn.content)) <= set(facts["links"])
     assert "base_link" in nodes_of(drawn.content)
-    assert f"robots/talos/{facts['sha256']}/links.glb" in service.stored_files()
+    assert f"robots/talos/{facts['sha256']}/{LINKS_EDITION}/links.glb" in service.stored_files()
 
 
 def test_an_application_that_stops_ends_its_children(stubbed: Served, diary: Path) -> None:

@@ -23,6 +23,8 @@ log = structlog.get_logger(__name__)
 DESCRIBE: Final = "stridelab.service.jobs.kinds.robot_description:run_in_child"
 LINKS: Final = "stridelab.service.jobs.kinds.robot_links:run_in_child"
 LINKS_FILE: Final = "links.glb"
+LINKS_EDITION: Final = 2
+"""Grows whenever the shapes are made in another way, so that no older file is served."""
 DESCRIBE_TIMEOUT_S: Final = 60.0
 LINKS_TIMEOUT_S: Final = 180.0
 
@@ -55,7 +57,7 @@ class RobotShelf:
 
     async def links(self, name: str) -> BlobInfo:
         """The file with one named mesh per link (GLB), made where it is not there yet; raises as ``facts``."""
-        key = f"robots/{name}/{(await self.facts(name)).sha256}/{LINKS_FILE}"
+        key = f"robots/{name}/{(await self.facts(name)).sha256}/{LINKS_EDITION}/{LINKS_FILE}"
 
         async def make() -> BlobInfo:
             found = await self.blobs.info(key)
