@@ -71,6 +71,26 @@ def test_the_force_is_that_of_the_truth_inside_the_window_and_missing_outside(re
     assert time_s[complete].max() == pytest.approx(summary.window_s[1], abs=0.011)
 
 
+def test_the_third_input_is_the_foot_of_the_perpendicular_on_the_central_axis(result) -> None:  # type: ignore[no-untyped-def]
+    """Against the plates themselves: the axis meets the floor at the centre of pressure of their sum, up to a free
+    """From the geometry straight to the axis; and against the truth, the axis meets the floor where the plates are
+    pressed (nearly: the free moment shifts it by its lever)."""
+    folder, _, _, _ = result
+    read = {name: columns(folder / "com.parquet", *(f"{name}_{a}_{u}" for a in AXES)) for name, u in _INPUTS}
+    complete = pq.read_table(folder / "com.parquet")["complete"].to_numpy()
+    assert (np.isfinite(read["axis"]).all(axis=1) == complete).all()
+    f, p, g = (read[name][complete] for name in ("force", "axis", "geometry"))
+    n = f / np.linalg.norm(f, axis=1, keepdims=True)
+    assert np.abs(np.einsum("ij,ij->i", g - p, n)).max() < 1e-9
+    true = columns(SAMPLE / "truth.parquet", *(f"f{a}_n" for a in AXES), *(f"m{a}_nm" for a in AXES))[complete]
+    on_floor = p + n * (-p[:, 2:] / n[:, 2:])
+    pressure = np.column_stack([-true[:, 4], true[:, 3]]) / true[:, 2:3]
+    assert np.sqrt(np.mean((on_floor[:, :2] - pressure) ** 2)) < 0.01
+
+
+_INPUTS = (("force", "n"), ("axis", "m"), ("geometry", "m"))
+
+
 def test_velocity_and_acceleration_are_derivatives_of_the_position(result) -> None:  # type: ignore[no-untyped-def]
     folder = result[0]
     read = {name: columns(folder / "com.parquet", *(f"{name}{a}_{u}" for a in AXES)) for name, u in _KINDS}
@@ -140,6 +160,7 @@ def test_geometry_alone_needs_no_plates(tmp_path: Path) -> None:
     table = pq.read_table(tmp_path / "com.parquet")
     np.testing.assert_allclose(table["x_m"].to_numpy(), table["geometry_x_m"].to_numpy(), atol=1e-12)
     assert np.isnan(table["force_z_n"].to_numpy()).all()
+    assert np.isnan(table["axis_x_m"].to_numpy()).all()
     assert not table["complete"].to_numpy().any()
 
 

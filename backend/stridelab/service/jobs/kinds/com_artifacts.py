@@ -8,6 +8,8 @@ from jaxtyping import Float
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Mask, Points, Series
+from stridelab.dynamics.central_axis import central_axis
+from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.estimate import ComEstimate
 from stridelab.recordings.recording import WrenchTrack
 from stridelab.recordings.writer import add_points_to_c3d, write_c3d
@@ -43,7 +45,9 @@ def write_com(
 def com_columns(geometric: GeometricCom, wrench: WrenchTrack, estimate: ComEstimate) -> dict[str, Series | Mask]:
     """Columns of ``com`` at the instants of ``geometric``; what holds in the window only is NaN outside it.
 
-    ``complete`` marks the frames at which the whole contact force is measured.
+    The three inputs of section 2.4.1 are among them: (i) ``geometry_x_m`` .., (ii) ``force_x_n`` .., and (iii)
+    ``axis_x_m`` .., the projection (2.12) of (i) onto the central axis, which runs through it along the force; NaN
+    where the force is too small for an axis. ``complete`` marks the frames at which the whole force is measured.
     """
     n = len(geometric.time_s)
     first = int(np.argmin(np.abs(geometric.time_s - estimate.time_s[0])))
@@ -57,7 +61,9 @@ def com_columns(geometric: GeometricCom, wrench: WrenchTrack, estimate: ComEstim
     ):
         columns |= _named(name, suffix, _spread(track, inside, n))
     columns |= _named("geometry_", "m", geometric.com_m)
-    columns |= _named("force_", "n", np.where(wrench.complete[:, None], wrench.force_n, np.nan))
+    force_n = np.where(wrench.complete[:, None], wrench.force_n, np.nan)
+    columns |= _named("force_", "n", force_n)
+    columns |= _named("axis_", "m", central_axis(Wrench(force_n, wrench.moment_nm)).project(geometric.com_m))
     columns["complete"] = wrench.complete
     return columns
 
