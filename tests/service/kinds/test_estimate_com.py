@@ -72,7 +72,6 @@ def test_the_force_is_that_of_the_truth_inside_the_window_and_missing_outside(re
 
 
 def test_the_third_input_is_the_foot_of_the_perpendicular_on_the_central_axis(result) -> None:  # type: ignore[no-untyped-def]
-    """Against the plates themselves: the axis meets the floor at the centre of pressure of their sum, up to a free
     """From the geometry straight to the axis; and against the truth, the axis meets the floor where the plates are
     pressed (nearly: the free moment shifts it by its lever)."""
     folder, _, _, _ = result
