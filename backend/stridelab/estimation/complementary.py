@@ -8,9 +8,9 @@ from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.derivatives import derivatives
 from stridelab.estimation.error_band import ErrorPriors, FusedStretch, complementary_sd_m
 from stridelab.estimation.estimate import ComEstimate
-from stridelab.estimation.filters import complementary_filters
+from stridelab.estimation.filters import ComplementaryFilters, complementary_filters
 from stridelab.estimation.passes import FilterInputs, filter_inputs, forward_backward
-from stridelab.estimation.span import require_mass, window_span
+from stridelab.estimation.span import Span, require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
 
 THESIS_LOW_HZ, THESIS_HIGH_HZ = 0.4, 4.0
@@ -46,6 +46,24 @@ class ComplementaryFilter:
         ``InvalidInput`` as ``window_span`` does, and ``InvalidInput`` with ``mass-out-of-range`` or
         ``cutoffs-out-of-range``.
         """
+        fused = self.signals(geometric, wrench, mass_kg)
+        c = forward_backward(fused.filters, fused.inputs)
+        span, within = fused.span, fused.stretch.within
+        velocity, acceleration = derivatives(c, span.rate_hz)
+        return ComEstimate(
+            method=self.name,
+            time_s=geometric.time_s[span.inside],
+            com_m=c[within],
+            velocity_m_s=velocity[within],
+            acceleration_m_s2=acceleration[within],
+            sd_m=complementary_sd_m(fused.filters, fused.stretch, geometric.sd_m, self.priors),
+            window=span.window,
+            references=("carpentier2017thesis", "carpentier2016spectral"),
+            diagnostics={"low_hz": self.low_hz, "high_hz": self.high_hz, "samples_used": float(len(c))},
+        )
+
+    def signals(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> "FilteredSignals":
+        """What ``estimate`` fuses, before it is fused; raises as it does."""
         require_mass(mass_kg)
         span = window_span(geometric, wrench)
         filters = complementary_filters(self.low_hz, self.high_hz, span.rate_hz)
@@ -58,18 +76,15 @@ class ComplementaryFilter:
         p = g.copy()
         measured = filter_inputs(g[within], total, mass_kg)
         a[within], p[within] = measured.acceleration_m_s2, measured.axis_point_m
-        c = forward_backward(filters, FilterInputs(g, a, p))
         stretch = FusedStretch(total, g_velocity, within, span.rate_hz, mass_kg)
+        return FilteredSignals(filters, FilterInputs(g, a, p), stretch, span)
 
-        velocity, acceleration = derivatives(c, span.rate_hz)
-        return ComEstimate(
-            method=self.name,
-            time_s=geometric.time_s[span.inside],
-            com_m=c[within],
-            velocity_m_s=velocity[within],
-            acceleration_m_s2=acceleration[within],
-            sd_m=complementary_sd_m(filters, stretch, geometric.sd_m, self.priors),
-            window=span.window,
-            references=("carpentier2017thesis", "carpentier2016spectral"),
-            diagnostics={"low_hz": self.low_hz, "high_hz": self.high_hz, "samples_used": float(len(c))},
-        )
+
+@dataclass(frozen=True)
+class FilteredSignals:
+    """Filters and their three inputs over the stretch that is filtered; ``stretch.within`` is the window in it."""
+
+    filters: ComplementaryFilters
+    inputs: FilterInputs
+    stretch: FusedStretch
+    span: Span
