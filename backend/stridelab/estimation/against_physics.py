@@ -104,8 +104,7 @@ def momentum_agreement(
     seen = inside(estimate, geometric.time_s, segments) @ turn.T
     edge = int(np.ceil(0.4 * rate_hz / MOMENTUM_BAND_HZ))
     implied, seen = implied[edge:-edge], seen[edge:-edge]
-    correlation = [np.corrcoef(implied[:, axis], seen[:, axis])[0, 1] for axis in range(3)]
-    return MomentumAgreement(np.array(correlation), np.sqrt(np.mean((implied - seen) ** 2, axis=0)))
+    return MomentumAgreement(_correlation(implied, seen), np.sqrt(np.mean((implied - seen) ** 2, axis=0)))
 
 
 def segment_momentum_rate(geometric: GeometricCom, mass_kg: float) -> Points | None:
@@ -133,6 +132,13 @@ def segment_momentum_rate(geometric: GeometricCom, mass_kg: float) -> Points | N
     whole = np.full_like(geometric.com_m, np.nan)
     whole[i:j] = derivatives(momentum, rate_hz, MOMENTUM_BAND_HZ)[0]
     return whole
+
+
+def _correlation(x: Points, y: Points) -> PerAxis:
+    """Per axis; NaN where one of the two does not vary."""
+    x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+    norm = np.sqrt((x**2).sum(axis=0) * (y**2).sum(axis=0))
+    return np.asarray(np.where(norm > 0.0, (x * y).sum(axis=0) / np.where(norm > 0.0, norm, 1.0), np.nan))
 
 
 def _curvature(track: Points, rate_hz: float) -> PerAxis:

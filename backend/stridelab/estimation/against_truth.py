@@ -16,6 +16,8 @@ from stridelab.estimation.estimate import ComEstimate
 from stridelab.estimation.walk_frame import walk_frame
 
 PerAxis = Float[np.ndarray, "3"]
+WindowPoints = Float[np.ndarray, "window 3"]
+"""A track at an estimate's own samples."""
 BAND_95 = 1.96
 _SWAY_M_S = 0.01
 """Less varying velocity than this shows no lag."""
@@ -41,7 +43,7 @@ class TruthError:
     lag_s: PerAxis
 
 
-def error_m(estimate: ComEstimate, time_s: Series, truth_com_m: Points) -> Points:
+def error_m(estimate: ComEstimate, time_s: Series, truth_com_m: Points) -> WindowPoints:
     """Estimate minus truth at the estimate's samples; the truth is given at the instants ``time_s``."""
     return np.asarray(estimate.com_m - inside(estimate, time_s, truth_com_m))
 
@@ -89,7 +91,7 @@ def lag_s(estimated: Series, true: Series, rate_hz: float) -> float:
     return tau
 
 
-def inside(estimate: ComEstimate, time_s: Series, track: Points) -> Points:
+def inside(estimate: ComEstimate, time_s: Series, track: Points) -> WindowPoints:
     """Part of a track that lies at the estimate's samples."""
     first = int(np.argmin(np.abs(time_s - estimate.time_s[0])))
     return track[first : first + len(estimate.time_s)]
