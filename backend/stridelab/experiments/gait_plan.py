@@ -67,7 +67,8 @@ class Stance:
 class GaitPlan:
     """Stances in the order of their strikes, the two standing feet first.
 
-    ``record_from_s`` is the instant of the plan at which the recording starts, ``steady_s`` the interval of full steps.
+    ``record_from_s`` is the instant of the plan at which the recording starts, ``steady_s`` the interval of full steps,
+    ``sole_middle_m`` how far ahead of the ankle the middle of a footprint lies.
     """
 
     stances: tuple[Stance, ...]
@@ -78,6 +79,7 @@ class GaitPlan:
     duration_s: float
     end_s: float
     steady_s: tuple[float, float]
+    sole_middle_m: float = 0.06
 
     @property
     def walks(self) -> bool:
