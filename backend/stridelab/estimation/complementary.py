@@ -4,11 +4,13 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from stridelab.body.geometric_com import GeometricCom
+from stridelab.conventions import Vector3
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.derivatives import derivatives
-from stridelab.estimation.error_band import ErrorPriors, FusedStretch, complementary_sd_m
+from stridelab.estimation.error_band import ErrorPriors, FusedStretch, SdPerAxis, complementary_sd_m
 from stridelab.estimation.estimate import ComEstimate
 from stridelab.estimation.filters import ComplementaryFilters, complementary_filters
+from stridelab.estimation.online_complementary import OnlineComplementaryFilter
 from stridelab.estimation.passes import FilterInputs, filter_inputs, forward_backward
 from stridelab.estimation.span import Span, require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
@@ -38,6 +40,23 @@ class ComplementaryFilter:
     def thesis(cls) -> "ComplementaryFilter":
         """The filter exactly as in the thesis: 0.4 and 4 Hz, on the window alone."""
         return cls(low_hz=THESIS_LOW_HZ, high_hz=THESIS_HIGH_HZ, beyond_window="cut")
+
+    def causal(
+        self, mass_kg: float, table_sd_m: SdPerAxis, velocity_m_s: Vector3 | None = None
+    ) -> OnlineComplementaryFilter:
+        """The same filter sample by sample: one forward pass over what has come so far.
+
+        ``table_sd_m`` is the error of the segment model per axis, as ``GeometricCom.sd_m``; ``velocity_m_s`` that of
+        the first sample, where it is known.
+        """
+        return OnlineComplementaryFilter(
+            low_hz=self.low_hz,
+            high_hz=self.high_hz,
+            mass_kg=mass_kg,
+            table_sd_m=table_sd_m,
+            priors=self.priors,
+            velocity_m_s=velocity_m_s,
+        )
 
     def estimate(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> ComEstimate:
         """Fuse the three inputs over the longest window; the result lies at the window's samples.
