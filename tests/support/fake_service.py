@@ -82,18 +82,26 @@ def tracks_parquet() -> bytes:
     return _parquet(columns)
 
 
+SD_M = (0.004, 0.006, 0.012)
+"""Standard deviations of the estimate along x, y and z."""
+
+
 def com_parquet() -> bytes:
-    """Result of an estimate: fused is the truth, geometry is off by 1 cm."""
+    """Result of an estimate: fused is the truth, geometry is off by 1 cm along every axis; the central axis runs
+    through the truth, so its point nearest to the geometry is that offset's share along the force away."""
     t = np.arange(int(RATE_HZ * WINDOW_S[0]), int(RATE_HZ * WINDOW_S[1])) / RATE_HZ
     com = com_m(t)
     v = np.gradient(com, t, axis=0)
     a = np.gradient(v, t, axis=0)
+    force = 60 * (a - np.array([0.0, 0.0, -9.81]))
+    along = force / np.linalg.norm(force, axis=1, keepdims=True)
+    on_axis = com + 0.01 * along.sum(axis=1, keepdims=True) * along
     columns: dict[str, Any] = {"time_s": t}
     for k, axis in enumerate("xyz"):
         columns |= {
             f"{axis}_m": com[:, k], f"v{axis}_m_s": v[:, k], f"a{axis}_m_s2": a[:, k],
-            f"sd_{axis}_m": np.full_like(t, 0.004), f"geometry_{axis}_m": com[:, k] + 0.01,
-            f"force_{axis}_n": 60 * (a[:, k] + (9.81 if axis == "z" else 0.0)),
+            f"sd_{axis}_m": np.full_like(t, SD_M[k]), f"geometry_{axis}_m": com[:, k] + 0.01,
+            f"force_{axis}_n": force[:, k], f"axis_{axis}_m": on_axis[:, k],
         }  # fmt: skip
     return _parquet(columns)
 
@@ -102,7 +110,7 @@ SUMMARY = {
     "window_s": list(WINDOW_S), "rate_hz": 100.0, "method": "complementary", "segment_table": "dumas2007-female",
     "mass_kg": 60.25, "latency_s": 0.0113, "latency_sd_s": 0.0012, "latency_applied_s": 0.0,
     "rms_force_residual_n": [3.21, 2.5, 7.75], "bias_m": [0.0012, -0.0034, 0.0056],
-    "observability": {"rank": 5, "observable": True},
+    "observability": {"rank": 5, "observable": True, "sentence": "The height is known from the markers alone."},
     "warnings": [{"code": "arms-missing", "message": "Arms have no markers; they are taken to hang."}],
 }  # fmt: skip
 

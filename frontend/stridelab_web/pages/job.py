@@ -9,13 +9,11 @@ from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.recordings import Recording
 from stridelab_web.assets import plotly_style_ids
-from stridelab_web.pages.facts import facts_of
+from stridelab_web.com_plots import COM_TABLE, com_curves
+from stridelab_web.pages.facts import facts_of, sentences_of
 from stridelab_web.pages.render import page
-from stridelab_web.plots import curves
 from stridelab_web.service import client_of
 from stridelab_web.tables import read_columns
-
-COM_TABLE = "com.parquet"
 
 
 async def job(request: Request) -> Response:
@@ -35,6 +33,7 @@ async def job(request: Request) -> Response:
         took_s=took_s(found),
         result=result,
         facts=facts_of(result) if result else [],
+        sentences=sentences_of(result) if result else [],
         recording=recording,
         plots=plots,
         plots_url=f"/jobs/{found.id}/plots.json",
@@ -50,7 +49,7 @@ async def plots(request: Request) -> Response:
     if all(item.name != COM_TABLE for item in result.artifacts):
         raise HTTPException(404, "This job has no curves.")
     content = await client.read_artifact(request.path_params["id"], COM_TABLE)
-    drawn = await run_in_threadpool(lambda: curves(read_columns(content), result.summary["window_s"]))
+    drawn = await run_in_threadpool(lambda: com_curves(read_columns(content), result.summary))
     return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})
 
 

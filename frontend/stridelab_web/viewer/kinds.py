@@ -11,6 +11,7 @@ import trimesh
 import viser
 
 from stridelab.client import Client
+from stridelab_web.com_plots import COM_TABLE
 from stridelab_web.documents import Document, DocumentKind
 from stridelab_web.footholds import HalfSizes, half_sizes
 from stridelab_web.frames import Frames
@@ -20,8 +21,6 @@ from stridelab_web.tables import read_columns
 from stridelab_web.viewer import gait_scene, planner_scene
 from stridelab_web.viewer.robot_links import read_links
 from stridelab_web.viewer.scenario_scene import ScenarioScene
-
-COM_TABLE = "com.parquet"
 
 
 class Live(Protocol):
