@@ -180,7 +180,7 @@ def test_a_table_can_be_chosen(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("asked", "kind", "code"),
     [
-        ({"method": "kalman"}, NotEstimable, "method-unavailable"),
+        ({"method": "kalman", "cutoffs": (0.2, 1.0)}, InvalidInput, "cutoffs-not-used"),
         ({"method": "smoother"}, NotEstimable, "method-unavailable"),
         ({"window_s": (0.0, 1.0)}, InvalidInput, "window-not-measured"),
         ({"subject": SubjectFields(mass_kg=300.0)}, InvalidInput, "mass-contradicts-force"),

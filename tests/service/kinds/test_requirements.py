@@ -45,7 +45,7 @@ def test_methods_that_exist_pass(method: str) -> None:
     assert require_method(method) == method
 
 
-@pytest.mark.parametrize("method", ["kalman", "rts", "smoother"])
+@pytest.mark.parametrize("method", ["smoother"])
 def test_a_method_of_the_contract_that_is_not_there_names_what_is(method: str) -> None:
     with pytest.raises(NotEstimable) as refusal:
         require_method(method)

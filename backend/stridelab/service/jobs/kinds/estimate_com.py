@@ -13,11 +13,14 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.errors import Fault, InvalidInput
 from stridelab.estimation.agreement import bias_m, force_residual_n
 from stridelab.estimation.complementary import ComplementaryFilter
 from stridelab.estimation.estimate import ComEstimator
 from stridelab.estimation.geometry import GeometryOnly
+from stridelab.estimation.kalman import KalmanFilter
 from stridelab.estimation.observability import observability
+from stridelab.estimation.rts import RtsSmoother
 from stridelab.schemas import base
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary
 from stridelab.service.jobs.kinds.com_artifacts import write_com
@@ -76,12 +79,24 @@ def run(task: EstimateComTask, folder: Path, progress: ProgressCallback) -> Outc
 
 
 def estimator(method: str, request: EstimateComInput) -> ComEstimator:
-    """The estimator with the parameters asked for."""
+    """The estimator with the parameters asked for.
+
+    Raises ``InvalidInput`` (``cutoffs-not-used``) for cut-offs of a method that has none.
+    """
+    thesis = request.cutoffs == "thesis"
+    if isinstance(request.cutoffs, tuple):
+        if method != ComplementaryFilter.name:
+            raise InvalidInput(
+                "cutoffs-not-used",
+                f"The {method} estimator has no cut-off frequencies; only the complementary filter has.",
+                [Fault("cutoffs", "not used by this method")],
+            )
+        low_hz, high_hz = request.cutoffs
+        return ComplementaryFilter(low_hz=low_hz, high_hz=high_hz)
     if method == GeometryOnly.name:
         return GeometryOnly()
-    if request.cutoffs == "auto":
-        return ComplementaryFilter()
-    if request.cutoffs == "thesis":
-        return ComplementaryFilter.thesis()
-    low_hz, high_hz = request.cutoffs
-    return ComplementaryFilter(low_hz=low_hz, high_hz=high_hz)
+    if method == KalmanFilter.name:
+        return KalmanFilter() if thesis else KalmanFilter.tuned()
+    if method == RtsSmoother.name:
+        return RtsSmoother() if thesis else RtsSmoother.tuned()
+    return ComplementaryFilter.thesis() if thesis else ComplementaryFilter()

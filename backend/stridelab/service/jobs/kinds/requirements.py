@@ -10,7 +10,7 @@ from stridelab.recordings.marker_sets import MarkerSetMatch
 from stridelab.recordings.recording import Remark, Window
 from stridelab.service.jobs.kinds.trial import Trial
 
-METHODS: Final = ("complementary", "geometry")
+METHODS: Final = ("complementary", "geometry", "kalman", "rts")
 """Estimators of this version."""
 
 MASS_NOTED: Final = 0.05
