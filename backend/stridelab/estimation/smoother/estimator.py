@@ -9,14 +9,13 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Points
 from stridelab.estimation.derivatives import derivatives
 from stridelab.estimation.estimate import ComEstimate
-from stridelab.estimation.smoother.model import Circumstances, state_space
+from stridelab.estimation.smoother.model import state_space
 from stridelab.estimation.smoother.priors import SmootherPriors
 from stridelab.estimation.smoother.recursions import filtered, gains, smoothed
-from stridelab.estimation.smoother.signals import Walk, in_walking_frame, signals, step_frequency_hz
+from stridelab.estimation.smoother.signals import Walk, in_walking_frame, signals
+from stridelab.estimation.smoother.sizes import sizes_of
 from stridelab.estimation.span import require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
-
-USUAL_STEP_HZ = 1.8
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +41,7 @@ class Smoother:
         seen = np.isfinite(wrench.force_n[used]).all(axis=1) & wrench.complete[used]
         walk = in_walking_frame(geometric.com_m[used], wrench.force_n[used], wrench.moment_nm[used], seen, span.rate_hz)
         data = signals(walk, mass_kg, np.zeros_like(walk.force_n))
-        space = state_space(self.priors, circumstances(walk, self.priors, mass_kg, geometric.sd_m))
+        space = state_space(sizes_of(self.priors, walk, mass_kg, geometric.sd_m), span.rate_hz)
         found = gains(space, data.seen, data.phi)
         forward = filtered(space, data, found)
         mean, variance = smoothed(found, forward, 2)
@@ -59,17 +58,6 @@ class Smoother:
             window=span.window,
             references=("carpentier2017thesis",),
         )
-
-
-def circumstances(
-    walk: Walk, priors: SmootherPriors, mass_kg: float, table_sd_m: tuple[float, float, float]
-) -> Circumstances:
-    """What this recording tells the model; the table's error is turned into the walking frame."""
-    step_hz = priors.step_hz or step_frequency_hz(walk) or USUAL_STEP_HZ
-    sway = np.sqrt(np.mean(walk.force_n[walk.seen] ** 2, axis=0))
-    table = np.sqrt((walk.frame**2) @ np.square(table_sd_m))
-    height = float(np.mean(walk.geometry_m[:, 2]))
-    return Circumstances(walk.rate_hz, mass_kg, height, step_hz, walk.speed_m_s, sway, table)
 
 
 def _world_sd(variance: Points, walk: Walk) -> Points:

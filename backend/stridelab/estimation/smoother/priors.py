@@ -25,7 +25,8 @@ class SmootherPriors:
     ``table_varying_m`` is the part of the table's error that changes with the posture, with correlation time
     ``table_varying_s``. ``momentum_m_s`` is the angular momentum about the walking axis and the lateral axis divided by
     the weight, L / (m g); None takes that of an adult of this height. It swings like a resonator of damping ratio
-    ``damping`` at half the step frequency and at ``step_hz`` (None: found in the vertical motion).
+    ``damping`` at half the step frequency and at ``step_hz`` (None: found in the vertical motion), with overtones whose
+    L is ``overtone_share`` of it.
     ``acceleration_beyond_m_s2`` with correlation time ``acceleration_beyond_s`` is the motion where no force is seen.
     """
 
@@ -41,7 +42,8 @@ class SmootherPriors:
     table_varying_m: float = 0.002
     table_varying_s: float = 0.3
     momentum_m_s: tuple[float, float] | None = None
-    damping: float = 0.3
+    overtone_share: float = 0.25
+    damping: float = 0.15
     step_hz: float | None = None
     acceleration_beyond_m_s2: float = 2.5
     acceleration_beyond_s: float = 0.15

@@ -1,4 +1,4 @@
-"""Kalman filter and fixed-interval smoother for the three axes at once, with unknown constants as regression.
+"""Kalman filter and fixed-interval smoother for the axes (or any batch of models) at once, with unknown constants as regression.
 
 The states are carried in four columns: the data, and what one unit of each unknown constant would do to the filter (de
 Jong 1991, the augmented Kalman filter). Every innovation is then linear in the constants, e(beta) = e0 - E beta, and
@@ -35,7 +35,7 @@ COLUMNS = 1 + CONSTANTS
 SETTLED = 1e-9
 """Relative change of the predicted covariance below which the gains are taken as final."""
 
-Table = Float[np.ndarray, "g 3 8 8"]
+Table = Float[np.ndarray, "g a 10 10"]
 
 
 @dataclass(frozen=True)
@@ -63,11 +63,11 @@ class Gains:
     use: Int[np.ndarray, "n"]
     predicted: Table
     loop: Table
-    gain: Float[np.ndarray, "g 3 8 2"]
-    observe: Float[np.ndarray, "g 3 2 8"]
-    information: Float[np.ndarray, "g 3 2 2"]
-    log_det: Float[np.ndarray, "g"]
-    final: Float[np.ndarray, "3 8 8"]
+    gain: Float[np.ndarray, "g a 10 2"]
+    observe: Float[np.ndarray, "g a 2 10"]
+    information: Float[np.ndarray, "g a 2 2"]
+    log_det: Float[np.ndarray, "g a"]
+    final: Float[np.ndarray, "a 10 10"]
 
 
 @dataclass(frozen=True)
@@ -77,12 +77,12 @@ class Filtered:
     ``constants`` is beta per axis, ``constants_cov`` its posterior covariance.
     """
 
-    states: Float[np.ndarray, "n 3 8 4"]
-    innovations: Float[np.ndarray, "n 3 2 4"]
-    constants: Float[np.ndarray, "3 3"]
-    constants_cov: Float[np.ndarray, "3 3 3"]
-    without_prior: Float[np.ndarray, "3 3 3"]
-    score: Float[np.ndarray, "3 3"]
+    states: Float[np.ndarray, "n a 10 4"]
+    innovations: Float[np.ndarray, "n a 2 4"]
+    constants: Float[np.ndarray, "a 3"]
+    constants_cov: Float[np.ndarray, "a 3 3"]
+    without_prior: Float[np.ndarray, "a 3 3"]
+    score: Float[np.ndarray, "a 3"]
 
 
 def regimes_of(seen: Mask) -> Int[np.ndarray, "n"]:
@@ -103,7 +103,7 @@ def gains(space: StateSpace, seen: Mask, phi: Series) -> Gains:
         kind = (int(regime[k]), float(phi[k]))
         if kind != known:
             known, settled = kind, False
-            now, h = space.regimes[kind[0]], observation(kind[1])
+            now, h = space.regimes[kind[0]], observation(kind[1], space.turned)
             base = now.transition - now.feed @ h
             ht = np.swapaxes(h, 1, 2)
             base_t = np.swapaxes(base, 1, 2)
@@ -131,26 +131,28 @@ def gains(space: StateSpace, seen: Mask, phi: Series) -> Gains:
         gain=np.array(kept),
         observe=np.array(observed),
         information=information,
-        log_det=-np.log(np.linalg.det(information)).sum(axis=1),
+        log_det=-np.log(np.linalg.det(information)),
         final=p,
     )
 
 
 def filtered(space: StateSpace, signals: Signals, found: Gains) -> Filtered:
-    """Forward pass over all samples."""
-    n = len(signals)
-    inputs = np.zeros((n, 3, STATES, COLUMNS))
+    """Forward pass over all samples; models beyond the third are further candidates for the same three axes."""
+    n, models = len(signals), len(space.turned)
+    axis = np.arange(models) % 3
+    inputs = np.zeros((n, models, STATES, COLUMNS))
     going_on = regimes_of(signals.seen) == 0
-    inputs[going_on, :, :, 0] = signals.acceleration_m_s2[going_on, :, None] * space.drive
+    inputs[going_on, :, :, 0] = signals.acceleration_m_s2[going_on][:, axis, None] * space.drive
     inputs[going_on, :, :, 1 + ACCELERATION] = -space.drive
-    measured = np.zeros((n, 3, MEASURED, COLUMNS))
-    measured[:, :, 0, 0], measured[:, :2, 1, 0] = signals.geometry_m, signals.moment_m[:, :2]
+    measured = np.zeros((n, models, MEASURED, COLUMNS))
+    measured[:, :, 0, 0], measured[:, :, 1, 0] = signals.geometry_m[:, axis], signals.moment_m[:, axis]
     measured[:, :, 0, 1 + TABLE] = -1.0
+    told = signals.seen[:, None] & space.turned
     for constant in (ACCELERATION, MOMENT):
-        measured[signals.seen, :2, 1, 1 + constant] = -space.moment_per_constant[constant]
+        measured[told, 1, 1 + constant] = -space.moment_per_constant[constant]
 
-    x = np.zeros((3, STATES, COLUMNS))
-    x[:, C, 0], x[:, V, 0] = signals.geometry_m[0], signals.velocity_m_s
+    x = np.zeros((models, STATES, COLUMNS))
+    x[:, C, 0], x[:, V, 0] = signals.geometry_m[0, axis], signals.velocity_m_s[axis]
     inputs += found.gain[found.use] @ measured
     states = np.empty_like(inputs)
     for k, (i, u) in enumerate(zip(found.use.tolist(), inputs, strict=True)):
@@ -166,7 +168,7 @@ def filtered(space: StateSpace, signals: Signals, found: Gains) -> Filtered:
 
 def smoothed(
     found: Gains, forward: Filtered, rows: int
-) -> tuple[Float[np.ndarray, "n 3 r"], Float[np.ndarray, "n 3 r"]]:
+) -> tuple[Float[np.ndarray, "n a r"], Float[np.ndarray, "n a r"]]:
     """Mean and variance of the first ``rows`` states at every sample, given all samples."""
     use = found.use
     observe_t = np.swapaxes(found.observe, 2, 3)
@@ -200,31 +202,30 @@ def smoothed(
     return mean, np.maximum(variance, 0.0)
 
 
-def log_likelihood(space: StateSpace, found: Gains, forward: Filtered) -> float:
-    """Log of the probability of the data, constants integrated out, up to a constant of the data's size."""
+def log_likelihood(space: StateSpace, found: Gains, forward: Filtered) -> Float[np.ndarray, "a"]:
+    """Log of the probability of the data per model, constants integrated out, up to a term of the data's size alone."""
     e0 = forward.innovations[..., 0]
-    quadratic = float(np.einsum("kam,kamn,kan->", e0, found.information[found.use], e0))
-    explained = float(np.einsum("ac,ac->", forward.score, forward.constants))
+    quadratic = np.einsum("kam,kamn,kan->a", e0, found.information[found.use], e0)
+    explained = np.einsum("ac,ac->a", forward.score, forward.constants)
     shrunk = np.eye(CONSTANTS) + _scaled(space.constant_sd, forward.without_prior)
-    return -0.5 * (
-        quadratic - explained + float(found.log_det[found.use].sum()) + float(np.linalg.slogdet(shrunk)[1].sum())
-    )
+    dets = found.log_det[found.use].sum(axis=0)
+    return np.asarray(-0.5 * (quadratic - explained + dets + np.linalg.slogdet(shrunk)[1]))
 
 
 def _regression(
-    sd: Float[np.ndarray, "3 3"], information: Float[np.ndarray, "3 3 3"], score: Float[np.ndarray, "3 3"]
-) -> tuple[Float[np.ndarray, "3 3 3"], Float[np.ndarray, "3 3"]]:
+    sd: Float[np.ndarray, "a 3"], information: Float[np.ndarray, "a 3 3"], score: Float[np.ndarray, "a 3"]
+) -> tuple[Float[np.ndarray, "a 3 3"], Float[np.ndarray, "a 3"]]:
     """Posterior covariance and mean of the constants; a prior of zero switches a constant off."""
     core = np.linalg.inv(np.eye(CONSTANTS) + _scaled(sd, information))
     cov = sd[:, :, None] * core * sd[:, None, :]
     return cov, np.einsum("acd,ad->ac", cov, score)
 
 
-def _scaled(sd: Float[np.ndarray, "3 3"], information: Float[np.ndarray, "3 3 3"]) -> Float[np.ndarray, "3 3 3"]:
+def _scaled(sd: Float[np.ndarray, "a 3"], information: Float[np.ndarray, "a 3 3"]) -> Float[np.ndarray, "a 3 3"]:
     return np.asarray(sd[:, :, None] * information * sd[:, None, :])
 
 
-def _inverse(s: Float[np.ndarray, "3 2 2"], noise_m2: Float[np.ndarray, "3 2"]) -> Float[np.ndarray, "3 2 2"]:
+def _inverse(s: Float[np.ndarray, "a 2 2"], noise_m2: Float[np.ndarray, "a 2"]) -> Float[np.ndarray, "a 2 2"]:
     """Inverse of S + diag(noise), written out: small batches cost mostly calls."""
     a, d, b = s[:, 0, 0] + noise_m2[:, 0], s[:, 1, 1] + noise_m2[:, 1], s[:, 0, 1]
     out = np.empty_like(s)
