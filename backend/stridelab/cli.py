@@ -44,6 +44,19 @@ Lab = Literal["walkway", "two_plates"]
 Method = Literal["complementary", "geometry", "kalman", "rts", "smoother"]
 SegmentTable = Literal["auto", "dumas2007", "deleva1996", "carried"]
 
+Trial = Annotated[Path, typer.Argument(help="A .c3d file, or a .zip of a .trc and a .mot or .sto file.")]
+Height = Annotated[float | None, typer.Option("--height", help="Stature in metres.")]
+Mass = Annotated[float | None, typer.Option("--mass", help="Body mass in kilograms.")]
+PersonSex = Annotated[Sex | None, typer.Option("--sex", help="Which columns of the segment table.")]
+Age = Annotated[float | None, typer.Option("--age", help="Age in years.")]
+Latency = Annotated[str, typer.Option("--latency", help="report, apply, or seconds to apply.")]
+Segments = Annotated[SegmentTable, typer.Option("--segment-table", help="Table of segment masses.")]
+Cutoffs = Annotated[str, typer.Option("--cutoffs", help="auto, thesis, or LOW,HIGH in Hz.")]
+Measured = Annotated[str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")]
+Static = Annotated[Path | None, typer.Option("--static", help="Static trial of the same person.")]
+Markers = Annotated[list[str] | None, typer.Option("--marker", help="LANDMARK=LABEL; may be repeated.")]
+WithoutPlates = Annotated[list[int] | None, typer.Option("--without-plate", help="Plate index to leave out.")]
+
 OutFolder = Annotated[Path | None, typer.Option("--out", help="Folder for the result; must not exist yet.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of a table.")]
@@ -84,25 +97,21 @@ def migrate() -> None:
 
 @app.command()
 def estimate(
-    file: Annotated[Path, typer.Argument(help="A .c3d file, or a .zip of a .trc and a .mot or .sto file.")],
-    height_m: Annotated[float | None, typer.Option("--height", help="Stature in metres.")] = None,
-    mass_kg: Annotated[float | None, typer.Option("--mass", help="Body mass in kilograms.")] = None,
-    sex: Annotated[Sex | None, typer.Option("--sex", help="Which columns of the segment table.")] = None,
-    age_years: Annotated[float | None, typer.Option("--age", help="Age in years.")] = None,
+    file: Trial,
+    height_m: Height = None,
+    mass_kg: Mass = None,
+    sex: PersonSex = None,
+    age_years: Age = None,
     method: Annotated[
         Method | None, typer.Option("--method", help="Estimator; the best that exists if omitted.")
     ] = None,
-    latency: Annotated[str, typer.Option("--latency", help="report, apply, or seconds to apply.")] = "report",
-    segment_table: Annotated[SegmentTable, typer.Option("--segment-table", help="Table of segment masses.")] = "auto",
-    cutoffs: Annotated[str, typer.Option("--cutoffs", help="auto, thesis, or LOW,HIGH in Hz.")] = "auto",
-    window: Annotated[
-        str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")
-    ] = None,
-    static: Annotated[Path | None, typer.Option("--static", help="Static trial of the same person.")] = None,
-    marker: Annotated[list[str] | None, typer.Option("--marker", help="LANDMARK=LABEL; may be repeated.")] = None,
-    without_plate: Annotated[
-        list[int] | None, typer.Option("--without-plate", help="Plate index to leave out.")
-    ] = None,
+    latency: Latency = "report",
+    segment_table: Segments = "auto",
+    cutoffs: Cutoffs = "auto",
+    window: Measured = None,
+    static: Static = None,
+    marker: Markers = None,
+    without_plate: WithoutPlates = None,
     out_dir: OutFolder = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -129,6 +138,50 @@ def estimate(
         without_plates=tuple(without_plate or ()),
     )
     run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+
+
+@app.command()
+def compare(
+    file: Trial,
+    height_m: Height = None,
+    mass_kg: Mass = None,
+    sex: PersonSex = None,
+    age_years: Age = None,
+    method: Annotated[Method | None, typer.Option("--method", help="Only this one, beside the geometry.")] = None,
+    latency: Latency = "report",
+    segment_table: Segments = "auto",
+    cutoffs: Cutoffs = "auto",
+    window: Measured = None,
+    static: Static = None,
+    marker: Markers = None,
+    without_plate: WithoutPlates = None,
+    truth: Annotated[Path | None, typer.Option("--truth", help="truth.parquet of a simulated recording.")] = None,
+    out_dir: OutFolder = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    server: Server = None,
+    token: Token = None,
+) -> None:
+    """Compare all estimators on one recording; needs no server."""
+    from stridelab.cli_compare import compare as run
+    from stridelab.cli_estimate import EstimateRequest
+
+    request = EstimateRequest(
+        file=file,
+        height_m=height_m,
+        mass_kg=mass_kg,
+        sex=sex,
+        age_years=age_years,
+        method=method,
+        latency=latency,
+        segment_table=segment_table,
+        cutoffs=cutoffs,
+        window=window,
+        static=static,
+        markers=tuple(marker or ()),
+        without_plates=tuple(without_plate or ()),
+    )
+    run(request, truth=truth, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
 
 
 @app.command()

@@ -22,7 +22,7 @@ from stridelab.errors import (
     UnreadableFile,
 )
 from stridelab.schemas.base import Contract, Problem
-from stridelab.schemas.jobs import Job, JobResult
+from stridelab.schemas.jobs import EstimateComInput, Job, JobResult
 from stridelab.schemas.recordings import RecordingPatch
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Outcome
 
@@ -79,13 +79,20 @@ def run_remotely(
     return write_result(folder, result.kind, job_input, outcome, versions=result.versions)
 
 
-def estimate_remotely(request: EstimateRequest, folder: Path, server: str, token: str | None) -> JobResult:
-    """Upload the recording, run ``estimate-com`` on ``server``, and download its files into ``folder``."""
-    request.input("checked before anything is sent")
+def estimate_remotely(
+    request: EstimateRequest,
+    folder: Path,
+    server: str,
+    token: str | None,
+    kind: str = "estimate-com",
+    model: type[EstimateComInput] = EstimateComInput,
+) -> JobResult:
+    """Upload the recording, run ``kind`` on it on ``server``, and download its files into ``folder``."""
+    request.input("checked before anything is sent", model)
     return run_remotely(
-        "estimate-com",
+        kind,
         request.file.name,
-        lambda client, bar: request.input(_upload(client, request, bar)),
+        lambda client, bar: request.input(_upload(client, request, bar), model),
         folder,
         server,
         token,
