@@ -10,7 +10,7 @@ are those of the simulated person.
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Final, Literal
 
@@ -18,8 +18,9 @@ import numpy as np
 from numpy.random import Generator
 
 from stridelab.conventions import Series
+from stridelab.errors import Fault, InvalidInput
 from stridelab.experiments.body_proportions import SIDES, sign
-from stridelab.experiments.gait_plan import GaitPlan, Stance
+from stridelab.experiments.gait_plan import SLOWEST_M_S, GaitPlan, Stance, standing
 from stridelab.experiments.load_plan import LoadPlan, minimum_jerk, sway
 from stridelab.recordings.recording import Side
 
@@ -27,6 +28,10 @@ SHIFT_S: Final = 0.4
 """The load begins to move onto the first foot this long before the first step, and settles as long after the last."""
 LEAD_S: Final = 1.0
 """The motion is simulated this long before and after the recording; sway begins and ends there, from exact rest."""
+FASTEST_M_S: Final = 0.9
+_WALK_RATIO_MS: Final = 0.21
+"""Step length over step rate: 0.20 m s at the robot's cadence, 0.22 m s at the person's."""
+_LEAST_REST_S: Final = 0.5
 _LENGTH_SD: Final = 0.02
 _TIME_SD: Final = 0.02
 _WIDTH_SD_M: Final = 0.004
@@ -56,7 +61,8 @@ class RobotGait:
     @property
     def duration_s(self) -> float:
         """Rest, steps, the closing step and rest."""
-        return 2 * self.rest_s + (self.n_steps + 1) * self.step_time_s
+        steps = self.n_steps + 1 if self.n_steps > 0 else 0
+        return 2 * self.rest_s + steps * self.step_time_s
 
 
 WALKS: Final[Mapping[GaitName, RobotGait]] = {
@@ -66,12 +72,36 @@ WALKS: Final[Mapping[GaitName, RobotGait]] = {
 """The two walks of section 2.5: at a robot's cadence and at a person's."""
 
 
+def gait_for(speed_m_s: float, duration_s: float) -> RobotGait:
+    """A walk from rest to rest within ``duration_s`` whose full steps go at ``speed_m_s``; below 0.1 m/s it stands.
+
+    As in people the step grows with the speed at a constant ratio of its length and its rate, here that of the walks of
+    section 2.5. Raises ``InvalidInput`` ("walker-out-of-range") for a speed at which the legs are too short.
+    """
+    if not 0.0 <= speed_m_s <= FASTEST_M_S:
+        message = f"TALOS walks at 0 to {FASTEST_M_S:g} m/s, not at {speed_m_s:g} m/s."
+        raise InvalidInput("walker-out-of-range", message, [Fault("speed_m_s", message)])
+    standing_still = RobotGait(step_length_m=0.0, step_time_s=1.0, n_steps=0, rest_s=duration_s / 2)
+    if speed_m_s < SLOWEST_M_S:
+        return standing_still
+    length_m = math.sqrt(_WALK_RATIO_MS * speed_m_s)
+    step_s = length_m / speed_m_s
+    n_steps = int((duration_s - 2 * _LEAST_REST_S) / step_s) - 1
+    if n_steps < 2:
+        message = f"At {speed_m_s:g} m/s, two steps from rest to rest take {2 * _LEAST_REST_S + 3 * step_s:.1f} s."
+        raise InvalidInput("walker-out-of-range", message, [Fault("duration_s", message)])
+    rest_s = (duration_s - (n_steps + 1) * step_s) / 2
+    return RobotGait(step_length_m=length_m, step_time_s=step_s, n_steps=n_steps, rest_s=rest_s)
+
+
 def plan_walk(gait: RobotGait, random: Generator) -> GaitPlan:
-    """Stances of one walk along +x, starting at the origin."""
+    """Stances of one walk along +x, starting at the origin; without steps, of standing there."""
+    if gait.n_steps == 0:
+        return replace(standing(gait.duration_s, gait.width_m), sole_middle_m=0.0)
     n, T = gait.n_steps, gait.step_time_s
-    lengths = np.append(gait.step_length_m * (1.0 + _LENGTH_SD * _centred(random, n)), 0.0)
-    durations = T * (1.0 + _TIME_SD * _centred(random, n + 1))
-    half_m = gait.width_m / 2 + np.append(_WIDTH_SD_M / 2 * _centred(random, n), 0.0)
+    lengths = np.append(gait.step_length_m * (1.0 + _LENGTH_SD * centred(random, n)), 0.0)
+    durations = T * (1.0 + _TIME_SD * centred(random, n + 1))
+    half_m = gait.width_m / 2 + np.append(_WIDTH_SD_M / 2 * centred(random, n), 0.0)
     first: Side = SIDES[int(random.integers(2))]
     other: Side = SIDES[1 - SIDES.index(first)]
     begins = gait.rest_s + np.concatenate([[0.0], np.cumsum(durations)])
@@ -124,6 +154,8 @@ def _shifts(plan: GaitPlan) -> list[tuple[float, float, float]]:
     def onto(side: Side) -> float:
         return 1.0 if side == "left" else 0.0
 
+    if not plan.walks:
+        return []
     first_off_s = plan.stances[1].off_s
     shifts = [(first_off_s - 2 * SHIFT_S, first_off_s, onto(plan.stances[0].side))]
     for stance in plan.stances[2:]:
@@ -139,6 +171,7 @@ def _stance(side: Side, x_m: float, half_m: float, strike_s: float, off_s: float
     return Stance(side, x_m, sign(side) * half_m, strike_s, strike_s, off_s, off_s)
 
 
-def _centred(random: Generator, n: int) -> Series:
+def centred(random: Generator, n: int) -> Series:
+    """Standard normal draws with mean 0, none beyond 2.5."""
     draws = random.standard_normal(n)
     return np.asarray(np.clip(draws - draws.mean(), -2.5, 2.5))

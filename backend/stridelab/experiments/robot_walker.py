@@ -14,7 +14,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 from numpy.random import Generator
@@ -22,7 +22,7 @@ from scipy.interpolate import make_interp_spline
 
 from stridelab.centroidal.preview import PreviewControl
 from stridelab.contacts.swing import SwingCurve
-from stridelab.conventions import Points, Series
+from stridelab.conventions import Points, Series, Vector3
 from stridelab.dynamics.placement import Placement
 from stridelab.dynamics.zmp import zmp_of_motion
 from stridelab.experiments.body_proportions import SIDES
@@ -40,6 +40,19 @@ from stridelab.robots.robot import Robot
 RATE_HZ: Final = 200.0
 _PASSES: Final = 6
 """Preview control once, then on what is left of the error: below 2 mm (robot) and 8 mm (human cadence) at most."""
+
+
+class ArmSwing(Protocol):
+    """Amplitudes of shoulders, elbows and torso."""
+
+    @property
+    def arm_rad(self) -> float: ...
+
+    @property
+    def elbow_rad(self) -> float: ...
+
+    @property
+    def yaw_rad(self) -> float: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +87,7 @@ def _walk(gait: RobotGait, seed: int, robot_name: str) -> RobotWalk:
     upper = swing_arms(robot, gait, plan, time_s, random[2])
     height = _height(gait, plan, time_s)
     body, control = WholeBody(robot), PreviewControl(height_m=gait.com_height_m, dt_s=1.0 / RATE_HZ)
-    start = _first_posture(robot, feet, height)
+    start = first_posture(robot, feet, _middle(feet, height))
     wanted = load.zmp_m.copy()
     for _ in range(_PASSES):
         motion = body.solve(time_s, feet, _com_path(control, wanted, height), upper, start)
@@ -107,7 +120,7 @@ def sole_path(plan: GaitPlan, side: Side, time_s: Series) -> PointPath:
     return PointPath(*path)
 
 
-def swing_arms(robot: Robot, gait: RobotGait, plan: GaitPlan, time_s: Series, random: Generator) -> JointPath:
+def swing_arms(robot: Robot, gait: ArmSwing, plan: GaitPlan, time_s: Series, random: Generator) -> JointPath:
     """Shoulders, elbows and torso swing with the stride, by 10 % more or less with the seed; quintic splines of time.
 
     TALOS' first arm joint turns about the vertical: with the arm held off the trunk it carries the hand forwards.
@@ -135,8 +148,13 @@ def _height(gait: RobotGait, plan: GaitPlan, time_s: Series) -> tuple[Points, Po
     return at, rate, second
 
 
-def _first_posture(robot: Robot, feet: Mapping[Side, PointPath], height: tuple[Points, Points, Points]) -> np.ndarray:
-    """Standing on the first footprints, from which the search of the first sample begins."""
+def _middle(feet: Mapping[Side, PointPath], height: tuple[Points, Points, Points]) -> Vector3:
+    """The CoM while standing on the first footprints."""
+    x, y, _ = np.mean([path.position_m[0] for path in feet.values()], axis=0)
+    return np.array([x, y, height[0][0, 0]])
+
+
+def first_posture(robot: Robot, feet: Mapping[Side, PointPath], com_m: Vector3) -> np.ndarray:
+    """On the first footprints with the CoM at ``com_m``: where the search of the first sample begins."""
     places = {f"{side}_foot": Placement.of(path.position_m[0].tolist()) for side, path in feet.items()}
-    middle = np.mean([path.position_m[0] for path in feet.values()], axis=0)
-    return stand(robot, places, np.array([middle[0], middle[1], float(height[0][0, 0])])).q
+    return stand(robot, places, com_m).q

@@ -2,17 +2,18 @@
 
 Arms and torso are prescribed; the floating base and the legs (18 coordinates) obey 18 equations, every sample anew:
 
-    x(q) = x_d                     both soles (6 each), the CoM (3), the base upright (3)        Newton, to 1e-11
+    x(q) = x_d                     both soles (6 each), the CoM (3), the base's rotation (3)     Newton, to 1e-11
     J(q) v = x_d'                  exactly
     J(q) a + J'(q, v) v = x_d''    exactly
 
-so v and a are the derivatives of the very q(t) that the equations define; nothing is differenced or filtered. In
-running the base is not held upright: its place is taken by the angular momentum about the CoM (``running``).
+so v and a are the derivatives of the very q(t) that the equations define; nothing is differenced or filtered. A walking
+robot holds its base upright. In the air nothing can: a runner's base turns as its angular momentum demands, the last
+three equations being A_G(q) v = L and A_G a + A_G' v = L' (``solve_with_momentum``).
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -29,6 +30,7 @@ LEGS_AND_BASE: Final = 18
 _TOLERANCE: Final = 1e-11
 _ITERATIONS: Final = 40
 _STEP_RAD: Final = 0.3
+Level = Literal["velocity_m_s", "acceleration_m_s2"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,37 +77,107 @@ class WholeBody:
         ``start`` ``(nq,)`` is where the first search begins. Raises ``NotEstimable`` ("robot-out-of-reach") at the
         first instant at which the legs do not reach.
         """
-        model, n = self.model, len(time_s)
-        q, v, a = np.empty((n, model.nq)), np.zeros((n, model.nv)), np.zeros((n, model.nv))
+        n, upright = len(time_s), np.zeros(3)
+        found = self._empty(time_s)
         guess = start.copy()
         for k in range(n):
-            guess[7 + LEGS_AND_BASE - 6 :] = upper.q[k]
-            x_d = {side: path.position_m[k] for side, path in feet.items()}
-            q[k] = self._position(guess, x_d, com.position_m[k], float(time_s[k]))
-            v[k, LEGS_AND_BASE:], a[k, LEGS_AND_BASE:] = upper.v[k], upper.a[k]
-            J = self._jacobian(q[k])
-            J_legs, J_upper = J[:, :LEGS_AND_BASE], J[:, LEGS_AND_BASE:]
-            rate = self._stacked({side: path.velocity_m_s[k] for side, path in feet.items()}, com.velocity_m_s[k])
-            v[k, :LEGS_AND_BASE] = np.linalg.solve(J_legs, rate - J_upper @ upper.v[k])
-            second = self._stacked(
-                {side: path.acceleration_m_s2[k] for side, path in feet.items()}, com.acceleration_m_s2[k]
-            )
-            drift = self._drift(q[k], v[k])
-            a[k, :LEGS_AND_BASE] = np.linalg.solve(J_legs, second - drift - J_upper @ upper.a[k])
+            found.q[k] = self._position(guess, feet, com, upper, k, upright, float(time_s[k]))
+            J = self._jacobian(found.q[k])
+            found.v[k] = _resolve(J, self._stacked(feet, com, "velocity_m_s", k), upper.v[k])
+            second = self._stacked(feet, com, "acceleration_m_s2", k) - self._drift(found.q[k], found.v[k])
+            found.a[k] = _resolve(J, second, upper.a[k])
             if k + 1 < n:
-                guess = pin.integrate(model, q[k], (time_s[k + 1] - time_s[k]) * v[k])
-        return RobotMotion(time_s, q, v, a)
+                guess = pin.integrate(self.model, found.q[k], (time_s[k + 1] - time_s[k]) * found.v[k])
+        return found
 
-    def _position(self, guess: np.ndarray, feet: Mapping[Side, Vector3], com: Vector3, time_s: float) -> np.ndarray:
-        model, data, q = self.model, self.data, guess
+    def solve_with_momentum(
+        self,
+        time_s: Series,
+        feet: Mapping[Side, PointPath],
+        com: PointPath,
+        upper: JointPath,
+        start: np.ndarray,
+        momentum_rate: Callable[[int, Vector3, Vector3], Vector3],
+    ) -> RobotMotion:
+        """As ``solve``, but the base turns freely: L' = ``momentum_rate(k, theta, L)``, theta its rotation vector.
+
+        The paths are given twice as densely as ``time_s``, for the classical Runge-Kutta step of (theta, L); ``k``
+        counts their samples. The momentum of the result is exactly what was integrated.
+        """
+        found, guess = self._empty(time_s), start.copy()
+        dt, state = float(time_s[1] - time_s[0]), np.zeros(6)
+
+        def rate(state: np.ndarray, k: int, at: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            theta, L = state[:3], state[3:]
+            q = self._position(at, feet, com, upper, k, theta, float(time_s[k // 2]))
+            J = self._jacobian(q)
+            J[-3:] = pin.computeCentroidalMap(self.model, self.data, q)[3:]
+            stacked = self._stacked(feet, com, "velocity_m_s", k)
+            stacked[-3:] = L
+            v = _resolve(J, stacked, upper.v[k])
+            turning = pin.Jlog3(pin.exp3(theta)) @ v[3:6]
+            return np.concatenate([turning, momentum_rate(k, theta, L)]), q, v
+
+        for i in range(len(time_s)):
+            k = 2 * i
+            k1, q, v = rate(state, k, guess)
+            found.q[i], found.v[i], found.a[i] = q, v, self._second(q, v, feet, com, upper, k, k1[3:])
+            if i + 1 < len(time_s):
+                guess = pin.integrate(self.model, q, dt * v)
+                middle = pin.integrate(self.model, q, 0.5 * dt * v)
+                k2, _, _ = rate(state + 0.5 * dt * k1, k + 1, middle)
+                k3, _, _ = rate(state + 0.5 * dt * k2, k + 1, middle)
+                k4, _, _ = rate(state + dt * k3, k + 2, guess)
+                state = state + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
+        return found
+
+    def _second(
+        self,
+        q: np.ndarray,
+        v: np.ndarray,
+        feet: Mapping[Side, PointPath],
+        com: PointPath,
+        upper: JointPath,
+        k: int,
+        momentum_rate: np.ndarray,
+    ) -> np.ndarray:
+        """Accelerations with a given rate of the angular momentum."""
+        drift = self._drift(q, v)
+        still = np.zeros(self.model.nv)
+        drift[-3:] = pin.computeCentroidalMomentumTimeVariation(self.model, self.data, q, v, still).angular
+        J = self._jacobian(q)
+        J[-3:] = pin.computeCentroidalMap(self.model, self.data, q)[3:]
+        second = self._stacked(feet, com, "acceleration_m_s2", k)
+        second[-3:] = momentum_rate
+        return _resolve(J, second - drift, upper.a[k])
+
+    def _empty(self, time_s: Series) -> RobotMotion:
+        n, nv = len(time_s), self.model.nv
+        return RobotMotion(time_s, np.empty((n, self.model.nq)), np.empty((n, nv)), np.empty((n, nv)))
+
+    def _position(
+        self,
+        guess: np.ndarray,
+        feet: Mapping[Side, PointPath],
+        com: PointPath,
+        upper: JointPath,
+        k: int,
+        theta: Vector3,
+        time_s: float,
+    ) -> np.ndarray:
+        """Newton's method from ``guess`` at sample ``k`` of the paths, the base turned by the vector ``theta``."""
+        model, data, q, R_d = self.model, self.data, guess.copy(), pin.exp3(theta)
+        q[7 + LEGS_AND_BASE - 6 :] = upper.q[k]
         step = np.zeros(model.nv)
         for _ in range(_ITERATIONS):
             J = self._jacobian(q)
             errors = [
-                np.concatenate([feet[side] - data.oMf[sole].translation, -pin.log3(data.oMf[sole].rotation)])
+                np.concatenate(
+                    [feet[side].position_m[k] - data.oMf[sole].translation, -pin.log3(data.oMf[sole].rotation)]
+                )
                 for side, sole in self._soles.items()
             ]
-            e = np.concatenate([*errors, com - data.com[0], -pin.log3(data.oMi[1].rotation)])
+            e = np.concatenate([*errors, com.position_m[k] - data.com[0], pin.log3(R_d @ data.oMi[1].rotation.T)])
             if np.abs(e).max() < _TOLERANCE:
                 return q
             step[:LEGS_AND_BASE] = np.linalg.solve(J[:, :LEGS_AND_BASE], e)
@@ -124,7 +196,7 @@ class WholeBody:
         return np.vstack([*soles, J_com, J_base])
 
     def _drift(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """``J'(q, v) v``; the base's own rate is constant in its own frame, so its row is zero."""
+        """``J'(q, v) v``; zero for the rotation of a base that is held upright."""
         model, data, still = self.model, self.data, np.zeros(self.model.nv)
         pin.centerOfMass(model, data, q, v, still)
         pin.forwardKinematics(model, data, q, v, still)
@@ -135,7 +207,14 @@ class WholeBody:
         return np.concatenate([*rows, data.acom[0], np.zeros(3)])
 
     @staticmethod
-    def _stacked(feet: Mapping[Side, Vector3], com: Vector3) -> np.ndarray:
-        """Right-hand side of a level: translations as given, no rotation."""
+    def _stacked(feet: Mapping[Side, PointPath], com: PointPath, level: Level, k: int) -> np.ndarray:
+        """Right-hand side of a level at sample ``k``: translations as given, nothing turns."""
         none = np.zeros(3)
-        return np.concatenate([feet["left"], none, feet["right"], none, com, none])
+        left, right, middle = (getattr(path, level)[k] for path in (feet["left"], feet["right"], com))
+        return np.concatenate([left, none, right, none, middle, none])
+
+
+def _resolve(J: np.ndarray, rate: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """All rates of the coordinates: those of the upper body as given, base and legs from the equations."""
+    lower = np.linalg.solve(J[:, :LEGS_AND_BASE], rate - J[:, LEGS_AND_BASE:] @ upper)
+    return np.concatenate([lower, upper])
