@@ -10,7 +10,7 @@ from scipy import signal, stats
 from stridelab.dynamics.wrench import Wrench
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.error_band import ErrorPriors
+from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.filters import complementary_filters
 from stridelab.estimation.online import OnlineEstimator
 from stridelab.estimation.passes import FilterState, filter_inputs, forward

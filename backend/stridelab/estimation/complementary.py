@@ -6,17 +6,16 @@ from typing import ClassVar, Literal
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Vector3
 from stridelab.dynamics.wrench import Wrench
+from stridelab.estimation.cutoffs import AUTO_HIGH_HZ, AUTO_LOW_HZ, THESIS_HIGH_HZ, THESIS_LOW_HZ
 from stridelab.estimation.derivatives import derivatives
-from stridelab.estimation.error_band import ErrorPriors, FusedStretch, SdPerAxis, complementary_sd_m
+from stridelab.estimation.error_band import FusedStretch, complementary_sd_m
+from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.estimate import ComEstimate
 from stridelab.estimation.filters import ComplementaryFilters, complementary_filters
 from stridelab.estimation.online_complementary import OnlineComplementaryFilter
 from stridelab.estimation.passes import FilterInputs, filter_inputs, forward_backward
 from stridelab.estimation.span import Span, require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
-
-THESIS_LOW_HZ, THESIS_HIGH_HZ = 0.4, 4.0
-AUTO_LOW_HZ, AUTO_HIGH_HZ = 0.2, 1.0
 
 
 @dataclass(frozen=True, kw_only=True)

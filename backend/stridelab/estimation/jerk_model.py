@@ -24,7 +24,8 @@ from jaxtyping import Bool, Float
 from stridelab.conventions import GRAVITY_M_S2, Points, Vector3
 from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N
 from stridelab.errors import Fault, InvalidInput
-from stridelab.estimation.error_band import ErrorPriors, SdPerAxis, along
+from stridelab.estimation.error_band import along
+from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.riccati import Square, SteadyModel
 
 Measured = Bool[np.ndarray, "n 3"]

@@ -8,7 +8,8 @@ from jaxtyping import Float
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.estimation.derivatives import derivatives, low_pass
-from stridelab.estimation.error_band import ErrorPriors, FusedStretch, stated_sd_m
+from stridelab.estimation.error_band import FusedStretch, stated_sd_m
+from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.estimate import ComEstimate
 from stridelab.estimation.kalman_passes import Axis, Inputs, Track
 from stridelab.estimation.passes import FilterInputs

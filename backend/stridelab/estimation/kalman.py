@@ -8,7 +8,8 @@ import numpy as np
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.derivatives import derivatives
-from stridelab.estimation.error_band import ErrorPriors, FusedStretch
+from stridelab.estimation.error_band import FusedStretch
+from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.estimate import ComEstimate
 from stridelab.estimation.jerk_model import InputNoise, JerkModel, measured_inputs, require_positive, stretches
 from stridelab.estimation.jerk_record import JerkRecord

@@ -16,7 +16,7 @@ import math
 from typing import Final
 
 from stridelab.conventions import GRAVITY_M_S2
-from stridelab.estimation.error_band import ErrorPriors, SdPerAxis
+from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.online_track import OnlineTrack
 from stridelab.estimation.recursions import LowPass
 

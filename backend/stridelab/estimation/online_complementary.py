@@ -19,7 +19,7 @@ import numpy as np
 from stridelab.conventions import GRAVITY_M_S2, Vector3
 from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N
 from stridelab.errors import InvalidInput
-from stridelab.estimation.error_band import ErrorPriors, SdPerAxis
+from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.online import OnlineSample, require_together, step_s
 from stridelab.estimation.online_band import OnlineBand
 from stridelab.estimation.online_track import OnlineTrack
