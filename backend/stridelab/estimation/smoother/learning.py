@@ -1,8 +1,8 @@
 """Sizes of the errors from the recording itself: the priors that make its own data most probable.
 
-The likelihood of a Kalman filter falls apart into the axes, and the gradient costs one pass: all parameters of all axes,
-each a little larger, are further models in the same batch. Logarithms of the sizes are sought, each held near
-its prior by a normal distribution of ``WIDTH`` (a factor of e^WIDTH is one standard deviation), because a second of data
+The likelihood of a Kalman filter falls apart into the axes, and the gradient costs one pass: all parameters of all
+axes, each a little larger, are further models in the same batch. Logarithms of the sizes are sought, each held near its
+prior by a normal distribution of ``WIDTH`` (a factor of e^WIDTH is one standard deviation), because a second of data
 does not know every size. The constant errors (table, plates, clocks) are not learned: one recording shows their sum.
 """
 
@@ -18,15 +18,21 @@ from stridelab.estimation.smoother.recursions import Signals, filtered, gains, l
 
 LEARNED: Final = ("marker_m", "moment_m", "table_varying_m", "swing_m_s", "overtone_m_s", "damping")
 WIDTH: Final = 1.0
+FARTHEST: Final = 3.0
 ITERATIONS: Final = 8
 STEP: Final = 1e-3
+LOOKED_AT: Final = 600
 LARGEST_DAMPING: Final = 0.9
 
 Logs = Float[np.ndarray, "p 3"]
 
 
 def learned(sizes: Sizes, signals: Signals, rate_hz: float) -> Sizes:
-    """The sizes with those of ``LEARNED`` replaced, per axis, by the most probable ones."""
+    """The sizes with those of ``LEARNED`` replaced, per axis, by the most probable ones.
+
+    The stretch that is looked at lies around the middle of what has force, and has at most ``LOOKED_AT`` samples.
+    """
+    signals = _middle(signals)
     start = np.array([getattr(sizes, name) for name in LEARNED])
     known = start > 0
     start = np.log(np.where(known, start, 1.0))
@@ -38,7 +44,10 @@ def learned(sizes: Sizes, signals: Signals, rate_hz: float) -> Sizes:
         slope = (values[1:] - values[0]) / STEP + away / WIDTH
         return float(values[0].sum() + 0.5 * np.sum(away**2)), np.where(known, slope, 0.0).ravel()
 
-    best = optimize.minimize(cost, start.ravel(), jac=True, method="L-BFGS-B", options={"maxiter": ITERATIONS})
+    bounds = [(x - FARTHEST, x + FARTHEST) for x in start.ravel()]
+    best = optimize.minimize(
+        cost, start.ravel(), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": ITERATIONS}
+    )
     return with_logs(sizes, np.where(known, best.x.reshape(start.shape), -np.inf)[None])
 
 
@@ -54,16 +63,17 @@ def log_likelihoods(
 def with_logs(sizes: Sizes, candidates: Float[np.ndarray, "k p 3"]) -> Sizes:
     """One batch of models: three axes for each candidate."""
     k = len(candidates)
-    named = {
-        name: np.tile(value, (k,) + (1,) * (value.ndim - 1))
-        for name, value in vars(sizes).items()
-        if isinstance(value, np.ndarray)
-    }
-    batch = replace(sizes, **named)
+    batch = sizes.repeated(k)
     given = {name: np.exp(candidates[:, i]).ravel() for i, name in enumerate(LEARNED)}
     given["damping"] = np.minimum(given["damping"], LARGEST_DAMPING)
     given = {name: np.where(getattr(batch, name) > 0, value, 0.0) for name, value in given.items()}
     return replace(batch, **given)
+
+
+def _middle(signals: Signals) -> Signals:
+    at = int(np.median(np.flatnonzero(signals.seen)))
+    first = max(0, min(at - LOOKED_AT // 2, len(signals) - LOOKED_AT))
+    return signals.between(first, first + LOOKED_AT)
 
 
 def _neighbours(logs: Logs) -> Float[np.ndarray, "p p 3"]:

@@ -9,33 +9,35 @@ With the moments reduced to metres (``signals``), every axis of the walking fram
               derivative has no mean
     o, o'     its overtones, a second and broader resonator
 
-and three unknown constants: table error b0, acceleration error ab (plates, mass), moment error mu (plates, clocks).
-Those are not states but regression coefficients (``recursions``), so that the gains converge. Measurements in metres:
+and four unknown constants: table error b0, acceleration error ab (plates, mass), moment error mu (plates, clocks), and
+the error bz of the height, which the horizontal force turns into a moment. Those are not states but regression
+coefficients (``recursions``), so that the gains converge. Measurements in metres:
 
-    y1 = c + b0 + b + (w - p)                           geometry, white w
-    y2 = phi c + l' + o' + (z/g) ab + mu + (n - r)      moment over weight, white n
+    y1 = c + b0 + b + (w - p)                                geometry, white w
+    y2 = phi c + l' + o' + (z/g) ab + mu - s bz + (n - r)    moment over weight, white n
 
-phi is 1, the weight over itself; in running the low-passed vertical force over it, never the measured one.
-The vertical axis has no y2: nothing is learnt about height from a force that is vertical.
+phi is 1, the weight over itself; in running the low-passed vertical force over it, never the measured one. s is the
+low-passed horizontal force over the weight. The vertical axis has no y2: nothing is learnt about the height from a
+force that is nearly vertical.
 
 The noises w and n also drive their own memories p and r one step later. Such correlation is taken out by writing
 the measurement into the transition: A - G H and an input G y (Anderson & Moore, Optimal Filtering, 5.5).
 A force bias of ``ab`` metres per second squared acts at the floor, z below the CoM, and so in y2 as well.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from stridelab.conventions import GRAVITY_M_S2
 
-STATES, MEASURED, CONSTANTS = 10, 2, 3
+STATES, MEASURED, CONSTANTS = 10, 2, 4
 C, V, B, P, Q, R, L, DL, O, DO = range(STATES)
-TABLE, ACCELERATION, MOMENT = range(CONSTANTS)
+TABLE, ACCELERATION, MOMENT, HEIGHT = range(CONSTANTS)
 UNSEEN_M2 = 1e8
 """Variance of a measurement that does not exist."""
-START_M, START_M_S = 0.5, 2.0
+START_M, START_M_S = 3.0, 3.0
 """What is known of position and velocity before the first sample."""
 
 PerModel = Float[np.ndarray, "a"]
@@ -47,9 +49,9 @@ class Sizes:
     """Standard deviations and time scales of a batch of models, one per entry; all in metres and seconds.
 
     ``marker_m``, ``moment_m`` and ``acceleration_m_s2`` are the noise of y1, y2 and of the driving acceleration,
-    high-passed at ``marker_corner_hz`` and ``plate_corner_hz`` (0: white). ``swing_m_s`` and ``overtone_m_s`` are L over
-    weight at ``swing_hz`` and ``overtone_hz``. ``bias`` holds the three constants. ``turned`` marks the axes that have
-    a y2.
+    high-passed at ``marker_corner_hz`` and ``plate_corner_hz`` (0: white). ``swing_m_s`` and ``overtone_m_s`` are L
+    over weight at ``swing_hz`` and ``overtone_hz``. ``bias`` holds the four constants. ``turned`` marks the axes
+    that have a y2.
     """
 
     turned: Bool[np.ndarray, "a"]
@@ -65,10 +67,19 @@ class Sizes:
     damping: PerModel
     overtone_m_s: PerModel
     overtone_hz: PerModel
-    bias: Float[np.ndarray, "a 3"]
+    bias: Float[np.ndarray, "a 4"]
     beyond_m_s2: PerModel
     beyond_s: PerModel
     height_m: float
+
+    def with_momentum_times(self, share: float) -> "Sizes":
+        """The same, with another guess of the angular momentum."""
+        return replace(self, swing_m_s=share * self.swing_m_s, overtone_m_s=share * self.overtone_m_s)
+
+    def repeated(self, times: int) -> "Sizes":
+        """A batch of that many copies, one after the other."""
+        axes = np.tile(np.arange(len(self.turned)), times)
+        return replace(self, **{name: value[axes] for name, value in vars(self).items() if name != "height_m"})
 
 
 @dataclass(frozen=True)
@@ -88,8 +99,8 @@ class StateSpace:
     turned: Bool[np.ndarray, "a"]
     regimes: tuple[Regime, Regime, Regime]
     start_covariance: Matrices
-    constant_sd: Float[np.ndarray, "a 3"]
-    moment_per_constant: Float[np.ndarray, "3"]
+    constant_sd: Float[np.ndarray, "a 4"]
+    lever_s2: float
     drive: Float[np.ndarray, "10"]
 
 
@@ -152,7 +163,7 @@ def state_space(sizes: Sizes, rate_hz: float) -> StateSpace:
         ),
         start_covariance=start,
         constant_sd=sizes.bias,
-        moment_per_constant=np.array([0.0, sizes.height_m / GRAVITY_M_S2, 1.0]),
+        lever_s2=sizes.height_m / GRAVITY_M_S2,
         drive=drive,
     )
 

@@ -1,9 +1,12 @@
-"""Kalman filter and fixed-interval smoother for the axes (or any batch of models) at once, with unknown constants as regression.
+"""Kalman filter and fixed-interval smoother for the axes of a walk at once, with unknown constants as regression.
 
-The states are carried in four columns: the data, and what one unit of each unknown constant would do to the filter (de
-Jong 1991, the augmented Kalman filter). Every innovation is then linear in the constants, e(beta) = e0 - E beta, and
+The states are carried in columns: the data, and what one unit of each unknown constant would do to the filter (de Jong
+1991, the augmented Kalman filter). Every innovation is then linear in the constants, e(beta) = e0 - E beta, and
 
     beta = (sum E' S^-1 E + P0^-1)^-1 sum E' S^-1 e0
+
+The error of the height is *considered*, not sought (Schmidt 1966): the sway of a walk is in step with its angular
+momentum, so that a regression finds heights which are none. Its share is in the band instead.
 
 The gains depend on nothing but the model and on which samples have a force, so wherever that stays the same long
 enough they are computed once. Backwards (de Jong 1989; Durbin & Koopman, 4.4) no covariance is ever inverted:
@@ -12,7 +15,7 @@ enough they are computed once. Backwards (de Jong 1989; Durbin & Koopman, 4.4) n
     x_{k|T} = x_k + P_k r_{k-1},    P_{k|T} = P_k - P_k N_{k-1} P_k
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -21,6 +24,7 @@ from stridelab.conventions import Mask, Points, Series, Vector3
 from stridelab.estimation.smoother.model import (
     ACCELERATION,
     CONSTANTS,
+    HEIGHT,
     MEASURED,
     MOMENT,
     STATES,
@@ -42,6 +46,7 @@ Table = Float[np.ndarray, "g a 10 10"]
 class Signals:
     """Data in the walking frame, metres: y1, y2 (0 where not seen), and the acceleration driving sample k to k + 1.
 
+    ``phi`` and ``sway`` are the noiseless vertical and horizontal force over the weight (``model``);
     ``velocity_m_s`` is the guess from which the filter starts.
     """
 
@@ -50,10 +55,16 @@ class Signals:
     acceleration_m_s2: Points
     seen: Mask
     phi: Series
+    sway: Points
     velocity_m_s: Vector3
 
     def __len__(self) -> int:
         return len(self.geometry_m)
+
+    def between(self, first: int, stop: int) -> "Signals":
+        """A part of them."""
+        part = {name: value[first:stop] for name, value in vars(self).items() if name != "velocity_m_s"}
+        return replace(self, **part)
 
 
 @dataclass(frozen=True)
@@ -74,15 +85,18 @@ class Gains:
 class Filtered:
     """One pass forwards: predicted states and innovations in columns, and the constants found from all samples.
 
-    ``constants`` is beta per axis, ``constants_cov`` its posterior covariance.
+    ``constants`` is beta per axis (table, acceleration, moment), ``constants_cov`` its posterior covariance.
+    ``height_leak`` is what one metre of wrong height does to beta.
     """
 
-    states: Float[np.ndarray, "n a 10 4"]
-    innovations: Float[np.ndarray, "n a 2 4"]
+    states: Float[np.ndarray, "n a 10 5"]
+    innovations: Float[np.ndarray, "n a 2 5"]
     constants: Float[np.ndarray, "a 3"]
     constants_cov: Float[np.ndarray, "a 3 3"]
-    without_prior: Float[np.ndarray, "a 3 3"]
+    information: Float[np.ndarray, "a 3 3"]
     score: Float[np.ndarray, "a 3"]
+    height_leak: Float[np.ndarray, "a 3"]
+    height_sd: Float[np.ndarray, "a"]
 
 
 def regimes_of(seen: Mask) -> Int[np.ndarray, "n"]:
@@ -148,8 +162,9 @@ def filtered(space: StateSpace, signals: Signals, found: Gains) -> Filtered:
     measured[:, :, 0, 0], measured[:, :, 1, 0] = signals.geometry_m[:, axis], signals.moment_m[:, axis]
     measured[:, :, 0, 1 + TABLE] = -1.0
     told = signals.seen[:, None] & space.turned
-    for constant in (ACCELERATION, MOMENT):
-        measured[told, 1, 1 + constant] = -space.moment_per_constant[constant]
+    measured[told, 1, 1 + ACCELERATION] = -space.lever_s2
+    measured[told, 1, 1 + MOMENT] = -1.0
+    measured[:, :, 1, 1 + HEIGHT] = signals.sway[:, axis] * told
 
     x = np.zeros((models, STATES, COLUMNS))
     x[:, C, 0], x[:, V, 0] = signals.geometry_m[0, axis], signals.velocity_m_s[axis]
@@ -161,9 +176,11 @@ def filtered(space: StateSpace, signals: Signals, found: Gains) -> Filtered:
     e = measured - found.observe[found.use] @ states
     weighted = found.information[found.use] @ e
     gram = np.einsum("kamc,kamd->acd", e, weighted)
-    information, score = gram[:, 1:, 1:], -gram[:, 1:, 0]
-    cov, constants = _regression(space.constant_sd, information, score)
-    return Filtered(states, e, constants, cov, information, score)
+    sought = slice(1, HEIGHT + 1)
+    information, score = gram[:, sought, sought], -gram[:, sought, 0]
+    cov, constants = _regression(space.constant_sd[:, :HEIGHT], information, score)
+    leak = -np.einsum("acd,ad->ac", cov, gram[:, sought, HEIGHT + 1])
+    return Filtered(states, e, constants, cov, information, score, leak, space.constant_sd[:, HEIGHT])
 
 
 def smoothed(
@@ -196,9 +213,11 @@ def smoothed(
             last = np.einsum("aij->ai", top[:, :, :rows] * np.eye(rows)) - np.einsum("aij,ajk,aik->ai", top, big, top)
         variance[k] = last
     states = forward.states[:, :, :rows] + found.predicted[use, :, :rows] @ rs
-    sensitivity = states[..., 1:]
+    sensitivity = states[..., 1 : HEIGHT + 1]
     mean = states[..., 0] + np.einsum("karc,ac->kar", sensitivity, forward.constants)
     variance = variance + np.einsum("karc,acd,kard->kar", sensitivity, forward.constants_cov, sensitivity)
+    height = states[..., HEIGHT + 1] + np.einsum("karc,ac->kar", sensitivity, forward.height_leak)
+    variance = variance + (height * forward.height_sd[:, None]) ** 2
     return mean, np.maximum(variance, 0.0)
 
 
@@ -207,7 +226,7 @@ def log_likelihood(space: StateSpace, found: Gains, forward: Filtered) -> Float[
     e0 = forward.innovations[..., 0]
     quadratic = np.einsum("kam,kamn,kan->a", e0, found.information[found.use], e0)
     explained = np.einsum("ac,ac->a", forward.score, forward.constants)
-    shrunk = np.eye(CONSTANTS) + _scaled(space.constant_sd, forward.without_prior)
+    shrunk = np.eye(HEIGHT) + _scaled(space.constant_sd[:, :HEIGHT], forward.information)
     dets = found.log_det[found.use].sum(axis=0)
     return np.asarray(-0.5 * (quadratic - explained + dets + np.linalg.slogdet(shrunk)[1]))
 
@@ -216,7 +235,7 @@ def _regression(
     sd: Float[np.ndarray, "a 3"], information: Float[np.ndarray, "a 3 3"], score: Float[np.ndarray, "a 3"]
 ) -> tuple[Float[np.ndarray, "a 3 3"], Float[np.ndarray, "a 3"]]:
     """Posterior covariance and mean of the constants; a prior of zero switches a constant off."""
-    core = np.linalg.inv(np.eye(CONSTANTS) + _scaled(sd, information))
+    core = np.linalg.inv(np.eye(HEIGHT) + _scaled(sd, information))
     cov = sd[:, :, None] * core * sd[:, None, :]
     return cov, np.einsum("acd,ad->ac", cov, score)
 

@@ -56,20 +56,22 @@ def signals(walk: Walk, mass_kg: float, momentum_rate_nm: Points) -> Signals:
     weight = mass_kg * GRAVITY_M_S2
     reference = low_pass(walk.geometry_m, walk.rate_hz, REFERENCE_BAND_HZ)
     reduced = walk.moment_nm - np.cross(reference, walk.force_n) - momentum_rate_nm
-    phi = supported_share(walk, weight)
+    smooth = low_pass(walk.force_n, walk.rate_hz, REFERENCE_BAND_HZ)
+    phi = supported_share(walk, smooth, weight)
     y2 = np.column_stack([-reduced[:, 1], reduced[:, 0], 0 * phi]) / weight + phi[:, None] * reference
     a = com_acceleration(walk.force_n, mass_kg)
     trapezoid = np.concatenate([(a[:-1] + a[1:]) / 2, np.zeros((1, 3))])
     y2 = np.where(walk.seen[:, None], y2, 0.0)
-    return Signals(walk.geometry_m, y2, trapezoid, walk.seen, phi, walk.velocity_m_s)
+    return Signals(
+        walk.geometry_m, y2, trapezoid, walk.seen, phi, smooth / weight * walk.seen[:, None], walk.velocity_m_s
+    )
 
 
-def supported_share(walk: Walk, weight_n: float) -> Series:
+def supported_share(walk: Walk, smooth_force_n: Points, weight_n: float) -> Series:
     """Vertical force over weight in the gain: 1 in walking, low-passed f_z where the body flies."""
     if not (walk.seen & (walk.force_n[:, 2] < AIRBORNE_N)).any():
         return np.ones(len(walk.geometry_m))
-    smooth = low_pass(walk.force_n, walk.rate_hz, REFERENCE_BAND_HZ)[:, 2] / weight_n
-    return np.where(walk.seen, np.maximum(smooth, 0.0), 1.0)
+    return np.where(walk.seen, np.maximum(smooth_force_n[:, 2] / weight_n, 0.0), 1.0)
 
 
 def step_frequency_hz(walk: Walk) -> float | None:
