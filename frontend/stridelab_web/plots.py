@@ -11,7 +11,11 @@ from stridelab_web.tables import Columns
 SAMPLES_AT_MOST = 6000
 """A plot is some 1000 pixels wide; longer recordings are thinned for it (the files keep every sample)."""
 
-Style = Literal["main", "second", "third", "x", "y", "z", "left", "right", "hand"]
+Style = Literal[
+    "main", "second", "third", "x", "y", "z", "left", "right", "hand",
+    "line1", "line2", "line3", "line4", "line5", "line6", "line7", "line8",
+]  # fmt: skip
+"""How a curve is drawn (static/js/plots.js); the numbered ones tell up to eight curves apart by colour and dash."""
 
 
 @dataclass(frozen=True)
@@ -37,13 +41,18 @@ class Row:
 
 @dataclass(frozen=True)
 class Reading:
-    """A number that the readout shows at the cursor."""
+    """A number that the readout shows at the cursor, with those of the columns ``more`` behind it.
+
+    One that belongs to a ``group`` is shown while that is.
+    """
 
     name: str
     key: str
     unit: str
     digits: int
     sd: str | None = None
+    more: tuple[str, ...] = ()
+    group: str | None = None
 
 
 @dataclass(frozen=True)

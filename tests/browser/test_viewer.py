@@ -103,9 +103,9 @@ def test_markers_forces_and_com_stand_where_the_files_say(
             assert max(state[f"/forces/plate{plate.index}_shaft"]["scale"]) < 1e-4, "an unloaded plate shows no force"
 
 
-def test_central_axis_and_band_are_where_the_file_says(tab: Tab, service: Service, estimated: tuple[str, str]) -> None:
-    """Read from com.parquet alone: the axis runs along the force through its point nearest to the geometry."""
-    recording_id, job_id = estimated
+def test_central_axis_and_band_are_where_the_file_says(tab: Tab, service: Service) -> None:
+    """By com.parquet alone, on the sample's two plates: along the force through its point nearest to the geometry."""
+    recording_id, job_id = "sample-walk", "sample-walk-com"
     table = pq.read_table(io.BytesIO(service.client.read_artifact(job_id, "com.parquet")))
     com = {name: table.column(name).to_numpy() for name in table.column_names}
     whole = np.flatnonzero(com["complete"] & np.isfinite(com["axis_x_m"]) & np.isfinite(com["sd_x_m"]))

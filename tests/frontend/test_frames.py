@@ -8,7 +8,8 @@ import numpy as np
 from stridelab_web.com_frames import axis_ends
 from stridelab_web.recording_frames import build_frames
 from stridelab_web.tables import read_columns
-from support.fake_service import DURATION_S, LABELS, RATE_HZ, SD_M, WINDOW_S, FakeService, com_m, marker_m
+from support.fake_service import FakeService
+from support.fake_walk import DURATION_S, LABELS, RATE_HZ, SD_M, WINDOW_S, com_m, marker_m
 
 T = np.arange(int(RATE_HZ * DURATION_S)) / RATE_HZ
 

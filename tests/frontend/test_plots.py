@@ -8,7 +8,8 @@ import numpy as np
 from stridelab_web import plots
 from stridelab_web.com_plots import com_curves
 from stridelab_web.tables import read_columns
-from support.fake_service import SD_M, FakeService, com_m
+from support.fake_service import FakeService
+from support.fake_walk import SD_M, com_m
 
 
 def test_plot_values_are_those_of_the_file(fake: FakeService, browse: Callable[[str], httpx.Response]) -> None:

@@ -8,13 +8,7 @@ from stridelab_web import strips
 from stridelab_web.pages.render import page
 from stridelab_web.service import client_of
 
-METHODS = (
-    ("smoother", "smoother"),
-    ("complementary", "complementary filter"),
-    ("rts", "Rauch-Tung-Striebel smoother"),
-    ("kalman", "Kalman filter"),
-    ("geometry", "markers only"),
-)
+METHODS = ("smoother", "complementary", "rts", "kalman", "geometry")
 LATENCIES = (
     ("report", "estimate and report"),
     ("apply", "estimate and correct"),

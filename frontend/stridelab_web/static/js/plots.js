@@ -6,8 +6,12 @@ const STYLES = {
   main: { color: BLUE, width: 2 }, second: { color: ORANGE, width: 1.4, dash: "dash" }, third: { color: GREY, width: 1.4, dash: "dot" },
   x: { color: BLUE, width: 1.6 }, y: { color: ORANGE, width: 1.6, dash: "dash" }, z: { color: GREY, width: 1.6, dash: "dot" },
   left: { color: BLUE, width: 1.6 }, right: { color: ORANGE, width: 1.6, dash: "dash" }, hand: { color: GREY, width: 1.6, dash: "dot" },
+  line1: { color: BLUE, width: 2 }, line2: { color: ORANGE, width: 1.6 }, line3: { color: ORANGE, width: 1.6, dash: "dash" },
+  line4: { color: "#00795c", width: 1.6 }, line5: { color: "#00795c", width: 1.6, dash: "dash" }, line6: { color: "#a3478c", width: 1.6, dash: "dashdot" },
+  line7: { color: GREY, width: 1.6, dash: "dot" }, line8: { color: "#1c2733", width: 1.2, dash: "longdash" },
 };
 const SAMPLE_OF_DASH = { solid: "━━", dash: "╍╍", dot: "┈┈" };
+const ROUND = [-2, -1, 0, 1, 2].flatMap((power) => [1, 2, 5].map((digit) => digit * 10 ** power));
 const ROW_PX = 170, GAP_PX = 26, TOP_PX = 10, BOTTOM_PX = 46, LETTER_PX = 8, SAMPLE_PX = 44;
 
 const box = document.getElementById("plots");
@@ -43,11 +47,12 @@ function draw(data) {
       { type: "line", xref: "x", yref: "paper", x0: t[0], x1: t[0], y0: 0, y1: 1, line: { color: ORANGE, width: 1.5 } },
     ],
   };
+  if (x.log) Object.assign(layout.xaxis, { tickvals: ROUND, exponentformat: "none" });
   rows.forEach((row, k) => {
     const id = k === 0 ? "" : String(k + 1);
     const top = 1 - (k * ROW_PX) / inner, bottom = 1 - ((k + 1) * ROW_PX - GAP_PX) / inner;
     layout[`yaxis${id}`] = { domain: [Math.max(0, bottom), top], title: { text: row.title, standoff: 6 }, type: row.log ? "log" : "linear", gridcolor: "#edf1f4", zeroline: false, automargin: false, fixedrange: true };
-    if (row.log) Object.assign(layout[`yaxis${id}`], { dtick: 1, exponentformat: "power" });
+    if (row.log) Object.assign(layout[`yaxis${id}`], { dtick: 2, exponentformat: "none" });
     for (const trace of tracesOf(row, columns)) {
       traces.push({ type: "scatter", mode: "lines", x: t, yaxis: `y${id}`, xaxis: "x", connectgaps: false, hovertemplate: `${trace.name ?? ""} %{y:.4~f}<extra></extra>`, ...trace });
     }
@@ -63,7 +68,7 @@ function rangeOf(x, from, to) {
 }
 
 // A box per group of curves, with a sample of its line.
-function addSwitches(switches) {
+function addSwitches(switches, read) {
   const place = document.querySelector("[data-switches]");
   for (const { key, name, style, shown } of switches) {
     const indices = box.data.flatMap((trace, k) => (trace.group === key ? [k] : []));
@@ -72,7 +77,10 @@ function addSwitches(switches) {
     input.dataset.group = key;
     sample.className = `key ${style}`;
     label.append(input, " ", sample, name);
-    input.addEventListener("change", () => Plotly.restyle(box, { visible: input.checked }, indices));
+    input.addEventListener("change", () => {
+      Plotly.restyle(box, { visible: input.checked }, indices);
+      read();
+    });
     if (!shown) Plotly.restyle(box, { visible: false }, indices);
     place.append(label);
   }
@@ -93,18 +101,23 @@ function legend(row, top) {
 }
 
 function link(t, { columns, readings, shades_s, switches, x }) {
-  addSwitches(switches);
   const line = `shapes[${shades_s.length}]`;
   cursor.max = String(t.length - 1);
   const links = document.querySelectorAll("a[data-viewer]");
   const bases = [...links].map((link) => link.getAttribute("href"));
+  const read = () => {
+    const k = Number(cursor.value);
+    const off = new Set([...document.querySelectorAll("[data-group]:not(:checked)")].map((input) => input.dataset.group));
+    const shown = readings.filter((reading) => !off.has(reading.group));
+    readout.replaceChildren(part(x.name, [t[k]], x.unit, x.digits), ...shown.map((reading) => partOf(reading, columns, k)));
+  };
   const show = (k) => {
     const at = t[k];
     cursor.value = String(k);
     cursor.setAttribute("aria-valuetext", `${at.toFixed(x.digits)} ${x.unit}`);
     Plotly.relayout(box, { [`${line}.x0`]: at, [`${line}.x1`]: at });
     links.forEach((link, n) => link.setAttribute("href", `${bases[n]}&t=${at.toFixed(3)}`));
-    readout.replaceChildren(part(x.name, at, x.unit, x.digits), ...readings.map((reading) => partOf(reading, columns, k)));
+    read();
   };
   cursor.addEventListener("input", () => show(Number(cursor.value)));
   box.on("plotly_click", (event) => show(event.points[0].pointIndex ?? event.points[0].pointNumber));
@@ -113,22 +126,24 @@ function link(t, { columns, readings, shades_s, switches, x }) {
   if (toWindow && shades_s.length) toWindow.addEventListener("click", () => zoom(shades_s[0]));
   else toWindow?.remove();
   document.querySelector("[data-all]").addEventListener("click", () => zoom([t[0], t[t.length - 1]]));
+  addSwitches(switches, read);
   const [from, to] = shades_s[0] ?? [t[0], t[0]];
   const start = t.findIndex((value) => value >= (from + to) / 2);
   show(start < 0 ? 0 : start);
   box.dataset.ready = "true";
 }
 
-function part(name, value, unit, digits) {
+function part(name, values, unit, digits) {
   const span = document.createElement("span");
   const bold = document.createElement("b");
-  bold.textContent = value === null || value === undefined ? "–" : `${value.toFixed(digits)} ${unit}`;
+  const texts = values.map((value) => value?.toFixed(digits).replace(/^-(0\.?0*)$/, "$1") ?? "–");
+  bold.textContent = texts.every((text) => text === "–") ? "–" : `${texts.join(", ")} ${unit}`;
   span.append(`${name} `, bold);
   return span;
 }
 
-function partOf({ name, key, unit, digits, sd }, columns, k) {
-  const shown = part(name, columns[key][k], unit, digits);
+function partOf({ name, key, unit, digits, sd, more }, columns, k) {
+  const shown = part(name, [key, ...more].map((column) => columns[column]?.[k]), unit, digits);
   const spread = sd && columns[sd]?.[k];
   if (spread !== null && spread !== undefined) shown.append(` ± ${(1960 * spread).toFixed(1)} mm`);
   return shown;
