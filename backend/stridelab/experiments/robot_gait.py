@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final, Literal
+from typing import Final
 
 import numpy as np
 from numpy.random import Generator
@@ -36,15 +36,19 @@ _LENGTH_SD: Final = 0.02
 _TIME_SD: Final = 0.02
 _WIDTH_SD_M: Final = 0.004
 
-GaitName = Literal["robot", "human", "running"]
+
+@dataclass(frozen=True)
+class ArmSwing:
+    """Amplitudes of the yaw of the shoulders, of the elbows and of the yaw of the torso."""
+
+    arm_rad: float = 0.35
+    elbow_rad: float = 0.15
+    yaw_rad: float = 0.06
 
 
 @dataclass(frozen=True, kw_only=True)
 class RobotGait:
-    """Parameters of a walk; ``double_support`` is its share of a step, ``bob_m`` the amplitude of the CoM's height.
-
-    ``arm_rad`` and ``yaw_rad`` are the amplitudes of the shoulders' yaw and of the torso's.
-    """
+    """Parameters of a walk; ``double_support`` is its share of a step, ``bob_m`` the amplitude of the CoM's height."""
 
     step_length_m: float
     step_time_s: float
@@ -54,9 +58,7 @@ class RobotGait:
     width_m: float = 0.17
     com_height_m: float = 0.83
     bob_m: float = 0.012
-    arm_rad: float = 0.35
-    elbow_rad: float = 0.15
-    yaw_rad: float = 0.06
+    arms: ArmSwing = ArmSwing()
 
     @property
     def duration_s(self) -> float:
@@ -65,9 +67,11 @@ class RobotGait:
         return 2 * self.rest_s + steps * self.step_time_s
 
 
-WALKS: Final[Mapping[GaitName, RobotGait]] = {
+WALKS: Final[Mapping[str, RobotGait]] = {
     "robot": RobotGait(step_length_m=0.25, step_time_s=0.8, n_steps=8, rest_s=1.0),
-    "human": RobotGait(step_length_m=0.40, step_time_s=0.55, n_steps=12, rest_s=0.8, bob_m=0.015, arm_rad=0.45),
+    "human": RobotGait(
+        step_length_m=0.40, step_time_s=0.55, n_steps=12, rest_s=0.8, bob_m=0.015, arms=ArmSwing(arm_rad=0.45)
+    ),
 }
 """The two walks of section 2.5: at a robot's cadence and at a person's."""
 

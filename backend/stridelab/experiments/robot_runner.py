@@ -25,18 +25,21 @@ from scipy.sparse import csr_matrix, lil_matrix
 from scipy.sparse.linalg import spsolve
 
 from stridelab.conventions import GRAVITY_M_S2, Series, Vector3
+from stridelab.errors import Fault, InvalidInput
 from stridelab.experiments.body_proportions import SIDES, sign
 from stridelab.experiments.gait_plan import GaitPlan, Stance
 from stridelab.experiments.load_plan import LoadPlan, Plane
-from stridelab.experiments.robot_gait import LEAD_S, centred, sole_middles
+from stridelab.experiments.robot_gait import LEAD_S, ArmSwing, centred, sole_middles
 from stridelab.experiments.robot_walker import RATE_HZ, RobotWalk, first_posture, sole_path, swing_arms
 from stridelab.experiments.true_motion import motion_truth
-from stridelab.experiments.whole_body import PointPath, WholeBody
+from stridelab.experiments.whole_body import PointPath, Task, WholeBody
 from stridelab.recordings.recording import Side
 from stridelab.robots.loader import load_robot
 
 _K_NM_RAD: Final = np.array([110.0, 110.0, 20.0])
 _D_PER_S: Final = 4.0
+_ARMS: Final = ArmSwing(0.10, 0.15, 0.0)
+"""The base is free in flight: arms that swing as in walking would turn it by as much as the legs do."""
 _SUBSTEPS: Final = 10
 _MARGIN_STEPS: Final = 4
 """The CoM is solved for this many steps further at both ends, where it is held over a footprint."""
@@ -52,15 +55,23 @@ class RunningGait:
     step_length_m: float = 0.40
     step_time_s: float = 0.38
     stance_s: float = 0.27
-    duration_s: float = 6.0
+    duration_s: float = 5.0
     width_m: float = 0.12
     com_height_m: float = 0.84
-    arm_rad: float = 0.10
-    elbow_rad: float = 0.15
-    yaw_rad: float = 0.0
+    arms: ArmSwing = _ARMS
 
 
 RUNNING: Final = RunningGait()
+SPEEDS_M_S: Final = (0.3, 1.1)
+
+
+def running_at(speed_m_s: float, duration_s: float) -> RunningGait:
+    """A run at a speed. Raises ``InvalidInput`` ("walker-out-of-range") where it asks too much of the legs."""
+    low, high = SPEEDS_M_S
+    if not low <= speed_m_s <= high:
+        message = f"TALOS runs at {low:g} to {high:g} m/s, not at {speed_m_s:g} m/s."
+        raise InvalidInput("walker-out-of-range", message, [Fault("speed_m_s", message)])
+    return RunningGait(step_length_m=speed_m_s * RUNNING.step_time_s, duration_s=duration_s)
 
 
 @lru_cache(maxsize=4)
@@ -82,9 +93,9 @@ def run(gait: RunningGait, seed: int = 0, robot_name: str = "talos") -> RobotWal
     def momentum_rate(k: int, theta: Vector3, L: Vector3) -> Vector3:
         return np.asarray(-lift[k] * (_K_NM_RAD * theta + _D_PER_S * L))
 
-    body, upper = WholeBody(robot), swing_arms(robot, gait, plan, dense_s, random[1])
+    body, upper = WholeBody(robot), swing_arms(robot, gait.arms, plan, dense_s, random[1])
     start = first_posture(robot, feet, com.position_m[0])
-    motion = body.solve_with_momentum(time_s, feet, com, upper, start, momentum_rate)
+    motion = body.solve_with_momentum(time_s, Task.of(feet, com, upper), start, momentum_rate)
     truth = motion_truth(body.model, time_s, motion.q, motion.v, motion.a)
     return RobotWalk(robot, plan, motion, truth, _load(plan, time_s))
 

@@ -14,45 +14,36 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from typing import Final, Protocol
+from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 from numpy.random import Generator
 from scipy.interpolate import make_interp_spline
 
 from stridelab.centroidal.preview import PreviewControl
 from stridelab.contacts.swing import SwingCurve
-from stridelab.conventions import Points, Series, Vector3
+from stridelab.conventions import Series, Vector3
 from stridelab.dynamics.placement import Placement
 from stridelab.dynamics.zmp import zmp_of_motion
 from stridelab.experiments.body_proportions import SIDES
 from stridelab.experiments.gait_plan import GaitPlan
 from stridelab.experiments.load_plan import LoadPlan, Plane
 from stridelab.experiments.posture import stride_clock
-from stridelab.experiments.robot_gait import LEAD_S, RobotGait, plan_load, plan_walk
+from stridelab.experiments.robot_gait import LEAD_S, ArmSwing, RobotGait, plan_load, plan_walk
 from stridelab.experiments.true_motion import TrueMotion, motion_truth
-from stridelab.experiments.whole_body import LEGS_AND_BASE, JointPath, PointPath, RobotMotion, WholeBody
+from stridelab.experiments.whole_body import LEGS_AND_BASE, JointPath, PointPath, RobotMotion, Task, WholeBody
 from stridelab.recordings.recording import Side
 from stridelab.robots.inverse_kinematics import stand
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 
 RATE_HZ: Final = 200.0
+Column = Float[np.ndarray, "n 1"]
+Heights = tuple[Column, Column, Column]
+"""Height of the CoM and its two derivatives over time."""
 _PASSES: Final = 6
 """Preview control once, then on what is left of the error: below 2 mm (robot) and 8 mm (human cadence) at most."""
-
-
-class ArmSwing(Protocol):
-    """Amplitudes of shoulders, elbows and torso."""
-
-    @property
-    def arm_rad(self) -> float: ...
-
-    @property
-    def elbow_rad(self) -> float: ...
-
-    @property
-    def yaw_rad(self) -> float: ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,35 +60,31 @@ class RobotWalk:
     load: LoadPlan
 
 
+@lru_cache(maxsize=8)
 def walk(gait: RobotGait, seed: int = 0, robot_name: str = "talos") -> RobotWalk:
     """Simulate; the same gait and seed give the same walk, which is kept for the next caller (do not change it).
 
     Raises ``NotEstimable`` ("robot-out-of-reach") where the gait asks too much of the legs.
     """
-    return _walk(gait, seed, robot_name)
-
-
-@lru_cache(maxsize=8)
-def _walk(gait: RobotGait, seed: int, robot_name: str) -> RobotWalk:
     random = [np.random.default_rng([seed, part]) for part in range(3)]
     robot, plan = load_robot(robot_name), plan_walk(gait, random[0])
     time_s = np.arange(round((gait.duration_s + 2 * LEAD_S) * RATE_HZ)) / RATE_HZ - LEAD_S
     load = plan_load(plan, time_s, random[1])
     feet = {side: sole_path(plan, side, time_s) for side in SIDES}
-    upper = swing_arms(robot, gait, plan, time_s, random[2])
+    upper = swing_arms(robot, gait.arms, plan, time_s, random[2])
     height = _height(gait, plan, time_s)
     body, control = WholeBody(robot), PreviewControl(height_m=gait.com_height_m, dt_s=1.0 / RATE_HZ)
     start = first_posture(robot, feet, _middle(feet, height))
     wanted = load.zmp_m.copy()
     for _ in range(_PASSES):
-        motion = body.solve(time_s, feet, _com_path(control, wanted, height), upper, start)
+        motion = body.solve(time_s, Task.of(feet, _com_path(control, wanted, height), upper), start)
         truth = motion_truth(body.model, time_s, motion.q, motion.v, motion.a)
         found = zmp_of_motion(truth.com_m, truth.acceleration_m_s2, truth.momentum_rate_nm, truth.mass_kg)
         wanted = wanted + load.zmp_m - found
     return RobotWalk(robot, plan, motion, truth, load)
 
 
-def _com_path(control: PreviewControl, zmp_m: Plane, height: tuple[Points, Points, Points]) -> PointPath:
+def _com_path(control: PreviewControl, zmp_m: Plane, height: Heights) -> PointPath:
     """Preview control over the ground, begun a horizon earlier so that its own transient is over; given height."""
     early = len(control.gains.preview)
     cart = control.follow(np.vstack([np.repeat(zmp_m[:1], early, axis=0), zmp_m]))
@@ -120,7 +107,7 @@ def sole_path(plan: GaitPlan, side: Side, time_s: Series) -> PointPath:
     return PointPath(*path)
 
 
-def swing_arms(robot: Robot, gait: ArmSwing, plan: GaitPlan, time_s: Series, random: Generator) -> JointPath:
+def swing_arms(robot: Robot, arms: ArmSwing, plan: GaitPlan, time_s: Series, random: Generator) -> JointPath:
     """Shoulders, elbows and torso swing with the stride, by 10 % more or less with the seed; quintic splines of time.
 
     TALOS' first arm joint turns about the vertical: with the arm held off the trunk it carries the hand forwards.
@@ -130,16 +117,16 @@ def swing_arms(robot: Robot, gait: ArmSwing, plan: GaitPlan, time_s: Series, ran
     forward = -np.cos(clock.phi) * clock.vigour
     q = np.tile(robot.q_reference[7:], (len(time_s), 1))
     index = {name: k for k, name in enumerate(robot.joint_names)}
-    q[:, index["torso_1_joint"]] += vary[0] * gait.yaw_rad * forward
+    q[:, index["torso_1_joint"]] += vary[0] * arms.yaw_rad * forward
     for side in SIDES:
         sign = 1.0 if side == "left" else -1.0
-        q[:, index[f"arm_{side}_1_joint"]] = vary[1] * gait.arm_rad * forward
-        q[:, index[f"arm_{side}_4_joint"]] -= sign * vary[2] * gait.elbow_rad * forward
+        q[:, index[f"arm_{side}_1_joint"]] = vary[1] * arms.arm_rad * forward
+        q[:, index[f"arm_{side}_4_joint"]] -= sign * vary[2] * arms.elbow_rad * forward
     spline = make_interp_spline(time_s, q[:, LEGS_AND_BASE - 6 :], k=5)
     return JointPath(*(np.ascontiguousarray(spline(time_s, nu=order)) for order in range(3)))
 
 
-def _height(gait: RobotGait, plan: GaitPlan, time_s: Series) -> tuple[Points, Points, Points]:
+def _height(gait: RobotGait, plan: GaitPlan, time_s: Series) -> Heights:
     """Height of the CoM ``(n, 1)``, lowest in the middle of double support, and its two derivatives."""
     clock = stride_clock(plan, time_s)
     z = gait.com_height_m - gait.bob_m * clock.vigour * np.cos(2.0 * clock.phi_double)
@@ -148,7 +135,7 @@ def _height(gait: RobotGait, plan: GaitPlan, time_s: Series) -> tuple[Points, Po
     return at, rate, second
 
 
-def _middle(feet: Mapping[Side, PointPath], height: tuple[Points, Points, Points]) -> Vector3:
+def _middle(feet: Mapping[Side, PointPath], height: Heights) -> Vector3:
     """The CoM while standing on the first footprints."""
     x, y, _ = np.mean([path.position_m[0] for path in feet.values()], axis=0)
     return np.array([x, y, height[0][0, 0]])

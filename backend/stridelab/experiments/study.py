@@ -17,7 +17,7 @@ from stridelab.conventions import Mask, Points, Series
 from stridelab.errors import Fault, InvalidInput
 from stridelab.experiments.body_proportions import SIDES
 from stridelab.experiments.link_kinematics import LinkMasses, LinkPoses, link_masses, link_poses
-from stridelab.experiments.robot_gait import WALKS, GaitName
+from stridelab.experiments.robot_gait import WALKS
 from stridelab.experiments.robot_runner import RUNNING, run
 from stridelab.experiments.robot_walker import RATE_HZ, RobotWalk, walk
 from stridelab.experiments.study_noise import PRESETS, NoisePreset, coloured
@@ -39,7 +39,7 @@ class StudyTrial:
     ``bias_m`` the error of the body model without it, ``(n, 3)``.
     """
 
-    gait: GaitName
+    gait: str
     noise: NoisePreset
     seed: int
     mass_kg: float
@@ -85,7 +85,7 @@ class StudyTrial:
         )
 
 
-def simulate(gait: GaitName, noise: NoisePreset | str = "thesis", seed: int = 0, *, walk_seed: int = 0) -> StudyTrial:
+def simulate(gait: str, noise: NoisePreset | str = "thesis", seed: int = 0, *, walk_seed: int = 0) -> StudyTrial:
     """One trial of a gait: ``seed`` draws all noise and the error of the body model, ``walk_seed`` varies the walk.
 
     ``noise`` is a preset or its name. The same arguments give the same trial, bit for bit; every part of the noise has
@@ -111,7 +111,7 @@ def simulate(gait: GaitName, noise: NoisePreset | str = "thesis", seed: int = 0,
     geometric = _geometric(source, noisy, believed, t, preset.mass_model)
     biased = _com(clean, believed)
     sd_x, sd_y, sd_z = (float(s) for s in (geometric.com_m - biased).std(axis=0))
-    force, moment = _wrench(source, kept, preset, random[1], random[2], random[4])
+    force, moment = _wrench(source, t, preset, random[1], random[2], random[4])
     return StudyTrial(
         gait=gait,
         noise=preset,
@@ -126,7 +126,7 @@ def simulate(gait: GaitName, noise: NoisePreset | str = "thesis", seed: int = 0,
     )
 
 
-def clean_motion(gait: GaitName, walk_seed: int = 0) -> RobotWalk:
+def clean_motion(gait: str, walk_seed: int = 0) -> RobotWalk:
     """The motion behind the trials of a gait, simulated once per process; do not change it."""
     if gait == "running":
         return run(RUNNING, walk_seed)
@@ -192,7 +192,7 @@ def _declared_sd_m(source: RobotWalk, mass_model: float) -> tuple[float, float, 
 
 def _wrench(
     source: RobotWalk,
-    kept: Mask,
+    at_s: Series,
     noise: NoisePreset,
     forces: np.random.Generator,
     moments: np.random.Generator,
@@ -204,7 +204,10 @@ def _wrench(
     plate = np.zeros_like(force)
     plate[:, :2] = sum(load.share[side][:, None] * load.cop_m[side] for side in SIDES)
     wrench = np.column_stack([force, moment, plate])
-    read = wrench[kept] if noise.latency_s == 0.0 else CubicSpline(time_s, wrench)(time_s[kept] - noise.latency_s)
+    if noise.latency_s == 0.0:
+        read = wrench[np.searchsorted(time_s, at_s - _EPS_S)]
+    else:
+        read = CubicSpline(time_s, wrench)(at_s - noise.latency_s)
     force, moment, plate = read[:, :3].copy(), read[:, 3:6].copy(), read[:, 6:]
     error_n, error_nm = np.zeros_like(force), np.zeros_like(force)
     if noise.force_n > 0.0:
