@@ -49,7 +49,7 @@ Height = Annotated[float | None, typer.Option("--height", help="Stature in metre
 Mass = Annotated[float | None, typer.Option("--mass", help="Body mass in kilograms.")]
 PersonSex = Annotated[Sex | None, typer.Option("--sex", help="Which columns of the segment table.")]
 Age = Annotated[float | None, typer.Option("--age", help="Age in years.")]
-Latency = Annotated[str, typer.Option("--latency", help="report, apply, or seconds to apply.")]
+Latency = Annotated[str, typer.Option("--latency", help="apply (where significant), report, or seconds to apply.")]
 Segments = Annotated[SegmentTable, typer.Option("--segment-table", help="Table of segment masses.")]
 Cutoffs = Annotated[str, typer.Option("--cutoffs", help="auto, thesis, or LOW,HIGH in Hz.")]
 Measured = Annotated[str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")]
@@ -105,7 +105,7 @@ def estimate(
     method: Annotated[
         Method | None, typer.Option("--method", help="Estimator; the best that exists if omitted.")
     ] = None,
-    latency: Latency = "report",
+    latency: Latency = "apply",
     segment_table: Segments = "auto",
     cutoffs: Cutoffs = "auto",
     window: Measured = None,
@@ -148,7 +148,7 @@ def compare(
     sex: PersonSex = None,
     age_years: Age = None,
     method: Annotated[Method | None, typer.Option("--method", help="Only this one, beside the geometry.")] = None,
-    latency: Latency = "report",
+    latency: Latency = "apply",
     segment_table: Segments = "auto",
     cutoffs: Cutoffs = "auto",
     window: Measured = None,

@@ -37,7 +37,7 @@ class EstimateRequest:
     sex: str | None = None
     age_years: float | None = None
     method: str | None = None
-    latency: str = "report"
+    latency: str = "apply"
     segment_table: str = "auto"
     cutoffs: str = "auto"
     window: str | None = None

@@ -75,8 +75,11 @@ class EstimateComInput(Contract):
         default=None, description="null takes the best estimator that this version has"
     )
     latency: Literal["report", "apply"] | Annotated[float, Field(ge=-0.1, le=0.1)] = Field(
-        default="report",
-        description="report: estimate the force latency but do not use it; apply: use it; a number: seconds to apply",
+        default="apply",
+        description=(
+            "apply: take out the force's latency against the markers where it is significant; report: estimate it "
+            "only; a number: seconds to take out (> 0: the force is late). What was done is a warning of the result"
+        ),
     )
     segment_table: Literal["auto", "dumas2007", "deleva1996", "carried"] = "auto"
     cutoffs: Literal["auto", "thesis"] | tuple[float, float] = Field(
@@ -98,6 +101,9 @@ class EstimateComSummary(Contract):
     latency_s: float | None
     latency_sd_s: float | None
     latency_applied_s: float
+    latency_along_s: float | None = Field(default=None, description="what the accelerations along the walk say alone")
+    latency_lateral_s: float | None = Field(default=None, description="across the walk; reported, not used")
+    latency_vertical_s: float | None = Field(default=None, description="what the vertical accelerations say alone")
     rms_force_residual_n: list[float]
     bias_m: list[float]
     observability: dict[str, Any]
