@@ -1,7 +1,8 @@
 """Commands with ``--server``: send what the job needs, run it there, bring the files home."""
 
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from stridelab.cli_console import Bar, progress_bar
@@ -55,28 +56,34 @@ def run_remotely(
     refuses to take in ``prepare``; ``Unavailable`` where nobody answers.
     """
     refused = unprepared
+    with translated(server, lambda: refused), Client(server, token) as client, progress_bar(title) as bar:
+        job_input = prepare(client, bar)
+        refused = InvalidInput
+        job = client.submit(kind, job_input, idempotency_key=uuid.uuid4().hex)
+        finished = _follow(client, job.id, bar)
+        if finished.state != "succeeded":
+            raise _failure(finished)
+        result = client.result(job.id)
+        for done, artifact in enumerate(result.artifacts):
+            bar(AFTER_JOB + (1.0 - AFTER_JOB) * done / len(result.artifacts), f"downloading {artifact.name}")
+            client.download_artifact(job.id, artifact.name, folder / _plain_name(artifact.name))
+        bar(1.0, "done")
+    artifacts = tuple(ArtifactFile(a.name, a.media_type) for a in result.artifacts)
+    outcome = Outcome(result.summary, tuple(result.references), artifacts)
+    return write_result(folder, result.kind, job_input, outcome, versions=result.versions)
+
+
+@contextmanager
+def translated(server: str, refused: Callable[[], ErrorClass] = lambda: InvalidInput) -> Iterator[None]:
+    """The client's errors as those of this project; ``refused`` is the class of what is answered 422 at that moment."""
     try:
-        with Client(server, token) as client, progress_bar(title) as bar:
-            job_input = prepare(client, bar)
-            refused = InvalidInput
-            job = client.submit(kind, job_input, idempotency_key=uuid.uuid4().hex)
-            finished = _follow(client, job.id, bar)
-            if finished.state != "succeeded":
-                raise _failure(finished)
-            result = client.result(job.id)
-            for done, artifact in enumerate(result.artifacts):
-                bar(AFTER_JOB + (1.0 - AFTER_JOB) * done / len(result.artifacts), f"downloading {artifact.name}")
-                client.download_artifact(job.id, artifact.name, folder / _plain_name(artifact.name))
-            bar(1.0, "done")
+        yield
     except ProblemError as error:
-        raise _as_error(error.problem, refused, error.retry_after_s) from error
+        raise _as_error(error.problem, refused(), error.retry_after_s) from error
     except Unreachable as error:
         raise Unavailable("service-unreachable", f"No service answers at {server}: {error}.") from error
     except ClientError as error:
         raise Unavailable("service-not-understood", f"{error}.") from error
-    artifacts = tuple(ArtifactFile(a.name, a.media_type) for a in result.artifacts)
-    outcome = Outcome(result.summary, tuple(result.references), artifacts)
-    return write_result(folder, result.kind, job_input, outcome, versions=result.versions)
 
 
 def estimate_remotely(

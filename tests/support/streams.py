@@ -1,6 +1,7 @@
 """A walk as the samples of a stream, and raw websockets to send what no client would."""
 
 import json
+import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -28,10 +29,17 @@ def walk_samples(duration_s: float, start_s: float = 0.0) -> list[StreamSample]:
     ]
 
 
+def packed(start_s: float, *rows: tuple[float, ...]) -> bytes:
+    """A packed message, written out here once more."""
+    return struct.pack("<d", start_s) + b"".join(struct.pack("<10f", *row) for row in rows)
+
+
 @contextmanager
 def socket_of(service: Served, **headers: str) -> Iterator[ClientConnection]:
     address = service.base_url.replace("http", "ws") + "/api/v1/stream/com"
-    with connect(address, additional_headers=headers, proxy=None, compression=None, max_size=None) as socket:
+    with connect(
+        address, additional_headers=headers, proxy=None, compression=None, max_size=None, close_timeout=1
+    ) as socket:
         yield socket
 
 

@@ -35,7 +35,7 @@ class OnlineBand:
     def __init__(self, low_hz: float, mass_kg: float, table_sd_m: SdPerAxis, priors: ErrorPriors) -> None:
         self._share = LowPass(low_hz, 0.0)
         self._stride, self._step = LowPass(low_hz, 0j), LowPass(low_hz, 0j)
-        self._omega = 1j * math.pi * priors.step_hz
+        self._omega, self._since_s = 1j * math.pi * priors.step_hz, 0.0
         x, y, z = table_sd_m
         self._table = (x * x, y * y, z * z)
         x, y, z = priors.acceleration_m_s2
@@ -45,9 +45,10 @@ class OnlineBand:
         self._sideways, self._forward = (walking / GRAVITY_M_S2) ** 2, (lateral / GRAVITY_M_S2) ** 2
         self._clock, self._marker = priors.clock_s**2, priors.marker_m**2
 
-    def advance(self, h: float, time_s: float, has_axis: bool) -> None:
+    def advance(self, h: float, has_axis: bool) -> None:
         """Advance by 2h to a sample with or without a central axis."""
-        stride = cmath.exp(self._omega * time_s) if has_axis else 0j
+        self._since_s += 2.0 * h
+        stride = cmath.exp(self._omega * self._since_s) if has_axis else 0j
         self._share.step(h, 1.0 if has_axis else 0.0)
         self._stride.step(h, stride)
         self._step.step(h, stride * stride)

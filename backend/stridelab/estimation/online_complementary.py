@@ -84,7 +84,7 @@ class OnlineComplementaryFilter:
         lz.step(h, uz)
         x, y, z = track.axes
         vx, vy = x.v + lx.rate, y.v + ly.rate
-        self._band.advance(h, time_s, to_axis is not None)
+        self._band.advance(h, to_axis is not None)
         sd = self._band.sd_m(track, h, f is not None, vx, vy)
         rows = np.array(((x.x + lx.value, y.x + ly.value, z.x + lz.value), (vx, vy, z.v + lz.rate), sd))
         return OnlineSample(rows[0], rows[1], rows[2])

@@ -2,7 +2,6 @@
 
 import json
 import struct
-from collections.abc import Iterable
 from typing import Final
 
 import numpy as np
@@ -11,7 +10,6 @@ from pydantic import ValidationError
 
 from stridelab.conventions import Vector3
 from stridelab.errors import Fault, InvalidInput, StridelabError
-from stridelab.estimation.online import OnlineSample
 from stridelab.schemas.streams import (
     PACKED_ROW,
     PACKED_TIME,
@@ -25,9 +23,11 @@ _TIME_BYTES: Final = struct.calcsize(PACKED_TIME)
 _ROW_BYTES: Final = struct.calcsize(PACKED_ROW)
 _COLUMNS: Final = _ROW_BYTES // 4
 _SHOWN_FAULTS: Final = 20
+_LARGEST_FLOAT32: Final = float(np.finfo(np.float32).max)
 
 Given = tuple[float, Vector3 | None, Vector3 | None, Vector3 | None]
 Rows = Float64[np.ndarray, "n 10"]
+Estimates = Float64[np.ndarray, "n 9"]
 
 
 class Session:
@@ -48,13 +48,8 @@ class Session:
         if self._format == "json":
             samples = parse_text(parcel.content)
             estimates = [
-                {
-                    "time_s": sample[0],
-                    "com_m": estimate.com_m.tolist(),
-                    "velocity_m_s": estimate.velocity_m_s.tolist(),
-                    "sd_m": estimate.sd_m.tolist(),
-                }
-                for sample, estimate in zip(samples, self._steps(samples), strict=True)
+                {"time_s": sample[0], "com_m": row[0:3], "velocity_m_s": row[3:6], "sd_m": row[6:9]}
+                for sample, row in zip(samples, self._estimates(samples).tolist(), strict=True)
             ]
             text = json.dumps({"samples": estimates}, allow_nan=False)
             return Parcel(TEXT, text.encode(), len(samples))
@@ -62,19 +57,23 @@ class Session:
         samples = [_given(start_s, row) for row in rows]
         answers = np.empty((len(rows), _COLUMNS), dtype="<f4")
         answers[:, 0] = rows[:, 0]
-        for row, estimate in zip(answers, self._steps(samples), strict=True):
-            row[1:4], row[4:7], row[7:10] = estimate
+        answers[:, 1:] = self._estimates(samples, largest=_LARGEST_FLOAT32)
         return Parcel(PACKED, struct.pack(PACKED_TIME, start_s) + answers.tobytes(), len(rows))
 
-    def _steps(self, samples: list[Given]) -> Iterable[OnlineSample]:
+    def _estimates(self, samples: list[Given], largest: float = np.inf) -> Estimates:
+        """CoM, velocity and band, one row per sample. Raises ``not-finite`` as well where numbers overflow."""
         step = self._estimator.step
+        rows = np.empty((len(samples), 9))
         for index, sample in enumerate(samples):
             try:
-                yield step(*sample)
+                rows[index, 0:3], rows[index, 3:6], rows[index, 6:9] = step(*sample)
             except StridelabError as error:
                 where = f"samples[{index}]"
                 faults = [Fault(f"{where}.{fault.where}", fault.message) for fault in error.faults]
                 raise type(error)(error.code, error.message, faults or [Fault(where, error.message)]) from error
+        if not (np.abs(rows) < largest).all():
+            raise InvalidInput("not-finite", "The numbers in the samples are too large for an estimate.")
+        return rows
 
 
 def parse_text(content: bytes) -> list[Given]:
