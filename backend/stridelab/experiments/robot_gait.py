@@ -12,7 +12,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from numpy.random import Generator
@@ -66,6 +66,9 @@ class RobotGait:
         steps = self.n_steps + 1 if self.n_steps > 0 else 0
         return 2 * self.rest_s + steps * self.step_time_s
 
+
+GaitName = Literal["robot", "human", "running"]
+"""Motions of the study; running is in ``robot_runner``."""
 
 WALKS: Final[Mapping[str, RobotGait]] = {
     "robot": RobotGait(step_length_m=0.25, step_time_s=0.8, n_steps=8, rest_s=1.0),
