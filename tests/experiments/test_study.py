@@ -9,14 +9,15 @@ from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.wrench import Wrench
 from stridelab.errors import InvalidInput
 from stridelab.experiments.body_proportions import SIDES
+from stridelab.experiments.robot_gait import GaitName
 from stridelab.experiments.robot_walker import RATE_HZ, RobotWalk
 from stridelab.experiments.study import StudyTrial, clean_motion, simulate
 from stridelab.experiments.study_noise import PRESETS, NoisePreset, coloured
 
-GAITS = ("robot", "human", "running")
+GAITS: tuple[GaitName, ...] = ("robot", "human", "running")
 
 
-def trials(gait: str, noise: NoisePreset | str, seeds: int) -> list[StudyTrial]:
+def trials(gait: GaitName, noise: NoisePreset | str, seeds: int) -> list[StudyTrial]:
     return [simulate(gait, noise, seed) for seed in range(seeds)]
 
 
@@ -26,7 +27,7 @@ def thesis() -> list[StudyTrial]:
 
 
 @pytest.mark.parametrize("gait", GAITS)
-def test_without_noise_everything_is_true(gait: str) -> None:
+def test_without_noise_everything_is_true(gait: GaitName) -> None:
     trial = simulate(gait, "none")
     t = trial.truth
     np.testing.assert_allclose(trial.geometric.com_m, t.com_m, atol=1e-12)
@@ -173,7 +174,7 @@ def test_an_excerpt_starts_again_at_zero_and_keeps_what_was_measured(thesis: lis
 
 def test_what_does_not_exist_is_refused(thesis: list[StudyTrial]) -> None:
     refusals = {
-        "gait-unknown": lambda: simulate("flying", "none"),
+        "gait-unknown": lambda: clean_motion("flying"),
         "noise-unknown": lambda: simulate("robot", "loud"),
         "noise-out-of-range": lambda: NoisePreset(force_n=-1.0),
         "excerpt-invalid": lambda: thesis[0].excerpt(8.0, 12.0),

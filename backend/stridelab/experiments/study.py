@@ -17,7 +17,7 @@ from stridelab.conventions import Mask, Points, Series
 from stridelab.errors import Fault, InvalidInput
 from stridelab.experiments.body_proportions import SIDES
 from stridelab.experiments.link_kinematics import LinkMasses, LinkPoses, link_masses, link_poses
-from stridelab.experiments.robot_gait import WALKS
+from stridelab.experiments.robot_gait import WALKS, GaitName
 from stridelab.experiments.robot_runner import RUNNING, run
 from stridelab.experiments.robot_walker import RATE_HZ, RobotWalk, walk
 from stridelab.experiments.study_noise import PRESETS, NoisePreset, coloured
@@ -39,7 +39,7 @@ class StudyTrial:
     ``bias_m`` the error of the body model without it, ``(n, 3)``.
     """
 
-    gait: str
+    gait: GaitName
     noise: NoisePreset
     seed: int
     mass_kg: float
@@ -85,7 +85,7 @@ class StudyTrial:
         )
 
 
-def simulate(gait: str, noise: NoisePreset | str = "thesis", seed: int = 0, *, walk_seed: int = 0) -> StudyTrial:
+def simulate(gait: GaitName, noise: NoisePreset | str = "thesis", seed: int = 0, *, walk_seed: int = 0) -> StudyTrial:
     """One trial of a gait: ``seed`` draws all noise and the error of the body model, ``walk_seed`` varies the walk.
 
     ``noise`` is a preset or its name. The same arguments give the same trial, bit for bit; every part of the noise has
