@@ -44,6 +44,19 @@ Lab = Literal["walkway", "two_plates"]
 Method = Literal["complementary", "geometry", "kalman", "rts", "smoother"]
 SegmentTable = Literal["auto", "dumas2007", "deleva1996", "carried"]
 
+Trial = Annotated[Path, typer.Argument(help="A .c3d file, or a .zip of a .trc and a .mot or .sto file.")]
+Height = Annotated[float | None, typer.Option("--height", help="Stature in metres.")]
+Mass = Annotated[float | None, typer.Option("--mass", help="Body mass in kilograms.")]
+PersonSex = Annotated[Sex | None, typer.Option("--sex", help="Which columns of the segment table.")]
+Age = Annotated[float | None, typer.Option("--age", help="Age in years.")]
+Latency = Annotated[str, typer.Option("--latency", help="apply (where significant), report, or seconds to apply.")]
+Segments = Annotated[SegmentTable, typer.Option("--segment-table", help="Table of segment masses.")]
+Cutoffs = Annotated[str, typer.Option("--cutoffs", help="auto, thesis, or LOW,HIGH in Hz.")]
+Measured = Annotated[str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")]
+Static = Annotated[Path | None, typer.Option("--static", help="Static trial of the same person.")]
+Markers = Annotated[list[str] | None, typer.Option("--marker", help="LANDMARK=LABEL; may be repeated.")]
+WithoutPlates = Annotated[list[int] | None, typer.Option("--without-plate", help="Plate index to leave out.")]
+
 OutFolder = Annotated[Path | None, typer.Option("--out", help="Folder for the result; must not exist yet.")]
 Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of a table.")]
@@ -84,25 +97,21 @@ def migrate() -> None:
 
 @app.command()
 def estimate(
-    file: Annotated[Path, typer.Argument(help="A .c3d file, or a .zip of a .trc and a .mot or .sto file.")],
-    height_m: Annotated[float | None, typer.Option("--height", help="Stature in metres.")] = None,
-    mass_kg: Annotated[float | None, typer.Option("--mass", help="Body mass in kilograms.")] = None,
-    sex: Annotated[Sex | None, typer.Option("--sex", help="Which columns of the segment table.")] = None,
-    age_years: Annotated[float | None, typer.Option("--age", help="Age in years.")] = None,
+    file: Trial,
+    height_m: Height = None,
+    mass_kg: Mass = None,
+    sex: PersonSex = None,
+    age_years: Age = None,
     method: Annotated[
         Method | None, typer.Option("--method", help="Estimator; the best that exists if omitted.")
     ] = None,
-    latency: Annotated[str, typer.Option("--latency", help="report, apply, or seconds to apply.")] = "report",
-    segment_table: Annotated[SegmentTable, typer.Option("--segment-table", help="Table of segment masses.")] = "auto",
-    cutoffs: Annotated[str, typer.Option("--cutoffs", help="auto, thesis, or LOW,HIGH in Hz.")] = "auto",
-    window: Annotated[
-        str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")
-    ] = None,
-    static: Annotated[Path | None, typer.Option("--static", help="Static trial of the same person.")] = None,
-    marker: Annotated[list[str] | None, typer.Option("--marker", help="LANDMARK=LABEL; may be repeated.")] = None,
-    without_plate: Annotated[
-        list[int] | None, typer.Option("--without-plate", help="Plate index to leave out.")
-    ] = None,
+    latency: Latency = "apply",
+    segment_table: Segments = "auto",
+    cutoffs: Cutoffs = "auto",
+    window: Measured = None,
+    static: Static = None,
+    marker: Markers = None,
+    without_plate: WithoutPlates = None,
     out_dir: OutFolder = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -129,6 +138,91 @@ def estimate(
         without_plates=tuple(without_plate or ()),
     )
     run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+
+
+@app.command()
+def compare(
+    file: Trial,
+    height_m: Height = None,
+    mass_kg: Mass = None,
+    sex: PersonSex = None,
+    age_years: Age = None,
+    method: Annotated[Method | None, typer.Option("--method", help="Only this one, beside the geometry.")] = None,
+    latency: Latency = "apply",
+    segment_table: Segments = "auto",
+    cutoffs: Cutoffs = "auto",
+    window: Measured = None,
+    static: Static = None,
+    marker: Markers = None,
+    without_plate: WithoutPlates = None,
+    truth: Annotated[Path | None, typer.Option("--truth", help="truth.parquet of a simulated recording.")] = None,
+    out_dir: OutFolder = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    server: Server = None,
+    token: Token = None,
+) -> None:
+    """Compare all estimators on one recording; needs no server."""
+    from stridelab.cli_compare import compare as run
+    from stridelab.cli_estimate import EstimateRequest
+
+    request = EstimateRequest(
+        file=file,
+        height_m=height_m,
+        mass_kg=mass_kg,
+        sex=sex,
+        age_years=age_years,
+        method=method,
+        latency=latency,
+        segment_table=segment_table,
+        cutoffs=cutoffs,
+        window=window,
+        static=static,
+        markers=tuple(marker or ()),
+        without_plates=tuple(without_plate or ()),
+    )
+    run(request, truth=truth, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+
+
+@app.command()
+def stream(
+    file: Trial,
+    height_m: Height = None,
+    mass_kg: Mass = None,
+    sex: PersonSex = None,
+    age_years: Age = None,
+    latency: Latency = "apply",
+    cutoffs: Cutoffs = "auto",
+    static: Static = None,
+    marker: Markers = None,
+    without_plate: WithoutPlates = None,
+    speed: Annotated[float, typer.Option("--speed", help="Times real time.")] = 1.0,
+    block: Annotated[int, typer.Option("--block", help="Samples per message.")] = 1,
+    packed: Annotated[bool, typer.Option("--packed", help="Packed float32 instead of JSON.")] = False,
+    csv: Annotated[Path | None, typer.Option("--csv", help="Write the estimates to this file.")] = None,
+    as_json: AsJson = False,
+    server: Annotated[str, typer.Option("--server", help="The service.")] = "http://127.0.0.1:8000",
+    token: Token = None,
+) -> None:
+    """Replay a recording in real time to a service that estimates its centre of mass online."""
+    from stridelab.cli_estimate import EstimateRequest
+    from stridelab.cli_stream import Replay
+    from stridelab.cli_stream import stream as run
+
+    request = EstimateRequest(
+        file=file,
+        height_m=height_m,
+        mass_kg=mass_kg,
+        sex=sex,
+        age_years=age_years,
+        latency=latency,
+        cutoffs=cutoffs,
+        static=static,
+        markers=tuple(marker or ()),
+        without_plates=tuple(without_plate or ()),
+    )
+    replay = Replay(speed=speed, block=block, packed=packed, csv=csv)
+    run(request, replay, as_json=as_json, server=server, token=token)
 
 
 @app.command()

@@ -1,10 +1,11 @@
 """``stridelab estimate`` and ``stridelab simulate``: the same runs as in the service, into a folder."""
 
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from rich.markup import escape
 from rich.table import Table
@@ -23,10 +24,12 @@ from stridelab.schemas.jobs import (
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.service.jobs.kinds.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
 
+Input = TypeVar("Input", bound=EstimateComInput)
+
 
 @dataclass(frozen=True)
 class EstimateRequest:
-    """Options of ``stridelab estimate`` as typed."""
+    """Options of ``stridelab estimate`` and ``stridelab compare`` as typed."""
 
     file: Path
     height_m: float | None = None
@@ -34,7 +37,7 @@ class EstimateRequest:
     sex: str | None = None
     age_years: float | None = None
     method: str | None = None
-    latency: str = "report"
+    latency: str = "apply"
     segment_table: str = "auto"
     cutoffs: str = "auto"
     window: str | None = None
@@ -52,8 +55,8 @@ class EstimateRequest:
         }
         return validated(SubjectFields, fields)
 
-    def input(self, recording_id: str) -> EstimateComInput:
-        """Input of the job. Raises ``InvalidInput`` naming the option that makes no sense."""
+    def input(self, recording_id: str, model: type[Input]) -> Input:
+        """Input of a job on this recording. Raises ``InvalidInput`` naming the option that makes no sense."""
         fields = {
             "recording_id": recording_id,
             "method": self.method,
@@ -64,7 +67,7 @@ class EstimateRequest:
             "cutoffs": self.cutoffs if self.cutoffs in {"auto", "thesis"} else _numbers("--cutoffs", self.cutoffs, 2),
             "window_s": None if self.window is None else _numbers("--window", self.window, 2),
         }
-        return validated(EstimateComInput, fields)
+        return validated(model, fields)
 
     def marker_map(self) -> dict[str, str]:
         """Landmark to label."""
@@ -81,9 +84,9 @@ def estimate(
     """Estimate one recording here or on a server, write the result folder and show the summary."""
     target = out_dir or Path(f"{request.file.stem}-com")
     refuse_to_overwrite(target, force=force)
-    _require_file(request.file)
+    require_file(request.file)
     if request.static is not None:
-        _require_file(request.static)
+        require_file(request.static)
     with result_folder(target, force=force) as folder:
         if server is not None:
             from stridelab.cli_remote import estimate_remotely
@@ -96,32 +99,32 @@ def estimate(
 
 def estimate_here(request: EstimateRequest, folder: Path) -> JobResult:
     """Run the job's own function in this process; ``folder`` then holds exactly what the service would publish."""
-    input_ = request.input(request.file.name)
-    static = None
-    if request.static is not None:
-        static = RecordingSource(file="static-trial", filename=request.static.name)
-    task = EstimateComTask(
-        recording=RecordingSource(
-            file="trial",
-            filename=request.file.name,
-            subject=request.subject(),
-            marker_map=request.marker_map(),
-            plates=request.plates(),
-        ),
-        static=static,
-        input=input_,
-    )
-    with progress_bar(request.file.name) as bar:
-        bar(0.0, "starting")
-        from stridelab.service.jobs.kinds import estimate_com
+    from stridelab.service.jobs.kinds import estimate_com
 
-        staged = {"trial": request.file} | ({"static-trial": request.static} if request.static else {})
-        for name, path in staged.items():
-            shutil.copyfile(path, folder / name)
-        outcome = estimate_com.run(task, folder, bar)
-        for name in staged:
-            (folder / name).unlink()
+    input_ = request.input(request.file.name, EstimateComInput)
+    with progress_bar(request.file.name) as bar, staged(request, folder) as (recording, static):
+        bar(0.0, "starting")
+        outcome = estimate_com.run(EstimateComTask(recording=recording, static=static, input=input_), folder, bar)
     return write_result(folder, "estimate-com", input_, outcome)
+
+
+@contextmanager
+def staged(request: EstimateRequest, folder: Path) -> Iterator[tuple[RecordingSource, RecordingSource | None]]:
+    """The files of a request in ``folder`` for as long as the run lasts, as the worker would have put them there."""
+    static = None if request.static is None else RecordingSource(file="static-trial", filename=request.static.name)
+    recording = RecordingSource(
+        file="trial",
+        filename=request.file.name,
+        subject=request.subject(),
+        marker_map=request.marker_map(),
+        plates=request.plates(),
+    )
+    copies = {"trial": request.file} | ({"static-trial": request.static} if request.static else {})
+    for name, path in copies.items():
+        shutil.copyfile(path, folder / name)
+    yield recording, static
+    for name in copies:
+        (folder / name).unlink()
 
 
 def simulate(
@@ -189,7 +192,8 @@ def _xyz(values: Sequence[float], unit: str) -> str:
     return " / ".join(f"{value:.1f}" for value in values) + f" {unit} (x / y / z)"
 
 
-def _require_file(path: Path) -> None:
+def require_file(path: Path) -> None:
+    """Raise ``UnreadableFile`` unless the path is a file that can be opened."""
     reasons: tuple[tuple[Callable[[], bool], str], ...] = (
         (path.exists, "there is no such file"),
         (path.is_file, "it is not a file"),

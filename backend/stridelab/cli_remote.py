@@ -1,7 +1,8 @@
 """Commands with ``--server``: send what the job needs, run it there, bring the files home."""
 
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from stridelab.cli_console import Bar, progress_bar
@@ -22,7 +23,7 @@ from stridelab.errors import (
     UnreadableFile,
 )
 from stridelab.schemas.base import Contract, Problem
-from stridelab.schemas.jobs import Job, JobResult
+from stridelab.schemas.jobs import EstimateComInput, Job, JobResult
 from stridelab.schemas.recordings import RecordingPatch
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Outcome
 
@@ -55,37 +56,50 @@ def run_remotely(
     refuses to take in ``prepare``; ``Unavailable`` where nobody answers.
     """
     refused = unprepared
-    try:
-        with Client(server, token) as client, progress_bar(title) as bar:
-            job_input = prepare(client, bar)
-            refused = InvalidInput
-            job = client.submit(kind, job_input, idempotency_key=uuid.uuid4().hex)
-            finished = _follow(client, job.id, bar)
-            if finished.state != "succeeded":
-                raise _failure(finished)
-            result = client.result(job.id)
-            for done, artifact in enumerate(result.artifacts):
-                bar(AFTER_JOB + (1.0 - AFTER_JOB) * done / len(result.artifacts), f"downloading {artifact.name}")
-                client.download_artifact(job.id, artifact.name, folder / _plain_name(artifact.name))
-            bar(1.0, "done")
-    except ProblemError as error:
-        raise _as_error(error.problem, refused, error.retry_after_s) from error
-    except Unreachable as error:
-        raise Unavailable("service-unreachable", f"No service answers at {server}: {error}.") from error
-    except ClientError as error:
-        raise Unavailable("service-not-understood", f"{error}.") from error
+    with translated(server, lambda: refused), Client(server, token) as client, progress_bar(title) as bar:
+        job_input = prepare(client, bar)
+        refused = InvalidInput
+        job = client.submit(kind, job_input, idempotency_key=uuid.uuid4().hex)
+        finished = _follow(client, job.id, bar)
+        if finished.state != "succeeded":
+            raise _failure(finished)
+        result = client.result(job.id)
+        for done, artifact in enumerate(result.artifacts):
+            bar(AFTER_JOB + (1.0 - AFTER_JOB) * done / len(result.artifacts), f"downloading {artifact.name}")
+            client.download_artifact(job.id, artifact.name, folder / _plain_name(artifact.name))
+        bar(1.0, "done")
     artifacts = tuple(ArtifactFile(a.name, a.media_type) for a in result.artifacts)
     outcome = Outcome(result.summary, tuple(result.references), artifacts)
     return write_result(folder, result.kind, job_input, outcome, versions=result.versions)
 
 
-def estimate_remotely(request: EstimateRequest, folder: Path, server: str, token: str | None) -> JobResult:
-    """Upload the recording, run ``estimate-com`` on ``server``, and download its files into ``folder``."""
-    request.input("checked before anything is sent")
+@contextmanager
+def translated(server: str, refused: Callable[[], ErrorClass] = lambda: InvalidInput) -> Iterator[None]:
+    """The client's errors as those of this project; ``refused`` is the class of what is answered 422 at that moment."""
+    try:
+        yield
+    except ProblemError as error:
+        raise _as_error(error.problem, refused(), error.retry_after_s) from error
+    except Unreachable as error:
+        raise Unavailable("service-unreachable", f"No service answers at {server}: {error}.") from error
+    except ClientError as error:
+        raise Unavailable("service-not-understood", f"{error}.") from error
+
+
+def estimate_remotely(
+    request: EstimateRequest,
+    folder: Path,
+    server: str,
+    token: str | None,
+    kind: str = "estimate-com",
+    model: type[EstimateComInput] = EstimateComInput,
+) -> JobResult:
+    """Upload the recording, run ``kind`` on it on ``server``, and download its files into ``folder``."""
+    request.input("checked before anything is sent", model)
     return run_remotely(
-        "estimate-com",
+        kind,
         request.file.name,
-        lambda client, bar: request.input(_upload(client, request, bar)),
+        lambda client, bar: request.input(_upload(client, request, bar), model),
         folder,
         server,
         token,

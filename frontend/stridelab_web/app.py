@@ -8,7 +8,19 @@ from starlette.staticfiles import StaticFiles
 from stridelab.client import ProblemError, Unreachable
 from stridelab_web import assets, scenes
 from stridelab_web.config import WebConfig
-from stridelab_web.pages import errors, job, login, overview, plan, planner, recording, robot, scenario, view
+from stridelab_web.pages import (
+    comparison,
+    errors,
+    job,
+    login,
+    overview,
+    plan,
+    planner,
+    recording,
+    robot,
+    scenario,
+    view,
+)
 from stridelab_web.pages.render import make_environment
 from stridelab_web.service import make_client
 
@@ -44,6 +56,7 @@ def routes() -> list[BaseRoute]:
         Route("/jobs", overview.jobs),
         Route("/jobs/{id}", job.job),
         Route("/jobs/{id}/plots.json", job.plots),
+        Route("/jobs/{id}/figures/{name}.json", comparison.figure),
         Route("/view/", view.view),
         Route(f"{scene}/", scenes.page),
         Route(f"{scene}/open", scenes.open_scene, methods=["POST"]),

@@ -52,6 +52,15 @@ class Arrow:
 
 
 @dataclass(frozen=True)
+class Ellipsoid:
+    """A unit ball at the three numbers from ``at`` on, with the three semi-axes from ``axes`` on along x, y and z."""
+
+    name: str
+    at: int
+    axes: int
+
+
+@dataclass(frozen=True)
 class Span:
     """A node that is there from ``start_s`` until ``end_s`` only."""
 
@@ -72,8 +81,8 @@ class Track:
 class Frames:
     """``values`` has shape ``(frames, width)``, float32, NaN where something is not there.
 
-    ``com_sd_m`` ``(frames, 3)`` belongs to the first of ``tracks``; ``still`` names nodes that are only shown or
-    hidden; ``phase_starts_s`` are the instants at which the set of contacts changes.
+    ``still`` names nodes that are only shown or hidden; ``phase_starts_s`` are the instants at which the set of
+    contacts changes.
     """
 
     time_s: np.ndarray
@@ -82,11 +91,11 @@ class Frames:
     bodies: tuple[Body, ...] = ()
     sticks: tuple[Stick, ...] = ()
     arrows: tuple[Arrow, ...] = ()
+    ellipsoids: tuple[Ellipsoid, ...] = ()
     spans: tuple[Span, ...] = ()
     tracks: tuple[Track, ...] = ()
     still: tuple[str, ...] = ()
     phase_starts_s: tuple[float, ...] = ()
-    com_sd_m: np.ndarray | None = None
 
     def track(self, name: str) -> np.ndarray | None:
         """Positions ``(frames, 3)`` of the track ``name``, if there is one."""
@@ -103,6 +112,7 @@ class Frames:
             "bodies": [[b.name, b.at] for b in self.bodies],
             "sticks": [[s.name, s.start, s.end] for s in self.sticks],
             "arrows": [[a.shaft, a.head, a.at, a.label] for a in self.arrows],
+            "ellipsoids": [[e.name, e.at, e.axes] for e in self.ellipsoids],
             "spans": [[s.name, s.start_s, s.end_s] for s in self.spans],
             "still": [*(t.name for t in self.tracks), *self.still],
             "phase_starts_s": list(self.phase_starts_s),

@@ -1,4 +1,4 @@
-"""The curves of a result as compact JSON for the page's plots: columns, and how they are drawn in rows."""
+"""Curves as compact JSON for a page's plots: columns, and how they are drawn in rows above one shared axis."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -11,47 +11,73 @@ from stridelab_web.tables import Columns
 SAMPLES_AT_MOST = 6000
 """A plot is some 1000 pixels wide; longer recordings are thinned for it (the files keep every sample)."""
 
-Style = Literal["main", "second", "x", "y", "z", "left", "right", "hand"]
+Style = Literal[
+    "main", "second", "third", "x", "y", "z", "left", "right", "hand",
+    "line1", "line2", "line3", "line4", "line5", "line6", "line7", "line8",
+]  # fmt: skip
+"""How a curve is drawn (static/js/plots.js); the numbered ones tell up to eight curves apart by colour and dash."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """One curve: its column, and ``sd``, the column of its standard deviation where it has a band."""
+    """One curve: its column, ``sd``, the column of its standard deviation where it has a band, and its switch."""
 
     key: str
     name: str
     style: Style
     sd: str | None = None
+    group: str | None = None
 
 
 @dataclass(frozen=True)
 class Row:
-    """Curves above each other on one vertical axis; ``legend`` names them beside the row."""
+    """Curves above each other on one vertical axis; ``legend`` names them beside the row; ``log``: by decades."""
 
     title: str
     traces: tuple[Trace, ...]
     legend: bool = False
+    log: bool = False
 
 
 @dataclass(frozen=True)
 class Reading:
-    """A number that the readout shows at the cursor."""
+    """A number that the readout shows at the cursor, with those of the columns ``more`` behind it.
+
+    One that belongs to a ``group`` is shown while that is.
+    """
 
     name: str
     key: str
     unit: str
     digits: int
     sd: str | None = None
+    more: tuple[str, ...] = ()
+    group: str | None = None
 
 
-DECIMALS = {
-    "x_m": 5, "y_m": 5, "z_m": 5,
-    "sd_x_m": 6, "sd_y_m": 6, "sd_z_m": 6,
-    "geometry_x_m": 5, "geometry_y_m": 5, "geometry_z_m": 5,
-    "vx_m_s": 4, "vy_m_s": 4, "vz_m_s": 4,
-    "force_x_n": 1, "force_y_n": 1, "force_z_n": 1,
-}  # fmt: skip
-"""Columns that are drawn, with the decimals that a plot can show: 0.01 mm, 0.1 mm/s, 0.1 N."""
+@dataclass(frozen=True)
+class Switch:
+    """Shows or hides all traces of the group ``key``."""
+
+    key: str
+    name: str
+    style: Style
+    shown: bool = True
+
+
+@dataclass(frozen=True)
+class Abscissa:
+    """The axis that all rows share: its column, its title, and how the readout writes a value."""
+
+    key: str
+    title: str
+    name: str
+    unit: str
+    digits: int
+    log: bool = False
+
+
+TIME = Abscissa("time_s", "time [s]", "t", "s", 3)
 
 
 def three(title: str, keys: Sequence[str]) -> Row:
@@ -60,50 +86,35 @@ def three(title: str, keys: Sequence[str]) -> Row:
     return Row(title, (Trace(x, "x", "x"), Trace(y, "y", "y"), Trace(z, "z", "z")), legend=True)
 
 
-def _com_row(axis: str) -> Row:
-    geometry = Trace(f"geometry_{axis}_m", "markers only", "second")
-    return Row(f"CoM {axis} [m]", (geometry, Trace(f"{axis}_m", "fused", "main", f"sd_{axis}_m")))
-
-
-COM_ROWS = (
-    *(_com_row(axis) for axis in "xyz"),
-    three("Velocity [m/s]", ("vx_m_s", "vy_m_s", "vz_m_s")),
-    three("Ground reaction force [N]", ("force_x_n", "force_y_n", "force_z_n")),
-)
-COM_READINGS = (
-    *(Reading(a, f"{a}_m", "m", 4, f"sd_{a}_m") for a in "xyz"),
-    Reading("vertical force", "force_z_n", "N", 0),
-)
-
-
-def curves(columns: Columns, window_s: Sequence[float]) -> dict[str, Any]:
-    """What the plots need of a ``com`` table; ``window_s`` is shaded."""
-    return drawing(columns, DECIMALS, COM_ROWS, COM_READINGS, [window_s])
-
-
 def drawing(
     columns: Columns,
     decimals: Mapping[str, int],
     rows: Sequence[Row],
     readings: Sequence[Reading],
     shades_s: Sequence[Sequence[float]],
+    switches: Sequence[Switch] = (),
+    x: Abscissa = TIME,
 ) -> dict[str, Any]:
     """A list per drawn column (null: no value), thinned to what a plot can show, and the rows that draw them.
 
-    Columns without a finite value go, and with them their traces, readings and empty rows.
+    Columns without a finite value go, and with them their traces, readings, switches and empty rows. ``shades_s`` are
+    intervals of the axis ``x``.
     """
-    time_s = columns["time_s"]
-    stride = max(1, -(-len(time_s) // SAMPLES_AT_MOST))
-    drawn = {"time_s": _numbers(time_s[::stride], 5)}
+    along = columns[x.key]
+    stride = max(1, -(-len(along) // SAMPLES_AT_MOST))
+    drawn = {x.key: _numbers(along[::stride], 5)}
     for name, digits in decimals.items():
         if name in columns and np.isfinite(columns[name]).any():
             drawn[name] = _numbers(columns[name][::stride], digits)
     kept = [(row, [trace for trace in row.traces if trace.key in drawn]) for row in rows]
+    groups = {trace.group for _, traces in kept for trace in traces}
     return {
+        "x": asdict(x),
+        "switches": [asdict(switch) for switch in switches if switch.key in groups],
         "shades_s": [list(shade) for shade in shades_s],
         "columns": drawn,
         "rows": [
-            {"title": row.title, "legend": row.legend, "traces": [asdict(trace) for trace in traces]}
+            {"title": row.title, "legend": row.legend, "log": row.log, "traces": [asdict(trace) for trace in traces]}
             for row, traces in kept
             if traces
         ],

@@ -5,7 +5,8 @@ from typing import Final
 import numpy as np
 
 from stridelab.schemas.recordings import Recording
-from stridelab_web.frames import Arrow, Frames, Point, Sheet, Stick, Track, resample
+from stridelab_web.com_frames import ComFrames, add_com
+from stridelab_web.frames import Arrow, Frames, Point, Sheet, Stick
 from stridelab_web.tables import Columns, triple
 
 ARROW_THRESHOLD_N: Final = 20.0
@@ -50,28 +51,21 @@ def build_frames(recording: Recording, tracks: Columns, com: Columns | None) -> 
         name, label = (f"plate{index}", f"force on plate {index}") if index else ("total", "total force")
         arrows.append(Arrow(f"/forces/{name}_shaft", f"/forces/{name}_head", at, label))
 
-    paths: list[Track] = []
-    sd = None
-    if com is not None:
-        geometry, fused = triple(com, "geometry_", "_m"), triple(com, "", "_m")
-        if geometry is not None:
-            paths.append(Track("/paths/markers_only", sheet.add(resample(time_s, com["time_s"], geometry))))
-            points.append(Point("/com/markers_only", paths[-1].at, "centre of mass, markers only"))
-        if fused is not None:
-            paths.append(Track("/paths/fused", sheet.add(resample(time_s, com["time_s"], fused))))
-            points.append(Point("/com/fused", paths[-1].at, "centre of mass"))
-        found = triple(com, "sd_", "_m")
-        sd = None if found is None else resample(time_s, com["time_s"], found)
+    shown = ComFrames() if com is None else add_com(sheet, time_s, com, _floor_m(recording))
     return Frames(
         time_s,
         sheet.values(len(time_s)),
-        points=tuple(points),
-        sticks=sticks,
+        points=(*points, *shown.points),
+        sticks=(*sticks, *shown.sticks),
         arrows=tuple(arrows),
-        tracks=tuple(paths),
-        still=("/paths/band",) if sd is not None else (),
-        com_sd_m=sd,
+        ellipsoids=shown.ellipsoids,
+        tracks=shown.tracks,
     )
+
+
+def _floor_m(recording: Recording) -> float:
+    """Height of the lowest plate in use; 0 where there is none."""
+    return min((corner[2] for plate in recording.plates if plate.use for corner in plate.corners_m), default=0.0)
 
 
 def _sticks(recording: Recording, at_of: dict[str, int]) -> tuple[Stick, ...]:

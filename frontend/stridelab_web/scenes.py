@@ -18,6 +18,8 @@ from stridelab_web.config import WebConfig
 from stridelab_web.documents import Document, document_of
 
 OPENING_S = 120.0
+STARTING_TRIES = 5
+"""A viewer that is still starting refuses connections: so many more are tried, over some seven seconds."""
 SHARE_MESSAGE = b"ShareUrl"
 """Type name inside the messages that ask viser for a tunnel through a server outside."""
 
@@ -107,8 +109,9 @@ async def _open(config: WebConfig, document: Document) -> dict[str, Any]:
     if config.viewer_url is None:
         raise ViewerUnavailable("This service runs without a viewer.")
     headers = {"Authorization": f"Bearer {config.token}"} if config.token else {}
+    patient = httpx.AsyncHTTPTransport(retries=STARTING_TRIES)
     try:
-        async with httpx.AsyncClient(trust_env=False, timeout=OPENING_S) as viewer:
+        async with httpx.AsyncClient(transport=patient, timeout=OPENING_S) as viewer:
             answer = await viewer.post(f"{config.viewer_url}/scenes", json=document.wanted, headers=headers)
         said: dict[str, Any] = answer.json()
     except (httpx.HTTPError, ValueError) as error:

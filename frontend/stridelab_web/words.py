@@ -58,6 +58,12 @@ def kind(code: str) -> str:
     return _KINDS.get(code, words(code).capitalize())
 
 
+def method(code: str) -> str:
+    """Name of an estimator; ``-thesis`` says that it has the settings of the thesis."""
+    name = code.removesuffix("-thesis")
+    return _METHODS.get(name, words(name)) + (", thesis" if name != code else "")
+
+
 def headline(job: Job) -> str:
     """What to say beside the state of a job; the same sentence as in static/js/api.js."""
     if job.state == "queued":
@@ -67,14 +73,23 @@ def headline(job: Job) -> str:
     return "" if job.state in FINAL_STATES else job.progress.message
 
 
+_METHODS = {
+    "smoother": "smoother",
+    "complementary": "complementary filter",
+    "rts": "RTS smoother",
+    "kalman": "Kalman filter",
+    "geometry": "markers only",
+}
 _KINDS = {
     "estimate-com": "Centre of mass",
+    "compare-estimators": "Comparison of methods",
     "simulate-recording": "Simulated recording",
     "plan-motion": "Motion plan",
     "learn-reachability": "Reachability",
 }
 
 FILTERS = {
-    f.__name__: f for f in (fixed, plain, measured, moment, megabytes, total_s, words, check_name, kind, headline)
+    f.__name__: f
+    for f in (fixed, plain, measured, moment, megabytes, total_s, words, check_name, kind, method, headline)
 }
 """Filters of the templates."""

@@ -6,8 +6,8 @@ import pytest
 
 from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.wrench import Wrench
+from stridelab.estimation.complementary import ComplementaryFilter
 from stridelab.estimation.filters import complementary_filters
-from stridelab.estimation.online import OnlineComplementaryFilter
 from stridelab.estimation.passes import filter_inputs, forward_backward
 from support.motions import walk
 
@@ -48,11 +48,13 @@ def test_axis_projection(benchmark):
 
 
 def test_online_step(benchmark):
+    """Position, velocity and band, one sample at a time."""
     c, wrench = recording(1000)
-    online = OnlineComplementaryFilter(FILTERS, MOTION.mass_kg)
-    samples = list(zip(c, wrench.force_n, wrench.moment_nm, strict=True))
+    t = (np.arange(1000) / RATE_HZ).tolist()
+    samples = list(zip(t, c, wrench.force_n, wrench.moment_nm, strict=True))
 
     def second():
+        online = ComplementaryFilter().causal(MOTION.mass_kg, (0.009, 0.009, 0.02))
         for sample in samples:
             online.step(*sample)
 

@@ -55,13 +55,34 @@ def test_plots_show_the_curves_of_the_file(tab: Tab, service: Service, estimated
         ".map(t => [t.key, JSON.stringify(Array.from(t.y))])"
     )
     drawn = {key: np.array(json.loads(values), dtype=float) for key, values in traces}
-    assert {"x_m", "y_m", "z_m", "geometry_z_m", "vx_m_s", "force_z_n"} <= set(drawn)
+    assert {"x_m", "y_m", "z_m", "geometry_z_m", "axis_x_m", "vx_m_s", "force_z_n"} <= set(drawn)
     for key, tolerance in (("x_m", 1e-5), ("z_m", 1e-5), ("geometry_y_m", 1e-5), ("vx_m_s", 1e-4), ("force_z_n", 0.1)):
         expected = table.column(key).to_numpy()
         np.testing.assert_allclose(drawn[key], expected, atol=tolerance, equal_nan=True)
-    axes = page.locator("#plots .ytitle, #plots .y2title, #plots .y3title, #plots .y4title, #plots .y5title")
+    axes = page.locator("#plots [class^=y][class$=title]")
     assert all("[" in title for title in axes.all_text_contents())
-    assert axes.count() == 5
+    assert axes.count() == 7
+
+
+def test_inputs_are_switched_by_keyboard(tab: Tab, estimated: tuple[str, str]) -> None:
+    page = tab.go(f"/jobs/{estimated[1]}")
+    page.wait_for_selector("#plots[data-ready]")
+
+    def shown() -> list[str]:
+        found: list[str] = page.evaluate(
+            "() => document.getElementById('plots').data.filter(t => t.key && t.visible !== false).map(t => t.key)"
+        )
+        return found
+
+    assert {"axis_y_m", "geometry_y_m", "y_m", "force_y_n"} <= set(shown())
+    page.get_by_role("checkbox", name="central axis").press(" ")
+    page.wait_for_function("() => document.getElementById('plots').data.some(t => t.visible === false)")
+    hidden = {"axis_x_m", "axis_y_m", "axis_z_m"}
+    assert not hidden & set(shown())
+    assert {"geometry_y_m", "y_m", "force_y_n"} <= set(shown())
+    page.get_by_role("checkbox", name="central axis").press(" ")
+    page.wait_for_function("() => document.getElementById('plots').data.every(t => t.visible !== false)")
+    assert hidden <= set(shown())
 
 
 def test_cursor_is_shared_by_readout_plots_and_viewer_link(

@@ -103,6 +103,50 @@ def test_markers_forces_and_com_stand_where_the_files_say(
             assert max(state[f"/forces/plate{plate.index}_shaft"]["scale"]) < 1e-4, "an unloaded plate shows no force"
 
 
+def test_central_axis_and_band_are_where_the_file_says(tab: Tab, service: Service) -> None:
+    """By com.parquet alone, on the sample's two plates: along the force through its point nearest to the geometry."""
+    recording_id, job_id = "sample-walk", "sample-walk-com"
+    table = pq.read_table(io.BytesIO(service.client.read_artifact(job_id, "com.parquet")))
+    com = {name: table.column(name).to_numpy() for name in table.column_names}
+    whole = np.flatnonzero(com["complete"] & np.isfinite(com["axis_x_m"]) & np.isfinite(com["sd_x_m"]))
+    outside = int(np.flatnonzero(~com["complete"])[-1])
+    page = scene(tab, f"/view/?recording={recording_id}&job={job_id}&t={com['time_s'][outside]:.3f}")
+    state = drawn(page, lambda state: at_rest(state) and max(state["/axis/line"]["scale"]) < 1e-4)
+    assert max(state["/com/band"]["scale"]) < 1e-4, "no band where there is no estimate"
+
+    for frame in (int(whole[len(whole) // 4]), int(whole[3 * len(whole) // 4])):
+        page.get_by_role("slider", name="Time").fill(str(frame))
+        fused, force, on_axis = (
+            np.array([com[name.format(axis)][frame] for axis in "xyz"]) for name in ("{}_m", "force_{}_n", "axis_{}_m")
+        )
+        state = drawn(page, stands_at("/com/fused", fused))
+        band, line = state["/com/band"], state["/axis/line"]
+        assert np.abs(np.array(band["drawn"]) - fused).max() < TOLERANCE_M
+        semi_m = 1.96 * np.array([com[f"sd_{axis}_m"][frame] for axis in "xyz"])
+        assert band["scale"] == pytest.approx(semi_m, rel=1e-5)
+
+        low, length = np.array(line["drawn"]), line["scale"][2]
+        w, x, y, z = line["wxyz"]
+        along = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+        assert along == pytest.approx(force / np.linalg.norm(force), abs=1e-6)
+        assert np.linalg.norm(np.cross(on_axis - low, along)) < 2 * TOLERANCE_M
+        assert low[2] == pytest.approx(0.0, abs=1e-5), "it begins on the plates"
+        assert 0.0 < (on_axis - low) @ along < length
+
+    page.get_by_label("Band size").select_option("5")
+    state = drawn(page, lambda state: np.allclose(state["/com/band"]["scale"], 5 * semi_m, rtol=1e-5))
+    assert max(state["/inputs/axis/point"]["scale"]) < 1e-4
+    page.get_by_label("Point on axis").check()
+    state = drawn(page, lambda state: max(state["/inputs/axis/point"]["scale"]) > 1e-4)
+    assert np.abs(np.array(state["/inputs/axis/point"]["drawn"]) - on_axis).max() < TOLERANCE_M
+    page.get_by_label("Central axis").uncheck()
+    drawn(page, lambda state: max(state["/axis/line"]["scale"]) < 1e-4)
+
+
+def stands_at(node: str, position_m: np.ndarray) -> Callable[[dict[str, Any]], bool]:
+    return lambda state: bool(np.abs(np.array(state[node]["drawn"]) - position_m).max() < TOLERANCE_M)
+
+
 def test_timeline_steps_scrubs_plays_and_keeps_the_address(
     tab: Tab, service: Service, estimated: tuple[str, str], tracks: dict[str, Any]
 ) -> None:
@@ -150,10 +194,10 @@ def test_layers_can_be_switched_off(tab: Tab, estimated: tuple[str, str]) -> Non
     def size(state: dict[str, Any], name: str) -> float:
         return float(max(state[name]["scale"]))
 
-    drawn(page, lambda state: size(state, "/skeleton/0") > 0.01 and size(state, "/paths/band") == 1)
+    drawn(page, lambda state: size(state, "/skeleton/0") > 0.01 and size(state, "/paths/fused") == 1)
     page.get_by_label("Lines").uncheck()
     page.get_by_label("Path").uncheck()
-    drawn(page, lambda state: size(state, "/skeleton/0") < 1e-4 and size(state, "/paths/band") < 1e-4)
+    drawn(page, lambda state: size(state, "/skeleton/0") < 1e-4 and size(state, "/paths/fused") < 1e-4)
     page.get_by_label("Lines").check()
     drawn(page, lambda state: size(state, "/skeleton/0") > 0.01)
 

@@ -37,7 +37,7 @@ def test_the_result_is_that_of_the_job(tmp_path: Path, capsys: pytest.CaptureFix
 def test_the_table_says_what_was_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run(tmp_path / "out")
     shown = capsys.readouterr().out
-    for word in ("window", "complementary", "60.0 kg", "force latency", "latency-not-applied", "com.parquet"):
+    for word in ("window", "complementary", "60.0 kg", "force latency", "latency-applied", "com.parquet"):
         assert word in shown
 
 

@@ -98,7 +98,7 @@ def test_a_bad_file_is_one_clear_line_and_leaves_nothing(run: Run, tmp_path: Pat
         (("estimate", "x.c3d", "--window", "1,a"), 2, "--window"),
         (("estimate", "x.c3d", "--marker", "LASI"), 2, "--marker takes NAME=VALUE"),
         (("estimate", "x.c3d", "--method", "magic"), 2, "magic"),
-        (("estimate", "x.c3d", "--method", "kalman"), 4, "method-unavailable"),
+        (("estimate", "x.c3d", "--method", "smoother"), 4, "method-unavailable"),
         (("simulate", "--duration", "1000"), 2, "--duration"),
         (("simulate", "--noise", "wind=3"), 2, "--noise"),
         (("plan",), 2, "scenario"),

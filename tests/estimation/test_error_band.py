@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.error_band import ErrorPriors
+from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.geometry import GeometryOnly
 from stridelab.recordings.recording import Window, WrenchTrack
 from support.motions import Harmonics, Motion, walk

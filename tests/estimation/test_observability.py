@@ -1,5 +1,7 @@
 """Ranks of (2.19) and (2.23) as the thesis states them, and the direction that no wrench can see."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,6 +12,7 @@ from stridelab.estimation.observability import (
     force_and_geometry_matrix,
     force_matrix,
     observability,
+    observability_track,
     skew,
 )
 from stridelab.recordings.recording import Window
@@ -98,3 +101,52 @@ def test_standing_hides_the_height_and_leaning_forces_tilt_the_hidden_direction(
 def test_skew_is_the_cross_product() -> None:
     a, b = np.random.default_rng(2).normal(size=(2, 3))
     assert skew(a) @ b == pytest.approx(np.cross(a, b))
+
+
+def test_flight_inside_a_recording_is_seen_sample_by_sample() -> None:
+    a = np.zeros((100, 3))
+    a[40:70] = g + np.array([0.0, 0.0, 0.5])  # plates that read 5 % of the weight while nobody stands on them
+    track = observability_track(estimate(a))
+    flight = np.arange(100)[track.flight]
+    assert flight.tolist() == list(range(40, 70))
+    assert np.unique(track.rank_force[track.flight]).tolist() == [3]
+    assert np.unique(track.rank_force[~track.flight]).tolist() == [7]
+    assert np.unique(track.rank_with_geometry[~track.flight]).tolist() == [11]
+    assert np.isnan(track.direction[track.flight]).all()
+    assert track.direction[~track.flight] == pytest.approx(np.tile([0.0, 0.0, 1.0], (70, 1)))
+    found = observability(estimate(a))
+    assert (found.rank_force, found.flight_s) == (3, pytest.approx(0.30))
+    assert "0.30 s nobody touches the ground" in found.sentence
+    assert "7 of 9" in found.sentence
+
+
+def test_the_hidden_direction_is_that_of_the_force_at_every_sample() -> None:
+    """Independent truth: moving the CoM along it leaves the moment of the measured force unchanged."""
+    a = np.random.default_rng(5).normal(size=(100, 3))
+    made = estimate(a)
+    n = observability_track(made).direction
+    f = a - g
+    assert np.cross(made.com_m + 0.1 * n, f) == pytest.approx(np.cross(made.com_m, f), abs=1e-12)
+    assert np.linalg.norm(n, axis=1) == pytest.approx(np.ones(100))
+
+
+def test_the_ranks_do_not_depend_on_where_the_laboratory_has_its_origin() -> None:
+    a = np.random.default_rng(6).normal(size=(100, 3))
+    near = estimate(a)
+    far = replace(near, com_m=near.com_m + np.array([200.0, -300.0, 50.0]))
+    assert observability_track(far).rank_force.tolist() == observability_track(near).rank_force.tolist() == [7] * 100
+    assert observability_track(far).rank_with_geometry.tolist() == [11] * 100
+
+
+@pytest.mark.parametrize(
+    ("acceleration", "words"),
+    [
+        (np.zeros((100, 3)), ("7 of 9", "11 of 12", "the height", "upright")),
+        (np.tile(g, (100, 1)), ("free fall", "3 of 9", "markers alone")),
+        (np.tile([GRAVITY_M_S2, 0.0, 0.0], (100, 1)), ("along (0.71, 0.00, 0.71)", "45 degrees off the vertical")),
+    ],
+)
+def test_the_sentence_says_what_cannot_be_known(acceleration: np.ndarray, words: tuple[str, ...]) -> None:
+    said = observability(estimate(acceleration)).sentence
+    for word in words:
+        assert word in said

@@ -2,6 +2,8 @@
 
 import pytest
 
+from stridelab.experiments.robot_walker import RobotWalk
+from stridelab.experiments.study import clean_motion
 from stridelab.experiments.walker import HumanWalker, Walk
 
 
@@ -21,3 +23,21 @@ def man_from_rest() -> Walk:
 @pytest.fixture(scope="session")
 def quiet_standing() -> Walk:
     return HumanWalker(speed_m_s=0.0, duration_s=12.0, seed=2).walk()
+
+
+@pytest.fixture(scope="session")
+def robot_walk() -> RobotWalk:
+    """TALOS at its own cadence: rest, walk, rest."""
+    return clean_motion("robot")
+
+
+@pytest.fixture(scope="session")
+def brisk_walk() -> RobotWalk:
+    """TALOS at a person's cadence."""
+    return clean_motion("human")
+
+
+@pytest.fixture(scope="session")
+def robot_run() -> RobotWalk:
+    """TALOS running."""
+    return clean_motion("running")

@@ -5,9 +5,11 @@ from collections.abc import Callable
 import httpx
 import numpy as np
 
+from stridelab_web.com_frames import axis_ends
 from stridelab_web.recording_frames import build_frames
 from stridelab_web.tables import read_columns
-from support.fake_service import DURATION_S, LABELS, RATE_HZ, WINDOW_S, FakeService, com_m, marker_m
+from support.fake_service import FakeService
+from support.fake_walk import DURATION_S, LABELS, RATE_HZ, SD_M, WINDOW_S, com_m, marker_m
 
 T = np.arange(int(RATE_HZ * DURATION_S)) / RATE_HZ
 
@@ -60,6 +62,67 @@ def test_centre_of_mass_is_on_the_clock_of_the_markers(fake: FakeService) -> Non
     inside = (WINDOW_S[0] <= T) & (WINDOW_S[1] - 0.5 / RATE_HZ > T)
     assert np.abs(shown[inside] - com_m(T[inside])).max() < 1e-6
     assert np.isnan(shown[~inside]).all()
+
+
+def test_the_band_follows_the_centre_of_mass_with_semi_axes_of_95_percent(fake: FakeService) -> None:
+    frames = build_frames(fake.add_recording(), read_columns(fake.tracks), read_columns(fake.com))
+    (band,) = frames.ellipsoids
+    inside = (WINDOW_S[0] <= T) & (WINDOW_S[1] - 0.5 / RATE_HZ > T)
+    assert np.abs(frames.values[inside, band.at : band.at + 3] - com_m(T[inside])).max() < 1e-6
+    assert np.allclose(frames.values[inside, band.axes : band.axes + 3], 1.96 * np.array(SD_M), atol=1e-8)
+    assert np.isnan(frames.values[~inside, band.axes : band.axes + 3]).all()
+
+
+def test_the_central_axis_is_drawn_from_the_floor_through_its_point_where_the_force_is_complete(
+    fake: FakeService,
+) -> None:
+    com = dict(read_columns(fake.com))
+    gap = slice(20, 40)
+    for axis in "xyz":
+        com[f"force_{axis}_n"][gap] = com[f"axis_{axis}_m"][gap] = np.nan
+    frames = build_frames(fake.add_recording(), read_columns(fake.tracks), com)
+    (line,) = (stick for stick in frames.sticks if stick.name == "/axis/line")
+    low, high = (frames.values[:, at : at + 3].astype(float) for at in (line.start, line.end))
+    there = np.isfinite(low).all(axis=1)
+    expected = (WINDOW_S[0] <= T) & (WINDOW_S[1] - 0.5 / RATE_HZ > T)
+    first = int(WINDOW_S[0] * RATE_HZ)
+    expected[first + gap.start : first + gap.stop] = False
+    np.testing.assert_array_equal(there, expected)
+    np.testing.assert_array_equal(np.isfinite(high).all(axis=1), expected)
+    assert np.abs(low[there, 2]).max() < 1e-6, "the lowest plate lies at height 0"
+    truth = com_m(T)[there]  # the axis of the synthetic walk runs through its centre of mass
+    along = (high - low)[there] / np.linalg.norm((high - low)[there], axis=1, keepdims=True)
+    away = np.cross(truth - low[there], along)
+    assert np.linalg.norm(away, axis=1).max() < 1e-6
+    assert (high[there, 2] > truth[:, 2] + 0.5).all()
+
+
+def test_the_axis_of_a_force_that_hardly_rises_does_not_reach_for_the_horizon() -> None:
+    low, high = axis_ends(np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 0.0]]), 0.0)
+    assert np.linalg.norm(high - low) <= 2.5 + 0.6 + 1e-9
+
+
+def test_inputs_that_are_places_are_points_with_paths(fake: FakeService) -> None:
+    com = read_columns(fake.com)
+    frames = build_frames(fake.add_recording(), read_columns(fake.tracks), com)
+    at = {point.name: point.at for point in frames.points}
+    first = int(WINDOW_S[0] * RATE_HZ)
+    for name, before in (("geometry", "geometry"), ("axis", "axis")):
+        shown = frames.values[first : first + len(com["time_s"]), at[f"/inputs/{name}/point"] :][:, :3]
+        expected = np.column_stack([com[f"{before}_{axis}_m"] for axis in "xyz"])
+        assert np.abs(shown - expected).max() < 1e-6
+        path = frames.track(f"/inputs/{name}/path")
+        assert path is not None
+        np.testing.assert_array_equal(path[first : first + len(shown)], shown)
+
+
+def test_a_table_of_an_older_version_lacks_the_axis_and_nothing_else(fake: FakeService) -> None:
+    com = {name: values for name, values in read_columns(fake.com).items() if not name.startswith("axis_")}
+    frames = build_frames(fake.add_recording(), read_columns(fake.tracks), com)
+    names = [point.name for point in frames.points]
+    assert "/com/fused" in names
+    assert "/inputs/geometry/point" in names
+    assert not any("axis" in name for name in (*names, *(stick.name for stick in frames.sticks)))
 
 
 def test_browser_gets_the_same_numbers(fake: FakeService, browse: Callable[[str], httpx.Response]) -> None:

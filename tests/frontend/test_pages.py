@@ -2,12 +2,14 @@
 
 import re
 from collections.abc import Callable
+from typing import get_args
 
 import httpx
 import pytest
 
 from stridelab.schemas.base import FaultItem, Problem
-from stridelab.schemas.jobs import Progress
+from stridelab.schemas.jobs import EstimateComInput, JobResult, Progress
+from stridelab_web.pages.facts import sentences_of
 from support.fake_service import FakeService
 from support.web import make_client
 
@@ -62,6 +64,39 @@ def test_unknown_address_is_a_friendly_404(browse: Browse) -> None:
     assert "There is no page at this address." in page.text
 
 
+def test_recording_page_offers_every_method_and_the_latency_that_the_interface_would_take(
+    fake: FakeService, browse: Browse
+) -> None:
+    page = browse(f"/recordings/{fake.add_recording().id}").text
+    method = page[page.index('<select name="method">') :].partition("</select>")[0]
+    asked = EstimateComInput.model_fields["method"].annotation
+    named = {name for part in get_args(asked) for name in get_args(part)}
+    assert set(re.findall(r'value="(\w+)"', method)) == named
+    latency = page[page.index('<select name="latency">') :].partition("</select>")[0]
+    assert re.findall(r'value="(\w+)" selected', latency) == [EstimateComInput(recording_id="x").latency]
+
+
+@pytest.mark.parametrize(
+    ("found_s", "sd_s", "applied_s", "said"),
+    [
+        (0.0123, 0.002, 0.0123, "The force comes 12.3 ± 2.0 ms later than the markers; this was corrected."),
+        (-0.004, None, 0.0, "The force comes 4.0 ms earlier than the markers; this was not corrected."),
+        (
+            0.012,
+            0.001,
+            -0.005,
+            "The force comes 12.0 ± 1.0 ms later than the markers; -5.0 ms were corrected, as asked.",
+        ),
+    ],
+)
+def test_the_sentence_on_the_clocks_says_what_was_found_and_done(
+    found_s: float, sd_s: float | None, applied_s: float, said: str
+) -> None:
+    summary = {"latency_s": found_s, "latency_sd_s": sd_s, "latency_applied_s": applied_s, "observability": {}}
+    result = JobResult(kind="estimate-com", input={}, versions={}, references=[], summary=summary, artifacts=[])
+    assert sentences_of(result) == [said]
+
+
 def test_static_trials_offered_are_the_other_recordings(fake: FakeService, browse: Browse) -> None:
     standing, walking = fake.add_recording("standing.c3d"), fake.add_recording("walking.c3d")
     page = browse(f"/recordings/{walking.id}").text
@@ -103,6 +138,11 @@ def test_result_page_shows_every_number_of_the_summary_with_its_unit(fake: FakeS
     assert shown["bias_m"] == "1.2, -3.4, 5.6 mm"
     assert shown["window_s"] == "0.60 to 2.40 s"
     assert shown["observability.rank"] == "5"
+    assert re.findall(r"data-sentence>([^<]*)<", page) == [
+        "The height is known from the markers alone.",
+        "The force comes 11.3 ± 1.2 ms later than the markers; this was not corrected.",
+    ]
+    assert "observability.sentence" not in shown
     assert "Arms have no markers" in page
     assert f"/api/v1/jobs/{job.id}/artifacts/com.parquet" in page
     assert f"/api/v1/jobs/{job.id}/bundle.zip" in page

@@ -1,12 +1,16 @@
 """The websocket between a page and its scene: who may use it, and what passes."""
 
 import asyncio
+import socket
+import threading
+import time
 from typing import Any
 
 import pytest
 from starlette.types import Message
 from viser import _messages
 
+from stridelab_web import scenes
 from stridelab_web.scenes import SHARE_MESSAGE
 from support.fake_service import FakeService
 from support.web import make_client
@@ -39,13 +43,36 @@ def test_a_foreign_page_is_closed_out(fake: FakeService) -> None:
 
 
 @pytest.mark.parametrize("viewer_url", [None, "http://127.0.0.1:9"])
-def test_without_a_viewer_the_socket_closes_and_the_page_says_why(fake: FakeService, viewer_url: str | None) -> None:
+def test_without_a_viewer_the_socket_closes_and_the_page_says_why(
+    fake: FakeService, viewer_url: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(scenes, "STARTING_TRIES", 0)
     said = talk(fake, {"Host": "127.0.0.1", "Origin": "http://127.0.0.1"}, viewer_url)
     assert [(m["type"], m["code"]) for m in said] == [("websocket.close", 1013)]
     recording = fake.add_recording()
     answer = make_client(fake, viewer_url=viewer_url).request("POST", f"/view/scene/recording/{recording.id}/-/open")
     assert answer.status_code == 503
     assert "viewer" in answer.json()["detail"]
+
+
+def test_a_viewer_that_is_still_starting_is_waited_for(fake: FakeService) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+    body = b'{"port": 1, "secret": "s", "said": "no"}'
+    answered = b"HTTP/1.1 200 OK\r\nContent-Length: %d\r\n\r\n%b" % (len(body), body)
+
+    def start_late() -> None:
+        time.sleep(0.3)
+        with socket.create_server(("127.0.0.1", port)) as server, server.accept()[0] as caller:
+            caller.recv(65536)
+            caller.sendall(answered)
+
+    late = threading.Thread(target=start_late)
+    late.start()
+    viewer_url = f"http://127.0.0.1:{port}"
+    answer = make_client(fake, viewer_url=viewer_url).request("POST", "/view/scene/recording/some/-/open")
+    late.join()
+    assert answer.json() == {"ready": True, "said": "no"}
 
 
 def test_share_requests_are_known_by_the_name_that_viser_gives_them() -> None:

@@ -44,13 +44,11 @@ def test_tube_keeps_its_distance_from_any_path() -> None:
         assert faces.max() < len(vertices)
 
 
-def test_band_has_the_semi_axes_of_the_covariance() -> None:
-    path = np.column_stack([np.linspace(0, 2, 30), np.zeros(30), np.ones(30)])
-    vertices, _ = shapes.band(path, np.tile([0.01, 0.02, 0.05], (30, 1)), np.array([1.0, 0.0, 0.0]))
-    ring = vertices.reshape(30, -1, 3)[7] - path[7]
-    assert np.abs(ring[:, 1]).max() == pytest.approx(0.02, rel=1e-5)
-    assert np.abs(ring[:, 2]).max() == pytest.approx(0.05, rel=1e-5)
-    assert np.abs(ring[:, 0]).max() < 1e-7
+def test_ball_is_round_closed_and_faces_outwards() -> None:
+    vertices, faces = shapes.ball(1.0)
+    assert np.linalg.norm(vertices, axis=1) == pytest.approx(1.0, abs=1e-6)
+    assert open_edges(faces) == 0
+    assert 0.9 * 4 / 3 * np.pi < volume_m3(vertices, faces) < 4 / 3 * np.pi
 
 
 def test_the_two_halves_of_a_ball_face_outwards_and_are_equal() -> None:

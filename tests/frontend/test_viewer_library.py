@@ -55,8 +55,9 @@ def test_a_scene_holds_every_node_that_the_page_moves(shelf: Shelf) -> None:
     names = set(opened.server.scene._handle_from_node_name)
     moved = {p.name for p in frames.points} | {s.name for s in frames.sticks}
     moved |= {name for a in frames.arrows for name in (a.shaft, a.head)}
-    assert moved <= names
-    assert {"/floor", "/plates/1", "/plates/2/label", "/paths/fused", "/paths/band"} <= names
+    moved |= {e.name for e in frames.ellipsoids}
+    assert moved | set(frames.layout()["still"]) <= names
+    assert {"/floor", "/plates/1", "/plates/2/label", "/com/fused", "/com/band", "/axis/line"} <= names
 
 
 def test_opening_again_reuses_the_scene_until_the_recording_changes(shelf: Shelf) -> None:

@@ -227,6 +227,13 @@ def test_broken_trc(text: str, code: str, tmp_path: Path) -> None:
     assert refused_zip(tmp_path, {"a.trc": text, "a.mot": MOT}).code == code
 
 
+def test_times_that_do_not_overlap_are_said_on_both_sides(tmp_path: Path) -> None:
+    later = MOT.replace("\n0\t0\t7", "\n50\t0\t7").replace("\n0.01\t", "\n50.01\t")
+    refused = refused_zip(tmp_path, {"a.trc": TRC, "a.mot": later})
+    assert "0 to 0.01 s" in refused.message
+    assert "50 to 50.01 s" in refused.message
+
+
 @pytest.mark.parametrize(
     ("text", "code"),
     [

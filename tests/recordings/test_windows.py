@@ -197,3 +197,15 @@ def test_refusals_have_their_reasons() -> None:
     assert refused(replace(recording, plates=switched)) == "plates-switched-off"
     assert refused(replace(recording, plates=empty)) == "plates-unloaded"
     assert refused(replace(recording, plates=elsewhere)) == "no-measured-window"
+
+
+def test_markers_that_are_seen_only_while_nobody_stands_on_the_plates() -> None:
+    recording = walk([2, 3])
+    late = {label: track.copy() for label, track in recording.markers_m.items()}
+    for track in late.values():
+        track[: int(2.2 * recording.marker_rate_hz)] = np.nan
+    with pytest.raises(NotEstimable) as error:
+        require_windows(replace(recording, markers_m=late), LANDMARKS)
+    assert error.value.code == "forces-and-markers-apart"
+    assert "2.20 to" in error.value.message
+    assert [fault.where for fault in error.value.faults] == ["plates", "markers"]

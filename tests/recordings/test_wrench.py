@@ -38,6 +38,28 @@ def test_the_sum_is_read_at_the_marker_instants() -> None:
     np.testing.assert_allclose(track.moment_nm[inner], np.cross([0.4, 0.1, 0.0], track.force_n[inner]), atol=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("marker_hz", "force_hz"), [(100.0, 1500.0), (100.0, 1000.0), (120.0, 1000.0), (200.0, 960.0), (100.0, 100.0)]
+)
+@pytest.mark.parametrize("latency_s", [0.0, 0.0137, -0.008])
+def test_a_ramp_is_read_where_the_markers_are(marker_hz: float, force_hz: float, latency_s: float) -> None:
+    """A ramp tells the time: means over blocks would read it half a block early, a causal filter late."""
+    recording = oscillating()
+    n = int(3.0 * force_hz) + 1
+    slope = np.array([300.0, -200.0, 400.0])
+    clock = np.outer(np.arange(n) / force_hz, slope) + np.array([0.0, 0.0, WEIGHT_N])
+    plates = tuple(
+        replace(plate, force_n=share * clock, moment_nm=share * clock[:, ::-1])
+        for plate, share in zip(recording.plates, (0.3, 0.7), strict=True)
+    )
+    markers = {label: np.zeros((int(3.0 * marker_hz), 3)) for label in recording.markers_m}
+    ramp = replace(recording, plates=plates, markers_m=markers, marker_rate_hz=marker_hz, force_rate_hz=force_hz)
+    track = wrench_track(ramp, WINDOWS, latency_s=latency_s)
+    read_at_s = (track.force_n[:, 0] / slope[0])[track.complete]
+    np.testing.assert_allclose(read_at_s, track.time_s[track.complete] + latency_s, atol=1e-9)
+    np.testing.assert_allclose(track.moment_nm[:, ::-1][track.complete], track.force_n[track.complete], atol=1e-9)
+
+
 def test_a_late_force_is_read_later() -> None:
     late = wrench_track(oscillating(late_s=0.018), WINDOWS, latency_s=0.018)
     on_time = wrench_track(oscillating(), WINDOWS)

@@ -1,20 +1,15 @@
 """The HTTP interface as the pages see it, answered from memory: schemas are the real ones, numbers are synthetic.
 
-The walk is a point body whose centre of mass and markers follow known functions of time, so that a test can say what
-a page or the viewer must show.
+The walk is that of ``fake_walk``.
 """
 
 import asyncio
-import io
 import uuid
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
 from typing import Any
 
 import httpx
-import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 from starlette.applications import Starlette
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response, StreamingResponse
@@ -25,86 +20,19 @@ from stridelab.schemas.base import Problem, Remark
 from stridelab.schemas.jobs import Artifact, Job, JobEvent, JobResult, Progress
 from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
 from stridelab.schemas.scenarios import Scenario, StoredScenario
-from support import fake_planner
+from support import fake_comparison, fake_planner
+from support.fake_walk import (
+    DURATION_S,
+    LABELS,
+    LANDMARKS,
+    RATE_HZ,
+    SUMMARY,
+    WINDOW_S,
+    com_parquet,
+    tracks_parquet,
+)
 
-RATE_HZ, DURATION_S = 100.0, 3.0
-WINDOW_S = (0.6, 2.4)
-LABELS = ("LASI", "RASI", "LKNE", "RKNE", "LANK", "RANK", "LHEE", "RHEE", "C7")
-LANDMARKS = {
-    "l_asis": "LASI", "r_asis": "RASI", "l_knee_lateral": "LKNE", "r_knee_lateral": "RKNE",
-    "l_ankle_lateral": "LANK", "r_ankle_lateral": "RANK", "l_heel": "LHEE", "r_heel": "RHEE", "c7": "C7",
-}  # fmt: skip
 _NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
-_PLACE = {"LASI": (0.1, 0.12, 1.0), "RASI": (0.1, -0.12, 1.0), "LKNE": (0.05, 0.1, 0.5), "RKNE": (0.05, -0.1, 0.5),
-          "LANK": (0.0, 0.1, 0.1), "RANK": (0.0, -0.1, 0.1), "LHEE": (-0.06, 0.1, 0.04), "RHEE": (-0.06, -0.1, 0.04),
-          "C7": (-0.05, 0.0, 1.45)}  # fmt: skip
-
-
-def marker_m(label: str, time_s: np.ndarray) -> np.ndarray:
-    """Track of a marker, shape ``(n, 3)``."""
-    swing = 0.25 * np.sin(2 * np.pi * time_s + (0 if label.startswith("L") else np.pi)) * (label[1:] in ("ANK", "HEE"))
-    x, y, z = _PLACE[label]
-    ones = np.ones_like(time_s)
-    return np.column_stack([x + 1.1 * time_s + swing, y * ones, z + 0.02 * np.cos(4 * np.pi * time_s)])
-
-
-def com_m(time_s: np.ndarray) -> np.ndarray:
-    """Track of the centre of mass, shape ``(n, 3)``."""
-    return np.column_stack(
-        [0.05 + 1.1 * time_s, 0.02 * np.sin(2 * np.pi * time_s), 0.95 + 0.02 * np.cos(4 * np.pi * time_s)]
-    )
-
-
-def _parquet(columns: dict[str, Any]) -> bytes:
-    sink = io.BytesIO()
-    pq.write_table(pa.table(columns), sink)
-    return sink.getvalue()
-
-
-def tracks_parquet() -> bytes:
-    """Markers and two plates; C7 is hidden for the last 50 frames."""
-    t = np.arange(int(RATE_HZ * DURATION_S)) / RATE_HZ
-    columns: dict[str, Any] = {"time_s": t}
-    for label in LABELS:
-        track = marker_m(label, t)
-        if label == "C7":
-            track[-50:] = np.nan
-        columns |= {f"{label}_{axis}_m": track[:, k] for k, axis in enumerate("xyz")}
-    for index, (start, end, place_x) in enumerate([(0.6, 1.6, 1.2), (1.4, 2.4, 2.0)], start=1):
-        loaded = (t >= start) & (t <= end)
-        up = np.where(loaded, 700 * np.sin(np.pi * np.clip((t - start) / (end - start), 0, 1)), 0.0)
-        columns |= {f"plate{index}_fx_n": 0.1 * up, f"plate{index}_fy_n": 0.02 * up, f"plate{index}_fz_n": up}
-        columns |= {
-            f"plate{index}_copx_m": np.where(up > 20, place_x + 0.05 * t, np.nan),
-            f"plate{index}_copy_m": np.where(up > 20, 0.1 if index == 1 else -0.1, np.nan),
-            f"plate{index}_copz_m": np.where(up > 20, 0.0, np.nan),
-        }
-    return _parquet(columns)
-
-
-def com_parquet() -> bytes:
-    """Result of an estimate: fused is the truth, geometry is off by 1 cm."""
-    t = np.arange(int(RATE_HZ * WINDOW_S[0]), int(RATE_HZ * WINDOW_S[1])) / RATE_HZ
-    com = com_m(t)
-    v = np.gradient(com, t, axis=0)
-    a = np.gradient(v, t, axis=0)
-    columns: dict[str, Any] = {"time_s": t}
-    for k, axis in enumerate("xyz"):
-        columns |= {
-            f"{axis}_m": com[:, k], f"v{axis}_m_s": v[:, k], f"a{axis}_m_s2": a[:, k],
-            f"sd_{axis}_m": np.full_like(t, 0.004), f"geometry_{axis}_m": com[:, k] + 0.01,
-            f"force_{axis}_n": 60 * (a[:, k] + (9.81 if axis == "z" else 0.0)),
-        }  # fmt: skip
-    return _parquet(columns)
-
-
-SUMMARY = {
-    "window_s": list(WINDOW_S), "rate_hz": 100.0, "method": "complementary", "segment_table": "dumas2007-female",
-    "mass_kg": 60.25, "latency_s": 0.0113, "latency_sd_s": 0.0012, "latency_applied_s": 0.0,
-    "rms_force_residual_n": [3.21, 2.5, 7.75], "bias_m": [0.0012, -0.0034, 0.0056],
-    "observability": {"rank": 5, "observable": True},
-    "warnings": [{"code": "arms-missing", "message": "Arms have no markers; they are taken to hang."}],
-}  # fmt: skip
 
 
 class Loop(httpx.BaseTransport):
@@ -134,6 +62,7 @@ class FakeService:
         self.patches: list[dict[str, Any]] = []
         self.scenarios: dict[str, StoredScenario] = {}
         self.plans: dict[str, dict[str, bytes]] = {}
+        self.comparisons: dict[str, tuple[bool, dict[str, bytes]]] = {}
         self.failing: Problem | None = None
         self.step_s = step_s
         self.tracks = tracks_parquet()
@@ -181,6 +110,12 @@ class FakeService:
         self.inputs[job.id] = {"scenario_id": scenario_id}
         return job
 
+    def add_comparison(self, *, with_truth: bool = True) -> Job:
+        """A finished comparison of estimators."""
+        job = self.add_job(fake_comparison.KIND, "succeeded")
+        self.comparisons[job.id] = (with_truth, fake_comparison.tables(with_truth=with_truth))
+        return job
+
     def change(self, job_id: str, **fields: Any) -> None:
         """Replace fields of a job."""
         self.jobs[job_id] = self.jobs[job_id].model_copy(update=fields)
@@ -205,6 +140,9 @@ class FakeService:
         given = self.inputs.get(job_id, {"recording_id": job.recording_id})
         if job_id in self.plans:
             return fake_planner.plan_result(given, self.plans[job_id])
+        if job_id in self.comparisons:
+            with_truth, files = self.comparisons[job_id]
+            return fake_comparison.result(given, files, with_truth=with_truth)
         versions = {"stridelab": "0.1.0", "numpy": "2.4"}
         if job.kind == "simulate-recording":
             summary = {"recording_id": next(iter(self.recordings)), "speed_m_s": 1.2, "n_steps": 6, "warnings": []}
@@ -366,7 +304,8 @@ class FakeService:
         return Response(fake_planner.links_glb(), media_type="model/gltf-binary")
 
     async def _artifact(self, request: Request) -> Response:
-        files = self.plans.get(request.path_params["id"])
+        _, compared = self.comparisons.get(request.path_params["id"], (False, None))
+        files = self.plans.get(request.path_params["id"], compared)
         if files is not None:
             return Response(files[request.path_params["name"]], media_type="application/octet-stream")
         return Response(self.com, media_type="application/vnd.apache.parquet")

@@ -3,7 +3,7 @@
 import asyncio
 import time
 from collections.abc import AsyncIterator, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractAsyncContextManager, contextmanager
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
@@ -23,12 +23,14 @@ from stridelab.client.connection import (
 )
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.client.sse import EventReader
+from stridelab.client.streams import AsyncComStream, open_async
 from stridelab.schemas.base import Page
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent, JobResult
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectFields, SubjectInput
 from stridelab.schemas.robots import RobotFacts, RobotSummary
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
 from stridelab.schemas.service import Health
+from stridelab.schemas.streams import StreamConfiguration
 
 T = TypeVar("T")
 
@@ -44,10 +46,8 @@ class AsyncClient:
         timeout_s: float = 30.0,
         transport: httpx.AsyncBaseTransport | None = None,
     ) -> None:
-        self._timeout_s = timeout_s
-        self._http = httpx.AsyncClient(
-            base_url=base_url, headers=connection_headers(token), timeout=timeout_s, transport=transport
-        )
+        self._timeout_s, self._headers = timeout_s, connection_headers(token)
+        self._http = httpx.AsyncClient(base_url=base_url, headers=self._headers, timeout=timeout_s, transport=transport)
 
     async def __aenter__(self) -> "AsyncClient":  # noqa: PYI034 (beartype cannot check Self here)
         return self
@@ -260,6 +260,10 @@ class AsyncClient:
     async def read_artifact(self, job_id: str, name: str) -> bytes:
         """The bytes of one file of a result."""
         return await self._send(calls.Call("GET", calls.artifact_path(job_id, name), lambda response: response.content))
+
+    def stream_com(self, configuration: StreamConfiguration) -> AbstractAsyncContextManager[AsyncComStream]:
+        """Estimate online: ``async with lab.stream_com(...) as stream`` opens it, ``stream.send`` estimates."""
+        return open_async(str(self._http.base_url), self._headers, configuration, self._timeout_s)
 
     async def _send(self, call: calls.Call[T]) -> T:
         with self._reached():

@@ -3,7 +3,7 @@
 import numpy as np
 
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.conventions import Vector3
+from stridelab.conventions import Points, Vector3
 from stridelab.dynamics.newton_euler import contact_force
 from stridelab.estimation.derivatives import BAND_HZ, derivatives, low_pass
 from stridelab.estimation.estimate import ComEstimate
@@ -17,13 +17,22 @@ def force_residual_n(estimate: ComEstimate, wrench: WrenchTrack, mass_kg: float,
     filters see beyond the window, do not count. A small residual is consistency, not proof: an estimator that
     integrates the force agrees with it by construction.
     """
+    r = force_residual_track_n(estimate, wrench, mass_kg, band_hz)
+    return np.asarray(np.sqrt(np.nanmean(r**2, axis=0)))
+
+
+def force_residual_track_n(
+    estimate: ComEstimate, wrench: WrenchTrack, mass_kg: float, band_hz: float = BAND_HZ
+) -> Points:
+    """``m (c'' - g) - f`` at the estimate's samples, as ``force_residual_n`` takes it; NaN near the ends."""
     rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
     first = int(np.argmin(np.abs(wrench.time_s - estimate.time_s[0])))
     f = low_pass(wrench.force_n[first : first + len(estimate.time_s)], rate_hz, band_hz)
     acceleration = derivatives(estimate.com_m, rate_hz, band_hz)[1]
     edge = int(np.ceil(0.6 * rate_hz / band_hz))
-    r = (contact_force(acceleration, mass_kg) - f)[edge:-edge]
-    return np.asarray(np.sqrt(np.mean(r**2, axis=0)))
+    r = contact_force(acceleration, mass_kg) - f
+    r[:edge] = r[-edge:] = np.nan
+    return np.asarray(r)
 
 
 def bias_m(estimate: ComEstimate, geometric: GeometricCom) -> Vector3:

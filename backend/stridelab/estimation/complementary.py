@@ -4,17 +4,18 @@ from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from stridelab.body.geometric_com import GeometricCom
+from stridelab.conventions import Vector3
 from stridelab.dynamics.wrench import Wrench
+from stridelab.estimation.cutoffs import AUTO_HIGH_HZ, AUTO_LOW_HZ, THESIS_HIGH_HZ, THESIS_LOW_HZ
 from stridelab.estimation.derivatives import derivatives
-from stridelab.estimation.error_band import ErrorPriors, FusedStretch, complementary_sd_m
+from stridelab.estimation.error_band import FusedStretch, complementary_sd_m
+from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.estimate import ComEstimate
-from stridelab.estimation.filters import complementary_filters
+from stridelab.estimation.filters import ComplementaryFilters, complementary_filters
+from stridelab.estimation.online_complementary import OnlineComplementaryFilter
 from stridelab.estimation.passes import FilterInputs, filter_inputs, forward_backward
-from stridelab.estimation.span import require_mass, window_span
+from stridelab.estimation.span import Span, require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
-
-THESIS_LOW_HZ, THESIS_HIGH_HZ = 0.4, 4.0
-AUTO_LOW_HZ, AUTO_HIGH_HZ = 0.2, 1.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +40,23 @@ class ComplementaryFilter:
         """The filter exactly as in the thesis: 0.4 and 4 Hz, on the window alone."""
         return cls(low_hz=THESIS_LOW_HZ, high_hz=THESIS_HIGH_HZ, beyond_window="cut")
 
+    def causal(
+        self, mass_kg: float, table_sd_m: SdPerAxis, velocity_m_s: Vector3 | None = None
+    ) -> OnlineComplementaryFilter:
+        """The same filter sample by sample: one forward pass over what has come so far.
+
+        ``table_sd_m`` is the error of the segment model per axis, as ``GeometricCom.sd_m``; ``velocity_m_s`` that of
+        the first sample, where it is known.
+        """
+        return OnlineComplementaryFilter(
+            low_hz=self.low_hz,
+            high_hz=self.high_hz,
+            mass_kg=mass_kg,
+            table_sd_m=table_sd_m,
+            priors=self.priors,
+            velocity_m_s=velocity_m_s,
+        )
+
     def estimate(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> ComEstimate:
         """Fuse the three inputs over the longest window; the result lies at the window's samples.
 
@@ -46,6 +64,24 @@ class ComplementaryFilter:
         ``InvalidInput`` as ``window_span`` does, and ``InvalidInput`` with ``mass-out-of-range`` or
         ``cutoffs-out-of-range``.
         """
+        fused = self.signals(geometric, wrench, mass_kg)
+        c = forward_backward(fused.filters, fused.inputs)
+        span, within = fused.span, fused.stretch.within
+        velocity, acceleration = derivatives(c, span.rate_hz)
+        return ComEstimate(
+            method=self.name,
+            time_s=geometric.time_s[span.inside],
+            com_m=c[within],
+            velocity_m_s=velocity[within],
+            acceleration_m_s2=acceleration[within],
+            sd_m=complementary_sd_m(fused.filters, fused.stretch, geometric.sd_m, self.priors),
+            window=span.window,
+            references=("carpentier2017thesis", "carpentier2016spectral"),
+            diagnostics={"low_hz": self.low_hz, "high_hz": self.high_hz, "samples_used": float(len(c))},
+        )
+
+    def signals(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> "FilteredSignals":
+        """What ``estimate`` fuses, before it is fused; raises as it does."""
         require_mass(mass_kg)
         span = window_span(geometric, wrench)
         filters = complementary_filters(self.low_hz, self.high_hz, span.rate_hz)
@@ -58,18 +94,15 @@ class ComplementaryFilter:
         p = g.copy()
         measured = filter_inputs(g[within], total, mass_kg)
         a[within], p[within] = measured.acceleration_m_s2, measured.axis_point_m
-        c = forward_backward(filters, FilterInputs(g, a, p))
         stretch = FusedStretch(total, g_velocity, within, span.rate_hz, mass_kg)
+        return FilteredSignals(filters, FilterInputs(g, a, p), stretch, span)
 
-        velocity, acceleration = derivatives(c, span.rate_hz)
-        return ComEstimate(
-            method=self.name,
-            time_s=geometric.time_s[span.inside],
-            com_m=c[within],
-            velocity_m_s=velocity[within],
-            acceleration_m_s2=acceleration[within],
-            sd_m=complementary_sd_m(filters, stretch, geometric.sd_m, self.priors),
-            window=span.window,
-            references=("carpentier2017thesis", "carpentier2016spectral"),
-            diagnostics={"low_hz": self.low_hz, "high_hz": self.high_hz, "samples_used": float(len(c))},
-        )
+
+@dataclass(frozen=True)
+class FilteredSignals:
+    """Filters and their three inputs over the stretch that is filtered; ``stretch.within`` is the window in it."""
+
+    filters: ComplementaryFilters
+    inputs: FilterInputs
+    stretch: FusedStretch
+    span: Span

@@ -17,7 +17,7 @@ The numbers are priors, not findings; the defaults are of the size that real rec
 (docs/theory/complementary-filter.md). A bias that no prior declares is not in the band.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,31 +28,11 @@ from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N
 from stridelab.dynamics.newton_euler import com_acceleration
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.derivatives import derivatives
+from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.filters import ComplementaryFilters
 from stridelab.estimation.passes import FilterInputs, forward_backward
 
 WindowPoints = Float[np.ndarray, "window 3"]
-SdPerAxis = tuple[float, float, float]
-
-
-@dataclass(frozen=True, kw_only=True)
-class ErrorPriors:
-    """Standard deviations of what can be wrong with the inputs; the table's own is in ``GeometricCom.sd_m``.
-
-    ``marker_m``: white noise of the CoM from marker noise. ``force_n``: white noise per axis. ``acceleration_m_s2``:
-    constant error per axis (0.15 m/s^2 vertically is 1.5 % of body weight). ``moment_nm``: constant error of each
-    horizontal moment at the body. ``momentum_rate_nm_kg``: RMS of L' per kilogram of body mass, about the walking axis
-    (at ``step_hz`` / 2) and the lateral axis (at ``step_hz``). ``clock_s``: rest of the latency between force and
-    markers after whatever was applied.
-    """
-
-    marker_m: float = 0.001
-    force_n: float = 5.0
-    acceleration_m_s2: SdPerAxis = (0.05, 0.05, 0.15)
-    moment_nm: float = 2.0
-    momentum_rate_nm_kg: tuple[float, float] = (0.12, 0.33)
-    step_hz: float = 1.8
-    clock_s: float = 0.005
 
 
 def geometry_sd_m(table_sd_m: SdPerAxis, samples: int, priors: ErrorPriors) -> Points:
@@ -87,10 +67,27 @@ class FusedStretch:
 def complementary_sd_m(
     filters: ComplementaryFilters, stretch: FusedStretch, table_sd_m: SdPerAxis, priors: ErrorPriors
 ) -> WindowPoints:
-    """Standard deviation per axis at the samples of the window."""
-    total = _white_variance(filters, stretch, priors) + np.zeros_like(stretch.wrench.force_n)
-    for error in _errors(stretch, table_sd_m, priors):
-        total += forward_backward(filters, error)[stretch.within] ** 2
+    """Standard deviation of the complementary filter per axis at the samples of the window."""
+    return stated_sd_m(lambda errors: [forward_backward(filters, e) for e in errors], stretch, table_sd_m, priors)
+
+
+def stated_sd_m(
+    fuse: Callable[[Sequence[FilterInputs]], Sequence[Points]],
+    stretch: FusedStretch,
+    table_sd_m: SdPerAxis,
+    priors: ErrorPriors,
+) -> WindowPoints:
+    """Standard deviation per axis at the samples of the window, for any fusion that is linear in its inputs.
+
+    ``fuse`` takes several error signals at once and returns what each does to the fused position.
+    """
+    errors = list(_errors(stretch, table_sd_m, priors))
+    *fused, geometry, force = fuse([*errors, *_pulses(stretch)])
+    white = priors.marker_m**2 * (geometry**2).sum(axis=0)
+    white = white + (priors.force_n / stretch.mass_kg) ** 2 * (force**2).sum(axis=0)
+    total = white + np.zeros_like(stretch.wrench.force_n)
+    for moved in fused:
+        total += moved[stretch.within] ** 2
     return np.asarray(np.sqrt(total))
 
 
@@ -116,10 +113,10 @@ def _errors(stretch: FusedStretch, table_sd_m: SdPerAxis, priors: ErrorPriors) -
     for axis in np.eye(3)[:2]:
         yield of_moment(np.zeros_like(f) + priors.moment_nm * axis)
     t = np.arange(len(f)) / stretch.rate_hz
-    along = _along(stretch.velocity_m_s)
-    lateral = np.array([-along[1], along[0], 0.0])
+    ahead = along(stretch.velocity_m_s)
+    lateral = np.array([-ahead[1], ahead[0], 0.0])
     for axis, rate, hz in zip(
-        (along, lateral), priors.momentum_rate_nm_kg, (priors.step_hz / 2, priors.step_hz), strict=True
+        (ahead, lateral), priors.momentum_rate_nm_kg, (priors.step_hz / 2, priors.step_hz), strict=True
     ):
         for wave in (np.cos, np.sin):
             yield of_moment(np.outer(stretch.mass_kg * rate * wave(2 * np.pi * hz * t), axis))
@@ -128,18 +125,18 @@ def _errors(stretch: FusedStretch, table_sd_m: SdPerAxis, priors: ErrorPriors) -
     yield FilterInputs(silence, inside(priors.clock_s * jerk), inside(priors.clock_s * late))
 
 
-def _along(velocity: Points) -> Vector3:
+def along(velocity: Points) -> Vector3:
     """Horizontal direction of the motion; the x axis for a body that stays."""
     mean = velocity.mean(axis=0) * [1.0, 1.0, 0.0]
     speed = float(np.linalg.norm(mean))
     return np.asarray(mean / speed) if speed > 0.05 else np.array([1.0, 0.0, 0.0])
 
 
-def _white_variance(filters: ComplementaryFilters, stretch: FusedStretch, priors: ErrorPriors) -> Vector3:
-    """Variance from white noise: marker noise moves g (and p along the force only), force noise moves a."""
+def _pulses(stretch: FusedStretch) -> tuple[FilterInputs, FilterInputs]:
+    """One sample of marker noise, which moves g (and p along the force only), and one of force noise, which moves a.
+
+    In the middle of the window: the energy of what comes out is the gain for white noise.
+    """
     silence, pulse = stretch.silence, stretch.silence
-    pulse[len(pulse) // 2] = 1.0
-    geometry = forward_backward(filters, FilterInputs(pulse, silence, pulse * [0.0, 0.0, 1.0]))
-    force = forward_backward(filters, FilterInputs(silence, pulse, silence))
-    sd_a = priors.force_n / stretch.mass_kg
-    return np.asarray(priors.marker_m**2 * (geometry**2).sum(axis=0) + sd_a**2 * (force**2).sum(axis=0))
+    pulse[(stretch.within.start + stretch.within.stop) // 2] = 1.0
+    return FilterInputs(pulse, silence, pulse * [0.0, 0.0, 1.0]), FilterInputs(silence, pulse, silence)

@@ -19,7 +19,7 @@ from jaxtyping import Complex, Float, Inexact
 from scipy import signal
 
 from stridelab.conventions import Series
-from stridelab.errors import InvalidInput
+from stridelab.estimation.cutoffs import require_cutoffs
 
 Taps = Float[np.ndarray, "_"]
 Response = Complex[np.ndarray, "n"]
@@ -68,12 +68,7 @@ def complementary_filters(low_hz: float, high_hz: float, rate_hz: float) -> Comp
     ``H1 = s (2 tau_1 tau_2^2 s^2 + (tau_2^2 + 4 tau_1 tau_2 - tau_1^2) s + 2 tau_2) / ((1 + s tau_1)(1 + s tau_2))^2``.
     Raises ``InvalidInput`` (``cutoffs-out-of-range``) unless 0 < low < high < half the rate.
     """
-    if not 0 < low_hz < high_hz < rate_hz / 2:
-        raise InvalidInput(
-            "cutoffs-out-of-range",
-            f"Cutoffs of {low_hz:g} and {high_hz:g} Hz do not fit a rate of {rate_hz:g} Hz: "
-            "0 < low < high < half the rate is needed.",
-        )
+    require_cutoffs(low_hz, high_hz, rate_hz)
     tau_1, tau_2 = 1 / (2 * np.pi * high_hz), 1 / (2 * np.pi * low_hz)
     p_1, p_2 = -1 / tau_1, -1 / tau_2
     bracket = np.array([2 * tau_1 * tau_2**2, tau_2**2 + 4 * tau_1 * tau_2 - tau_1**2, 2 * tau_2])

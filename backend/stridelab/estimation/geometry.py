@@ -5,7 +5,8 @@ from typing import ClassVar
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.estimation.derivatives import BAND_HZ, derivatives
-from stridelab.estimation.error_band import ErrorPriors, geometry_sd_m
+from stridelab.estimation.error_band import geometry_sd_m
+from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.estimate import ComEstimate
 from stridelab.estimation.span import require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack

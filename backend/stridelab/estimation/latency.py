@@ -1,50 +1,93 @@
-"""How late the force is against the markers, from the two accelerations that both of them see.
+"""How late the force is against the markers, from the accelerations that both of them see.
 
 Force and markers of real recordings run on clocks that differ by 8 to 20 ms. At 1.2 m/s that is 1 to 2.5 cm of apparent
 error of the segment table, so it is estimated before anything is fused, and reported.
 
 With ``F(t) = m (c'' - g)`` from the geometry and f the measured force, both in an 8 Hz band, rho(tau) is the
-correlation of F(t) with f(t + tau) over the window, per axis. For an unknown gain, offset and noise level the profile
+correlation of F(t - tau) with f(t) over the window, per axis. For an unknown gain, offset and noise level the profile
 log-likelihood of a lag is ``-n/2 log(1 - rho(tau)^2)``; the axes "along the walk" and "vertical" add up. n is the
-number of *independent* samples, about 12 per second in this band.
+number of *independent* samples, about 12 per second in this band. F is cut to the window and filtered there exactly as
+f is, so that the filter's edges are the same on both sides. The lateral axis is too quiet to tell (its lag scatters by
+10 to 20 ms in real walks): it is reported, not used.
+
+What the method reaches, and how other signs compare with it, is in ``docs/theory/synchronisation.md``.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 from scipy import interpolate
 
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.conventions import Points, Series, Vector3
+from stridelab.conventions import Points, Rotation, Series
 from stridelab.dynamics.newton_euler import contact_force
 from stridelab.errors import NotEstimable
 from stridelab.estimation.derivatives import BAND_HZ, derivatives, low_pass
 from stridelab.estimation.span import Span, require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
 
-PerAxis = Float[np.ndarray, "n 2"]
-INDEPENDENT_PER_S = 12.0
+PerAxis = Float[np.ndarray, "3"]
+PerLag = Float[np.ndarray, "lags 3"]
+INDEPENDENT_PER_S: Final = 12.0
+SIGNIFICANT_SD: Final = 1.0
+"""A lag beyond this many standard deviations is taken out: from one on, that leaves a smaller error than leaving it."""
+LEAST_S: Final = 0.003
+"""A lag below this is left alone: 4 mm at walking speed, and as large as the method's own worst error."""
 _SEARCH_S = 0.05
 _GRID_S = np.arange(-_SEARCH_S, _SEARCH_S + 1e-9, 0.001)
 _ITERATIONS = 4
 _WALKING_M_S = 0.3
+_EDGE = 0.3
+"""Part of a period of the band that is left out at either end of the window."""
+_RESEMBLANCE = 0.5
+_ALONG, _VERTICAL = 0, 2
+
+
+@dataclass(frozen=True)
+class AxisLag:
+    """What one axis says by itself; ``correlation`` is the best it reaches over all lags."""
+
+    lag_s: float
+    sd_s: float
+    correlation: float
+
+    def later(self, shift_s: float) -> "AxisLag":
+        """The same finding of a force that was read ``shift_s`` too late."""
+        return replace(self, lag_s=self.lag_s + shift_s)
 
 
 @dataclass(frozen=True)
 class Latency:
     """``latency_s`` > 0 means the force is late. ``sd_s`` covers noise and the disagreement of the two axes.
 
-    ``along_s`` and ``vertical_s`` are the lags of each axis alone; ``correlation`` is the smaller of the two at the
-    common lag.
+    ``along``, ``lateral`` and ``vertical`` are the axes alone (along and across the walk); ``correlation`` is the
+    smaller one of along and vertical at the common lag.
     """
 
     latency_s: float
     sd_s: float
-    along_s: float
-    vertical_s: float
+    along: AxisLag
+    lateral: AxisLag
+    vertical: AxisLag
     correlation: float
+
+    @property
+    def significant(self) -> bool:
+        """Whether taking this lag out is better than leaving it in."""
+        return abs(self.latency_s) > max(SIGNIFICANT_SD * self.sd_s, LEAST_S)
+
+    def later(self, shift_s: float) -> "Latency":
+        """The same finding of a force that was read ``shift_s`` too late."""
+        return replace(
+            self,
+            latency_s=self.latency_s + shift_s,
+            along=self.along.later(shift_s),
+            lateral=self.lateral.later(shift_s),
+            vertical=self.vertical.later(shift_s),
+        )
 
 
 def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], WrenchTrack], mass_kg: float) -> Latency:
@@ -56,57 +99,69 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
     plates).
     """
     require_mass(mass_kg)
-    found = 0.0
+    read_later_s = 0.0
     for _ in range(_ITERATIONS):
-        wrench = wrench_at(found)
-        fit = _lag(geometric, wrench, window_span(geometric, wrench), mass_kg)
-        found += fit.latency_s
-        if abs(fit.latency_s) < 0.0005:
+        wrench = wrench_at(read_later_s)
+        rest = _lag(geometric, wrench, window_span(geometric, wrench), mass_kg)
+        found = rest.later(read_later_s)
+        read_later_s = found.latency_s
+        if abs(rest.latency_s) < 0.0005:
             break
-    shift = found - fit.latency_s
-    return Latency(found, fit.sd_s, fit.along_s + shift, fit.vertical_s + shift, fit.correlation)
+    return found
 
 
 def _lag(geometric: GeometricCom, wrench: WrenchTrack, span: Span, mass_kg: float) -> Latency:
     """Remaining lag of an already shifted force."""
     rate_hz = span.rate_hz
-    edge = int(np.ceil(0.6 * rate_hz / BAND_HZ))
-    trimmed = slice(span.within.start + edge, span.within.stop - edge)
     velocity, acceleration = derivatives(geometric.com_m[span.around], rate_hz)
-    axes = np.array([_along(velocity[trimmed], acceleration[trimmed]), [0.0, 0.0, 1.0]])
-    F = contact_force(acceleration, mass_kg) @ axes.T
-    f = (low_pass(wrench.force_n[span.inside], rate_hz)[edge:-edge]) @ axes.T
-    t = np.arange(len(F)) / rate_hz
-    shifted = interpolate.CubicSpline(t, F)
-    rho = np.array([_correlation(shifted(t[trimmed] - tau), f) for tau in _GRID_S])
-    if not (rho.max(axis=0) > 0.5).all():
+    R = _walking_axes(velocity[span.within], acceleration[span.within])
+    F = interpolate.CubicSpline(np.arange(len(acceleration)) / rate_hz, contact_force(acceleration, mass_kg) @ R.T)
+    # The geometry's own ends have no good acceleration, and no lag may read beyond them.
+    spare = int(np.ceil((_SEARCH_S + 2 * _EDGE / BAND_HZ) * rate_hz))
+    first = max(span.within.start, spare)
+    last = max(first + 1, min(span.within.stop, len(acceleration) - spare))
+    t = np.arange(first, last) / rate_hz
+    edge = int(np.ceil(_EDGE * rate_hz / BAND_HZ))
+    f_window = wrench.force_n[span.around][first:last] @ R.T
+    if len(t) <= 3 * edge:
+        raise NotEstimable(
+            "latency-unclear",
+            "The markers end together with the measured force: too little is left to compare their clocks.",
+        )
+    f = low_pass(f_window, rate_hz)[edge:-edge]
+    rho: PerLag = np.array([_correlation(low_pass(np.asarray(F(t - tau)), rate_hz)[edge:-edge], f) for tau in _GRID_S])
+    best = rho.max(axis=0)
+    if not min(best[_ALONG], best[_VERTICAL]) > _RESEMBLANCE:
         raise NotEstimable(
             "latency-unclear",
             "The accelerations seen by the markers and by the plates do not resemble each other "
-            f"(correlation {rho.max(axis=0).min():.2f}), so their delay cannot be told.",
+            f"(correlation {min(best[_ALONG], best[_VERTICAL]):.2f}), so their delay cannot be told.",
         )
     n = INDEPENDENT_PER_S * len(f) / rate_hz
     likelihood = -n / 2 * np.log(1 - np.minimum(np.maximum(rho, 0.0), 1 - 1e-9) ** 2)
-    total, sd_s = _peak(likelihood.sum(axis=1))
-    (along, _), (vertical, _) = (_peak(likelihood[:, j]) for j in (0, 1))
+    total, sd_s = _peak(likelihood[:, _ALONG] + likelihood[:, _VERTICAL])
+    along, lateral, vertical = (AxisLag(*_peak(likelihood[:, j]), float(best[j])) for j in range(3))
+    at_total = rho[np.argmin(np.abs(_GRID_S - total))]
     return Latency(
         latency_s=total,
-        sd_s=float(np.hypot(sd_s, (along - vertical) / 2)),
-        along_s=along,
-        vertical_s=vertical,
-        correlation=float(rho[np.argmin(np.abs(_GRID_S - total))].min()),
+        sd_s=float(np.hypot(sd_s, (along.lag_s - vertical.lag_s) / 2)),
+        along=along,
+        lateral=lateral,
+        vertical=vertical,
+        correlation=float(min(at_total[_ALONG], at_total[_VERTICAL])),
     )
 
 
-def _along(velocity: Points, acceleration: Points) -> Vector3:
-    """Horizontal unit vector of the walk; of a body that stays, the direction in which it accelerates most."""
+def _walking_axes(velocity: Points, acceleration: Points) -> Rotation:
+    """Rows: along the walk, across it, up. Of a body that stays, "along" is where it accelerates most."""
     mean = velocity.mean(axis=0) * [1.0, 1.0, 0.0]
     if np.linalg.norm(mean) < _WALKING_M_S:
         mean = np.append(np.linalg.svd(acceleration[:, :2] - acceleration[:, :2].mean(axis=0))[2][0], 0.0)
-    return np.asarray(mean / np.linalg.norm(mean))
+    along, up = mean / np.linalg.norm(mean), np.array([0.0, 0.0, 1.0])
+    return np.array([along, np.cross(up, along), up])
 
 
-def _correlation(x: PerAxis, y: PerAxis) -> Float[np.ndarray, "2"]:
+def _correlation(x: Points, y: Points) -> PerAxis:
     x, y = x - x.mean(axis=0), y - y.mean(axis=0)
     norm = np.sqrt((x**2).sum(axis=0) * (y**2).sum(axis=0))
     return np.asarray((x * y).sum(axis=0) / np.maximum(norm, 1e-12))

@@ -3,63 +3,135 @@
 The contact wrench does not change when the CoM moves along the contact force (2.18), so that direction is known from
 the geometry alone. (2.19) is the observability matrix of (c, c', c'') from the wrench, (2.23) that of (c, c', c'', b)
 with the geometry c + b added; both are for u = 0. Written with f = m (c'' - g), g pointing down.
+
+A measured force is never exactly zero. Below a tenth of the body's weight it has no usable axis (2.6.2); there it is
+taken for zero, so that flight is recognised as what it is: the wrench knows the acceleration and nothing else.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from stridelab.conventions import GRAVITY_M_S2, Points, Vector3, g
+from stridelab.conventions import GRAVITY_M_S2, Mask, Points, Vector3, g
 from stridelab.estimation.estimate import ComEstimate
 
-_STATES = 25
-"""States at which the ranks are evaluated, spread over the window."""
+FLIGHT: Final = 0.1
+"""Force over body weight below which there is no contact."""
+STATES: Final = 9
+STATES_WITH_BIAS: Final = 12
 _TOLERANCE = 1e-9
 
-Skew = Float[np.ndarray, "3 3"]
+Vectors = Float[np.ndarray, "*n 3"]
+"""One vector, or one per sample."""
+Skew = Float[np.ndarray, "*n 3 3"]
+Block = Float[np.ndarray, "... 3 3"]
+Ranks = Int[np.ndarray, "n"]
+
+
+@dataclass(frozen=True)
+class ObservabilityTrack:
+    """Sample by sample over an estimate: ranks of (2.19) and (2.23), and the unit vector that no wrench can see.
+
+    ``direction`` is NaN in flight, where every direction is unobservable.
+    """
+
+    rank_force: Ranks
+    rank_with_geometry: Ranks
+    direction: Points
+    flight: Mask
 
 
 @dataclass(frozen=True)
 class Observability:
-    """Smallest ranks over the window, and the unobservable direction.
+    """Smallest ranks over the window, the unobservable direction, and what it means in a sentence.
 
     ``rank_force`` is that of (2.19) out of 9 (7 when there is a contact force), ``rank_with_geometry`` that of (2.23)
-    out of 12 (11). ``unobservable`` is the mean unit vector of the contact force; ``tilt_rad`` the largest angle
+    out of 12 (11). ``unobservable`` is the mean unit vector of the contact force (None without any); ``tilt_rad`` the
+    largest angle
     between the force and the vertical, ``turn_rad`` the largest angle between the force and its own mean.
+    ``flight_s`` is the time without contact, which the angles leave out.
     """
 
     rank_force: int
     rank_with_geometry: int
-    unobservable: tuple[float, float, float]
+    unobservable: tuple[float, float, float] | None
     tilt_rad: float
     turn_rad: float
+    flight_s: float
+    sentence: str
+
+
+def observability_track(estimate: ComEstimate) -> ObservabilityTrack:
+    """Ranks at the states (c, c', c'') of every sample of an estimate."""
+    c = estimate.com_m - estimate.com_m.mean(axis=0)
+    velocity, acceleration = estimate.velocity_m_s, estimate.acceleration_m_s2.copy()
+    f = acceleration - g
+    size = np.linalg.norm(f, axis=1)
+    flight = size < FLIGHT * GRAVITY_M_S2
+    acceleration[flight] = g
+    direction = np.where(flight[:, None], np.nan, f / np.maximum(size, 1e-12)[:, None])
+    rank_force, rank_with_geometry = (
+        np.linalg.matrix_rank(matrix(c, velocity, acceleration), tol=_TOLERANCE)
+        for matrix in (force_matrix, force_and_geometry_matrix)
+    )
+    return ObservabilityTrack(rank_force, rank_with_geometry, direction, flight)
 
 
 def observability(estimate: ComEstimate) -> Observability:
-    """Observability along an estimate, whose states (c, c', c'') the matrices are evaluated at."""
-    at = np.unique(np.linspace(0, len(estimate.time_s) - 1, _STATES).astype(int))
-    states = list(zip(estimate.com_m[at], estimate.velocity_m_s[at], estimate.acceleration_m_s2[at], strict=True))
-    f = _unit(estimate.acceleration_m_s2 - g)
-    mean = _unit(f.mean(axis=0, keepdims=True))[0]
+    """Observability along an estimate, in a handful of numbers and a sentence."""
+    track = observability_track(estimate)
+    time_s = estimate.time_s
+    step_s = float((time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1))
+    flight_s = float(track.flight.sum()) * step_s
+    ranks = int(track.rank_force.min()), int(track.rank_with_geometry.min())
+    if track.flight.all():
+        said = (
+            f"Nobody touches the ground (free fall): the force shows {ranks[0]} of {STATES} numbers of the motion, its "
+            "acceleration; position and velocity come from the markers alone."
+        )
+        return Observability(*ranks, None, 0.0, 0.0, flight_s, said)
+    n = track.direction[~track.flight]
+    mean = n.mean(axis=0) / np.linalg.norm(n.mean(axis=0))
+    tilt_rad, turn_rad = _largest_angle(n, np.array([0.0, 0.0, 1.0])), _largest_angle(n, mean)
     return Observability(
-        rank_force=min(_rank(force_matrix(*state)) for state in states),
-        rank_with_geometry=min(_rank(force_and_geometry_matrix(*state)) for state in states),
+        *ranks,
         unobservable=(float(mean[0]), float(mean[1]), float(mean[2])),
-        tilt_rad=_largest_angle(f, np.array([0.0, 0.0, 1.0])),
-        turn_rad=_largest_angle(f, mean),
+        tilt_rad=tilt_rad,
+        turn_rad=turn_rad,
+        flight_s=flight_s,
+        sentence=_sentence(track, mean, tilt_rad, flight_s),
     )
 
 
-def force_matrix(c: Vector3, velocity: Vector3, acceleration: Vector3) -> Float[np.ndarray, "15 9"]:
+def _sentence(track: ObservabilityTrack, mean: Vector3, tilt_rad: float, flight_s: float) -> str:
+    """What a lab should know before it reads a height off the result."""
+    held = ~track.flight
+    rank, with_geometry = int(track.rank_force[held].min()), int(track.rank_with_geometry[held].min())
+    where = "upright" if tilt_rad < 1e-3 else f"up to {np.degrees(tilt_rad):.0f} degrees off the vertical"
+    upright = abs(float(mean[2])) > np.cos(np.radians(25.0))
+    hidden = "the height" if upright else f"the position along ({mean[0]:.2f}, {mean[1]:.2f}, {mean[2]:.2f})"
+    said = (
+        f"The force shows {rank} of {STATES} numbers of the motion, force and markers together {with_geometry} of "
+        f"{STATES_WITH_BIAS}: {hidden} comes from the markers and the segment table alone, because moving the body "
+        f"along the contact force (here {where}) changes nothing on the plates."
+    )
+    if flight_s > 0.0:
+        said += f" For {flight_s:.2f} s nobody touches the ground; there the force shows the acceleration only."
+    return said
+
+
+def force_matrix(c: Vectors, velocity: Vectors, acceleration: Vectors) -> Float[np.ndarray, "*n 15 9"]:
     """(2.19) without its zero row, divided by m; position in units of g times one second squared."""
     O, E = np.zeros((3, 3)), np.eye(3)
     f = skew(acceleration - g) / GRAVITY_M_S2
     rows = [[O, O, E], [-f, O, skew(c)], [O, O, O], [O, -f, skew(velocity)], [O, O, skew(g)]]
-    return np.block(rows)
+    return _block(rows)
 
 
-def force_and_geometry_matrix(c: Vector3, velocity: Vector3, acceleration: Vector3) -> Float[np.ndarray, "21 12"]:
+def force_and_geometry_matrix(c: Vectors, velocity: Vectors, acceleration: Vectors) -> Float[np.ndarray, "*n 21 12"]:
     """(2.23), scaled as ``force_matrix``: the geometry measures c + b, and b is constant."""
     O, E = np.zeros((3, 3)), np.eye(3)
     f = skew(acceleration - g) / GRAVITY_M_S2
@@ -72,12 +144,12 @@ def force_and_geometry_matrix(c: Vector3, velocity: Vector3, acceleration: Vecto
         [O, O, skew(g), O],
         [O, O, E, O],
     ]
-    return np.block(rows)
+    return _block(rows)
 
 
 def constant_jerk_matrix(
-    c: Vector3, velocity: Vector3, acceleration: Vector3, jerk: Vector3
-) -> Float[np.ndarray, "15 9"]:
+    c: Vectors, velocity: Vectors, acceleration: Vectors, jerk: Vectors
+) -> Float[np.ndarray, "*n 15 9"]:
     """Observability matrix of (c, c', c'') from the wrench when a constant jerk u is known, scaled as ``force_matrix``.
 
     With ``A = c'' - g`` the moment c x A and its derivatives are ``c x A``, ``c' x A + c x u``,
@@ -87,20 +159,22 @@ def constant_jerk_matrix(
     O, E = np.zeros((3, 3)), np.eye(3)
     f, u = skew(acceleration - g), skew(jerk)
     rows = [[O, O, E], [-f, O, skew(c)], [-u, -f, skew(velocity)], [O, -2 * u, skew(g)], [O, O, -2 * u]]
-    return np.block(rows) / GRAVITY_M_S2
+    return _block(rows) / GRAVITY_M_S2
 
 
-def skew(a: Vector3) -> Skew:
+def skew(a: Vectors) -> Skew:
     """``[a]x``, with ``[a]x b = a x b``."""
-    return np.array([[0.0, -a[2], a[1]], [a[2], 0.0, -a[0]], [-a[1], a[0], 0.0]])
+    x, y, z = np.moveaxis(a, -1, 0)
+    o = np.zeros_like(x)
+    rows = [np.stack(row, axis=-1) for row in ([o, -z, y], [z, o, -x], [-y, x, o])]
+    return np.stack(rows, axis=-2)
 
 
-def _rank(matrix: Float[np.ndarray, "rows columns"]) -> int:
-    return int(np.linalg.matrix_rank(matrix, tol=_TOLERANCE))
-
-
-def _unit(vectors: Points) -> Points:
-    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-12))
+def _block(rows: Sequence[Sequence[Block]]) -> Float[np.ndarray, "... rows columns"]:
+    """``np.block`` of 3 x 3 blocks, for one sample or many."""
+    samples = np.broadcast_shapes(*(block.shape[:-2] for row in rows for block in row))
+    whole = [[np.broadcast_to(block, (*samples, 3, 3)) for block in row] for row in rows]
+    return np.concatenate([np.concatenate(row, axis=-1) for row in whole], axis=-2)
 
 
 def _largest_angle(directions: Points, axis: Vector3) -> float:

@@ -67,7 +67,8 @@ class Stance:
 class GaitPlan:
     """Stances in the order of their strikes, the two standing feet first.
 
-    ``record_from_s`` is the instant of the plan at which the recording starts, ``steady_s`` the interval of full steps.
+    ``record_from_s`` is the instant of the plan at which the recording starts, ``steady_s`` the interval of full steps,
+    ``sole_middle_m`` how far ahead of the ankle the middle of a footprint lies.
     """
 
     stances: tuple[Stance, ...]
@@ -78,6 +79,7 @@ class GaitPlan:
     duration_s: float
     end_s: float
     steady_s: tuple[float, float]
+    sole_middle_m: float = 0.06
 
     @property
     def walks(self) -> bool:
@@ -89,7 +91,7 @@ def plan_gait(
 ) -> GaitPlan:
     """Plan a recording of ``duration_s`` of level walking along +x (standing below ``SLOWEST_M_S``)."""
     if speed_m_s < SLOWEST_M_S:
-        return _standing(duration_s, stance_width_m)
+        return standing(duration_s, stance_width_m)
     length = math.sqrt(60.0 * WALK_RATIO * height_m * speed_m_s)
     step_s = length / speed_m_s
     ramps = 2 * len(_RAMP)
@@ -195,7 +197,8 @@ def _centred(random: Generator, n: int) -> Series:
     return np.asarray(np.clip(draws - draws.mean(), -2.5, 2.5))
 
 
-def _standing(duration_s: float, width_m: float) -> GaitPlan:
+def standing(duration_s: float, width_m: float) -> GaitPlan:
+    """Both feet on the ground all the time."""
     stances = (_still("left", 0.0, width_m / 2), _still("right", 0.0, -width_m / 2))
     return GaitPlan(stances, 0.0, 1.0, 0.0, 0.0, duration_s, duration_s, (0.0, duration_s))
 

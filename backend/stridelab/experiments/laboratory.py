@@ -31,8 +31,6 @@ PATCH_M: Final = 0.02
 _SMALL_M: Final = (0.508, 0.464)
 _END_M: Final = 0.35
 """Walkway before the first and after the last ankle of a lane."""
-_FOOT_MIDDLE_M: Final = 0.06
-"""Middle of a footprint ahead of the ankle."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +60,9 @@ def plate_areas(lab: LabName, plan: GaitPlan) -> tuple[PlateArea, ...]:
         return _two_plates(plan, seen)
     middle = plan.record_from_s + plan.duration_s / 2
     seen = sorted(seen, key=lambda s: abs(_mid_time_s(s, plan) - middle))[:MOST_PLATES]
-    lanes = [_lane(sorted(s.x_m for s in seen if s.side == side), side) for side in ("left", "right")]
+    lanes = [
+        _lane(sorted(s.x_m for s in seen if s.side == side), side, plan.sole_middle_m) for side in ("left", "right")
+    ]
     return tuple(sorted((area for lane in lanes for area in lane), key=lambda area: (area.low[0], area.low[1])))
 
 
@@ -89,23 +89,23 @@ def _overlap(area: PlateArea, cop_m: Points) -> tuple[Series, Points]:
     return share, np.column_stack([(start + end) / 2, y, np.zeros(len(x))])
 
 
-def _lane(x_m: Sequence[float], side: Side) -> list[PlateArea]:
+def _lane(x_m: Sequence[float], side: Side, middle_m: float) -> list[PlateArea]:
     footprints = sorted(set(x_m))
     if not footprints:
         return []
-    inner = [(a + b) / 2 + _FOOT_MIDDLE_M for a, b in pairwise(footprints)]
-    edges = [footprints[0] - _END_M, *inner, footprints[-1] + _END_M + 2 * _FOOT_MIDDLE_M]
+    inner = [(a + b) / 2 + middle_m for a, b in pairwise(footprints)]
+    edges = [footprints[0] - _END_M, *inner, footprints[-1] + _END_M + 2 * middle_m]
     y0, y1 = (0.0, LANE_WIDTH_M) if side == "left" else (-LANE_WIDTH_M, 0.0)
     return [PlateArea((a, y0), (b, y1)) for a, b in pairwise(edges)]
 
 
 def _two_plates(plan: GaitPlan, seen: Sequence[Stance]) -> tuple[PlateArea, ...]:
     if not plan.walks:
-        return _lane([0.0], "right")[0], _lane([0.0], "left")[0]
+        return _lane([0.0], "right", plan.sole_middle_m)[0], _lane([0.0], "left", plan.sole_middle_m)[0]
     middle = plan.record_from_s + plan.duration_s / 2
     k = min(range(len(seen) - 1), key=lambda i: abs(seen[i + 1].strike_s - middle))
     length, width = min(_SMALL_M[0], 0.95 * plan.step_length_m), _SMALL_M[1]
-    centres = [stance.x_m + _FOOT_MIDDLE_M for stance in seen[k : k + 2]]
+    centres = [stance.x_m + plan.sole_middle_m for stance in seen[k : k + 2]]
     return tuple(PlateArea((c - length / 2, -width / 2), (c + length / 2, width / 2)) for c in centres)
 
 

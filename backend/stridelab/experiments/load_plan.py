@@ -49,8 +49,8 @@ def plan_load(plan: GaitPlan, p: Proportions, time_s: Series, random: Generator)
     """Shares and centres of pressure at the instants ``time_s`` of the plan."""
     left = _left_share(plan, time_s)
     share: dict[Side, Series] = {"left": left, "right": 1.0 - left}
-    sway = _sway(time_s, random)
-    cop = {side: _cop(plan, side, p, time_s) + sway for side in SIDES}
+    wander = sway(time_s, random)
+    cop = {side: _cop(plan, side, p, time_s) + wander for side in SIDES}
     zmp = sum((share[side][:, None] * cop[side] for side in SIDES), np.zeros((len(time_s), 2)))
     return LoadPlan(share, cop, zmp)
 
@@ -106,7 +106,7 @@ def _cop(plan: GaitPlan, side: Side, p: Proportions, t: Series) -> Plane:
     return cop
 
 
-def _sway(t: Series, random: Generator) -> Plane:
+def sway(t: Series, random: Generator) -> Plane:
     """Slow wandering: sinusoids of random phase between 0.08 and 1 Hz whose amplitude falls as 1/f."""
     f = np.geomspace(*_SWAY_HZ, 12)
     phase = random.uniform(0.0, 2.0 * np.pi, (2, len(f)))

@@ -8,7 +8,7 @@ Each foot carries a force at its centre of pressure and a free moment about the 
 from the foot's pressure towards the centre of mass, ``0.4 (c - p_i) / c_z``, much as the force of a leg does: the
 trailing foot pushes and the leading one brakes. The rest ``r``, the pressure's error ``e`` (how far the zero-moment
 point of the exact motion is from the planned one; millimetres) and the free moment ``tau`` are whatever makes the sum
-the exact wrench.
+the exact wrench. In flight no foot carries anything.
 """
 
 from collections.abc import Mapping
@@ -25,6 +25,8 @@ from stridelab.experiments.true_motion import TrueMotion
 from stridelab.recordings.recording import Side
 
 _LEAN: Final = 0.4
+_FLIGHT_N: Final = 1.0
+"""Below this vertical force nobody stands on the ground."""
 PlanSeries = Float[np.ndarray, "m"]
 PlanPlane = Float[np.ndarray, "m 2"]
 """One value, or one point on the ground, per instant of the plan."""
@@ -48,16 +50,19 @@ class FootWrench:
 
 def share_wrench(truth: TrueMotion, load: LoadPlan, plan_time_s: Series) -> Mapping[Side, FootWrench]:
     """Wrench of each foot at the instants of ``truth``; ``plan_time_s`` are those of ``load`` on the same clock."""
-    t, f, c = truth.time_s, truth.force_n, truth.com_m
+    t, c = truth.time_s, truth.com_m
+    grounded = truth.force_n[:, 2:] > _FLIGHT_N
+    f, moment = np.where(grounded, truth.force_n, 0.0), np.where(grounded, truth.moment_nm, 0.0)
+    f_z = np.where(grounded, f[:, 2:], 1.0)
     share = {side: np.interp(t, plan_time_s, load.share[side]) for side in SIDES}
     cop: dict[Side, Plane] = {side: _resampled(t, plan_time_s, load.cop_m[side]) for side in SIDES}
-    moment = truth.moment_nm
-    zmp = np.column_stack([-moment[:, 1], moment[:, 0]]) / f[:, 2:]
-    error = zmp - sum((share[side][:, None] * cop[side] for side in SIDES), np.zeros_like(zmp))
+    zmp = np.column_stack([-moment[:, 1], moment[:, 0]]) / f_z
+    mean_cop = sum((share[side][:, None] * cop[side] for side in SIDES), np.zeros_like(zmp))
+    error = np.where(grounded, zmp - mean_cop, 0.0)
     loaded = {side: np.column_stack([cop[side] + error, np.zeros(len(t))]) for side in SIDES}
     towards = {side: _LEAN * (c[:, :2] - loaded[side][:, :2]) / c[:, 2:] for side in SIDES}
     mean = sum((share[side][:, None] * towards[side] for side in SIDES), np.zeros_like(zmp))
-    rest = f[:, :2] / f[:, 2:] - mean
+    rest = f[:, :2] / f_z - mean
     force = {
         side: (share[side] * f[:, 2])[:, None] * np.column_stack([towards[side] + rest, np.ones(len(t))])
         for side in SIDES

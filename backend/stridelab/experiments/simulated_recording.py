@@ -11,6 +11,7 @@ from numpy.random import Generator
 from stridelab.body import segment_tables
 from stridelab.conventions import Points, Series, Vector3
 from stridelab.experiments.anthropometric_body import Configurations
+from stridelab.experiments.gait_plan import GaitPlan
 from stridelab.experiments.laboratory import LabName, PlateArea, plate_areas, plate_wrench
 from stridelab.experiments.load_sharing import FootWrench
 from stridelab.experiments.marker_layout import marker_tracks
@@ -64,9 +65,9 @@ def record(walk: Walk, noise: MeasurementNoise, seed: int, *, lab: LabName = "wa
         markers_m=_markers(walk, time_s, noise, random[0], random[1]),
         marker_rate_hz=MARKER_RATE_HZ,
         force_rate_hz=FORCE_RATE_HZ,
-        plates=_plates(walk, n, noise, lab, random[2]),
+        plates=measured_plates(walk.feet, walk.truth.time_s, walk.plan, n, noise, lab, random[2]),
         subject=Subject(p.height_m, walk.mass_kg, p.sex),
-        events=_events(walk),
+        events=events(walk.plan),
         up_axis="+z",
         walking_direction=np.array([1.0, 0.0, 0.0]) if walk.plan.walks else None,
         carried={"segment_table": segment_tables.to_json(table)},
@@ -85,11 +86,20 @@ def _markers(
     return {label: track + noise.marker_m * skin.standard_normal(track.shape) for label, track in tracks.items()}
 
 
-def _plates(walk: Walk, n_frames: int, noise: MeasurementNoise, lab: LabName, random: Generator) -> tuple[Plate, ...]:
+def measured_plates(
+    feet: Mapping[Side, FootWrench],
+    time_s: Series,
+    plan: GaitPlan,
+    n_frames: int,
+    noise: MeasurementNoise,
+    lab: LabName,
+    random: Generator,
+) -> tuple[Plate, ...]:
+    """What a laboratory measures of the feet, known at ``time_s``, which begins before and ends after the recording."""
     read_at_s = np.arange(round(n_frames * FORCE_RATE_HZ / MARKER_RATE_HZ)) / FORCE_RATE_HZ - noise.latency_s
-    feet = {side: _read(foot, walk.truth.time_s, read_at_s) for side, foot in walk.feet.items()}
-    areas = plate_areas(lab, walk.plan)
-    return tuple(_plate(index, area, feet, noise, random) for index, area in enumerate(areas, start=1))
+    late = {side: _read(foot, time_s, read_at_s) for side, foot in feet.items()}
+    areas = plate_areas(lab, plan)
+    return tuple(_plate(index, area, late, noise, random) for index, area in enumerate(areas, start=1))
 
 
 def _plate(
@@ -115,10 +125,11 @@ def _read(foot: FootWrench, time_s: Series, at_s: ReadSeries) -> FootWrench:
     return FootWrench(read(foot.force_n), read(foot.cop_m), np.interp(at_s, time_s, foot.free_moment_nm))
 
 
-def _events(walk: Walk) -> tuple[Event, ...]:
-    plan, events = walk.plan, []
+def events(plan: GaitPlan) -> tuple[Event, ...]:
+    """Strikes and lifts of the feet within the recording."""
+    found = []
     for stance in plan.stances:
-        events.append(Event(stance.strike_s - plan.record_from_s, "foot_strike", stance.side))
-        events.append(Event(stance.off_s - plan.record_from_s, "foot_off", stance.side))
-    seen = [event for event in events if 0.0 <= event.time_s < walk.duration_s]
+        found.append(Event(stance.strike_s - plan.record_from_s, "foot_strike", stance.side))
+        found.append(Event(stance.off_s - plan.record_from_s, "foot_off", stance.side))
+    seen = [event for event in found if 0.0 <= event.time_s < plan.duration_s]
     return tuple(sorted(seen, key=lambda event: event.time_s))

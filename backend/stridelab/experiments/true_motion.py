@@ -1,4 +1,4 @@
-"""Exact centre of mass, momentum and contact wrench of a motion given as a spline of the joint coordinates.
+"""Exact centre of mass, momentum and contact wrench of a motion.
 
     m c'' = f + m g              (4.2a)
     dL/dt = tau_o - c x f        (4.2b, for the angular momentum L about the centre of mass)
@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
+from jaxtyping import Float
 from scipy.interpolate import BSpline
 
 from stridelab.conventions import Points, Series, g
@@ -42,9 +43,19 @@ class TrueMotion:
 
 def true_motion(body: AnthropometricBody, posture: BSpline, time_s: Series) -> TrueMotion:
     """Evaluate the motion ``posture`` (34 coordinates over time) at the instants ``time_s``."""
-    model, data, m = body.model, body.model.createData(), body.mass_kg
     q, v, a = (np.ascontiguousarray(posture(time_s, nu=order)) for order in range(3))
-    n = len(time_s)
+    return motion_truth(body.model, time_s, q, v, a)
+
+
+def motion_truth(
+    model: pin.Model,
+    time_s: Series,
+    q: Float[np.ndarray, "n nq"],
+    v: Float[np.ndarray, "n nv"],
+    a: Float[np.ndarray, "n nv"],
+) -> TrueMotion:
+    """Mechanics of a motion given by configurations, velocities and accelerations of ``model``."""
+    data, m, n = model.createData(), float(pin.computeTotalMass(model)), len(time_s)
     com, momentum, rate = np.empty((n, 3)), np.empty((n, 6)), np.empty((n, 6))
     for k in range(n):
         pin.computeCentroidalMomentumTimeVariation(model, data, q[k], v[k], a[k])

@@ -48,8 +48,10 @@ def read_trc_mot(path: Path) -> RawTrial:
         mot_time_s, forces = parse_mot(texts.mot, texts.mot_name)
         keep = (time_s >= mot_time_s[0] - 0.5 / rate_hz) & (time_s <= mot_time_s[-1] + 0.5 / rate_hz)
         if not keep.any():
-            faults = [Fault(texts.trc_name, "other times"), Fault(texts.mot_name, "other times")]
-            raise UnreadableFile("times-do-not-overlap", "Markers and forces were recorded at different times.", faults)
+            spans = [f"{t[0]:g} to {t[-1]:g} s" for t in (time_s, mot_time_s)]
+            faults = [Fault(texts.trc_name, spans[0]), Fault(texts.mot_name, spans[1])]
+            message = f"Markers ({spans[0]}) and forces ({spans[1]}) were recorded at different times."
+            raise UnreadableFile("times-do-not-overlap", message, faults)
         if not keep.all():
             remarks = (
                 *remarks,

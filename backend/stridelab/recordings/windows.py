@@ -89,7 +89,8 @@ def _trust(recording: Recording, windows: tuple[Window, ...]) -> tuple[Remark, .
 def require_windows(recording: Recording, landmarks: Mapping[str, str]) -> tuple[Window, ...]:
     """The windows, or ``NotEstimable`` with the reason why there is none.
 
-    Codes: single-frame, no-plates, recording-too-short, plates-switched-off, plates-unloaded, no-measured-window.
+    Codes: single-frame, no-plates, recording-too-short, plates-switched-off, plates-unloaded,
+    forces-and-markers-apart, no-measured-window.
     """
     if recording.n_frames < 2:
         raise NotEstimable("single-frame", "The recording has one frame only: it can serve as a static trial.")
@@ -104,6 +105,7 @@ def require_windows(recording: Recording, landmarks: Mapping[str, str]) -> tuple
     if not any(loaded_intervals(plate, recording.force_rate_hz) for plate in used):
         faults = [Fault(f"plate {plate.index}", f"never above {plate.threshold_n:g} N") for plate in used]
         raise NotEstimable("plates-unloaded", "Nobody stands on the force plates in this recording.", faults)
+    _require_overlap(recording, used)
     windows = measured_windows(recording, landmarks)
     if not windows:
         raise NotEstimable(
@@ -111,6 +113,23 @@ def require_windows(recording: Recording, landmarks: Mapping[str, str]) -> tuple
             "At no time is all contact force measured: whenever a plate is loaded, a foot stands beside the plates.",
         )
     return windows
+
+
+def _require_overlap(recording: Recording, used: list[Plate]) -> None:
+    """Raise unless some marker is seen while some plate is loaded."""
+    seen = np.any([np.isfinite(track).all(axis=1) for track in recording.markers_m.values()], axis=0)
+    contacts = sorted(interval for plate in used for interval in loaded_intervals(plate, recording.force_rate_hz))
+    time_s = recording.time_s
+    if any(seen[(time_s >= start_s) & (time_s <= end_s)].any() for start_s, end_s in contacts):
+        return
+    rate_hz = recording.marker_rate_hz
+    loaded = ", ".join(f"{start_s:.2f} to {end_s:.2f} s" for start_s, end_s in contacts)
+    marked = ", ".join(f"{i / rate_hz:.2f} to {(j - 1) / rate_hz:.2f} s" for i, j in runs(seen)) or "never"
+    raise NotEstimable(
+        "forces-and-markers-apart",
+        f"Forces and markers do not overlap: the plates are loaded {loaded}, the markers are seen {marked}.",
+        [Fault("plates", f"loaded {loaded}"), Fault("markers", f"seen {marked}")],
+    )
 
 
 def _as_windows(complete: Mask, rate_hz: float) -> list[Window]:

@@ -1,9 +1,9 @@
 """Jobs, their inputs and their results, as in the HTTP contract."""
 
 from datetime import datetime
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Interval, Problem, Remark
 
@@ -75,8 +75,11 @@ class EstimateComInput(Contract):
         default=None, description="null takes the best estimator that this version has"
     )
     latency: Literal["report", "apply"] | Annotated[float, Field(ge=-0.1, le=0.1)] = Field(
-        default="report",
-        description="report: estimate the force latency but do not use it; apply: use it; a number: seconds to apply",
+        default="apply",
+        description=(
+            "apply: take out the force's latency against the markers where it is significant; report: estimate it "
+            "only; a number: seconds to take out (> 0: the force is late). What was done is a warning of the result"
+        ),
     )
     segment_table: Literal["auto", "dumas2007", "deleva1996", "carried"] = "auto"
     cutoffs: Literal["auto", "thesis"] | tuple[float, float] = Field(
@@ -98,10 +101,18 @@ class EstimateComSummary(Contract):
     latency_s: float | None
     latency_sd_s: float | None
     latency_applied_s: float
+    latency_along_s: float | None = Field(default=None, description="what the accelerations along the walk say alone")
+    latency_lateral_s: float | None = Field(default=None, description="across the walk; reported, not used")
+    latency_vertical_s: float | None = Field(default=None, description="what the vertical accelerations say alone")
     rms_force_residual_n: list[float]
     bias_m: list[float]
     observability: dict[str, Any]
     warnings: list[Remark]
+
+
+_HEIGHT_M: Final = 1.71
+_MASS_KG: Final = 60.0
+_SEX: Final = "female"
 
 
 class SimulationNoise(Contract):
@@ -116,20 +127,39 @@ class SimulationNoise(Contract):
 
 
 class SimulateRecordingInput(Contract):
-    """Input of ``simulate-recording``."""
+    """Input of ``simulate-recording``. Height, mass and sex are a person's: TALOS has its own."""
 
-    robot: Literal["human"] = "human"
+    robot: Literal["human", "talos"] = Field(default="human", description="who walks: a person, or the humanoid TALOS")
+    gait: Literal["walking", "running"] = Field(default="walking", description="only TALOS runs, with flight phases")
     duration_s: Annotated[float, Field(ge=2.0, le=60.0)] = 6.0
-    speed_m_s: Annotated[float, Field(ge=0.0, le=2.0)] = 1.2
-    height_m: Annotated[float, Field(ge=1.2, le=2.2)] = 1.71
-    mass_kg: Annotated[float, Field(ge=25, le=200)] = 60.0
-    sex: Literal["female", "male"] = "female"
+    speed_m_s: Annotated[float, Field(ge=0.0, le=2.0)] = Field(
+        default=1.2, description="unless stated, TALOS walks at 0.4 m/s and runs at 1 m/s"
+    )
+    height_m: Annotated[float, Field(ge=1.2, le=2.2)] = _HEIGHT_M
+    mass_kg: Annotated[float, Field(ge=25, le=200)] = _MASS_KG
+    sex: Literal["female", "male"] = _SEX
     lab: Literal["walkway", "two_plates"] = Field(
         default="walkway",
         description="walkway: every footprint has a plate of its own; two_plates: two plates in a row, as in most labs",
     )
     noise: SimulationNoise = Field(default_factory=SimulationNoise)
     seed: Annotated[int, Field(ge=0, le=2**31 - 1)] = 0
+
+    @model_validator(mode="before")
+    @classmethod
+    def _own_speed(cls, data: Any) -> Any:
+        """A robot's speed where none is stated."""
+        if not isinstance(data, dict) or data.get("robot") != "talos" or "speed_m_s" in data:
+            return data
+        return {**data, "speed_m_s": 1.0 if data.get("gait") == "running" else 0.4}
+
+    @model_validator(mode="after")
+    def _agrees(self) -> "SimulateRecordingInput":
+        if self.robot == "human" and self.gait == "running":
+            raise ValueError("gait: the simulated person walks; only TALOS runs")
+        if self.robot == "talos" and (self.height_m, self.mass_kg, self.sex) != (_HEIGHT_M, _MASS_KG, _SEX):
+            raise ValueError("robot: TALOS has its own height and mass; state neither them nor a sex")
+        return self
 
 
 class SimulateRecordingSummary(Contract):

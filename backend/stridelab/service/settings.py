@@ -41,6 +41,10 @@ class Settings(BaseSettings):
     stall_s: float = Field(default=20.0, gt=0, description="silence after which a worker counts as dead")
     event_retention_days: float = Field(default=7.0, gt=0, description="how long progress events are kept")
     result_retention_days: float = Field(default=90.0, gt=0, description="how long finished jobs and results are kept")
+    stream_limit: int = Field(default=8, ge=0, description="online streams at a time per web server process")
+    stream_rate_hz: float = Field(default=2000.0, gt=0, description="samples per second taken from one stream")
+    stream_message_kb: int = Field(default=256, ge=1, description="largest message of a stream in kB (10^3 bytes)")
+    stream_idle_s: float = Field(default=60.0, gt=0, description="silence after which a stream is closed")
     viewer_url: str | None = Field(default=None, description="loopback control address of the viewer process")
     log_level: str = Field(default="info", description="debug, info, warning or error")
 

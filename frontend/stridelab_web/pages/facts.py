@@ -1,4 +1,4 @@
-"""A result's summary as named numbers with units."""
+"""A result's summary as sentences, and as named numbers with units."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -36,8 +36,31 @@ _NAMES = {
 }
 """Names of the usual numbers, in the order in which they are shown; others follow under their own."""
 _IN_THOUSANDTHS = {"latency_s": "ms", "latency_sd_s": "ms", "latency_applied_s": "ms", "bias_m": "mm"}
-_ELSEWHERE = {"warnings", "recording_id"}
+_ELSEWHERE = {"warnings", "recording_id", "observability.sentence"}
 LIST_AT_MOST = 6
+
+
+def sentences_of(result: JobResult) -> list[str]:
+    """What a lab should read first: what cannot be known from this recording, and how its two clocks stand."""
+    summary = result.summary
+    seen = summary.get("observability")
+    said = seen.get("sentence") if isinstance(seen, Mapping) else None
+    found = [said] if isinstance(said, str) and said else []
+    if summary.get("latency_s") is not None:
+        found.append(_latency(summary["latency_s"], summary.get("latency_sd_s"), summary.get("latency_applied_s", 0.0)))
+    return found
+
+
+def _latency(latency_s: float, sd_s: float | None, applied_s: float) -> str:
+    about = "" if sd_s is None else f" ± {1000 * sd_s:.1f}"
+    found = f"The force comes {1000 * abs(latency_s):.1f}{about} ms {'later' if latency_s >= 0 else 'earlier'}"
+    if applied_s == 0.0:
+        done = "this was not corrected"
+    elif abs(applied_s - latency_s) < 1e-9:
+        done = "this was corrected"
+    else:
+        done = f"{1000 * applied_s:z.1f} ms were corrected, as asked"
+    return f"{found} than the markers; {done}."
 
 
 def facts_of(result: JobResult) -> list[Fact]:
@@ -51,7 +74,7 @@ def facts_of(result: JobResult) -> list[Fact]:
 def _flat(summary: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
     found: list[tuple[str, Any]] = []
     for key, value in summary.items():
-        if key in _ELSEWHERE:
+        if f"{prefix}{key}" in _ELSEWHERE:
             continue
         if isinstance(value, Mapping):
             found += _flat(value, f"{prefix}{key}.")

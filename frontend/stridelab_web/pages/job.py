@@ -9,13 +9,12 @@ from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.recordings import Recording
 from stridelab_web.assets import plotly_style_ids
-from stridelab_web.pages.facts import facts_of
+from stridelab_web.com_plots import COM_TABLE, com_curves
+from stridelab_web.pages import comparison
+from stridelab_web.pages.facts import facts_of, sentences_of
 from stridelab_web.pages.render import page
-from stridelab_web.plots import curves
 from stridelab_web.service import client_of
 from stridelab_web.tables import read_columns
-
-COM_TABLE = "com.parquet"
 
 
 async def job(request: Request) -> Response:
@@ -26,7 +25,11 @@ async def job(request: Request) -> Response:
         return RedirectResponse(f"/plans/{found.id}", status_code=303)
     result = await client.result(found.id) if found.state == "succeeded" else None
     recording = await _recording_of(client, found, result)
-    plots = result is not None and any(item.name == COM_TABLE for item in result.artifacts)
+    compared = None
+    if result is not None and found.kind == comparison.KIND:
+        compared = comparison.comparison_of(found.id, result, request.query_params.get("figure", ""))
+    curves = result is not None and any(item.name == COM_TABLE for item in result.artifacts)
+    plots = curves or (compared is not None and compared["figure"] is not None)
     return page(
         request,
         "job.html",
@@ -35,11 +38,13 @@ async def job(request: Request) -> Response:
         took_s=took_s(found),
         result=result,
         facts=facts_of(result) if result else [],
+        sentences=sentences_of(result) if result else [],
         recording=recording,
         plots=plots,
-        plots_url=f"/jobs/{found.id}/plots.json",
+        plots_url=compared["plots_url"] if compared else f"/jobs/{found.id}/plots.json",
+        comparison=compared,
         plotly_style_ids=plotly_style_ids() if plots else (),
-        viewer_url=f"/view/?recording={recording.id}&job={found.id}" if plots and recording else None,
+        viewer_url=f"/view/?recording={recording.id}&job={found.id}" if curves and recording else None,
     )
 
 
@@ -50,7 +55,7 @@ async def plots(request: Request) -> Response:
     if all(item.name != COM_TABLE for item in result.artifacts):
         raise HTTPException(404, "This job has no curves.")
     content = await client.read_artifact(request.path_params["id"], COM_TABLE)
-    drawn = await run_in_threadpool(lambda: curves(read_columns(content), result.summary["window_s"]))
+    drawn = await run_in_threadpool(lambda: com_curves(read_columns(content), result.summary))
     return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})
 
 

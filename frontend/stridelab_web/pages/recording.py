@@ -3,11 +3,17 @@
 from starlette.requests import Request
 from starlette.responses import Response
 
+from stridelab.schemas.jobs import EstimateComInput
 from stridelab_web import strips
 from stridelab_web.pages.render import page
 from stridelab_web.service import client_of
 
-METHODS = (("complementary", "complementary filter"), ("geometry", "markers only"))
+METHODS = ("smoother", "complementary", "rts", "kalman", "geometry")
+LATENCIES = (
+    ("report", "estimate and report"),
+    ("apply", "estimate and correct"),
+    ("number", "correct by a number…"),
+)
 TABLES = (
     ("auto", "chosen by sex and marker set"),
     ("dumas2007", "Dumas 2007"),
@@ -37,5 +43,7 @@ async def recording(request: Request) -> Response:
         ticks=strips.ticks(found.duration_s),
         mappable=sorted({*found.landmarks, *alternatives, *found.marker_map}),
         methods=METHODS,
+        latencies=LATENCIES,
+        latency=EstimateComInput.model_fields["latency"].default,
         tables=TABLES,
     )

@@ -7,15 +7,23 @@ from starlette.responses import JSONResponse, Response
 
 from stridelab.client import AsyncClient
 from stridelab_web import strips
+from stridelab_web.com_plots import COM_TABLE
 from stridelab_web.documents import Document, document_of
 from stridelab_web.frames import Frames
 from stridelab_web.pages import planner
-from stridelab_web.pages.job import COM_TABLE
 from stridelab_web.pages.render import page
 from stridelab_web.recording_frames import build_frames
 from stridelab_web.service import client_of, read_tracks
 from stridelab_web.strips import Layer, Row
 from stridelab_web.tables import read_columns
+
+COM_LAYERS = (
+    Layer("/paths/", "Path"),
+    Layer("/com/band", "Band"),
+    Layer("/inputs/geometry/", "Markers only"),
+    Layer("/axis/", "Central axis"),
+    Layer("/inputs/axis/", "Point on axis", False),
+)
 
 
 async def view(request: Request) -> Response:
@@ -71,7 +79,7 @@ async def _recording(request: Request) -> Response:
     ]
     links = [("Recording", f"/recordings/{recording.id}")]
     if job_id:
-        layers.append(Layer("/paths/", "Path"))
+        layers += COM_LAYERS
         links.append(("Result", f"/jobs/{job_id}"))
     return page(
         request,

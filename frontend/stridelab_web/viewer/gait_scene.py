@@ -1,4 +1,4 @@
-"""The gait scene: floor, plates, markers, skeleton, force arrows, centre of mass with its path and band.
+"""The gait scene: floor, plates, markers, skeleton, forces and their central axis, centre of mass with its band.
 
 Nodes are placed at the first instant at which they exist; from then on the page moves them (static/js/scene.js).
 """
@@ -7,16 +7,26 @@ import numpy as np
 import viser
 
 from stridelab.schemas.recordings import Recording
+from stridelab_web import com_frames
 from stridelab_web.frames import Frames
 from stridelab_web.viewer import shapes
-from stridelab_web.viewer.parts import add_arrow, add_path, prepare
+from stridelab_web.viewer.parts import Colour, add_arrow, add_mesh, add_path, place_camera, prepare
 
 BLUE, ORANGE, BROWN = (11, 92, 156), (226, 132, 20), (176, 96, 0)
 MARKER, BONE, PLATE, PLATE_OFF = (62, 78, 94), (166, 180, 194), (214, 224, 232), (235, 235, 235)
-MARKER_RADIUS_M, BONE_RADIUS_M, COM_RADIUS_M = 0.011, 0.006, 0.028
-BAND_WIDTHS = 1.96
-"""Semi-axes of the band in standard deviations: 95 %."""
-BAND_SAMPLES = 400
+AXIS_COLOUR = (58, 66, 76)
+MARKER_RADIUS_M, BONE_RADIUS_M, AXIS_RADIUS_M = 0.011, 0.006, 0.0025
+POINTS: dict[str, tuple[Colour, float]] = {
+    com_frames.FUSED: (BLUE, 0.014),
+    f"{com_frames.GEOMETRY}/point": (BROWN, 0.012),
+    f"{com_frames.ON_AXIS}/point": (AXIS_COLOUR, 0.012),
+}
+PATHS: dict[str, tuple[Colour, float]] = {
+    com_frames.PATH: (BLUE, 0.004),
+    f"{com_frames.GEOMETRY}/path": (BROWN, 0.003),
+    f"{com_frames.ON_AXIS}/path": (AXIS_COLOUR, 0.003),
+}
+"""Colour and radius of the centre of mass and of the inputs that are places."""
 PLATE_RIM, LABEL_INSIDE = 0.04, 0.25
 
 
@@ -41,13 +51,15 @@ def build(server: viser.ViserServer, recording: Recording, frames: Frames) -> No
     _add_plates(scene, recording, view)
     for point in frames.points:
         _add_point(scene, point.name, _first(frames, point.at))
-    stick = shapes.cylinder(BONE_RADIUS_M)
-    for bone in frames.sticks:
-        scene.add_mesh_simple(bone.name, *stick, color=BONE, side="double", cast_shadow=False, receive_shadow=False)
+    bone, axis = shapes.cylinder(BONE_RADIUS_M), shapes.cylinder(AXIS_RADIUS_M)
+    for stick in frames.sticks:
+        on_axis = stick.name == com_frames.AXIS
+        add_mesh(scene, stick.name, axis if on_axis else bone, AXIS_COLOUR if on_axis else BONE)
     for arrow in frames.arrows:
         add_arrow(scene, arrow, BROWN if arrow.shaft == "/forces/total_shaft" else ORANGE)
-    _add_paths(scene, recording, frames)
-    _place_camera(server, centre, extent, along, view)
+    _add_com(scene, frames)
+    corners = centre + extent * np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    place_camera(server, corners, view)
 
 
 def _add_plates(scene: viser.SceneApi, recording: Recording, towards_camera: np.ndarray) -> None:
@@ -57,39 +69,28 @@ def _add_plates(scene: viser.SceneApi, recording: Recording, towards_camera: np.
         colour = PLATE if plate.use else PLATE_OFF
         below = corners - np.array([0, 0, 0.004], dtype=np.float32)
         faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
-        scene.add_mesh_simple(name, below, faces, color=colour, side="double", cast_shadow=False, receive_shadow=False)
+        add_mesh(scene, name, (below, faces), colour)
         edge = shapes.rim(corners, PLATE_RIM)
-        scene.add_mesh_simple(f"{name}/edge", *edge, color=BONE, side="double", cast_shadow=False, receive_shadow=False)
+        add_mesh(scene, f"{name}/edge", edge, BONE)
         text = f"plate {plate.index}" if plate.use else f"plate {plate.index} (not used)"
         nearest = corners[np.argmax(corners @ towards_camera.astype(np.float32))]
         scene.add_label(f"{name}/label", text, position=nearest + LABEL_INSIDE * (corners.mean(axis=0) - nearest))
 
 
 def _add_point(scene: viser.SceneApi, name: str, position: np.ndarray) -> None:
-    colour, radius, fine = MARKER, MARKER_RADIUS_M, 1
-    if name == "/com/fused":
-        colour, radius, fine = BLUE, COM_RADIUS_M, 3
-    elif name == "/com/markers_only":
-        colour, radius, fine = BROWN, 0.6 * COM_RADIUS_M, 3
+    colour, radius = POINTS.get(name, (MARKER, MARKER_RADIUS_M))
+    fine = 3 if name in POINTS else 1
     scene.add_icosphere(
         name, radius, colour, subdivisions=fine, position=position, cast_shadow=False, receive_shadow=False
     )
 
 
-def _add_paths(scene: viser.SceneApi, recording: Recording, frames: Frames) -> None:
-    add_path(scene, "/paths/fused", frames.track("/paths/fused"), BLUE, 0.004)
-    add_path(scene, "/paths/markers_only", frames.track("/paths/markers_only"), BROWN, 0.003)
-    path = frames.track("/paths/fused")
-    if path is None or frames.com_sd_m is None:
-        return
-    there = np.flatnonzero(np.isfinite(path).all(axis=1) & np.isfinite(frames.com_sd_m).all(axis=1))
-    if len(there) < 2:
-        return
-    kept = there[np.unique(np.linspace(0, len(there) - 1, BAND_SAMPLES).astype(int))]
-    vertices, faces = shapes.band(path[kept], BAND_WIDTHS * frames.com_sd_m[kept], _direction(recording, path[kept]))
-    scene.add_mesh_simple(
-        "/paths/band", vertices, faces, color=BLUE, opacity=0.22, side="double", cast_shadow=False, receive_shadow=False
-    )
+def _add_com(scene: viser.SceneApi, frames: Frames) -> None:
+    for track in frames.tracks:
+        colour, radius_m = PATHS[track.name]
+        add_path(scene, track.name, frames.track(track.name), colour, radius_m)
+    for ellipsoid in frames.ellipsoids:
+        add_mesh(scene, ellipsoid.name, shapes.ball(1.0), BLUE, opacity=0.35)
 
 
 def _first(frames: Frames, at: int) -> np.ndarray:
@@ -115,13 +116,3 @@ def _direction(recording: Recording, path: np.ndarray) -> np.ndarray:
     along[2] = 0.0
     length = float(np.linalg.norm(along))
     return along / length if length > 0.2 else np.array([1.0, 0.0, 0.0])
-
-
-def _place_camera(
-    server: viser.ViserServer, centre: np.ndarray, extent: np.ndarray, along: np.ndarray, view: np.ndarray
-) -> None:
-    """Look from the person's right side, a little from above and ahead, far enough to see the whole way."""
-    reach = max(float(extent @ np.abs(along)), 1.9 * float(extent[2]), 1.2)
-    server.initial_camera.fov = 0.7
-    server.initial_camera.look_at = tuple(centre)
-    server.initial_camera.position = tuple(centre + view / np.linalg.norm(view) * reach * 1.7)

@@ -12,6 +12,7 @@ import viser
 
 from stridelab.client import Client
 from stridelab.schemas.robots import RobotFacts
+from stridelab_web.com_plots import COM_TABLE
 from stridelab_web.documents import Document, DocumentKind
 from stridelab_web.footholds import HalfSizes, half_sizes
 from stridelab_web.frames import Frames
@@ -22,8 +23,6 @@ from stridelab_web.viewer import gait_scene, planner_scene
 from stridelab_web.viewer.robot_links import read_links
 from stridelab_web.viewer.scenario_scene import ScenarioScene
 from stridelab_web.viewer.standing import Posed
-
-COM_TABLE = "com.parquet"
 
 
 class Live(Protocol):

@@ -1,4 +1,4 @@
-"""Small triangle meshes: unit cylinder, cone, and the band around the path of the centre of mass."""
+"""Small triangle meshes: sticks, arrow heads, paths, patches and balls."""
 
 import itertools
 
@@ -6,7 +6,6 @@ import numpy as np
 import trimesh
 
 SIDES = 10
-BAND_SIDES = 12
 TUBE_SIDES = 6
 OCTANT_STEPS = 6
 """Patches along each edge of an eighth of a sphere."""
@@ -31,22 +30,6 @@ def cone(radius_m: float, height_m: float) -> Mesh:
     sides = np.column_stack([k, after, np.full(SIDES, SIDES)])
     bottom = np.column_stack([after, k, np.full(SIDES, SIDES + 1)])
     return vertices.astype(np.float32), np.concatenate([sides, bottom]).astype(np.uint32)
-
-
-def band(path_m: np.ndarray, radius_m: np.ndarray, direction: np.ndarray) -> Mesh:
-    """Tube around ``path_m`` ``(n, 3)`` with semi-axes ``radius_m`` ``(n, 3)`` per axis, seen along ``direction``.
-
-    The cross-section is perpendicular to ``direction`` (horizontal, unit), the same for all samples: a path that
-    stands still has no direction of its own.
-    """
-    lateral = np.array([-direction[1], direction[0], 0.0])
-    up = np.array([0.0, 0.0, 1.0])
-    width = np.sqrt((radius_m**2) @ (lateral**2))[:, None, None]
-    height = radius_m[:, 2][:, None, None]
-    ring = _ring(BAND_SIDES)
-    offsets = width * ring[None, :, :1] * lateral + height * ring[None, :, 1:] * up
-    vertices = (path_m[:, None, :] + offsets).reshape(-1, 3)
-    return vertices.astype(np.float32), _tube_faces(len(path_m), BAND_SIDES)
 
 
 def tube(path_m: np.ndarray, radius_m: float, sides: int = TUBE_SIDES) -> Mesh:

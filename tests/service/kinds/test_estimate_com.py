@@ -48,15 +48,22 @@ def test_the_error_against_the_truth_is_that_of_the_table(result) -> None:  # ty
         assert fused < geometry + 1.0
 
 
-def test_the_injected_latency_is_found_and_applied_only_when_asked(result, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+def test_the_injected_latency_is_found_and_taken_out_unless_told_otherwise(result, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     summary = result[1]
     assert summary.latency_s == pytest.approx(0.012, abs=0.003)
     assert summary.latency_applied_s == summary.latency_s
+    assert summary.latency_along_s == pytest.approx(0.012, abs=0.006)
+    assert summary.latency_vertical_s == pytest.approx(0.012, abs=0.006)
+    assert [w.code for w in summary.warnings if w.code.startswith("latency")] == ["latency-applied"]
+    by_default = summary_of(tmp_path / "default")
+    assert by_default.latency_applied_s == summary.latency_applied_s
     reported = summary_of(tmp_path / "a", latency="report")
     assert reported.latency_s == pytest.approx(summary.latency_s)
     assert reported.latency_applied_s == 0.0
     assert "latency-not-applied" in {w.code for w in reported.warnings}
-    assert summary_of(tmp_path / "b", latency=0.005).latency_applied_s == 0.005
+    stated = summary_of(tmp_path / "b", latency=0.005)
+    assert stated.latency_applied_s == 0.005
+    assert "latency-applied" in {w.code for w in stated.warnings}
 
 
 def test_the_force_is_that_of_the_truth_inside_the_window_and_missing_outside(result) -> None:  # type: ignore[no-untyped-def]
@@ -69,6 +76,25 @@ def test_the_force_is_that_of_the_truth_inside_the_window_and_missing_outside(re
     assert np.sqrt(np.mean((force - true)[complete] ** 2)) < 20.0
     assert time_s[complete].min() == pytest.approx(summary.window_s[0], abs=0.011)
     assert time_s[complete].max() == pytest.approx(summary.window_s[1], abs=0.011)
+
+
+def test_the_third_input_is_the_foot_of_the_perpendicular_on_the_central_axis(result) -> None:  # type: ignore[no-untyped-def]
+    """From the geometry straight to the axis; and against the truth, the axis meets the floor where the plates are
+    pressed (nearly: the free moment shifts it by its lever)."""
+    folder, _, _, _ = result
+    read = {name: columns(folder / "com.parquet", *(f"{name}_{a}_{u}" for a in AXES)) for name, u in _INPUTS}
+    complete = pq.read_table(folder / "com.parquet")["complete"].to_numpy()
+    assert (np.isfinite(read["axis"]).all(axis=1) == complete).all()
+    f, p, g = (read[name][complete] for name in ("force", "axis", "geometry"))
+    n = f / np.linalg.norm(f, axis=1, keepdims=True)
+    assert np.abs(np.einsum("ij,ij->i", g - p, n)).max() < 1e-9
+    true = columns(SAMPLE / "truth.parquet", *(f"f{a}_n" for a in AXES), *(f"m{a}_nm" for a in AXES))[complete]
+    on_floor = p + n * (-p[:, 2:] / n[:, 2:])
+    pressure = np.column_stack([-true[:, 4], true[:, 3]]) / true[:, 2:3]
+    assert np.sqrt(np.mean((on_floor[:, :2] - pressure) ** 2)) < 0.01
+
+
+_INPUTS = (("force", "n"), ("axis", "m"), ("geometry", "m"))
 
 
 def test_velocity_and_acceleration_are_derivatives_of_the_position(result) -> None:  # type: ignore[no-untyped-def]
@@ -120,6 +146,26 @@ def test_the_observability_is_that_of_walking(result) -> None:  # type: ignore[n
     assert (seen["rank_force"], seen["rank_with_geometry"]) == (7, 11)
     assert seen["unobservable"][2] > 0.99
     assert 0.05 < seen["tilt_rad"] < 0.5
+    assert seen["flight_s"] == 0.0
+    assert "the height comes from the markers" in seen["sentence"]
+
+
+def test_the_direction_that_the_force_cannot_see_is_given_over_time(result) -> None:  # type: ignore[no-untyped-def]
+    """It is the direction of the contact force: two sources, the estimate's acceleration and the plates."""
+    folder = result[0]
+    n = columns(folder / "com.parquet", *(f"unobservable_{a}" for a in AXES))
+    force = columns(folder / "com.parquet", *(f"force_{a}_n" for a in AXES))
+    inside = np.isfinite(force).all(axis=1)
+    assert (np.isfinite(n).all(axis=1) == inside).all()
+    np.testing.assert_allclose(np.linalg.norm(n[inside], axis=1), 1.0)
+    along = force[inside] / np.linalg.norm(force[inside], axis=1, keepdims=True)
+    apart_deg = np.degrees(np.arccos(np.clip((n[inside] * along).sum(axis=1), -1, 1)))
+    assert np.median(apart_deg) < 1.5
+    assert apart_deg.max() < 6.0  # at a strike the force has frequencies that a CoM from markers has not
+    ranks = columns(folder / "com.parquet", "rank_force", "rank_with_geometry")
+    assert np.isnan(ranks[~inside]).all()
+    assert np.unique(ranks[inside], axis=0).tolist() == [[7.0, 11.0]]
+    assert read_about(folder / "com.parquet")["units"]["unobservable_x"] == "1"
 
 
 def test_a_users_statement_wins_over_the_file(tmp_path: Path) -> None:
@@ -127,6 +173,10 @@ def test_a_users_statement_wins_over_the_file(tmp_path: Path) -> None:
     assert (stated.mass_kg, stated.mass_source) == (62.0, "stated")
     assert summary_of(tmp_path / "b").mass_source == "file"
     assert stated.mass_from_force_kg == pytest.approx(60.0, rel=0.02)
+    heavy = summary_of(tmp_path / "c", subject=SubjectFields(mass_kg=70.0))
+    (said,) = (w.message for w in heavy.warnings if w.code == "mass-disagrees-with-force")
+    assert "70 kg" in said
+    assert f"{heavy.mass_from_force_kg:.1f} kg" in said
 
 
 def test_geometry_alone_needs_no_plates(tmp_path: Path) -> None:
@@ -140,6 +190,7 @@ def test_geometry_alone_needs_no_plates(tmp_path: Path) -> None:
     table = pq.read_table(tmp_path / "com.parquet")
     np.testing.assert_allclose(table["x_m"].to_numpy(), table["geometry_x_m"].to_numpy(), atol=1e-12)
     assert np.isnan(table["force_z_n"].to_numpy()).all()
+    assert np.isnan(table["axis_x_m"].to_numpy()).all()
     assert not table["complete"].to_numpy().any()
 
 
@@ -160,9 +211,14 @@ def test_a_table_can_be_chosen(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("asked", "kind", "code"),
     [
-        ({"method": "kalman"}, NotEstimable, "method-unavailable"),
+        ({"method": "kalman", "cutoffs": (0.2, 1.0)}, InvalidInput, "cutoffs-not-used"),
         ({"method": "smoother"}, NotEstimable, "method-unavailable"),
         ({"window_s": (0.0, 1.0)}, InvalidInput, "window-not-measured"),
+        ({"window_s": (3.5, 9.0)}, InvalidInput, "window-outside-recording"),
+        ({"window_s": (2.6, 1.95)}, InvalidInput, "window-outside-recording"),
+        ({"cutoffs": (4.0, 0.4)}, InvalidInput, "cutoffs-out-of-range"),
+        ({"cutoffs": (0.2, 60.0)}, InvalidInput, "cutoffs-out-of-range"),
+        ({"cutoffs": (0.0, 1.0)}, InvalidInput, "cutoffs-out-of-range"),
         ({"subject": SubjectFields(mass_kg=300.0)}, InvalidInput, "mass-contradicts-force"),
     ],
 )

@@ -45,7 +45,7 @@ def test_methods_that_exist_pass(method: str) -> None:
     assert require_method(method) == method
 
 
-@pytest.mark.parametrize("method", ["kalman", "rts", "smoother"])
+@pytest.mark.parametrize("method", ["smoother"])
 def test_a_method_of_the_contract_that_is_not_there_names_what_is(method: str) -> None:
     with pytest.raises(NotEstimable) as refusal:
         require_method(method)
@@ -88,12 +88,24 @@ def test_an_interval_inside_a_measured_window_is_taken(asked: tuple[float, float
     assert require_windows(trial(windows=MEASURED), asked, needs_force=True) == (Window(*asked),)
 
 
-@pytest.mark.parametrize("asked", [(0.1, 0.5), (0.3, 0.8), (0.65, 0.68), (0.5, 0.3), (0.4, 0.4), (5.0, 6.0)])
+@pytest.mark.parametrize("asked", [(0.1, 0.5), (0.3, 0.8), (0.65, 0.68), (0.15, 0.95)])
 def test_any_other_interval_is_refused_and_the_measured_ones_listed(asked: tuple[float, float]) -> None:
     with pytest.raises(InvalidInput) as refusal:
         require_windows(trial(windows=MEASURED), asked, needs_force=True)
     assert refusal.value.code == "window-not-measured"
     assert "0.20 to 0.60 s, 0.70 to 0.90 s" in refusal.value.message
+    assert refusal.value.faults[0].where == "window_s"
+
+
+@pytest.mark.parametrize("asked", [(0.5, 0.3), (0.4, 0.4), (5.0, 6.0), (-0.5, 0.5), (0.3, 1.2)])
+@pytest.mark.parametrize("needs_force", [True, False])
+def test_an_interval_that_the_recording_does_not_have_is_refused_with_its_length(
+    asked: tuple[float, float], needs_force: bool
+) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        require_windows(trial(windows=MEASURED), asked, needs_force=needs_force)
+    assert refusal.value.code == "window-outside-recording"
+    assert "from 0 to 1.00 s" in refusal.value.message
     assert refusal.value.faults[0].where == "window_s"
 
 
@@ -106,6 +118,8 @@ def test_any_other_interval_is_refused_and_the_measured_ones_listed(asked: tuple
         (60.0, None, None, 60.0, "stated", []),
         (60.0, None, 64.0, 60.0, "stated", ["mass-differs-from-force"]),
         (None, 25.0, 26.7, 25.0, "file", ["mass-differs-from-force"]),
+        (60.0, None, 66.5, 60.0, "stated", ["mass-disagrees-with-force"]),
+        (None, 70.0, 62.0, 70.0, "file", ["mass-disagrees-with-force"]),
         (None, 7.0, 66.0, 66.0, "force", ["mass-contradicts-force"]),
     ],
 )
@@ -113,6 +127,14 @@ def test_which_mass_counts(stated, in_file, force, used, source, codes) -> None:
     mass = body_mass(stated, in_file, force)
     assert (mass.mass_kg, mass.source) == (used, source)
     assert [remark.code for remark in mass.remarks] == codes
+
+
+def test_a_mass_over_ten_percent_off_is_said_with_both_values_and_its_cost() -> None:
+    (remark,) = body_mass(60.0, None, 69.0).remarks
+    assert "60 kg" in remark.message
+    assert "69.0 kg" in remark.message
+    assert "+15%" in remark.message
+    assert "1.5 m/s²" in remark.message
 
 
 @pytest.mark.parametrize("stated", [6.1, 130.0, 390.0])

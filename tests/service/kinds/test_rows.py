@@ -11,11 +11,13 @@ from sqlalchemy import insert, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.errors import NotFound
+from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
 from stridelab.service.jobs.kinds import rows
 from stridelab.service.jobs.kinds.tasks import (
+    CompareEstimatorsTask,
     EstimateComTask,
     LearnReachabilityTask,
     PlanMotionTask,
@@ -165,6 +167,30 @@ def test_a_simulation_becomes_a_recording_once_however_often_it_is_tried(
     assert RecordingFacts.model_validate(stored[0]["facts"]) == FACTS
     assert (tmp_path / "blob_key").read_bytes() == b"c3d"
     assert (tmp_path / "tracks_key").read_bytes() == b"tracks"
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_comparison_gets_the_truth_of_a_recording_that_has_one(
+    database_url: str, blobs: BlobStore, folder: Path, tmp_path: Path, known: bool
+) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        await connection.execute(
+            insert(job).values(id="j1", kind="simulate-recording", input={}, input_hash="h", blob_prefix="results/j1/1")
+        )
+        (tmp_path / "truth").write_bytes(b"truth")
+        await blobs.put_file("results/j1/1/truth.parquet", tmp_path / "truth")
+        await store_recording(connection, blobs, tmp_path / "a", "walk", truth_job_id="j1" if known else None)
+        asked = CompareEstimatorsInput(recording_id="walk", latency="apply")
+        return await rows.stage_compare_estimators(connection, blobs, asked, folder)
+
+    task = CompareEstimatorsTask.model_validate(within(database_url, act))
+    assert task.input.latency == "apply"
+    assert (folder / task.recording.file).read_bytes() == b"walk"
+    if known:
+        assert task.truth is not None
+        assert (folder / task.truth).read_bytes() == b"truth"
+    else:
+        assert task.truth is None
 
 
 def test_a_stored_scenario_becomes_part_of_the_task(database_url: str, blobs: BlobStore, folder: Path) -> None:

@@ -26,6 +26,8 @@ from stridelab.service.api.recordings import endpoints as recordings
 from stridelab.service.api.robots import endpoints as robots
 from stridelab.service.api.robots.shelf import RobotShelf
 from stridelab.service.api.scenarios import endpoints as scenarios
+from stridelab.service.api.stream import endpoint as stream
+from stridelab.service.api.stream.limits import StreamPlaces
 from stridelab.service.api.subjects import endpoints as subjects
 from stridelab.service.jobs.board import JobBoard
 from stridelab.service.jobs.isolated import IsolatedPool
@@ -73,7 +75,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     problems.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")
-    for part in (health, recordings, subjects, robots, scenarios, jobs):
+    for part in (health, recordings, subjects, robots, scenarios, jobs, stream):
         api.include_router(part.router)
     app.include_router(api)
     app.include_router(metrics.router)
@@ -123,6 +125,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 parsers=anyio.CapacityLimiter(PARSERS),
                 judges=anyio.CapacityLimiter(JUDGES),
                 robots=shelf,
+                streams=StreamPlaces(settings.stream_limit),
                 started_at_s=time.monotonic(),
                 closing=asyncio.Event(),
             )

@@ -7,11 +7,13 @@ from pathlib import Path
 from typing import Annotated, Final
 
 import anyio
-from fastapi import Depends, Request
+from fastapi import Depends
 from sqlalchemy.ext.asyncio import AsyncEngine
+from starlette.requests import HTTPConnection
 
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.service.api.robots.shelf import RobotShelf
+from stridelab.service.api.stream.limits import StreamPlaces
 from stridelab.service.jobs.board import JobBoard
 from stridelab.service.jobs.isolated import IsolatedPool
 from stridelab.service.jobs.store import JobStore
@@ -35,13 +37,14 @@ class Parts:
     parsers: anyio.CapacityLimiter
     judges: anyio.CapacityLimiter
     robots: RobotShelf
+    streams: StreamPlaces
     started_at_s: float
     closing: asyncio.Event
     """Set when the server has been told to stop."""
 
 
-def _parts(request: Request) -> Parts:
-    parts = request.app.state.parts
+def _parts(connection: HTTPConnection) -> Parts:
+    parts = connection.app.state.parts
     if not isinstance(parts, Parts):
         raise TypeError("the application was called before it started")
     return parts

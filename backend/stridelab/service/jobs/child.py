@@ -29,6 +29,7 @@ def main(parent_pid: int, modules: list[str]) -> None:
     from stridelab.service.tether import die_with_parent
 
     die_with_parent(parent_pid)
+    forbid_core_files()
     _be_modest()
     wire = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)  # what libraries print belongs into the log, not between the answers
@@ -56,7 +57,7 @@ def answer(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
 
     folder = Path(task["folder"])
     os.chdir(folder)
-    _limit_memory(int(task["memory_mb"]))
+    limit_memory(int(task["memory_mb"]))
     try:
         module, _, function = task["target"].partition(":")
         run = getattr(importlib.import_module(module), function)
@@ -98,14 +99,18 @@ def _send(wire: IO[str], message: dict[str, Any]) -> None:
     wire.flush()
 
 
-def _be_modest() -> None:
+def forbid_core_files() -> None:
+    """A crash leaves no memory image of somebody's data on the disk."""
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+
+def _be_modest() -> None:
     os.nice(_NICENESS)
     with contextlib.suppress(OSError):  # not Linux, or not allowed: the memory limit still holds
         Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
 
 
-def _limit_memory(memory_mb: int) -> None:
+def limit_memory(memory_mb: int) -> None:
     """Let ``memory_mb`` be reserved beyond what the imported libraries have reserved already."""
     reserved = 0
     with contextlib.suppress(OSError):

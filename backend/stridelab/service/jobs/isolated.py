@@ -140,8 +140,6 @@ class _Child:
 
     @staticmethod
     async def spawn(preload: Sequence[str]) -> "_Child":
-        environment = {key: value for key, value in os.environ.items() if not key.startswith(_SECRETS)}
-        environment |= {f"{library}_NUM_THREADS": "1" for library in _THREADS}
         process = await asyncio.create_subprocess_exec(
             sys.executable,
             "-m",
@@ -151,7 +149,7 @@ class _Child:
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             stderr=asyncio.subprocess.PIPE,
-            env=environment,
+            env=child_environment(),
             limit=_LINE_BYTES,
             start_new_session=True,
         )
@@ -301,6 +299,12 @@ class _Child:
         # the answer may overtake the last lines of the log; a grandchild may hold the log open for ever
         await asyncio.wait([self._logging], timeout=_AFTER_DEATH_S)
         return bytes(self._tail).decode("utf-8", errors="replace").replace("\0", "")
+
+
+def child_environment() -> dict[str, str]:
+    """The environment of a process that computes: no secrets, one thread per library."""
+    environment = {key: value for key, value in os.environ.items() if not key.startswith(_SECRETS)}
+    return environment | {f"{library}_NUM_THREADS": "1" for library in _THREADS}
 
 
 def _problem(code: str, detail: str) -> dict[str, Any]:

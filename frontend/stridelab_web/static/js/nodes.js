@@ -81,13 +81,13 @@ export class Nodes {
     });
   }
 
-  scale(name, across, along = across) {
+  scale(name, x, y = x, z = y) {
     const object = this.viser.nodeRefFromName[name];
     if (!object) return;
     // Some shapes carry their size as scale, so ours multiplies the one that viser gave.
     if (!this.own.has(object)) this.own.set(object, object.scale.clone());
     const own = this.own.get(object);
     const off = [...this.hidden].some((group) => name.startsWith(group));
-    object.scale.set(own.x * (off ? HIDDEN : across), own.y * (off ? HIDDEN : across), own.z * (off ? HIDDEN : along));
+    object.scale.set(own.x * (off ? HIDDEN : x), own.y * (off ? HIDDEN : y), own.z * (off ? HIDDEN : z));
   }
 }

@@ -1,13 +1,17 @@
-// One figure of stacked curves: one time axis, so zoom and cursor are shared by construction.
+// One figure of stacked curves: one axis below them all, so zoom and cursor are shared by construction.
 /* global Plotly */
 const BLUE = "#0b5c9c", ORANGE = "#c06a00", BAND = "rgba(11,92,156,0.22)", SHADE = "rgba(11,92,156,0.09)";
 const GREY = "#56616c";
 const STYLES = {
-  main: { color: BLUE, width: 2 }, second: { color: ORANGE, width: 1.4, dash: "dash" },
+  main: { color: BLUE, width: 2 }, second: { color: ORANGE, width: 1.4, dash: "dash" }, third: { color: GREY, width: 1.4, dash: "dot" },
   x: { color: BLUE, width: 1.6 }, y: { color: ORANGE, width: 1.6, dash: "dash" }, z: { color: GREY, width: 1.6, dash: "dot" },
   left: { color: BLUE, width: 1.6 }, right: { color: ORANGE, width: 1.6, dash: "dash" }, hand: { color: GREY, width: 1.6, dash: "dot" },
+  line1: { color: BLUE, width: 2 }, line2: { color: ORANGE, width: 1.6 }, line3: { color: ORANGE, width: 1.6, dash: "dash" },
+  line4: { color: "#00795c", width: 1.6 }, line5: { color: "#00795c", width: 1.6, dash: "dash" }, line6: { color: "#a3478c", width: 1.6, dash: "dashdot" },
+  line7: { color: GREY, width: 1.6, dash: "dot" }, line8: { color: "#1c2733", width: 1.2, dash: "longdash" },
 };
 const SAMPLE_OF_DASH = { solid: "━━", dash: "╍╍", dot: "┈┈" };
+const ROUND = [-2, -1, 0, 1, 2].flatMap((power) => [1, 2, 5].map((digit) => digit * 10 ** power));
 const ROW_PX = 170, GAP_PX = 26, TOP_PX = 10, BOTTOM_PX = 46, LETTER_PX = 8, SAMPLE_PX = 44;
 
 const box = document.getElementById("plots");
@@ -20,7 +24,7 @@ else box.textContent = "The curves could not be read.";
 function tracesOf(row, columns) {
   return row.traces.flatMap((trace) => {
     const y = columns[trace.key], sd = trace.sd && columns[trace.sd];
-    const curve = { name: trace.name, y, line: STYLES[trace.style], key: trace.key };
+    const curve = { name: trace.name, y, line: STYLES[trace.style], key: trace.key, group: trace.group };
     if (!sd) return [curve];
     const edge = (sign) => y.map((v, k) => (v === null || sd[k] === null ? null : v + sign * 1.96 * sd[k]));
     const line = { width: 0, color: BLUE };
@@ -29,24 +33,26 @@ function tracesOf(row, columns) {
 }
 
 function draw(data) {
-  const { columns, rows, shades_s } = data;
-  const t = columns.time_s;
+  const { columns, rows, shades_s, x } = data;
+  const t = columns[x.key];
   const height = TOP_PX + BOTTOM_PX + rows.length * ROW_PX;
   const inner = height - TOP_PX - BOTTOM_PX;
   const traces = [], annotations = [];
   const layout = {
     height, margin: { l: 74, r: 16, t: TOP_PX, b: BOTTOM_PX }, showlegend: false, hovermode: "x", hoversubplots: "axis", dragmode: "zoom",
     paper_bgcolor: "#fff", plot_bgcolor: "#fff", font: { family: "system-ui, DejaVu Sans, sans-serif", size: 12, color: "#1c2733" },
-    xaxis: { title: { text: "time [s]" }, range: [t[0], t[t.length - 1]], gridcolor: "#edf1f4", zeroline: false, showspikes: true, spikemode: "across", spikethickness: 1, spikecolor: "#8b98a5", spikedash: "solid", spikesnap: "cursor", anchor: "free", position: 0 },
+    xaxis: { title: { text: x.title }, type: x.log ? "log" : "linear", range: rangeOf(x, t[0], t[t.length - 1]), gridcolor: "#edf1f4", zeroline: false, showspikes: true, spikemode: "across", spikethickness: 1, spikecolor: "#8b98a5", spikedash: "solid", spikesnap: "cursor", anchor: "free", position: 0 },
     shapes: [
       ...shades_s.map(([x0, x1]) => ({ type: "rect", xref: "x", yref: "paper", x0, x1, y0: 0, y1: 1, fillcolor: SHADE, line: { width: 0 }, layer: "below" })),
       { type: "line", xref: "x", yref: "paper", x0: t[0], x1: t[0], y0: 0, y1: 1, line: { color: ORANGE, width: 1.5 } },
     ],
   };
+  if (x.log) Object.assign(layout.xaxis, { tickvals: ROUND, exponentformat: "none" });
   rows.forEach((row, k) => {
     const id = k === 0 ? "" : String(k + 1);
     const top = 1 - (k * ROW_PX) / inner, bottom = 1 - ((k + 1) * ROW_PX - GAP_PX) / inner;
-    layout[`yaxis${id}`] = { domain: [Math.max(0, bottom), top], title: { text: row.title, standoff: 6 }, gridcolor: "#edf1f4", zeroline: false, automargin: false, fixedrange: true };
+    layout[`yaxis${id}`] = { domain: [Math.max(0, bottom), top], title: { text: row.title, standoff: 6 }, type: row.log ? "log" : "linear", gridcolor: "#edf1f4", zeroline: false, automargin: false, fixedrange: true };
+    if (row.log) Object.assign(layout[`yaxis${id}`], { dtick: 2, exponentformat: "none" });
     for (const trace of tracesOf(row, columns)) {
       traces.push({ type: "scatter", mode: "lines", x: t, yaxis: `y${id}`, xaxis: "x", connectgaps: false, hovertemplate: `${trace.name ?? ""} %{y:.4~f}<extra></extra>`, ...trace });
     }
@@ -54,6 +60,30 @@ function draw(data) {
   });
   layout.annotations = annotations;
   Plotly.newPlot(box, traces, layout, { displayModeBar: false, responsive: true, doubleClick: "reset" }).then(() => link(t, data));
+}
+
+// A logarithmic axis is told its ends as exponents.
+function rangeOf(x, from, to) {
+  return x.log ? [Math.log10(from), Math.log10(to)] : [from, to];
+}
+
+// A box per group of curves, with a sample of its line.
+function addSwitches(switches, read) {
+  const place = document.querySelector("[data-switches]");
+  for (const { key, name, style, shown } of switches) {
+    const indices = box.data.flatMap((trace, k) => (trace.group === key ? [k] : []));
+    const label = document.createElement("label"), input = document.createElement("input"), sample = document.createElement("span");
+    Object.assign(input, { type: "checkbox", checked: shown });
+    input.dataset.group = key;
+    sample.className = `key ${style}`;
+    label.append(input, " ", sample, name);
+    input.addEventListener("change", () => {
+      Plotly.restyle(box, { visible: input.checked }, indices);
+      read();
+    });
+    if (!shown) Plotly.restyle(box, { visible: false }, indices);
+    place.append(label);
+  }
 }
 
 // Names of the curves above the right end of their row, each with a sample of its line.
@@ -70,40 +100,50 @@ function legend(row, top) {
   });
 }
 
-function link(t, { columns, readings, shades_s }) {
+function link(t, { columns, readings, shades_s, switches, x }) {
   const line = `shapes[${shades_s.length}]`;
   cursor.max = String(t.length - 1);
   const links = document.querySelectorAll("a[data-viewer]");
   const bases = [...links].map((link) => link.getAttribute("href"));
+  const read = () => {
+    const k = Number(cursor.value);
+    const off = new Set([...document.querySelectorAll("[data-group]:not(:checked)")].map((input) => input.dataset.group));
+    const shown = readings.filter((reading) => !off.has(reading.group));
+    readout.replaceChildren(part(x.name, [t[k]], x.unit, x.digits), ...shown.map((reading) => partOf(reading, columns, k)));
+  };
   const show = (k) => {
     const at = t[k];
     cursor.value = String(k);
-    cursor.setAttribute("aria-valuetext", `${at.toFixed(3)} s`);
+    cursor.setAttribute("aria-valuetext", `${at.toFixed(x.digits)} ${x.unit}`);
     Plotly.relayout(box, { [`${line}.x0`]: at, [`${line}.x1`]: at });
     links.forEach((link, n) => link.setAttribute("href", `${bases[n]}&t=${at.toFixed(3)}`));
-    readout.replaceChildren(part("t", at, "s", 3), ...readings.map((reading) => partOf(reading, columns, k)));
+    read();
   };
   cursor.addEventListener("input", () => show(Number(cursor.value)));
   box.on("plotly_click", (event) => show(event.points[0].pointIndex ?? event.points[0].pointNumber));
-  const zoom = (range) => Plotly.relayout(box, { "xaxis.range": range });
-  document.querySelector("[data-window]")?.addEventListener("click", () => zoom(shades_s[0]));
+  const zoom = ([from, to]) => Plotly.relayout(box, { "xaxis.range": rangeOf(x, from, to) });
+  const toWindow = document.querySelector("[data-window]");
+  if (toWindow && shades_s.length) toWindow.addEventListener("click", () => zoom(shades_s[0]));
+  else toWindow?.remove();
   document.querySelector("[data-all]").addEventListener("click", () => zoom([t[0], t[t.length - 1]]));
+  addSwitches(switches, read);
   const [from, to] = shades_s[0] ?? [t[0], t[0]];
   const start = t.findIndex((value) => value >= (from + to) / 2);
   show(start < 0 ? 0 : start);
   box.dataset.ready = "true";
 }
 
-function part(name, value, unit, digits) {
+function part(name, values, unit, digits) {
   const span = document.createElement("span");
   const bold = document.createElement("b");
-  bold.textContent = value === null || value === undefined ? "–" : `${value.toFixed(digits)} ${unit}`;
+  const texts = values.map((value) => value?.toFixed(digits).replace(/^-(0\.?0*)$/, "$1") ?? "–");
+  bold.textContent = texts.every((text) => text === "–") ? "–" : `${texts.join(", ")} ${unit}`;
   span.append(`${name} `, bold);
   return span;
 }
 
-function partOf({ name, key, unit, digits, sd }, columns, k) {
-  const shown = part(name, columns[key][k], unit, digits);
+function partOf({ name, key, unit, digits, sd, more }, columns, k) {
+  const shown = part(name, [key, ...more].map((column) => columns[column]?.[k]), unit, digits);
   const spread = sd && columns[sd]?.[k];
   if (spread !== null && spread !== undefined) shown.append(` ± ${(1960 * spread).toFixed(1)} mm`);
   return shown;

@@ -52,17 +52,29 @@ const follow = () => {
 };
 estimate.addEventListener("change", follow);
 follow();
-onSubmit(estimate, async (data) => {
-  const input = {
-    recording_id: id,
-    method: data.get("method") || null,
-    latency: data.get("latency") === "number" ? number(data.get("latency_ms")) / 1000 : data.get("latency"),
-    segment_table: data.get("segment_table"),
-    cutoffs: data.get("cutoffs") === "numbers" ? [number(data.get("low_hz")), number(data.get("high_hz"))] : data.get("cutoffs"),
-  };
-  const job = await startJob("estimate-com", input);
+const inputOf = (data) => ({
+  recording_id: id,
+  method: data.get("method") || null,
+  latency: data.get("latency") === "number" ? number(data.get("latency_ms")) / 1000 : data.get("latency"),
+  segment_table: data.get("segment_table"),
+  cutoffs: data.get("cutoffs") === "numbers" ? [number(data.get("low_hz")), number(data.get("high_hz"))] : data.get("cutoffs"),
+});
+const start = async (kind, input) => {
+  const job = await startJob(kind, input);
   location.assign(`/jobs/${job.id}`);
   return "Started.";
+};
+onSubmit(estimate, (data) => start("estimate-com", inputOf(data)));
+find("[data-compare]").addEventListener("click", async (event) => {
+  const said = estimate.querySelector("[data-said]"), button = event.currentTarget;
+  button.disabled = true;
+  try {
+    said.textContent = await start("compare-estimators", { ...inputOf(new FormData(estimate)), method: null });
+  } catch (error) {
+    said.textContent = error.message;
+  } finally {
+    button.disabled = false;
+  }
 });
 
 const dialog = find("[data-confirm]");

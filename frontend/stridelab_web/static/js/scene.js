@@ -1,4 +1,4 @@
-// Shows one instant of our frames: points, bodies, sticks, arrows, and what is there for a while only.
+// Shows one instant of our frames: points, bodies, sticks, arrows, ellipsoids, and what is there for a while only.
 import { HIDDEN, Nodes } from "./nodes.js";
 
 const COM = ["/com/plan", "/com/plan/light"]; // the two halves of its ball (viewer/planner_scene.py)
@@ -11,12 +11,14 @@ export class Scene {
     const within = [...layout.arrows.flatMap(([shaft, head]) => [shaft, head]), ...layout.still.filter((name) => name.startsWith("/paths/")), ...COM];
     this.inside = layout.bodies.length ? within : [];
     this.through = true;
+    this.magnified = 1;
     this.row = new Float64Array(layout.width);
     this.nodes = new Nodes(frame, [
       ...layout.points.map(([name]) => name),
       ...layout.bodies.map(([name]) => name),
       ...layout.sticks.map(([name]) => name),
       ...layout.arrows.flatMap(([shaft, head]) => [shaft, head]),
+      ...layout.ellipsoids.map(([name]) => name),
       ...layout.spans.map(([name]) => name),
       ...this.inside,
     ]);
@@ -34,6 +36,7 @@ export class Scene {
     for (const [name, k] of this.layout.bodies) this.place(name, k, this.turn(k), 1);
     for (const [name, a, b] of this.layout.sticks) this.stick(name, a, b);
     for (const [shaft, head, k] of this.layout.arrows) this.arrow(shaft, head, k);
+    for (const [name, k, axes] of this.layout.ellipsoids) this.ellipsoid(name, k, axes);
     const t_s = this.timeAt(at);
     for (const [name, start_s, end_s] of this.layout.spans) this.nodes.scale(name, start_s <= t_s && t_s <= end_s ? 1 : HIDDEN);
     for (const name of this.layout.still) this.nodes.scale(name, 1);
@@ -74,7 +77,16 @@ export class Scene {
     const [x, y, z] = [this.row[k], this.row[k + 1], this.row[k + 2]];
     const there = Number.isFinite(x + y + z);
     if (there) this.nodes.pose(name, [x, y, z], wxyz);
-    this.nodes.scale(name, there ? 1 : HIDDEN, there ? length : HIDDEN);
+    const across = there ? 1 : HIDDEN;
+    this.nodes.scale(name, across, across, there ? length : HIDDEN);
+  }
+
+  // A unit ball with three semi-axes along x, y and z; what is small may be shown magnified.
+  ellipsoid(name, k, axes) {
+    this.place(name, k, null, 1);
+    const semi = [this.row[axes], this.row[axes + 1], this.row[axes + 2]];
+    const there = Number.isFinite(this.row[k] + this.row[k + 1] + this.row[k + 2] + semi[0] + semi[1] + semi[2]);
+    this.nodes.scale(name, ...semi.map((length) => (there ? Math.max(this.magnified * length, HIDDEN) : HIDDEN)));
   }
 
   stick(name, a, b) {

@@ -10,6 +10,7 @@ const slider = player.querySelector("#time");
 const clock = player.querySelector("[data-time]");
 const speed = player.querySelector("[data-speed]");
 const loop = player.querySelector("[data-loop]");
+const magnified = player.querySelector("[data-magnified]");
 const playButton = player.querySelector('[data-do="play"]');
 const through = player.querySelector("[data-through]");
 const base = stage.dataset.scene;
@@ -37,6 +38,7 @@ async function start() {
   }
   through.closest("label").hidden = scene.inside.length === 0;
   through.checked = new URLSearchParams(location.search).get("through") !== "0";
+  magnified.closest("label").hidden = !layout.ellipsoids.length;
   frame.src = `${base}/?hideViserLogo&fixedDpr=1`;
   frame.hidden = false;
   await scene.nodes.ready();
@@ -163,9 +165,10 @@ for (const strip of player.querySelectorAll("[data-seek]")) {
 
 function applyShown() {
   scene.through = through.checked;
+  scene.magnified = Number(magnified.value);
   scene.hide([...player.querySelectorAll("[data-show]")].filter((box) => !box.checked).map((box) => box.dataset.show));
 }
-for (const box of player.querySelectorAll("[data-show]")) {
+for (const box of player.querySelectorAll("[data-show], [data-magnified]")) {
   box.addEventListener("change", () => {
     if (!scene?.nodes.viser) return;
     applyShown();

@@ -48,6 +48,12 @@ _EXAMPLES: Final[dict[str, Any]] = {
             },
         },
     },
+    "compare-estimators": {
+        "default": {
+            "summary": "All estimators, on a recording whose truth is known",
+            "value": {"recording_id": SAMPLE_ID, "latency": "apply"},
+        },
+    },
     "simulate-recording": {
         "walk": {"summary": "Six seconds of walking", "value": {"duration_s": 6.0, "speed_m_s": 1.2, "seed": 1}},
         "noisy": {

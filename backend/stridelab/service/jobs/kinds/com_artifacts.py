@@ -8,7 +8,10 @@ from jaxtyping import Float
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Mask, Points, Series
+from stridelab.dynamics.central_axis import central_axis
+from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.estimate import ComEstimate
+from stridelab.estimation.observability import observability_track
 from stridelab.recordings.recording import WrenchTrack
 from stridelab.recordings.writer import add_points_to_c3d, write_c3d
 from stridelab.schemas.jobs import EstimateComSummary
@@ -43,7 +46,12 @@ def write_com(
 def com_columns(geometric: GeometricCom, wrench: WrenchTrack, estimate: ComEstimate) -> dict[str, Series | Mask]:
     """Columns of ``com`` at the instants of ``geometric``; what holds in the window only is NaN outside it.
 
-    ``complete`` marks the frames at which the whole contact force is measured.
+    The three inputs of section 2.4.1 are among them: (i) ``geometry_x_m`` .., (ii) ``force_x_n`` .., and (iii)
+    ``axis_x_m`` .., the projection (2.12) of (i) onto the central axis, which runs through it along the force; NaN
+    where the force is too small for an axis. ``unobservable_x`` .. is the unit vector along which the force says
+    nothing of the position (NaN in flight, where it says nothing at all), ``rank_force`` of 9 and
+    ``rank_with_geometry`` of 12 the ranks of (2.19) and (2.23). ``complete`` marks the frames at which the whole force
+    is measured.
     """
     n = len(geometric.time_s)
     first = int(np.argmin(np.abs(geometric.time_s - estimate.time_s[0])))
@@ -57,7 +65,15 @@ def com_columns(geometric: GeometricCom, wrench: WrenchTrack, estimate: ComEstim
     ):
         columns |= _named(name, suffix, _spread(track, inside, n))
     columns |= _named("geometry_", "m", geometric.com_m)
-    columns |= _named("force_", "n", np.where(wrench.complete[:, None], wrench.force_n, np.nan))
+    force_n = np.where(wrench.complete[:, None], wrench.force_n, np.nan)
+    columns |= _named("force_", "n", force_n)
+    columns |= _named("axis_", "m", central_axis(Wrench(force_n, wrench.moment_nm)).project(geometric.com_m))
+    seen = observability_track(estimate)
+    whole = wrench.complete[inside]
+    columns |= _named("unobservable_", "", _spread(np.where(whole[:, None], seen.direction, np.nan), inside, n))
+    for name, ranks in (("rank_force", seen.rank_force), ("rank_with_geometry", seen.rank_with_geometry)):
+        columns[name] = np.full(n, np.nan)
+        columns[name][inside] = np.where(whole, ranks, np.nan)
     columns["complete"] = wrench.complete
     return columns
 
@@ -71,7 +87,8 @@ def write_com_c3d(target: Path, upload: Path, trial: Trial, points: dict[str, Po
 
 
 def _named(prefix: str, suffix: str, track: Points) -> dict[str, Series | Mask]:
-    return {f"{prefix}{axis}_{suffix}": track[:, i] for i, axis in enumerate(AXES)}
+    unit = f"_{suffix}" if suffix else ""
+    return {f"{prefix}{axis}{unit}": track[:, i] for i, axis in enumerate(AXES)}
 
 
 def _spread(track: Points, inside: slice, n_frames: int) -> Float[np.ndarray, "n_frames 3"]:

@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from stridelab.schemas.comparison import CompareEstimatorsInput, CompareEstimatorsSummary
 from stridelab.schemas.jobs import (
     EstimateComInput,
     EstimateComSummary,
@@ -25,6 +26,14 @@ ESTIMATE_COM = JobKind(
     run="stridelab.service.jobs.kinds.estimate_com:run_in_child",
     stage=rows.stage_estimate_com,
     timeout_s=120.0,
+)
+COMPARE_ESTIMATORS = JobKind(
+    name="compare-estimators",
+    input_model=CompareEstimatorsInput,
+    summary_model=CompareEstimatorsSummary,
+    run="stridelab.service.jobs.kinds.compare_estimators:run_in_child",
+    stage=rows.stage_compare_estimators,
+    timeout_s=300.0,
 )
 SIMULATE_RECORDING = JobKind(
     name="simulate-recording",
@@ -59,7 +68,10 @@ LEARN_REACHABILITY = JobKind(
 )
 
 KINDS: Mapping[str, JobKind] = MappingProxyType(
-    {kind.name: kind for kind in (ESTIMATE_COM, SIMULATE_RECORDING, PLAN_MOTION, LEARN_REACHABILITY)}
+    {
+        kind.name: kind
+        for kind in (ESTIMATE_COM, COMPARE_ESTIMATORS, SIMULATE_RECORDING, PLAN_MOTION, LEARN_REACHABILITY)
+    }
 )
 
 PARSE_UPLOAD = "stridelab.service.jobs.kinds.parse_upload:run_in_child"

@@ -4,17 +4,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
+from stridelab.conventions import GRAVITY_M_S2
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.recordings import windows as measured
 from stridelab.recordings.marker_sets import MarkerSetMatch
 from stridelab.recordings.recording import Remark, Window
 from stridelab.service.jobs.kinds.trial import Trial
 
-METHODS: Final = ("complementary", "geometry")
+METHODS: Final = ("complementary", "geometry", "kalman", "rts")
 """Estimators of this version."""
 
 MASS_NOTED: Final = 0.05
 """Relative difference between the stated mass and the weight on the plates from which on it is noted."""
+MASS_DOUBTED: Final = 0.1
+"""From here on one of the two must be wrong: the plates weigh within 3 % of the scales, 7 % in brisk walking."""
 MASS_REFUSED: Final = 1.5
 """Ratio between the two from which on the stated mass cannot be true."""
 
@@ -63,8 +66,9 @@ def require_windows(trial: Trial, window_s: tuple[float, float] | None, *, needs
     """The windows to work on: the measured ones, or the part of one that was asked for.
 
     Raises ``NotEstimable`` (``single-frame``, ``no-plates``, ``plates-switched-off``, ``plates-unloaded``,
-    ``no-measured-window``) where no force can be used, ``InvalidInput`` (``window-not-measured``) where the interval
-    asked for is not inside a measured window.
+    ``forces-and-markers-apart``, ``no-measured-window``) where no force can be used, ``InvalidInput``
+    (``window-outside-recording``, ``window-not-measured``) where the interval asked for is not inside the recording or
+    a measured window.
     """
     if needs_force and not trial.windows:
         measured.require_windows(trial.recording, trial.match.landmarks)
@@ -72,7 +76,14 @@ def require_windows(trial: Trial, window_s: tuple[float, float] | None, *, needs
         return trial.windows
     start_s, end_s = window_s
     frame_s = 1.0 / trial.recording.marker_rate_hz
-    whole = (Window(0.0, trial.recording.duration_s),)
+    duration_s = trial.recording.duration_s
+    if not -frame_s <= start_s < end_s <= duration_s + frame_s:
+        raise InvalidInput(
+            "window-outside-recording",
+            f"The recording lasts from 0 to {duration_s:.2f} s; there is no interval from {start_s:g} to {end_s:g} s.",
+            [Fault("window_s", f"{start_s:g} to {end_s:g} s")],
+        )
+    whole = (Window(0.0, duration_s),)
     allowed = trial.windows if needs_force else whole
     if not any(w.start_s - frame_s <= start_s < end_s <= w.end_s + frame_s for w in allowed):
         listed = ", ".join(f"{w.start_s:.2f} to {w.end_s:.2f} s" for w in allowed)
@@ -116,8 +127,15 @@ def body_mass(stated_kg: float | None, file_kg: float | None, force_kg: float | 
 def _difference(mass_kg: float, force_kg: float | None) -> tuple[Remark, ...]:
     if force_kg is None or abs(force_kg / mass_kg - 1.0) <= MASS_NOTED:
         return ()
-    message = f"The mass of {mass_kg:g} kg differs from the {force_kg:.1f} kg that the plates carried on average."
-    return (Remark("mass-differs-from-force", message),)
+    both = f"The mass of {mass_kg:g} kg differs from the {force_kg:.1f} kg that the plates carried on average"
+    off = force_kg / mass_kg - 1.0
+    if abs(off) <= MASS_DOUBTED:
+        return (Remark("mass-differs-from-force", f"{both}."),)
+    message = (
+        f"{both}, by {off:+.0%}: either the mass or the plates' calibration is wrong. {mass_kg:g} kg is used, so that "
+        f"the vertical acceleration from the force is wrong by {abs(off) * GRAVITY_M_S2:.1f} m/s²."
+    )
+    return (Remark("mass-disagrees-with-force", message),)
 
 
 def _same_person(mass_kg: float, force_kg: float) -> bool:

@@ -14,22 +14,26 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.schemas.base import Contract
+from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.kind import Blobs, Json
 from stridelab.service.jobs.kinds.tasks import (
+    CompareEstimatorsTask,
     EstimateComTask,
     LearnReachabilityTask,
     PlanMotionTask,
     RecordingSource,
     SimulateRecordingTask,
 )
-from stridelab.service.storage.tables import recording, scenario, subject
+from stridelab.service.storage.tables import job, recording, scenario, subject
 
 RECORDING_FILE, TRACKS_FILE, FACTS_FILE = "recording.c3d", "tracks.parquet", "facts.json"
 """Where ``simulate-recording`` leaves its recording, with tracks and facts for the recording's row."""
+TRUTH_FILE = "truth.parquet"
+"""The true motion of a simulated recording, an artifact of the job that made it."""
 
 
 def stated_subject(recording_fields: Mapping[str, Any], subject_fields: Mapping[str, Any] | None) -> SubjectFields:
@@ -52,6 +56,23 @@ async def stage_estimate_com(connection: AsyncConnection, blobs: Blobs, input: C
         static = await _source(connection, blobs, static_row, folder, "static-trial")
     source = await _source(connection, blobs, row, folder, "trial")
     return EstimateComTask(recording=source, static=static, input=request).model_dump(mode="json")
+
+
+async def stage_compare_estimators(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """What ``estimate-com`` needs, and the truth of a recording that has one."""
+    request = CompareEstimatorsInput.model_validate(input.model_dump())
+    staged = await stage_estimate_com(connection, blobs, request, folder)
+    prefix = await connection.execute(
+        select(job.c.blob_prefix)
+        .join(recording, recording.c.truth_job_id == job.c.id)
+        .where(recording.c.id == request.recording_id)
+    )
+    truth = None
+    if (kept_under := prefix.scalar_one_or_none()) is not None:
+        truth = TRUTH_FILE
+        await blobs.get_file(f"{kept_under}/{TRUTH_FILE}", folder / truth)
+    task = CompareEstimatorsTask(**(staged | {"input": request, "truth": truth}))
+    return task.model_dump(mode="json")
 
 
 async def stage_simulate_recording(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002

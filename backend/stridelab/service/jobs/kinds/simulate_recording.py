@@ -1,4 +1,4 @@
-"""``simulate-recording``: a person who never walked, recorded as a laboratory would, with the truth beside it.
+"""``simulate-recording``: a person, or TALOS, who never walked, as a laboratory would record it, with the truth beside.
 
 The recording is a C3D like any upload, and its facts are those that reading this C3D gives; the segment table of the
 simulated body travels in it (table "carried" of ``estimate-com``). ``truth`` holds the exact motion.
@@ -8,11 +8,16 @@ from pathlib import Path
 from typing import Final
 
 from stridelab.experiments.noise import MeasurementNoise
+from stridelab.experiments.robot_gait import gait_for
+from stridelab.experiments.robot_recording import record_robot
+from stridelab.experiments.robot_runner import run as run_talos
+from stridelab.experiments.robot_runner import running_at
+from stridelab.experiments.robot_walker import walk as walk_talos
 from stridelab.experiments.simulated_recording import SimulatedRecording, record
 from stridelab.experiments.walker import HumanWalker
 from stridelab.recordings.writer import write_c3d
 from stridelab.schemas import base
-from stridelab.schemas.jobs import SimulateRecordingSummary
+from stridelab.schemas.jobs import SimulateRecordingInput, SimulateRecordingSummary
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.parse_upload import facts, write_tracks
 from stridelab.service.jobs.kinds.rows import FACTS_FILE, RECORDING_FILE, TRACKS_FILE
@@ -21,6 +26,8 @@ from stridelab.service.jobs.kinds.tasks import RecordingSource, SimulateRecordin
 from stridelab.service.jobs.kinds.trial import examine
 from stridelab.service.jobs.kinds.truth import truth_columns
 
+Keys = tuple[str, ...]
+"""Citation keys."""
 PRIVATE_FILES: Final = (FACTS_FILE, TRACKS_FILE, "tracks.csv")
 """Files for the recording's row, which are no artifacts of the job."""
 
@@ -36,17 +43,8 @@ def run(task: SimulateRecordingTask, folder: Path, progress: ProgressCallback) -
     Raises ``InvalidInput`` where body or walk lie outside what can be simulated.
     """
     request = task.input
-    progress(0.02, "walking")
-    walk = HumanWalker(
-        height_m=request.height_m,
-        mass_kg=request.mass_kg,
-        sex=request.sex,
-        speed_m_s=request.speed_m_s,
-        duration_s=request.duration_s,
-        seed=request.seed,
-    ).walk()
-    progress(0.6, "recording markers and plates")
-    simulated = record(walk, MeasurementNoise(**request.noise.model_dump()), request.seed, lab=request.lab)
+    progress(0.02, request.gait)
+    simulated, references = _of_talos(request, progress) if request.robot == "talos" else _of_person(request, progress)
     progress(0.75, "writing the recording")
     atomically(folder / RECORDING_FILE, lambda path: write_c3d(path, simulated.recording))
     provenance = {"input": request.model_dump(mode="json"), "frame": "world, z up"}
@@ -62,7 +60,35 @@ def run(task: SimulateRecordingTask, folder: Path, progress: ProgressCallback) -
     )
     progress(1.0, "done")
     artifacts = (ArtifactFile(RECORDING_FILE, C3D), *tables)
-    return Outcome(summary.model_dump(mode="json"), walk.body.table.references, artifacts)
+    return Outcome(summary.model_dump(mode="json"), references, artifacts)
+
+
+def _of_person(request: SimulateRecordingInput, progress: ProgressCallback) -> tuple[SimulatedRecording, Keys]:
+    """A person walks; with the literature of the body."""
+    walk = HumanWalker(
+        height_m=request.height_m,
+        mass_kg=request.mass_kg,
+        sex=request.sex,
+        speed_m_s=request.speed_m_s,
+        duration_s=request.duration_s,
+        seed=request.seed,
+    ).walk()
+    progress(0.6, "recording markers and plates")
+    return record(walk, _noise(request), request.seed, lab=request.lab), walk.body.table.references
+
+
+def _of_talos(request: SimulateRecordingInput, progress: ProgressCallback) -> tuple[SimulatedRecording, Keys]:
+    """TALOS walks or runs; with the literature of the preview control."""
+    if request.gait == "running":
+        walk = run_talos(running_at(request.speed_m_s, request.duration_s), request.seed)
+    else:
+        walk = walk_talos(gait_for(request.speed_m_s, request.duration_s), request.seed)
+    progress(0.6, "recording markers and plates")
+    return record_robot(walk, _noise(request), request.seed, lab=request.lab), ("kajita2003", "katayama1985")
+
+
+def _noise(request: SimulateRecordingInput) -> MeasurementNoise:
+    return MeasurementNoise(**request.noise.model_dump())
 
 
 def mean_speed_m_s(simulated: SimulatedRecording) -> float:

@@ -26,13 +26,17 @@ C3D = "application/octet-stream"
 METADATA_KEY = b"stridelab"
 
 # Longest suffix first: "vx_m_s" is a velocity, not a length followed by seconds.
-UNITS = {"_m_s2": "m/s^2", "_m_s": "m/s", "_rad_s": "rad/s", "_nms": "N m s", "_nm": "N m", "_rad": "rad"} | {
-    "_kg": "kg",
-    "_hz": "Hz",
-    "_m": "m",
-    "_n": "N",
-    "_s": "s",
-}
+UNITS = (
+    {"_m_s2_rthz": "m/s^2/sqrt(Hz)", "_m_rthz": "m/sqrt(Hz)", "_db": "dB"}
+    | {"_m_s2": "m/s^2", "_m_s": "m/s", "_rad_s": "rad/s", "_nms": "N m s", "_nm": "N m", "_rad": "rad"}
+    | {
+        "_kg": "kg",
+        "_hz": "Hz",
+        "_m": "m",
+        "_n": "N",
+        "_s": "s",
+    }
+)
 
 
 def unit_of(column: str) -> str:

@@ -3,6 +3,7 @@
 from pydantic import Field
 
 from stridelab.schemas.base import Contract
+from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
@@ -31,6 +32,13 @@ class EstimateComTask(Contract):
     recording: RecordingSource
     static: RecordingSource | None = None
     input: EstimateComInput
+
+
+class CompareEstimatorsTask(EstimateComTask):
+    """Task of ``compare-estimators``; ``truth`` is the file of the recording's true motion, where it is known."""
+
+    input: CompareEstimatorsInput
+    truth: str | None = Field(default=None, description="file name inside the task's folder")
 
 
 class SimulateRecordingTask(Contract):

@@ -1,0 +1,202 @@
+"""Online estimation: a websocket on which samples go out and estimates come back."""
+
+import contextlib
+import math
+import struct
+from collections.abc import AsyncIterator, Iterator, Sequence
+from contextlib import asynccontextmanager, contextmanager
+from typing import Final
+
+from pydantic import ValidationError
+from websockets.asyncio.client import ClientConnection
+from websockets.asyncio.client import connect as connect_async
+from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidStatus
+from websockets.sync.client import ClientConnection as SyncConnection
+from websockets.sync.client import connect as connect_sync
+
+from stridelab.client.calls import API
+from stridelab.client.errors import ClientError, ProblemError, Unreachable
+from stridelab.schemas.base import Problem
+from stridelab.schemas.streams import (
+    PACKED_ROW,
+    PACKED_TIME,
+    StreamAnswer,
+    StreamConfiguration,
+    StreamEstimate,
+    StreamReady,
+    StreamSample,
+    StreamSamples,
+)
+
+STREAM_PATH: Final = f"{API}/stream/com"
+ANSWER_BYTES: Final = 16_000_000
+"""Largest answer that is taken."""
+
+_TIME: Final = struct.Struct(PACKED_TIME)
+_ROW: Final = struct.Struct(PACKED_ROW)
+_NOTHING: Final = (math.nan, math.nan, math.nan)
+
+
+class AsyncComStream:
+    """An open stream; ``ready`` says what the service does with it."""
+
+    def __init__(self, connection: ClientConnection, ready: StreamReady) -> None:
+        self._connection, self.ready = connection, ready
+
+    async def send(self, samples: Sequence[StreamSample]) -> list[StreamEstimate]:
+        """Send samples and wait for the estimates at them, one per sample.
+
+        Raises ``ProblemError`` where the service refuses them; it then closes the stream.
+        """
+        return estimates(await exchange(self._connection, message(samples, self.ready.format)))
+
+
+class ComStream:
+    """An open stream; ``ready`` says what the service does with it."""
+
+    def __init__(self, connection: SyncConnection, ready: StreamReady) -> None:
+        self._connection, self.ready = connection, ready
+
+    def send(self, samples: Sequence[StreamSample]) -> list[StreamEstimate]:
+        """Send samples and wait for the estimates at them, one per sample.
+
+        Raises ``ProblemError`` where the service refuses them; it then closes the stream.
+        """
+        return estimates(exchange_sync(self._connection, message(samples, self.ready.format)))
+
+
+@asynccontextmanager
+async def open_async(
+    base_url: str, headers: dict[str, str], configuration: StreamConfiguration, timeout_s: float
+) -> AsyncIterator[AsyncComStream]:
+    """A stream as long as the context lasts."""
+    with _reached(base_url):
+        connection = await connect_async(
+            _address(base_url),
+            additional_headers=headers,
+            user_agent_header=None,
+            compression=None,
+            open_timeout=timeout_s,
+            max_size=ANSWER_BYTES,
+        )
+    async with connection:
+        answer = _answer(await exchange(connection, configuration.model_dump_json()))
+        yield AsyncComStream(connection, _ready(answer))
+
+
+@contextmanager
+def open_sync(
+    base_url: str, headers: dict[str, str], configuration: StreamConfiguration, timeout_s: float
+) -> Iterator[ComStream]:
+    """A stream as long as the context lasts."""
+    with _reached(base_url):
+        connection = connect_sync(
+            _address(base_url),
+            additional_headers=headers,
+            user_agent_header=None,
+            compression=None,
+            open_timeout=timeout_s,
+            max_size=ANSWER_BYTES,
+        )
+    with connection:
+        answer = _answer(exchange_sync(connection, configuration.model_dump_json()))
+        yield ComStream(connection, _ready(answer))
+
+
+async def exchange(connection: ClientConnection, sent: str | bytes) -> str | bytes:
+    """Send one message and wait for the next that comes."""
+    with contextlib.suppress(ConnectionClosed):  # why it was closed waits to be read
+        await connection.send(sent)
+    try:
+        return await connection.recv()
+    except ConnectionClosed as error:
+        raise _closed(error) from error
+
+
+def exchange_sync(connection: SyncConnection, sent: str | bytes) -> str | bytes:
+    """Send one message and wait for the next that comes."""
+    with contextlib.suppress(ConnectionClosed):
+        connection.send(sent)
+    try:
+        return connection.recv()
+    except ConnectionClosed as error:
+        raise _closed(error) from error
+
+
+def message(samples: Sequence[StreamSample], form: str) -> str | bytes:
+    """Samples as JSON, or packed."""
+    if form == "json":
+        return StreamSamples(samples=list(samples)).model_dump_json()
+    start_s = samples[0].time_s if samples else 0.0
+    rows = [
+        _ROW.pack(
+            sample.time_s - start_s,
+            *(sample.geometry_m or _NOTHING),
+            *(sample.force_n or _NOTHING),
+            *(sample.moment_nm or _NOTHING),
+        )
+        for sample in samples
+    ]
+    return _TIME.pack(start_s) + b"".join(rows)
+
+
+def estimates(raw: str | bytes) -> list[StreamEstimate]:
+    """Estimates from JSON or packed. Raises ``ProblemError`` where it is a problem instead."""
+    if isinstance(raw, str):
+        return _answer(raw).samples or []
+    if len(raw) < _TIME.size or (len(raw) - _TIME.size) % _ROW.size:
+        raise _not_understood()
+    (start_s,) = _TIME.unpack_from(raw)
+    return [
+        StreamEstimate(time_s=start_s + row[0], com_m=row[1:4], velocity_m_s=row[4:7], sd_m=row[7:10])
+        for row in _ROW.iter_unpack(raw[_TIME.size :])
+    ]
+
+
+def _answer(raw: str | bytes) -> StreamAnswer:
+    try:
+        answer = StreamAnswer.model_validate_json(raw, extra="ignore")
+    except ValidationError as error:
+        raise _not_understood() from error
+    if answer.problem is not None:
+        raise ProblemError(answer.problem)
+    return answer
+
+
+def _ready(answer: StreamAnswer) -> StreamReady:
+    if answer.ready is None:
+        raise _not_understood()
+    return answer.ready
+
+
+def _not_understood() -> ClientError:
+    return ClientError("the service answered something on the stream that this client does not understand")
+
+
+def _closed(error: ConnectionClosed) -> ClientError:
+    why = "" if error.rcvd is None else f" ({error.rcvd.code} {error.rcvd.reason})".replace(" )", ")")
+    return Unreachable(f"the service has closed the stream{why}")
+
+
+@contextmanager
+def _reached(base_url: str) -> Iterator[None]:
+    """Failures of opening as those of the other calls."""
+    try:
+        yield
+    except InvalidStatus as error:
+        status = error.response.status_code
+        raise ProblemError(
+            Problem(
+                title=error.response.reason_phrase or "refused",
+                status=status,
+                code="stream-refused",
+                detail="The service does not open a stream for this client: is the API token right, and the address?",
+            )
+        ) from error
+    except (OSError, TimeoutError, InvalidHandshake) as error:
+        raise Unreachable(f"the service at {base_url} does not answer ({type(error).__name__})") from error
+
+
+def _address(base_url: str) -> str:
+    """``http`` -> ``ws``, ``https`` -> ``wss``."""
+    return f"ws{base_url.removeprefix('http').rstrip('/')}{STREAM_PATH}"

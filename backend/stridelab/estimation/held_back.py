@@ -1,0 +1,61 @@
+"""Held-back force: an estimator sees half of the force samples, and must predict the other half.
+
+A small residual against the force that was fused proves nothing. Here the window is cut into blocks; in a first pass
+every other block of the force is withheld, in a second pass the others. Where the force is withheld the geometry stands
+in for it (the trick of 2.6.2: ``p = g``, ``a = g''``), so that every estimator gets a whole window and none sees the
+measured force there. What counts is ``m (c'' - g) - f`` at the withheld samples, in an 8 Hz band.
+
+An estimator that trusts the force passes the geometry's own acceleration through where there is none, so nobody can be
+much better than the geometry; one that is worse has fitted noise.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.body.geometric_com import GeometricCom
+from stridelab.conventions import Mask
+from stridelab.dynamics.newton_euler import contact_force
+from stridelab.estimation.agreement import force_residual_track_n
+from stridelab.estimation.derivatives import derivatives
+from stridelab.estimation.estimate import ComEstimator
+from stridelab.estimation.span import window_span
+from stridelab.estimation.walk_frame import walk_frame
+from stridelab.recordings.recording import WrenchTrack
+
+BLOCK_S = 0.15
+"""Twice the length over which the 8 Hz band mixes neighbours."""
+
+
+def held_back_residual_n(
+    estimator: ComEstimator, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float
+) -> Float[np.ndarray, "3"]:
+    """RMS of the residual at the withheld samples along the walk, lateral and vertical, in newtons.
+
+    Raises as the estimator does.
+    """
+    span = window_span(geometric, wrench)
+    velocity, acceleration = derivatives(geometric.com_m[span.around], span.rate_hz)
+    stand_in_n = contact_force(acceleration[span.within], mass_kg)
+    block = np.arange(span.inside.stop - span.inside.start) // max(1, round(BLOCK_S * span.rate_hz)) % 2 == 1
+    squares = []
+    for held in (block, ~block):
+        thinned = _withhold(geometric, wrench, span.inside, held, stand_in_n)
+        estimate = estimator.estimate(geometric, thinned, mass_kg)
+        squares.append(force_residual_track_n(estimate, wrench, mass_kg)[held] @ walk_frame(velocity).T)
+    return np.asarray(np.sqrt(np.nanmean(np.concatenate(squares) ** 2, axis=0)))
+
+
+def _withhold(
+    geometric: GeometricCom,
+    wrench: WrenchTrack,
+    inside: slice,
+    held: Mask,
+    stand_in_n: Float[np.ndarray, "n 3"],
+) -> WrenchTrack:
+    force, moment = wrench.force_n.copy(), wrench.moment_nm.copy()
+    at = np.arange(inside.start, inside.stop)[held]
+    force[at] = stand_in_n[held]
+    moment[at] = np.cross(geometric.com_m[at], force[at])
+    return replace(wrench, force_n=force, moment_nm=moment)

@@ -1,0 +1,130 @@
+"""Optimal prediction for a linear model that does not change in time: exact, and without a loop over the samples.
+
+    x_{k+1} = F x_k + u_k + w_k,   y_k = H x_k + mu_k,   w ~ (0, W), mu ~ (0, R)
+
+The gain of a Kalman filter converges. The constant gain belongs to the covariance P that solves the discrete Riccati
+equation (DARE)
+
+    P = Phi P F' + W,   L = F P H' S^-1,   S = H P H' + R,   Phi = F - L H .
+
+With it the *nominal* filter ``n_{k+1} = Phi n_k + L y_k + u_k`` is a fixed linear recursion, optimal for a start of
+covariance P. The true start has P_0 = P + Delta, as if one more error r ~ (0, Delta) had been added to it. The nominal
+innovations ``e_k = y_k - H n_k`` see that error as ``H Phi^k r`` in white noise S, so it can be estimated from them:
+
+    O_k = sum_{j<k} Phi'^j H' S^-1 H Phi^j,   theta_k = sum_{j<k} Phi'^j H' S^-1 e_j,   M_k = (1 + Delta O_k)^-1 Delta,
+
+    x_k = n_k + Phi^k M_k theta_k,            P_k = P + Phi^k M_k Phi'^k .
+
+This is Lainiotis' partitioning. Sums are cumulative and end where Phi^k has died out, from where on x_k = n_k. Nothing
+is approximated: the result is that of the textbook recursion with its changing gain.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float
+from scipy import linalg
+
+Square = Float[np.ndarray, "3 3"]
+Squares = Float[np.ndarray, "n 3 3"]
+Starts = Float[np.ndarray, "sets 3"]
+States = Float[np.ndarray, "sets n 3"]
+Signals = Float[np.ndarray, "sets n m"]
+
+_DEAD = 1e-20
+"""A power of Phi below this changes no digit of the result."""
+
+
+@dataclass(frozen=True)
+class SteadyModel:
+    """F, H, W and R. F and H must be detectable, F and W stabilisable."""
+
+    F: Square
+    H: Float[np.ndarray, "m 3"]
+    W: Square
+    R: Float[np.ndarray, "m m"]
+
+    @cached_property
+    def P(self) -> Square:
+        """Covariance of the prediction after a long time: the stabilising solution of the DARE."""
+        P = linalg.solve_discrete_are(self.F.T, self.H.T, self.W, self.R)
+        return np.asarray((P + P.T) / 2)
+
+    @cached_property
+    def S(self) -> Float[np.ndarray, "m m"]:
+        """Covariance of the innovations after a long time."""
+        return np.asarray(self.R + self.H @ self.P @ self.H.T)
+
+    @cached_property
+    def L(self) -> Float[np.ndarray, "3 m"]:
+        """The predictor's gain after a long time."""
+        return np.asarray(linalg.solve(self.S, self.H @ self.P @ self.F.T, assume_a="pos").T)
+
+    @cached_property
+    def Phi(self) -> Square:
+        """What the nominal filter does to its own error in one step."""
+        return np.asarray(self.F - self.L @ self.H)
+
+    def predictor(self, covariance: Square, n: int) -> "Predictor":
+        """The optimal predictor over n measurements from a start with this covariance."""
+        P = self.P
+        powers = _living_powers(self.Phi, n + 1)
+        seen = self.H @ powers[:-1]
+        weighted = np.linalg.solve(self.S, seen)
+        O = _sums_before(seen.transpose(0, 2, 1) @ weighted)
+        Delta = covariance - P
+        moved = powers @ np.linalg.solve(np.eye(3) + Delta @ O, np.broadcast_to(Delta, O.shape))
+        covariances = np.empty((n + 1, 3, 3))
+        covariances[: len(powers)] = P + moved @ powers.transpose(0, 2, 1)
+        covariances[len(powers) :] = P
+        return Predictor(self, weighted, moved, covariances)
+
+
+@dataclass(frozen=True)
+class Predictor:
+    """Gains of one stretch; ``covariance`` holds P_0, ..., P_n.
+
+    ``weighted`` is S^-1 H Phi^k and ``moved`` is Phi^k M_k, both for as long as Phi^k lives.
+    """
+
+    model: SteadyModel
+    weighted: Float[np.ndarray, "alive m 3"]
+    moved: Float[np.ndarray, "_ 3 3"]
+    covariance: Squares
+
+    def mean(self, start: Starts, y: Signals, u: States | None = None) -> Float[np.ndarray, "sets _ 3"]:
+        """x_0, ..., x_n, each given the measurements before it, for several sets of signals at once.
+
+        ``u`` is a known input; None means none.
+        """
+        drive = y @ self.model.L.T if u is None else y @ self.model.L.T + u
+        n = linear_recursion(self.model.Phi, np.concatenate([start[:, None], drive], axis=1))
+        alive = len(self.weighted)
+        e = y[:, :alive] - n[:, :alive] @ self.model.H.T
+        theta = np.cumsum(np.einsum("kmi,skm->ski", self.weighted, e), axis=1)
+        n[:, 1 : alive + 1] += np.einsum("kij,skj->ski", self.moved[1:], theta)
+        return n
+
+
+def linear_recursion(Phi: Square, v: States) -> States:
+    """``x_k = Phi x_{k-1} + v_k`` with ``x_{-1} = 0``, in log2(n) sums of the whole array with itself, shifted."""
+    x, power, shift = v.copy(), Phi, 1
+    while shift < x.shape[1] and np.abs(power).max() > _DEAD:
+        x[:, shift:] += x[:, :-shift] @ power.T
+        power, shift = power @ power, 2 * shift
+    return x
+
+
+def _living_powers(Phi: Square, n: int) -> Squares:
+    """``Phi^0, Phi^1, ...`` until they have died out, at most n of them."""
+    powers, last = np.eye(3)[None], Phi
+    while len(powers) < n and np.abs(last).max() > _DEAD:
+        powers = np.concatenate([powers, powers @ last])
+        last = last @ last
+    return powers[:n]
+
+
+def _sums_before(terms: Squares) -> Float[np.ndarray, "_ 3 3"]:
+    """Sum of all earlier terms: one more than there are terms, the first is zero."""
+    return np.concatenate([np.zeros((1, 3, 3)), np.cumsum(terms, axis=0)])

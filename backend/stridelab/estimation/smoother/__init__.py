@@ -1,0 +1,6 @@
+"""Our smoother: horizontally ten times closer than the filter of section 2.4, with a band that means something."""
+
+from stridelab.estimation.smoother.estimator import Smoother
+from stridelab.estimation.smoother.priors import SmootherPriors
+
+__all__ = ["Smoother", "SmootherPriors"]

@@ -1,0 +1,127 @@
+"""The smoother as an estimator: coloured errors, masks, declared plate bias (docs/theory/smoother.md)."""
+
+from dataclasses import dataclass, field
+from typing import ClassVar, Final
+
+import numpy as np
+
+from stridelab.body.geometric_com import GeometricCom
+from stridelab.conventions import GRAVITY_M_S2, Points, Vector3
+from stridelab.errors import NotEstimable
+from stridelab.estimation.against_physics import segment_momentum_rate
+from stridelab.estimation.derivatives import derivatives
+from stridelab.estimation.estimate import ComEstimate
+from stridelab.estimation.smoother.causal import OnlineSmoother
+from stridelab.estimation.smoother.learning import learned
+from stridelab.estimation.smoother.model import Sizes, state_space
+from stridelab.estimation.smoother.priors import SmootherPriors
+from stridelab.estimation.smoother.recursions import filtered, gains, smoothed
+from stridelab.estimation.smoother.signals import Walk, in_walking_frame, signals
+from stridelab.estimation.smoother.sizes import sizes_of
+from stridelab.estimation.smoother.support import require_single_support
+from stridelab.estimation.smoother.suspicion import normalised_innovations, plate_bias_remarks, plate_bias_statistic
+from stridelab.estimation.span import require_mass, window_span
+from stridelab.recordings.recording import WrenchTrack
+
+LEFT_OVER: Final = 0.5
+"""Share of the angular momentum that point masses do not explain: 10.1 of 22.7 Nm about the lateral axis in adults."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Smoother:
+    """``priors`` say how large the errors of the inputs are; the table's own is in the geometry.
+
+    ``learn`` lets the recording itself correct the sizes that it shows (``learning``). ``segment_momentum`` subtracts
+    the angular momentum of the segments, taken as point masses, so that only the rest of it has to be guessed.
+    ``beyond_window`` answers for the whole gap-free stretch of geometry around the window instead of the window alone.
+    """
+
+    name: ClassVar[str] = "smoother"
+
+    priors: SmootherPriors = field(default_factory=SmootherPriors)
+    learn: bool = True
+    segment_momentum: bool = False
+    beyond_window: bool = False
+
+    def estimate(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> ComEstimate:
+        """Smooth over all geometry around the longest window; every window in it contributes its force.
+
+        Raises ``NotEstimable`` or ``InvalidInput`` as ``window_span`` does, and ``NotEstimable`` with
+        ``no-single-support`` or, with ``segment_momentum``, ``segments-missing``.
+        """
+        require_mass(mass_kg)
+        span = window_span(geometric, wrench)
+        used, rate_hz = span.around, span.rate_hz
+        seen = np.isfinite(wrench.force_n[used]).all(axis=1) & wrench.complete[used]
+        walk = in_walking_frame(geometric.com_m[used], wrench.force_n[used], wrench.moment_nm[used], seen, rate_hz)
+        sizes = sizes_of(self.priors, walk, mass_kg, geometric.sd_m)
+        require_single_support(walk, span.within, sizes.swing_hz[0])
+        known = np.zeros_like(walk.force_n)
+        if self.segment_momentum:
+            known = _of_segments(geometric, used, mass_kg) @ walk.frame.T
+            sizes = sizes.with_momentum_times(LEFT_OVER)
+        data = signals(walk, mass_kg, known)
+        if self.learn:
+            sizes = learned(sizes, data, rate_hz)
+        space = state_space(sizes, rate_hz)
+        found = gains(space, data.seen, data.phi)
+        forward = filtered(space, data, found)
+        mean, variance = smoothed(found, forward, 2)
+        c, v = (mean[:, :, i] @ walk.frame for i in (0, 1))
+        variance[:, 2, 0] = np.maximum(variance[:, 2, 0], geometric.sd_m[2] ** 2)  # of the height nothing is learnt
+        sd = np.sqrt(variance[:, :, 0] @ walk.frame**2)
+        answer = slice(0, len(c)) if self.beyond_window else span.within
+        return ComEstimate(
+            method=self.name,
+            time_s=geometric.time_s[used][answer],
+            com_m=c[answer],
+            velocity_m_s=v[answer],
+            acceleration_m_s2=derivatives(c, rate_hz)[1][answer],
+            sd_m=sd[answer],
+            window=span.window,
+            references=("carpentier2017thesis", "dejong1991", "schmidt1966"),
+            remarks=plate_bias_remarks(space, forward, mass_kg, self.priors),
+            diagnostics={
+                **_shown(sizes, walk, mass_kg),
+                "normalised_innovations": normalised_innovations(found, forward),
+                "plate_bias_statistic": plate_bias_statistic(space, forward),
+            },
+        )
+
+    def causal(
+        self,
+        *,
+        mass_kg: float,
+        table_sd_m: tuple[float, float, float],
+        velocity_m_s: Vector3 | None = None,
+        ahead: Vector3 | None = None,
+    ) -> OnlineSmoother:
+        """The same model as a filter, sample by sample. ``ahead`` is the horizontal direction of the walk, if known.
+
+        Raises ``InvalidInput`` (``mass-out-of-range``).
+        """
+        require_mass(mass_kg)
+        return OnlineSmoother(self.priors, mass_kg, table_sd_m, velocity_m_s, ahead)
+
+
+def _of_segments(geometric: GeometricCom, used: slice, mass_kg: float) -> Points:
+    rate = segment_momentum_rate(geometric, mass_kg)
+    if rate is None or not np.isfinite(rate[used]).all():
+        raise NotEstimable(
+            "segments-missing",
+            "The angular momentum of the segments needs every segment at all times, and some are not seen.",
+        )
+    return rate[used]
+
+
+def _shown(sizes: Sizes, walk: Walk, mass_kg: float) -> dict[str, float]:
+    """The sizes that were used, in the units of the priors."""
+    weight = mass_kg * GRAVITY_M_S2
+    return {
+        "marker_mm": float(1e3 * np.mean(sizes.marker_m)),
+        "momentum_about_walk_nms": float(weight * sizes.swing_m_s[1]),
+        "momentum_about_side_nms": float(weight * sizes.swing_m_s[0]),
+        "table_varying_mm": float(1e3 * np.mean(sizes.table_varying_m[:2])),
+        "step_hz": float(sizes.swing_hz[0]),
+        "speed_m_s": walk.speed_m_s,
+    }

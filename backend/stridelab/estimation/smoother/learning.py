@@ -1,0 +1,81 @@
+"""Sizes of the errors from the recording itself: the priors that make its own data most probable.
+
+The likelihood of a Kalman filter falls apart into the axes, and the gradient costs one pass: all parameters of all
+axes, each a little larger, are further models in the same batch. Logarithms of the sizes are sought, each held near its
+prior by a normal distribution of ``WIDTH`` (a factor of e^WIDTH is one standard deviation), because a second of data
+does not know every size. The constant errors (table, plates, clocks) are not learned: one recording shows their sum.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy import optimize
+
+from stridelab.estimation.smoother.model import Sizes, state_space
+from stridelab.estimation.smoother.recursions import Signals, filtered, gains, log_likelihood
+
+LEARNED: Final = ("marker_m", "moment_m", "table_varying_m", "swing_m_s", "overtone_m_s", "damping")
+WIDTH: Final = 1.0
+FARTHEST: Final = 3.0
+ITERATIONS: Final = 8
+STEP: Final = 1e-3
+LOOKED_AT: Final = 600
+LARGEST_DAMPING: Final = 0.9
+
+Logs = Float[np.ndarray, "p 3"]
+
+
+def learned(sizes: Sizes, signals: Signals, rate_hz: float) -> Sizes:
+    """The sizes with those of ``LEARNED`` replaced, per axis, by the most probable ones.
+
+    The stretch that is looked at lies around the middle of what has force, and has at most ``LOOKED_AT`` samples.
+    """
+    signals = _middle(signals)
+    start = np.array([getattr(sizes, name) for name in LEARNED])
+    known = start > 0
+    start = np.log(np.where(known, start, 1.0))
+
+    def cost(x: Float[np.ndarray, "_"]) -> tuple[float, Float[np.ndarray, "_"]]:
+        logs = x.reshape(start.shape)
+        values = -log_likelihoods(sizes, np.array([logs, *_neighbours(logs)]), signals, rate_hz)
+        away = (logs - start) / WIDTH
+        slope = (values[1:] - values[0]) / STEP + away / WIDTH
+        return float(values[0].sum() + 0.5 * np.sum(away**2)), np.where(known, slope, 0.0).ravel()
+
+    bounds = [(x - FARTHEST, x + FARTHEST) for x in start.ravel()]
+    best = optimize.minimize(
+        cost, start.ravel(), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": ITERATIONS}
+    )
+    return with_logs(sizes, np.where(known, best.x.reshape(start.shape), -np.inf)[None])
+
+
+def log_likelihoods(
+    sizes: Sizes, candidates: Float[np.ndarray, "k p 3"], signals: Signals, rate_hz: float
+) -> Float[np.ndarray, "k 3"]:
+    """Log-likelihood of every candidate, per axis."""
+    space = state_space(with_logs(sizes, candidates), rate_hz)
+    found = gains(space, signals.seen, signals.phi)
+    return log_likelihood(space, found, filtered(space, signals, found)).reshape(len(candidates), 3)
+
+
+def with_logs(sizes: Sizes, candidates: Float[np.ndarray, "k p 3"]) -> Sizes:
+    """One batch of models: three axes for each candidate."""
+    k = len(candidates)
+    batch = sizes.repeated(k)
+    given = {name: np.exp(candidates[:, i]).ravel() for i, name in enumerate(LEARNED)}
+    given["damping"] = np.minimum(given["damping"], LARGEST_DAMPING)
+    given = {name: np.where(getattr(batch, name) > 0, value, 0.0) for name, value in given.items()}
+    return replace(batch, **given)
+
+
+def _middle(signals: Signals) -> Signals:
+    at = int(np.median(np.flatnonzero(signals.seen)))
+    first = max(0, min(at - LOOKED_AT // 2, len(signals) - LOOKED_AT))
+    return signals.between(first, first + LOOKED_AT)
+
+
+def _neighbours(logs: Logs) -> Float[np.ndarray, "p p 3"]:
+    """Each parameter a little larger, in all axes at once."""
+    return np.asarray(logs + STEP * np.eye(len(logs))[:, :, None])

@@ -1,0 +1,57 @@
+"""What the data say about the priors: are the errors of the stated size, is a plate biased more than declared.
+
+A constant error of the force shows: integrated twice, it pulls the CoM away from the geometry. Its posterior mean m and
+variance V satisfy m ~ N(0, P0 - V) if the prior variance P0 is true, so m^2 / (P0 - V) is chi-squared with one degree
+of freedom. A constant error of the *moment* does not show: it looks like an error of the segment table.
+"""
+
+from typing import Final
+
+import numpy as np
+from scipy import stats
+
+from stridelab.estimation.smoother.model import ACCELERATION, StateSpace
+from stridelab.estimation.smoother.priors import SmootherPriors
+from stridelab.estimation.smoother.recursions import Filtered, Gains
+from stridelab.recordings.recording import Remark
+
+FALSE_ALARMS: Final = 1e-3
+TELLING: Final = 0.05
+"""Share of the prior variance that the data must have removed before the test means anything."""
+
+
+def plate_bias_statistic(space: StateSpace, forward: Filtered) -> float:
+    """Sum of m^2 / (P0 - V) over the two horizontal axes: chi-squared with two degrees of freedom."""
+    return float(_statistics(space, forward).sum())
+
+
+def plate_bias_remarks(
+    space: StateSpace, forward: Filtered, mass_kg: float, priors: SmootherPriors
+) -> tuple[Remark, ...]:
+    """A remark where the horizontal force has a bias that the declared one makes improbable (1 in 1000)."""
+    if plate_bias_statistic(space, forward) < stats.chi2.isf(FALSE_ALARMS, 2):
+        return ()
+    bias_n = mass_kg * forward.constants[:2, ACCELERATION]
+    return (
+        Remark(
+            "undeclared-plate-bias",
+            f"Force and markers agree only if the plates are off by {bias_n[0]:+.1f} N along the walk and "
+            f"{bias_n[1]:+.1f} N sideways, and {priors.plate_force_n:g} N is declared: the stated band is too narrow. "
+            "Zero the plates, or declare the bias.",
+        ),
+    )
+
+
+def normalised_innovations(found: Gains, forward: Filtered) -> float:
+    """Mean of e' S^-1 e over its degrees of freedom, constants taken out: 1 where all sizes are true."""
+    e = forward.innovations[..., 0] + np.einsum("kamc,ac->kam", forward.innovations[..., 1:4], forward.constants)
+    squares = np.einsum("kam,kamn,kan->", e, found.information[found.use], e)
+    return float(squares / (found.information[found.use][:, :, [0, 1], [0, 1]] > 1e-6).sum())
+
+
+def _statistics(space: StateSpace, forward: Filtered) -> np.ndarray:
+    prior = space.constant_sd[:2, ACCELERATION] ** 2
+    learnt = prior - forward.constants_cov[:2, ACCELERATION, ACCELERATION]
+    told = learnt > TELLING * prior
+    m = forward.constants[:2, ACCELERATION]
+    return np.where(told, m**2 / np.where(told, learnt, 1.0), 0.0)

@@ -1,0 +1,70 @@
+"""Spectra of errors (section 2.5.2, figure 2.6): at which frequencies which signal can be believed.
+
+Welch's estimate of the one-sided power spectral density, Hann windows with half overlap. Nothing is subtracted from a
+window, because a constant error is what the low frequencies are about: it shows in the lowest line. The integral over
+all frequencies is the mean square of the windowed error, so a square root of a part of it is an error in metres.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy import signal
+
+from stridelab.conventions import Points, Series
+from stridelab.errors import Fault, InvalidInput
+
+SEGMENT_S = 2.56
+"""Length of Welch's windows: lines 0.39 Hz apart, the finest that tells f_2 = 0.4 Hz from a constant."""
+
+Density = Float[np.ndarray, "lines 3"]
+Lines = Float[np.ndarray, "lines"]
+
+
+@dataclass(frozen=True)
+class ErrorSpectrum:
+    """``density`` is the power spectral density per axis, in the error's unit squared per hertz."""
+
+    frequency_hz: Lines
+    density: Density
+
+    @property
+    def amplitude(self) -> Density:
+        """Amplitude density: the error's unit per square root of a hertz."""
+        return np.asarray(np.sqrt(self.density))
+
+    def band_rms(self, low_hz: float, high_hz: float) -> Float[np.ndarray, "3"]:
+        """RMS of the error between two frequencies (the lower one included), per axis, in the error's unit."""
+        inside = (self.frequency_hz >= low_hz) & (self.frequency_hz < high_hz)
+        return np.asarray(np.sqrt(self.density[inside].sum(axis=0) * self.resolution_hz))
+
+    @property
+    def resolution_hz(self) -> float:
+        """Distance of two lines."""
+        return float(self.frequency_hz[1] - self.frequency_hz[0])
+
+
+def error_spectrum(error: Points, rate_hz: float, segment_s: float = SEGMENT_S) -> ErrorSpectrum:
+    """Welch's spectrum of an error given at ``rate_hz``; a record shorter than a window is one window.
+
+    Raises ``InvalidInput`` (``spectrum-needs-samples``) for fewer than 8 samples or values that are not finite.
+    """
+    if len(error) < 8 or not np.isfinite(error).all():
+        message = f"A spectrum needs at least 8 samples without gaps; there are {len(error)}."
+        raise InvalidInput("spectrum-needs-samples", message, [Fault("error", message)])
+    n = min(len(error), round(segment_s * rate_hz))
+    f, density = signal.welch(error, fs=rate_hz, window="hann", nperseg=n, detrend=False, axis=0)
+    return ErrorSpectrum(np.asarray(f), np.asarray(density))
+
+
+def crossing_hz(below: ErrorSpectrum, above: ErrorSpectrum, axis: int) -> float:
+    """Frequency from which on the first signal errs more than the second, and never less again below 10 Hz.
+
+    NaN where the first is better everywhere or worse everywhere. Both spectra must have the same lines.
+    """
+    used = below.frequency_hz <= 10.0
+    worse: Series = (below.density[used, axis] > above.density[used, axis]).astype(float)
+    if worse.all() or not worse[-1]:
+        return float("nan")
+    last_better = int(np.flatnonzero(worse == 0.0)[-1])
+    return float(below.frequency_hz[used][last_better + 1])

@@ -1,0 +1,1 @@
+"""Figures of the thesis, computed anew: one module per figure, its numbers beside ours."""

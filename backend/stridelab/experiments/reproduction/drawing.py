@@ -1,0 +1,147 @@
+"""Curves as SVG: panels with axes, a legend, linear or logarithmic scales; no program and no network needed.
+
+Colours and sizes are presentation attributes: the file carries neither scripts nor styles.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from stridelab.conventions import Series
+
+PALETTE: Final = ("#c0392b", "#1e8449", "#1f4e9c", "#b9770e", "#6c3483", "#117a8b", "#555555")
+WIDTH, HEIGHT = 720, 240
+_LEFT, _RIGHT, _TOP, _BOTTOM = 70, 150, 26, 40
+_MOST_POINTS = 900
+_FONT: Final = 'font-family="sans-serif" font-size="11" fill="#222222"'
+
+
+@dataclass(frozen=True)
+class Curve:
+    """One line; a value that is not finite interrupts it. ``colour`` counts in ``PALETTE``; ``dashed`` for references."""
+
+    x: Series
+    y: Series
+    name: str
+    colour: int = 0
+    dashed: bool = False
+
+
+@dataclass(frozen=True)
+class Panel:
+    """One pair of axes. On a logarithmic axis, values of zero or less are not drawn."""
+
+    title: str
+    x_label: str
+    y_label: str
+    curves: Sequence[Curve]
+    log_x: bool = False
+    log_y: bool = False
+
+
+def svg(panels: Sequence[Panel]) -> str:
+    """The panels below each other as one SVG document."""
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT * len(panels)}" '
+        f'width="{WIDTH}" height="{HEIGHT * len(panels)}" role="img">',
+        f'<rect width="{WIDTH}" height="{HEIGHT * len(panels)}" fill="#ffffff"/>',
+    ]
+    for number, panel in enumerate(panels):
+        parts.append(f'<g transform="translate(0 {HEIGHT * number})">')
+        parts += _panel(panel)
+        parts.append("</g>")
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+@dataclass(frozen=True)
+class _Scale:
+    """From data to pixels along one axis."""
+
+    low: float
+    high: float
+    start: float
+    end: float
+    log: bool
+
+    def __call__(self, value: float) -> float:
+        a, b, v = (math.log10(x) if self.log else x for x in (self.low, self.high, value))
+        return self.start + (v - a) / (b - a) * (self.end - self.start)
+
+    def ticks(self) -> list[float]:
+        if self.log:
+            first, last = math.ceil(math.log10(self.low) - 1e-9), math.floor(math.log10(self.high) + 1e-9)
+            every = max(1, math.ceil((last - first) / 6))
+            return [10.0**k for k in range(first, last + 1, every)]
+        raw = (self.high - self.low) / 5
+        unit = 10.0 ** math.floor(math.log10(raw))
+        step = next(k * unit for k in (1, 2, 5, 10) if k * unit >= raw)
+        return [k * step for k in range(math.ceil(self.low / step), math.floor(self.high / step) + 1)]
+
+
+def _panel(panel: Panel) -> list[str]:
+    x = _scale([c.x for c in panel.curves], panel.log_x, _LEFT, WIDTH - _RIGHT, margin=0.0)
+    y = _scale([c.y for c in panel.curves], panel.log_y, HEIGHT - _BOTTOM, _TOP, margin=0.05)
+    parts = [f'<text x="{_LEFT}" y="16" {_FONT} font-weight="bold">{escape(panel.title)}</text>']
+    for tick in x.ticks():
+        at = x(tick)
+        parts.append(_line(at, _TOP, at, HEIGHT - _BOTTOM, "#e3e3e3"))
+        parts.append(f'<text x="{at:.1f}" y="{HEIGHT - _BOTTOM + 14}" {_FONT} text-anchor="middle">{tick:g}</text>')
+    for tick in y.ticks():
+        at = y(tick)
+        parts.append(_line(_LEFT, at, WIDTH - _RIGHT, at, "#e3e3e3"))
+        parts.append(f'<text x="{_LEFT - 6}" y="{at + 4:.1f}" {_FONT} text-anchor="end">{tick:g}</text>')
+    parts.append(
+        f'<rect x="{_LEFT}" y="{_TOP}" width="{WIDTH - _LEFT - _RIGHT}" height="{HEIGHT - _TOP - _BOTTOM}" '
+        'fill="none" stroke="#555555"/>'
+    )
+    middle = (_LEFT + WIDTH - _RIGHT) / 2
+    parts.append(f'<text x="{middle}" y="{HEIGHT - 8}" {_FONT} text-anchor="middle">{escape(panel.x_label)}</text>')
+    half = (_TOP + HEIGHT - _BOTTOM) / 2
+    parts.append(
+        f'<text x="14" y="{half}" {_FONT} text-anchor="middle" transform="rotate(-90 14 {half})">'
+        f"{escape(panel.y_label)}</text>"
+    )
+    for row, curve in enumerate(panel.curves):
+        colour = PALETTE[curve.colour % len(PALETTE)]
+        dash = ' stroke-dasharray="5 3"' if curve.dashed else ""
+        parts += [
+            f'<polyline points="{run}" fill="none" stroke="{colour}" stroke-width="1.4"{dash}/>'
+            for run in _runs(curve, x, y)
+        ]
+        at = _TOP + 10 + 16 * row
+        right = WIDTH - _RIGHT + 10
+        parts.append(f'<path d="M {right} {at} h 18" stroke="{colour}" stroke-width="2"{dash}/>')
+        parts.append(f'<text x="{right + 24}" y="{at + 4}" {_FONT}>{escape(curve.name)}</text>')
+    return parts
+
+
+def _scale(values: Sequence[Series], log: bool, start: float, end: float, *, margin: float) -> _Scale:
+    seen = np.concatenate([v[np.isfinite(v) & ((v > 0.0) | (not log))] for v in values])
+    if len(seen) == 0:
+        seen = np.array([1.0])
+    low, high = float(seen.min()), float(seen.max())
+    if log:
+        return _Scale(low, high if high > low else 10.0 * low, start, end, log)
+    room = margin * (high - low) or (0.0 if high > low else max(abs(high), 1.0) / 2)
+    return _Scale(low - room, high + room, start, end, log)
+
+
+def _runs(curve: Curve, x: _Scale, y: _Scale) -> list[str]:
+    """Pieces of the line between gaps, thinned to what a screen can show."""
+    every = max(1, len(curve.x) // _MOST_POINTS)
+    runs: list[list[str]] = [[]]
+    for a, b in zip(curve.x[::every].tolist(), curve.y[::every].tolist(), strict=True):
+        drawn = math.isfinite(a) and math.isfinite(b) and (a > 0.0 or not x.log) and (b > 0.0 or not y.log)
+        if drawn:
+            runs[-1].append(f"{x(a):.1f},{y(b):.1f}")
+        elif runs[-1]:
+            runs.append([])
+    return [" ".join(run) for run in runs if run]
+
+
+def _line(x0: float, y0: float, x1: float, y1: float, colour: str) -> str:
+    return f'<path d="M {x0:.1f} {y0:.1f} L {x1:.1f} {y1:.1f}" stroke="{colour}" stroke-width="0.7"/>'

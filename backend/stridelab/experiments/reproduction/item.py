@@ -1,0 +1,66 @@
+"""What reproducing one figure of the thesis yields: claims with both numbers and a verdict, tables, a drawing."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+import numpy as np
+
+Verdict = Literal["met", "beaten", "not_met", "thesis_in_error"]
+VERDICTS: Final[tuple[Verdict, ...]] = ("not_met", "thesis_in_error", "met", "beaten")
+"""From what weighs most to what weighs least, when a figure makes several claims."""
+
+Column = np.ndarray
+"""One column of a table: numbers or words, one per row."""
+Tell = Callable[[float, str], None]
+"""Called with a fraction from 0 to 1 and what is being done."""
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One statement that a figure makes, in one number.
+
+    ``thesis`` is the printed number, or words where it prints none. ``verdict``: "met" within the claim, "beaten" better
+    than claimed, "not_met" where our computation falls short of it, "thesis_in_error" where it cannot hold.
+    """
+
+    key: str
+    says: str
+    thesis: float | str
+    ours: float
+    unit: str
+    verdict: Verdict
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class Reproduction:
+    """The result of one item; ``tables`` maps a name to columns with units in their names, ``drawing`` is an SVG."""
+
+    claims: tuple[Claim, ...]
+    note: str
+    tables: Mapping[str, Mapping[str, Column]]
+    drawing: str
+    references: tuple[str, ...] = ("carpentier2017thesis",)
+
+    @property
+    def verdict(self) -> Verdict:
+        """The verdict of the claim that weighs most."""
+        return min((claim.verdict for claim in self.claims), key=VERDICTS.index)
+
+
+@dataclass(frozen=True)
+class Item:
+    """A figure that can be reproduced. ``run(seeds, tell)`` repeats it on that many simulated walks."""
+
+    name: str
+    title: str
+    run: Callable[[int, Tell], Reproduction]
+    default_seeds: int = field(default=1)
+
+
+def judged(ours: float, *, at_most: float | None = None, at_least: float | None = None) -> Verdict:
+    """ "met" or "not_met" of a number that has a bound on one side."""
+    if at_most is not None:
+        return "met" if ours <= at_most else "not_met"
+    return "met" if at_least is not None and ours >= at_least else "not_met"

@@ -1,0 +1,84 @@
+"""Input and result of ``compare-estimators``. Figures are per axis or horizontal and vertical, never 3D."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from stridelab.schemas.base import Contract, Interval, Remark
+from stridelab.schemas.jobs import EstimateComInput
+
+
+class CompareEstimatorsInput(EstimateComInput):
+    """Input of ``compare-estimators``: that of ``estimate-com``.
+
+    ``method`` null compares all estimators that this version has, the complementary filter also with the thesis'
+    cut-offs; a name compares that one with the geometry.
+    """
+
+
+class Axes(Contract):
+    """One figure per axis: along the walk, to its left, up. Null where it cannot be told."""
+
+    along: float | None
+    lateral: float | None
+    vertical: float | None
+
+
+class ErrorAgainstTruth(Contract):
+    """Error where the truth is known; ``lag_s`` > 0 means that the estimate is late."""
+
+    horizontal_m: float = Field(description="RMS of the horizontal distance from the true centre of mass")
+    horizontal_95_m: float = Field(description="95th percentile of that distance")
+    vertical_m: float
+    rms_m: Axes
+    mean_m: Axes
+    coverage: Axes = Field(description="share of samples inside the stated 95 % band")
+    sd_m: Axes = Field(description="RMS of the stated standard deviation")
+    lag_s: Axes
+
+
+class FlightAgreement(Contract):
+    """Free fall: ``vertical_share`` is the vertical acceleration over g, minus one."""
+
+    flights: int
+    vertical_share: float
+    horizontal_m_s2: float
+
+
+class MomentumRateAgreement(Contract):
+    """Rate of the angular momentum, as the plates imply it with this estimate, against that of the segments."""
+
+    correlation: Axes
+    rms_nm: Axes
+
+
+class MethodAssessment(Contract):
+    """All that can be said of one estimator on this recording; null where a check does not apply."""
+
+    method: str
+    offset_m: Axes = Field(description="estimate minus geometry, mean over the window")
+    force_residual_n: Axes = Field(description="RMS of m (c'' - g) - f in an 8 Hz band")
+    held_back_n: Axes | None = Field(description="the same at force samples that the estimator did not see")
+    momentum_rate: MomentumRateAgreement | None
+    flight: FlightAgreement | None
+    standing_m: float | None = Field(
+        description="standing on plates: horizontal distance to the mean centre of pressure"
+    )
+    truth: ErrorAgainstTruth | None
+    warnings: list[Remark]
+
+
+class CompareEstimatorsSummary(Contract):
+    """All estimators on one recording: errors where the truth is known, agreement with physics, and spectra."""
+
+    window_s: Interval
+    rate_hz: float
+    segment_table: str
+    mass_kg: float
+    latency_s: float | None
+    latency_sd_s: float | None
+    latency_applied_s: float
+    reference: Literal["truth", "geometry"] = Field(description="what the spectra of the estimators are held against")
+    methods: dict[str, MethodAssessment]
+    refused: dict[str, Remark] = Field(description="estimators that cannot work on this recording, and why")
+    warnings: list[Remark]

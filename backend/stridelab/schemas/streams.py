@@ -1,0 +1,100 @@
+"""Messages of ``/stream/com``: the configuration, samples in, estimates out."""
+
+from typing import Annotated, Final, Literal
+
+from pydantic import Field, model_validator
+
+from stridelab.schemas.base import Contract, Problem
+
+Triple = tuple[float, float, float]
+Sd = Annotated[float, Field(gt=0.0, le=1000.0)]
+
+PACKED_SAMPLE: Final = ("time_s", "geometry_m", "force_n", "moment_nm")
+"""Columns of a packed sample: the time since the message's own (1), then three numbers each."""
+PACKED_ESTIMATE: Final = ("time_s", "com_m", "velocity_m_s", "sd_m")
+"""Columns of a packed estimate, likewise."""
+PACKED_TIME: Final = "<d"
+"""A packed message begins with a time in seconds, little-endian float64, which the times in its rows count from."""
+PACKED_ROW: Final = "<10f"
+"""A row is ten little-endian float32; three NaN stand for what is missing."""
+
+
+class StreamPriors(Contract):
+    """Standard deviations of what can be wrong with the inputs; they decide the width of the band."""
+
+    geometry_m: tuple[Sd, Sd, Sd] = Field(
+        default=(0.008, 0.008, 0.02), description="CoM of the segment model, per axis"
+    )
+    marker_m: Sd = Field(default=0.001, description="noise of the CoM from marker noise")
+    acceleration_m_s2: tuple[Sd, Sd, Sd] = Field(
+        default=(0.05, 0.05, 0.15), description="constant error of force / mass, per axis"
+    )
+    moment_nm: Sd = Field(default=2.0, description="constant error of each horizontal moment at the body")
+    momentum_rate_nm_kg: tuple[Sd, Sd] = Field(
+        default=(0.12, 0.33), description="change of angular momentum per kilogram, RMS, about walking and lateral axis"
+    )
+    step_hz: Annotated[float, Field(gt=0.0, le=10.0)] = Field(default=1.8, description="steps per second")
+    clock_s: Sd = Field(default=0.005, description="delay between force and markers")
+
+
+class StreamConfiguration(Contract):
+    """The first message of a stream, as text."""
+
+    mass_kg: Annotated[float, Field(gt=1.0, lt=1000.0)]
+    rate_hz: Annotated[float, Field(gt=0.0)] = Field(description="samples per second that will come")
+    method: Literal["complementary"] = "complementary"
+    cutoffs: Literal["auto", "thesis"] | tuple[float, float] = Field(
+        default="auto", description="low and high cut-off in Hz (2.24-2.27)"
+    )
+    priors: StreamPriors = Field(default_factory=StreamPriors)
+    velocity_m_s: Triple | None = Field(default=None, description="at the first sample, where it is known")
+    format: Literal["json", "float32"] = Field(default="json", description="of all messages that follow")
+
+
+class StreamSample(Contract):
+    """One instant. Null: no geometry (markers hidden), or not all contact force measured; flight is a force of zero."""
+
+    time_s: float
+    geometry_m: Triple | None = None
+    force_n: Triple | None = None
+    moment_nm: Triple | None = None
+
+    @model_validator(mode="after")
+    def _wrench_is_whole(self) -> "StreamSample":
+        if (self.force_n is None) != (self.moment_nm is None):
+            raise ValueError("force_n and moment_nm come together")
+        return self
+
+
+class StreamEstimate(Contract):
+    """The estimate at one instant; ``sd_m`` is the standard deviation of the position per axis."""
+
+    time_s: float
+    com_m: Triple
+    velocity_m_s: Triple
+    sd_m: Triple
+
+
+class StreamReady(Contract):
+    """What will be done: the answer to the configuration."""
+
+    method: str
+    rate_hz: float
+    format: Literal["json", "float32"]
+    low_hz: float | None = None
+    high_hz: float | None = None
+    references: list[str]
+
+
+class StreamSamples(Contract):
+    """A message with samples."""
+
+    samples: list[StreamSample]
+
+
+class StreamAnswer(Contract):
+    """A message of the service as text: exactly one of these."""
+
+    ready: StreamReady | None = None
+    samples: list[StreamEstimate] | None = None
+    problem: Problem | None = None

@@ -1,0 +1,69 @@
+"""The process of one stream: ``python -m stridelab.service.api.stream.child PARENT MEMORY_MB``.
+
+It reads parcels (``wire``) from its standard input, the configuration first, and answers each with one on its standard
+output, until the input ends or something is wrong. It ends with its parent and keeps no file.
+"""
+
+import faulthandler
+import json
+import os
+import sys
+import traceback
+from typing import BinaryIO
+
+from stridelab.errors import StridelabError
+from stridelab.schemas.streams import StreamAnswer, StreamConfiguration
+from stridelab.service.api.stream.wire import HEADER, PROBLEM, TEXT, Parcel
+from stridelab.service.jobs.child import forbid_core_files, limit_memory
+from stridelab.service.tether import die_with_parent
+
+
+def main(parent_pid: int, memory_mb: int) -> None:
+    """Answer until there is nothing more to answer."""
+    die_with_parent(parent_pid)
+    forbid_core_files()
+    wire = os.fdopen(os.dup(1), "wb", buffering=0)
+    os.dup2(2, 1)  # what libraries print belongs into the log, not between the answers
+    faulthandler.enable()
+    try:
+        converse(sys.stdin.buffer, wire, memory_mb)
+    except StridelabError as error:
+        faults = [{"where": fault.where, "message": fault.message} for fault in error.faults]
+        _tell(wire, type(error).__name__, {"code": error.code, "detail": error.message, "errors": faults})
+    except BaseException as error:  # noqa: BLE001 (whatever goes wrong here, the other end hears of it)
+        traceback.print_exc()
+        detail = f"The estimator stopped with an unexpected error ({type(error).__name__})."
+        _tell(wire, None, {"code": "stream-failed", "detail": detail, "errors": []})
+    sys.stderr.flush()
+    os._exit(0)
+
+
+def converse(source: BinaryIO, wire: BinaryIO, memory_mb: int) -> None:
+    """Answer the parcels of ``source`` on ``wire``."""
+    from stridelab.service.api.stream.session import Session
+
+    limit_memory(memory_mb)
+    first = _read(source)
+    if first is None:
+        return
+    session = Session(StreamConfiguration.model_validate_json(first.content))
+    ready = StreamAnswer(ready=session.ready).model_dump_json(exclude_none=True)
+    wire.write(Parcel(TEXT, ready.encode()).to_bytes())
+    while (parcel := _read(source)) is not None:
+        wire.write(session.answer(parcel).to_bytes())
+
+
+def _read(source: BinaryIO) -> Parcel | None:
+    header = source.read(HEADER.size)
+    if len(header) < HEADER.size:
+        return None
+    kind, samples, size = HEADER.unpack(header)
+    return Parcel(kind, source.read(size), samples)
+
+
+def _tell(wire: BinaryIO, raised: str | None, problem: dict[str, object]) -> None:
+    wire.write(Parcel(PROBLEM, json.dumps({"raised": raised, "problem": problem}).encode()).to_bytes())
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), int(sys.argv[2]))

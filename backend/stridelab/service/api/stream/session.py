@@ -1,0 +1,118 @@
+"""The numbers behind a stream: an online estimator, fed with messages. Runs in the stream's own process."""
+
+import json
+import struct
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float64
+from pydantic import ValidationError
+
+from stridelab.conventions import Vector3
+from stridelab.errors import Fault, InvalidInput, StridelabError
+from stridelab.schemas.streams import (
+    PACKED_ROW,
+    PACKED_TIME,
+    StreamConfiguration,
+    StreamSamples,
+)
+from stridelab.service.api.stream.estimators import begin
+from stridelab.service.api.stream.wire import PACKED, TEXT, Parcel
+
+_TIME_BYTES: Final = struct.calcsize(PACKED_TIME)
+_ROW_BYTES: Final = struct.calcsize(PACKED_ROW)
+_COLUMNS: Final = _ROW_BYTES // 4
+_SHOWN_FAULTS: Final = 20
+_LARGEST_FLOAT32: Final = float(np.finfo(np.float32).max)
+
+Given = tuple[float, Vector3 | None, Vector3 | None, Vector3 | None]
+Rows = Float64[np.ndarray, "n 10"]
+Estimates = Float64[np.ndarray, "n 9"]
+
+
+class Session:
+    """One stream. Raises ``InvalidInput`` for a configuration that makes no sense."""
+
+    def __init__(self, configuration: StreamConfiguration) -> None:
+        self._format = configuration.format
+        self._estimator, self.ready = begin(configuration)
+
+    def answer(self, parcel: Parcel) -> Parcel:
+        """The estimates at the samples of a message.
+
+        Raises ``InvalidInput`` or ``NotEstimable``, with the sample in question named by its place in the message.
+        """
+        if (parcel.kind == PACKED) != (self._format == "float32"):
+            came = "packed" if parcel.kind == PACKED else "text"
+            raise InvalidInput("wrong-format", f"A {came} message came into a stream whose format is {self._format}.")
+        if self._format == "json":
+            samples = parse_text(parcel.content)
+            estimates = [
+                {"time_s": sample[0], "com_m": row[0:3], "velocity_m_s": row[3:6], "sd_m": row[6:9]}
+                for sample, row in zip(samples, self._estimates(samples).tolist(), strict=True)
+            ]
+            text = json.dumps({"samples": estimates}, allow_nan=False)
+            return Parcel(TEXT, text.encode(), len(samples))
+        start_s, rows = parse_packed(parcel.content)
+        samples = [_given(start_s, row) for row in rows]
+        answers = np.empty((len(rows), _COLUMNS), dtype="<f4")
+        answers[:, 0] = rows[:, 0]
+        answers[:, 1:] = self._estimates(samples, largest=_LARGEST_FLOAT32)
+        return Parcel(PACKED, struct.pack(PACKED_TIME, start_s) + answers.tobytes(), len(rows))
+
+    def _estimates(self, samples: list[Given], largest: float = np.inf) -> Estimates:
+        """CoM, velocity and band, one row per sample. Raises ``not-finite`` as well where numbers overflow."""
+        step = self._estimator.step
+        rows = np.empty((len(samples), 9))
+        for index, sample in enumerate(samples):
+            try:
+                rows[index, 0:3], rows[index, 3:6], rows[index, 6:9] = step(*sample)
+            except StridelabError as error:
+                where = f"samples[{index}]"
+                faults = [Fault(f"{where}.{fault.where}", fault.message) for fault in error.faults]
+                raise type(error)(error.code, error.message, faults or [Fault(where, error.message)]) from error
+        if not (np.abs(rows) < largest).all():
+            raise InvalidInput("not-finite", "The numbers in the samples are too large for an estimate.")
+        return rows
+
+
+def parse_text(content: bytes) -> list[Given]:
+    """Samples of a JSON message. Raises ``InvalidInput`` (``invalid-samples``) naming what is wrong where."""
+    try:
+        message = StreamSamples.model_validate_json(content, strict=True)
+    except ValidationError as error:
+        faults = [
+            Fault(".".join(str(part) for part in item["loc"])[:100] or "message", item["msg"][:200])
+            for item in error.errors(include_url=False, include_input=False, include_context=False)[:_SHOWN_FAULTS]
+        ]
+        raise InvalidInput(
+            "invalid-samples", 'A text message is {"samples": [{"time_s": ...}, ...]}; this one is not.', faults
+        ) from error
+    return [
+        (sample.time_s, _vector(sample.geometry_m), _vector(sample.force_n), _vector(sample.moment_nm))
+        for sample in message.samples
+    ]
+
+
+def parse_packed(content: bytes) -> tuple[float, Rows]:
+    """Time and rows of a packed message. Raises ``InvalidInput`` (``wrong-packing``) for one of another length."""
+    if len(content) < _TIME_BYTES or (len(content) - _TIME_BYTES) % _ROW_BYTES:
+        raise InvalidInput(
+            "wrong-packing",
+            f"A packed message has {_TIME_BYTES} bytes and {_ROW_BYTES} more per sample; this one has {len(content)}.",
+        )
+    (start_s,) = struct.unpack_from(PACKED_TIME, content)
+    rows = np.frombuffer(content, dtype="<f4", offset=_TIME_BYTES).reshape(-1, _COLUMNS)
+    return float(start_s), rows.astype(np.float64)
+
+
+def _given(start_s: float, row: Float64[np.ndarray, "10"]) -> Given:
+    return start_s + float(row[0]), _seen(row[1:4]), _seen(row[4:7]), _seen(row[7:10])
+
+
+def _seen(triple: Vector3) -> Vector3 | None:
+    return None if np.isnan(triple).all() else triple
+
+
+def _vector(triple: tuple[float, float, float] | None) -> Vector3 | None:
+    return None if triple is None else np.array(triple)

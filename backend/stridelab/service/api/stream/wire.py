@@ -1,0 +1,28 @@
+"""Messages between the web server and the process of a stream: a kind, how many samples, and the bytes of a message.
+
+Standard library only: both ends import it.
+"""
+
+import struct
+from dataclasses import dataclass
+from typing import Final, Literal
+
+TEXT: Final = b"t"
+PACKED: Final = b"b"
+PROBLEM: Final = b"p"
+"""JSON ``{"raised", "problem": {"code", "detail", "errors"}}``; the process ends after it."""
+
+HEADER: Final = struct.Struct("<cII")
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """One message; ``samples`` is how many of them an answer is about."""
+
+    kind: Literal[b"t", b"b", b"p"]
+    content: bytes
+    samples: int = 0
+
+    def to_bytes(self) -> bytes:
+        """As it travels."""
+        return HEADER.pack(self.kind, self.samples, len(self.content)) + self.content

@@ -1,0 +1,79 @@
+"""``stridelab stream`` replays the shipped sample to a real service."""
+
+import csv
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stridelab.cli_estimate import EstimateRequest
+from stridelab.cli_stream import COLUMNS, Replay, paced, prepared, stream
+from stridelab.errors import InvalidInput, Unavailable
+from support.database import TestDatabases
+from support.interface import Served, served
+from support.quiet import SAMPLE
+from support.streams import walk_samples
+
+REQUEST = EstimateRequest(file=SAMPLE / "recording.c3d")
+
+
+@pytest.fixture(scope="module")
+def service(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with postgres.fresh() as url, served(url, tmp_path_factory.mktemp("data")) as running:
+        yield running
+
+
+def test_the_sample_is_replayed(service: Served, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = tmp_path / "com.csv"
+    replay = Replay(speed=4.0, block=20, packed=True, csv=path)
+    stream(REQUEST, replay, as_json=True, server=service.base_url, token=None)
+    figures = json.loads(capsys.readouterr().out)
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *rows = list(csv.reader(file))
+    told = np.array(rows, dtype=float)
+    assert tuple(header) == COLUMNS
+    assert len(told) == figures["samples"]
+    assert figures["method"] == "complementary"
+    assert figures["played_s"] >= (told[-1, 0] - told[0, 0]) / 4.0 - 0.01
+    _, samples = prepared(REQUEST, packed=True)
+    geometry = np.array([sample.geometry_m for sample in samples])
+    assert told[:, 0] == pytest.approx([sample.time_s for sample in samples], abs=1e-5)
+    assert np.abs(told[:, 1:4] - geometry).max() < 0.05
+    assert np.abs(told[:, 1:3] - geometry[:, :2]).max() > 0.0, "the force says something"
+
+
+def test_the_summary_is_a_table(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
+    stream(REQUEST, Replay(speed=1000.0, block=50), as_json=False, server=service.base_url, token=None)
+    shown = capsys.readouterr().out
+    for name in ("method", "played", "answered", "last position", "its band"):
+        assert name in shown
+
+
+def test_nobody_there_is_said_in_one_line() -> None:
+    with pytest.raises(Unavailable) as refused:
+        stream(REQUEST, Replay(speed=1000.0), as_json=False, server="http://127.0.0.1:9", token=None)
+    assert refused.value.code == "service-unreachable"
+
+
+def test_blocks_come_when_their_last_sample_is_measured(monkeypatch: pytest.MonkeyPatch) -> None:
+    now, slept = [100.0], []
+
+    def sleep(seconds: float) -> None:
+        slept.append(seconds)
+        now[0] += seconds
+
+    monkeypatch.setattr("stridelab.cli_stream.time.perf_counter", lambda: now[0])
+    monkeypatch.setattr("stridelab.cli_stream.time.sleep", sleep)
+    samples = walk_samples(0.1, start_s=3.0)
+    blocks = [samples[:10], samples[10:]]
+    assert list(paced(blocks, 0.5)) == blocks
+    assert np.cumsum(slept) == pytest.approx([0.045 / 0.5, 0.095 / 0.5])
+
+
+@pytest.mark.parametrize("options", [{"speed": 0.0}, {"speed": -1.0}, {"speed": float("inf")}, {"block": 0}])
+def test_senseless_options_are_refused(options: dict[str, float]) -> None:
+    with pytest.raises(InvalidInput) as refused:
+        Replay(**options)  # type: ignore[arg-type]
+    assert refused.value.code == "option-invalid"

@@ -1,0 +1,60 @@
+"""The smoother against motions whose centre of mass is known exactly."""
+
+import numpy as np
+import pytest
+
+from stridelab.errors import InvalidInput, NotEstimable
+from stridelab.estimation.estimate import ComEstimator
+from stridelab.estimation.smoother import Smoother, SmootherPriors
+from stridelab.recordings.recording import Window
+from support.motions import uniform, walk
+
+RATE_HZ = 100.0
+WHOLE = Window(0.0, 4.0)
+
+
+def times(duration_s: float = 4.0) -> np.ndarray:
+    return np.arange(round(duration_s * RATE_HZ) + 1) / RATE_HZ
+
+
+def rms(error: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(error**2, axis=0))
+
+
+def test_it_offers_what_every_estimator_offers():
+    assert isinstance(Smoother(), ComEstimator)
+    assert Smoother.name == "smoother"
+
+
+def test_a_body_that_coasts_is_returned_from_the_first_sample_on():
+    motion, t = uniform(), times()
+    estimate = Smoother().estimate(motion.geometric(t), motion.wrench_track(t, WHOLE), motion.mass_kg)
+    assert np.abs(estimate.com_m - motion.com.at(t)).max() < 1e-9
+    assert np.abs(estimate.velocity_m_s - motion.com.at(t, 1)).max() < 1e-8
+
+
+def test_a_wrong_table_is_corrected_sideways_and_ahead_but_never_in_height():
+    motion, t = walk(), times()
+    bias = np.array([0.015, -0.012, 0.02])
+    estimate = Smoother().estimate(motion.geometric(t, bias), motion.wrench_track(t, WHOLE), motion.mass_kg)
+    error = estimate.com_m - motion.com.at(t)
+    assert (rms(error)[:2] < 0.0015).all()
+    assert rms(error)[2] == pytest.approx(0.02, rel=0.02)  # along the force nothing is learnt
+    assert (estimate.sd_m[:, 2] >= 0.02).all()  # and the band says so
+    assert (np.abs(error) < 1.96 * estimate.sd_m).all()
+
+
+@pytest.mark.parametrize("name", ["marker_m", "force_n", "moment_nm", "table_varying_m", "damping"])
+@pytest.mark.parametrize("value", [0.0, -0.01])
+def test_priors_of_zero_or_less_are_refused_by_name(name: str, value: float):
+    with pytest.raises(InvalidInput) as refused:
+        SmootherPriors(**{name: value})
+    assert refused.value.code == "prior-out-of-range"
+    assert name in refused.value.faults[0].where
+
+
+def test_a_force_of_a_third_of_a_second_is_refused():
+    motion, t = walk(), times()
+    with pytest.raises(NotEstimable) as refused:
+        Smoother().estimate(motion.geometric(t), motion.wrench_track(t, Window(1.0, 1.3)), motion.mass_kg)
+    assert refused.value.code == "window-too-short"
