@@ -281,6 +281,22 @@ def plan(
 
 
 @app.command()
+def reproduce(
+    item: Annotated[str, typer.Argument(help="A figure of the thesis: fig-2.2, fig-2.5 to fig-2.9.")],
+    seeds: Annotated[int | None, typer.Option("--seeds", help="Simulated walks to repeat it on, 1 to 200.")] = None,
+    out_dir: OutFolder = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    server: Server = None,
+    token: Token = None,
+) -> None:
+    """Compute a figure of the thesis anew: its numbers beside ours, and the drawing; needs no server."""
+    from stridelab.cli_reproduce import reproduce as run
+
+    run(item, seeds, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+
+
+@app.command()
 def demo(out_dir: OutFolder = None, force: Force = False) -> None:
     """Both main jobs: a walk with its known truth, and a robot that climbs stairs."""
     from stridelab.cli_demo import demo as run

@@ -32,6 +32,8 @@ OPTIONS = {
     "seed": "--seed",
     "noise": "--noise",
     "lab": "--lab",
+    "item": "ITEM",
+    "seeds": "--seeds",
 }
 """Option that sets a field of the contract, for messages."""
 

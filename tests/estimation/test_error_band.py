@@ -8,6 +8,8 @@ import pytest
 from stridelab.estimation.complementary import ComplementaryFilter
 from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.geometry import GeometryOnly
+from stridelab.estimation.kalman import KalmanFilter
+from stridelab.estimation.rts import RtsSmoother
 from stridelab.recordings.recording import Window, WrenchTrack
 from support.motions import Harmonics, Motion, walk
 
@@ -38,9 +40,9 @@ def draw(seed, priors, window, table_sd_m=TABLE_SD_M):
     return motion, replace(geometric, sd_m=table_sd_m), WrenchTrack(T, f, nu, complete, (window,))
 
 
-def errors_and_bands(estimator, priors, window):
+def errors_and_bands(estimator, priors, window, seeds=SEEDS):
     errors, bands = [], []
-    for seed in range(SEEDS):
+    for seed in range(seeds):
         motion, geometric, wrench = draw(seed, priors, window)
         estimate = estimator.estimate(geometric, wrench, 70.0)
         errors.append(estimate.com_m - motion.com.at(estimate.time_s))
@@ -62,6 +64,17 @@ def test_the_band_is_the_spread_of_the_estimator(estimator, window):
     coverage = (np.abs(errors) < 1.96 * bands).mean(axis=(0, 1))
     assert (coverage > 0.88).all()
     assert (coverage <= 1.0).all()
+
+
+@pytest.mark.parametrize("estimator", [KalmanFilter.tuned(), RtsSmoother.tuned()], ids=["kalman", "rts"])
+def test_the_band_of_the_jerk_model_is_its_spread_and_not_what_the_model_believes(estimator):
+    errors, bands = errors_and_bands(estimator, PRIORS, Window(0.5, 1.5), seeds=30)
+    rms, stated = np.sqrt((errors**2).mean(axis=(0, 1))), np.sqrt((bands**2).mean(axis=(0, 1)))
+    assert stated == pytest.approx(rms, rel=0.35)
+    assert ((np.abs(errors) < 1.96 * bands).mean(axis=(0, 1)) > 0.85).all()
+    _, geometric, wrench = draw(0, PRIORS, Window(0.5, 1.5))
+    believed = estimator.estimate(geometric, wrench, 70.0).diagnostics
+    assert all(believed[f"model_sd_{axis}_m"] < 0.5 * sd for axis, sd in zip("xyz", rms, strict=True))
 
 
 def test_each_source_alone_is_propagated():

@@ -1,11 +1,13 @@
 """The Kalman filter of section 2.5.3: against a textbook's loop, against its own statistics, and as it is printed."""
 
+import itertools
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
 from stridelab.errors import InvalidInput
-from stridelab.estimation.jerk_model import InputNoise, JerkModel, measured_inputs, stretches
+from stridelab.estimation.jerk_model import SIGMA_JERK_RANGE_M_S3, InputNoise, JerkModel, measured_inputs, stretches
 from stridelab.estimation.kalman import KalmanFilter
 from stridelab.estimation.kalman_passes import Axis
 from stridelab.recordings.recording import Window
@@ -186,3 +188,42 @@ def test_priors_that_are_not_positive_are_refused_by_name(field: str, make):
     assert refusal.value.code == "prior-not-positive"
     assert refusal.value.faults[0].where == field
     assert field in refusal.value.message
+
+
+@pytest.mark.parametrize(
+    ("field", "make"),
+    [
+        ("sigma_jerk_m_s3", lambda: KalmanFilter(sigma_jerk_m_s3=1e8)),
+        ("start_sd", lambda: KalmanFilter(start_sd=(1.0, 5.0, 1e9))),
+        ("noise.geometry_m", lambda: InputNoise(geometry_m=(1e-9, 0.01, 0.01))),
+        ("noise.force_n", lambda: InputNoise(force_n=(10.0, 10.0, 1e6))),
+    ],
+)
+def test_priors_that_make_no_sense_are_refused_by_name(field: str, make):
+    with pytest.raises(InvalidInput) as refusal:
+        make()
+    assert refusal.value.code == "prior-out-of-range"
+    assert refusal.value.faults[0].where == field
+
+
+@pytest.mark.parametrize("rate_hz", [50.0, 200.0, 2000.0])
+@pytest.mark.parametrize("sigma", SIGMA_JERK_RANGE_M_S3)
+def test_what_is_allowed_is_solved_or_refused_in_a_sentence(rate_hz: float, sigma: float):
+    """A body at rest at 1 m, exactly measured, is found wherever the standard deviations lie."""
+    n = 200
+    measured = np.ones((n, 3), dtype=bool)
+    measured[:50, 1:] = False
+    measured[120:140, 2] = False
+    y, start = np.tile([1.0, 0.0, 1.0], (1, n, 1)), np.array([[1.0, 0.0, 0.0]])
+    refused = []
+    for geometry, force, point in itertools.product((1e-4, 1.0), (1e-3, 10.0), (1e-4, 1.0)):
+        variance = (geometry**2, force**2, point**2)
+        axis = Axis(JerkModel(1 / rate_hz, sigma), variance, tuple(stretches(measured)), STARTS["unknown"])
+        try:
+            found = [axis.filtered(y, start), axis.smoothed(y, start)]
+        except InvalidInput as refusal:
+            refused.append((refusal.code, sigma))
+            continue
+        assert max(np.abs(track.mean[0, :, 0] - 1.0).max() for track in found) < 1e-4
+    assert set(refused) <= {("filter-not-solvable", 1000.0)}
+    assert len(refused) <= 2

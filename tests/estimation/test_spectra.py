@@ -42,10 +42,10 @@ def test_a_short_record_is_one_window_and_a_broken_one_is_refused() -> None:
 
 def test_where_two_spectra_cross() -> None:
     rng = np.random.default_rng(1)
-    flat = error_spectrum(rng.standard_normal((8192, 3)), RATE_HZ)
-    steep = error_spectrum(np.diff(rng.standard_normal((8193, 3)), axis=0), RATE_HZ)
-    # |1 - exp(-iw)|^2 = 1 at w = pi / 3: 16.7 Hz, so below 10 Hz the difference is smaller everywhere.
-    assert np.isnan(crossing_hz(steep, flat, 0))
-    louder = error_spectrum(4.0 * np.diff(rng.standard_normal((8193, 3)), axis=0), RATE_HZ)
+    flat = error_spectrum(rng.standard_normal((40000, 3)), RATE_HZ)
+    steep = error_spectrum(4.0 * np.diff(rng.standard_normal((40001, 3)), axis=0), RATE_HZ)
     # 4 |1 - exp(-iw)| = 1 at w = 2 asin(1/8): 4.0 Hz.
-    assert crossing_hz(louder, flat, 1) == pytest.approx(4.0, abs=1.2)
+    assert crossing_hz(steep, flat, 1) == pytest.approx(4.0, abs=0.8)
+    louder = error_spectrum(100.0 * rng.standard_normal((40000, 3)), RATE_HZ)
+    assert np.isnan(crossing_hz(flat, louder, 0))
+    assert crossing_hz(louder, flat, 0) == 0.0

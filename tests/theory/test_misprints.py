@@ -6,6 +6,7 @@ from scipy.linalg import expm
 
 from stridelab.conventions import g
 from stridelab.dynamics.newton_euler import contact_wrench
+from stridelab.estimation.jerk_model import C, JerkModel
 
 
 def particles(t: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -43,9 +44,12 @@ def test_2_29_lacks_the_identity():
     A = np.block([[O, E, O], [O, O, E], [O, O, O]])
     printed = np.block([[O, dt * E, dt**2 / 2 * E], [O, O, dt * E], [O, O, O]])
     assert_allclose(expm(A * dt), np.eye(9) + printed, atol=1e-15)
+    assert_allclose(np.kron(JerkModel(dt, 1.0).A, E), expm(A * dt), atol=1e-15)
+    assert_allclose(np.kron(JerkModel(dt, 1.0, printed=True).A, E), printed, atol=1e-15)
 
 
 def test_2_30_needs_the_acceleration_to_fit_the_three_rows_of_2_31():
-    C = np.kron(np.array([[1, 0, 0], [0, 0, 1], [1, 0, 0]]), np.eye(3))
     c, v, a = np.random.default_rng(1).normal(size=(3, 3))
-    assert_allclose(C @ np.concatenate([c, v, a]), np.concatenate([c, a, c]))
+    y = np.kron(C, np.eye(3)) @ np.concatenate([c, v, a])
+    assert_allclose(y, np.concatenate([c, a, c]))
+    assert y.shape != np.concatenate([c, c]).shape  # y of (2.30) as printed

@@ -14,6 +14,7 @@ A row of C_d counts where it is measured: the acceleration where all contact for
 enough force for an axis (in flight there is none). A record is a sequence of *stretches* with constant rows.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
@@ -31,6 +32,9 @@ from stridelab.estimation.riccati import Square, SteadyModel
 Measured = Bool[np.ndarray, "n 3"]
 """Which of the three inputs count at each sample."""
 
+LENGTH_RANGE_M, FORCE_RANGE_N, SIGMA_JERK_RANGE_M_S3 = (1e-4, 1.0), (0.1, 1000.0), (0.01, 1000.0)
+"""What a standard deviation may be: further out, double precision does not solve the Riccati equation to 0.1 mm."""
+
 C = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """(2.31) for one axis."""
 C.flags.writeable = False
@@ -40,17 +44,18 @@ C.flags.writeable = False
 class InputNoise:
     """Standard deviation per axis of the three inputs, which the filter takes for white: the diagonal of R.
 
-    The defaults are the noise of section 2.5.1 (0.05 pi in every joint, 10 N, 10 Nm at the world origin) as it arrives
-    at the inputs of a humanoid of 90 kg that walks 2 m.
+    The defaults are the noise of section 2.5.1 as it arrives at the inputs for a humanoid of 90 kg: 0.05 pi in every
+    joint, 10 N, and 10 Nm at a plate that lies 0.83 m below the CoM.
     """
 
     geometry_m: SdPerAxis = (0.0137, 0.0126, 0.0053)
     force_n: SdPerAxis = (10.0, 10.0, 10.0)
-    axis_m: SdPerAxis = (0.0201, 0.0147, 0.0056)
+    axis_m: SdPerAxis = (0.0147, 0.0147, 0.0053)
 
     def __post_init__(self) -> None:
-        for name in ("geometry_m", "force_n", "axis_m"):
-            require_positive(f"noise.{name}", *getattr(self, name))
+        require_sd("noise.geometry_m", self.geometry_m, LENGTH_RANGE_M)
+        require_sd("noise.force_n", self.force_n, FORCE_RANGE_N)
+        require_sd("noise.axis_m", self.axis_m, LENGTH_RANGE_M)
 
     @classmethod
     def stated(cls, table_sd_m: SdPerAxis, priors: ErrorPriors, velocity_m_s: Points, mass_kg: float) -> "InputNoise":
@@ -65,7 +70,12 @@ class InputNoise:
         moment = np.array([ahead * lateral, [-ahead[1] * walking, ahead[0] * walking, 0.0]])
         axis = np.sqrt((moment**2).sum(axis=0) + (priors.moment_nm / mass_kg) ** 2) / GRAVITY_M_S2
         force = np.hypot(priors.force_n, mass_kg * np.asarray(priors.acceleration_m_s2))
-        return cls(geometry_m=_three(g), force_n=_three(force), axis_m=_three(np.array([axis[0], axis[1], g[2]])))
+        axis[2] = g[2]
+        return cls(
+            geometry_m=_three(np.clip(g, *LENGTH_RANGE_M)),
+            force_n=_three(np.clip(force, *FORCE_RANGE_N)),
+            axis_m=_three(np.clip(axis, *LENGTH_RANGE_M)),
+        )
 
     def variance(self, mass_kg: float) -> Float[np.ndarray, "axes inputs"]:
         """R: one row per axis, one column per input."""
@@ -78,15 +88,16 @@ def _three(sd: Vector3) -> SdPerAxis:
     return (x, y, z)
 
 
-def require_positive(field: str, *values: float) -> None:
-    """Raise ``InvalidInput`` (``prior-not-positive``) that names the field unless all values are above zero."""
+def require_sd(field: str, values: Sequence[float], allowed: tuple[float, float]) -> None:
+    """Raise ``InvalidInput`` that names the field: ``prior-not-positive``, or ``prior-out-of-range`` of ``allowed``."""
+    low, high = allowed
+    shown = ", ".join(f"{v:g}" for v in values)
     if not all(np.isfinite(v) and v > 0 for v in values):
-        shown = ", ".join(f"{v:g}" for v in values)
-        raise InvalidInput(
-            "prior-not-positive",
-            f"A standard deviation must be a number above zero; {field} is {shown}.",
-            [Fault(field, shown)],
-        )
+        message = f"A standard deviation must be a number above zero; {field} is {shown}."
+        raise InvalidInput("prior-not-positive", message, [Fault(field, shown)])
+    if not all(low <= v <= high for v in values):
+        message = f"{field} must lie between {low:g} and {high:g}; it is {shown}."
+        raise InvalidInput("prior-out-of-range", message, [Fault(field, shown)])
 
 
 @dataclass(frozen=True)

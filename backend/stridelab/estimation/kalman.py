@@ -11,7 +11,14 @@ from stridelab.estimation.derivatives import derivatives
 from stridelab.estimation.error_band import FusedStretch
 from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.estimate import ComEstimate
-from stridelab.estimation.jerk_model import InputNoise, JerkModel, measured_inputs, require_positive, stretches
+from stridelab.estimation.jerk_model import (
+    SIGMA_JERK_RANGE_M_S3,
+    InputNoise,
+    JerkModel,
+    measured_inputs,
+    require_sd,
+    stretches,
+)
 from stridelab.estimation.jerk_record import JerkRecord
 from stridelab.estimation.kalman_passes import Axis
 from stridelab.estimation.passes import FilterInputs, filter_inputs
@@ -35,7 +42,8 @@ class KalmanFilter:
     an axis. ``sd_m`` is not the filter's own covariance, which takes every error for white and is far too narrow (its
     mean is in ``diagnostics``), but the stated errors of ``priors`` sent through the filter, and its own lag.
 
-    Raises ``InvalidInput`` (``prior-not-positive``) that names the field, where a standard deviation is not positive.
+    Raises ``InvalidInput`` that names the field where a standard deviation is not positive (``prior-not-positive``) or
+    makes no sense (``prior-out-of-range``). Walking has a jerk of 4 to 16 m/s^3.
     """
 
     name: ClassVar[str] = "kalman"
@@ -47,8 +55,8 @@ class KalmanFilter:
     priors: ErrorPriors = field(default_factory=ErrorPriors)
 
     def __post_init__(self) -> None:
-        require_positive("sigma_jerk_m_s3", self.sigma_jerk_m_s3)
-        require_positive("start_sd", *self.start_sd)
+        require_sd("sigma_jerk_m_s3", (self.sigma_jerk_m_s3,), SIGMA_JERK_RANGE_M_S3)
+        require_sd("start_sd", self.start_sd, (1e-3, 1e3))
 
     @classmethod
     def as_printed(cls) -> "KalmanFilter":

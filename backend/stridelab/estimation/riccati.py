@@ -26,6 +26,8 @@ import numpy as np
 from jaxtyping import Float
 from scipy import linalg
 
+from stridelab.errors import InvalidInput
+
 Square = Float[np.ndarray, "3 3"]
 Squares = Float[np.ndarray, "n 3 3"]
 Starts = Float[np.ndarray, "sets 3"]
@@ -48,7 +50,13 @@ class SteadyModel:
     @cached_property
     def P(self) -> Square:
         """Covariance of the prediction after a long time: the stabilising solution of the DARE."""
-        P = linalg.solve_discrete_are(self.F.T, self.H.T, self.W, self.R)
+        try:
+            P = linalg.solve_discrete_are(self.F.T, self.H.T, self.W, self.R)
+        except (ValueError, linalg.LinAlgError) as error:
+            raise InvalidInput(
+                "filter-not-solvable",
+                "No steady Kalman filter exists in double precision: its standard deviations are too far apart.",
+            ) from error
         return np.asarray((P + P.T) / 2)
 
     @cached_property

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float
 from scipy import signal
 
-from stridelab.conventions import Points, Series
+from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput
 
 SEGMENT_S = 2.56
@@ -57,14 +57,10 @@ def error_spectrum(error: Points, rate_hz: float, segment_s: float = SEGMENT_S) 
     return ErrorSpectrum(np.asarray(f), np.asarray(density))
 
 
-def crossing_hz(below: ErrorSpectrum, above: ErrorSpectrum, axis: int) -> float:
-    """Frequency from which on the first signal errs more than the second, and never less again below 10 Hz.
+def crossing_hz(first: ErrorSpectrum, second: ErrorSpectrum, axis: int) -> float:
+    """Lowest frequency at which the first signal errs more than the second; NaN where it never does.
 
-    NaN where the first is better everywhere or worse everywhere. Both spectra must have the same lines.
+    Both spectra must have the same lines.
     """
-    used = below.frequency_hz <= 10.0
-    worse: Series = (below.density[used, axis] > above.density[used, axis]).astype(float)
-    if worse.all() or not worse[-1]:
-        return float("nan")
-    last_better = int(np.flatnonzero(worse == 0.0)[-1])
-    return float(below.frequency_hz[used][last_better + 1])
+    worse = np.flatnonzero(first.density[:, axis] > second.density[:, axis])
+    return float(first.frequency_hz[worse[0]]) if len(worse) else float("nan")

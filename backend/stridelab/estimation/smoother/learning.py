@@ -18,7 +18,9 @@ from stridelab.estimation.smoother.recursions import Signals, filtered, gains, l
 
 LEARNED: Final = ("marker_m", "moment_m", "table_varying_m", "swing_m_s", "overtone_m_s", "damping")
 WIDTH: Final = 1.0
-FARTHEST: Final = 3.0
+DOWN, UP = 1.1, 3.0
+"""No size is learned smaller than a third of its prior (e^-DOWN), nor larger than e^UP times it: markers that were
+filtered look free of noise, and their error is slow instead."""
 ITERATIONS: Final = 8
 STEP: Final = 1e-3
 LOOKED_AT: Final = 600
@@ -44,7 +46,7 @@ def learned(sizes: Sizes, signals: Signals, rate_hz: float) -> Sizes:
         slope = (values[1:] - values[0]) / STEP + away / WIDTH
         return float(values[0].sum() + 0.5 * np.sum(away**2)), np.where(known, slope, 0.0).ravel()
 
-    bounds = [(x - FARTHEST, x + FARTHEST) for x in start.ravel()]
+    bounds = [(x - DOWN, x + UP) for x in start.ravel()]
     best = optimize.minimize(
         cost, start.ravel(), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": ITERATIONS}
     )

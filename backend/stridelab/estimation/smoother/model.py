@@ -37,7 +37,7 @@ C, V, B, P, Q, R, L, DL, O, DO = range(STATES)
 TABLE, ACCELERATION, MOMENT, HEIGHT = range(CONSTANTS)
 UNSEEN_M2 = 1e8
 """Variance of a measurement that does not exist."""
-START_M, START_M_S = 3.0, 3.0
+START_M, START_M_S = 1.0, 2.0
 """What is known of position and velocity before the first sample."""
 
 PerModel = Float[np.ndarray, "a"]

@@ -10,22 +10,24 @@ from typing import Final
 from xml.sax.saxutils import escape
 
 import numpy as np
-
-from stridelab.conventions import Series
+from jaxtyping import Float
 
 PALETTE: Final = ("#c0392b", "#1e8449", "#1f4e9c", "#b9770e", "#6c3483", "#117a8b", "#555555")
 WIDTH, HEIGHT = 720, 240
-_LEFT, _RIGHT, _TOP, _BOTTOM = 70, 150, 26, 40
+_LEFT, _RIGHT, _TOP, _BOTTOM = 70.0, 150.0, 26.0, 40.0
 _MOST_POINTS = 900
 _FONT: Final = 'font-family="sans-serif" font-size="11" fill="#222222"'
+
+Values = Float[np.ndarray, "_"]
+"""Coordinates of one curve; curves of a panel may differ in length."""
 
 
 @dataclass(frozen=True)
 class Curve:
-    """One line; a value that is not finite interrupts it. ``colour`` counts in ``PALETTE``; ``dashed`` for references."""
+    """One line; a value that is not finite interrupts it. ``colour`` counts in ``PALETTE``."""
 
-    x: Series
-    y: Series
+    x: Values
+    y: Values
     name: str
     colour: int = 0
     dashed: bool = False
@@ -45,10 +47,10 @@ class Panel:
 
 def svg(panels: Sequence[Panel]) -> str:
     """The panels below each other as one SVG document."""
+    size = f'width="{WIDTH}" height="{HEIGHT * len(panels)}"'
     parts = [
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT * len(panels)}" '
-        f'width="{WIDTH}" height="{HEIGHT * len(panels)}" role="img">',
-        f'<rect width="{WIDTH}" height="{HEIGHT * len(panels)}" fill="#ffffff"/>',
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT * len(panels)}" {size} role="img">',
+        f'<rect {size} fill="#ffffff"/>',
     ]
     for number, panel in enumerate(panels):
         parts.append(f'<g transform="translate(0 {HEIGHT * number})">')
@@ -119,7 +121,7 @@ def _panel(panel: Panel) -> list[str]:
     return parts
 
 
-def _scale(values: Sequence[Series], log: bool, start: float, end: float, *, margin: float) -> _Scale:
+def _scale(values: Sequence[Values], log: bool, start: float, end: float, *, margin: float) -> _Scale:
     seen = np.concatenate([v[np.isfinite(v) & ((v > 0.0) | (not log))] for v in values])
     if len(seen) == 0:
         seen = np.array([1.0])

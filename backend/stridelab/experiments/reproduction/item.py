@@ -20,8 +20,8 @@ Tell = Callable[[float, str], None]
 class Claim:
     """One statement that a figure makes, in one number.
 
-    ``thesis`` is the printed number, or words where it prints none. ``verdict``: "met" within the claim, "beaten" better
-    than claimed, "not_met" where our computation falls short of it, "thesis_in_error" where it cannot hold.
+    ``thesis`` is the printed number, or words where it prints none. ``verdict``: "met" within the claim, "beaten"
+    better than claimed, "not_met" where our computation falls short of it, "thesis_in_error" where it cannot hold.
     """
 
     key: str
@@ -60,7 +60,7 @@ class Item:
 
 
 def judged(ours: float, *, at_most: float | None = None, at_least: float | None = None) -> Verdict:
-    """ "met" or "not_met" of a number that has a bound on one side."""
+    """Verdict of a number with a bound on one side: "met" or "not_met"."""
     if at_most is not None:
         return "met" if ours <= at_most else "not_met"
     return "met" if at_least is not None and ours >= at_least else "not_met"

@@ -68,6 +68,13 @@ _EXAMPLES: Final[dict[str, Any]] = {
             "value": {"scenario": ONE_STEP, "whole_body": False},
         },
     },
+    "reproduce": {
+        "bode": {"summary": "The gains of the three filters", "value": {"item": "fig-2.5"}},
+        "comparison": {
+            "summary": "Complementary filter against Kalman filter, on ten draws of the noise",
+            "value": {"item": "fig-2.7", "seeds": 10},
+        },
+    },
     "learn-reachability": {
         "feet": {
             "summary": "The feet, from few samples",

@@ -16,6 +16,7 @@ from stridelab.schemas.plans import (
     PlanMotionInput,
     PlanMotionSummary,
 )
+from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
 from stridelab.service.jobs.kinds import rows
 from stridelab.service.jobs.kinds.kind import JobKind
 
@@ -67,10 +68,21 @@ LEARN_REACHABILITY = JobKind(
     lane="long",
 )
 
+REPRODUCE = JobKind(
+    name="reproduce",
+    input_model=ReproduceInput,
+    summary_model=ReproduceSummary,
+    run="stridelab.service.jobs.kinds.reproduce:run_in_child",
+    stage=rows.stage_reproduce,
+    timeout_s=3600.0,
+    memory_mb=4096,
+    lane="long",
+)
+
 KINDS: Mapping[str, JobKind] = MappingProxyType(
     {
         kind.name: kind
-        for kind in (ESTIMATE_COM, COMPARE_ESTIMATORS, SIMULATE_RECORDING, PLAN_MOTION, LEARN_REACHABILITY)
+        for kind in (ESTIMATE_COM, COMPARE_ESTIMATORS, SIMULATE_RECORDING, PLAN_MOTION, LEARN_REACHABILITY, REPRODUCE)
     }
 )
 

@@ -18,6 +18,7 @@ from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
+from stridelab.schemas.reproduction import ReproduceInput
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.kind import Blobs, Json
 from stridelab.service.jobs.kinds.tasks import (
@@ -26,6 +27,7 @@ from stridelab.service.jobs.kinds.tasks import (
     LearnReachabilityTask,
     PlanMotionTask,
     RecordingSource,
+    ReproduceTask,
     SimulateRecordingTask,
 )
 from stridelab.service.storage.tables import job, recording, scenario, subject
@@ -95,6 +97,12 @@ async def stage_learn_reachability(connection: AsyncConnection, blobs: Blobs, in
     """Nothing to fetch."""
     request = LearnReachabilityInput.model_validate(input.model_dump())
     return LearnReachabilityTask(input=request).model_dump(mode="json")
+
+
+async def stage_reproduce(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """Nothing to fetch."""
+    request = ReproduceInput.model_validate(input.model_dump())
+    return ReproduceTask(input=request).model_dump(mode="json")
 
 
 async def publish_simulated_recording(

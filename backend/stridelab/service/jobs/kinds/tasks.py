@@ -7,6 +7,7 @@ from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
+from stridelab.schemas.reproduction import ReproduceInput
 from stridelab.schemas.scenarios import Scenario
 
 
@@ -58,3 +59,9 @@ class LearnReachabilityTask(Contract):
     """Task of ``learn-reachability``."""
 
     input: LearnReachabilityInput
+
+
+class ReproduceTask(Contract):
+    """Task of ``reproduce``."""
+
+    input: ReproduceInput

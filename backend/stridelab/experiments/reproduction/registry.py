@@ -1,0 +1,29 @@
+"""What can be reproduced, by name."""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final
+
+from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.experiments.reproduction import fig_2_2, fig_2_5, fig_2_6, fig_2_7, fig_2_8, fig_2_9
+from stridelab.experiments.reproduction.item import Item, Reproduction, Tell
+
+ITEMS: Final[Mapping[str, Item]] = MappingProxyType(
+    {module.ITEM.name: module.ITEM for module in (fig_2_2, fig_2_5, fig_2_6, fig_2_7, fig_2_8, fig_2_9)}
+)
+MOST_SEEDS: Final = 200
+
+
+def reproduce(name: str, seeds: int | None, tell: Tell) -> Reproduction:
+    """Compute one item; ``seeds`` None takes what answers within a minute.
+
+    Raises ``NotFound`` (``item-not-found``) and ``InvalidInput`` (``seeds-out-of-range``).
+    """
+    item = ITEMS.get(name)
+    if item is None:
+        raise NotFound("item-not-found", f"There is no item {name!r}; there are {', '.join(ITEMS)}.")
+    repeats = item.default_seeds if seeds is None else seeds
+    if not 1 <= repeats <= MOST_SEEDS:
+        message = f"seeds must lie between 1 and {MOST_SEEDS}, not {repeats}."
+        raise InvalidInput("seeds-out-of-range", message, [Fault("seeds", message)])
+    return item.run(repeats, tell)

@@ -1,0 +1,44 @@
+"""Input and result of ``reproduce``."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from stridelab.schemas.base import Contract
+
+ReproductionItem = Literal["fig-2.2", "fig-2.5", "fig-2.6", "fig-2.7", "fig-2.8", "fig-2.9"]
+Verdict = Literal["met", "beaten", "not_met", "thesis_in_error"]
+
+
+class ReproduceInput(Contract):
+    """Input of ``reproduce``."""
+
+    item: ReproductionItem
+    seeds: Annotated[int, Field(ge=1, le=200)] | None = Field(
+        default=None, description="simulated walks to repeat it on; null takes what answers within a minute, 50 is good"
+    )
+
+
+class ClaimResult(Contract):
+    """One statement of the thesis: what it says, its number (or words), ours, and the verdict."""
+
+    key: str
+    says: str
+    thesis: float | str
+    ours: float
+    unit: str
+    verdict: Verdict
+    note: str
+
+
+class ReproduceSummary(Contract):
+    """A figure of the thesis computed anew: the numbers of the thesis, ours, and what that says."""
+
+    item: str
+    title: str
+    verdict: Verdict = Field(description="that of the claim that weighs most")
+    thesis: dict[str, float | str]
+    ours: dict[str, float]
+    claims: list[ClaimResult]
+    seeds: int
+    note: str
