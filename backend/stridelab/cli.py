@@ -41,6 +41,8 @@ app = typer.Typer(
 
 Sex = Literal["female", "male"]
 Lab = Literal["walkway", "two_plates"]
+Walker = Literal["human", "talos"]
+Gait = Literal["walking", "running"]
 Method = Literal["complementary", "geometry", "kalman", "rts", "smoother"]
 SegmentTable = Literal["auto", "dumas2007", "deleva1996", "carried"]
 
@@ -230,10 +232,14 @@ def simulate(
     out_dir: OutFolder = None,
     seed: Annotated[int, typer.Option("--seed", help="Varies the walk and its noise.")] = 0,
     duration_s: Annotated[float, typer.Option("--duration", help="Seconds, 2 to 60.")] = 6.0,
-    speed_m_s: Annotated[float, typer.Option("--speed", help="Walking speed in m/s, 0 to 2.")] = 1.2,
-    height_m: Annotated[float, typer.Option("--height", help="Stature in metres.")] = 1.71,
-    mass_kg: Annotated[float, typer.Option("--mass", help="Body mass in kilograms.")] = 60.0,
-    sex: Annotated[Sex, typer.Option("--sex", help="Body proportions.")] = "female",
+    robot: Annotated[Walker, typer.Option("--robot", help="A person, or the humanoid TALOS.")] = "human",
+    gait: Annotated[Gait, typer.Option("--gait", help="Only TALOS runs, with flight phases.")] = "walking",
+    speed_m_s: Annotated[
+        float | None, typer.Option("--speed", help="Speed in m/s, 0 to 2; by default their own.")
+    ] = None,
+    height_m: Annotated[float | None, typer.Option("--height", help="Stature of the person in metres; 1.71.")] = None,
+    mass_kg: Annotated[float | None, typer.Option("--mass", help="Mass of the person in kilograms; 60.")] = None,
+    sex: Annotated[Sex | None, typer.Option("--sex", help="Proportions of the person; female.")] = None,
     lab: Annotated[Lab, typer.Option("--lab", help="Plates under every footprint, or two in a row.")] = "walkway",
     noise: Annotated[
         list[str] | None, typer.Option("--noise", help="FIELD=VALUE, e.g. force_n=2; may be repeated.")
@@ -241,18 +247,12 @@ def simulate(
     force: Force = False,
     as_json: AsJson = False,
 ) -> None:
-    """Record a simulated walking person: recording.c3d and the true centre of mass."""
+    """Record a simulated walk, of a person or of TALOS: recording.c3d and the true centre of mass."""
     from stridelab.cli_estimate import simulate as run
 
-    fields = {
-        "seed": seed,
-        "duration_s": duration_s,
-        "speed_m_s": speed_m_s,
-        "height_m": height_m,
-        "mass_kg": mass_kg,
-        "sex": sex,
-        "lab": lab,
-    }
+    stated = {"speed_m_s": speed_m_s, "height_m": height_m, "mass_kg": mass_kg, "sex": sex}
+    fields: dict[str, object] = {"seed": seed, "duration_s": duration_s, "robot": robot, "gait": gait, "lab": lab}
+    fields |= {name: value for name, value in stated.items() if value is not None}
     run(fields, noise=tuple(noise or ()), out_dir=out_dir, force=force, as_json=as_json)
 
 

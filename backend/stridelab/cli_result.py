@@ -27,6 +27,8 @@ OPTIONS = {
     "latency": "--latency",
     "cutoffs": "--cutoffs",
     "window_s": "--window",
+    "robot": "--robot",
+    "gait": "--gait",
     "duration_s": "--duration",
     "speed_m_s": "--speed",
     "seed": "--seed",

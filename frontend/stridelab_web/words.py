@@ -58,6 +58,17 @@ def kind(code: str) -> str:
     return _KINDS.get(code, words(code).capitalize())
 
 
+def item(code: str) -> str:
+    """Name of an item of the thesis: ``fig-2.6`` is figure 2.6."""
+    kind_of, _, number = code.partition("-")
+    return f"{_ITEMS.get(kind_of, words(kind_of).capitalize())} {number}"
+
+
+def verdict(code: str) -> str:
+    """What a verdict on a claim of the thesis means."""
+    return _VERDICTS.get(code, words(code))
+
+
 def method(code: str) -> str:
     """Name of an estimator; ``-thesis`` says that it has the settings of the thesis."""
     name = code.removesuffix("-thesis")
@@ -80,9 +91,17 @@ _METHODS = {
     "kalman": "Kalman filter",
     "geometry": "markers only",
 }
+_ITEMS = {"fig": "Figure", "table": "Table"}
+_VERDICTS = {
+    "met": "as the thesis says",
+    "beaten": "better than the thesis says",
+    "not_met": "not reached here",
+    "thesis_in_error": "cannot hold as printed",
+}
 _KINDS = {
     "estimate-com": "Centre of mass",
     "compare-estimators": "Comparison of methods",
+    "reproduce": "Reproduction",
     "simulate-recording": "Simulated recording",
     "plan-motion": "Motion plan",
     "learn-reachability": "Reachability",
@@ -90,6 +109,20 @@ _KINDS = {
 
 FILTERS = {
     f.__name__: f
-    for f in (fixed, plain, measured, moment, megabytes, total_s, words, check_name, kind, method, headline)
+    for f in (
+        fixed,
+        plain,
+        measured,
+        moment,
+        megabytes,
+        total_s,
+        words,
+        check_name,
+        kind,
+        item,
+        verdict,
+        method,
+        headline,
+    )
 }
 """Filters of the templates."""

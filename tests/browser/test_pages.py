@@ -237,7 +237,15 @@ def test_the_whole_way_by_keyboard(tab: Tab, service: Service, trial: Path) -> N
 
 def test_no_page_scrolls_sideways(open_tab: Callable[..., Tab], service: Service, estimated: tuple[str, str]) -> None:
     recording_id, job_id = estimated
-    addresses = ("/", "/recordings", f"/recordings/{recording_id}", "/jobs", f"/jobs/{job_id}", "/login")
+    addresses = (
+        "/",
+        "/recordings",
+        f"/recordings/{recording_id}",
+        "/jobs",
+        f"/jobs/{job_id}",
+        "/reproduction",
+        "/login",
+    )
     for width, height in ((1400, 850), (800, 600)):
         tab = open_tab(width, height)
         for address in addresses:

@@ -143,6 +143,7 @@ def test_result_page_shows_every_number_of_the_summary_with_its_unit(fake: FakeS
         "The force comes 11.3 ± 1.2 ms later than the markers; this was not corrected.",
     ]
     assert "observability.sentence" not in shown
+    assert shown["latency_along_s"] == "19.7 ms"
     assert "Arms have no markers" in page
     assert f"/api/v1/jobs/{job.id}/artifacts/com.parquet" in page
     assert f"/api/v1/jobs/{job.id}/bundle.zip" in page

@@ -62,6 +62,7 @@ class FakeService:
         self.patches: list[dict[str, Any]] = []
         self.scenarios: dict[str, StoredScenario] = {}
         self.plans: dict[str, dict[str, bytes]] = {}
+        self.results: dict[str, JobResult] = {}
         self.comparisons: dict[str, tuple[bool, dict[str, bytes]]] = {}
         self.failing: Problem | None = None
         self.step_s = step_s
@@ -140,6 +141,8 @@ class FakeService:
         given = self.inputs.get(job_id, {"recording_id": job.recording_id})
         if job_id in self.plans:
             return fake_planner.plan_result(given, self.plans[job_id])
+        if job_id in self.results:
+            return self.results[job_id]
         if job_id in self.comparisons:
             with_truth, files = self.comparisons[job_id]
             return fake_comparison.result(given, files, with_truth=with_truth)

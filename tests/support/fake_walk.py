@@ -88,6 +88,7 @@ def com_parquet() -> bytes:
 SUMMARY = {
     "window_s": list(WINDOW_S), "rate_hz": 100.0, "method": "complementary", "segment_table": "dumas2007-female",
     "mass_kg": 60.25, "latency_s": 0.0113, "latency_sd_s": 0.0012, "latency_applied_s": 0.0,
+    "latency_along_s": 0.0197,
     "rms_force_residual_n": [3.21, 2.5, 7.75], "bias_m": [0.0012, -0.0034, 0.0056],
     "observability": {"rank": 5, "observable": True, "sentence": "The height is known from the markers alone."},
     "warnings": [{"code": "arms-missing", "message": "Arms have no markers; they are taken to hang."}],

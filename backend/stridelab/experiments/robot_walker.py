@@ -100,10 +100,11 @@ def sole_path(plan: GaitPlan, side: Side, time_s: Series) -> PointPath:
     for before, after in pairwise(stances):
         start, end = (Placement.of((s.x_m, s.y_m, 0.0)) for s in (before, after))
         curve = SwingCurve(start, end, after.strike_s - before.off_s, "surface", before.off_s)
-        for k in np.flatnonzero(time_s >= before.off_s):
+        for k in np.flatnonzero((time_s >= before.off_s) & (time_s < after.strike_s)):
             point = curve.at(float(time_s[k]) - before.off_s)
             path[0][k] = point.placement.position_m
             path[1][k], path[2][k] = point.velocity_m_s, point.acceleration_m_s2
+        path[0][time_s >= after.strike_s] = [after.x_m, after.y_m, 0.0]
     return PointPath(*path)
 
 

@@ -1,9 +1,9 @@
 """Jobs, their inputs and their results, as in the HTTP contract."""
 
 from datetime import datetime
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from stridelab.schemas.base import Contract, Interval, Problem, Remark
 
@@ -110,11 +110,6 @@ class EstimateComSummary(Contract):
     warnings: list[Remark]
 
 
-_HEIGHT_M: Final = 1.71
-_MASS_KG: Final = 60.0
-_SEX: Final = "female"
-
-
 class SimulationNoise(Contract):
     """Noise of a simulated recording; None or 0 switches a part off."""
 
@@ -127,7 +122,7 @@ class SimulationNoise(Contract):
 
 
 class SimulateRecordingInput(Contract):
-    """Input of ``simulate-recording``. Height, mass and sex are a person's: TALOS has its own."""
+    """Input of ``simulate-recording``. Height, mass and sex are a person's and null for TALOS, which has its own."""
 
     robot: Literal["human", "talos"] = Field(default="human", description="who walks: a person, or the humanoid TALOS")
     gait: Literal["walking", "running"] = Field(default="walking", description="only TALOS runs, with flight phases")
@@ -135,9 +130,9 @@ class SimulateRecordingInput(Contract):
     speed_m_s: Annotated[float, Field(ge=0.0, le=2.0)] = Field(
         default=1.2, description="unless stated, TALOS walks at 0.4 m/s and runs at 1 m/s"
     )
-    height_m: Annotated[float, Field(ge=1.2, le=2.2)] = _HEIGHT_M
-    mass_kg: Annotated[float, Field(ge=25, le=200)] = _MASS_KG
-    sex: Literal["female", "male"] = _SEX
+    height_m: Annotated[float, Field(ge=1.2, le=2.2)] | None = 1.71
+    mass_kg: Annotated[float, Field(ge=25, le=200)] | None = 60.0
+    sex: Literal["female", "male"] | None = "female"
     lab: Literal["walkway", "two_plates"] = Field(
         default="walkway",
         description="walkway: every footprint has a plate of its own; two_plates: two plates in a row, as in most labs",
@@ -147,19 +142,29 @@ class SimulateRecordingInput(Contract):
 
     @model_validator(mode="before")
     @classmethod
-    def _own_speed(cls, data: Any) -> Any:
-        """A robot's speed where none is stated."""
-        if not isinstance(data, dict) or data.get("robot") != "talos" or "speed_m_s" in data:
+    def _as_talos(cls, data: Any) -> Any:
+        """What TALOS is unless stated: no person, and slower."""
+        if not isinstance(data, dict) or data.get("robot") != "talos":
             return data
-        return {**data, "speed_m_s": 1.0 if data.get("gait") == "running" else 0.4}
+        speed_m_s = 1.0 if data.get("gait") == "running" else 0.4
+        return {"speed_m_s": speed_m_s, "height_m": None, "mass_kg": None, "sex": None, **data}
 
-    @model_validator(mode="after")
-    def _agrees(self) -> "SimulateRecordingInput":
-        if self.robot == "human" and self.gait == "running":
-            raise ValueError("gait: the simulated person walks; only TALOS runs")
-        if self.robot == "talos" and (self.height_m, self.mass_kg, self.sex) != (_HEIGHT_M, _MASS_KG, _SEX):
-            raise ValueError("robot: TALOS has its own height and mass; state neither them nor a sex")
-        return self
+    @field_validator("gait")
+    @classmethod
+    def _who_runs(cls, gait: str, info: Any) -> str:
+        if gait == "running" and info.data.get("robot") == "human":
+            raise ValueError("the simulated person walks; only TALOS runs")
+        return gait
+
+    @field_validator("height_m", "mass_kg", "sex")
+    @classmethod
+    def _whose_body(cls, value: float | str | None, info: Any) -> float | str | None:
+        robot = info.data.get("robot")
+        if robot == "talos" and value is not None:
+            raise ValueError("TALOS has its own height and mass; leave this out")
+        if robot == "human" and value is None:
+            raise ValueError("a person needs a height, a mass and a sex")
+        return value
 
 
 class SimulateRecordingSummary(Contract):

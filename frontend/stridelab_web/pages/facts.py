@@ -28,14 +28,27 @@ _NAMES = {
     "latency_s": "Force latency",
     "latency_sd_s": "Standard deviation of it",
     "latency_applied_s": "Latency corrected",
+    "latency_along_s": "Latency along the walk",
+    "latency_lateral_s": "Latency across the walk",
+    "latency_vertical_s": "Latency, vertical",
     "rms_force_residual_n": "Force residual, RMS x, y, z",
     "bias_m": "Fused minus markers x, y, z",
     "rate_hz": "Rate",
     "speed_m_s": "Speed",
     "n_steps": "Steps",
+    "observability.rank_force": "Rank from the force, of 9",
+    "observability.rank_with_geometry": "Rank with the markers, of 12",
+    "observability.unobservable": "Direction not seen x, y, z",
+    "observability.tilt_rad": "Force off the vertical, at most",
+    "observability.turn_rad": "Force off its mean, at most",
+    "observability.flight_s": "In flight",
 }
 """Names of the usual numbers, in the order in which they are shown; others follow under their own."""
-_IN_THOUSANDTHS = {"latency_s": "ms", "latency_sd_s": "ms", "latency_applied_s": "ms", "bias_m": "mm"}
+_IN_THOUSANDTHS = {
+    **dict.fromkeys(("latency_s", "latency_sd_s", "latency_applied_s"), "ms"),
+    **dict.fromkeys(("latency_along_s", "latency_lateral_s", "latency_vertical_s"), "ms"),
+    "bias_m": "mm",
+}
 _ELSEWHERE = {"warnings", "recording_id", "observability.sentence"}
 LIST_AT_MOST = 6
 

@@ -10,7 +10,7 @@ from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.recordings import Recording
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.com_plots import COM_TABLE, com_curves
-from stridelab_web.pages import comparison
+from stridelab_web.pages import comparison, reproduction
 from stridelab_web.pages.facts import facts_of, sentences_of
 from stridelab_web.pages.render import page
 from stridelab_web.service import client_of
@@ -43,6 +43,7 @@ async def job(request: Request) -> Response:
         plots=plots,
         plots_url=compared["plots_url"] if compared else f"/jobs/{found.id}/plots.json",
         comparison=compared,
+        reproduction=reproduction.reproduction_of(result) if result and found.kind == reproduction.KIND else None,
         plotly_style_ids=plotly_style_ids() if plots else (),
         viewer_url=f"/view/?recording={recording.id}&job={found.id}" if curves and recording else None,
     )

@@ -165,6 +165,7 @@ def test_talos_is_estimated_like_a_person(talos: Path) -> None:
         ({"robot": "talos", "mass_kg": 80.0}, "its own height and mass"),
         ({"robot": "talos", "sex": "male"}, "its own height and mass"),
         ({"robot": "hrp2"}, "talos"),
+        ({"mass_kg": None}, "a person needs"),
     ],
 )
 def test_what_nobody_can_simulate_is_refused_at_the_door(asked: dict[str, Any], part: str) -> None:
@@ -184,4 +185,5 @@ def test_speeds_beyond_talos_are_refused_by_the_job(asked: dict[str, Any], tmp_p
 def test_an_input_that_travels_as_json_stays_the_same() -> None:
     asked = SimulateRecordingInput.model_validate({"robot": "talos", "gait": "running", "seed": 1})
     assert asked.speed_m_s == pytest.approx(1.0)
+    assert asked.mass_kg is None
     assert SimulateRecordingInput.model_validate_json(asked.model_dump_json()) == asked

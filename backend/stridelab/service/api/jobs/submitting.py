@@ -60,6 +60,7 @@ _EXAMPLES: Final[dict[str, Any]] = {
             "summary": "A heavier, slower walker, noisy plates",
             "value": {"speed_m_s": 0.8, "mass_kg": 82.0, "noise": {"force_n": 8.0, "marker_m": 0.002}, "seed": 7},
         },
+        "talos": {"summary": "The humanoid TALOS, at its own speed", "value": {"robot": "talos", "seed": 1}},
     },
     "plan-motion": {
         "stored": {"summary": "Walk through a stored scenario", "value": {"scenario_id": EXAMPLE_ID}},

@@ -65,14 +65,8 @@ def run(task: SimulateRecordingTask, folder: Path, progress: ProgressCallback) -
 
 def _of_person(request: SimulateRecordingInput, progress: ProgressCallback) -> tuple[SimulatedRecording, Keys]:
     """A person walks; with the literature of the body."""
-    walk = HumanWalker(
-        height_m=request.height_m,
-        mass_kg=request.mass_kg,
-        sex=request.sex,
-        speed_m_s=request.speed_m_s,
-        duration_s=request.duration_s,
-        seed=request.seed,
-    ).walk()
+    person = request.model_dump(include={"height_m", "mass_kg", "sex", "speed_m_s", "duration_s", "seed"})
+    walk = HumanWalker(**person).walk()
     progress(0.6, "recording markers and plates")
     return record(walk, _noise(request), request.seed, lab=request.lab), walk.body.table.references
 
