@@ -21,6 +21,7 @@ from stridelab.estimation.geometry import GeometryOnly
 from stridelab.estimation.kalman import KalmanFilter
 from stridelab.estimation.observability import observability
 from stridelab.estimation.rts import RtsSmoother
+from stridelab.estimation.smoother import Smoother
 from stridelab.schemas import base
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary
 from stridelab.service.jobs.kinds.com_artifacts import write_com
@@ -102,4 +103,6 @@ def estimator(method: str, request: EstimateComInput) -> ComEstimator:
         return KalmanFilter() if thesis else KalmanFilter.tuned()
     if method == RtsSmoother.name:
         return RtsSmoother() if thesis else RtsSmoother.tuned()
+    if method == Smoother.name:
+        return Smoother()
     return ComplementaryFilter.thesis() if thesis else ComplementaryFilter()

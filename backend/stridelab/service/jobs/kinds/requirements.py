@@ -11,7 +11,7 @@ from stridelab.recordings.marker_sets import MarkerSetMatch
 from stridelab.recordings.recording import Remark, Window
 from stridelab.service.jobs.kinds.trial import Trial
 
-METHODS: Final = ("complementary", "geometry", "kalman", "rts")
+METHODS: Final = ("complementary", "geometry", "kalman", "rts", "smoother")
 """Estimators of this version."""
 
 MASS_NOTED: Final = 0.05

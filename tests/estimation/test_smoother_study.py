@@ -1,0 +1,153 @@
+"""The smoother on simulated walks of TALOS, whose CoM is known: what it gains, what its band is worth, what it refuses.
+
+Few seeds; docs/theory/smoother.md has the figures of fifty.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stridelab.errors import NotEstimable
+from stridelab.estimation.complementary import ComplementaryFilter
+from stridelab.estimation.estimate import ComEstimate
+from stridelab.estimation.online import OnlineEstimator
+from stridelab.estimation.smoother import Smoother, SmootherPriors
+from stridelab.experiments.study import StudyTrial, simulate
+from stridelab.experiments.study_noise import PRESETS
+
+GAITS = ("robot", "human")
+
+
+def told(trial: StudyTrial, **changed: float) -> SmootherPriors:
+    """The sizes of the simulated noise, as the thesis' Kalman filter is told them; nothing about angular momentum."""
+    noise = trial.noise
+    stated = {
+        "marker_m": float(np.mean(trial.noise_sd_m)),
+        "marker_corner_hz": noise.high_pass_hz,
+        "force_n": noise.force_n,
+        "moment_nm": noise.moment_nm,
+        "plate_corner_hz": noise.high_pass_hz,
+        "plate_force_n": noise.plate_bias_n,
+        "plate_moment_nm": noise.plate_bias_nm,
+        "clock_s": 0.0,
+    }
+    return SmootherPriors(**{**stated, **changed})
+
+
+def error_m(trial: StudyTrial, estimate: ComEstimate) -> np.ndarray:
+    first = round(estimate.time_s[0] * 200)
+    return estimate.com_m - trial.truth.com_m[first : first + len(estimate.time_s)]
+
+
+def horizontal(errors: list[np.ndarray]) -> float:
+    return float(np.sqrt(np.mean([np.sum(e[:, :2] ** 2, axis=1).mean() for e in errors])))
+
+
+@pytest.mark.parametrize(("noise", "share"), [("thesis", 0.15), ("white", 0.35)])
+@pytest.mark.parametrize("gait", GAITS)
+def test_horizontally_it_is_far_closer_than_the_filter_and_its_band_is_honest(gait: str, noise: str, share: float):
+    ours, theirs, inside = [], [], []
+    for seed in range(2):
+        trial = simulate(gait, noise, seed)
+        estimate = Smoother(priors=told(trial)).estimate(trial.geometric, trial.wrench, trial.mass_kg)
+        filtered = ComplementaryFilter.thesis().estimate(trial.geometric, trial.wrench, trial.mass_kg)
+        error = error_m(trial, estimate)
+        ours.append(error)
+        theirs.append(error_m(trial, filtered))
+        inside.append((np.abs(error) < 1.96 * estimate.sd_m).mean(axis=0))
+        assert estimate.sd_m[:, 2].min() >= trial.geometric.sd_m[2]
+        assert np.sqrt(np.mean(estimate.sd_m[:, :2] ** 2)) < 4 * np.sqrt(np.mean(error[:, :2] ** 2))
+        assert 0.8 < estimate.diagnostics["normalised_innovations"] < 1.3
+        assert not estimate.remarks
+        v = trial.truth.velocity_m_s[: len(error), :2]
+        lag_s = -np.sum((error - error.mean(axis=0))[:, :2] * v, axis=0) / np.sum(v**2, axis=0)
+        assert (np.abs(lag_s) < 0.001).all()
+    assert horizontal(ours) < share * horizontal(theirs)
+    assert (np.mean(inside, axis=0)[:2] > 0.92).all()
+
+
+def test_one_second_of_force_in_two():
+    errors, bands = [], []
+    for seed, start_s in enumerate((2.2, 3.4, 4.1)):
+        trial = simulate("human", "marker-like", seed).excerpt(start_s, start_s + 2.0, force_s=(0.5, 1.5))
+        smoother = Smoother(priors=told(trial), beyond_window=True)
+        estimate = smoother.estimate(trial.geometric, trial.wrench, trial.mass_kg)
+        assert len(estimate.time_s) == 400
+        error = error_m(trial, estimate)
+        within = trial.wrench.complete
+        errors.append(error[within])
+        bands.append((np.abs(error[within]) < 1.96 * estimate.sd_m[within]).mean(axis=0))
+        assert np.sqrt(np.mean(np.sum(error[~within, :2] ** 2, axis=1))) < 0.005
+    assert horizontal(errors) < 0.0035
+    assert (np.mean(bands, axis=0)[:2] > 0.9).all()
+
+
+def test_a_declared_bias_of_the_plates_is_in_the_band_and_an_undeclared_one_raises_a_flag():
+    noise = replace(PRESETS["thesis"], plate_bias_n=5.0, plate_bias_nm=3.0)
+    seeds = [s for s in range(6) if biases_n(simulate("robot", noise, s)) > 5.0][:2]
+    assert len(seeds) == 2
+    for seed in seeds:
+        trial = simulate("robot", noise, seed)
+        declared = Smoother(priors=told(trial)).estimate(trial.geometric, trial.wrench, trial.mass_kg)
+        assert (np.abs(error_m(trial, declared))[:, :2] < 1.96 * declared.sd_m[:, :2]).mean() > 0.9
+        assert not declared.remarks
+        silent = told(trial, plate_force_n=1.0, plate_moment_nm=1.0)
+        flagged = Smoother(priors=silent).estimate(trial.geometric, trial.wrench, trial.mass_kg)
+        assert [r.code for r in flagged.remarks] == ["undeclared-plate-bias"]
+
+
+def biases_n(trial: StudyTrial) -> float:
+    """Horizontal bias of the force that was drawn."""
+    error = np.mean(trial.wrench.force_n - trial.truth.force_n, axis=0)
+    return float(np.hypot(error[0], error[1]))
+
+
+def test_a_window_in_which_no_foot_stands_alone_for_long_is_refused():
+    """Half a second at a robot's cadence, around a double support."""
+    trial = simulate("robot", "marker-like", 0)
+    side = np.sign(trial.truth.moment_nm[:, 0] / trial.truth.force_n[:, 2] - trial.truth.com_m[:, 1])
+    changes = np.flatnonzero(np.diff(side)) / 200
+    at = float(changes[(changes > 3.0)][0])
+    trial = trial.excerpt(at - 1.0, at + 1.0, force_s=(0.75, 1.25))
+    with pytest.raises(NotEstimable) as refused:
+        Smoother().estimate(trial.geometric, trial.wrench, trial.mass_kg)
+    assert refused.value.code == "no-single-support"
+
+
+def test_the_angular_momentum_of_the_segments_is_used_on_demand_and_missing_segments_are_said():
+    trial = simulate("human", "marker-like", 1).excerpt(3.0, 5.0, force_s=(0.5, 1.5))
+    smoother = Smoother(priors=told(trial), segment_momentum=True)
+    estimate = smoother.estimate(trial.geometric, trial.wrench, trial.mass_kg)
+    plain = Smoother(priors=told(trial)).estimate(trial.geometric, trial.wrench, trial.mass_kg)
+    assert horizontal([error_m(trial, estimate)]) < 0.0035
+    assert estimate.sd_m[:, 0].mean() < plain.sd_m[:, 0].mean()  # less is left to guess
+    with pytest.raises(NotEstimable) as refused:
+        smoother.estimate(replace(trial.geometric, segments={}), trial.wrench, trial.mass_kg)
+    assert refused.value.code == "segments-missing"
+
+
+def test_online_it_knows_only_the_past_and_is_still_closer_than_the_geometry():
+    trial = simulate("human", "thesis", 0)
+    priors = told(trial, step_hz=1 / trial.step_time_s)
+    online = Smoother(priors=priors).causal(mass_kg=trial.mass_kg, table_sd_m=trial.geometric.sd_m)
+    assert isinstance(online, OnlineEstimator)
+    inputs = zip(
+        trial.truth.time_s.tolist(), trial.geometric.com_m, trial.wrench.force_n, trial.wrench.moment_nm, strict=True
+    )
+    samples = [online.step(*one) for one in inputs]
+    error = np.array([s.com_m for s in samples]) - trial.truth.com_m
+    of_geometry = trial.geometric.com_m - trial.truth.com_m
+    late = slice(400, None)
+    assert horizontal([error[late]]) < 0.2 * horizontal([of_geometry[late]])
+    sd = np.array([s.sd_m for s in samples])
+    assert ((np.abs(error) < 1.96 * sd)[:, :2]).mean() > 0.85
+    assert (sd[:, 2] > 0.99 * trial.geometric.sd_m[2]).all()
+
+
+def test_running_is_followed_through_flight():
+    trial = simulate("running", "marker-like", 0)
+    estimate = Smoother(priors=told(trial)).estimate(trial.geometric, trial.wrench, trial.mass_kg)
+    error = error_m(trial, estimate)
+    of_geometry = trial.geometric.com_m[: len(error)] - trial.truth.com_m[: len(error)]
+    assert horizontal([error]) < 0.6 * horizontal([of_geometry])
