@@ -38,7 +38,6 @@ async def plan(request: Request) -> Response:
         took_s=took_s(found),
         result=result,
         summary=summary,
-        facts=[],
         plots=result is not None,
         plots_url=f"/plans/{found.id}/plots.json",
         plotly_style_ids=plotly_style_ids() if result else (),

@@ -1,44 +1,11 @@
 // Plans a scenario's motion and follows the job: pages that offer "Plan" share this.
-import { ApiError, FINAL, call, headline, sentence, startJob } from "./api.js";
-
-const ASK_AGAIN_MS = 1000;
+import { ApiError, call, followJob, headline, sentence, startJob } from "./api.js";
 
 export const viewerOf = (jobId) => `/view/?plan=${encodeURIComponent(jobId)}`;
 
 // Starts the job: whole body and replay, as the main path of the service has it.
 export function startPlan(scenarioId, options = {}) {
   return startJob("plan-motion", { scenario_id: scenarioId, whole_body: true, replay: true, ...options });
-}
-
-// Tells `seen(job)` every state of a job; resolves with the finished job, its error included. A stream that was lost
-// is taken up by the browser, one that was closed is opened anew.
-export function followJob(id, seen = () => {}) {
-  return new Promise((done) => {
-    let over = false;
-    const finish = async (job) => {
-      if (over) return;
-      over = true;
-      done(await call("GET", `/jobs/${id}`).catch(() => job));
-    };
-    const listen = () => {
-      const source = new EventSource(`/api/v1/jobs/${id}/events`);
-      const onEvent = (event) => {
-        const job = JSON.parse(event.data);
-        seen(job);
-        if (!FINAL.has(job.state)) return;
-        source.close();
-        finish(job);
-      };
-      for (const name of ["message", "progress", "state"]) source.addEventListener(name, onEvent);
-      source.addEventListener("error", async () => {
-        if (source.readyState !== EventSource.CLOSED || over) return;
-        const job = await call("GET", `/jobs/${id}?wait=20`).catch(() => null);
-        if (job && FINAL.has(job.state)) finish(job);
-        else setTimeout(listen, ASK_AGAIN_MS);
-      });
-    };
-    listen();
-  });
 }
 
 // Why a job did not succeed: how far it came, the sentence, and every place that it names.

@@ -1,5 +1,6 @@
 // Scenario pages: plan, import, copy, delete.
-import { call, onSubmit, startJob } from "./api.js";
+import { call, onSubmit } from "./api.js";
+import { startPlan } from "./plan.js";
 
 for (const form of document.querySelectorAll("form[data-plan]")) {
   const whole = form.elements.whole_body, replay = form.elements.replay;
@@ -8,12 +9,7 @@ for (const form of document.querySelectorAll("form[data-plan]")) {
     if (!whole.checked) replay.checked = false;
   });
   onSubmit(form, async () => {
-    const input = {
-      scenario_id: form.dataset.plan,
-      whole_body: whole ? whole.checked : true,
-      replay: replay ? replay.checked : true,
-    };
-    const job = await startJob("plan-motion", input);
+    const job = await startPlan(form.dataset.plan, whole ? { whole_body: whole.checked, replay: replay.checked } : {});
     location.assign(`/plans/${job.id}?watch=1`);
     return "started";
   });
