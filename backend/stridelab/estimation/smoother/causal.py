@@ -104,9 +104,7 @@ class OnlineSmoother:
 class CausalFilter:
     """States of all columns (data, then one per constant), their covariance, and what the data say of the constants."""
 
-    def __init__(
-        self, space: StateSpace, position_m: Vector3, velocity_m_s: Vector3, phi: float = 1.0
-    ) -> None:
+    def __init__(self, space: StateSpace, position_m: Vector3, velocity_m_s: Vector3, phi: float = 1.0) -> None:
         self._space = space
         self._x = np.zeros((3, STATES, COLUMNS))
         self._x[:, C, 0], self._x[:, V, 0] = position_m, velocity_m_s
