@@ -79,8 +79,8 @@ def test_the_band_of_the_jerk_model_is_its_spread_and_not_what_the_model_believe
 
 def test_each_source_alone_is_propagated():
     nothing = ErrorPriors(
-        marker_m=0.0,
-        force_n=0.0,
+        marker_m=1e-9,
+        force_n=1e-6,
         acceleration_m_s2=(0.0, 0.0, 0.0),
         moment_nm=0.0,
         momentum_rate_nm_kg=(0.0, 0.0),

@@ -58,8 +58,11 @@ def test_taps_and_roots_describe_the_same_filter(name):
     assert np.abs(h.poles).max() < 1
 
 
-@pytest.mark.parametrize("cutoffs", [(0.0, 4.0), (4.0, 0.4), (0.4, 60.0), (-1.0, 4.0)])
+@pytest.mark.parametrize(
+    "cutoffs", [(0.0, 4.0), (4.0, 0.4), (1.0, 1.0), (0.4, 50.0), (0.4, 60.0), (-1.0, 4.0), (float("nan"), 4.0)]
+)
 def test_cutoffs_that_make_no_filter_are_refused(cutoffs):
     with pytest.raises(InvalidInput) as error:
         complementary_filters(*cutoffs, 100.0)
     assert error.value.code == "cutoffs-out-of-range"
+    assert error.value.faults[0].where == "cutoffs"

@@ -1,20 +1,27 @@
 """The delay between force and markers is found again when it was put there on purpose."""
 
+from collections.abc import Callable
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from stridelab.body.geometric_com import GeometricCom
 from stridelab.errors import NotEstimable
+from stridelab.estimation.derivatives import low_pass
 from stridelab.estimation.latency import estimate_latency
-from stridelab.recordings.recording import Window
-from support.motions import uniform, walk
+from stridelab.recordings.recording import Window, WrenchTrack
+from support.motions import Harmonics, Motion, uniform, walk
 
 WINDOW = Window(0.5, 1.5)
+T = np.arange(200) / 100.0
+WrenchAt = Callable[[float], WrenchTrack]
 
 
 @pytest.mark.parametrize("late_s", [-0.010, 0.0, 0.008, 0.018, 0.030])
 @pytest.mark.parametrize("heading", ["x", "-y"])
 def test_an_injected_delay_is_recovered_to_two_milliseconds(late_s, heading):
-    t = np.arange(200) / 100.0
+    t = T
     motion = walk()
     rotation = np.eye(3) if heading == "x" else np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     rng = np.random.default_rng(3)
@@ -33,7 +40,7 @@ def test_an_injected_delay_is_recovered_to_two_milliseconds(late_s, heading):
 
 
 def test_the_standard_deviation_is_honest():
-    t = np.arange(200) / 100.0
+    t = T
     motion = walk()
     z = []
     for seed in range(40):
@@ -51,8 +58,58 @@ def test_the_standard_deviation_is_honest():
     assert np.mean(np.abs(z) < 1.96) > 0.85
 
 
+def standing(seed: int) -> tuple[GeometricCom, WrenchAt, float]:
+    """Somebody who sways a few millimetres, unseen by the markers' noise, with clocks that agree."""
+    rng = np.random.default_rng(seed)
+    sway = Harmonics(
+        np.array([0.4, 0.1, 0.95]), np.zeros(3), ((0.6, np.array([0.004, 0.003, 0.0]), float(rng.uniform(0, 6))),)
+    )
+    motion = Motion(sway)
+    drift = np.cumsum(rng.normal(0, 2e-5, (200, 3)), axis=0)
+    noise = low_pass(rng.normal(0, 6, (200, 3)), 100.0, 4.0)
+
+    def wrench_at(latency_s: float) -> WrenchTrack:
+        track = motion.wrench_track(T, WINDOW, 0.0, latency_s)
+        return replace(track, force_n=track.force_n + noise)
+
+    return motion.geometric(T, noise_m=drift), wrench_at, motion.mass_kg
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_somebody_who_stands_has_no_latency_whatever_resembles_what_by_chance(seed: int) -> None:
+    with pytest.raises(NotEstimable, match="stands") as error:
+        estimate_latency(*standing(seed))
+    assert error.value.code == "latency-unclear"
+
+
+@pytest.mark.parametrize("late_s", [-0.3, -0.07, 0.07, 0.085, 0.15])
+def test_a_lag_at_the_edge_of_the_search_is_no_finding(late_s: float) -> None:
+    """Two swings as periodic as this resemble each other again after a period; what is found is never far out."""
+    motion = walk()
+    geometric = motion.geometric(T)
+
+    def wrench_at(latency_s: float) -> WrenchTrack:
+        return motion.wrench_track(T, WINDOW, late_s, latency_s)
+
+    with pytest.raises(NotEstimable) as error:
+        estimate_latency(geometric, wrench_at, motion.mass_kg)
+    assert error.value.code == "latency-unclear"
+
+
+def test_a_lag_that_keeps_growing_is_given_up() -> None:
+    """A force that runs away by 30 ms however late it is read: the sum is refused, not the fourth guess returned."""
+    motion = walk()
+
+    def wrench_at(latency_s: float) -> WrenchTrack:
+        return motion.wrench_track(T, WINDOW, 0.03 + latency_s, latency_s)
+
+    with pytest.raises(NotEstimable, match="100 ms or more") as error:
+        estimate_latency(motion.geometric(T), wrench_at, motion.mass_kg)
+    assert error.value.code == "latency-unclear"
+
+
 def test_a_body_at_rest_has_no_latency_to_tell():
-    t = np.arange(200) / 100.0
+    t = T
     rng = np.random.default_rng(0)
     motion = uniform((0.0, 0.0, 0.0))
     geometric = motion.geometric(t, noise_m=rng.normal(0, 0.0005, (200, 3)))

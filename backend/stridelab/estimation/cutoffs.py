@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from stridelab.errors import InvalidInput
+from stridelab.errors import Fault, InvalidInput
 
 THESIS_LOW_HZ: Final = 0.4
 THESIS_HIGH_HZ: Final = 4.0
@@ -18,4 +18,5 @@ def require_cutoffs(low_hz: float, high_hz: float, rate_hz: float) -> None:
             "cutoffs-out-of-range",
             f"Cutoffs of {low_hz:g} and {high_hz:g} Hz do not fit a rate of {rate_hz:g} Hz: "
             "0 < low < high < half the rate is needed.",
+            [Fault("cutoffs", f"{low_hz:g} and {high_hz:g} Hz")],
         )

@@ -1,6 +1,14 @@
 """What can be wrong with the inputs of an estimator, as standard deviations that the user states."""
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Final
+
+import numpy as np
+
+from stridelab.errors import Fault, InvalidInput
+
+NEVER_ZERO: Final = frozenset({"marker_m", "force_n", "step_hz"})
+"""Every sensor has noise; the other errors may be absent."""
 
 SdPerAxis = tuple[float, float, float]
 """One standard deviation each for x, y and z."""
@@ -14,7 +22,8 @@ class ErrorPriors:
     constant error per axis (0.15 m/s^2 vertically is 1.5 % of body weight). ``moment_nm``: constant error of each
     horizontal moment at the body. ``momentum_rate_nm_kg``: RMS of L' per kilogram of body mass, about the walking axis
     (at ``step_hz`` / 2) and the lateral axis (at ``step_hz``). ``clock_s``: rest of the latency between force and
-    markers after whatever was applied.
+    markers after whatever was applied. Raises ``InvalidInput`` (``prior-out-of-range``) that names the field of a value
+    that no standard deviation can have.
     """
 
     marker_m: float = 0.001
@@ -24,3 +33,18 @@ class ErrorPriors:
     momentum_rate_nm_kg: tuple[float, float] = (0.12, 0.33)
     step_hz: float = 1.8
     clock_s: float = 0.005
+
+    def __post_init__(self) -> None:
+        """Raise unless every number can be the size of an error."""
+        faults = []
+        for name, value in asdict(self).items():
+            numbers = np.atleast_1d(np.asarray(value, dtype=float))
+            possible = np.isfinite(numbers) & (numbers > 0.0 if name in NEVER_ZERO else numbers >= 0.0)
+            if not possible.all():
+                faults.append(Fault(f"priors.{name}", f"{value} is no size of an error"))
+        if faults:
+            raise InvalidInput(
+                "prior-out-of-range",
+                "The stated error of an input must be a positive number: " + ", ".join(f.where for f in faults) + ".",
+                faults,
+            )

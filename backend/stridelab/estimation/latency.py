@@ -22,7 +22,7 @@ from jaxtyping import Float
 from scipy import interpolate
 
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.conventions import Points, Rotation, Series
+from stridelab.conventions import GRAVITY_M_S2, Points, Rotation, Series
 from stridelab.dynamics.newton_euler import contact_force
 from stridelab.errors import NotEstimable
 from stridelab.estimation.derivatives import BAND_HZ, derivatives, low_pass
@@ -36,6 +36,13 @@ SIGNIFICANT_SD: Final = 1.0
 """A lag beyond this many standard deviations is taken out: from one on, that leaves a smaller error than leaving it."""
 LEAST_S: Final = 0.003
 """A lag below this is left alone: 4 mm at walking speed, and as large as the method's own worst error."""
+LARGEST_S: Final = 0.1
+"""No clocks differ by more; what seems to is a resemblance by chance."""
+LEAST_FORCE: Final = 0.01
+"""Standard deviation of the force over the body's weight, along the walk and vertically, that is needed to tell a lag.
+
+Persons who stand have 0.01 to 0.5 % along and 0.1 to 1.0 % vertically, walks 2 % and 3 % at least (shared recordings).
+"""
 _SEARCH_S = 0.05
 _GRID_S = np.arange(-_SEARCH_S, _SEARCH_S + 1e-9, 0.001)
 _ITERATIONS = 4
@@ -95,8 +102,9 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
 
     ``wrench_at(latency_s)`` returns the force read that much later. Lags up to 50 ms are searched, again around what
     was found, until the rest is below half a millisecond. Raises as ``window_span`` does, and ``NotEstimable`` with
-    ``latency-unclear`` when the accelerations do not resemble each other (standing still, wrong mass sign, wrong
-    plates).
+    ``latency-unclear`` when the force hardly varies (standing still), when the accelerations do not resemble each other
+    (wrong plates), when the likeliest lag lies at the edge of the search, and when it adds up to more than
+    ``LARGEST_S``.
     """
     require_mass(mass_kg)
     read_later_s = 0.0
@@ -104,10 +112,20 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
         wrench = wrench_at(read_later_s)
         rest = _lag(geometric, wrench, window_span(geometric, wrench), mass_kg)
         found = rest.later(read_later_s)
+        if abs(found.latency_s) > LARGEST_S:
+            raise _beyond(LARGEST_S)
         read_later_s = found.latency_s
         if abs(rest.latency_s) < 0.0005:
             break
     return found
+
+
+def _beyond(searched_s: float) -> NotEstimable:
+    return NotEstimable(
+        "latency-unclear",
+        "The accelerations seen by the markers and by the plates agree best when one is moved by "
+        f"{1e3 * searched_s:.0f} ms or more: no clocks differ by that much, so their delay cannot be told.",
+    )
 
 
 def _lag(geometric: GeometricCom, wrench: WrenchTrack, span: Span, mass_kg: float) -> Latency:
@@ -129,6 +147,13 @@ def _lag(geometric: GeometricCom, wrench: WrenchTrack, span: Span, mass_kg: floa
             "The markers end together with the measured force: too little is left to compare their clocks.",
         )
     f = low_pass(f_window, rate_hz)[edge:-edge]
+    varies = float(f.std(axis=0)[[_ALONG, _VERTICAL]].min() / (mass_kg * GRAVITY_M_S2))
+    if varies < LEAST_FORCE:
+        raise NotEstimable(
+            "latency-unclear",
+            f"The force varies by {varies:.1%} of the body's weight only, as of a person who stands: the delay between "
+            "the clocks of force and markers cannot be told.",
+        )
     rho: PerLag = np.array([_correlation(low_pass(np.asarray(F(t - tau)), rate_hz)[edge:-edge], f) for tau in _GRID_S])
     best = rho.max(axis=0)
     if not min(best[_ALONG], best[_VERTICAL]) > _RESEMBLANCE:
@@ -139,7 +164,10 @@ def _lag(geometric: GeometricCom, wrench: WrenchTrack, span: Span, mass_kg: floa
         )
     n = INDEPENDENT_PER_S * len(f) / rate_hz
     likelihood = -n / 2 * np.log(1 - np.minimum(np.maximum(rho, 0.0), 1 - 1e-9) ** 2)
-    total, sd_s = _peak(likelihood[:, _ALONG] + likelihood[:, _VERTICAL])
+    both = likelihood[:, _ALONG] + likelihood[:, _VERTICAL]
+    if np.argmax(both) in (0, len(both) - 1):
+        raise _beyond(_SEARCH_S)
+    total, sd_s = _peak(both)
     along, lateral, vertical = (AxisLag(*_peak(likelihood[:, j]), float(best[j])) for j in range(3))
     at_total = rho[np.argmin(np.abs(_GRID_S - total))]
     return Latency(

@@ -31,7 +31,8 @@ class Span:
 def window_span(geometric: GeometricCom, wrench: WrenchTrack) -> Span:
     """Longest window in which the whole force is measured, as sample indices.
 
-    A window whose edge frames have no force (a latency reads beyond the recorded end) shrinks to those that have.
+    The window of the result reaches from its first sample to its last: frames at the edge that have no force (a
+    latency reads beyond the recorded end) are not in it.
     Raises ``NotEstimable`` with code ``no-window``, ``window-too-short`` or ``geometry-gaps``, and ``InvalidInput``
     with ``clock-mismatch`` when geometry and force do not share their instants.
     """
@@ -39,7 +40,7 @@ def window_span(geometric: GeometricCom, wrench: WrenchTrack) -> Span:
     t = wrench.time_s
     measured = np.isfinite(wrench.force_n).all(axis=1) & np.isfinite(wrench.moment_nm).all(axis=1) & wrench.complete
     candidates = [
-        (w, run) for w in wrench.windows for run in _runs(measured & (t >= w.start_s - 1e-9) & (t <= w.end_s + 1e-9))
+        run for w in wrench.windows for run in _runs(measured & (t >= w.start_s - 1e-9) & (t <= w.end_s + 1e-9))
     ]
     if not candidates:
         raise NotEstimable(
@@ -47,17 +48,14 @@ def window_span(geometric: GeometricCom, wrench: WrenchTrack) -> Span:
             "At no time is all contact force on the plates, so force and geometry cannot be combined. "
             "Is every foot that touches the ground on an enabled plate?",
         )
-    window, (first, stop) = max(candidates, key=lambda c: c[1][1] - c[1][0])
+    first, stop = max(candidates, key=lambda run: run[1] - run[0])
     if (stop - first) / rate_hz < SHORTEST_WINDOW_S:
         raise NotEstimable(
             "window-too-short",
             f"All contact force is measured for {(stop - first) / rate_hz:.2f} s at a time; "
             f"at least {SHORTEST_WINDOW_S} s are needed.",
         )
-    window = Window(
-        start_s=max(window.start_s, float(t[first]) - 1 / rate_hz),
-        end_s=min(window.end_s, float(t[stop - 1]) + 1 / rate_hz),
-    )
+    window = Window(float(t[first]), float(t[stop - 1]))
     inside = np.arange(first, stop)
     seen = np.isfinite(geometric.com_m).all(axis=1)
     if not seen[inside].all():
@@ -77,7 +75,13 @@ def common_rate_hz(geometric: GeometricCom, wrench: WrenchTrack) -> float:
     """Rate of the shared time axis; raises ``InvalidInput`` (``clock-mismatch``) where there is none."""
     t = geometric.time_s
     if len(t) < 2 or t.shape != wrench.time_s.shape or np.abs(t - wrench.time_s).max() > 1e-6:
-        raise InvalidInput("clock-mismatch", "Geometry and force are not given at the same instants.")
+        apart = ", ".join(
+            f"{name} {len(at)} samples" + (f" from {at[0]:.2f} to {at[-1]:.2f} s" if len(at) else "")
+            for name, at in (("geometry:", t), ("force:", wrench.time_s))
+        )
+        raise InvalidInput(
+            "clock-mismatch", "Geometry and force are not given at the same instants.", [Fault("time_s", apart)]
+        )
     return float((len(t) - 1) / (t[-1] - t[0]))
 
 
@@ -85,7 +89,7 @@ def require_mass(mass_kg: float) -> None:
     """Raise ``InvalidInput`` (``mass-out-of-range``) unless the mass can be that of a body."""
     if not 1.0 < mass_kg < 1000.0:
         raise InvalidInput(
-            "mass-out-of-range", f"A body mass of {mass_kg:g} kg makes no sense.", [Fault("mass_kg", "")]
+            "mass-out-of-range", f"A body mass of {mass_kg:g} kg makes no sense.", [Fault("mass_kg", f"{mass_kg:g} kg")]
         )
 
 

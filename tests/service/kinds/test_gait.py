@@ -93,7 +93,9 @@ def test_a_latency_applied_brings_force_and_geometry_together(tmp_path: Path) ->
     row = trial("2014022_C4_04")
     task = estimate_task(row.uploaded(GAIT, tmp_path), tmp_path / "task", latency="apply")
     applied = EstimateComSummary.model_validate(estimate_com.run(task, tmp_path / "task", quiet).summary)
-    reported = summary_of(row, tmp_path)
+    task = estimate_task(row.uploaded(GAIT, tmp_path), tmp_path / "task", latency="report")
+    reported = EstimateComSummary.model_validate(estimate_com.run(task, tmp_path / "task", quiet).summary)
     assert applied.latency_s is not None
     assert 0.010 < applied.latency_s < 0.025
+    assert (applied.latency_applied_s, reported.latency_applied_s) == (applied.latency_s, 0.0)
     assert abs(applied.bias_m[0]) < 0.5 * abs(reported.bias_m[0])

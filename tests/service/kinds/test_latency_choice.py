@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stridelab.errors import InvalidInput
 from stridelab.recordings.recording import Window, WrenchTrack
 from stridelab.service.jobs.kinds.latency_choice import LatencyChoice, choose_latency
 from support.motions import uniform, walk
@@ -80,3 +81,11 @@ def test_clocks_that_cannot_be_compared_are_a_remark_never_a_refusal(wanted: str
     assert choice.applied_s == applied_s
     assert codes(choice)[0] == "latency-unclear"
     assert ("latency-applied" in codes(choice)) == (applied_s != 0.0)
+
+
+@pytest.mark.parametrize("absurd", [5.0, -0.2, float("nan"), float("inf")])
+def test_a_stated_latency_that_no_clocks_have_is_refused_by_name(absurd: float) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        chosen(absurd, 0.0)
+    assert refusal.value.code == "latency-out-of-range"
+    assert refusal.value.faults[0].where == "latency"

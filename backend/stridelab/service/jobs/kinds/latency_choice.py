@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.errors import NotEstimable
-from stridelab.estimation.latency import Latency, estimate_latency
+from stridelab.errors import Fault, InvalidInput, NotEstimable
+from stridelab.estimation.latency import LARGEST_S, Latency, estimate_latency
 from stridelab.recordings.recording import Remark, WrenchTrack
 
 
@@ -31,10 +31,11 @@ def choose_latency(
 ) -> LatencyChoice:
     """Estimate the latency, and decide what is applied.
 
-    Raises ``InvalidInput`` (``mass-out-of-range``, ``clock-mismatch``); where the clocks cannot be compared, that is a
+    Raises ``InvalidInput`` (``latency-out-of-range`` for a number beyond ``LARGEST_S``, ``mass-out-of-range``,
+    ``clock-mismatch``); where the clocks cannot be compared, that is a
     remark and nothing but a stated number is applied.
     """
-    stated_s = None if isinstance(wanted, str) else float(wanted)
+    stated_s = None if isinstance(wanted, str) else _possible(float(wanted))
     try:
         found = estimate_latency(geometric, wrench_at, mass_kg)
     except NotEstimable as error:
@@ -60,6 +61,17 @@ def choose_latency(
         f"({_found(found)}); this is not corrected unless the latency is applied."
     )
     return LatencyChoice(found, 0.0, (Remark("latency-not-applied", message),))
+
+
+def _possible(stated_s: float) -> float:
+    if not abs(stated_s) <= LARGEST_S:
+        raise InvalidInput(
+            "latency-out-of-range",
+            f"A latency of {stated_s:g} s makes no sense: the clocks of force and markers differ by {LARGEST_S:g} s at "
+            "most.",
+            [Fault("latency", f"{stated_s:g} s")],
+        )
+    return stated_s
 
 
 def _applied(latency_s: float, why: str) -> Remark:
