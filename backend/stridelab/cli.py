@@ -44,6 +44,7 @@ Lab = Literal["walkway", "two_plates"]
 Walker = Literal["human", "talos"]
 Gait = Literal["walking", "running"]
 Method = Literal["complementary", "geometry", "kalman", "rts", "smoother"]
+OnlineMethod = Literal["complementary", "smoother"]
 SegmentTable = Literal["auto", "dumas2007", "deleva1996", "carried"]
 
 Trial = Annotated[Path, typer.Argument(help="A .c3d file, or a .zip of a .trc and a .mot or .sto file.")]
@@ -54,6 +55,15 @@ Age = Annotated[float | None, typer.Option("--age", help="Age in years.")]
 Latency = Annotated[str, typer.Option("--latency", help="apply (where significant), report, or seconds to apply.")]
 Segments = Annotated[SegmentTable, typer.Option("--segment-table", help="Table of segment masses.")]
 Cutoffs = Annotated[str, typer.Option("--cutoffs", help="auto, thesis, or LOW,HIGH in Hz.")]
+Priors = Annotated[
+    list[str] | None, typer.Option("--prior", help="For the smoother: ERROR=SIZE, e.g. plate_force_n=5; repeatable.")
+]
+WithoutLearning = Annotated[
+    bool, typer.Option("--no-learn", help="For the smoother: keep the stated sizes of the errors.")
+]
+SegmentMomentum = Annotated[
+    bool, typer.Option("--segment-momentum", help="For the smoother: believe the segments' angular momentum.")
+]
 Measured = Annotated[str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")]
 Static = Annotated[Path | None, typer.Option("--static", help="Static trial of the same person.")]
 Markers = Annotated[list[str] | None, typer.Option("--marker", help="LANDMARK=LABEL; may be repeated.")]
@@ -110,6 +120,9 @@ def estimate(
     latency: Latency = "apply",
     segment_table: Segments = "auto",
     cutoffs: Cutoffs = "auto",
+    prior: Priors = None,
+    no_learn: WithoutLearning = False,
+    segment_momentum: SegmentMomentum = False,
     window: Measured = None,
     static: Static = None,
     marker: Markers = None,
@@ -134,6 +147,9 @@ def estimate(
         latency=latency,
         segment_table=segment_table,
         cutoffs=cutoffs,
+        priors=tuple(prior or ()),
+        learn=not no_learn,
+        segment_momentum=segment_momentum,
         window=window,
         static=static,
         markers=tuple(marker or ()),
@@ -153,6 +169,9 @@ def compare(
     latency: Latency = "apply",
     segment_table: Segments = "auto",
     cutoffs: Cutoffs = "auto",
+    prior: Priors = None,
+    no_learn: WithoutLearning = False,
+    segment_momentum: SegmentMomentum = False,
     window: Measured = None,
     static: Static = None,
     marker: Markers = None,
@@ -178,6 +197,9 @@ def compare(
         latency=latency,
         segment_table=segment_table,
         cutoffs=cutoffs,
+        priors=tuple(prior or ()),
+        learn=not no_learn,
+        segment_momentum=segment_momentum,
         window=window,
         static=static,
         markers=tuple(marker or ()),
@@ -193,6 +215,8 @@ def stream(
     mass_kg: Mass = None,
     sex: PersonSex = None,
     age_years: Age = None,
+    method: Annotated[OnlineMethod, typer.Option("--method", help="Online estimator.")] = "complementary",
+    ahead: Annotated[str | None, typer.Option("--ahead", help="X,Y: where the walk goes; for the smoother.")] = None,
     latency: Latency = "apply",
     cutoffs: Cutoffs = "auto",
     static: Static = None,
@@ -223,7 +247,7 @@ def stream(
         markers=tuple(marker or ()),
         without_plates=tuple(without_plate or ()),
     )
-    replay = Replay(speed=speed, block=block, packed=packed, csv=csv)
+    replay = Replay(method=method, ahead=ahead, speed=speed, block=block, packed=packed, csv=csv)
     run(request, replay, as_json=as_json, server=server, token=token)
 
 

@@ -40,6 +40,9 @@ class EstimateRequest:
     latency: str = "apply"
     segment_table: str = "auto"
     cutoffs: str = "auto"
+    priors: tuple[str, ...] = ()
+    learn: bool = True
+    segment_momentum: bool = False
     window: str | None = None
     static: Path | None = None
     markers: tuple[str, ...] = ()
@@ -62,12 +65,23 @@ class EstimateRequest:
             "method": self.method,
             "latency": self.latency
             if self.latency in {"report", "apply"}
-            else _numbers("--latency", self.latency, 1)[0],
+            else numbers("--latency", self.latency, 1)[0],
             "segment_table": self.segment_table,
-            "cutoffs": self.cutoffs if self.cutoffs in {"auto", "thesis"} else _numbers("--cutoffs", self.cutoffs, 2),
-            "window_s": None if self.window is None else _numbers("--window", self.window, 2),
+            "cutoffs": self.cutoffs if self.cutoffs in {"auto", "thesis"} else numbers("--cutoffs", self.cutoffs, 2),
+            "smoother": self._smoother(),
+            "window_s": None if self.window is None else numbers("--window", self.window, 2),
         }
         return validated(model, fields)
+
+    def _smoother(self) -> dict[str, Any] | None:
+        """What was stated for the smoother; None where nothing was, which leaves the choice of the method open."""
+        if not self.priors and self.learn and not self.segment_momentum:
+            return None
+        priors = {}
+        for name, value in (_pair("--prior", text) for text in self.priors):
+            sizes = numbers("--prior", value, value.count(",") + 1)
+            priors[name] = sizes[0] if len(sizes) == 1 else sizes
+        return {"priors": priors, "learn": self.learn, "segment_momentum": self.segment_momentum}
 
     def marker_map(self) -> dict[str, str]:
         """Landmark to label."""
@@ -131,7 +145,7 @@ def simulate(
     fields: Mapping[str, Any], *, noise: Sequence[str], out_dir: Path | None, force: bool, as_json: bool
 ) -> None:
     """Simulate one recording into a folder and show the summary."""
-    stated = {key: _numbers("--noise", value, 1)[0] for key, value in (_pair("--noise", text) for text in noise)}
+    stated = {key: numbers("--noise", value, 1)[0] for key, value in (_pair("--noise", text) for text in noise)}
     input_ = validated(SimulateRecordingInput, {**fields, "noise": stated})
     target = out_dir or Path(f"simulated-{input_.seed}")
     with result_folder(target, force=force) as folder:
@@ -208,7 +222,8 @@ def require_file(path: Path) -> None:
         raise UnreadableFile("file-not-readable", f"Cannot read {path}: {reason}.") from error
 
 
-def _numbers(option: str, text: str, count: int) -> list[float]:
+def numbers(option: str, text: str, count: int) -> list[float]:
+    """``count`` numbers with commas between them. Raises ``InvalidInput`` naming the option."""
     try:
         values = [float(part) for part in text.split(",")]
     except ValueError:

@@ -26,6 +26,8 @@ OPTIONS = {
     "age_years": "--age",
     "latency": "--latency",
     "cutoffs": "--cutoffs",
+    "smoother": "--prior",
+    "ahead": "--ahead",
     "window_s": "--window",
     "robot": "--robot",
     "gait": "--gait",
@@ -46,7 +48,10 @@ def validated(model: type[T], fields: Mapping[str, Any]) -> T:
         return model.model_validate(fields)
     except ValidationError as error:
         faults = [
-            Fault(OPTIONS.get(str(item["loc"][0]), str(item["loc"][0])), item["msg"])
+            Fault(
+                OPTIONS.get(str(item["loc"][0]), str(item["loc"][0])),
+                ": ".join((*(str(name) for name in item["loc"][-1:] if len(item["loc"]) > 1), item["msg"])),
+            )
             for item in error.errors(include_url=False)
             if item["loc"]
         ]

@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli_console import out, progress_bar
-from stridelab.cli_estimate import EstimateRequest, require_file, staged
+from stridelab.cli_estimate import EstimateRequest, numbers, require_file, staged
 from stridelab.cli_remote import translated
 from stridelab.cli_result import validated
 from stridelab.client import Client
@@ -28,8 +28,10 @@ COLUMNS = ("time_s", "x_m", "y_m", "z_m", "vx_m_s", "vy_m_s", "vz_m_s", "sd_x_m"
 
 @dataclass(frozen=True)
 class Replay:
-    """How the recording is played: ``speed`` times real time, ``block`` samples per message."""
+    """How the recording is played: ``speed`` times real time, ``block`` samples per message; and to which method."""
 
+    method: str = "complementary"
+    ahead: str | None = None
     speed: float = 1.0
     block: int = 1
     packed: bool = False
@@ -73,7 +75,7 @@ class Played:
 def stream(request: EstimateRequest, replay: Replay, *, as_json: bool, server: str, token: str | None) -> None:
     """Place the body's segments here, replay geometry and wrench to ``server``, and show what came back."""
     require_file(request.file)
-    configuration, samples = prepared(request, packed=replay.packed)
+    configuration, samples = prepared(request, replay)
     with translated(server), Client(server, token) as lab, lab.stream_com(configuration) as opened:
         blocks = [samples[i : i + replay.block] for i in range(0, len(samples), replay.block)]
         estimates, took_s = [], []
@@ -94,7 +96,7 @@ def stream(request: EstimateRequest, replay: Replay, *, as_json: bool, server: s
         show(played, replay)
 
 
-def prepared(request: EstimateRequest, *, packed: bool) -> tuple[StreamConfiguration, list[StreamSample]]:
+def prepared(request: EstimateRequest, replay: Replay) -> tuple[StreamConfiguration, list[StreamSample]]:
     """What a laboratory would send live: the CoM of the segment model and the wrench, frame by frame.
 
     Raises what ``estimate-com`` raises for a recording that cannot be used.
@@ -116,9 +118,11 @@ def prepared(request: EstimateRequest, *, packed: bool) -> tuple[StreamConfigura
         {
             "mass_kg": inputs.mass.mass_kg,
             "rate_hz": inputs.trial.recording.marker_rate_hz,
+            "method": replay.method,
+            "ahead": None if replay.ahead is None else numbers("--ahead", replay.ahead, 2),
             "cutoffs": input_.cutoffs,
             "priors": {"geometry_m": geometric.sd_m},
-            "format": "float32" if packed else "json",
+            "format": "float32" if replay.packed else "json",
         },
     )
     rows = zip(

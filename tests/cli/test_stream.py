@@ -37,7 +37,7 @@ def test_the_sample_is_replayed(service: Served, tmp_path: Path, capsys: pytest.
     assert len(told) == figures["samples"]
     assert figures["method"] == "complementary"
     assert figures["played_s"] >= (told[-1, 0] - told[0, 0]) / 4.0 - 0.01
-    _, samples = prepared(REQUEST, packed=True)
+    _, samples = prepared(REQUEST, Replay(packed=True))
     geometry = np.array([sample.geometry_m for sample in samples])
     assert told[:, 0] == pytest.approx([sample.time_s for sample in samples], abs=1e-5)
     assert np.abs(told[:, 1:4] - geometry).max() < 0.05

@@ -67,12 +67,55 @@ class JobResult(Contract):
     artifacts: list[Artifact]
 
 
+Declared = Annotated[float, Field(ge=0.0, le=1000.0)]
+Sd = Annotated[float, Field(gt=0.0, le=1000.0)]
+
+
+class StatedErrors(Contract):
+    """How large the errors of a recording's inputs are, as standard deviations; null takes the usual size."""
+
+    plate_force_n: Declared | None = Field(default=None, description="constant error of the total force; usual: 1 N")
+    plate_moment_nm: Declared | None = Field(default=None, description="constant error of the moments; usual: 1 N m")
+    mass_share: Annotated[float, Field(ge=0.0, le=0.5)] | None = Field(
+        default=None, description="relative error of the body mass; usual: 0.01"
+    )
+    clock_s: Annotated[float, Field(ge=0.0, le=0.1)] | None = Field(
+        default=None, description="what is left of the latency between force and markers; usual: 0.005 s"
+    )
+    marker_m: Sd | None = Field(default=None, description="noise of the geometric centre of mass")
+    force_n: Sd | None = Field(default=None, description="noise of the force, per axis")
+    moment_nm: Sd | None = Field(default=None, description="noise of the moment, per axis")
+    table_varying_m: Sd | None = Field(
+        default=None, description="part of the segment table's error that changes with the posture"
+    )
+    momentum_m_s: tuple[Sd, Sd] | None = Field(
+        default=None, description="angular momentum over weight, RMS, about the walking and the lateral axis"
+    )
+    step_hz: Annotated[float, Field(gt=0.0, le=10.0)] | None = Field(
+        default=None, description="steps per second; null finds it in the vertical motion"
+    )
+
+
+class SmootherOptions(Contract):
+    """What the smoother may be told; leave it out and it goes by usual sizes and the recording itself."""
+
+    priors: StatedErrors = Field(default_factory=StatedErrors)
+    learn: bool = Field(default=True, description="let the recording correct the sizes that it shows")
+    segment_momentum: bool = Field(
+        default=False, description="take the segments' angular momentum as known instead of guessing all of it"
+    )
+
+
 class EstimateComInput(Contract):
     """Input of ``estimate-com``."""
 
     recording_id: str
     method: Literal["complementary", "geometry", "kalman", "rts", "smoother"] | None = Field(
-        default=None, description="null takes the best estimator that this version has"
+        default=None,
+        description=(
+            "null: the smoother, or the complementary filter where the smoother refuses the recording; what was taken "
+            "is in the result. Stated cut-offs ask for the filter, and stated smoother options for the smoother"
+        ),
     )
     latency: Literal["report", "apply"] | Annotated[float, Field(ge=-0.1, le=0.1)] = Field(
         default="apply",
@@ -85,6 +128,7 @@ class EstimateComInput(Contract):
     cutoffs: Literal["auto", "thesis"] | tuple[float, float] = Field(
         default="auto", description="low and high cut-off in Hz (2.24-2.27)"
     )
+    smoother: SmootherOptions | None = Field(default=None, description="only for the smoother")
     window_s: Interval | None = None
 
 
@@ -107,6 +151,9 @@ class EstimateComSummary(Contract):
     rms_force_residual_n: list[float]
     bias_m: list[float]
     observability: dict[str, Any]
+    diagnostics: dict[str, float] = Field(
+        default_factory=dict, description="numbers of the estimator, with their units"
+    )
     warnings: list[Remark]
 
 

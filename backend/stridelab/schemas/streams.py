@@ -2,12 +2,15 @@
 
 from typing import Annotated, Final, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from stridelab.schemas.base import Contract, Problem
 
 Triple = tuple[float, float, float]
 Sd = Annotated[float, Field(gt=0.0, le=1000.0)]
+Component = Annotated[float, Field(ge=-1e6, le=1e6)]
+SHORTEST: Final = 1e-6
+"""Largest component of a direction, at least."""
 
 PACKED_SAMPLE: Final = ("time_s", "geometry_m", "force_n", "moment_nm")
 """Columns of a packed sample: the time since the message's own (1), then three numbers each."""
@@ -20,7 +23,10 @@ PACKED_ROW: Final = "<10f"
 
 
 class StreamPriors(Contract):
-    """Standard deviations of what can be wrong with the inputs; they decide the width of the band."""
+    """Standard deviations of what can be wrong with the inputs.
+
+    They decide the width of the band, and with the smoother also how much each input is believed.
+    """
 
     geometry_m: tuple[Sd, Sd, Sd] = Field(
         default=(0.008, 0.008, 0.02), description="CoM of the segment model, per axis"
@@ -42,13 +48,23 @@ class StreamConfiguration(Contract):
 
     mass_kg: Annotated[float, Field(gt=1.0, lt=1000.0)]
     rate_hz: Annotated[float, Field(gt=0.0)] = Field(description="samples per second that will come")
-    method: Literal["complementary"] = "complementary"
+    method: Literal["complementary", "smoother"] = "complementary"
     cutoffs: Literal["auto", "thesis"] | tuple[float, float] = Field(
-        default="auto", description="low and high cut-off in Hz (2.24-2.27)"
+        default="auto", description="low and high cut-off in Hz (2.24-2.27); of the complementary filter only"
+    )
+    ahead: tuple[Component, Component] | None = Field(
+        default=None, description="direction of the walk along x and y, where it is known; for the smoother only"
     )
     priors: StreamPriors = Field(default_factory=StreamPriors)
     velocity_m_s: Triple | None = Field(default=None, description="at the first sample, where it is known")
     format: Literal["json", "float32"] = Field(default="json", description="of all messages that follow")
+
+    @field_validator("ahead")
+    @classmethod
+    def _is_a_direction(cls, ahead: tuple[float, float] | None) -> tuple[float, float] | None:
+        if ahead is not None and max(map(abs, ahead)) < SHORTEST:
+            raise ValueError("a direction has a length")
+        return ahead
 
 
 class StreamSample(Contract):

@@ -6,9 +6,11 @@ import ezc3d
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from pydantic import ValidationError
 
 from stridelab.errors import InvalidInput, NotEstimable, StridelabError
-from stridelab.schemas.jobs import EstimateComSummary
+from stridelab.estimation.smoother.priors import MAY_BE_ZERO
+from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, SmootherOptions, StatedErrors
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.service.jobs.kinds import estimate_com
 from stridelab.service.jobs.kinds.provenance import known_references
@@ -29,6 +31,11 @@ def columns(table: Path, *names: str) -> np.ndarray:
 def summary_of(folder: Path, **asked: object) -> EstimateComSummary:
     outcome = estimate_com.run(estimate_task(TRIAL, folder, **asked), folder, quiet)
     return EstimateComSummary.model_validate(outcome.summary)
+
+
+def filtered(folder: Path, **asked: object) -> EstimateComSummary:
+    """By the complementary filter, which takes least time."""
+    return summary_of(folder, method="complementary", **asked)
 
 
 @pytest.fixture(scope="module")
@@ -55,13 +62,13 @@ def test_the_injected_latency_is_found_and_taken_out_unless_told_otherwise(resul
     assert summary.latency_along_s == pytest.approx(0.012, abs=0.006)
     assert summary.latency_vertical_s == pytest.approx(0.012, abs=0.006)
     assert [w.code for w in summary.warnings if w.code.startswith("latency")] == ["latency-applied"]
-    by_default = summary_of(tmp_path / "default")
+    by_default = filtered(tmp_path / "default")
     assert by_default.latency_applied_s == summary.latency_applied_s
-    reported = summary_of(tmp_path / "a", latency="report")
+    reported = filtered(tmp_path / "a", latency="report")
     assert reported.latency_s == pytest.approx(summary.latency_s)
     assert reported.latency_applied_s == 0.0
     assert "latency-not-applied" in {w.code for w in reported.warnings}
-    stated = summary_of(tmp_path / "b", latency=0.005)
+    stated = filtered(tmp_path / "b", latency=0.005)
     assert stated.latency_applied_s == 0.005
     assert "latency-applied" in {w.code for w in stated.warnings}
 
@@ -134,7 +141,7 @@ def test_a_result_says_where_it_comes_from(result) -> None:  # type: ignore[no-u
     folder, summary, references, told = result
     about = read_about(folder / "com.parquet")
     assert about["provenance"]["file"] == "recording.c3d"
-    assert about["provenance"]["summary"]["method"] == summary.method == "complementary"
+    assert about["provenance"]["summary"]["method"] == summary.method == "smoother"
     assert set(references) <= known_references()
     assert {"carpentier2017thesis", "dumas2007"} <= set(references)
     assert told.fractions[-1] == 1.0
@@ -169,11 +176,11 @@ def test_the_direction_that_the_force_cannot_see_is_given_over_time(result) -> N
 
 
 def test_a_users_statement_wins_over_the_file(tmp_path: Path) -> None:
-    stated = summary_of(tmp_path / "a", subject=SubjectFields(mass_kg=62.0))
+    stated = filtered(tmp_path / "a", subject=SubjectFields(mass_kg=62.0))
     assert (stated.mass_kg, stated.mass_source) == (62.0, "stated")
-    assert summary_of(tmp_path / "b").mass_source == "file"
+    assert filtered(tmp_path / "b").mass_source == "file"
     assert stated.mass_from_force_kg == pytest.approx(60.0, rel=0.02)
-    heavy = summary_of(tmp_path / "c", subject=SubjectFields(mass_kg=70.0))
+    heavy = filtered(tmp_path / "c", subject=SubjectFields(mass_kg=70.0))
     (said,) = (w.message for w in heavy.warnings if w.code == "mass-disagrees-with-force")
     assert "70 kg" in said
     assert f"{heavy.mass_from_force_kg:.1f} kg" in said
@@ -195,24 +202,101 @@ def test_geometry_alone_needs_no_plates(tmp_path: Path) -> None:
 
 
 def test_cutoffs_and_window_are_those_asked_for(tmp_path: Path) -> None:
-    whole = summary_of(tmp_path / "a")
+    whole = filtered(tmp_path / "a")
     start_s, end_s = whole.window_s
-    part = summary_of(tmp_path / "b", window_s=(start_s + 0.1, end_s - 0.1))
+    part = filtered(tmp_path / "b", window_s=(start_s + 0.1, end_s - 0.1))
     assert part.window_s == pytest.approx((start_s + 0.1, end_s - 0.1))
-    thesis, wide = summary_of(tmp_path / "c", cutoffs="thesis"), summary_of(tmp_path / "d", cutoffs=(0.2, 1.0))
+    thesis, wide = filtered(tmp_path / "c", cutoffs="thesis"), filtered(tmp_path / "d", cutoffs=(0.2, 1.0))
     assert thesis.bias_m != wide.bias_m
 
 
+def test_the_best_method_is_taken_unless_something_else_is_asked_for(tmp_path: Path) -> None:
+    """Cut-offs ask for the filter, which alone has them; options of the smoother ask for the smoother."""
+    assert summary_of(tmp_path / "a").method == "smoother"
+    assert summary_of(tmp_path / "b", cutoffs="thesis").method == "complementary"
+    assert summary_of(tmp_path / "c", smoother={"learn": False}).method == "smoother"
+    assert summary_of(tmp_path / "d", method="rts").method == "rts"
+
+
+def test_where_the_best_method_refuses_another_stands_in_and_says_why(tmp_path: Path) -> None:
+    """A window without a whole single support: the smoother refuses it, and so does the job where it was named."""
+    short = {"window_s": (2.1, 2.52), "latency": "report"}
+    summary = summary_of(tmp_path / "a", **short)
+    assert summary.method == "complementary"
+    (said,) = (w.message for w in summary.warnings if w.code == "best-method-refused")
+    assert "single support" in said
+    for k, named in enumerate(({"method": "smoother"}, {"smoother": {}})):
+        with pytest.raises(NotEstimable) as refusal:
+            summary_of(tmp_path / str(k), **short, **named)
+        assert refusal.value.code == "no-single-support"
+    plain = summary_of(tmp_path / "b", method="complementary", **short)
+    assert plain.bias_m == summary.bias_m
+    assert all(w.code != "best-method-refused" for w in plain.warnings)
+
+
+def test_what_is_stated_to_the_smoother_is_used_and_what_it_found_is_told(tmp_path: Path) -> None:
+    usual = summary_of(tmp_path / "a")
+    assert {"marker_mm", "step_hz", "plate_bias_statistic"} <= usual.diagnostics.keys()
+    assert usual.diagnostics["step_hz"] == pytest.approx(1.75, abs=0.1)
+    stated = {"marker_m": 0.003, "step_hz": 1.6, "momentum_m_s": (0.001, 0.004)}
+    told = summary_of(tmp_path / "b", smoother={"learn": False, "priors": stated}).diagnostics
+    assert told["marker_mm"] == pytest.approx(3.0)
+    assert told["step_hz"] == 1.6
+    weight_n = 9.81 * usual.mass_kg
+    assert told["momentum_about_walk_nms"] == pytest.approx(0.001 * weight_n, rel=0.01)
+    assert told["momentum_about_side_nms"] == pytest.approx(0.004 * weight_n, rel=0.01)
+    known = summary_of(tmp_path / "c", smoother={"segment_momentum": True}).diagnostics
+    assert known["momentum_about_side_nms"] < 0.5 * usual.diagnostics["momentum_about_side_nms"]
+
+
+def test_a_plate_bias_beyond_the_declared_one_is_remarked(tmp_path: Path) -> None:
+    """What the table's error and the moment do to this sample looks like a force of some newtons."""
+    for k, (declared_n, doubted) in enumerate(((0.4, True), (5.0, False))):
+        summary = summary_of(tmp_path / str(k), smoother={"priors": {"plate_force_n": declared_n}})
+        assert ("undeclared-plate-bias" in {w.code for w in summary.warnings}) == doubted
+
+
+@pytest.mark.parametrize(
+    "priors",
+    [
+        {"marker_m": 0.0},
+        {"plate_force_n": -1.0},
+        {"clock_s": float("nan")},
+        {"step_hz": 0.0},
+        {"momentum_m_s": (0.001, 0.0)},
+        {"moment_nm": float("inf")},
+        {"wind": 1.0},
+    ],
+)
+def test_an_error_that_no_input_can_have_is_refused_naming_it(priors: dict[str, object]) -> None:
+    with pytest.raises(ValidationError) as refused:
+        EstimateComInput.model_validate({"recording_id": "r", "smoother": {"priors": priors}})
+    assert {error["loc"][:3] for error in refused.value.errors()} == {("smoother", "priors", *priors)}
+
+
+@pytest.mark.parametrize("name", StatedErrors.model_fields)
+def test_every_error_that_can_be_stated_is_one_of_the_smoother(name: str) -> None:
+    """And what the contract lets pass the smoother takes: zero where it is no error at all, else very little."""
+    low = (1e-9, 1e-9) if name == "momentum_m_s" else 0.0 if name in MAY_BE_ZERO else 1e-9
+    stated = StatedErrors.model_validate({name: low})
+    assert getattr(estimate_com.smoother(SmootherOptions(priors=stated)).priors, name) == low
+
+
 def test_a_table_can_be_chosen(tmp_path: Path) -> None:
-    assert summary_of(tmp_path / "a").segment_table == "carried"
-    assert summary_of(tmp_path / "b", segment_table="dumas2007").segment_table == "dumas2007"
+    assert filtered(tmp_path / "a").segment_table == "carried"
+    assert filtered(tmp_path / "b", segment_table="dumas2007").segment_table == "dumas2007"
 
 
 @pytest.mark.parametrize(
     ("asked", "kind", "code"),
     [
         ({"method": "kalman", "cutoffs": (0.2, 1.0)}, InvalidInput, "cutoffs-not-used"),
-        ({"method": "smoother"}, NotEstimable, "method-unavailable"),
+        ({"method": "smoother", "cutoffs": "thesis"}, InvalidInput, "cutoffs-not-used"),
+        ({"method": "smoother", "cutoffs": (0.2, 1.0)}, InvalidInput, "cutoffs-not-used"),
+        ({"method": "geometry", "cutoffs": "thesis"}, InvalidInput, "cutoffs-not-used"),
+        ({"smoother": {}, "cutoffs": "thesis"}, InvalidInput, "cutoffs-not-used"),
+        ({"method": "complementary", "smoother": {}}, InvalidInput, "smoother-options-not-used"),
+        ({"method": "smoother", "window_s": (1.9, 2.15)}, NotEstimable, "window-too-short"),
         ({"window_s": (0.0, 1.0)}, InvalidInput, "window-not-measured"),
         ({"window_s": (3.5, 9.0)}, InvalidInput, "window-outside-recording"),
         ({"window_s": (2.6, 1.95)}, InvalidInput, "window-outside-recording"),
@@ -249,11 +333,11 @@ def test_unknown_labels_are_refused_with_what_was_found(tmp_path: Path) -> None:
 
 def test_a_static_trial_is_read_and_used(tmp_path: Path) -> None:
     """The trial serves as its own static trial: nothing may change."""
-    task = estimate_task(TRIAL, tmp_path / "a")
+    task = estimate_task(TRIAL, tmp_path / "a", method="complementary")
     (tmp_path / "a" / "static").write_bytes(TRIAL.read_bytes())
     with_static = task.model_copy(update={"static": RecordingSource(file="static", filename="static.c3d")})
     one = EstimateComSummary.model_validate(estimate_com.run(with_static, tmp_path / "a", quiet).summary)
-    assert one.bias_m == pytest.approx(summary_of(tmp_path / "b").bias_m, abs=1e-4)
+    assert one.bias_m == pytest.approx(filtered(tmp_path / "b").bias_m, abs=1e-4)
 
 
 def test_a_damaged_static_trial_is_named(tmp_path: Path) -> None:

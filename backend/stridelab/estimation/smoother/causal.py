@@ -33,7 +33,9 @@ from stridelab.estimation.smoother.recursions import COLUMNS
 from stridelab.estimation.smoother.sizes import online_sizes
 
 TICK_S: Final = 1e-4
-"""Time steps that differ by less share their matrices."""
+"""Time steps that differ by less share their matrices; what they differ by goes into the motion (``advance``)."""
+SPACES: Final = 64
+"""Time steps whose matrices are kept: a regular clock has one or two, and one that jitters must not fill the memory."""
 
 
 class OnlineSmoother:
@@ -83,7 +85,8 @@ class OnlineSmoother:
             self._filter = CausalFilter(space, g, frame @ self._velocity)
         else:
             driven = None if a is None or self._acceleration is None else (a + self._acceleration) / 2
-            self._filter.advance(self._space(dt), driven)
+            tick = max(1, round(dt / TICK_S))
+            self._filter.advance(self._space(tick), driven, dt - tick * TICK_S)
         self._time_s, self._acceleration = time_s, a
         y2 = None
         if f is not None and moment_nm is not None:
@@ -94,9 +97,10 @@ class OnlineSmoother:
         turned = mean @ frame
         return OnlineSample(turned[0], turned[1], np.sqrt(variance @ frame**2))
 
-    def _space(self, dt: float) -> StateSpace:
-        tick = max(1, round(dt / TICK_S))
+    def _space(self, tick: int) -> StateSpace:
         if tick not in self._spaces and self._sizes is not None:
+            if len(self._spaces) >= SPACES:
+                del self._spaces[next(iter(self._spaces))]
             self._spaces[tick] = state_space(self._sizes, 1 / (tick * TICK_S))
         return self._spaces[tick]
 
@@ -119,8 +123,11 @@ class CausalFilter:
         """Position before this sample's measurements."""
         return np.asarray(self._x[:, C, 0] + (self._x[:, C, 1 : HEIGHT + 1] * self._constants).sum(axis=1))
 
-    def advance(self, space: StateSpace, acceleration_m_s2: Vector3 | None) -> None:
-        """From the sample before to this one; None where force was not seen at both."""
+    def advance(self, space: StateSpace, acceleration_m_s2: Vector3 | None, longer_s: float = 0.0) -> None:
+        """From the sample before to this one; None where force was not seen at both.
+
+        The step is ``longer_s`` longer than that of ``space``: at 240 Hz the 33 us would make the velocity 10 mm/s off.
+        """
         self._space = space
         kind = 2 if not self._seen_moment else 1 if acceleration_m_s2 is None else 0
         now: Regime = space.regimes[kind]
@@ -129,6 +136,9 @@ class CausalFilter:
         if acceleration_m_s2 is not None:
             self._x[:, :, 0] += acceleration_m_s2[:, None] * space.drive
             self._x[:, :, 1 + ACCELERATION] -= space.drive
+            self._x[:, V, 0] += longer_s * acceleration_m_s2
+            self._x[:, V, 1 + ACCELERATION] -= longer_s
+        self._x[:, C] += longer_s * self._updated[:, V]
         p = base @ self._p_updated @ np.swapaxes(base, 1, 2) + now.process
         self._p = (p + np.swapaxes(p, 1, 2)) / 2
 

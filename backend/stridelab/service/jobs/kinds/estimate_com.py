@@ -7,31 +7,35 @@ markers allow it; the fused position, velocity, acceleration, standard deviation
 window in which all contact force is measured.
 """
 
+import math
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from stridelab.errors import Fault, InvalidInput
+from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.estimation.agreement import bias_m, force_residual_n
 from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.estimate import ComEstimator
+from stridelab.estimation.estimate import ComEstimate, ComEstimator
 from stridelab.estimation.geometry import GeometryOnly
 from stridelab.estimation.kalman import KalmanFilter
 from stridelab.estimation.observability import observability
 from stridelab.estimation.rts import RtsSmoother
-from stridelab.estimation.smoother import Smoother
+from stridelab.estimation.smoother import Smoother, SmootherPriors
+from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
-from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary
+from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, SmootherOptions
 from stridelab.service.jobs.kinds.com_artifacts import write_com
 from stridelab.service.jobs.kinds.kind import Json, Outcome, ProgressCallback
-from stridelab.service.jobs.kinds.preparing import prepare
+from stridelab.service.jobs.kinds.preparing import Prepared, prepare
 from stridelab.service.jobs.kinds.requirements import require_method
 from stridelab.service.jobs.kinds.tasks import EstimateComTask
 
-BEST_METHOD: Final = "complementary"
+BEST_METHOD: Final = Smoother.name
 """What ``method: null`` takes: the best estimator of this version."""
+STAND_IN: Final = ComplementaryFilter.name
+"""What ``method: null`` takes where the best one refuses the recording."""
 
 
 def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
@@ -46,13 +50,13 @@ def run(task: EstimateComTask, folder: Path, progress: ProgressCallback) -> Outc
     data do not allow an estimate; code and faults say what is missing.
     """
     request = task.input
-    method = require_method(request.method or BEST_METHOD)
+    method = method_asked(request)
     prepared = prepare(task, folder, progress, needs_force=method != GeometryOnly.name)
     trial, windows, geometric, wrench = prepared.trial, prepared.windows, prepared.geometric, prepared.wrench
     mass, latency = prepared.mass, prepared.latency
 
     progress(0.7, "fusing markers and force" if method != GeometryOnly.name else "smoothing the geometry")
-    estimate = estimator(method, request).estimate(geometric, wrench, mass.mass_kg)
+    estimate = fused(method, request, prepared)
 
     progress(0.85, "writing the result")
     remarks = (*prepared.remarks, *estimate.remarks)
@@ -73,6 +77,7 @@ def run(task: EstimateComTask, folder: Path, progress: ProgressCallback) -> Outc
         rms_force_residual_n=force_residual_n(estimate, wrench, mass.mass_kg).tolist() if windows else [],
         bias_m=bias_m(estimate, geometric).tolist(),
         observability=asdict(observability(estimate)) if windows else {},
+        diagnostics={name: value for name, value in estimate.diagnostics.items() if math.isfinite(value)},
         warnings=[base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)],
     )
     shown = wrench if windows else replace(wrench, complete=np.zeros_like(wrench.complete))
@@ -80,6 +85,44 @@ def run(task: EstimateComTask, folder: Path, progress: ProgressCallback) -> Outc
     progress(1.0, "done")
     references = (*geometric.references, *estimate.references)
     return Outcome(summary.model_dump(mode="json"), tuple(dict.fromkeys(references)), artifacts)
+
+
+def method_asked(request: EstimateComInput) -> str | None:
+    """The method that is named, or that alone has the stated cut-offs or options; None where the best is asked for.
+
+    Raises ``InvalidInput`` for what is stated and would have no effect: ``smoother-options-not-used``,
+    ``cutoffs-not-used``.
+    """
+    named = None if request.method is None else require_method(request.method)
+    if request.smoother is not None:
+        if named not in (None, Smoother.name):
+            raise InvalidInput(
+                "smoother-options-not-used",
+                f"The {named} estimator has no use for the options of the smoother.",
+                [Fault("smoother", "not used by this method")],
+            )
+        named = Smoother.name
+    if request.cutoffs == "auto":
+        return named
+    if named in (GeometryOnly.name, Smoother.name):
+        raise _no_cutoffs(named)
+    return named or ComplementaryFilter.name
+
+
+def fused(method: str | None, request: EstimateComInput, prepared: Prepared) -> ComEstimate:
+    """The estimate by ``method``; without one by the best, or with a remark by its stand-in where the best refuses.
+
+    Raises ``NotEstimable`` where nothing can do it.
+    """
+    inputs = prepared.geometric, prepared.wrench, prepared.mass.mass_kg
+    try:
+        return estimator(method or BEST_METHOD, request).estimate(*inputs)
+    except NotEstimable as refusal:
+        if method is not None:
+            raise
+        estimate = estimator(STAND_IN, request).estimate(*inputs)
+        message = f"The {BEST_METHOD} refuses this recording and the {STAND_IN} filter stands in: {refusal.message}"
+        return replace(estimate, remarks=(Remark("best-method-refused", message), *estimate.remarks))
 
 
 def estimator(method: str, request: EstimateComInput) -> ComEstimator:
@@ -90,11 +133,7 @@ def estimator(method: str, request: EstimateComInput) -> ComEstimator:
     thesis = request.cutoffs == "thesis"
     if isinstance(request.cutoffs, tuple):
         if method != ComplementaryFilter.name:
-            raise InvalidInput(
-                "cutoffs-not-used",
-                f"The {method} estimator has no cut-off frequencies; only the complementary filter has.",
-                [Fault("cutoffs", "not used by this method")],
-            )
+            raise _no_cutoffs(method)
         low_hz, high_hz = request.cutoffs
         return ComplementaryFilter(low_hz=low_hz, high_hz=high_hz)
     if method == GeometryOnly.name:
@@ -104,5 +143,19 @@ def estimator(method: str, request: EstimateComInput) -> ComEstimator:
     if method == RtsSmoother.name:
         return RtsSmoother() if thesis else RtsSmoother.tuned()
     if method == Smoother.name:
-        return Smoother()
+        return smoother(request.smoother or SmootherOptions())
     return ComplementaryFilter.thesis() if thesis else ComplementaryFilter()
+
+
+def smoother(options: SmootherOptions) -> Smoother:
+    """The smoother that is told what was stated; the rest takes its usual size."""
+    priors = SmootherPriors(**options.priors.model_dump(exclude_none=True))
+    return Smoother(priors=priors, learn=options.learn, segment_momentum=options.segment_momentum)
+
+
+def _no_cutoffs(method: str) -> InvalidInput:
+    return InvalidInput(
+        "cutoffs-not-used",
+        f"The {method} estimator has no cut-off frequencies; only the complementary filter has.",
+        [Fault("cutoffs", "not used by this method")],
+    )
