@@ -68,7 +68,7 @@ class JobResult(Contract):
 
 
 Declared = Annotated[float, Field(ge=0.0, le=1000.0)]
-Sd = Annotated[float, Field(gt=0.0, le=1000.0)]
+Sd = Annotated[float, Field(ge=1e-9, le=1000.0)]
 
 
 class StatedErrors(Contract):
@@ -91,7 +91,7 @@ class StatedErrors(Contract):
     momentum_m_s: tuple[Sd, Sd] | None = Field(
         default=None, description="angular momentum over weight, RMS, about the walking and the lateral axis"
     )
-    step_hz: Annotated[float, Field(gt=0.0, le=10.0)] | None = Field(
+    step_hz: Annotated[float, Field(ge=0.1, le=10.0)] | None = Field(
         default=None, description="steps per second; null finds it in the vertical motion"
     )
 

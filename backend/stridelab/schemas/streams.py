@@ -7,7 +7,7 @@ from pydantic import Field, field_validator, model_validator
 from stridelab.schemas.base import Contract, Problem
 
 Triple = tuple[float, float, float]
-Sd = Annotated[float, Field(gt=0.0, le=1000.0)]
+Sd = Annotated[float, Field(ge=1e-9, le=1000.0)]
 Component = Annotated[float, Field(ge=-1e6, le=1e6)]
 SHORTEST: Final = 1e-6
 """Largest component of a direction, at least."""
@@ -39,7 +39,7 @@ class StreamPriors(Contract):
     momentum_rate_nm_kg: tuple[Sd, Sd] = Field(
         default=(0.12, 0.33), description="change of angular momentum per kilogram, RMS, about walking and lateral axis"
     )
-    step_hz: Annotated[float, Field(gt=0.0, le=10.0)] = Field(default=1.8, description="steps per second")
+    step_hz: Annotated[float, Field(ge=0.1, le=10.0)] = Field(default=1.8, description="steps per second")
     clock_s: Sd = Field(default=0.005, description="delay between force and markers")
 
 
@@ -56,7 +56,9 @@ class StreamConfiguration(Contract):
         default=None, description="direction of the walk along x and y, where it is known; for the smoother only"
     )
     priors: StreamPriors = Field(default_factory=StreamPriors)
-    velocity_m_s: Triple | None = Field(default=None, description="at the first sample, where it is known")
+    velocity_m_s: tuple[Component, Component, Component] | None = Field(
+        default=None, description="at the first sample, where it is known"
+    )
     format: Literal["json", "float32"] = Field(default="json", description="of all messages that follow")
 
     @field_validator("ahead")

@@ -22,6 +22,7 @@ from support.streams import CONFIGURATION, MOTION, RATE_HZ, configure, goodbye, 
 
 TOKEN = "a-secret-of-the-lab"
 SAMPLE = {"time_s": 0.0, "geometry_m": [0, 0, 1], "force_n": [0, 0, 686.7], "moment_nm": [0, 0, 0]}
+BEFORE = {**SAMPLE, "time_s": -1.0}
 ROW = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 686.7, 0.0, 0.0, 0.0)
 NAN = float("nan")
 
@@ -71,6 +72,22 @@ def test_json_and_packed_streams_tell_the_same_and_the_truth(service: Served) ->
     assert [s["time_s"] for s in told] == t.tolist()
 
 
+def test_the_smoother_answers_a_stream(service: Served) -> None:
+    samples = walk_samples(1.0)
+    with socket_of(service) as socket:
+        ready = configure(socket, method="smoother", ahead=[1, 0])["ready"]
+        assert ready["method"] == "smoother"
+        assert "low_hz" not in ready
+        socket.send(json.dumps({"samples": [s.model_dump() for s in samples]}))
+        told = heard(socket)["samples"]
+        socket.send(json.dumps({"samples": [SAMPLE]}))
+        assert heard(socket)["problem"]["code"] == "time-not-increasing"
+        assert goodbye(socket) == (4422, "time-not-increasing")
+    true_m = MOTION.com.at(np.array([s.time_s for s in samples]))
+    assert np.abs(np.array([s["com_m"] for s in told]) - true_m).max() < 0.01
+    wait_until(lambda: not children(), 10, "its process ends")
+
+
 def test_what_is_missing_is_null_or_nan(service: Served) -> None:
     nothing = (NAN, NAN, NAN)
     with socket_of(service) as socket:
@@ -98,6 +115,10 @@ def test_what_is_missing_is_null_or_nan(service: Served) -> None:
         ('{"mass_kg": 70, "rate_hz": 200, "colour": 1}', "invalid-request", 422),
         ('{"mass_kg": 70, "rate_hz": 200, "priors": {"marker_m": 0}}', "invalid-request", 422),
         ('{"mass_kg": 70, "rate_hz": 200, "priors": {"clock_s": -1}}', "invalid-request", 422),
+        ('{"mass_kg": 70, "rate_hz": 200, "method": "smoother", "priors": {"moment_nm": 0}}', "invalid-request", 422),
+        ('{"mass_kg": 70, "rate_hz": 200, "method": "smoother", "ahead": [0, 0]}', "invalid-request", 422),
+        ('{"mass_kg": 70, "rate_hz": 200, "method": "smoother", "ahead": [1e9, 0]}', "invalid-request", 422),
+        ('{"mass_kg": 70, "rate_hz": 200, "method": "smoother", "cutoffs": [0.2, 1]}', "cutoffs-not-used", 422),
         ('{"mass_kg": 70, "rate_hz": 200, "cutoffs": [4, 0.4]}', "cutoffs-out-of-range", 422),
         ('{"mass_kg": 70, "rate_hz": 5, "cutoffs": "thesis"}', "cutoffs-out-of-range", 422),
         ('{"mass_kg": 70, "rate_hz": 1e9}', "rate-too-high", 422),
@@ -130,11 +151,28 @@ def test_the_field_that_is_wrong_is_named(service: Served) -> None:
     ("form", "content", "code", "where"),
     [
         ("json", json.dumps({"samples": [SAMPLE, SAMPLE]}), "time-not-increasing", "samples[1].time_s"),
+        ("json", json.dumps({"samples": [SAMPLE, BEFORE]}), "time-not-increasing", "samples[1].time_s"),
+        ("float32", packed(0.0, ROW, (-1.0, *ROW[1:])), "time-not-increasing", "samples[1].time_s"),
+        ("float32", packed(0.0, (*ROW[:4], float("nan"), *ROW[5:])), "not-finite", "samples[0]"),
+        ("json", b"\x00\xff" * 50, "wrong-format", None),
+        ("float32", b"\x00\xff" * 50, "wrong-packing", None),
+        ("json", "garbage", "invalid-samples", "message"),
         ("json", packed(0.0, ROW), "wrong-format", None),
         ("float32", packed(0.0, ROW)[:-1], "wrong-packing", None),
         ("float32", json.dumps({"samples": [SAMPLE]}), "wrong-format", None),
     ],
-    ids=["time stops", "packed in json", "short", "json in packed"],
+    ids=[
+        "time stops",
+        "time jumps back",
+        "packed time jumps back",
+        "nan",
+        "bytes",
+        "packed bytes",
+        "garbage",
+        "packed in json",
+        "short",
+        "json in packed",
+    ],
 )
 def test_a_bad_sample_is_told_of_and_ends_the_stream(
     service: Served, form: str, content: str | bytes, code: str, where: str | None
@@ -146,6 +184,7 @@ def test_a_bad_sample_is_told_of_and_ends_the_stream(
         assert (problem["code"], problem["status"]) == (code, 422)
         assert [fault["where"] for fault in problem["errors"]] == ([] if where is None else [where])
         assert goodbye(socket) == (4422, code)
+    wait_until(lambda: not children(), 10, "its process ends")
 
 
 def test_every_stream_has_a_process_that_ends_with_it(service: Served) -> None:

@@ -42,11 +42,11 @@ def converse(source: BinaryIO, wire: BinaryIO, memory_mb: int) -> None:
     """Answer the parcels of ``source`` on ``wire``."""
     from stridelab.service.api.stream.session import Session
 
-    limit_memory(memory_mb)
     first = _read(source)
     if first is None:
         return
     session = Session(StreamConfiguration.model_validate_json(first.content))
+    limit_memory(memory_mb)  # beyond the libraries, which the method decides
     ready = StreamAnswer(ready=session.ready).model_dump_json(exclude_none=True)
     wire.write(Parcel(TEXT, ready.encode()).to_bytes())
     while (parcel := _read(source)) is not None:

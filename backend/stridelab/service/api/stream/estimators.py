@@ -1,6 +1,6 @@
 """Which online estimator a configuration asks for.
 
-A stream opens in the time that its imports take: the filter does without scipy, the smoother is imported when asked for.
+A stream opens in the time that its imports take: the filter needs no scipy; the smoother is imported when asked for.
 """
 
 import math

@@ -62,18 +62,27 @@ class Session:
 
     def _estimates(self, samples: list[Given], largest: float = np.inf) -> Estimates:
         """CoM, velocity and band, one row per sample. Raises ``not-finite`` as well where numbers overflow."""
-        step = self._estimator.step
         rows = np.empty((len(samples), 9))
-        for index, sample in enumerate(samples):
-            try:
-                rows[index, 0:3], rows[index, 3:6], rows[index, 6:9] = step(*sample)
-            except StridelabError as error:
-                where = f"samples[{index}]"
-                faults = [Fault(f"{where}.{fault.where}", fault.message) for fault in error.faults]
-                raise type(error)(error.code, error.message, faults or [Fault(where, error.message)]) from error
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # what comes of it is looked at below
+            for index, sample in enumerate(samples):
+                rows[index] = self._estimate(index, sample)
         if not (np.abs(rows) < largest).all():
-            raise InvalidInput("not-finite", "The numbers in the samples are too large for an estimate.")
+            raise _too_large()
         return rows
+
+    def _estimate(self, index: int, sample: Given) -> Float64[np.ndarray, "9"]:
+        try:
+            return np.concatenate(self._estimator.step(*sample))
+        except StridelabError as error:
+            where = f"samples[{index}]"
+            faults = [Fault(f"{where}.{fault.where}", fault.message) for fault in error.faults]
+            raise type(error)(error.code, error.message, faults or [Fault(where, error.message)]) from error
+        except np.linalg.LinAlgError as error:
+            raise _too_large() from error
+
+
+def _too_large() -> InvalidInput:
+    return InvalidInput("not-finite", "The numbers in the samples are too large for an estimate.")
 
 
 def parse_text(content: bytes) -> list[Given]:
