@@ -43,7 +43,8 @@ class KalmanFilter:
     mean is in ``diagnostics``), but the stated errors of ``priors`` sent through the filter, and its own lag.
 
     Raises ``InvalidInput`` that names the field where a standard deviation is not positive (``prior-not-positive``) or
-    makes no sense (``prior-out-of-range``). Walking has a jerk of 4 to 16 m/s^3.
+    makes no sense (``prior-out-of-range``). Walking has a jerk of 4 (across) to 24 m/s^3 (up), rms
+    in an 8 Hz band.
     """
 
     name: ClassVar[str] = "kalman"
@@ -92,7 +93,10 @@ class KalmanFilter:
         a[within], p[within] = measured.acceleration_m_s2, measured.axis_point_m
         noise = InputNoise.stated(geometric.sd_m, self.priors, velocity, mass_kg) if self.noise is None else self.noise
         model = JerkModel(1 / span.rate_hz, self.sigma_jerk_m_s3, self.printed)
-        rows = tuple(stretches(measured_inputs(len(g), within, total.force_n)))
+        measured_rows = measured_inputs(len(g), within, total.force_n)
+        if wrench.withheld is not None:
+            measured_rows[wrench.withheld[span.around], 1:] = False
+        rows = tuple(stretches(measured_rows))
         start = np.diag(np.square(self.start_sd))
         x, y, z = (Axis(model, tuple(variance), rows, start) for variance in noise.variance(mass_kg).tolist())
         stretch = FusedStretch(total, velocity, within, span.rate_hz, mass_kg)

@@ -1,4 +1,4 @@
-"""The claims of chapter 3 against eleven adults at their own speed; docs/theory/misprints.md."""
+"""Claims of chapters 2 and 3 against eleven adults at their own speed; docs/theory/misprints.md."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -11,7 +11,9 @@ from stridelab.body.segment_model import SegmentModel
 from stridelab.estimation.derivatives import derivatives, low_pass
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
-from stridelab.recordings.recording import Event
+from stridelab.recordings.recording import Event, Recording
+from stridelab.recordings.windows import measured_windows
+from stridelab.recordings.wrench import wrench_track
 from support.curtate_cycloid import fit_step
 
 
@@ -24,6 +26,7 @@ class Walker:
     speed_m_s: np.ndarray
     z_m: np.ndarray
     events: tuple[Event, ...]
+    jerk_m_s3: np.ndarray
 
     def turning(self, sign: float) -> np.ndarray:
         """Samples at which the height is lowest (sign 1) or highest (sign -1)."""
@@ -58,7 +61,23 @@ def walker(path: Path) -> Walker:
     seen = np.isfinite(com.com_m).all(axis=1)
     c = low_pass(com.com_m[seen], recording.marker_rate_hz)
     velocity, _ = derivatives(com.com_m[seen], recording.marker_rate_hz)
-    return Walker(com.time_s[seen], c @ ahead, velocity @ ahead, c[:, 2], recording.events)
+    jerk = jerk_from_force(recording, np.array([ahead, np.cross([0.0, 0.0, 1.0], ahead), [0.0, 0.0, 1.0]]))
+    return Walker(com.time_s[seen], c @ ahead, velocity @ ahead, c[:, 2], recording.events, jerk)
+
+
+def jerk_from_force(recording: Recording, axes: np.ndarray) -> np.ndarray:
+    """Along, across and up, 8 Hz band, while all contact is on plates."""
+    mass_kg, rate_hz = recording.subject.mass_kg, recording.marker_rate_hz
+    assert mass_kg is not None
+    track = wrench_track(recording, measured_windows(recording, identify(list(recording.markers_m)).landmarks))
+    acceleration = low_pass(track.force_n[track.complete] / mass_kg, rate_hz) @ axes.T
+    return np.diff(acceleration, axis=0)[5:-5] * rate_hz  # the filter's edges left out
+
+
+def test_the_jerk_of_walking_is_far_above_the_sigma_jerk_of_2_5_3(walkers):
+    rms = np.sqrt([np.mean(w.jerk_m_s3**2, axis=0) for w in walkers])
+    assert rms.mean(axis=0) == pytest.approx([12.0, 3.9, 23.9], abs=0.5)  # m/s^3; the text has 1
+    assert rms.min() > 1.5
 
 
 def test_people_are_fastest_near_their_lowest_point(walkers):
