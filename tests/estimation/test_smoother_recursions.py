@@ -40,6 +40,7 @@ SIZES = Sizes(
     beyond_m_s2=same(2.0),
     beyond_s=same(0.1),
     height_m=0.9,
+    ends=(0.4, 0.2),
 )
 
 
@@ -102,7 +103,7 @@ def written_out(axis: int, data: Signals) -> Dense:
         (s.overtone_m_s[axis], s.overtone_hz[axis], 0.5),
     ):
         a, noise, rest = (m[0] for m in resonator(np.array([sd]), np.array([hz]), np.array([damping]), DT))
-        swings.append([e.pair(rest), a, noise])
+        swings.append([e.pair(s.ends[0] ** 2 * rest), a, noise, s.ends[1] ** 2 / (1 - s.ends[1] ** 2) * rest])
     slow = np.exp(-DT / s.table_varying_s[0])
     out = Dense(np.zeros(N), np.zeros((N, e.size)), np.zeros(0), np.zeros((0, e.size)))
     y_mean, rows = [], []
@@ -124,6 +125,10 @@ def written_out(axis: int, data: Signals) -> Dense:
         p, q, r = alpha * p + (1 - alpha) * w, beta * q + (1 - beta) * u, beta * r + (1 - beta) * n
         for swing in swings:
             swing[0] = swing[1] @ swing[0] + e.pair(swing[2])
+    for state, _, _, variance in swings if turned else []:
+        for i in (0, 1):  # coming to rest: the swing after the last sample reads zero
+            y_mean.append(0.0)
+            rows.append(state[i] + e.draw(np.sqrt(variance[i, i])))
     assert e.used <= e.size
     out.y_mean, out.y = np.array(y_mean), np.array(rows)
     return out
@@ -135,7 +140,7 @@ def measured(axis: int, data: Signals) -> np.ndarray:
         y.append(data.geometry_m[k, axis])
         if SIZES.turned[axis] and SEEN[k]:
             y.append(data.moment_m[k, axis])
-    return np.array(y)
+    return np.array(y + ([0.0] * 4 if SIZES.turned[axis] else []))
 
 
 @pytest.fixture(scope="module")

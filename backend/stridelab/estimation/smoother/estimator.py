@@ -1,6 +1,6 @@
 """The smoother as an estimator: coloured errors, masks, declared plate bias (docs/theory/smoother.md)."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import ClassVar, Final
 
 import numpy as np
@@ -56,6 +56,8 @@ class Smoother:
         walk = in_walking_frame(geometric.com_m[used], wrench.force_n[used], wrench.moment_nm[used], seen, rate_hz)
         sizes = sizes_of(self.priors, walk, mass_kg, geometric.sd_m)
         require_single_support(walk, span.within, sizes.swing_hz[0])
+        if wrench.withheld is not None:
+            walk = replace(walk, seen=seen & ~wrench.withheld[used])
         known = np.zeros_like(walk.force_n)
         if self.segment_momentum:
             known = _of_segments(geometric, used, mass_kg) @ walk.frame.T
@@ -80,7 +82,7 @@ class Smoother:
             sd_m=sd[answer],
             window=span.window,
             references=("carpentier2017thesis", "dejong1991", "schmidt1966"),
-            remarks=plate_bias_remarks(space, forward, mass_kg, self.priors),
+            remarks=plate_bias_remarks(space, forward, mass_kg, self.priors.plate_force_n, walk.frame),
             diagnostics={
                 **_shown(sizes, walk, mass_kg),
                 "normalised_innovations": normalised_innovations(found, forward),

@@ -25,6 +25,8 @@ ITERATIONS: Final = 8
 STEP: Final = 1e-3
 LOOKED_AT: Final = 600
 LARGEST_DAMPING: Final = 0.9
+SETTLING: Final = 1e-4
+"""Relative change at which gains count as final here: sizes come out the same to 1e-3, in half the time."""
 
 Logs = Float[np.ndarray, "p 3"]
 
@@ -35,13 +37,14 @@ def learned(sizes: Sizes, signals: Signals, rate_hz: float) -> Sizes:
     The stretch that is looked at lies around the middle of what has force, and has at most ``LOOKED_AT`` samples.
     """
     signals = _middle(signals)
+    middle = replace(sizes, ends=(1.0, 1.0))
     start = np.array([getattr(sizes, name) for name in LEARNED])
     known = start > 0
     start = np.log(np.where(known, start, 1.0))
 
     def cost(x: Float[np.ndarray, "_"]) -> tuple[float, Float[np.ndarray, "_"]]:
         logs = x.reshape(start.shape)
-        values = -log_likelihoods(sizes, np.array([logs, *_neighbours(logs)]), signals, rate_hz)
+        values = -log_likelihoods(middle, np.array([logs, *_neighbours(logs)]), signals, rate_hz)
         away = (logs - start) / WIDTH
         slope = (values[1:] - values[0]) / STEP + away / WIDTH
         return float(values[0].sum() + 0.5 * np.sum(away**2)), np.where(known, slope, 0.0).ravel()
@@ -58,7 +61,7 @@ def log_likelihoods(
 ) -> Float[np.ndarray, "k 3"]:
     """Log-likelihood of every candidate, per axis."""
     space = state_space(with_logs(sizes, candidates), rate_hz)
-    found = gains(space, signals.seen, signals.phi)
+    found = gains(space, signals.seen, signals.phi, SETTLING)
     return log_likelihood(space, found, filtered(space, signals, found)).reshape(len(candidates), 3)
 
 

@@ -37,6 +37,8 @@ C, V, B, P, Q, R, L, DL, O, DO = range(STATES)
 TABLE, ACCELERATION, MOMENT, HEIGHT = range(CONSTANTS)
 UNSEEN_M2 = 1e8
 """Variance of a measurement that does not exist."""
+NO_SWING = 1e-4
+"""Share of the swing's variance that even a body at rest may have."""
 START_M, START_M_S = 1.0, 2.0
 """What is known of position and velocity before the first sample."""
 
@@ -51,7 +53,8 @@ class Sizes:
     ``marker_m``, ``moment_m`` and ``acceleration_m_s2`` are the noise of y1, y2 and of the driving acceleration,
     high-passed at ``marker_corner_hz`` and ``plate_corner_hz`` (0: white). ``swing_m_s`` and ``overtone_m_s`` are L
     over weight at ``swing_hz`` and ``overtone_hz``. ``bias`` holds the four constants. ``turned`` marks the axes
-    that have a y2.
+    that have a y2. ``ends`` is the share of the swing that there is at the first and after the last sample: 1 in the
+    middle of a walk, 0 at rest.
     """
 
     turned: Bool[np.ndarray, "a"]
@@ -71,6 +74,7 @@ class Sizes:
     beyond_m_s2: PerModel
     beyond_s: PerModel
     height_m: float
+    ends: tuple[float, float] = (1.0, 1.0)
 
     def with_momentum_times(self, share: float) -> "Sizes":
         """The same, with another guess of the angular momentum."""
@@ -79,7 +83,8 @@ class Sizes:
     def repeated(self, times: int) -> "Sizes":
         """A batch of that many copies, one after the other."""
         axes = np.tile(np.arange(len(self.turned)), times)
-        return replace(self, **{name: value[axes] for name, value in vars(self).items() if name != "height_m"})
+        each = {name: value[axes] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return replace(self, **each)
 
 
 @dataclass(frozen=True)
@@ -94,7 +99,11 @@ class Regime:
 
 @dataclass(frozen=True)
 class StateSpace:
-    """Everything that does not depend on the data. ``regimes``: force seen and going on, seen last, not seen."""
+    """Everything that does not depend on the data. ``regimes``: force seen and going on, seen last, not seen.
+
+    ``rest_variance`` belongs to a measurement of the four swing states after the last sample that reads zero: what a
+    body coming to rest says about its angular momentum. None in the middle of a walk.
+    """
 
     turned: Bool[np.ndarray, "a"]
     regimes: tuple[Regime, Regime, Regime]
@@ -102,6 +111,7 @@ class StateSpace:
     constant_sd: Float[np.ndarray, "a 4"]
     lever_s2: float
     drive: Float[np.ndarray, "10"]
+    rest_variance: Float[np.ndarray, "a 4"] | None
 
 
 def state_space(sizes: Sizes, rate_hz: float) -> StateSpace:
@@ -135,6 +145,13 @@ def state_space(sizes: Sizes, rate_hz: float) -> StateSpace:
     for part, sd, hz, damping in swings:
         a[:, part, part], q[:, part, part], start[:, part, part] = resonator(sd, hz, damping, dt)
 
+    first, last = sizes.ends
+    rest = None
+    if last < 1.0:
+        rest = np.maximum(last**2, NO_SWING) / (1 - last**2) * start[:, range(L, STATES), range(L, STATES)]
+        rest[~sizes.turned] = UNSEEN_M2
+    start[:, L:, L:] *= max(first**2, NO_SWING)
+
     # The measured acceleration is (u - q) more than the true one; where no force is seen, u still feeds the memory.
     driven = a.copy()
     driven[:, [C, V], Q] = drive[[C, V]]
@@ -165,6 +182,7 @@ def state_space(sizes: Sizes, rate_hz: float) -> StateSpace:
         constant_sd=sizes.bias,
         lever_s2=sizes.height_m / GRAVITY_M_S2,
         drive=drive,
+        rest_variance=rest,
     )
 
 

@@ -39,11 +39,11 @@ class SmootherPriors:
     plate_moment_nm: float = 1.0
     mass_share: float = 0.01
     clock_s: float = 0.005
-    table_varying_m: float = 0.002
+    table_varying_m: float = 0.001
     table_varying_s: float = 0.3
     momentum_m_s: tuple[float, float] | None = None
     overtone_share: float = 0.25
-    damping: float = 0.15
+    damping: float = 0.08
     step_hz: float | None = None
     acceleration_beyond_m_s2: float = 2.5
     acceleration_beyond_s: float = 0.15

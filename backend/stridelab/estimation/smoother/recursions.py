@@ -30,6 +30,8 @@ from stridelab.estimation.smoother.model import (
     STATES,
     TABLE,
     C,
+    L,
+    Matrices,
     StateSpace,
     V,
     observation,
@@ -82,11 +84,20 @@ class Gains:
 
 
 @dataclass(frozen=True)
+class Rest:
+    """The last measurement (``StateSpace.rest_variance``): innovation of the swing states, S^-1, and its log det S."""
+
+    innovation: Float[np.ndarray, "a 4 5"]
+    information: Float[np.ndarray, "a 4 4"]
+    log_det: Float[np.ndarray, "a"]
+
+
+@dataclass(frozen=True)
 class Filtered:
     """One pass forwards: predicted states and innovations in columns, and the constants found from all samples.
 
     ``constants`` is beta per axis (table, acceleration, moment), ``constants_cov`` its posterior covariance.
-    ``height_leak`` is what one metre of wrong height does to beta.
+    ``height_leak`` is what one metre of wrong height does to beta. ``rest`` is what coming to rest says.
     """
 
     states: Float[np.ndarray, "n a 10 5"]
@@ -97,6 +108,7 @@ class Filtered:
     score: Float[np.ndarray, "a 3"]
     height_leak: Float[np.ndarray, "a 3"]
     height_sd: Float[np.ndarray, "a"]
+    rest: "Rest"
 
 
 def regimes_of(seen: Mask) -> Int[np.ndarray, "n"]:
@@ -105,7 +117,7 @@ def regimes_of(seen: Mask) -> Int[np.ndarray, "n"]:
     return np.where(seen, np.where(follows, 0, 1), 2)
 
 
-def gains(space: StateSpace, seen: Mask, phi: Series) -> Gains:
+def gains(space: StateSpace, seen: Mask, phi: Series, settling: float = SETTLED) -> Gains:
     """The Riccati recursion over all samples; equal circumstances share a gain once it has settled."""
     regime, n = regimes_of(seen), len(seen)
     use = np.empty(n, dtype=np.int64)
@@ -134,7 +146,8 @@ def gains(space: StateSpace, seen: Mask, phi: Series) -> Gains:
             weights.append(w)
             following = loop @ p @ base_t + now.process
             following = (following + np.swapaxes(following, 1, 2)) / 2
-            settled = bool((np.abs(following - p) <= SETTLED * np.abs(following).max(axis=(1, 2), keepdims=True)).all())
+            largest = np.abs(following).max(axis=(1, 2), keepdims=True)
+            settled = bool((np.abs(following - p) <= settling * largest).all())
             p = following
         use[k] = len(predicted) - 1
     information = np.array(weights)
@@ -175,12 +188,14 @@ def filtered(space: StateSpace, signals: Signals, found: Gains) -> Filtered:
         x = found.loop[i] @ x + u
     e = measured - found.observe[found.use] @ states
     weighted = found.information[found.use] @ e
+    rest = _rest(space, found.final, x)
     gram = np.einsum("kamc,kamd->acd", e, weighted)
+    gram += np.swapaxes(rest.innovation, 1, 2) @ rest.information @ rest.innovation
     sought = slice(1, HEIGHT + 1)
     information, score = gram[:, sought, sought], -gram[:, sought, 0]
     cov, constants = _regression(space.constant_sd[:, :HEIGHT], information, score)
     leak = -np.einsum("acd,ad->ac", cov, gram[:, sought, HEIGHT + 1])
-    return Filtered(states, e, constants, cov, information, score, leak, space.constant_sd[:, HEIGHT])
+    return Filtered(states, e, constants, cov, information, score, leak, space.constant_sd[:, HEIGHT], rest)
 
 
 def smoothed(
@@ -195,6 +210,8 @@ def smoothed(
     n = len(use)
     r = np.zeros(push.shape[1:])
     big = np.zeros(found.loop.shape[1:])
+    r[:, L:] = forward.rest.information @ forward.rest.innovation
+    big[:, L:, L:] = forward.rest.information
     rs = np.empty_like(push)
     variance = np.empty((n, 3, rows))
     previous, settled, last = -1, False, variance[0]
@@ -223,12 +240,22 @@ def smoothed(
 
 def log_likelihood(space: StateSpace, found: Gains, forward: Filtered) -> Float[np.ndarray, "a"]:
     """Log of the probability of the data per model, constants integrated out, up to a term of the data's size alone."""
-    e0 = forward.innovations[..., 0]
+    e0, last = forward.innovations[..., 0], forward.rest
     quadratic = np.einsum("kam,kamn,kan->a", e0, found.information[found.use], e0)
+    quadratic += np.einsum("am,amn,an->a", last.innovation[..., 0], last.information, last.innovation[..., 0])
     explained = np.einsum("ac,ac->a", forward.score, forward.constants)
     shrunk = np.eye(HEIGHT) + _scaled(space.constant_sd[:, :HEIGHT], forward.information)
-    dets = found.log_det[found.use].sum(axis=0)
+    dets = found.log_det[found.use].sum(axis=0) + last.log_det
     return np.asarray(-0.5 * (quadratic - explained + dets + np.linalg.slogdet(shrunk)[1]))
+
+
+def _rest(space: StateSpace, p: Matrices, x: Float[np.ndarray, "a 10 5"]) -> Rest:
+    """Against the prediction (x, P) after the last sample; without information in the middle of a walk."""
+    innovation = -x[:, L:]
+    if space.rest_variance is None:
+        return Rest(innovation, np.zeros((len(x), 4, 4)), np.zeros(len(x)))
+    s = p[:, L:, L:] + space.rest_variance[:, :, None] * np.eye(4)
+    return Rest(innovation, np.linalg.inv(s), np.linalg.slogdet(s)[1] * space.turned)
 
 
 def _regression(

@@ -22,6 +22,8 @@ from stridelab.estimation.walk_frame import walk_frame
 REFERENCE_BAND_HZ = 4.0
 STEP_RANGE_HZ = (0.8, 3.5)
 AIRBORNE_N = 50.0
+WALKS_M_S = 0.1
+END_S, FULL_SWING = 0.3, 0.6
 
 
 @dataclass(frozen=True)
@@ -85,4 +87,21 @@ def step_frequency_hz(walk: Walk) -> float | None:
     f = np.fft.rfftfreq(padded, 1 / walk.rate_hz)
     inside = (f >= STEP_RANGE_HZ[0]) & (f <= STEP_RANGE_HZ[1])
     peak = f[inside][np.argmax(power[inside])]
-    return float(peak) if walk.speed_m_s > 0.1 else None
+    return float(peak) if walk.speed_m_s > WALKS_M_S else None
+
+
+def swing_at_ends(walk: Walk) -> tuple[float, float]:
+    """Share of the walk's swing at its first and last sample: nobody swings who stands.
+
+    The speed there, from a line through ``END_S``, over the mean speed; from ``FULL_SWING`` of it on, all.
+    """
+    n = round(END_S * walk.rate_hz)
+    if walk.speed_m_s < WALKS_M_S or len(walk.geometry_m) < 2 * n:
+        return 1.0, 1.0
+    t = np.arange(n) / walk.rate_hz
+    first, last = (
+        float(np.linalg.norm(np.polynomial.polynomial.polyfit(t, part[:, :2], 1)[1]))
+        for part in (walk.geometry_m[:n], walk.geometry_m[-n:])
+    )
+    full = FULL_SWING * walk.speed_m_s
+    return min(1.0, first / full), min(1.0, last / full)

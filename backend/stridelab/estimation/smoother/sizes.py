@@ -7,7 +7,7 @@ import numpy as np
 from stridelab.conventions import GRAVITY_M_S2, Rotation
 from stridelab.estimation.smoother.model import ACCELERATION, CONSTANTS, HEIGHT, MOMENT, TABLE, Sizes
 from stridelab.estimation.smoother.priors import SmootherPriors
-from stridelab.estimation.smoother.signals import Walk, step_frequency_hz
+from stridelab.estimation.smoother.signals import Walk, step_frequency_hz, swing_at_ends
 
 USUAL_STEP_HZ, USUAL_SPEED_M_S = 1.8, 1.2
 UNDIRECTED_HZ_SHARE, UNDIRECTED_DAMPING = 0.75, 0.6
@@ -27,12 +27,12 @@ def adult_momentum_m_s(mass_kg: float, height_m: float) -> tuple[float, float]:
 def sizes_of(priors: SmootherPriors, walk: Walk, mass_kg: float, table_sd_m: tuple[float, float, float]) -> Sizes:
     """Axes x, y, z of the walking frame. The moment about the lateral axis moves x, that about the walking axis y.
 
-    A clock that is late by ``clock_s`` displaces
-    the force along the walk.
+    A clock that is late by ``clock_s`` displaces the force along the walk.
     """
     height = float(np.mean(walk.geometry_m[:, 2]))
     step_hz = priors.step_hz or step_frequency_hz(walk) or USUAL_STEP_HZ
-    return _sizes(priors, mass_kg, table_sd_m, walk.frame, height, step_hz, walk.speed_m_s)
+    sizes = _sizes(priors, mass_kg, table_sd_m, walk.frame, height, step_hz, walk.speed_m_s)
+    return replace(sizes, ends=swing_at_ends(walk))
 
 
 def online_sizes(

@@ -10,8 +10,8 @@ from typing import Final
 import numpy as np
 from scipy import stats
 
+from stridelab.conventions import Rotation
 from stridelab.estimation.smoother.model import ACCELERATION, StateSpace
-from stridelab.estimation.smoother.priors import SmootherPriors
 from stridelab.estimation.smoother.recursions import Filtered, Gains
 from stridelab.recordings.recording import Remark
 
@@ -26,17 +26,20 @@ def plate_bias_statistic(space: StateSpace, forward: Filtered) -> float:
 
 
 def plate_bias_remarks(
-    space: StateSpace, forward: Filtered, mass_kg: float, priors: SmootherPriors
+    space: StateSpace, forward: Filtered, mass_kg: float, declared_n: float, frame: Rotation
 ) -> tuple[Remark, ...]:
-    """A remark where the horizontal force has a bias that the declared one makes improbable (1 in 1000)."""
+    """A remark where the horizontal force has a bias that the declared one makes improbable (1 in 1000).
+
+    It is given in the axes of the laboratory (``frame`` turns them into those of the walk), where plates are zeroed.
+    """
     if plate_bias_statistic(space, forward) < stats.chi2.isf(FALSE_ALARMS, 2):
         return ()
-    bias_n = mass_kg * forward.constants[:2, ACCELERATION]
+    bias_n = mass_kg * forward.constants[:, ACCELERATION] @ frame
     return (
         Remark(
             "undeclared-plate-bias",
-            f"Force and markers agree only if the plates are off by {bias_n[0]:+.1f} N along the walk and "
-            f"{bias_n[1]:+.1f} N sideways, and {priors.plate_force_n:g} N is declared: the stated band is too narrow. "
+            f"Force and markers agree only if the plates are off by {bias_n[0]:+.1f} N along x and {bias_n[1]:+.1f} N "
+            f"along y, and {declared_n:g} N is declared: the stated band is too narrow. "
             "Zero the plates, or declare the bias.",
         ),
     )
