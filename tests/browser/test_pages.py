@@ -35,7 +35,7 @@ def test_upload_estimate_and_read_the_result(tab: Tab, service: Service, trial: 
     shown = facts(page)
     assert shown["mass_kg"] == f"{summary['mass_kg']:.2f} kg"
     assert shown["window_s"] == "{:.2f} to {:.2f} s".format(*summary["window_s"])
-    assert shown["bias_m"] == ", ".join(f"{1000 * b:.1f}" for b in summary["bias_m"]) + " mm"
+    assert shown["bias_m"] == ", ".join(f"{1000 * b:z.1f}" for b in summary["bias_m"]) + " mm"
     assert shown["rms_force_residual_n"] == ", ".join(f"{r:.2f}" for r in summary["rms_force_residual_n"]) + " N"
     with page.expect_download() as download:
         page.get_by_role("link", name="com.csv").click()
@@ -43,6 +43,35 @@ def test_upload_estimate_and_read_the_result(tab: Tab, service: Service, trial: 
     with page.expect_download() as download:
         page.get_by_role("link", name="Everything as ZIP").click()
     assert download.value.path().read_bytes().startswith(b"PK")
+
+
+def test_a_method_is_asked_only_for_what_it_uses(tab: Tab, service: Service, estimated: tuple[str, str]) -> None:
+    page = tab.go(f"/recordings/{estimated[0]}")
+    form = page.locator("[data-estimate]")
+    cutoffs, plates = form.get_by_label("Cut-off frequencies"), form.get_by_label("Constant error of the plates")
+    for method, filters, smoother in (
+        ("", True, True),
+        ("complementary", True, False),
+        ("geometry", False, False),
+        ("smoother", False, True),
+    ):
+        form.get_by_label("Method").select_option(method)
+        expect(cutoffs).to_be_visible(visible=filters)
+        expect(plates).to_be_visible(visible=smoother)
+    form.get_by_label("Method").select_option("")
+    cutoffs.select_option("thesis")
+    expect(plates).to_be_hidden()
+    form.get_by_label("Method").select_option("smoother")
+    plates.fill("5")
+    form.get_by_label("Angular momentum").select_option("segments")
+    page.get_by_role("button", name="Estimate", exact=True).click()
+    page.wait_for_url("**/jobs/*")
+    expect(page.get_by_role("heading", name="Result")).to_be_visible(timeout=120_000)
+    asked = service.client.result(page.url.rpartition("/")[2]).input
+    assert (asked["method"], asked["cutoffs"]) == ("smoother", "auto")
+    assert asked["smoother"]["segment_momentum"] is True
+    assert {k: v for k, v in asked["smoother"]["priors"].items() if v is not None} == {"plate_force_n": 5}
+    assert "marker_mm" in " ".join(facts(page))
 
 
 def test_plots_show_the_curves_of_the_file(tab: Tab, service: Service, estimated: tuple[str, str]) -> None:

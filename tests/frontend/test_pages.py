@@ -138,6 +138,8 @@ def test_result_page_shows_every_number_of_the_summary_with_its_unit(fake: FakeS
     assert shown["bias_m"] == "1.2, -3.4, 5.6 mm"
     assert shown["window_s"] == "0.60 to 2.40 s"
     assert shown["observability.rank"] == "5"
+    assert shown["diagnostics.marker_mm"] == "0.34 mm"
+    assert shown["diagnostics.momentum_about_walk_nms"] == "0.62 N m s"
     assert re.findall(r"data-sentence>([^<]*)<", page) == [
         "The height is known from the markers alone.",
         "The force comes 11.3 ± 1.2 ms later than the markers; this was not corrected.",

@@ -91,5 +91,6 @@ SUMMARY = {
     "latency_along_s": 0.0197,
     "rms_force_residual_n": [3.21, 2.5, 7.75], "bias_m": [0.0012, -0.0034, 0.0056],
     "observability": {"rank": 5, "observable": True, "sentence": "The height is known from the markers alone."},
+    "diagnostics": {"marker_mm": 0.336, "momentum_about_walk_nms": 0.62},
     "warnings": [{"code": "arms-missing", "message": "Arms have no markers; they are taken to hang."}],
 }  # fmt: skip

@@ -17,7 +17,30 @@ class Fact:
     text: str
 
 
-_UNITS = {"_m_s": "m/s", "_kg": "kg", "_hz": "Hz", "_nm": "N m", "_n": "N", "_s": "s", "_m": "m", "_rad": "rad"}
+_UNITS = {
+    "_mm": "mm",
+    "_nms": "N m s",
+    "_m_s": "m/s",
+    "_kg": "kg",
+    "_hz": "Hz",
+    "_nm": "N m",
+    "_n": "N",
+    "_s": "s",
+    "_m": "m",
+    "_rad": "rad",
+}
+"""By the end of a name; the first that fits."""
+    "_mm": "mm",
+    "_nms": "N m s",
+    "_m_s": "m/s",
+    "_kg": "kg",
+    "_hz": "Hz",
+    "_nm": "N m",
+    "_n": "N",
+    "_s": "s",
+    "_m": "m",
+    "_rad": "rad",
+}
 _NAMES = {
     "window_s": "Window",
     "method": "Method",
@@ -36,6 +59,17 @@ _NAMES = {
     "rate_hz": "Rate",
     "speed_m_s": "Speed",
     "n_steps": "Steps",
+    "diagnostics.marker_mm": "Markers, noise of the CoM",
+    "diagnostics.table_varying_mm": "Segment table, varying error",
+    "diagnostics.momentum_about_walk_nms": "Angular momentum about the walk",
+    "diagnostics.momentum_about_side_nms": "Angular momentum about the side",
+    "diagnostics.step_hz": "Steps",
+    "diagnostics.speed_m_s": "Walking speed",
+    "diagnostics.low_hz": "Low cut-off",
+    "diagnostics.high_hz": "High cut-off",
+    "diagnostics.normalised_innovations": "Innovations, 1 if all errors are as stated",
+    "diagnostics.plate_bias_statistic": "Plate bias statistic, doubtful over 13.8",
+    "diagnostics.samples_used": "Samples used",
     "observability.rank_force": "Rank from the force, of 9",
     "observability.rank_with_geometry": "Rank with the markers, of 12",
     "observability.unobservable": "Direction not seen x, y, z",

@@ -46,18 +46,34 @@ if (find("[data-plates]")) {
 onSubmit(find("[data-markers]"), (data) => save({ marker_map: Object.fromEntries([...data].filter(([, label]) => label)) }));
 
 const estimate = find("[data-estimate]");
+// What a method does not use is neither shown nor sent.
+const offer = (selector, used) => {
+  for (const label of estimate.querySelectorAll(selector)) {
+    label.hidden = !used;
+    for (const field of label.querySelectorAll("input, select")) field.disabled = !used;
+  }
+};
+const FILTERS = new Set(["", "complementary", "kalman", "rts"]);
 const follow = () => {
-  estimate.querySelector("[data-latency]").hidden = estimate.latency.value !== "number";
-  estimate.querySelector("[data-cutoffs]").hidden = estimate.cutoffs.value !== "numbers";
+  const method = estimate.method.value, chosen = FILTERS.has(method) ? estimate.cutoffs.value : "auto";
+  offer("[data-latency]", estimate.latency.value === "number");
+  offer("[data-of-filters]", FILTERS.has(method));
+  offer("[data-cutoffs]", chosen === "numbers");
+  offer("[data-of-smoother]", method === "smoother" || (method === "" && chosen === "auto"));
 };
 estimate.addEventListener("change", follow);
 follow();
+const smootherOf = (data) => {
+  const plate_force_n = number(data.get("plate_force_n")), segment_momentum = data.get("momentum") === "segments";
+  return plate_force_n === null && !segment_momentum ? null : { priors: { plate_force_n }, segment_momentum };
+};
 const inputOf = (data) => ({
   recording_id: id,
   method: data.get("method") || null,
   latency: data.get("latency") === "number" ? number(data.get("latency_ms")) / 1000 : data.get("latency"),
   segment_table: data.get("segment_table"),
-  cutoffs: data.get("cutoffs") === "numbers" ? [number(data.get("low_hz")), number(data.get("high_hz"))] : data.get("cutoffs"),
+  cutoffs: data.get("cutoffs") === "numbers" ? [number(data.get("low_hz")), number(data.get("high_hz"))] : data.get("cutoffs") || "auto",
+  smoother: smootherOf(data),
 });
 const start = async (kind, input) => {
   const job = await startJob(kind, input);
