@@ -10,9 +10,12 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.errors import NotEstimable
 from stridelab.estimation.comparison import Comparison, Data, KnownMotion, compare
 from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.estimate import ComEstimate
+from stridelab.estimation.estimate import ComEstimate, ComEstimator
 from stridelab.estimation.geometry import GeometryOnly
 from stridelab.estimation.held_back import held_back_residual_n
+from stridelab.estimation.kalman import KalmanFilter
+from stridelab.estimation.rts import RtsSmoother
+from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.recording import Window, WrenchTrack
 from support.motions import walk
 
@@ -124,3 +127,56 @@ def test_the_withheld_force_is_not_seen() -> None:
     wrong = replace(given.wrench, force_n=spoilt)
     found = held_back_residual_n(ComplementaryFilter(), given.geometric, wrong, given.mass_kg)
     assert found[2] > 150.0
+
+
+@pytest.mark.parametrize(
+    "estimator",
+    [ComplementaryFilter(), KalmanFilter.tuned(), RtsSmoother.tuned(), Smoother()],
+    ids=lambda e: e.name,
+)
+def test_a_withheld_force_changes_nothing_and_the_rest_does(estimator: ComEstimator) -> None:
+    """However wrong the plates are where they are withheld, the estimate of that pass is the same to the last bit."""
+    given = data()
+    shown: list[WrenchTrack] = []
+
+    @dataclass(frozen=True, kw_only=True)
+    class Looks:
+        name: ClassVar[str] = estimator.name
+
+        def estimate(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> ComEstimate:
+            shown.append(wrench)
+            return GeometryOnly().estimate(geometric, wrench, mass_kg)
+
+    inside = np.flatnonzero(given.wrench.complete)
+    odd = inside[np.arange(len(inside)) // 15 % 2 == 1]
+    spoilt = given.wrench.force_n.copy()
+    spoilt[odd] += [50.0, -30.0, 300.0]
+    for wrench in (given.wrench, replace(given.wrench, force_n=spoilt)):
+        held_back_residual_n(Looks(), given.geometric, wrench, given.mass_kg)
+    (first, second, first_spoilt, second_spoilt) = (
+        estimator.estimate(given.geometric, wrench, given.mass_kg).com_m for wrench in shown
+    )
+    assert (first == first_spoilt).all()
+    assert np.abs(second - second_spoilt).max() > 0.001
+    assert shown[0].withheld is not None
+    assert shown[1].withheld is not None
+    assert (shown[0].withheld ^ shown[1].withheld)[inside].all()
+    whole = estimator.estimate(given.geometric, given.wrench, given.mass_kg).com_m
+    assert np.abs(first - whole).max() > 1e-5, "half of the force is missed"
+
+
+@pytest.mark.parametrize("estimator", [KalmanFilter.tuned(), RtsSmoother.tuned(), Smoother()], ids=lambda e: e.name)
+def test_the_stand_in_is_not_read_where_the_force_is_really_done_without(estimator: ComEstimator) -> None:
+    given = data()
+    inside = np.flatnonzero(given.wrench.complete)
+    withheld = np.zeros(len(T), dtype=np.bool_)
+    withheld[inside[np.arange(len(inside)) // 15 % 2 == 1]] = True
+    force = given.wrench.force_n.copy()
+    force[withheld] += [30.0, 30.0, 0.0]
+
+    def moved(mask: np.ndarray | None) -> float:
+        pair = [replace(given.wrench, force_n=f, withheld=mask) for f in (given.wrench.force_n, force)]
+        one, other = (estimator.estimate(given.geometric, wrench, given.mass_kg).com_m for wrench in pair)
+        return float(np.abs(one - other).max())
+
+    assert moved(withheld) < 0.03 * moved(None)

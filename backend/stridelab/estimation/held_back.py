@@ -1,12 +1,15 @@
 """Held-back force: an estimator sees half of the force samples, and must predict the other half.
 
 A small residual against the force that was fused proves nothing. Here the window is cut into blocks; in a first pass
-every other block of the force is withheld, in a second pass the others. Where the force is withheld the geometry stands
-in for it (the trick of 2.6.2: ``p = g``, ``a = g''``), so that every estimator gets a whole window and none sees the
-measured force there. What counts is ``m (c'' - g) - f`` at the withheld samples, in an 8 Hz band.
+every other block of the force is withheld, in a second pass the others. What counts is ``m (c'' - g) - f`` at the
+withheld samples, in an 8 Hz band.
 
-An estimator that trusts the force passes the geometry's own acceleration through where there is none, so nobody can be
-much better than the geometry; one that is worse has fitted noise.
+The Kalman filter, its smoother and ours really do without: they take no measurement of force or moment there
+(``WrenchTrack.withheld``). The complementary filter cannot, because its filters run over gap-free signals: it gets the
+trick of 2.6.2 in its place, ``p = g`` and ``a = g''``. Nobody sees the measured force there.
+
+Between the blocks all that is known is the geometry, so nobody can be much better than the geometry; one that is worse
+has fitted noise, or believes less of the geometry than is true.
 """
 
 from dataclasses import replace
@@ -58,4 +61,6 @@ def _withhold(
     at = np.arange(inside.start, inside.stop)[held]
     force[at] = stand_in_n[held]
     moment[at] = np.cross(geometric.com_m[at], force[at])
-    return replace(wrench, force_n=force, moment_nm=moment)
+    withheld = np.zeros(len(wrench.time_s), dtype=np.bool_)
+    withheld[at] = True
+    return replace(wrench, force_n=force, moment_nm=moment, withheld=withheld)

@@ -130,6 +130,8 @@ class WrenchTrack:
 
     ``complete`` marks the samples inside a window, where the sum over the plates is the whole contact wrench;
     elsewhere the numbers must not be used. ``latency_applied_s`` > 0 means that a late force was read that much later.
+    ``withheld`` marks samples whose wrench an estimator must not use although all contact is on the plates: they are to
+    be predicted. What stands there is a stand-in from the geometry.
     """
 
     time_s: Series
@@ -138,3 +140,4 @@ class WrenchTrack:
     complete: Mask
     windows: tuple[Window, ...]
     latency_applied_s: float = 0.0
+    withheld: Mask | None = None

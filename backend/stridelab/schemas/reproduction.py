@@ -6,7 +6,19 @@ from pydantic import Field
 
 from stridelab.schemas.base import Contract
 
-ReproductionItem = Literal["fig-2.2", "fig-2.5", "fig-2.6", "fig-2.7", "fig-2.8", "fig-2.9"]
+ReproductionItem = Literal[
+    "fig-2.2",
+    "fig-2.5",
+    "fig-2.6",
+    "fig-2.7",
+    "fig-2.8",
+    "fig-2.9",
+    "errors",
+    "lag",
+    "coverage",
+    "partial-force",
+    "flight",
+]
 Verdict = Literal["met", "beaten", "not_met", "thesis_in_error"]
 
 

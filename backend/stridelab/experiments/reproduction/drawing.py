@@ -1,6 +1,7 @@
-"""Curves as SVG: panels with axes, a legend, linear or logarithmic scales; no program and no network needed.
+"""Curves and bars as SVG: panels with axes, a legend, linear or logarithmic scales; no program and no network needed.
 
-Colours and sizes are presentation attributes: the file carries neither scripts nor styles.
+The palette is that of Okabe and Ito, which all common kinds of colour blindness can tell apart. Colours and sizes are
+presentation attributes: the file carries neither scripts nor styles.
 """
 
 import math
@@ -12,9 +13,10 @@ from xml.sax.saxutils import escape
 import numpy as np
 from jaxtyping import Float
 
-PALETTE: Final = ("#c0392b", "#1e8449", "#1f4e9c", "#b9770e", "#6c3483", "#117a8b", "#555555")
+PALETTE: Final = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#000000")
 WIDTH, HEIGHT = 720, 240
 _LEFT, _RIGHT, _TOP, _BOTTOM = 70.0, 150.0, 26.0, 40.0
+_BAR_LEFT, _BAR_RIGHT = 170.0, 70.0
 _MOST_POINTS = 900
 _FONT: Final = 'font-family="sans-serif" font-size="11" fill="#222222"'
 
@@ -45,7 +47,16 @@ class Panel:
     log_y: bool = False
 
 
-def svg(panels: Sequence[Panel]) -> str:
+@dataclass(frozen=True)
+class Bars:
+    """Numbers side by side, each with its name; a number that is not finite is written, not drawn."""
+
+    title: str
+    unit: str
+    values: Sequence[tuple[str, float]]
+
+
+def svg(panels: Sequence[Panel | Bars]) -> str:
     """The panels below each other as one SVG document."""
     size = f'width="{WIDTH}" height="{HEIGHT * len(panels)}"'
     parts = [
@@ -54,7 +65,7 @@ def svg(panels: Sequence[Panel]) -> str:
     ]
     for number, panel in enumerate(panels):
         parts.append(f'<g transform="translate(0 {HEIGHT * number})">')
-        parts += _panel(panel)
+        parts += _panel(panel) if isinstance(panel, Panel) else _bars(panel)
         parts.append("</g>")
     return "\n".join([*parts, "</svg>"]) + "\n"
 
@@ -118,6 +129,27 @@ def _panel(panel: Panel) -> list[str]:
         right = WIDTH - _RIGHT + 10
         parts.append(f'<path d="M {right} {at} h 18" stroke="{colour}" stroke-width="2"{dash}/>')
         parts.append(f'<text x="{right + 24}" y="{at + 4}" {_FONT}>{escape(curve.name)}</text>')
+    return parts
+
+
+def _bars(bars: Bars) -> list[str]:
+    parts = [f'<text x="16" y="16" {_FONT} font-weight="bold">{escape(bars.title)} ({escape(bars.unit)})</text>']
+    finite = [value for _, value in bars.values if math.isfinite(value)]
+    low, high = min(0.0, *finite, 0.0), max(0.0, *finite, 0.0)
+    scale = _Scale(low, high if high > low else low + 1.0, _BAR_LEFT, WIDTH - _BAR_RIGHT, log=False)
+    pitch = (HEIGHT - _TOP - 8.0) / max(len(bars.values), 1)
+    for row, (name, value) in enumerate(bars.values):
+        y = _TOP + row * pitch
+        middle = y + pitch / 2 + 4
+        parts.append(f'<text x="{_BAR_LEFT - 8}" y="{middle:.1f}" {_FONT} text-anchor="end">{escape(name)}</text>')
+        start, end = sorted((scale(0.0), scale(value) if math.isfinite(value) else scale(0.0)))
+        parts.append(
+            f'<rect x="{start:.1f}" y="{y + 1:.1f}" width="{end - start:.1f}" height="{pitch - 2:.1f}" '
+            f'fill="{PALETTE[0]}"/>'
+        )
+        written = f"{value:.3g}" if math.isfinite(value) else "none"
+        parts.append(f'<text x="{end + 6:.1f}" y="{middle:.1f}" {_FONT}>{written}</text>')
+    parts.append(_line(scale(0.0), _TOP, scale(0.0), HEIGHT - 8.0, "#555555"))
     return parts
 
 

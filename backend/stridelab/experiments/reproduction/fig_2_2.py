@@ -151,8 +151,8 @@ def _panels(t: Series, c: Points, z: Points, cart: np.ndarray, foot: Points, n: 
     panels = [
         Panel(
             f"Relative to the CoM, {name}",
-            "s",
-            "mm",
+            "time (s)",
+            "error (mm)",
             [
                 Curve(t, 1e3 * (z[:, k] - c[:, k]), "ZMP (2.7)", 0),
                 Curve(t, 1e3 * (cart[:, k] - c[:, k]), "cart-table (2.9)", 0, dashed=True),

@@ -89,8 +89,8 @@ def _panels(thesis: Bode, ours: Bode) -> tuple[Panel, Panel]:
         ]
 
     return (
-        Panel("Gain", "Hz", "dB", curves("gain_db"), log_x=True),
-        Panel("Phase", "Hz", "degrees", curves("phase_rad", 180.0 / np.pi), log_x=True),
+        Panel("Gain", "frequency (Hz)", "gain (dB)", curves("gain_db"), log_x=True),
+        Panel("Phase", "frequency (Hz)", "phase (degrees)", curves("phase_rad", 180.0 / np.pi), log_x=True),
     )
 
 

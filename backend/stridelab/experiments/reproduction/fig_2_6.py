@@ -134,14 +134,14 @@ def _band_columns(bands: dict[str, Bands]) -> dict[str, np.ndarray]:
 
 def _panels(mean: dict[str, ErrorSpectrum]) -> list[Panel]:
     titles = {
-        "geometry": ("Geometry", "m/√Hz"),
-        "force": ("Acceleration from the force", "m/s²/√Hz"),
-        "axis": ("Projection on the central axis", "m/√Hz"),
+        "geometry": ("Error of the geometry", "amplitude (m/√Hz)"),
+        "force": ("Error of the acceleration from the force", "amplitude (m/s²/√Hz)"),
+        "axis": ("Error of the projection on the central axis", "amplitude (m/√Hz)"),
     }
     return [
         Panel(
             title,
-            "Hz",
+            "frequency (Hz)",
             unit,
             [Curve(mean[k].frequency_hz, mean[k].amplitude[:, j], "xyz"[j], j) for j in range(3)],
             log_x=True,

@@ -179,7 +179,10 @@ def _panels(trial: _Trial) -> list[Panel]:
     ]
     second = (t >= fused.time_s[0]) & (t <= fused.time_s[0] + 1.0)
     force = [Curve(t[second], wrench.force_n[second, k], axis, k) for k, axis in enumerate("xyz")]
-    return [Panel("Centre of mass from its start", "s", "m", path), Panel("Contact force, one second", "s", "N", force)]
+    return [
+        Panel("Centre of mass from its start", "time (s)", "position (m)", path),
+        Panel("Contact force, one second", "time (s)", "force (N)", force),
+    ]
 
 
 ITEM: Final = Item("fig-2.8", "Walking on force plates", run, default_seeds=4)

@@ -1,7 +1,8 @@
-"""What reproducing one figure of the thesis yields: claims with both numbers and a verdict, tables, a drawing."""
+"""What reproducing one figure or table yields: claims with both numbers and a verdict, tables, a drawing."""
 
+import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
@@ -51,12 +52,16 @@ class Reproduction:
 
 @dataclass(frozen=True)
 class Item:
-    """A figure that can be reproduced. ``run(seeds, tell)`` repeats it on that many simulated walks."""
+    """A figure or a table that can be reproduced. ``run(seeds, tell)`` repeats it on that many simulated walks.
+
+    ``printed`` names those of its tables that are short enough for a page.
+    """
 
     name: str
     title: str
     run: Callable[[int, Tell], Reproduction]
-    default_seeds: int = field(default=1)
+    default_seeds: int = 1
+    printed: tuple[str, ...] = ()
 
 
 def judged(ours: float, *, at_most: float | None = None, at_least: float | None = None) -> Verdict:
@@ -64,3 +69,24 @@ def judged(ours: float, *, at_most: float | None = None, at_least: float | None 
     if at_most is not None:
         return "met" if ours <= at_most else "not_met"
     return "met" if at_least is not None and ours >= at_least else "not_met"
+
+
+def aimed(
+    key: str,
+    says: str,
+    ours: float,
+    unit: str,
+    *,
+    at_most: float | None = None,
+    at_least: float | None = None,
+    note: str = "",
+) -> Claim:
+    """An aim of our own, where the thesis has no number: "beaten" inside the bounds (both included), else "not_met".
+
+    A number that is not finite lies inside no bounds.
+    """
+    inside = (at_most is None or ours <= at_most) and (at_least is None or ours >= at_least)
+    aim = " and ".join(
+        f"{word} {bound:.3g}" for word, bound in (("at least", at_least), ("at most", at_most)) if bound is not None
+    )
+    return Claim(key, says, f"aim {aim}", ours, unit, "beaten" if inside and math.isfinite(ours) else "not_met", note)

@@ -5,12 +5,24 @@ from types import MappingProxyType
 from typing import Final
 
 from stridelab.errors import Fault, InvalidInput, NotFound
-from stridelab.experiments.reproduction import fig_2_2, fig_2_5, fig_2_6, fig_2_7, fig_2_8, fig_2_9
+from stridelab.experiments.reproduction import (
+    coverage,
+    errors,
+    fig_2_2,
+    fig_2_5,
+    fig_2_6,
+    fig_2_7,
+    fig_2_8,
+    fig_2_9,
+    flight,
+    lag,
+    partial_force,
+)
 from stridelab.experiments.reproduction.item import Item, Reproduction, Tell
 
-ITEMS: Final[Mapping[str, Item]] = MappingProxyType(
-    {module.ITEM.name: module.ITEM for module in (fig_2_2, fig_2_5, fig_2_6, fig_2_7, fig_2_8, fig_2_9)}
-)
+_FIGURES: Final = (fig_2_2, fig_2_5, fig_2_6, fig_2_7, fig_2_8, fig_2_9)
+_TABLES: Final = (errors, lag, coverage, partial_force, flight)
+ITEMS: Final[Mapping[str, Item]] = MappingProxyType({m.ITEM.name: m.ITEM for m in (*_FIGURES, *_TABLES)})
 MOST_SEEDS: Final = 200
 
 

@@ -1,42 +1,26 @@
-"""Errors of all estimators over many draws of the noise of 2.5.1: the table behind figure 2.7."""
+"""Errors of all estimators on simulated walks: the draws that several items share, and their means.
 
-from collections.abc import Mapping, Sequence
+A draw costs about a second, most of it the smoother, so draws are kept in the process: the items that look at the same
+trials compute them once.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 
 from stridelab.estimation.against_truth import TruthError, error_m, truth_error
-from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.estimate import ComEstimator
-from stridelab.estimation.geometry import GeometryOnly
-from stridelab.estimation.kalman import KalmanFilter
-from stridelab.estimation.rts import RtsSmoother
-from stridelab.estimation.smoother import Smoother
 from stridelab.estimation.spectra import error_spectrum
+from stridelab.experiments.reproduction.estimators import KALMAN, NAMES, THESIS, estimators
 from stridelab.experiments.reproduction.item import Column, Tell
 from stridelab.experiments.robot_gait import GaitName
 from stridelab.experiments.robot_walker import RATE_HZ
-from stridelab.experiments.study import StudyTrial, simulate
+from stridelab.experiments.study import simulate
 
-THESIS, KALMAN, AUTO, SMOOTHER, GEOMETRY = (
-    "complementary-thesis",
-    "kalman-thesis",
-    "complementary",
-    "smoother",
-    "geometry",
-)
-ESTIMATORS: Final[Mapping[str, ComEstimator]] = {
-    GEOMETRY: GeometryOnly(),
-    THESIS: ComplementaryFilter.thesis(),
-    AUTO: ComplementaryFilter(),
-    KALMAN: KalmanFilter(),
-    "kalman": KalmanFilter.tuned(),
-    "rts": RtsSmoother.tuned(),
-    SMOOTHER: Smoother(),
-}
-"""By the names they have in ``compare-estimators``."""
+GAITS: Final[tuple[GaitName, ...]] = ("robot", "human")
 NOISY_HZ: Final = 5.0
 PerAxis = Float[np.ndarray, "3"]
 
@@ -56,17 +40,19 @@ class Draw:
     closer: float
 
 
-def draw(trial: StudyTrial, noise: str) -> Draw:
+@lru_cache(maxsize=1000)
+def draw(gait: GaitName, noise: str, seed: int) -> Draw:
     """All estimators on one trial."""
+    trial = simulate(gait, noise, seed)
     errors, noisy, distance = {}, {}, {}
-    for name, estimator in ESTIMATORS.items():
+    for name, estimator in estimators(trial).items():
         estimate = estimator.estimate(trial.geometric, trial.wrench, trial.mass_kg)
         errors[name] = truth_error(estimate, trial.truth.time_s, trial.truth.com_m)
         e = error_m(estimate, trial.truth.time_s, trial.truth.com_m)
         high = error_spectrum(e, RATE_HZ).band_rms(NOISY_HZ, RATE_HZ)
         noisy[name] = float(np.hypot(high[0], high[1]))
         distance[name] = np.hypot(e[:, 0], e[:, 1])
-    return Draw(trial.gait, noise, errors, noisy, float(np.mean(distance[THESIS] <= distance[KALMAN])))
+    return Draw(gait, noise, errors, noisy, float(np.mean(distance[THESIS] <= distance[KALMAN])))
 
 
 def draws(gaits: Sequence[GaitName], noises: Sequence[str], seeds: int, tell: Tell) -> list[Draw]:
@@ -75,7 +61,7 @@ def draws(gaits: Sequence[GaitName], noises: Sequence[str], seeds: int, tell: Te
     done = []
     for k, (gait, noise, seed) in enumerate(wanted):
         tell(k / len(wanted), f"{gait} gait, {noise} noise, draw {seed + 1} of {seeds}")
-        done.append(draw(simulate(gait, noise, seed), noise))
+        done.append(draw(gait, noise, seed))
     return done
 
 
@@ -90,23 +76,34 @@ def rms(values: Sequence[float]) -> float:
 
 
 def table(found: Sequence[Draw]) -> dict[str, Column]:
-    """One row per gait, noise and estimator: RMS over the draws, mean coverage and lag."""
-    rows: dict[str, list[object]] = {}
+    """One row per gait, noise and estimator: RMS over the draws, mean coverage and median lag."""
+    rows: list[dict[str, object]] = []
     for gait, noise in dict.fromkeys((d.gait, d.noise) for d in found):
         group = [d for d in found if (d.gait, d.noise) == (gait, noise)]
-        for name in ESTIMATORS:
+        for name in NAMES:
             errors = [d.errors[name] for d in group]
             row: dict[str, object] = {"gait": gait, "noise": noise, "estimator": name, "draws": len(group)}
-            row |= _axes("rms_{}_m", np.sqrt(np.mean([e.rms_m**2 for e in errors], axis=0)))
+            row |= per_axis("rms_{}_m", np.sqrt(np.mean([e.rms_m**2 for e in errors], axis=0)))
             row["horizontal_m"] = rms([e.horizontal_m for e in errors])
             row["horizontal_worst_m"] = max(e.horizontal_m for e in errors)
-            row |= _axes("coverage_{}", np.mean([e.coverage for e in errors], axis=0))
-            row |= _axes("sd_{}_m", np.sqrt(np.mean([e.sd_m**2 for e in errors], axis=0)))
-            row |= _axes("lag_{}_s", np.median([e.lag_s for e in errors], axis=0))
-            for key, value in row.items():
-                rows.setdefault(key, []).append(value)
-    return {key: np.array(values) for key, values in rows.items()}
+            row |= per_axis("coverage_{}", np.mean([e.coverage for e in errors], axis=0))
+            row |= per_axis("sd_{}_m", np.sqrt(np.mean([e.sd_m**2 for e in errors], axis=0)))
+            row |= per_axis("lag_{}_s", np.median([e.lag_s for e in errors], axis=0))
+            rows.append(row)
+    return as_columns(rows)
 
 
-def _axes(pattern: str, values: PerAxis) -> dict[str, object]:
+def chosen(columns: Mapping[str, Column], keys: Sequence[str], keep: Callable[[int], bool]) -> dict[str, Column]:
+    """Some columns of a table, and the rows for whose number ``keep`` is True."""
+    rows = [k for k in range(len(next(iter(columns.values())))) if keep(k)]
+    return {key: columns[key][rows] for key in keys}
+
+
+def as_columns(rows: Sequence[Mapping[str, object]]) -> dict[str, Column]:
+    """Rows with the same keys as columns."""
+    return {key: np.array([row[key] for row in rows]) for key in rows[0]}
+
+
+def per_axis(pattern: str, values: PerAxis) -> dict[str, object]:
+    """``{"rms_x_m": ..}`` from three numbers."""
     return {pattern.format(axis): float(value) for axis, value in zip("xyz", values, strict=True)}
