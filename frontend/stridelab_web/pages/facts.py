@@ -30,17 +30,6 @@ _UNITS = {
     "_rad": "rad",
 }
 """By the end of a name; the first that fits."""
-    "_mm": "mm",
-    "_nms": "N m s",
-    "_m_s": "m/s",
-    "_kg": "kg",
-    "_hz": "Hz",
-    "_nm": "N m",
-    "_n": "N",
-    "_s": "s",
-    "_m": "m",
-    "_rad": "rad",
-}
 _NAMES = {
     "window_s": "Window",
     "method": "Method",
