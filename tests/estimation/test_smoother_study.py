@@ -64,8 +64,8 @@ def test_horizontally_it_is_far_closer_than_the_filter_and_its_band_is_honest(ga
         lags_s.append(-np.sum((error - error.mean(axis=0))[:, :2] * v, axis=0) / np.sum(v**2, axis=0))
     assert horizontal(ours) < share * horizontal(theirs)
     assert (np.mean(inside, axis=0)[:2] > 0.92).all()
-    # White noise of 0.8 mm in a sway of 0.1 m/s leaves one walk's lag uncertain by about 1 ms.
-    assert (np.abs(np.mean(lags_s, axis=0)) < (0.001 if noise == "thesis" else 0.0015)).all()
+    if noise == "thesis":  # white noise leaves the lag of one walk uncertain by 1.7 ms sideways
+        assert (np.abs(lags_s) < 0.001).all()
 
 
 def test_one_second_of_force_in_two():
