@@ -30,11 +30,10 @@ _UNKNOWN: Final = (UNKNOWN_ACCELERATION_M_S2**2,) * 3
 
 
 class OnlineBand:
-    """The band's own state: what the low-pass has made of errors of size one."""
+    """The band's own state: the answers of H3 to errors of size one, constant or in time with stride and step."""
 
     def __init__(self, low_hz: float, mass_kg: float, table_sd_m: SdPerAxis, priors: ErrorPriors) -> None:
-        self._share = LowPass(low_hz, 0.0)
-        self._stride, self._step = LowPass(low_hz, 0j), LowPass(low_hz, 0j)
+        self._answers = LowPass(low_hz, 0j)
         self._omega, self._since_s = 1j * math.pi * priors.step_hz, 0.0
         x, y, z = table_sd_m
         self._table = (x * x, y * y, z * z)
@@ -49,9 +48,7 @@ class OnlineBand:
         """Advance by 2h to a sample with or without a central axis."""
         self._since_s += 2.0 * h
         stride = cmath.exp(self._omega * self._since_s) if has_axis else 0j
-        self._share.step(h, 1.0 if has_axis else 0.0)
-        self._stride.step(h, stride)
-        self._step.step(h, stride * stride)
+        self._answers.step(h, 1.0 + 0j if has_axis else 0j, stride, stride * stride)
 
     def sd_m(self, track: OnlineTrack, h: float, has_force: bool, vx: float, vy: float) -> tuple[float, float, float]:
         """Standard deviation per axis at this sample, whose estimated velocity is ``vx``, ``vy``."""
@@ -62,7 +59,8 @@ class OnlineBand:
         noise = self._marker * min(1.0, 2.0 * h * k1 or 1.0)
         if blind and not track.knows_velocity:
             noise += (UNKNOWN_VELOCITY_M_S * blind) ** 2
-        s, stride, step = self._share.value, self._stride.value, self._step.value
+        share, stride, step = self._answers.values
+        s = share.real
         left, used = (1.0 - s) * (1.0 - s), s * s
         forward = self._forward * (step.real * step.real + step.imag * step.imag)
         sideways = self._sideways * (stride.real * stride.real + stride.imag * stride.imag)

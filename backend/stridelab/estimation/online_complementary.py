@@ -55,7 +55,7 @@ class OnlineComplementaryFilter:
 
     def _begin(self, velocity_m_s: Sequence[float] | None = None) -> None:
         self._track = OnlineTrack(self._high_hz, velocity_m_s)
-        self._low = tuple(LowPass(self._low_hz, 0.0) for _ in range(3))
+        self._low = LowPass(self._low_hz, 0.0)
         self._band = OnlineBand(self._low_hz, self._mass_kg, self._table_sd_m, self._priors)
 
     def step(
@@ -77,17 +77,15 @@ class OnlineComplementaryFilter:
         track = self._track
         seen = track.step(h, None if f is None else (f[0] / m, f[1] / m, f[2] / m - GRAVITY_M_S2), g)
         to_axis = None if f is None or nu is None else _to_axis(seen, f, nu)
-        ux, uy, uz = to_axis or (0.0, 0.0, 0.0)
-        lx, ly, lz = self._low
-        lx.step(h, ux)
-        ly.step(h, uy)
-        lz.step(h, uz)
+        self._low.step(h, *(to_axis or (0.0, 0.0, 0.0)))
+        lx, ly, lz = self._low.values
+        lvx, lvy, lvz = self._low.rates
         x, y, z = track.axes
-        vx, vy = x.v + lx.rate, y.v + ly.rate
+        vx, vy = x.v + lvx, y.v + lvy
         self._band.advance(h, to_axis is not None)
-        sd = self._band.sd_m(track, h, f is not None, vx, vy)
-        rows = np.array(((x.x + lx.value, y.x + ly.value, z.x + lz.value), (vx, vy, z.v + lz.rate), sd))
-        return OnlineSample(rows[0], rows[1], rows[2])
+        sx, sy, sz = self._band.sd_m(track, h, f is not None, vx, vy)
+        flat = np.array((x.x + lx, y.x + ly, z.x + lz, vx, vy, z.v + lvz, sx, sy, sz))
+        return OnlineSample(flat[:3], flat[3:6], flat[6:])
 
 
 def _to_axis(c: Sequence[float], f: Sequence[float], nu: Sequence[float]) -> tuple[float, float, float] | None:
