@@ -1,6 +1,5 @@
 """Speed of the centroidal stage on the thesis' experiments; run by ``make bench`` (skipped otherwise)."""
 
-import jaxtyping
 import pytest
 
 from stridelab.centroidal.solve import solve
@@ -8,15 +7,6 @@ from stridelab.centroidal.transcription import transcribe
 from support.talos_problems import bundled
 
 EXPERIMENTS = ("long-stride", "six-stairs", "stairs-with-rail")
-
-
-@pytest.fixture(autouse=True)
-def as_in_production():
-    """The run-time checks of annotations belong to the tests; users do not pay for them."""
-    before = jaxtyping.config.jaxtyping_disable
-    jaxtyping.config.update("jaxtyping_disable", True)
-    yield
-    jaxtyping.config.update("jaxtyping_disable", before)
 
 
 @pytest.mark.parametrize("scenario", EXPERIMENTS)

@@ -1,31 +1,20 @@
 """Speed of the Kalman filter and of the smoother on its model; run by ``make bench`` (skipped otherwise)."""
 
-import jaxtyping
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 
-from stridelab.estimation.jerk_record import JerkRecord, Pass
+from stridelab.estimation.jerk_record import JerkRecord
 from stridelab.estimation.kalman import KalmanFilter
 from stridelab.estimation.kalman_passes import Axis
 from stridelab.estimation.rts import RtsSmoother
 from stridelab.recordings.recording import Window
 from support.motions import walk
+from support.textbook_kalman import textbook
 
 RATE_HZ = 200.0
 MOTION = walk()
-
-
-@pytest.fixture(autouse=True)
-def as_in_production():
-    """The run-time checks of annotations belong to the tests; users do not pay for them."""
-    before = jaxtyping.config.jaxtyping_disable
-    jaxtyping.config.update("jaxtyping_disable", True)
-    yield
-    jaxtyping.config.update("jaxtyping_disable", before)
-
-
-def rate(benchmark, samples):
-    benchmark.extra_info["samples_per_s"] = round(samples / benchmark.stats.stats.median)
 
 
 def jerk_record(samples: int) -> JerkRecord:
@@ -34,7 +23,7 @@ def jerk_record(samples: int) -> JerkRecord:
     return KalmanFilter().record(MOTION.geometric(t), wrench, MOTION.mass_kg)
 
 
-def three_axes(record: JerkRecord, passed: Pass) -> None:
+def three_axes(record: JerkRecord, passed: Callable[..., object]) -> None:
     i = record.inputs
     for j, axis in enumerate(record.axes):
         y = np.stack([i.geometry_m[:, j], i.acceleration_m_s2[:, j], i.axis_point_m[:, j]], axis=-1)[None]
@@ -42,22 +31,35 @@ def three_axes(record: JerkRecord, passed: Pass) -> None:
 
 
 @pytest.mark.parametrize("samples", [1800, 200_000])
-def test_kalman_filter(benchmark, samples):
+def test_kalman_filter(benchmark, note_rate, samples):
     record = jerk_record(samples)
     benchmark(lambda: three_axes(record, Axis.filtered))
-    rate(benchmark, samples)
+    note_rate(samples)
 
 
 @pytest.mark.parametrize("samples", [1800, 200_000])
-def test_rts_smoother(benchmark, samples):
+def test_rts_smoother(benchmark, note_rate, samples):
     record = jerk_record(samples)
     benchmark(lambda: three_axes(record, Axis.smoothed))
-    rate(benchmark, samples)
+    note_rate(samples)
+
+
+@pytest.mark.parametrize("samples", [1800])
+def test_textbook_kalman_and_rts_loop_for_comparison(benchmark, note_rate, samples):
+    """The same three axes, sample by sample; filter and smoother come out of one loop."""
+    record = jerk_record(samples)
+
+    def loop(axis: Axis, y: np.ndarray, start: np.ndarray) -> None:
+        noise = axis.model.B @ axis.model.B.T * axis.model.sigma_jerk_m_s3**2
+        textbook(axis.model.A, noise, np.array(axis.variance), y[0], start[0], axis.start_covariance)
+
+    benchmark.pedantic(lambda: three_axes(record, loop), rounds=3)
+    note_rate(samples)
 
 
 @pytest.mark.parametrize("estimator", [KalmanFilter(), RtsSmoother()], ids=["kalman", "rts"])
-def test_estimate_with_its_band(benchmark, estimator):
+def test_estimate_with_its_band(benchmark, note_rate, estimator):
     t = np.arange(1800) / RATE_HZ
     geometric, wrench = MOTION.geometric(t), MOTION.wrench_track(t, Window(0.0, 9.0))
     benchmark(lambda: estimator.estimate(geometric, wrench, MOTION.mass_kg))
-    rate(benchmark, 1800)
+    note_rate(1800)
