@@ -131,6 +131,14 @@ class EstimateComInput(Contract):
     smoother: SmootherOptions | None = Field(default=None, description="only for the smoother")
     window_s: Interval | None = None
 
+    @field_validator("smoother")
+    @classmethod
+    def _whose_options(cls, options: SmootherOptions | None, info: Any) -> SmootherOptions | None:
+        method = info.data.get("method")
+        if options is not None and method not in (None, "smoother"):
+            raise ValueError(f"the {method} estimator has no use for them, only the smoother has")
+        return options
+
 
 class EstimateComSummary(Contract):
     """Summary of ``estimate-com``."""

@@ -57,7 +57,7 @@ _NAMES = {
     "diagnostics.low_hz": "Low cut-off",
     "diagnostics.high_hz": "High cut-off",
     "diagnostics.normalised_innovations": "Innovations, 1 if all errors are as stated",
-    "diagnostics.plate_bias_statistic": "Plate bias statistic, doubtful over 13.8",
+    "diagnostics.plate_bias_statistic": "Plate bias statistic",
     "diagnostics.samples_used": "Samples used",
     "observability.rank_force": "Rank from the force, of 9",
     "observability.rank_with_geometry": "Rank with the markers, of 12",

@@ -246,7 +246,7 @@ def test_what_is_stated_to_the_smoother_is_used_and_what_it_found_is_told(tmp_pa
     assert told["momentum_about_walk_nms"] == pytest.approx(0.001 * weight_n, rel=0.01)
     assert told["momentum_about_side_nms"] == pytest.approx(0.004 * weight_n, rel=0.01)
     known = summary_of(tmp_path / "c", smoother={"segment_momentum": True}).diagnostics
-    assert known["momentum_about_side_nms"] < 0.5 * usual.diagnostics["momentum_about_side_nms"]
+    assert known["momentum_about_side_nms"] < 0.7 * usual.diagnostics["momentum_about_side_nms"]
 
 
 def test_a_plate_bias_beyond_the_declared_one_is_remarked(tmp_path: Path) -> None:
@@ -274,10 +274,18 @@ def test_an_error_that_no_input_can_have_is_refused_naming_it(priors: dict[str, 
     assert {error["loc"][:3] for error in refused.value.errors()} == {("smoother", "priors", *priors)}
 
 
+@pytest.mark.parametrize("method", ["complementary", "kalman", "rts", "geometry"])
+def test_options_of_the_smoother_are_no_other_methods(method: str) -> None:
+    with pytest.raises(ValidationError, match=f"the {method} estimator has no use for them") as refused:
+        EstimateComInput.model_validate({"recording_id": "r", "method": method, "smoother": {}})
+    assert [error["loc"] for error in refused.value.errors()] == [("smoother",)]
+
+
 @pytest.mark.parametrize("name", StatedErrors.model_fields)
 def test_every_error_that_can_be_stated_is_one_of_the_smoother(name: str) -> None:
     """And what the contract lets pass the smoother takes: zero where it is no error at all, else very little."""
-    low = (1e-9, 1e-9) if name == "momentum_m_s" else 0.0 if name in MAY_BE_ZERO else 1e-9
+    least = {"momentum_m_s": (1e-9, 1e-9), "step_hz": 0.1} | dict.fromkeys(MAY_BE_ZERO, 0.0)
+    low = least.get(name, 1e-9)
     stated = StatedErrors.model_validate({name: low})
     assert getattr(estimate_com.smoother(SmootherOptions(priors=stated)).priors, name) == low
 
@@ -295,7 +303,6 @@ def test_a_table_can_be_chosen(tmp_path: Path) -> None:
         ({"method": "smoother", "cutoffs": (0.2, 1.0)}, InvalidInput, "cutoffs-not-used"),
         ({"method": "geometry", "cutoffs": "thesis"}, InvalidInput, "cutoffs-not-used"),
         ({"smoother": {}, "cutoffs": "thesis"}, InvalidInput, "cutoffs-not-used"),
-        ({"method": "complementary", "smoother": {}}, InvalidInput, "smoother-options-not-used"),
         ({"method": "smoother", "window_s": (1.9, 2.15)}, NotEstimable, "window-too-short"),
         ({"window_s": (0.0, 1.0)}, InvalidInput, "window-not-measured"),
         ({"window_s": (3.5, 9.0)}, InvalidInput, "window-outside-recording"),

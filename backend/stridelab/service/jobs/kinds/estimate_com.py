@@ -90,17 +90,10 @@ def run(task: EstimateComTask, folder: Path, progress: ProgressCallback) -> Outc
 def method_asked(request: EstimateComInput) -> str | None:
     """The method that is named, or that alone has the stated cut-offs or options; None where the best is asked for.
 
-    Raises ``InvalidInput`` for what is stated and would have no effect: ``smoother-options-not-used``,
-    ``cutoffs-not-used``.
+    Raises ``InvalidInput`` (``cutoffs-not-used``) for cut-offs that would have no effect.
     """
     named = None if request.method is None else require_method(request.method)
     if request.smoother is not None:
-        if named not in (None, Smoother.name):
-            raise InvalidInput(
-                "smoother-options-not-used",
-                f"The {named} estimator has no use for the options of the smoother.",
-                [Fault("smoother", "not used by this method")],
-            )
         named = Smoother.name
     if request.cutoffs == "auto":
         return named
