@@ -51,6 +51,29 @@ def test_the_summary_is_a_table(service: Served, capsys: pytest.CaptureFixture[s
         assert name in shown
 
 
+def test_the_smoother_is_asked_for_by_name(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
+    replay = Replay(method="smoother", ahead="1,0", speed=1000.0, block=50)
+    stream(REQUEST, replay, as_json=True, server=service.base_url, token=None)
+    assert json.loads(capsys.readouterr().out)["method"] == "smoother"
+
+
+@pytest.mark.parametrize(
+    ("replay", "code", "where"),
+    [
+        (Replay(method="smoother", ahead="0,0"), "option-invalid", "--ahead"),
+        (Replay(method="smoother", ahead="east"), "option-invalid", "--ahead"),
+        (Replay(method="magic"), "option-invalid", "method"),
+    ],
+)
+def test_a_senseless_method_or_direction_is_refused_before_anything_is_sent(
+    replay: Replay, code: str, where: str
+) -> None:
+    with pytest.raises(InvalidInput) as refused:
+        prepared(REQUEST, replay)
+    assert refused.value.code == code
+    assert where in [fault.where for fault in refused.value.faults]
+
+
 def test_nobody_there_is_said_in_one_line() -> None:
     with pytest.raises(Unavailable) as refused:
         stream(REQUEST, Replay(speed=1000.0), as_json=False, server="http://127.0.0.1:9", token=None)

@@ -46,6 +46,7 @@ def fresh(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 TOLERANCES = {"_m": 5e-4, "_m_s": 0.02, "_m_s2": 1.0, "_n": 1.0, "_nm": 1.0, "_nms": 0.01, "_s": 1e-9}
+TOLERANCES |= dict.fromkeys(("unobservable_x", "unobservable_y", "unobservable_z"), 0.01)
 
 
 @pytest.mark.parametrize("name", ["truth.parquet", "com.parquet", "tracks.parquet"])
