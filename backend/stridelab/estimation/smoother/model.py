@@ -28,7 +28,7 @@ A force bias of ``ab`` metres per second squared acts at the floor, z below the 
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from stridelab.conventions import GRAVITY_M_S2
 
@@ -82,7 +82,10 @@ class Sizes:
 
     def repeated(self, times: int) -> "Sizes":
         """A batch of that many copies, one after the other."""
-        axes = np.tile(np.arange(len(self.turned)), times)
+        return self.of(np.tile(np.arange(len(self.turned)), times))
+
+    def of(self, axes: Int[np.ndarray, "_"]) -> "Sizes":
+        """Those of some axes, in this order."""
         each = {name: value[axes] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         return replace(self, **each)
 

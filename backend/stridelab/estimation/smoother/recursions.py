@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
-from stridelab.conventions import Mask, Points, Series, Vector3
+from stridelab.conventions import Mask, Series
 from stridelab.estimation.smoother.model import (
     ACCELERATION,
     CONSTANTS,
@@ -46,19 +46,19 @@ Table = Float[np.ndarray, "g a 10 10"]
 
 @dataclass(frozen=True)
 class Signals:
-    """Data in the walking frame, metres: y1, y2 (0 where not seen), and the acceleration driving sample k to k + 1.
+    """Data per axis of the walking frame, metres: y1, y2 (0 where not seen), and what drives sample k to k + 1.
 
     ``phi`` and ``sway`` are the noiseless vertical and horizontal force over the weight (``model``);
     ``velocity_m_s`` is the guess from which the filter starts.
     """
 
-    geometry_m: Points
-    moment_m: Points
-    acceleration_m_s2: Points
+    geometry_m: Float[np.ndarray, "n axes"]
+    moment_m: Float[np.ndarray, "n axes"]
+    acceleration_m_s2: Float[np.ndarray, "n axes"]
     seen: Mask
     phi: Series
-    sway: Points
-    velocity_m_s: Vector3
+    sway: Float[np.ndarray, "n axes"]
+    velocity_m_s: Float[np.ndarray, "axes"]
 
     def __len__(self) -> int:
         return len(self.geometry_m)
@@ -67,6 +67,17 @@ class Signals:
         """A part of them."""
         part = {name: value[first:stop] for name, value in vars(self).items() if name != "velocity_m_s"}
         return replace(self, **part)
+
+    def of(self, axes: Int[np.ndarray, "_"]) -> "Signals":
+        """Those of some axes."""
+        return replace(
+            self,
+            geometry_m=self.geometry_m[:, axes],
+            moment_m=self.moment_m[:, axes],
+            acceleration_m_s2=self.acceleration_m_s2[:, axes],
+            sway=self.sway[:, axes],
+            velocity_m_s=self.velocity_m_s[axes],
+        )
 
 
 @dataclass(frozen=True)
@@ -164,9 +175,9 @@ def gains(space: StateSpace, seen: Mask, phi: Series, settling: float = SETTLED)
 
 
 def filtered(space: StateSpace, signals: Signals, found: Gains) -> Filtered:
-    """Forward pass over all samples; models beyond the third are further candidates for the same three axes."""
+    """Forward pass over all samples; models beyond the axes are further candidates for the same axes."""
     n, models = len(signals), len(space.turned)
-    axis = np.arange(models) % 3
+    axis = np.arange(models) % signals.geometry_m.shape[1]
     inputs = np.zeros((n, models, STATES, COLUMNS))
     going_on = regimes_of(signals.seen) == 0
     inputs[going_on, :, :, 0] = signals.acceleration_m_s2[going_on][:, axis, None] * space.drive
