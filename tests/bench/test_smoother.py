@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 
-import jaxtyping
 import numpy as np
 import pytest
 
@@ -13,15 +12,6 @@ from support.motions import walk
 RATE_HZ = 200.0
 MOTION = walk()
 TABLE_SD_M = (0.009, 0.009, 0.02)
-
-
-@pytest.fixture(autouse=True)
-def as_in_production():
-    """The run-time checks of annotations belong to the tests; users do not pay for them."""
-    before = jaxtyping.config.jaxtyping_disable
-    jaxtyping.config.update("jaxtyping_disable", True)
-    yield
-    jaxtyping.config.update("jaxtyping_disable", before)
 
 
 @pytest.mark.parametrize("learn", [True, False])
