@@ -97,10 +97,16 @@ def markdown(name: str, title: str, found: Reproduction, printed: tuple[str, ...
 
 def row(claim: Claim) -> str:
     """One claim as a row of the table."""
-    word, scale = UNITS.get(claim.unit, (claim.unit, 1.0))
-    unit = "" if claim.unit == "1" else f" {word}"
-    thesis = claim.thesis if isinstance(claim.thesis, str) else f"{scale * claim.thesis:.3g}{unit}"
-    return f"| {claim.says.replace('|', 'or')} | {thesis} | {scale * claim.ours:.3g}{unit} | {WORDS[claim.verdict]} |"
+    thesis = claim.thesis if isinstance(claim.thesis, str) else measured(claim.thesis, claim.unit)
+    ours = measured(claim.ours, claim.unit)
+    return f"| {claim.says.replace('|', 'or')} | {thesis} | {ours} | {WORDS[claim.verdict]} |"
+
+
+def measured(value: float, unit: str) -> str:
+    """To three digits; metres and seconds below a tenth in thousandths, a ratio as a bare number."""
+    if unit in ("m", "s") and 0 < abs(value) < 0.1:
+        value, unit = 1000 * value, f"m{unit}"
+    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
 
 
 def table(columns: Mapping[str, Column]) -> list[str]:

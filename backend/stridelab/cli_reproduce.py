@@ -1,4 +1,4 @@
-"""``stridelab reproduce``: a figure of the thesis, the same run as in the service, into a folder."""
+"""``stridelab reproduce``: a figure of the thesis or a table of our own, as in the service, into a folder."""
 
 from pathlib import Path
 
@@ -15,7 +15,7 @@ from stridelab.service.jobs.kinds.tasks import ReproduceTask
 
 WORDS = {
     "met": "[green]met[/]",
-    "beaten": "[green]beaten[/]",
+    "beaten": "[green]aim reached[/]",
     "not_met": "[red]not met[/]",
     "thesis_in_error": "[yellow]thesis in error[/]",
 }
@@ -64,11 +64,17 @@ def show_reproduction(result: JobResult, target: Path, *, as_json: bool) -> None
         return
     summary = ReproduceSummary.model_validate(result.summary)
     out.print(f"[bold]{escape(summary.item)}[/] {escape(summary.title)}: {WORDS[summary.verdict]}")
-    table = Table("", "thesis", "ours", "", box=None, pad_edge=False)
+    table = Table("", "thesis, or our aim", "ours", "", box=None, pad_edge=False)
     for claim in summary.claims:
-        thesis = claim.thesis if isinstance(claim.thesis, str) else f"{claim.thesis:.3g}"
-        unit = "" if claim.unit == "1" else f" {claim.unit}"
-        table.add_row(escape(claim.says), escape(thesis), f"{claim.ours:.3g}{unit}", WORDS[claim.verdict])
+        thesis = claim.thesis if isinstance(claim.thesis, str) else _measured(claim.thesis, claim.unit)
+        table.add_row(escape(claim.says), escape(thesis), _measured(claim.ours, claim.unit), WORDS[claim.verdict])
     out.print(table)
     out.print(escape(summary.note))
     show_files(result, target)
+
+
+def _measured(value: float, unit: str) -> str:
+    """To three digits; metres and seconds below a tenth in thousandths, a ratio as a bare number."""
+    if unit in ("m", "s") and 0 < abs(value) < 0.1:
+        value, unit = 1000 * value, f"m{unit}"
+    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"

@@ -17,9 +17,9 @@ def plain(value: float | None) -> str:
 
 
 def measured(value: float, unit: str) -> str:
-    """A measured value with its unit, to three digits: short lengths in millimetres, a ratio as a bare number."""
-    if unit == "m" and 0 < abs(value) < 0.1:
-        value, unit = 1000 * value, "mm"
+    """A measured value with its unit, to three digits: short lengths and times in thousandths, a ratio as a number."""
+    if unit in ("m", "s") and 0 < abs(value) < 0.1:
+        value, unit = 1000 * value, f"m{unit}"
     text = f"{value:.0f}" if float(value).is_integer() and abs(value) < 1e6 else f"{value:.3g}"
     return f"{text} {unit}" if unit not in ("", "1") else text
 
@@ -59,9 +59,9 @@ def kind(code: str) -> str:
 
 
 def item(code: str) -> str:
-    """Name of an item of the thesis: ``fig-2.6`` is figure 2.6."""
+    """Name of what can be reproduced: ``fig-2.6`` is figure 2.6; a table of our own has a name in words."""
     kind_of, _, number = code.partition("-")
-    return f"{_ITEMS.get(kind_of, words(kind_of).capitalize())} {number}"
+    return f"{_ITEMS[kind_of]} {number}" if kind_of in _ITEMS else _TABLES.get(code, words(code).capitalize())
 
 
 def verdict(code: str) -> str:
@@ -92,9 +92,16 @@ _METHODS = {
     "geometry": "markers only",
 }
 _ITEMS = {"fig": "Figure", "table": "Table"}
+_TABLES = {
+    "errors": "Errors of all methods",
+    "lag": "Lag of all methods",
+    "coverage": "Coverage of the band",
+    "partial-force": "One second of force in two",
+    "flight": "Free fall in running",
+}
 _VERDICTS = {
     "met": "as the thesis says",
-    "beaten": "better than the thesis says",
+    "beaten": "our aim, reached",
     "not_met": "not reached here",
     "thesis_in_error": "cannot hold as printed",
 }

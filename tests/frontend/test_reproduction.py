@@ -40,7 +40,7 @@ def test_every_claim_stands_beside_our_number_with_its_verdict(page: str) -> Non
         "claim a", "0.25 m", "12.5 mm", "not reached here",
     ]  # fmt: skip
     assert "about the same" in rows["b"]
-    assert "better than the thesis says" in rows["b"]
+    assert "our aim, reached" in rows["b"]
     assert 'data-verdict="not_met"' in page
     assert "Figure 2.6: Spectra of &lt;the&gt; errors" in page
     assert "Repeated on 50 simulated walks." in page
@@ -63,6 +63,9 @@ def test_every_item_of_the_interface_can_be_started(fake: FakeService, browse: B
 def test_items_and_verdicts_have_names() -> None:
     assert item("fig-2.6") == "Figure 2.6"
     assert item("table-4.1") == "Table 4.1"
+    names = [item(code) for code in get_args(ReproductionItem)]
+    assert len(set(names)) == len(names)
+    assert not any("-" in name or name != name.strip() for name in names)
     named = [verdict(code) for code in get_args(Verdict)]
     assert len(set(named)) == len(named)
     assert not any("_" in name for name in named)

@@ -19,7 +19,9 @@ ReproductionItem = Literal[
     "partial-force",
     "flight",
 ]
+"""A figure of the thesis, or a table on the simulated walks."""
 Verdict = Literal["met", "beaten", "not_met", "thesis_in_error"]
+"""``met`` as the thesis says, ``beaten`` an aim of our own that is reached, ``not_met`` either not reached."""
 
 
 class ReproduceInput(Contract):

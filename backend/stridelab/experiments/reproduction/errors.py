@@ -50,8 +50,8 @@ def _claims(gait: str, found: Sequence[Draw]) -> list[Claim]:
             "thesis",
             THESIS,
             KALMAN,
-            f"RTS on the Kalman filter's model with a jerk that walking has: "
-            f"{horizontal_ratio(under['thesis'], RTS, KALMAN):.2f}.",
+            f"RTS on the Kalman filter's model, with a jerk that walking has: "
+            f"{horizontal_ratio(under['thesis'], RTS, KALMAN):.2f}; it looks both ways, too.",
         ),
         ratio("auto_over_thesis", "our cut-offs over the thesis' (1.5 times better)", 1 / 1.5, "thesis", AUTO, THESIS),
         Claim(

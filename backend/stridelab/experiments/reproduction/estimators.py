@@ -14,7 +14,7 @@ from stridelab.estimation.complementary import ComplementaryFilter
 from stridelab.estimation.estimate import ComEstimator
 from stridelab.estimation.geometry import GeometryOnly
 from stridelab.estimation.jerk_model import InputNoise
-from stridelab.estimation.kalman import KalmanFilter
+from stridelab.estimation.kalman import TUNED_SIGMA_JERK_M_S3, KalmanFilter
 from stridelab.estimation.rts import RtsSmoother
 from stridelab.estimation.smoother import Smoother, SmootherPriors
 from stridelab.experiments.study import StudyTrial
@@ -27,20 +27,23 @@ TUNED: Final = "kalman"
 RTS: Final = "rts"
 SMOOTHER: Final = "smoother"
 NAMES: Final = (GEOMETRY, THESIS, AUTO, KALMAN, TUNED, RTS, SMOOTHER)
-"""As in ``compare-estimators``: ``-thesis`` is with the settings of the thesis, without it with ours."""
+"""As in ``compare-estimators``: ``-thesis`` is with the settings of the thesis, without it with ours. ``kalman`` and
+``rts`` expect a jerk of the size that walking has, and here they are told the noise, too."""
 _PLATE_HEIGHT_M: Final = 0.83
 """Height of the CoM over the plates: the lever with which noise of the force reaches the axis."""
 
 
 def estimators(trial: StudyTrial, *, beyond_window: bool = False) -> Mapping[str, ComEstimator]:
     """All estimators for one trial, by name; ``beyond_window`` lets the smoother answer outside the force, too."""
+    noise = told_inputs(trial)
+    tuned = KalmanFilter(sigma_jerk_m_s3=TUNED_SIGMA_JERK_M_S3, noise=noise)
     return {
         GEOMETRY: GeometryOnly(),
         THESIS: ComplementaryFilter.thesis(),
         AUTO: ComplementaryFilter(),
-        KALMAN: KalmanFilter(noise=told_inputs(trial)),
-        TUNED: KalmanFilter.tuned(),
-        RTS: RtsSmoother.tuned(),
+        KALMAN: KalmanFilter(noise=noise),
+        TUNED: tuned,
+        RTS: RtsSmoother(kalman=tuned),
         SMOOTHER: Smoother(priors=told(trial), beyond_window=beyond_window),
     }
 

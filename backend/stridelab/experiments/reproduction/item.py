@@ -86,7 +86,11 @@ def aimed(
     A number that is not finite lies inside no bounds.
     """
     inside = (at_most is None or ours <= at_most) and (at_least is None or ours >= at_least)
+    word, scale = (f"m{unit}", 1e3) if unit in ("m", "s") else (unit, 1.0)
+    suffix = "" if unit == "1" else f" {word}"
     aim = " and ".join(
-        f"{word} {bound:.3g}" for word, bound in (("at least", at_least), ("at most", at_most)) if bound is not None
+        f"{side} {scale * bound:.3g}{suffix}"
+        for side, bound in (("at least", at_least), ("at most", at_most))
+        if bound is not None
     )
     return Claim(key, says, f"aim {aim}", ours, unit, "beaten" if inside and math.isfinite(ours) else "not_met", note)
