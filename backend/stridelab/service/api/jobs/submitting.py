@@ -37,6 +37,14 @@ _EXAMPLES: Final[dict[str, Any]] = {
             "summary": "Best estimator, everything automatic",
             "value": {"recording_id": SAMPLE_ID},
         },
+        "smoother": {
+            "summary": "Smoother for plates that may be off by 5 N, with the momentum of the body segments",
+            "value": {
+                "recording_id": SAMPLE_ID,
+                "method": "smoother",
+                "smoother": {"priors": {"plate_force_n": 5.0}, "segment_momentum": True},
+            },
+        },
         "filter": {
             "summary": "Complementary filter with own cut-offs, latency applied",
             "value": {
