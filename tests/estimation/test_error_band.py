@@ -10,34 +10,11 @@ from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.geometry import GeometryOnly
 from stridelab.estimation.kalman import KalmanFilter
 from stridelab.estimation.rts import RtsSmoother
-from stridelab.recordings.recording import Window, WrenchTrack
-from support.motions import Harmonics, Motion, walk
+from stridelab.recordings.recording import Window
+from support.drawn_errors import TABLE_SD_M, draw
 
-TABLE_SD_M = (0.009, 0.009, 0.02)
 PRIORS = ErrorPriors()
-T = np.arange(200) / 100.0
 SEEDS = 60
-
-
-def draw(seed, priors, window, table_sd_m=TABLE_SD_M):
-    """One recording whose errors are drawn from the priors, and its truth."""
-    rng = np.random.default_rng(seed)
-    amplitude = np.sqrt(2) * 70 * np.array(priors.momentum_rate_nm_kg)
-    lines = ((priors.step_hz / 2, np.array([1.0, 0, 0])), (priors.step_hz, np.array([0, 1.0, 0])))
-    waves = tuple(
-        (hz, a / (2 * np.pi * hz) * axis, rng.uniform(0, 2 * np.pi))
-        for (hz, axis), a in zip(lines, amplitude, strict=True)
-    )
-    motion = Motion(walk().com, Harmonics(np.zeros(3), np.zeros(3), waves), 70.0)
-    late_s = rng.normal(0, priors.clock_s)
-    f_error = 70 * rng.normal(0, priors.acceleration_m_s2) + rng.normal(0, priors.force_n, (200, 3))
-    nu_error = np.append(rng.normal(0, priors.moment_nm, 2), 0.0)
-    f = motion.force(T - late_s) + f_error
-    # the moment error is stated at the body: a force error comes with its lever arm
-    nu = motion.moment(T - late_s) + np.cross(motion.com.at(T - late_s), f_error) + nu_error
-    geometric = motion.geometric(T, rng.normal(0, table_sd_m), rng.normal(0, priors.marker_m, (200, 3)))
-    complete = (window.start_s <= T) & (window.end_s >= T)
-    return motion, replace(geometric, sd_m=table_sd_m), WrenchTrack(T, f, nu, complete, (window,))
 
 
 def errors_and_bands(estimator, priors, window, seeds=SEEDS):

@@ -4,15 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import signal
 
 from stridelab.dynamics.central_axis import central_axis
+from stridelab.dynamics.newton_euler import momentum_rate
 from stridelab.dynamics.wrench import Wrench, transport
 from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.filters import ComplementaryFilters, complementary_filters
 from stridelab.estimation.kalman import KalmanFilter
-from stridelab.estimation.passes import FilterInputs, filter_inputs, forward, forward_backward, initial_state
+from stridelab.experiments.noise import MeasurementNoise
+from stridelab.experiments.simulated_recording import record
 from stridelab.experiments.study import StudyTrial, simulate
+from stridelab.experiments.walker import HumanWalker
 from stridelab.recordings.recording import Window
 from support.motions import walk
 
@@ -100,48 +101,39 @@ def test_2_6_1_a_late_force_looks_like_a_correction_of_the_table():
     assert offsets[1] - offsets[0] == pytest.approx(-1.2 * 0.018, abs=0.001)  # -22 mm
 
 
-def test_2_6_3_states_that_bring_both_passes_together_spoil_a_short_window():
-    filters = complementary_filters(0.4, 4.0, 100.0)
-
-    def errors(duration_s: float) -> tuple[np.ndarray, np.ndarray]:
-        solved, meeting = [], []
-        for seed in range(20):
-            random = np.random.default_rng(seed)
-            t = random.uniform(0, 1) + np.arange(0.0, duration_s, 0.01)
-            table, noise = random.normal(size=3) * [0.009, 0.009, 0.02], 1e-3 * random.standard_normal((len(t), 3))
-            g = WALK.com.at(t) + table + noise
-            inputs = filter_inputs(g, Wrench(WALK.force(t), WALK.moment(t)), WALK.mass_kg)
-            solved.append(forward_backward(filters, inputs) - WALK.com.at(t))
-            meeting.append(met(filters, inputs) - WALK.com.at(t))
-        return rms(np.concatenate(solved)), rms(np.concatenate(meeting))
-
-    solved, meeting = errors(1.0)
-    assert meeting[1] > 5 * solved[1]  # 10.3 against 1.3 mm across the walk; the geometry alone has 10.1
-    solved, meeting = errors(2.5)
-    assert meeting[1] < 1.2 * solved[1]
-
-
-def met(filters: ComplementaryFilters, inputs: FilterInputs) -> np.ndarray:
-    """Mean of both passes from the initial states that make their difference smallest, as 2.6.3 proposes."""
-    silence = np.zeros((len(inputs.geometry_m), 2))
-    free = np.hstack([signal.lfilter([1.0], h.a, silence, axis=0, zi=np.eye(2))[0] for h in (filters.h2, filters.h3)])
-    free /= np.linalg.norm(free, axis=0)
-    mirror = inputs.reversed()
-    there = forward(filters, inputs, initial_state(filters, inputs))
-    back = forward(filters, mirror, initial_state(filters, mirror))[::-1]
-    A = np.hstack([free, -free[::-1]])
-    x = np.linalg.solve(A.T @ A + 1e-4 * np.eye(8), -A.T @ (there - back))
-    return np.asarray((there + free @ x[:4] + back + free[::-1] @ x[4:]) / 2)
+def mean_offsets_mm(com_m: np.ndarray, wrench: Wrench, mass_kg: float) -> tuple[np.ndarray, np.ndarray]:
+    """Mean of ``c_p - c`` (2.12), and of the same moment over the mean weight: ``(-L'_y, L'_x) / m g``."""
+    L_rate = momentum_rate(com_m, wrench)
+    weighted = np.column_stack([-L_rate[:, 1], L_rate[:, 0]]) / (mass_kg * 9.81)
+    return 1e3 * (central_axis(wrench).project(com_m) - com_m).mean(axis=0), 1e3 * weighted.mean(axis=0)
 
 
 def test_2_3_3_the_mean_of_the_axis_is_not_the_com_although_l_averages_out():
-    """Over a whole stride the mean of L' is zero, but f_z swings with it: c_p stays beside, behind, above."""
+    """Over a whole stride the mean of L' is zero, but f swings with it: c_p stays beside, behind, above."""
     t = np.arange(0.0, 2 / 1.8, 1e-4)
     swinging = Wrench(WALK.force(t), WALK.moment(t))
-    assert WALK.momentum.at(t, 1).mean(axis=0) == pytest.approx([0.0] * 3, abs=0.02)
-    left = (central_axis(swinging).project(WALK.com.at(t)) - WALK.com.at(t)).mean(axis=0)
-    assert 1e3 * left == pytest.approx([-4.0, 0.0, 0.8], abs=0.1)
-    steady = replace(WALK.com, waves=())  # the same momentum on a body that coasts
-    even = replace(WALK, com=steady)
-    f = Wrench(even.force(t), even.moment(t))
-    assert (central_axis(f).project(steady.at(t)) - steady.at(t)).mean(axis=0) == pytest.approx([0.0] * 3, abs=1e-4)
+    axis, weighted = mean_offsets_mm(WALK.com.at(t), swinging, WALK.mass_kg)
+    assert axis == pytest.approx([-4.0, 0.0, 0.8], abs=0.1)
+    assert weighted == pytest.approx([0.0, 0.0], abs=0.05)
+    steady = replace(WALK, com=replace(WALK.com, waves=()))  # the same momentum on a body that coasts
+    axis, _ = mean_offsets_mm(steady.com.at(t), Wrench(steady.force(t), steady.moment(t)), WALK.mass_kg)
+    assert axis == pytest.approx([0.0] * 3, abs=0.1)
+
+
+def test_2_3_3_the_same_on_a_simulated_person_and_a_robot_over_whole_strides():
+    walk = HumanWalker(height_m=1.75, mass_kg=70.0, sex="male", speed_m_s=1.2, duration_s=6.0, seed=0).walk()
+    person = record(walk, MeasurementNoise(), 0)
+    strikes = [e.time_s for e in person.recording.events if e.kind == "foot_strike" and e.side == "left"]
+    t, true = person.truth.time_s, person.truth
+    k = (t >= strikes[0]) & (t < strikes[-1])
+    axis, weighted = mean_offsets_mm(true.com_m[k], Wrench(true.force_n[k], true.moment_nm[k]), 70.0)
+    assert axis == pytest.approx([-0.5, 0.0, 1.5], abs=0.1)
+    assert np.abs(weighted).max() < 0.2
+
+    robot = simulate("human", "none", 0)
+    t = robot.truth.time_s
+    k = (t >= 2.0) & (t < 2.0 + 8 * robot.step_time_s - 1e-9)
+    wrench = Wrench(robot.wrench.force_n[k], robot.wrench.moment_nm[k])
+    axis, weighted = mean_offsets_mm(robot.truth.com_m[k], wrench, robot.mass_kg)
+    assert axis == pytest.approx([0.4, -0.2, -9.5], abs=0.2)
+    assert np.abs(weighted).max() < 0.2
