@@ -11,7 +11,6 @@ from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any
 
-import jaxtyping
 import numpy as np
 import psutil
 import pytest
@@ -28,15 +27,6 @@ from support.service import worker
 
 SPARE_S = 0.6
 """Between rounds, so that the next child is ready, as it is in a service that is not overrun."""
-
-
-@pytest.fixture(autouse=True)
-def as_in_production() -> Iterator[None]:
-    """The run-time checks of annotations belong to the tests; users do not pay for them."""
-    before = jaxtyping.config.jaxtyping_disable
-    jaxtyping.config.update("jaxtyping_disable", True)
-    yield
-    jaxtyping.config.update("jaxtyping_disable", before)
 
 
 class Desk:

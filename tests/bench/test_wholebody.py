@@ -1,6 +1,5 @@
 """Speed of the whole-body stage; run by ``make bench`` (skipped otherwise). Milliseconds per sample as extra info."""
 
-
 from stridelab.robots.loader import load_robot
 from stridelab.wholebody.certify import certify
 from stridelab.wholebody.controller import WholeBodyController

@@ -7,10 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from stridelab.errors import InvalidInput
-from stridelab.estimation.jerk_model import SIGMA_JERK_RANGE_M_S3, InputNoise, JerkModel, measured_inputs, stretches
+from stridelab.estimation.jerk_model import SIGMA_JERK_RANGE_M_S3, InputNoise, JerkModel, stretches
 from stridelab.estimation.kalman import KalmanFilter
 from stridelab.estimation.kalman_passes import Axis
 from stridelab.recordings.recording import Window
+from support.masked_record import masked_record
 from support.motions import uniform, walk
 from support.textbook_kalman import textbook
 
@@ -21,18 +22,6 @@ def relative(ours: np.ndarray, theirs: np.ndarray) -> float:
     """Largest difference of two covariances, in units of their standard deviations."""
     scale = np.sqrt(np.einsum("kii,kjj->kij", theirs, theirs))
     return float((np.abs(ours - theirs) / scale).max())
-
-
-def masked_record(rate_hz: float, n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
-    """One axis: geometry always, force in one window, in it a flight without an axis; and what is measured."""
-    rng = np.random.default_rng(seed)
-    t = np.arange(n) / rate_hz
-    c, a = 3 + 1.2 * t + 0.03 * np.sin(10 * t), -3 * np.sin(10 * t)
-    y = np.column_stack([c, a, c]) + rng.normal(size=(n, 3)) * [0.01, 0.1, 0.02]
-    force = np.tile([0.0, 0.0, 700.0], (n // 2, 1))
-    force[n // 8 : n // 6] = 0.0
-    measured = measured_inputs(n, slice(n // 4, n // 4 + n // 2), force)
-    return np.where(measured, y, np.nan), measured
 
 
 def axis_of(rate_hz: float, sigma: float, start: np.ndarray, measured: np.ndarray, printed: bool = False) -> Axis:

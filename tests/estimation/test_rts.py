@@ -4,25 +4,19 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from stridelab.estimation.jerk_model import JerkModel, measured_inputs, stretches
+from stridelab.estimation.jerk_model import JerkModel, stretches
 from stridelab.estimation.kalman import KalmanFilter
 from stridelab.estimation.kalman_passes import Axis
 from stridelab.estimation.rts import RtsSmoother
 from stridelab.recordings.recording import Window
+from support.masked_record import masked_record
 from support.motions import uniform, walk
 from support.textbook_kalman import textbook
 
 
 @pytest.mark.parametrize(("rate_hz", "sigma", "n"), [(100.0, 20.0, 400), (200.0, 1.0, 900), (1000.0, 20.0, 1500)])
 def test_two_directions_of_information_are_the_textbook_smoother(rate_hz: float, sigma: float, n: int):
-    rng = np.random.default_rng(0)
-    t = np.arange(n) / rate_hz
-    c, a = 3 + 1.2 * t + 0.03 * np.sin(10 * t), -3 * np.sin(10 * t)
-    y = np.column_stack([c, a, c]) + rng.normal(size=(n, 3)) * [0.01, 0.1, 0.02]
-    force = np.tile([0.0, 0.0, 700.0], (n // 2, 1))
-    force[n // 8 : n // 6] = 0.0
-    measured = measured_inputs(n, slice(n // 4, n // 4 + n // 2), force)
-    y = np.where(measured, y, np.nan)
+    y, measured = masked_record(rate_hz, n)
     axis = Axis(JerkModel(1 / rate_hz, sigma), (1e-4, 1e-2, 4e-4), stretches(measured), np.diag([1.0, 25.0, 100.0]))
     x0 = np.array([y[0, 0], 0.0, 0.0])
     A, B = axis.model.A, axis.model.B

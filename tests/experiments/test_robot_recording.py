@@ -10,6 +10,7 @@ from stridelab.experiments.robot_walker import RobotWalk
 from stridelab.experiments.simulated_recording import SimulatedRecording
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.windows import find_windows
+from support.all_measured import all_measured
 
 MOTIONS = ["robot_walk", "brisk_walk", "robot_run"]
 
@@ -81,16 +82,11 @@ def test_feet_push_within_friction_and_carry_nothing_in_the_air(robot_run: Robot
 
 
 def test_same_seed_same_recording(robot_walk: RobotWalk) -> None:
-    def columns(simulated: SimulatedRecording) -> np.ndarray:
-        recording = simulated.recording
-        markers = np.column_stack(list(recording.markers_m.values())).ravel()
-        return np.concatenate([markers, *(plate.force_n.ravel() for plate in recording.plates)])
-
     first, again, other = (record_robot(robot_walk, THESIS, seed) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(columns(first), columns(again))
+    np.testing.assert_array_equal(all_measured(first), all_measured(again))
     assert first.recording.carried == again.recording.carried
     assert first.recording.carried != other.recording.carried
-    assert np.abs(columns(first) - columns(other)).max() > 1e-3
+    assert np.abs(all_measured(first) - all_measured(other)).max() > 1e-3
 
 
 def test_latency_makes_the_force_late(robot_walk: RobotWalk) -> None:

@@ -9,7 +9,7 @@ from stridelab.body import segment_tables
 from stridelab.body.segment_model import SegmentModel
 from stridelab.errors import InvalidInput
 from stridelab.experiments.noise import NOISE_FREE, THESIS, MeasurementNoise
-from stridelab.experiments.simulated_recording import SimulatedRecording, record
+from stridelab.experiments.simulated_recording import record
 from stridelab.experiments.walker import Walk
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.mass import mass_from_force_kg
@@ -18,6 +18,7 @@ from stridelab.recordings.recording import Recording
 from stridelab.recordings.windows import measured_windows
 from stridelab.recordings.wrench import wrench_track
 from stridelab.recordings.writer import write_c3d
+from support.all_measured import all_measured
 
 
 def total(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
@@ -127,17 +128,12 @@ def test_noise_is_as_large_as_stated(steady_walk: Walk) -> None:
 
 
 def test_same_seed_same_recording(steady_walk: Walk) -> None:
-    def columns(simulated: SimulatedRecording) -> np.ndarray:
-        recording = simulated.recording
-        markers = np.column_stack(list(recording.markers_m.values())).ravel()
-        return np.concatenate([markers, *(plate.force_n.ravel() for plate in recording.plates)])
-
     noise = MeasurementNoise(configuration_rad=0.01, mass_model=0.1, latency_s=0.01)
     first, again, other = (record(steady_walk, noise, seed) for seed in (1, 1, 2))
-    np.testing.assert_array_equal(columns(first), columns(again))
+    np.testing.assert_array_equal(all_measured(first), all_measured(again))
     assert first.recording.carried == again.recording.carried
     assert first.recording.carried != other.recording.carried
-    assert np.abs(columns(first) - columns(other)).max() > 1e-3
+    assert np.abs(all_measured(first) - all_measured(other)).max() > 1e-3
 
 
 def test_latency_makes_the_force_late(steady_walk: Walk) -> None:

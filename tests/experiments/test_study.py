@@ -9,10 +9,11 @@ from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.wrench import Wrench
 from stridelab.errors import InvalidInput
 from stridelab.experiments.body_proportions import SIDES
+from stridelab.experiments.noise import coloured
 from stridelab.experiments.robot_gait import GaitName
 from stridelab.experiments.robot_walker import RATE_HZ, RobotWalk
 from stridelab.experiments.study import StudyTrial, clean_motion, simulate
-from stridelab.experiments.study_noise import PRESETS, NoisePreset, coloured
+from stridelab.experiments.study_noise import PRESETS, NoisePreset
 
 GAITS: tuple[GaitName, ...] = ("robot", "human", "running")
 

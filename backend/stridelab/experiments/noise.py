@@ -64,11 +64,15 @@ THESIS: Final = MeasurementNoise(
 """The noise of section 2.5.1."""
 
 
-def high_frequency(random: Generator, n: int, channels: int, sigma: float, rate_hz: float) -> Float[np.ndarray, "n m"]:
-    """Coloured noise above ``HIGH_PASS_HZ`` with exactly the standard deviation ``sigma`` in every channel."""
-    white = random.standard_normal((n + _SETTLING, channels))
-    filtered = sosfilt(butter(2, HIGH_PASS_HZ, "highpass", fs=rate_hz, output="sos"), white, axis=0)[_SETTLING:]
-    return np.asarray(sigma * filtered / filtered.std(axis=0, keepdims=True))
+def coloured(
+    random: Generator, n: int, channels: int, sigma: float, rate_hz: float, high_pass_hz: float = HIGH_PASS_HZ
+) -> Float[np.ndarray, "n channels"]:
+    """Noise with exactly the standard deviation ``sigma`` in every channel, above ``high_pass_hz``, or white for 0."""
+    noise = random.standard_normal((n + _SETTLING, channels))
+    if high_pass_hz > 0.0:
+        noise = sosfilt(butter(2, high_pass_hz, "highpass", fs=rate_hz, output="sos"), noise, axis=0)
+    noise = noise[_SETTLING:]
+    return np.asarray(sigma * noise / noise.std(axis=0, keepdims=True))
 
 
 def wrong_table(table: SegmentTable, error: float, random: Generator) -> SegmentTable:

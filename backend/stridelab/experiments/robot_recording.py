@@ -10,7 +10,7 @@ from stridelab.body import segment_tables
 from stridelab.conventions import Series
 from stridelab.experiments.laboratory import LabName
 from stridelab.experiments.load_sharing import share_wrench
-from stridelab.experiments.noise import MeasurementNoise, high_frequency, wrong_table
+from stridelab.experiments.noise import MeasurementNoise, coloured, wrong_table
 from stridelab.experiments.robot_markers import HEIGHT_M, marker_tracks, segment_table
 from stridelab.experiments.robot_walker import RATE_HZ, RobotWalk
 from stridelab.experiments.simulated_recording import (
@@ -41,7 +41,7 @@ def record_robot(
         table = wrong_table(table, noise.mass_model, random[3])
     q = walk.motion.q[frames].copy()
     if noise.configuration_rad > 0.0:
-        q[:, 7:] += high_frequency(random[0], n, q.shape[1] - 7, noise.configuration_rad, MARKER_RATE_HZ)
+        q[:, 7:] += coloured(random[0], n, q.shape[1] - 7, noise.configuration_rad, MARKER_RATE_HZ)
     markers = {
         label: track + noise.marker_m * random[1].standard_normal(track.shape)
         for label, track in marker_tracks(walk.robot, q).items()

@@ -15,7 +15,7 @@ from stridelab.experiments.gait_plan import GaitPlan
 from stridelab.experiments.laboratory import LabName, PlateArea, plate_areas, plate_wrench
 from stridelab.experiments.load_sharing import FootWrench
 from stridelab.experiments.marker_layout import marker_tracks
-from stridelab.experiments.noise import MeasurementNoise, high_frequency, wrong_table
+from stridelab.experiments.noise import MeasurementNoise, coloured, wrong_table
 from stridelab.experiments.true_motion import true_motion
 from stridelab.experiments.walker import Walk
 from stridelab.recordings.recording import Event, Plate, Recording, Side, Subject
@@ -81,7 +81,7 @@ def _markers(
     q: Configurations = walk.posture(time_s)
     if noise.configuration_rad > 0.0:
         n_joints = q.shape[1] - 6
-        q[:, 6:] += high_frequency(joints, len(q), n_joints, noise.configuration_rad, MARKER_RATE_HZ)
+        q[:, 6:] += coloured(joints, len(q), n_joints, noise.configuration_rad, MARKER_RATE_HZ)
     tracks = marker_tracks(walk.body, q)
     return {label: track + noise.marker_m * skin.standard_normal(track.shape) for label, track in tracks.items()}
 
@@ -108,10 +108,10 @@ def _plate(
     force, moment = plate_wrench(area, feet)
     n = len(force)
     if noise.force_n > 0.0:
-        rattle = high_frequency(random, n, 3, noise.force_n, FORCE_RATE_HZ)
+        rattle = coloured(random, n, 3, noise.force_n, FORCE_RATE_HZ)
         force, moment = force + rattle, moment + np.cross(area.middle_m, rattle)
     if noise.moment_nm > 0.0:
-        moment = moment + high_frequency(random, n, 3, noise.moment_nm, FORCE_RATE_HZ)
+        moment = moment + coloured(random, n, 3, noise.moment_nm, FORCE_RATE_HZ)
     nothing: Vector3 = np.zeros(3)
     return Plate(index, PLATE_TYPE, area.corners_m, force, moment, nothing)
 

@@ -17,10 +17,11 @@ from stridelab.conventions import Mask, Points, Series
 from stridelab.errors import Fault, InvalidInput
 from stridelab.experiments.body_proportions import SIDES
 from stridelab.experiments.link_kinematics import LinkMasses, LinkPoses, link_masses, link_poses
+from stridelab.experiments.noise import coloured
 from stridelab.experiments.robot_gait import WALKS, GaitName
 from stridelab.experiments.robot_runner import RUNNING, run
 from stridelab.experiments.robot_walker import RATE_HZ, RobotWalk, walk
-from stridelab.experiments.study_noise import PRESETS, NoisePreset, coloured
+from stridelab.experiments.study_noise import PRESETS, NoisePreset
 from stridelab.experiments.true_motion import TrueMotion
 from stridelab.recordings.recording import Window, WrenchTrack
 
@@ -65,15 +66,7 @@ class StudyTrial:
         truth, geometric = self.truth, self.geometric
         return replace(
             self,
-            truth=TrueMotion(
-                t,
-                truth.mass_kg,
-                truth.com_m[kept],
-                truth.velocity_m_s[kept],
-                truth.acceleration_m_s2[kept],
-                truth.momentum_nms[kept],
-                truth.momentum_rate_nm[kept],
-            ),
+            truth=replace(_recorded(truth, kept), time_s=t),
             geometric=replace(
                 geometric,
                 time_s=t,

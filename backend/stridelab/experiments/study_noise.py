@@ -15,13 +15,8 @@ from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
-from numpy.random import Generator
-from scipy.signal import butter, sosfilt
 
 from stridelab.errors import Fault, InvalidInput
-
-_SETTLING: Final = 400
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -58,14 +53,3 @@ PRESETS: Final[Mapping[str, NoisePreset]] = {
     "none": NoisePreset(),
 }
 """``thesis``: section 2.5.1. ``white``: its levels, white. ``marker-like``: what markers and plates do (white)."""
-
-
-def coloured(
-    random: Generator, n: int, channels: int, sigma: float, rate_hz: float, high_pass_hz: float
-) -> Float[np.ndarray, "n channels"]:
-    """Noise with exactly the standard deviation ``sigma`` per channel, white or above ``high_pass_hz``."""
-    noise = random.standard_normal((n + _SETTLING, channels))
-    if high_pass_hz > 0.0:
-        noise = sosfilt(butter(2, high_pass_hz, "highpass", fs=rate_hz, output="sos"), noise, axis=0)
-    noise = noise[_SETTLING:]
-    return np.asarray(sigma * noise / noise.std(axis=0, keepdims=True))
