@@ -54,7 +54,7 @@ def test_the_standard_deviation_is_honest():
 
         found = estimate_latency(geometric, wrench_at, motion.mass_kg)
         z.append((found.latency_s - 0.018) / found.sd_s)
-    assert 0.1 < np.std(z) < 1.2  # white noise is kinder than the residuals that the 12 per second come from
+    assert 0.7 < np.std(z) < 1.3
     assert np.mean(np.abs(z) < 1.96) > 0.85
 
 
@@ -97,13 +97,13 @@ def test_a_lag_at_the_edge_of_the_search_is_no_finding(late_s: float) -> None:
 
 
 def test_a_lag_that_keeps_growing_is_given_up() -> None:
-    """A force that runs away by 30 ms however late it is read: the sum is refused, not the fourth guess returned."""
+    """A force that runs away by 30 ms however late it is read: it is refused, no guess is returned."""
     motion = walk()
 
     def wrench_at(latency_s: float) -> WrenchTrack:
         return motion.wrench_track(T, WINDOW, 0.03 + latency_s, latency_s)
 
-    with pytest.raises(NotEstimable, match="100 ms or more") as error:
+    with pytest.raises(NotEstimable) as error:
         estimate_latency(motion.geometric(T), wrench_at, motion.mass_kg)
     assert error.value.code == "latency-unclear"
 
