@@ -32,7 +32,6 @@ ROCKER: Final = 0.035
 """Radius of the forefoot's arc over stature."""
 STRIKE_RATE: Final = 2.3
 """Pitch rate at the strike times the time until flat, over the pitch."""
-Sagittal = Float[np.ndarray, "n 2"]
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,9 @@ import pinocchio as pin
 from jaxtyping import Float
 from scipy.interpolate import BSpline
 
-from stridelab.conventions import Points, Series, g
+from stridelab.conventions import Points, Series
+from stridelab.dynamics.newton_euler import contact_wrench
+from stridelab.dynamics.wrench import Wrench
 from stridelab.experiments.anthropometric_body import AnthropometricBody
 
 
@@ -33,12 +35,17 @@ class TrueMotion:
     @property
     def force_n(self) -> Points:
         """Total contact force on the body."""
-        return np.asarray(self.mass_kg * (self.acceleration_m_s2 - g))
+        return self.wrench.force_n
 
     @property
     def moment_nm(self) -> Points:
         """Total contact moment at the world origin."""
-        return np.asarray(np.cross(self.com_m, self.force_n) + self.momentum_rate_nm)
+        return self.wrench.moment_nm
+
+    @property
+    def wrench(self) -> Wrench:
+        """Contact wrench at the world origin."""
+        return contact_wrench(self.com_m, self.acceleration_m_s2, self.momentum_rate_nm, self.mass_kg)
 
 
 def true_motion(body: AnthropometricBody, posture: BSpline, time_s: Series) -> TrueMotion:
