@@ -16,6 +16,7 @@ from stridelab.schemas.jobs import JobResult
 from stridelab.service.jobs.kinds.tasks import CompareEstimatorsTask
 
 TRUTH = "known-truth.parquet"
+_ORDER = ("smoother", "complementary", "rts", "kalman", "geometry")
 
 
 def compare(
@@ -74,9 +75,10 @@ def show_comparison(result: JobResult, target: Path, *, as_json: bool) -> None:
     start_s, end_s = summary.window_s
     out.print(f"{start_s:.2f} to {end_s:.2f} s at {summary.rate_hz:g} Hz, {summary.mass_kg:.1f} kg")
     for heads, cells in _TABLES:
-        rows = {name: cells(assessment) for name, assessment in summary.methods.items()}
+        rows = {name: cells(summary.methods[name]) for name in sorted(summary.methods, key=_place)}
         if any(any(row) for row in rows.values()):
             table = Table("", *heads, box=None, pad_edge=False)
+            table.columns[0].no_wrap = True
             for name, row in rows.items():
                 table.add_row(f"[bold]{escape(name)}[/]", *row)
             out.print(table)
@@ -85,6 +87,12 @@ def show_comparison(result: JobResult, target: Path, *, as_json: bool) -> None:
         out.print(f"[yellow]{escape(name)}[/] {escape(reason.message)} [dim]({escape(reason.code)})[/]")
     show_remarks(summary.warnings)
     show_files(result, target)
+
+
+def _place(name: str) -> tuple[int, str]:
+    """The best method first, each followed by itself with the thesis' settings; a stored mapping keeps no order."""
+    plain = name.removesuffix("-thesis")
+    return (_ORDER.index(plain) if plain in _ORDER else len(_ORDER), name)
 
 
 def _errors(a: MethodAssessment) -> list[str]:

@@ -25,6 +25,8 @@ INPUTS: Final[Mapping[str, tuple[str, Style]]] = {
 """The inputs of section 2.4.1 and how their shares are drawn."""
 FREQUENCY = Abscissa("frequency_hz", "frequency [Hz]", "f", "Hz", 2, log=True)
 DIGITS = 6
+LEAST_M = 1e-8
+"""Amplitudes per root hertz below a hundred-thousandth of a millimetre are not drawn."""
 READINGS: Final = "The cursor reads x, y, z in the world frame."
 
 
@@ -45,8 +47,7 @@ def spectra(columns: Columns, summary: CompareEstimatorsSummary) -> dict[str, An
     shown = {name: _positive(values[there]) for name, values in columns.items() if name.endswith("_m_rthz")}
     shown = {name: values if name == "frequency_hz" else 1000 * values for name, values in shown.items()}
     shown["frequency_hz"] = columns["frequency_hz"][there]
-    against = "error" if summary.reference == "truth" else "minus markers"
-    rows = [Row(f"{axis} {against} [mm/√Hz]", _traces(summary, axis, "_m_rthz"), log=True) for axis in "xyz"]
+    rows = [Row(f"{axis} [mm/√Hz]", _traces(summary, axis, "_m_rthz"), log=True) for axis in "xyz"]
     return _drawing(shown, rows, _switches(summary), _readings(summary, "_m_rthz", "mm/√Hz"), FREQUENCY)
 
 
@@ -59,8 +60,7 @@ def deviations(columns: Columns, summary: CompareEstimatorsSummary) -> dict[str,
             key, against = f"{_column(name)}_{axis}_m", f"{reference}_{axis}_m"
             if key in columns and against in columns and key != against:
                 shown[key] = 1000 * (columns[key] - columns[against])
-    against = "error" if summary.reference == "truth" else "minus markers"
-    rows = [Row(f"{axis} {against} [mm]", _traces(summary, axis, "_m")) for axis in "xyz"]
+    rows = [Row(f"{axis} [mm]", _traces(summary, axis, "_m")) for axis in "xyz"]
     return _drawing(shown, rows, _switches(summary), _readings(summary, "_m", "mm"), TIME)
 
 
@@ -95,10 +95,17 @@ FIGURES: Final[Mapping[str, Figure]] = {
         "spectra.parquet",
         "Error spectra",
         "Amplitude of every method's error by frequency.",
-        f"Amplitude per root hertz. {READINGS}",
+        f"Amplitude per root hertz of each method's error; where the truth is not known, of its difference from the "
+        f"markers. {READINGS}",
         spectra,
     ),
-    "time": Figure("comparison.parquet", "Over time", "Every method's deviation over time.", READINGS, deviations),
+    "time": Figure(
+        "comparison.parquet",
+        "Over time",
+        "Every method's deviation over time.",
+        f"Each method's error; where the truth is not known, its difference from the markers. {READINGS}",
+        deviations,
+    ),
     "contributions": Figure(
         "contributions.parquet",
         "Contributions",
@@ -146,7 +153,8 @@ def _drawing(
 
 
 def _positive(values: np.ndarray) -> np.ndarray:
-    return np.where(values > 0, values, np.nan)
+    """NaN in the place of what is nothing but rounding and would set the scale."""
+    return np.where(values > LEAST_M, values, np.nan)
 
 
 def _column(name: str) -> str:

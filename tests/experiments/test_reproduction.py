@@ -191,7 +191,9 @@ def test_the_verdict_is_that_of_the_worst_claim() -> None:
     assert kinds.aimed("k", "says", 0.93, "1", at_least=0.92, at_most=0.99).verdict == "beaten"
     for outside in (0.91, 1.0, float("nan")):
         assert kinds.aimed("k", "says", outside, "1", at_least=0.92, at_most=0.99).verdict == "not_met"
-    assert kinds.aimed("k", "says", 0.003, "m", at_most=0.004).thesis == "aim at most 4 mm"
+    assert kinds.aimed("k", "says", 0.003, "m", at_most=0.004).thesis == "aim ≤ 4 mm"
+    assert kinds.aimed("k", "says", 1.0, "1", at_least=0.95).thesis == "aim ≥ 0.95"
+    assert kinds.aimed("k", "says", 0.95, "1", at_least=0.92, at_most=0.99).thesis == "aim 0.92 to 0.99"
     assert kinds.judged(1.0, at_most=0.9) == kinds.judged(0.8, at_least=0.9) == "not_met"
 
 

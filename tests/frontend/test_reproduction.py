@@ -60,6 +60,11 @@ def test_every_item_of_the_interface_can_be_started(fake: FakeService, browse: B
     assert f"/jobs/{other.id}" not in page
 
 
+def test_what_was_computed_is_listed_by_its_name(page: str, browse: Browse) -> None:
+    listed = browse("/reproduction").text
+    assert "Figure 2.6: not reached here" in listed
+
+
 def test_items_and_verdicts_have_names() -> None:
     assert item("fig-2.6") == "Figure 2.6"
     assert item("table-4.1") == "Table 4.1"

@@ -193,8 +193,8 @@ def _panels(trial: StudyTrial, fused: ComEstimate, curve: Float[np.ndarray, "m"]
         Panel(
             f"Convergence on a bias of {1e3 * OFFSET_M:.0f} mm",
             "time (s)",
-            "error (mm)",
-            [Curve(np.arange(len(curve)) / RATE_HZ, 1e3 * curve, "fused - geometry", 0)],
+            "fused - geometry (mm)",
+            [Curve(np.arange(len(curve)) / RATE_HZ, 1e3 * curve, "forward pass", 0)],
         ),
     ]
 

@@ -88,9 +88,9 @@ def aimed(
     inside = (at_most is None or ours <= at_most) and (at_least is None or ours >= at_least)
     word, scale = (f"m{unit}", 1e3) if unit in ("m", "s") else (unit, 1.0)
     suffix = "" if unit == "1" else f" {word}"
-    aim = " and ".join(
-        f"{side} {scale * bound:.3g}{suffix}"
-        for side, bound in (("at least", at_least), ("at most", at_most))
-        if bound is not None
-    )
+    if at_least is not None and at_most is not None:
+        aim = f"{scale * at_least:.3g} to {scale * at_most:.3g}{suffix}"
+    else:
+        bound, sign = (at_most, "≤") if at_most is not None else (at_least, "≥")
+        aim = f"{sign} {scale * (bound or 0.0):.3g}{suffix}"
     return Claim(key, says, f"aim {aim}", ours, unit, "beaten" if inside and math.isfinite(ours) else "not_met", note)
