@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Vector3
 from stridelab.dynamics.wrench import Wrench
+from stridelab.errors import Fault, InvalidInput
 from stridelab.estimation.cutoffs import AUTO_HIGH_HZ, AUTO_LOW_HZ, THESIS_HIGH_HZ, THESIS_LOW_HZ
 from stridelab.estimation.derivatives import derivatives
 from stridelab.estimation.error_band import FusedStretch, complementary_sd_m
@@ -15,6 +16,7 @@ from stridelab.estimation.filters import ComplementaryFilters, complementary_fil
 from stridelab.estimation.online_complementary import OnlineComplementaryFilter
 from stridelab.estimation.passes import FilterInputs, filter_inputs, forward_backward
 from stridelab.estimation.span import Span, require_mass, window_span
+from stridelab.estimation.spectral_cutoffs import cutoffs_from_spectra
 from stridelab.recordings.recording import WrenchTrack
 
 
@@ -25,7 +27,9 @@ class ComplementaryFilter:
     ``beyond_window`` says what stands in for the force outside the window: "geometry" filters the whole gap-free
     recording with p and a taken from the geometry there (the trick of 2.6.2), "cut" uses the window alone, as the
     thesis does. The defaults are "auto": what measurements on windows of one or two steps justify (see
-    docs/theory/complementary-filter.md). ``priors`` are the stated errors behind ``sd_m``.
+    docs/theory/complementary-filter.md). ``from_spectra`` takes the cut-offs from the window's own spectra instead of
+    ``low_hz`` and ``high_hz``. ``order`` 3 has steeper skirts, offline only. ``priors`` are the stated errors behind
+    ``sd_m``.
     """
 
     name: ClassVar[str] = "complementary"
@@ -34,6 +38,8 @@ class ComplementaryFilter:
     high_hz: float = AUTO_HIGH_HZ
     beyond_window: Literal["geometry", "cut"] = "geometry"
     priors: ErrorPriors = field(default_factory=ErrorPriors)
+    from_spectra: bool = False
+    order: int = 2
 
     @classmethod
     def thesis(cls) -> "ComplementaryFilter":
@@ -46,8 +52,14 @@ class ComplementaryFilter:
         """The same filter sample by sample: one forward pass over what has come so far.
 
         ``table_sd_m`` is the error of the segment model per axis, as ``GeometricCom.sd_m``; ``velocity_m_s`` that of
-        the first sample, where it is known.
+        the first sample, where it is known. Raises ``InvalidInput`` (``order-out-of-range``, ``cutoffs-not-online``).
         """
+        if self.order != 2:
+            message = "Sample by sample the complementary filter has the thesis' order, 2."
+            raise InvalidInput("order-out-of-range", message, [Fault("order", message)])
+        if self.from_spectra:
+            message = "Sample by sample there is no recording whose spectra could be known: state the cut-offs."
+            raise InvalidInput("cutoffs-not-online", message, [Fault("cutoffs", message)])
         return OnlineComplementaryFilter(
             low_hz=self.low_hz,
             high_hz=self.high_hz,
@@ -77,14 +89,13 @@ class ComplementaryFilter:
             sd_m=complementary_sd_m(fused.filters, fused.stretch, geometric.sd_m, self.priors),
             window=span.window,
             references=("carpentier2017thesis", "carpentier2016spectral"),
-            diagnostics={"low_hz": self.low_hz, "high_hz": self.high_hz, "samples_used": float(len(c))},
+            diagnostics={"low_hz": fused.low_hz, "high_hz": fused.high_hz, "samples_used": float(len(c))},
         )
 
     def signals(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> "FilteredSignals":
         """What ``estimate`` fuses, before it is fused; raises as it does."""
         require_mass(mass_kg)
         span = window_span(geometric, wrench)
-        filters = complementary_filters(self.low_hz, self.high_hz, span.rate_hz)
         used = span.around if self.beyond_window == "geometry" else span.inside
         within = slice(span.inside.start - used.start, span.inside.stop - used.start)
         total = Wrench(wrench.force_n[span.inside], wrench.moment_nm[span.inside])
@@ -94,8 +105,12 @@ class ComplementaryFilter:
         p = g.copy()
         measured = filter_inputs(g[within], total, mass_kg)
         a[within], p[within] = measured.acceleration_m_s2, measured.axis_point_m
+        low_hz, high_hz = self.low_hz, self.high_hz
+        if self.from_spectra:
+            low_hz, high_hz = cutoffs_from_spectra(measured, span.rate_hz, self.order)
+        filters = complementary_filters(low_hz, high_hz, span.rate_hz, self.order)
         stretch = FusedStretch(total, g_velocity, within, span.rate_hz, mass_kg)
-        return FilteredSignals(filters, FilterInputs(g, a, p), stretch, span)
+        return FilteredSignals(filters, FilterInputs(g, a, p), stretch, span, low_hz, high_hz)
 
 
 @dataclass(frozen=True)
@@ -106,3 +121,5 @@ class FilteredSignals:
     inputs: FilterInputs
     stretch: FusedStretch
     span: Span
+    low_hz: float
+    high_hz: float

@@ -23,7 +23,7 @@ from stridelab.dynamics.newton_euler import com_acceleration
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.filters import ComplementaryFilters, DigitalFilter
 
-State = Float[np.ndarray, "2 3"]
+State = Float[np.ndarray, "order 3"]
 
 
 @dataclass(frozen=True)
@@ -59,16 +59,18 @@ def initial_state(filters: ComplementaryFilters, inputs: FilterInputs) -> Filter
     """State from which the forward pass has no transient.
 
     The high-frequency correction ``H2 (a - s^2 g)`` is zero whenever acceleration and geometry agree, in any motion;
-    its two unknowns per axis are the least-squares solution that makes it smallest over the first 10 tau_1.
+    its unknowns per axis, as many as the order, are the least-squares solution that makes it smallest over the first
+    10 tau_1.
     ``H3 (p - g)`` starts at rest at the mean offset of the first 5 tau_2 (its settling time).
     """
     g, a, p = inputs.geometry_m, inputs.acceleration_m_s2, inputs.axis_point_m
-    zero = np.zeros((2, 3))
+    order = len(filters.h2.poles)
+    zero = np.zeros((order, 3))
     at_g0 = signal.lfilter_zi(filters.s2_h2.b, filters.s2_h2.a)[:, None] * g[0]
     n = min(len(g), max(8, int(10 * _memory(filters.h2))))
     correction = _run(filters.h2, a[:n], zero) - _run(filters.s2_h2, g[:n], at_g0)
-    silence = np.zeros((n, 2))
-    free = signal.lfilter([1.0], filters.h2.a, silence, axis=0, zi=np.eye(2))[0]
+    silence = np.zeros((n, order))
+    free = signal.lfilter([1.0], filters.h2.a, silence, axis=0, zi=np.eye(order))[0]
     m = min(len(g), max(1, int(5 * _memory(filters.h3))))
     return FilterState(
         h2=np.linalg.lstsq(free, -correction, rcond=None)[0],
