@@ -31,7 +31,7 @@ def test_angles_come_back_from_the_pose_of_the_foot(
         foot.translation[None],
         Rotation.from_matrix(foot.rotation[None]),
     )
-    np.testing.assert_allclose(found.hip[0], hip, atol=1e-9)
+    np.testing.assert_allclose(found.hip_rad[0], hip, atol=1e-9)
     np.testing.assert_allclose(
-        [found.knee[0], found.flexion[0], found.inversion[0]], [knee, flexion, inversion], atol=1e-7
+        [found.knee_rad[0], found.flexion_rad[0], found.inversion_rad[0]], [knee, flexion, inversion], atol=1e-7
     )

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.conventions import Points, Vector3
+from stridelab.conventions import Points
 from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N
 from stridelab.dynamics.newton_euler import com_acceleration
 from stridelab.dynamics.wrench import Wrench
@@ -31,6 +31,7 @@ from stridelab.estimation.derivatives import derivatives
 from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.filters import ComplementaryFilters
 from stridelab.estimation.passes import FilterInputs, forward_backward
+from stridelab.estimation.walk_frame import walk_frame
 
 WindowPoints = Float[np.ndarray, "window 3"]
 
@@ -113,7 +114,7 @@ def _errors(stretch: FusedStretch, table_sd_m: SdPerAxis, priors: ErrorPriors) -
     for axis in np.eye(3)[:2]:
         yield of_moment(np.zeros_like(f) + priors.moment_nm * axis)
     t = np.arange(len(f)) / stretch.rate_hz
-    ahead = along(stretch.velocity_m_s)
+    ahead = walk_frame(stretch.velocity_m_s)[0]
     lateral = np.array([-ahead[1], ahead[0], 0.0])
     for axis, rate, hz in zip(
         (ahead, lateral), priors.momentum_rate_nm_kg, (priors.step_hz / 2, priors.step_hz), strict=True
@@ -123,13 +124,6 @@ def _errors(stretch: FusedStretch, table_sd_m: SdPerAxis, priors: ErrorPriors) -
     jerk = derivatives(com_acceleration(f, stretch.mass_kg), stretch.rate_hz)[0]
     late = stretch.velocity_m_s[stretch.within] * defined
     yield FilterInputs(silence, inside(priors.clock_s * jerk), inside(priors.clock_s * late))
-
-
-def along(velocity: Points) -> Vector3:
-    """Horizontal direction of the motion; the x axis for a body that stays."""
-    mean = velocity.mean(axis=0) * [1.0, 1.0, 0.0]
-    speed = float(np.linalg.norm(mean))
-    return np.asarray(mean / speed) if speed > 0.05 else np.array([1.0, 0.0, 0.0])
 
 
 def _pulses(stretch: FusedStretch) -> tuple[FilterInputs, FilterInputs]:

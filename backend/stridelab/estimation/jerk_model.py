@@ -25,9 +25,9 @@ from jaxtyping import Bool, Float
 from stridelab.conventions import GRAVITY_M_S2, Points, Vector3
 from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N
 from stridelab.errors import Fault, InvalidInput
-from stridelab.estimation.error_band import along
 from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.riccati import Square, SteadyModel
+from stridelab.estimation.walk_frame import walk_frame
 
 Measured = Bool[np.ndarray, "n 3"]
 """Which of the three inputs count at each sample."""
@@ -64,7 +64,7 @@ class InputNoise:
         Along the force the axis point repeats the geometry, so each of the two gets half of its information.
         """
         g = np.hypot(table_sd_m, priors.marker_m) * [1.0, 1.0, np.sqrt(2)]
-        ahead = along(velocity_m_s)
+        ahead = walk_frame(velocity_m_s)[0]
         walking, lateral = priors.momentum_rate_nm_kg
         # a moment about one horizontal axis moves the axis point along the other
         moment = np.array([ahead * lateral, [-ahead[1] * walking, ahead[0] * walking, 0.0]])

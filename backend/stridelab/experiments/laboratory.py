@@ -35,15 +35,15 @@ _END_M: Final = 0.35
 
 @dataclass(frozen=True)
 class PlateArea:
-    """Rectangle on the floor (z = 0): from ``low`` to ``high``, both (x, y)."""
+    """Rectangle on the floor (z = 0): from ``low_m`` to ``high_m``, both (x, y)."""
 
-    low: tuple[float, float]
-    high: tuple[float, float]
+    low_m: tuple[float, float]
+    high_m: tuple[float, float]
 
     @property
     def corners_m(self) -> Corners:
         """Corners in the order of the plate's quadrants; its own x points along the walkway, its z axis down."""
-        (x0, y0), (x1, y1) = self.low, self.high
+        (x0, y0), (x1, y1) = self.low_m, self.high_m
         return np.array([[x1, y0, 0.0], [x0, y0, 0.0], [x0, y1, 0.0], [x1, y1, 0.0]])
 
     @property
@@ -63,7 +63,7 @@ def plate_areas(lab: LabName, plan: GaitPlan) -> tuple[PlateArea, ...]:
     lanes = [
         _lane(sorted(s.x_m for s in seen if s.side == side), side, plan.sole_middle_m) for side in ("left", "right")
     ]
-    return tuple(sorted((area for lane in lanes for area in lane), key=lambda area: (area.low[0], area.low[1])))
+    return tuple(sorted((area for lane in lanes for area in lane), key=lambda area: (area.low_m[0], area.low_m[1])))
 
 
 def plate_wrench(area: PlateArea, feet: Mapping[Side, FootWrench]) -> tuple[Points, Points]:
@@ -82,9 +82,9 @@ def plate_wrench(area: PlateArea, feet: Mapping[Side, FootWrench]) -> tuple[Poin
 def _overlap(area: PlateArea, cop_m: Points) -> tuple[Series, Points]:
     """Share of the pressure patch on the plate and the centre of that part."""
     x, y = cop_m[:, 0], cop_m[:, 1]
-    start = np.clip(x - PATCH_M, area.low[0], area.high[0])
-    end = np.clip(x + PATCH_M, area.low[0], area.high[0])
-    beside = (y < area.low[1]) | (y >= area.high[1])
+    start = np.clip(x - PATCH_M, area.low_m[0], area.high_m[0])
+    end = np.clip(x + PATCH_M, area.low_m[0], area.high_m[0])
+    beside = (y < area.low_m[1]) | (y >= area.high_m[1])
     share = np.where(beside, 0.0, (end - start) / (2 * PATCH_M))
     return share, np.column_stack([(start + end) / 2, y, np.zeros(len(x))])
 

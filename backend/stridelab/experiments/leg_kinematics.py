@@ -23,10 +23,10 @@ from stridelab.experiments.body_proportions import Proportions
 class LegAngles:
     """Hip (yaw, pitch, roll), knee, ankle flexion and inversion, in radians."""
 
-    hip: Points
-    knee: Series
-    flexion: Series
-    inversion: Series
+    hip_rad: Points
+    knee_rad: Series
+    flexion_rad: Series
+    inversion_rad: Series
 
 
 def about_y(angle_rad: Series) -> Rotation:

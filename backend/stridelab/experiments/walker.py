@@ -194,10 +194,10 @@ def _set_legs(
         hip_m = pelvis_m + posture.pelvis.apply(np.array([0.0, y * p.hip_half_distance_m, 0.0]))
         foot = Rotation.from_euler("z", path.yaw_rad) * about_y(path.pitch_rad)
         angles = leg_angles(p, hip_m, posture.pelvis, path.ankle_m, foot)
-        q[:, body.index[f"{s}hip"] : body.index[f"{s}hip"] + 3] = angles.hip
-        q[:, body.index[f"{s}knee"]] = angles.knee
-        q[:, body.index[f"{s}ankle_flexion"]] = angles.flexion
-        q[:, body.index[f"{s}ankle_inversion"]] = angles.inversion
+        q[:, body.index[f"{s}hip"] : body.index[f"{s}hip"] + 3] = angles.hip_rad
+        q[:, body.index[f"{s}knee"]] = angles.knee_rad
+        q[:, body.index[f"{s}ankle_flexion"]] = angles.flexion_rad
+        q[:, body.index[f"{s}ankle_inversion"]] = angles.inversion_rad
         away = hip_m - path.ankle_m
         longest = _REACH * (p.thigh_m + p.shank_m)
         rise_m.append(
