@@ -2,19 +2,18 @@
 
 import numpy as np
 import pytest
-from scipy import signal
 
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary import ComplementaryFilter
 from stridelab.estimation.error_priors import ErrorPriors
-from stridelab.estimation.filters import ComplementaryFilters, complementary_filters
+from stridelab.estimation.filters import complementary_filters
 from stridelab.estimation.passes import (
-    FilterInputs,
     FilterState,
     filter_inputs,
     forward,
     forward_backward,
     initial_state,
+    joined_passes,
 )
 from stridelab.recordings.recording import Window
 from support.drawn_errors import draw
@@ -37,26 +36,13 @@ def rms_mm(low_hz: float, high_hz: float, window: Window, draws: int = DRAWS) ->
             "forward, zero states": forward(filters, inputs, ZERO),
             "forward, solved": forward(filters, inputs, initial_state(filters, inputs)),
             "forward-backward, solved": forward_backward(filters, inputs),
-            "forward-backward, 2.6.3": met(filters, inputs),
+            "forward-backward, 2.6.3": joined_passes(filters, inputs),
             "geometry beyond the window, solved": whole.com_m,
         }
         truth = motion.com.at(geometric.time_s)[k]
         for name, c in found.items():
             errors.setdefault(name, []).append(c - truth)
     return {name: 1e3 * np.sqrt(np.mean(np.concatenate(e) ** 2, axis=0)) for name, e in errors.items()}
-
-
-def met(filters: ComplementaryFilters, inputs: FilterInputs) -> np.ndarray:
-    """Mean of both passes from the initial states that make their difference smallest, as 2.6.3 proposes."""
-    silence = np.zeros((len(inputs.geometry_m), 2))
-    free = np.hstack([signal.lfilter([1.0], h.a, silence, axis=0, zi=np.eye(2))[0] for h in (filters.h2, filters.h3)])
-    free /= np.linalg.norm(free, axis=0)
-    mirror = inputs.reversed()
-    there = forward(filters, inputs, initial_state(filters, inputs))
-    back = forward(filters, mirror, initial_state(filters, mirror))[::-1]
-    A = np.hstack([free, -free[::-1]])
-    x = np.linalg.solve(A.T @ A + 1e-4 * np.eye(8), -A.T @ (there - back))
-    return np.asarray((there + free @ x[:4] + back + free[::-1] @ x[4:]) / 2)
 
 
 @pytest.fixture(scope="module")

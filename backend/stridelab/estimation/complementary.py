@@ -1,20 +1,21 @@
 """The linear complementary filter of section 2.4 as an offline estimator."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar, Literal
 
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.conventions import Vector3
+from stridelab.conventions import Points, Vector3
 from stridelab.dynamics.wrench import Wrench
 from stridelab.errors import Fault, InvalidInput
 from stridelab.estimation.cutoffs import AUTO_HIGH_HZ, AUTO_LOW_HZ, THESIS_HIGH_HZ, THESIS_LOW_HZ
 from stridelab.estimation.derivatives import derivatives
-from stridelab.estimation.error_band import FusedStretch, complementary_sd_m
+from stridelab.estimation.error_band import FusedStretch, stated_sd_m
 from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 from stridelab.estimation.estimate import ComEstimate
 from stridelab.estimation.filters import ComplementaryFilters, complementary_filters
 from stridelab.estimation.online_complementary import OnlineComplementaryFilter
-from stridelab.estimation.passes import FilterInputs, filter_inputs, forward_backward
+from stridelab.estimation.passes import FilterInputs, filter_inputs, forward_backward, joined_passes
 from stridelab.estimation.span import Span, require_mass, window_span
 from stridelab.estimation.spectral_cutoffs import cutoffs_from_spectra
 from stridelab.recordings.recording import WrenchTrack
@@ -28,7 +29,8 @@ class ComplementaryFilter:
     recording with p and a taken from the geometry there (the trick of 2.6.2), "cut" uses the window alone, as the
     thesis does. The defaults are "auto": what measurements on windows of one or two steps justify (see
     docs/theory/complementary-filter.md). ``from_spectra`` takes the cut-offs from the window's own spectra instead of
-    ``low_hz`` and ``high_hz``. ``order`` 3 has steeper skirts, offline only. ``priors`` are the stated errors behind
+    ``low_hz`` and ``high_hz``. ``order`` 3 has steeper skirts, offline only. ``start`` is how the filter states begin:
+    "solved" one pass at a time, "joined" so that both passes meet (2.6.3). ``priors`` are the stated errors behind
     ``sd_m``.
     """
 
@@ -40,6 +42,7 @@ class ComplementaryFilter:
     priors: ErrorPriors = field(default_factory=ErrorPriors)
     from_spectra: bool = False
     order: int = 2
+    start: Literal["solved", "joined"] = "solved"
 
     @classmethod
     def thesis(cls) -> "ComplementaryFilter":
@@ -77,7 +80,12 @@ class ComplementaryFilter:
         ``cutoffs-out-of-range``.
         """
         fused = self.signals(geometric, wrench, mass_kg)
-        c = forward_backward(fused.filters, fused.inputs)
+        both_passes = forward_backward if self.start == "solved" else joined_passes
+
+        def fuse(inputs: Sequence[FilterInputs]) -> Sequence[Points]:
+            return [both_passes(fused.filters, each) for each in inputs]
+
+        (c,) = fuse([fused.inputs])
         span, within = fused.span, fused.stretch.within
         velocity, acceleration = derivatives(c, span.rate_hz)
         return ComEstimate(
@@ -86,7 +94,7 @@ class ComplementaryFilter:
             com_m=c[within],
             velocity_m_s=velocity[within],
             acceleration_m_s2=acceleration[within],
-            sd_m=complementary_sd_m(fused.filters, fused.stretch, geometric.sd_m, self.priors),
+            sd_m=stated_sd_m(fuse, fused.stretch, geometric.sd_m, self.priors),
             window=span.window,
             references=("carpentier2017thesis", "carpentier2016spectral"),
             diagnostics={"low_hz": fused.low_hz, "high_hz": fused.high_hz, "samples_used": float(len(c))},

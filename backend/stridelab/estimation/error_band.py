@@ -29,8 +29,7 @@ from stridelab.dynamics.newton_euler import com_acceleration
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.derivatives import derivatives
 from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
-from stridelab.estimation.filters import ComplementaryFilters
-from stridelab.estimation.passes import FilterInputs, forward_backward
+from stridelab.estimation.passes import FilterInputs
 from stridelab.estimation.walk_frame import walk_frame
 
 WindowPoints = Float[np.ndarray, "window 3"]
@@ -63,13 +62,6 @@ class FusedStretch:
         whole = self.silence
         whole[self.within] = signal
         return whole
-
-
-def complementary_sd_m(
-    filters: ComplementaryFilters, stretch: FusedStretch, table_sd_m: SdPerAxis, priors: ErrorPriors
-) -> WindowPoints:
-    """Standard deviation of the complementary filter per axis at the samples of the window."""
-    return stated_sd_m(lambda errors: [forward_backward(filters, e) for e in errors], stretch, table_sd_m, priors)
 
 
 def stated_sd_m(
