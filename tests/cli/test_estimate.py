@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.cli_estimate import EstimateRequest, estimate, simulate
 from stridelab.cli_result import write_result
-from stridelab.schemas.jobs import EstimateComSummary, JobResult
+from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, JobResult
 from stridelab.service.jobs.kinds import estimate_com
 from support.quiet import SAMPLE, estimate_task, quiet
 
@@ -37,7 +37,7 @@ def test_the_result_is_that_of_the_job(tmp_path: Path, capsys: pytest.CaptureFix
 def test_the_table_says_what_was_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     run(tmp_path / "out")
     shown = capsys.readouterr().out
-    for word in ("window", "complementary", "60.0 kg", "force latency", "latency-applied", "com.parquet"):
+    for word in ("window", "smoother", "60.0 kg", "force latency", "latency-applied", "com.parquet"):
         assert word in shown
 
 
@@ -56,6 +56,19 @@ def test_a_forced_second_run_replaces_the_first(tmp_path: Path, capsys: pytest.C
     run(tmp_path / "out", force=True, method="geometry")
     assert json.loads((tmp_path / "out" / "result.json").read_text())["summary"]["method"] == "geometry"
     assert "geometry" in capsys.readouterr().out
+
+
+def test_what_is_stated_for_the_smoother_reaches_the_job() -> None:
+    stated = {"priors": ("plate_force_n=5", "momentum_m_s=0.001,0.002"), "learn": False, "segment_momentum": True}
+    asked = EstimateRequest(file=SAMPLE / "recording.c3d", **stated).input("r", EstimateComInput)  # type: ignore[arg-type]
+    assert asked.smoother is not None
+    assert asked.smoother.priors.model_dump(exclude_none=True) == {
+        "plate_force_n": 5.0,
+        "momentum_m_s": (0.001, 0.002),
+    }
+    assert (asked.smoother.learn, asked.smoother.segment_momentum) == (False, True)
+    plain = EstimateRequest(file=SAMPLE / "recording.c3d").input("r", EstimateComInput)
+    assert plain.smoother is None, "nothing stated leaves the choice of the method open"
 
 
 def test_simulate_then_estimate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
