@@ -21,6 +21,15 @@ def data_dir() -> Path:
 
 
 @pytest.fixture(scope="session")
+def gait(data_dir: Path) -> Path:
+    """Folder of the real walks; tests on them are skipped where it is absent."""
+    folder = data_dir / "gait"
+    if not folder.is_dir():
+        pytest.skip("real recordings are not on this machine (STRIDELAB_TEST_DATA)")
+    return folder
+
+
+@pytest.fixture(scope="session")
 def postgres() -> "Iterator[TestDatabases]":
     """One PostgreSQL for all tests that need one."""
     from support.database import databases

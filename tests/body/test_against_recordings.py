@@ -21,14 +21,6 @@ ADULTS = ("2014001", "2014015", "2014019", "2014022", "2014025", "2014029", "201
 ADULTS += ("2015035",)
 
 
-@pytest.fixture(scope="module")
-def gait(data_dir: Path) -> Path:
-    folder = data_dir / "gait"
-    if not folder.is_dir():
-        pytest.skip("real recordings are not on this machine (STRIDELAB_TEST_DATA)")
-    return folder
-
-
 def one(folder: Path, pattern: str) -> Path:
     (path,) = folder.glob(pattern)
     return path

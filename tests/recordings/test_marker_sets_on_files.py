@@ -22,14 +22,6 @@ SETS = {
 }
 
 
-@pytest.fixture(scope="module")
-def gait(data_dir: Path) -> Path:
-    folder = data_dir / "gait"
-    if not folder.is_dir():
-        pytest.skip("real recordings are not on this machine (STRIDELAB_TEST_DATA)")
-    return folder
-
-
 def labels_of(path: Path) -> list[str]:
     if path.suffix == ".trc":
         names = path.read_text(encoding="utf-8").splitlines()[3].split("\t")[2:]

@@ -40,11 +40,8 @@ class Walker:
 
 
 @pytest.fixture(scope="module")
-def walkers(data_dir: Path) -> list[Walker]:
-    folder = data_dir / "gait" / "rehazenter-adult-walking"
-    if not folder.is_dir():
-        pytest.skip("real recordings are not on this machine (STRIDELAB_TEST_DATA)")
-    return [walker(path) for path in sorted(folder.glob("*/*_C4_*.c3d"))]
+def walkers(gait: Path) -> list[Walker]:
+    return [walker(path) for path in sorted(gait.glob("rehazenter-adult-walking/*/*_C4_*.c3d"))]
 
 
 def walker(path: Path) -> Walker:
