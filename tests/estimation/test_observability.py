@@ -141,7 +141,10 @@ def test_the_ranks_do_not_depend_on_where_the_laboratory_has_its_origin() -> Non
 @pytest.mark.parametrize(
     ("acceleration", "words"),
     [
-        (np.zeros((100, 3)), ("7 of 9", "11 of 12", "the height", "upright")),
+        (np.zeros((100, 3)), ("7 of 9", "11 of 12", "the height", "here upright")),
+        (np.tile([0.0009 * GRAVITY_M_S2, 0.0, 0.0], (100, 1)), ("here upright",)),  # the sway of a person who stands
+        (np.tile([0.0175 * GRAVITY_M_S2, 0.0, 0.0], (100, 1)), ("up to 1 degree off",)),
+        (np.tile([0.1763 * GRAVITY_M_S2, 0.0, 0.0], (100, 1)), ("up to 10 degrees off", "the height")),
         (np.tile(g, (100, 1)), ("free fall", "3 of 9", "markers alone")),
         (np.tile([GRAVITY_M_S2, 0.0, 0.0], (100, 1)), ("along (0.71, 0.00, 0.71)", "45 degrees off the vertical")),
     ],

@@ -8,10 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.interpolate import make_interp_spline
+from scipy.spatial.transform import Rotation
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel
 from stridelab.conventions import Vector3
+from stridelab.errors import NotEstimable
 from stridelab.estimation.agreement import bias_m
 from stridelab.estimation.complementary import ComplementaryFilter
 from stridelab.estimation.derivatives import low_pass
@@ -42,7 +44,7 @@ def late(recording: Recording, windows, latency_s: float) -> WrenchTrack:  # typ
 
 @pytest.fixture(scope="module")
 def walks() -> list[Walk]:
-    return [HumanWalker(speed_m_s=1.2, duration_s=3.5, seed=seed).walk() for seed in range(4)]
+    return [HumanWalker(speed_m_s=speed, duration_s=3.0, seed=k).walk() for k, speed in enumerate((0.9, 1.2, 1.5))]
 
 
 def found_in(walk: Walk, seed: int, lab: str, late_s: float, table_error: float) -> Latency:
@@ -54,30 +56,40 @@ def found_in(walk: Walk, seed: int, lab: str, late_s: float, table_error: float)
     return estimate_latency(geometric, wrench_reader(recording, landmarks), recording.subject.mass_kg)
 
 
-@pytest.mark.parametrize("lab", ["walkway", "two_plates"])
-def test_a_latency_put_in_is_found_to_two_milliseconds(walks: list[Walk], lab: str) -> None:
-    """With the person's own segment table always; with one that errs by 20 % in the root mean square."""
-    errors = {
-        table_error: np.array(
-            [
-                found_in(walk, seed, lab, late_s, table_error).latency_s - late_s
-                for seed, walk in enumerate(walks)
-                for late_s in (-0.010, 0.018)
-            ]
-        )
-        for table_error in (0.0, 0.2)
-    }
-    assert np.abs(errors[0.0]).max() < 0.002
-    assert np.sqrt(np.mean(errors[0.2] ** 2)) < 0.002
-    assert np.abs(errors[0.2]).max() < 0.0035
+@pytest.mark.parametrize(("lab", "rms_ms"), [("walkway", 0.5), ("two_plates", 1.1)])
+def test_a_latency_put_in_is_found_to_two_milliseconds(walks: list[Walk], lab: str, rms_ms: float) -> None:
+    """With the person's own segment table, and with one that errs by 20 % in every segment's mass and lever."""
+    for table_error in (0.0, 0.2):
+        cases = [(walk, 2 * k + j, late_s) for k, walk in enumerate(walks) for j, late_s in enumerate((-0.010, 0.018))]
+        found = [found_in(walk, seed, lab, late_s, table_error) for walk, seed, late_s in cases]
+        errors = np.array([one.latency_s - late_s for one, (_, _, late_s) in zip(found, cases, strict=True)])
+        assert np.abs(errors).max() < 0.002
+        assert 1e3 * np.sqrt(np.mean(errors**2)) < rms_ms
+        z = errors / [one.sd_s for one in found]
+        assert np.abs(z).max() < 3.0
+        assert np.sqrt(np.mean(z**2)) < 1.6  # twelve trials; of 36 walks on two plates it is 0.9
 
 
-def test_the_stated_deviation_covers_a_wrong_table(walks: list[Walk]) -> None:
+def test_no_latency_is_found_where_there_is_none(walks: list[Walk]) -> None:
     found = [found_in(walk, 10 + seed, "two_plates", 0.0, 0.2) for seed, walk in enumerate(walks)]
-    z = np.array([one.latency_s / one.sd_s for one in found])
-    assert np.abs(z).max() < 2.0
-    assert all(0.0005 < one.sd_s < 0.005 for one in found)
-    assert sum(one.significant for one in found) <= 1  # there is none
+    assert all(0.0003 < one.sd_s < 0.002 for one in found)
+    assert not any(one.significant for one in found)
+
+
+def test_the_axes_of_the_laboratory_do_not_matter(walks: list[Walk]) -> None:
+    recording = record(walks[1], MeasurementNoise(marker_m=0.001, mass_model=0.2, latency_s=0.018), 3).recording
+    landmarks = dict(identify(list(recording.markers_m)).landmarks)
+    geometric = SegmentModel(table="carried").com(recording, landmarks, subject=recording.subject)
+    wrench_at = wrench_reader(recording, landmarks)
+    R = Rotation.from_euler("z", 130, degrees=True).as_matrix()
+
+    def turned(latency_s: float) -> WrenchTrack:
+        track = wrench_at(latency_s)
+        return replace(track, force_n=track.force_n @ R.T, moment_nm=track.moment_nm @ R.T)
+
+    here, there = (estimate_latency(g, w, 60.0) for g, w in ((geometric, wrench_at), (geometric.turned(R), turned)))
+    assert there.latency_s == pytest.approx(here.latency_s, abs=1e-6)
+    assert there.along.lag_s == pytest.approx(here.along.lag_s, abs=1e-6)
 
 
 # Shared recordings.
@@ -146,7 +158,7 @@ def load(path: Path) -> Trial:
     statics = sorted(path.parent.glob("*_ST.c3d"))
     static = read_recording(statics[0]) if statics else None
     geometric = SegmentModel().com(recording, landmarks, subject=recording.subject, static=static)
-    geometric = replace(geometric, com_m=geometric.com_m @ R.T)
+    geometric = geometric.turned(R)
     read = wrench_reader(recording, landmarks)
 
     def turned(latency_s: float) -> WrenchTrack:
@@ -195,9 +207,33 @@ def test_each_axis_alone_has_the_median_that_was_found_before(adults, children) 
 def test_a_person_has_the_same_latency_twice(adults) -> None:  # type: ignore[no-untyped-def]
     own, fast = (lags_ms([pair[k] for pair in adults.values()])[:, 2] for k in (0, 1))
     assert len(own) == 11
-    assert abs(np.mean(own - fast)) < 1.0
-    assert np.std(own - fast, ddof=1) < 3.0  # 2.3 ms: 1.6 ms per recording
-    assert np.std(own, ddof=1) > 4.5  # one person differs by 16 ms, both times
+    assert abs(np.mean(own - fast)) < 1.2
+    scatter_ms = np.std(own - fast, ddof=1) / np.sqrt(2)
+    assert scatter_ms < 1.2  # 1.0 ms per recording
+    stated_ms = 1e3 * np.mean([trial.latency.sd_s for pair in adults.values() for trial in pair])
+    assert scatter_ms < 1.3 * stated_ms  # 1.2 ms
+    assert np.std(own, ddof=1) > 4.5  # one person differs by 17 ms, both times
+
+
+def test_the_medians_lie_between_those_of_the_axes(adults, children) -> None:  # type: ignore[no-untyped-def]
+    own, fast = ([pair[k] for pair in adults.values()] for k in (0, 1))
+    for trials, expected_ms in ((own, 17.3), (fast, 17.4), (children, 10.1)):
+        along, vertical, both = np.median(lags_ms(trials), axis=0)
+        assert vertical < both < along
+        assert both == pytest.approx(expected_ms, abs=0.7)
+
+
+def test_a_child_who_stands_has_no_latency(gait: Path) -> None:
+    """One of the seven resembled a latency of 85 ms by chance: 0.1 % of the weight is no motion."""
+    statics = sorted((gait / "biomechzoo-sample-study").glob("*/Static*.c3d"))
+    assert len(statics) == 7
+    for path in statics:
+        recording = read_recording(path)
+        landmarks = dict(identify(list(recording.markers_m)).landmarks)
+        geometric = SegmentModel().com(recording, landmarks, subject=recording.subject)
+        with pytest.raises(NotEstimable, match="stands") as refusal:
+            estimate_latency(geometric, wrench_reader(recording, landmarks), 30.0)
+        assert refusal.value.code == "latency-unclear"
 
 
 def test_which_latencies_are_taken_out(adults, children) -> None:  # type: ignore[no-untyped-def]
@@ -220,7 +256,7 @@ def test_what_the_force_changes_grows_with_the_speed_until_the_clocks_agree(adul
         faster.append(fast.speed_m_s - own.speed_m_s)
     raw, aligned = (1e3 * float(np.mean(change[name])) for name in ("raw", "aligned"))
     assert raw > 5.0
-    assert aligned < 0.5 * raw
+    assert aligned < 0.5 * raw  # 2.9 of 6.3 mm
     assert 0.010 < 1e-3 * raw / np.mean(faster) < 0.030  # metres per metre per second
 
 

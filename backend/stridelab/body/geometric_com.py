@@ -1,9 +1,9 @@
 """Result of the segment model: the CoM as the markers and a segment table see it (input (i) of section 2.4.1)."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from stridelab.conventions import Points, Series
+from stridelab.conventions import Points, Rotation, Series
 from stridelab.recordings.recording import Remark
 
 
@@ -31,3 +31,12 @@ class GeometricCom:
     sd_m: tuple[float, float, float]
     remarks: tuple[Remark, ...] = ()
     references: tuple[str, ...] = ()
+
+    def turned(self, R: Rotation) -> "GeometricCom":
+        """The same body in other axes, the rows of ``R``; ``sd_m`` stays as it is, per axis."""
+        return replace(
+            self,
+            com_m=self.com_m @ R.T,
+            segments={name: replace(s, com_m=s.com_m @ R.T) for name, s in self.segments.items()},
+            joint_centres_m={name: track @ R.T for name, track in self.joint_centres_m.items()},
+        )

@@ -110,12 +110,14 @@ def _sentence(track: ObservabilityTrack, mean: Vector3, tilt_rad: float, flight_
     """What a lab should know before it reads a height off the result."""
     held = ~track.flight
     rank, with_geometry = int(track.rank_force[held].min()), int(track.rank_with_geometry[held].min())
-    where = "upright" if tilt_rad < 1e-3 else f"up to {np.degrees(tilt_rad):.0f} degrees off the vertical"
+    tilt_deg = round(float(np.degrees(tilt_rad)))
+    where = "upright" if not tilt_deg else f"up to {tilt_deg} degree{'s'[: tilt_deg - 1]} off the vertical"
     upright = abs(float(mean[2])) > np.cos(np.radians(25.0))
     hidden = "the height" if upright else f"the position along ({mean[0]:.2f}, {mean[1]:.2f}, {mean[2]:.2f})"
     said = (
-        f"The force shows {rank} of {STATES} numbers of the motion, force and markers together {with_geometry} of "
-        f"{STATES_WITH_BIAS}: {hidden} comes from the markers and the segment table alone, because moving the body "
+        f"The force shows {rank} of {STATES} numbers of the motion (position, velocity and acceleration along three "
+        f"axes), force and markers together {with_geometry} of {STATES_WITH_BIAS} (with the table's offset): {hidden} "
+        "comes from the markers and the segment table alone, because moving the body "
         f"along the contact force (here {where}) changes nothing on the plates."
     )
     if flight_s > 0.0:
