@@ -113,9 +113,11 @@ def test_an_undeclared_bias_is_noticed_and_none_is_invented(found: Mapping[str, 
         assert ours(found, "coverage", f"{gait}_flagged").ours == 1.0
         assert ours(found, "coverage", f"{gait}_false_alarms").ours == 0.0
     table = found["coverage"].tables["coverage"]
-    assert len(table["scenario"]) == 5 * len(GAITS)
+    assert len(table["scenario"]) == 6 * len(GAITS)
+    rigid = table["scenario"] == "rigid-table"
     for axis in "xy":
-        assert (table[f"coverage_{axis}"] > 0.8).all()
+        assert (table[f"coverage_{axis}"][~rigid] > 0.8).all()
+        assert (table[f"ratio_{axis}"][rigid] < table[f"ratio_{axis}"][table["scenario"] == "thesis"]).all()
 
 
 def test_a_bias_of_the_force_acts_at_the_plate() -> None:
