@@ -41,9 +41,9 @@ LEAST_S: Final = 0.002
 LARGEST_S: Final = 0.1
 """No clocks differ by more; what seems to is a resemblance by chance."""
 LEAST_FORCE: Final = 0.01
-"""Standard deviation of the force over the body's weight, along the walk and vertically, that is needed to tell a lag.
+"""Standard deviation of the force over the body's weight that is needed to tell a lag, ahead and vertically.
 
-Persons who stand have 0.01 to 0.5 % along and 0.1 to 1.0 % vertically, walks 2 % and 3 % at least (shared recordings).
+In the real recordings persons who stand have 0.05 to 0.5 %, walks 3 % at least.
 """
 LEAST_CORRELATION: Final = 0.8
 """Of the two paths. Walks have 0.93 and more; the force of another walk has less, or a lag at the search's edge."""
