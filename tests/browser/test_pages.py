@@ -45,8 +45,8 @@ def test_upload_estimate_and_read_the_result(tab: Tab, service: Service, trial: 
     assert download.value.path().read_bytes().startswith(b"PK")
 
 
-def test_a_method_is_asked_only_for_what_it_uses(tab: Tab, service: Service, estimated: tuple[str, str]) -> None:
-    page = tab.go(f"/recordings/{estimated[0]}")
+def test_a_method_is_asked_only_for_what_it_uses(tab: Tab, service: Service, trial: Path) -> None:
+    page = tab.go(f"/recordings/{service.client.upload(trial, filename='options.c3d').id}")
     form = page.locator("[data-estimate]")
     cutoffs, plates = form.get_by_label("Cut-off frequencies"), form.get_by_label("Error of the plates")
     for method, filters, smoother in (
