@@ -1,0 +1,82 @@
+"""A segment whose mass the table has wrong moves the CoM out of phase; the likelihood knows what that looks like."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stridelab.body.geometric_com import GeometricCom, SegmentTrack
+from stridelab.estimation.clock_likelihood import ClockLikelihood, clock_likelihood
+from stridelab.estimation.span import window_span
+from stridelab.recordings.recording import Window
+from support.motions import walk
+
+T = np.arange(200) / 100.0
+LATE_S = 0.018
+LAGS_S = np.arange(-0.05, 0.0501, 0.001)
+SHARES = {"trunk": 0.7, "swinging": 0.3}
+
+
+def body(wrong: float, noise_m: float = 2e-4) -> GeometricCom:
+    """Two segments whose true CoM is that of the walk; the swinging one's mass is overstated by ``wrong``."""
+    rng = np.random.default_rng(1)
+    c = walk().com.at(T)
+    swing = np.column_stack([0.15 * np.sin(2 * np.pi * 1.8 * T), 0 * T, 0.05 * np.cos(2 * np.pi * 1.8 * T + 0.7)])
+    tracks = {"swinging": c + swing, "trunk": c - swing * SHARES["swinging"] / SHARES["trunk"]}
+    believed = {"trunk": SHARES["trunk"], "swinging": SHARES["swinging"] * (1.0 + wrong)}
+    whole = sum(believed.values())
+    segments = {
+        name: SegmentTrack(believed[name] / whole, track + noise_m * rng.standard_normal(track.shape))
+        for name, track in tracks.items()
+    }
+    com = sum(segment.mass_fraction * segment.com_m for segment in segments.values())
+    return GeometricCom(T, np.asarray(com), "made", segments, {}, (0.02, 0.02, 0.02))
+
+
+def likelihood(geometric: GeometricCom) -> ClockLikelihood:
+    motion = walk()
+    wrench = motion.wrench_track(T, Window(0.4, 1.6), LATE_S)
+    span = window_span(geometric, wrench)
+    return clock_likelihood(geometric, wrench, span, motion.mass_kg, np.eye(3), LAGS_S)
+
+
+def likeliest_s(geometric: GeometricCom) -> float:
+    found = likelihood(geometric)
+    return float(found.lag_s[np.argmax(found.log_likelihood)])
+
+
+@pytest.mark.parametrize("wrong", [-0.2, 0.0, 0.2])
+def test_the_lag_is_right_whatever_the_mass_of_a_segment(wrong: float) -> None:
+    assert likeliest_s(body(wrong)) == pytest.approx(LATE_S, abs=0.0011)
+
+
+def test_without_the_segments_a_wrong_mass_is_a_lag() -> None:
+    """What the regressors are for: the same path, and nothing known of where it comes from."""
+    misled = [likeliest_s(replace(body(wrong), segments={})) - LATE_S for wrong in (-0.2, 0.2)]
+    assert max(map(abs, misled)) > 0.003
+
+
+def test_a_wrong_table_widens_the_likelihood_only_where_segments_can_explain_it() -> None:
+    sharp, free = likelihood(replace(body(0.0), segments={})), likelihood(body(0.0))
+    drop = [float(np.ptp(one.log_likelihood[np.abs(LAGS_S - LATE_S) < 0.0041])) for one in (sharp, free)]
+    assert drop[1] < drop[0]
+
+
+def test_speed_start_and_a_constant_error_of_the_plates_do_not_matter() -> None:
+    motion, geometric = walk(), body(0.0)
+    wrench = motion.wrench_track(T, Window(0.4, 1.6), LATE_S)
+    biased = replace(wrench, force_n=wrench.force_n + np.array([8.0, -5.0, 12.0]))
+    elsewhere = replace(
+        geometric,
+        com_m=geometric.com_m + np.outer(T, [0.3, 0.1, 0.0]) + 2.0,
+        segments={
+            k: replace(s, com_m=s.com_m + np.outer(T, [0.3, 0.1, 0.0]) + 2.0) for k, s in geometric.segments.items()
+        },
+    )
+    R = np.eye(3)
+    plain = clock_likelihood(geometric, wrench, window_span(geometric, wrench), motion.mass_kg, R, LAGS_S)
+    moved = clock_likelihood(elsewhere, biased, window_span(elsewhere, biased), motion.mass_kg, R, LAGS_S)
+    assert moved.log_likelihood - moved.log_likelihood.max() == pytest.approx(
+        plain.log_likelihood - plain.log_likelihood.max(), abs=0.3
+    )
+    assert plain.correlation > 0.99
