@@ -72,6 +72,7 @@ _IN_THOUSANDTHS = {
     **dict.fromkeys(("latency_along_s", "latency_lateral_s", "latency_vertical_s"), "ms"),
     "bias_m": "mm",
 }
+_COUNTS = {"diagnostics.samples_used"}
 _ELSEWHERE = {"warnings", "recording_id", "observability.sentence"}
 LIST_AT_MOST = 6
 
@@ -149,4 +150,4 @@ def _text(key: str, value: Any) -> str | None:
 def _number(key: str, value: float) -> str:
     if key in _IN_THOUSANDTHS:
         return f"{1000 * value:z.1f}"
-    return str(value) if isinstance(value, int) else f"{value:z.2f}"
+    return f"{value:.0f}" if isinstance(value, int) or key in _COUNTS else f"{value:z.2f}"
