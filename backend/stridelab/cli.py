@@ -54,7 +54,7 @@ PersonSex = Annotated[Sex | None, typer.Option("--sex", help="Which columns of t
 Age = Annotated[float | None, typer.Option("--age", help="Age in years.")]
 Latency = Annotated[str, typer.Option("--latency", help="apply (where significant), report, or seconds to apply.")]
 Segments = Annotated[SegmentTable, typer.Option("--segment-table", help="Table of segment masses.")]
-Cutoffs = Annotated[str, typer.Option("--cutoffs", help="auto, thesis, or LOW,HIGH in Hz.")]
+Cutoffs = Annotated[str, typer.Option("--cutoffs", help="auto, thesis, spectra, or LOW,HIGH in Hz.")]
 Priors = Annotated[
     list[str] | None, typer.Option("--prior", help="For the smoother: ERROR=SIZE, e.g. plate_force_n=5; repeatable.")
 ]

@@ -67,7 +67,9 @@ class EstimateRequest:
             if self.latency in {"report", "apply"}
             else numbers("--latency", self.latency, 1)[0],
             "segment_table": self.segment_table,
-            "cutoffs": self.cutoffs if self.cutoffs in {"auto", "thesis"} else numbers("--cutoffs", self.cutoffs, 2),
+            "cutoffs": self.cutoffs
+            if self.cutoffs in {"auto", "thesis", "spectra"}
+            else numbers("--cutoffs", self.cutoffs, 2),
             "smoother": self._smoother(),
             "window_s": None if self.window is None else numbers("--window", self.window, 2),
         }

@@ -65,12 +65,18 @@ THESIS: Final = MeasurementNoise(
 
 
 def coloured(
-    random: Generator, n: int, channels: int, sigma: float, rate_hz: float, high_pass_hz: float = HIGH_PASS_HZ
+    random: Generator,
+    n: int,
+    channels: int,
+    sigma: float,
+    rate_hz: float,
+    high_pass_hz: float = HIGH_PASS_HZ,
+    order: int = 2,
 ) -> Float[np.ndarray, "n channels"]:
     """Noise with exactly the standard deviation ``sigma`` in every channel, above ``high_pass_hz``, or white for 0."""
     noise = random.standard_normal((n + _SETTLING, channels))
     if high_pass_hz > 0.0:
-        noise = sosfilt(butter(2, high_pass_hz, "highpass", fs=rate_hz, output="sos"), noise, axis=0)
+        noise = sosfilt(butter(order, high_pass_hz, "highpass", fs=rate_hz, output="sos"), noise, axis=0)
     noise = noise[_SETTLING:]
     return np.asarray(sigma * noise / noise.std(axis=0, keepdims=True))
 

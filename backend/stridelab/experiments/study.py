@@ -98,7 +98,7 @@ def simulate(gait: GaitName, noise: NoisePreset | str = "thesis", seed: int = 0,
     if preset.configuration_rad > 0.0:
         shaken = q.copy()
         sigma, joints = preset.configuration_rad, q.shape[1] - 7
-        shaken[:, 7:] += coloured(random[0], n, joints, sigma, RATE_HZ, preset.high_pass_hz)
+        shaken[:, 7:] += coloured(random[0], n, joints, sigma, RATE_HZ, preset.high_pass_hz, preset.high_pass_order)
         noisy = link_poses(source.robot.model, shaken)
     truth = _recorded(source.truth, kept)
     geometric = _geometric(source, noisy, believed, t, preset.mass_model)
@@ -204,9 +204,11 @@ def _wrench(
     force, moment, plate = read[:, :3].copy(), read[:, 3:6].copy(), read[:, 6:]
     error_n, error_nm = np.zeros_like(force), np.zeros_like(force)
     if noise.force_n > 0.0:
-        error_n += coloured(forces, len(force), 3, noise.force_n, RATE_HZ, noise.high_pass_hz)
+        error_n += coloured(forces, len(force), 3, noise.force_n, RATE_HZ, noise.high_pass_hz, noise.high_pass_order)
     if noise.moment_nm > 0.0:
-        error_nm += coloured(moments, len(force), 3, noise.moment_nm, RATE_HZ, noise.high_pass_hz)
+        error_nm += coloured(
+            moments, len(force), 3, noise.moment_nm, RATE_HZ, noise.high_pass_hz, noise.high_pass_order
+        )
     error_n += noise.plate_bias_n * biases.standard_normal(3)
     error_nm += noise.plate_bias_nm * biases.standard_normal(3)
     return force + error_n, moment + error_nm + np.cross(plate, error_n)

@@ -1,6 +1,6 @@
 """Noise of the simulation study (section 2.5.1) and its presets.
 
-Configuration, force and moment noise is Gaussian, either white or high-passed (Butterworth of second order). The thesis
+Configuration, force and moment noise is Gaussian, either white or high-passed (Butterworth). The thesis
 does not say about which point its 10 Nm are meant. Here plates measure: noise and bias of force and moment are those of
 a plate, given at the middle of the loaded sole (between the soles while the load passes), and carried to the origin
 
@@ -31,6 +31,7 @@ class NoisePreset:
     force_n: float = 0.0
     moment_nm: float = 0.0
     high_pass_hz: float = 0.0
+    high_pass_order: int = 2
     mass_model: float = 0.0
     plate_bias_n: float = 0.0
     plate_bias_nm: float = 0.0

@@ -125,8 +125,12 @@ class EstimateComInput(Contract):
         ),
     )
     segment_table: Literal["auto", "dumas2007", "deleva1996", "carried"] = "auto"
-    cutoffs: Literal["auto", "thesis"] | tuple[float, float] = Field(
-        default="auto", description="low and high cut-off in Hz (2.24-2.27)"
+    cutoffs: Literal["auto", "thesis", "spectra"] | tuple[float, float] = Field(
+        default="auto",
+        description=(
+            "low and high cut-off of the complementary filter in Hz (2.24-2.27); auto: 0.2 and 1; thesis: 0.4 and 4; "
+            "spectra: those that the window's own spectra choose"
+        ),
     )
     smoother: SmootherOptions | None = Field(default=None, description="only for the smoother")
     window_s: Interval | None = None

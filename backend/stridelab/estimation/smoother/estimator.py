@@ -7,13 +7,14 @@ import numpy as np
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, Points, Vector3
+from stridelab.dynamics.newton_euler import com_acceleration
 from stridelab.errors import NotEstimable
 from stridelab.estimation.against_physics import segment_momentum_rate
 from stridelab.estimation.derivatives import derivatives
 from stridelab.estimation.estimate import ComEstimate
 from stridelab.estimation.smoother.causal import OnlineSmoother
 from stridelab.estimation.smoother.learning import learned
-from stridelab.estimation.smoother.model import Sizes, state_space
+from stridelab.estimation.smoother.model import ACCELERATION, Sizes, state_space
 from stridelab.estimation.smoother.priors import SmootherPriors
 from stridelab.estimation.smoother.recursions import filtered, gains, smoothed
 from stridelab.estimation.smoother.signals import Walk, in_walking_frame, signals
@@ -46,6 +47,8 @@ class Smoother:
     def estimate(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> ComEstimate:
         """Smooth over all geometry around the longest window; every window in it contributes its force.
 
+        The acceleration is that of the force without its estimated bias; where none is seen, the path's own.
+
         Raises ``NotEstimable`` or ``InvalidInput`` as ``window_span`` does, and ``NotEstimable`` with
         ``no-single-support`` or, with ``segment_momentum``, ``segments-missing``.
         """
@@ -70,6 +73,8 @@ class Smoother:
         forward = filtered(space, data, found)
         mean, variance = smoothed(found, forward, 2)
         c, v = (mean[:, :, i] @ walk.frame for i in (0, 1))
+        measured = (com_acceleration(walk.force_n, mass_kg) - forward.constants[:, ACCELERATION]) @ walk.frame
+        acceleration = np.where(walk.seen[:, None], measured, derivatives(c, rate_hz)[1])
         variance[:, 2, 0] = np.maximum(variance[:, 2, 0], geometric.sd_m[2] ** 2)  # of the height nothing is learnt
         sd = np.sqrt(variance[:, :, 0] @ walk.frame**2)
         answer = slice(0, len(c)) if self.beyond_window else span.within
@@ -78,7 +83,7 @@ class Smoother:
             time_s=geometric.time_s[used][answer],
             com_m=c[answer],
             velocity_m_s=v[answer],
-            acceleration_m_s2=derivatives(c, rate_hz)[1][answer],
+            acceleration_m_s2=acceleration[answer],
             sd_m=sd[answer],
             window=span.window,
             references=("carpentier2017thesis", "dejong1991", "schmidt1966"),

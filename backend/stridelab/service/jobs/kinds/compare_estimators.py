@@ -80,7 +80,8 @@ def run(task: CompareEstimatorsTask, folder: Path, progress: ProgressCallback) -
 def estimators_of(request: CompareEstimatorsInput) -> dict[str, ComEstimator]:
     """The estimators to compare, by their names in the result; own cut-offs are for the filter that has any."""
     names = METHODS if request.method is None else (GeometryOnly.name, require_method(request.method))
-    plain = request.model_copy(update={"cutoffs": "auto"}) if isinstance(request.cutoffs, tuple) else request
+    own = isinstance(request.cutoffs, tuple) or request.cutoffs == "spectra"
+    plain = request.model_copy(update={"cutoffs": "auto"}) if own else request
     chosen = {
         name: estimator(name, request if name == ComplementaryFilter.name else plain) for name in dict.fromkeys(names)
     }

@@ -131,13 +131,17 @@ def estimator(method: str, request: EstimateComInput) -> ComEstimator:
         return ComplementaryFilter(low_hz=low_hz, high_hz=high_hz)
     if method == GeometryOnly.name:
         return GeometryOnly()
+    if request.cutoffs == "spectra" and method != ComplementaryFilter.name:
+        raise _no_cutoffs(method)
     if method == KalmanFilter.name:
         return KalmanFilter() if thesis else KalmanFilter.tuned()
     if method == RtsSmoother.name:
         return RtsSmoother() if thesis else RtsSmoother.tuned()
     if method == Smoother.name:
         return smoother(request.smoother or SmootherOptions())
-    return ComplementaryFilter.thesis() if thesis else ComplementaryFilter()
+    if thesis:
+        return ComplementaryFilter.thesis()
+    return ComplementaryFilter(from_spectra=request.cutoffs == "spectra")
 
 
 def smoother(options: SmootherOptions) -> Smoother:
