@@ -21,7 +21,7 @@ from stridelab.estimation.against_truth import BAND_95
 from stridelab.estimation.agreement import force_residual_track_n
 from stridelab.estimation.comparison import Assessment, Data, compare
 from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.estimate import ComEstimator
+from stridelab.estimation.estimate import ComEstimate, ComEstimator
 from stridelab.estimation.geometry import GeometryOnly
 from stridelab.estimation.kalman import KalmanFilter
 from stridelab.estimation.latency import estimate_latency
@@ -213,7 +213,7 @@ def _standing(name: str, walks: Sequence[Walked], truth: Mapping[str, Vector3]) 
     """The table's error as it is found while walking against the same person's when standing."""
     found = [w for w in walks if name in w.assessments]
     miss = np.array([-w.assessments[name].offset_m - truth[w.person] for w in found])
-    sd = np.array([w.assessments[name].estimate.sd_m.mean(axis=0) for w in found])
+    sd = np.array([_sd_in_walk_m(w.assessments[name].estimate) for w in found])
     x, y, _ = np.sqrt(np.mean(miss**2, axis=0)).tolist()
     return {
         "estimator": name,
@@ -224,6 +224,12 @@ def _standing(name: str, walks: Sequence[Walked], truth: Mapping[str, Vector3]) 
         "largest_miss_x_m": float(np.abs(miss[:, WALK]).max()),
         "inside_the_band": float((np.abs(miss[:, :UP]) <= BAND_95 * sd[:, :UP]).mean()),
     }
+
+
+def _sd_in_walk_m(estimate: ComEstimate) -> Vector3:
+    """The mean band along the walk, to the left and up: it is stated along the axes of the laboratory."""
+    variance = np.mean(estimate.sd_m**2, axis=0)
+    return np.asarray(np.sqrt(walk_frame(estimate.velocity_m_s) ** 2 @ variance))
 
 
 def _claims(
