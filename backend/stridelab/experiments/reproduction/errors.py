@@ -10,7 +10,6 @@ from stridelab.experiments.reproduction.study_errors import GAITS, Draw, chosen,
 
 NOISES: Final = ("thesis", "white")
 _SHOWN: Final = ("gait", "noise", "estimator", "rms_x_m", "rms_y_m", "rms_z_m", "horizontal_m", "horizontal_worst_m")
-_NO_BETTER: Final = 0.95
 
 
 def run(seeds: int, tell: Tell) -> Reproduction:

@@ -39,7 +39,7 @@ def run(seeds: int, tell: Tell) -> Reproduction:
         note="Median over the draws of the shift that brings an estimate closest to the truth, a line set aside; below "
         "zero is early. Whatever swings with the step looks like a shift: a table that is wrong with the posture, or "
         "L' in the axis. The Kalman filter's own delay has two causes, both its tuning: a jerk of 1 m/s³ where walking "
-        "has 4 to 16, and an axis that is displaced by L' but believed like white noise.",
+        "has 4 to 24, and an axis that is displaced by L' but believed like white noise.",
         tables={
             "lags": as_columns(rows),
             "causes": as_columns(cases),
