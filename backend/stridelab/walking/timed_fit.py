@@ -1,0 +1,152 @@
+"""The wheel as a *clock*: theta = theta_0 + omega t (3.4), so that the point is at the right place at the right time.
+
+Given theta_0 and omega the model is linear in (x0, R, r, z0): they are solved for, and what is left over depends on two
+numbers only (variable projection, Golub & Pereyra 1973). omega is held near the step's own frequency: unbounded least
+squares runs away to wheels of kilometres that hardly turn, because a parabola is a limit of the family. A bound that
+was reached is said, never returned silently.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Series
+from stridelab.walking.curtate_cycloid import Branch, FullTurn, Plane, Wheel, parameter_rows
+from stridelab.walking.first_guess import first_guess
+
+OMEGA_RANGE: Final = (0.75, 1.33)
+"""Of one turn per step."""
+ITERATIONS: Final = 60
+DAMPING: Final = 1e-3
+ENOUGH: Final = 1e-12
+NO_ERROR_M2: Final = 1e-26
+
+Bound = Literal["omega-low", "omega-high", "r-zero"]
+Clock = Float[np.ndarray, "2"]
+"""theta_0 and omega."""
+PARAMETERS: Final = ("x0_m", "R_m", "r_m", "z0_m", "theta0_rad", "omega_rad_s")
+
+
+@dataclass(frozen=True)
+class TimedFit:
+    """A wheel, its clock, what is left over (model minus measurement), and the bounds that were reached.
+
+    ``covariance`` is formal, of x0, R, r, z0, theta_0 and omega; rows of what is fixed or on a bound are 0.
+    """
+
+    wheel: Wheel
+    theta0_rad: float
+    omega_rad_s: float
+    error_m: Plane
+    covariance: Float[np.ndarray, "6 6"]
+    bounds: tuple[Bound, ...]
+    iterations: int
+
+    @property
+    def distance_m(self) -> Series:
+        """Distance between model and measurement at every instant."""
+        return np.asarray(np.hypot(self.error_m[:, 0], self.error_m[:, 1]))
+
+
+def fit_in_time(
+    time_s: Series, path_m: Plane, step_period_s: float, branch: Branch = 1, *, one_turn_per_step: bool = False
+) -> TimedFit:
+    """Least squares over all six parameters, or five where the wheel turns exactly once per step.
+
+    ``theta0_rad`` belongs to ``time_s[0]``.
+    """
+    t = time_s - time_s[0]
+    guess = first_guess(time_s, path_m, step_period_s, branch)
+    turn = FullTurn / step_period_s
+    low, high = (turn, turn) if one_turn_per_step else (OMEGA_RANGE[0] * turn, OMEGA_RANGE[1] * turn)
+    clock = np.array([guess.theta0_rad, min(max(guess.omega_rad_s, low), high)])
+    now = _Projected.at(clock, t, path_m, branch)
+    damping, taken = DAMPING, 0
+    while taken < ITERATIONS and damping < 1e8 and now.cost > NO_ERROR_M2 * len(t):
+        taken += 1
+        free = np.array([True, not (one_turn_per_step or _pushed_out(clock[1], now.gradient[1], low, high))])
+        J = now.slopes[:, free]
+        normal = J.T @ J
+        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -now.gradient[free])
+        tried = clock.copy()
+        tried[free] += step
+        tried[1] = min(max(tried[1], low), high)
+        candidate = _Projected.at(tried, t, path_m, branch)
+        if candidate.cost < now.cost:
+            arrived = now.cost - candidate.cost < ENOUGH * now.cost
+            clock, now, damping = tried, candidate, max(damping / 5, 1e-12)
+            if arrived:
+                break
+        else:
+            damping *= 8
+    return _result(clock, now, t, branch, (low, high), one_turn_per_step, taken)
+
+
+@dataclass(frozen=True)
+class _Projected:
+    """The best wheel for one clock: ``p`` = (x0, R, r, z0), the errors, and their slopes with respect to the clock."""
+
+    p: Float[np.ndarray, "4"]
+    rows: Float[np.ndarray, "m 4"]
+    error: Float[np.ndarray, "m"]
+    slopes: Float[np.ndarray, "m 2"]
+    r_is_zero: bool
+
+    @property
+    def cost(self) -> float:
+        return float(self.error @ self.error)
+
+    @property
+    def gradient(self) -> Clock:
+        return np.asarray(self.slopes.T @ self.error)
+
+    @classmethod
+    def at(cls, clock: Clock, t: Series, path_m: Plane, branch: Branch) -> "_Projected":
+        theta = clock[0] + clock[1] * t
+        rows = np.vstack(parameter_rows(theta, branch))
+        measured = np.concatenate([path_m[:, 0], path_m[:, 1]])
+        p, *_ = np.linalg.lstsq(rows, measured, rcond=None)
+        r_is_zero = bool(p[2] < 0.0)
+        if r_is_zero:  # a radius of the other sign is the same curve half a turn away, which is not this clock
+            p = np.insert(np.linalg.lstsq(np.delete(rows, 2, axis=1), measured, rcond=None)[0], 2, 0.0)
+        d_theta = np.concatenate([p[1] - branch * p[2] * np.cos(theta), p[2] * np.sin(theta)])
+        raw = np.column_stack([d_theta, d_theta * np.concatenate([t, t])])
+        q, _ = np.linalg.qr(rows)
+        slopes = raw - q @ (q.T @ raw)  # Kaufman's approximation: what the wheel cannot take up
+        return cls(p, rows, rows @ p - measured, slopes, r_is_zero)
+
+
+def _pushed_out(omega: float, slope: float, low: float, high: float) -> bool:
+    return (omega <= low and slope > 0.0) or (omega >= high and slope < 0.0)
+
+
+def _result(
+    clock: Clock,
+    now: _Projected,
+    t: Series,
+    branch: Branch,
+    omega_range: tuple[float, float],
+    one_turn_per_step: bool,
+    iterations: int,
+) -> TimedFit:
+    low, high = omega_range
+    bounds: list[Bound] = ["r-zero"] if now.r_is_zero else []
+    if not one_turn_per_step and clock[1] <= low:
+        bounds.append("omega-low")
+    if not one_turn_per_step and clock[1] >= high:
+        bounds.append("omega-high")
+    x0, R, r, z0 = (float(v) for v in now.p)
+    turns = FullTurn * float(np.round((clock[0] + clock[1] * t[-1] / 2) / FullTurn))
+    n = len(t)
+    theta = clock[0] + clock[1] * t
+    d_theta = np.concatenate([R - branch * r * np.cos(theta), r * np.sin(theta)])
+    J = np.column_stack([now.rows, d_theta, d_theta * np.concatenate([t, t])])
+    free = [i for i in range(6) if not (i == 5 and (one_turn_per_step or clock[1] in (low, high)))]
+    covariance = np.zeros((6, 6))
+    noise = now.cost / max(2 * n - len(free), 1)
+    covariance[np.ix_(free, free)] = noise * np.linalg.pinv(J[:, free].T @ J[:, free], hermitian=True)
+    wheel = Wheel(R_m=R, r_m=r, z0_m=z0, x0_m=x0 + R * turns, branch=branch)
+    error = np.column_stack([now.error[:n], now.error[n:]])
+    return TimedFit(wheel, float(clock[0] - turns), float(clock[1]), error, covariance, tuple(bounds), iterations)
