@@ -1,10 +1,10 @@
 """Simpler curves beside the wheel, in path and in time, with the same data and honest counts.
 
-Path, z as a function of x:  sinusoid, two harmonics, inverted-pendulum arcs with a parabola between them, and the wheel.
+Path, z as a function of x:  sinusoid, two harmonics, inverted-pendulum arcs with a parabola between, and the wheel.
 Time, x and z as functions of t:  one harmonic (an ellipse that moves), two harmonics, and the wheel that turns evenly.
 
-Residuals of a step are smooth: a sample at 200 Hz is no new information. AIC counts ``EFFECTIVE_HZ`` independent samples
-per second, and the held-out error leaves out whole blocks of that length, not samples.
+Residuals of a step are smooth: a sample at 200 Hz is no new information. AIC counts ``EFFECTIVE_HZ`` samples
+per second as independent, and the held-out error leaves out whole blocks of that length, not samples.
 """
 
 from collections.abc import Callable, Sequence
@@ -104,7 +104,7 @@ def _waves(phase: Series, harmonics: int) -> Float[np.ndarray, "n waves"]:
 
 
 def _waves_of_x(step: Step, seen: Mask, harmonics: int) -> Plane:
-    """z = a0 + sum of waves of k x; k is sought on a grid around one wave per step length."""
+    """Height a0 + sum of waves of k x; k is sought on a grid around one wave per step length."""
     x, z = step.path_m[:, 0] - step.path_m[0, 0], step.path_m[:, 1]
     length = np.polyfit(step.time_s, x, 1)[0] * step.period_s
     best: tuple[float, Series] | None = None
@@ -119,7 +119,7 @@ def _waves_of_x(step: Step, seen: Mask, harmonics: int) -> Plane:
 
 
 def _waves_of_t(step: Step, seen: Mask, harmonics: int) -> Plane:
-    """x = line + waves of t, z = constant + waves of t, one frequency for both."""
+    """Ahead a line + waves of t, up a constant + waves of t, one frequency for both."""
     t = step.time_s - step.time_s[0]
     best: tuple[float, Plane] | None = None
     for share in FREQUENCY_RANGE:
