@@ -20,7 +20,7 @@ class FirstGuess:
 
     def theta_rad(self, time_s: Series) -> Series:
         """The angle at the samples."""
-        return self.theta0_rad + self.omega_rad_s * (time_s - time_s[0])
+        return np.asarray(self.theta0_rad + self.omega_rad_s * (time_s - time_s[0]))
 
 
 def first_guess(time_s: Series, path_m: Plane, step_period_s: float, branch: Branch) -> FirstGuess:

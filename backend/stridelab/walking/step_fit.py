@@ -66,7 +66,7 @@ def fit_steps(estimate: ComEstimate, steps: Sequence[GaitStep], ahead: Vector3) 
     if not found:
         raise NotEstimable(
             "no-whole-step",
-            "No step (lift-off to the next lift-off) lies wholly inside the time for which the centre of mass is known.",
+            "No step (lift-off to the next lift-off) lies wholly inside the time in which the centre of mass is known.",
         )
     return tuple(found)
 
