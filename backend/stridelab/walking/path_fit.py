@@ -124,7 +124,7 @@ class _Arrowhead:
 
 def _errors(p: Parameters, theta: Series, path_m: Plane, branch: Branch) -> Plane:
     x0, R, r, z0 = (float(v) for v in p)
-    return np.asarray(Wheel(R_m=R, r_m=r, z0_m=z0, x0_m=x0, branch=branch).position_m(theta) - path_m
+    return np.asarray(Wheel(R_m=R, r_m=r, z0_m=z0, x0_m=x0, branch=branch).position_m(theta) - path_m)
 
 
 def _in_mid_step(
