@@ -29,7 +29,7 @@ POOLED: Final = "all"
 UNKNOWN: Final = "unknown"
 ADULT_YEARS: Final = 18.0
 CHILD_BELOW_M: Final = 1.45
-"""Without an age, shorter people are taken for children (and taller children for adults); a remark names them."""
+"""Without an age, shorter people are taken for children, and a remark names them; taller ones may be either."""
 
 GroupSource = Literal["stated", "age", "height", "unknown"]
 
@@ -102,13 +102,16 @@ class Population:
 
 
 def group_of(stated: str | None, age_years: float | None, height_m: float | None) -> tuple[str, GroupSource]:
-    """The group that is stated, else children or adults by age (18 years), else by height (1.45 m), else unknown."""
+    """The group that is stated, else children or adults by age (18 years), else children by height (1.45 m).
+
+    Whoever is taller and of no known age is "unknown": a girl of 1.5 m is no adult, and is not counted as one.
+    """
     if stated:
         return stated, "stated"
     if age_years is not None:
         return ("children" if age_years < ADULT_YEARS else "adults"), "age"
-    if height_m is not None:
-        return ("children" if height_m < CHILD_BELOW_M else "adults"), "height"
+    if height_m is not None and height_m < CHILD_BELOW_M:
+        return "children", "height"
     return UNKNOWN, "unknown"
 
 
@@ -228,12 +231,13 @@ def _about_groups(groups: Mapping[str, Sequence[SubjectMean]], *, pooled: bool) 
     guessed = [s.person.name for members in groups.values() for s in members if s.person.group_source == "height"]
     if guessed:
         who = ", ".join(guessed)
-        sentence = f"No age is known; shorter than {CHILD_BELOW_M:g} m counts as a child: {who}."
+        sentence = f"No age is known, and whoever is shorter than {CHILD_BELOW_M:g} m counts as a child: {who}."
         remarks.append(Remark("group-from-height", sentence))
     nowhere = [s.person.name for members in groups.values() for s in members if s.person.group_source == "unknown"]
     if nowhere:
         who = ", ".join(nowhere)
-        remarks.append(Remark("group-unknown", f"Neither group, age nor height is known: {who}."))
+        sentence = f"Neither group nor age is known, so these are neither children nor adults here: {who}."
+        remarks.append(Remark("group-unknown", sentence))
     return remarks
 
 
