@@ -55,7 +55,29 @@ class Wheel:
 
 def parameter_rows(theta_rad: Series, branch: Branch) -> tuple[Float[np.ndarray, "n 4"], Float[np.ndarray, "n 4"]]:
     """Derivatives of x and z with respect to (x0, R, r, z0), in which the model is linear."""
-    sin, cos = np.sin(theta_rad), np.cos(theta_rad)
-    one, nothing = np.ones_like(theta_rad), np.zeros_like(theta_rad)
-    ahead = np.column_stack([one, theta_rad, -branch * sin, nothing])
-    return ahead, np.column_stack([nothing, nothing, -cos, one])
+    ahead, up = np.zeros((2, len(theta_rad), 4))
+    ahead[:, 0] = up[:, 3] = 1.0
+    ahead[:, 1] = theta_rad
+    ahead[:, 2] = -branch * np.sin(theta_rad)
+    up[:, 2] = -np.cos(theta_rad)
+    return ahead, up
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Another name of the same curve: ``theta_rad`` less ``by_rad``, and the 4 x 4 ``change`` of (x0, R, r, z0)."""
+
+    by_rad: float
+    change: Float[np.ndarray, "4 4"]
+
+
+def turn_to_zero(middle_rad: float, r_m: float) -> Turn:
+    """The turn after which r > 0 and the middle of the step is within half a turn of zero.
+
+    Every turn moves x0 by 2 pi R; half a turn also changes the signs of sine and cosine, and so that of r.
+    """
+    half = np.pi if r_m < 0.0 else 0.0
+    by = FullTurn * float(np.round((middle_rad + half) / FullTurn)) - half
+    change = np.diag([1.0, 1.0, -1.0 if half else 1.0, 1.0])
+    change[0, 1] = by
+    return Turn(by, change)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stridelab.conventions import Series
+from stridelab.walking.checked_path import require_path
 from stridelab.walking.curtate_cycloid import Branch, FullTurn, Plane, Wheel
 
 LEAST_RADIUS_M = 1e-3
@@ -24,7 +25,11 @@ class FirstGuess:
 
 
 def first_guess(time_s: Series, path_m: Plane, step_period_s: float, branch: Branch) -> FirstGuess:
-    """From the mean speed, the step period and the phase of the height; theta is within half a turn in mid-step."""
+    """From the mean speed, the step period and the phase of the height; theta is within half a turn in mid-step.
+
+    Raises what ``require_path`` does.
+    """
+    require_path(time_s, path_m, step_period_s)
     t, x, z = time_s - time_s[0], path_m[:, 0], path_m[:, 1]
     omega = FullTurn / step_period_s
     speed = np.polyfit(t, x, 1)[0]

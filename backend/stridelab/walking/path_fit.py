@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Series
-from stridelab.walking.curtate_cycloid import Branch, FullTurn, Plane, Wheel, parameter_rows
+from stridelab.walking.curtate_cycloid import Branch, Plane, Wheel, parameter_rows, turn_to_zero
 from stridelab.walking.first_guess import first_guess
 
 ITERATIONS: Final = 200
@@ -61,7 +61,7 @@ class PathFit:
 def fit_path(time_s: Series, path_m: Plane, step_period_s: float, branch: Branch = 1) -> PathFit:
     """Least squares of (3.3); ``time_s`` serves the first guess alone.
 
-    theta of the result is within half a turn in mid-step.
+    theta of the result is within half a turn in mid-step. Raises what ``require_path`` does.
     """
     guess = first_guess(time_s, path_m, step_period_s, branch)
     w = guess.wheel
@@ -118,7 +118,7 @@ class _Arrowhead:
     def step(self, damping: float) -> tuple[Parameters, Series]:
         D = self.D * (1 + damping)
         reduced = self.g_p - (self.B / D[:, None]).T @ self.g_t
-        dp = -np.linalg.lstsq(self.schur(damping), reduced, rcond=None)[0]
+        dp = -np.linalg.solve(self.schur(damping), reduced)  # damping keeps it regular
         return dp, -(self.g_t + self.B @ dp) / D
 
 
@@ -136,10 +136,9 @@ def _in_mid_step(
     converged: bool,
     branch: Branch,
 ) -> PathFit:
-    """The same curve with r > 0, R > 0 where the walk goes ahead, and theta near zero in the middle of the step."""
-    x0, R, r, z0 = (float(v) for v in p)
-    if r < 0.0:  # half a turn: sin and cos change sign, and so does r
-        theta, r, x0 = theta + np.pi, -r, x0 - R * np.pi
-    turns = FullTurn * float(np.round(np.mean(theta) / FullTurn))
-    wheel = Wheel(R_m=R, r_m=r, z0_m=z0, x0_m=x0 + R * turns, branch=branch)
-    return PathFit(wheel, theta - turns, error, covariance, iterations, converged)
+    """The same curve with r > 0 and theta near zero in the middle of the step."""
+    turn = turn_to_zero(float(np.mean(theta)), float(p[2]))
+    x0, R, r, z0 = (float(v) for v in turn.change @ p)
+    wheel = Wheel(R_m=R, r_m=r, z0_m=z0, x0_m=x0, branch=branch)
+    same = np.asarray(turn.change @ covariance @ turn.change.T)
+    return PathFit(wheel, theta - turn.by_rad, error, same, iterations, converged)

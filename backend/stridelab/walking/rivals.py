@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from stridelab.conventions import Mask, Series
 from stridelab.walking.curtate_cycloid import Branch, FullTurn, Plane
@@ -24,6 +24,12 @@ FREQUENCY_RANGE: Final = np.linspace(0.75, 1.25, 41)
 """Of one wave per step: where the sinusoids look for theirs."""
 FOLDS: Final = 4
 
+NO_ERROR_M2: Final = 1e-18
+"""Mean square that counts as none: a nanometre."""
+
+Phases = Float[np.ndarray, "k n"]
+"""One row per frequency."""
+Rows = Float[np.ndarray, "k n p"]
 Predict = Callable[[Mask], Plane]
 """Fit on the samples of the mask, and say the errors (ahead, up) at all samples."""
 
@@ -39,7 +45,7 @@ class Step:
 
     @property
     def effective_samples(self) -> float:
-        """Independent samples, at least one more than the richest model has parameters."""
+        """Independent samples in the sense of ``EFFECTIVE_HZ``: about seven in a step."""
         return float(EFFECTIVE_HZ * (self.time_s[-1] - self.time_s[0]))
 
 
@@ -59,7 +65,7 @@ def path_contest(step: Step) -> tuple[Contest, ...]:
     models: Sequence[tuple[str, int, Predict]] = (
         ("sinusoid", 4, lambda seen: _waves_of_x(step, seen, 1)),
         ("two-harmonics", 6, lambda seen: _waves_of_x(step, seen, 2)),
-        ("pendulum-arcs", 9, lambda seen: _arcs(step, seen)),
+        ("pendulum-arcs", 3 * len(_parts(step)), lambda seen: _arcs(step, seen)),
         ("wheel", 4, lambda seen: _wheel_of_x(step, seen, 1)),
         ("wheel-reversed", 4, lambda seen: _wheel_of_x(step, seen, -1)),
     )
@@ -83,13 +89,13 @@ def _contest(step: Step, model: str, parameters: int, predict: Predict, *, chann
     held = np.empty_like(error)
     for block in _blocks(step):
         held[block] = predict(~block)[block, -channels:]
-    mean_squares = np.maximum(np.mean(error**2, axis=0), 1e-18)
+    mean_squares = np.mean(error**2, axis=0) + NO_ERROR_M2
     aic = step.effective_samples * float(np.log(mean_squares).sum()) + 2 * parameters
     return Contest(model, parameters, _rms(error), _rms(held), aic)
 
 
 def _blocks(step: Step) -> list[Mask]:
-    """Every ``FOLDS``-th block of one independent sample's length is held out together; the ends always stay in."""
+    """Every ``FOLDS``-th block of one independent sample's length is held out together, the ends of the step too."""
     number = np.floor((step.time_s - step.time_s[0]) * EFFECTIVE_HZ).astype(int)
     return [number % FOLDS == fold for fold in range(FOLDS)]
 
@@ -98,49 +104,49 @@ def _rms(error: Float[np.ndarray, "n channels"]) -> float:
     return float(np.sqrt(np.mean(np.sum(error**2, axis=1))))
 
 
-def _waves(phase: Series, harmonics: int) -> Float[np.ndarray, "n waves"]:
+def _waves(phase: Phases, harmonics: int) -> Rows:
     each = [wave(k * phase) for k in range(1, harmonics + 1) for wave in (np.cos, np.sin)]
-    return np.column_stack([np.ones_like(phase), *each])
+    return np.stack([np.ones_like(phase), *each], axis=-1)
+
+
+def _left_over(rows: Rows, y: Series, seen: Mask) -> Phases:
+    """Errors of the least squares on the samples of the mask, one frequency per row."""
+    q, r = np.linalg.qr(rows[:, seen])
+    coefficients = np.linalg.solve(r, np.swapaxes(q, 1, 2) @ y[seen][:, None])
+    return np.asarray((rows @ coefficients)[..., 0] - y)
 
 
 def _waves_of_x(step: Step, seen: Mask, harmonics: int) -> Plane:
     """Height a0 + sum of waves of k x; k is sought on a grid around one wave per step length."""
     x, z = step.path_m[:, 0] - step.path_m[0, 0], step.path_m[:, 1]
     length = np.polyfit(step.time_s, x, 1)[0] * step.period_s
-    best: tuple[float, Series] | None = None
-    for share in FREQUENCY_RANGE:
-        waves = _waves(FullTurn * share / length * x, harmonics)
-        error = waves @ np.linalg.lstsq(waves[seen], z[seen], rcond=None)[0] - z
-        cost = float(np.sum(error[seen] ** 2))
-        if best is None or cost < best[0]:
-            best = cost, error
-    assert best is not None
-    return np.column_stack([np.zeros_like(best[1]), best[1]])
+    error = _left_over(_waves(np.outer(FullTurn / length * FREQUENCY_RANGE, x), harmonics), z, seen)
+    best = error[np.argmin(np.sum(error[:, seen] ** 2, axis=1))]
+    return np.column_stack([np.zeros_like(best), best])
 
 
 def _waves_of_t(step: Step, seen: Mask, harmonics: int) -> Plane:
     """Ahead a line + waves of t, up a constant + waves of t, one frequency for both."""
     t = step.time_s - step.time_s[0]
-    best: tuple[float, Plane] | None = None
-    for share in FREQUENCY_RANGE:
-        waves = _waves(FullTurn * share / step.period_s * t, harmonics)
-        error = np.empty_like(step.path_m)
-        for axis, rows in enumerate((np.column_stack([waves, t]), waves)):
-            y = step.path_m[:, axis]
-            error[:, axis] = rows @ np.linalg.lstsq(rows[seen], y[seen], rcond=None)[0] - y
-        cost = float(np.log(np.mean(error[seen] ** 2, axis=0)).sum())
-        if best is None or cost < best[0]:
-            best = cost, error
-    assert best is not None
-    return best[1]
+    waves = _waves(np.outer(FullTurn / step.period_s * FREQUENCY_RANGE, t), harmonics)
+    line = np.broadcast_to(t[:, None], (*waves.shape[:2], 1))
+    ahead = _left_over(np.concatenate([waves, line], axis=2), step.path_m[:, 0], seen)
+    up = _left_over(waves, step.path_m[:, 1], seen)
+    cost = sum(np.log(np.mean(error[:, seen] ** 2, axis=1) + NO_ERROR_M2) for error in (ahead, up))
+    best = int(np.argmin(cost))
+    return np.column_stack([ahead[best], up[best]])
+
+
+def _parts(step: Step) -> list[Int[np.ndarray, "_"]]:
+    """Samples of every support phase."""
+    return np.split(np.arange(len(step.time_s)), np.flatnonzero(np.diff(step.double_support)) + 1)
 
 
 def _arcs(step: Step, seen: Mask) -> Plane:
-    """Parabolas through single, double and single support: arcs of an inverted pendulum and what joins them."""
+    """A parabola per support phase: arcs of an inverted pendulum, and what joins them in double support."""
     x, z = step.path_m[:, 0] - step.path_m[0, 0], step.path_m[:, 1]
     error = np.zeros_like(z)
-    edges = np.flatnonzero(np.diff(step.double_support)) + 1
-    for part in np.split(np.arange(len(z)), edges):
+    for part in _parts(step):
         inside = part[seen[part]]
         degree = min(2, max(len(inside) - 1, 0))
         known = inside if len(inside) else np.flatnonzero(seen)

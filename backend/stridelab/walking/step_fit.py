@@ -9,15 +9,24 @@ import numpy as np
 from stridelab.conventions import Series, Vector3
 from stridelab.errors import NotEstimable
 from stridelab.estimation.estimate import ComEstimate
-from stridelab.walking.curtate_cycloid import Plane
+from stridelab.walking.curtate_cycloid import FullTurn, Plane
 from stridelab.walking.gait_step import GaitStep
 from stridelab.walking.path_fit import PathFit, fit_path
 from stridelab.walking.rivals import Contest, Step, path_contest, time_contest
+from stridelab.walking.segmentation import double_support_of_wheel
 from stridelab.walking.timed_fit import TimedFit, fit_in_time
 
 LEAST_SAMPLES: Final = 20
 LARGEST_R_M: Final = 0.1
 """A CoM that goes up and down by more than 20 cm does not walk."""
+LEAST_R_M: Final = 0.001
+"""Below this the height says nothing of the angle."""
+FARTHEST_M: Final = 0.004
+"""Mean distance from the curve above which the step is no cycloid; the thesis has 3.5 mm at most."""
+LEAST_TURN: Final = 0.75
+"""Share of a turn below which the curve is seen too short to tell R from r."""
+EDGE_S: Final = 1e-6
+"""Instants in files are single floats."""
 
 
 @dataclass(frozen=True)
@@ -46,23 +55,30 @@ class StepFit:
     def circumference_share(self) -> float | None:
         """2 pi R over the measured step length; a wheel that turns once per step has 1."""
         length = self.step.length_m
-        return None if length is None else float(2 * np.pi * self.path.wheel.R_m / length)
+        return None if not length else float(FullTurn * self.path.wheel.R_m / length)
+
+    @property
+    def double_support_model_s(self) -> tuple[float | None, float | None]:
+        """The thesis' rule of section 3.3.3; ``step.double_support_s`` is the answer."""
+        return double_support_of_wheel(self.path, self.time_s)
 
 
 def fit_steps(estimate: ComEstimate, steps: Sequence[GaitStep], ahead: Vector3) -> tuple[StepFit, ...]:
     """Fits of all steps that lie inside the estimate; ``ahead`` is the horizontal unit vector of the walk.
 
-    Raises ``NotEstimable`` ("no-whole-step") where none does.
+    Only samples inside the step count: the curve turns up steeply at both ends, where one sample more shows.
+    Raises ``NotEstimable`` ("no-whole-step") where no step lies inside, and what ``fit_step`` does.
     """
     forward = ahead * [1.0, 1.0, 0.0] / np.linalg.norm(ahead[:2])
     path = np.column_stack([estimate.com_m @ forward, estimate.com_m[:, 2]])
-    half = 0.5 * float(np.median(np.diff(estimate.time_s)))
+    t = estimate.time_s
+    frame = float(np.median(np.diff(t)))
     found = []
     for step in steps:
-        kept = (estimate.time_s >= step.start_s - half) & (estimate.time_s <= step.end_s + half)
-        covered = estimate.time_s[0] <= step.start_s + half and estimate.time_s[-1] >= step.end_s - half
+        kept = (t >= step.start_s - EDGE_S) & (t <= step.end_s + EDGE_S)
+        covered = t[0] < step.start_s + frame and t[-1] > step.end_s - frame
         if covered and kept.sum() >= LEAST_SAMPLES:
-            found.append(fit_step(step, estimate.time_s[kept], path[kept]))
+            found.append(fit_step(step, t[kept], path[kept]))
     if not found:
         raise NotEstimable(
             "no-whole-step",
@@ -72,7 +88,10 @@ def fit_steps(estimate: ComEstimate, steps: Sequence[GaitStep], ahead: Vector3) 
 
 
 def fit_step(step: GaitStep, time_s: Series, path_m: Plane) -> StepFit:
-    """All fits of one step; ``path_m`` is ahead and up at ``time_s``."""
+    """All fits of one step; ``path_m`` is ahead and up at ``time_s``.
+
+    Raises ``InvalidInput`` or ``NotEstimable`` as ``require_path`` does.
+    """
     period = step.period_s
     path, other = (fit_path(time_s, path_m, period, s) for s in (1, -1))
     timed, other_timed = (fit_in_time(time_s, path_m, period, s) for s in (1, -1))
@@ -99,13 +118,20 @@ def fit_step(step: GaitStep, time_s: Series, path_m: Plane) -> StepFit:
 
 
 def _flags(path: PathFit, timed: TimedFit) -> tuple[str, ...]:
-    flags = [f"timed-{bound}" for bound in timed.bounds]
-    if not path.converged:
-        flags.append("path-not-converged")
-    if path.wheel.r_m > LARGEST_R_M:
-        flags.append("r-too-large")
-    if not path.wheel.curtate:
-        flags.append("not-curtate")
-    if not (np.diff(path.theta_rad) > 0).all():
-        flags.append("theta-not-monotone")
-    return tuple(flags)
+    seen = {f"timed-{bound}": True for bound in timed.bounds}
+    wheel, turned = path.wheel, float(np.ptp(path.theta_rad)) / FullTurn
+    return tuple(
+        flag
+        for flag, holds in {
+            **seen,
+            "path-not-converged": not path.converged,
+            "backwards": wheel.R_m < 0.0,
+            "r-too-large": wheel.r_m > LARGEST_R_M,
+            "r-too-small": wheel.r_m < LEAST_R_M,
+            "not-curtate": not wheel.curtate,
+            "theta-not-monotone": not (np.diff(path.theta_rad) > 0).all(),
+            "part-of-a-turn": turned < LEAST_TURN,
+            "far-from-the-wheel": float(path.distance_m.mean()) > FARTHEST_M,
+        }.items()
+        if holds
+    )

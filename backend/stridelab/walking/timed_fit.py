@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Series
-from stridelab.walking.curtate_cycloid import Branch, FullTurn, Plane, Wheel, parameter_rows
+from stridelab.walking.curtate_cycloid import Branch, FullTurn, Plane, Wheel, parameter_rows, turn_to_zero
 from stridelab.walking.first_guess import first_guess
 
 OMEGA_RANGE: Final = (0.75, 1.33)
@@ -23,7 +23,7 @@ DAMPING: Final = 1e-3
 ENOUGH: Final = 1e-12
 NO_ERROR_M2: Final = 1e-26
 
-Bound = Literal["omega-low", "omega-high", "r-zero"]
+Bound = Literal["omega-low", "omega-high"]
 Clock = Float[np.ndarray, "2"]
 """theta_0 and omega."""
 PARAMETERS: Final = ("x0_m", "R_m", "r_m", "z0_m", "theta0_rad", "omega_rad_s")
@@ -55,7 +55,7 @@ def fit_in_time(
 ) -> TimedFit:
     """Least squares over all six parameters, or five where the wheel turns exactly once per step.
 
-    ``theta0_rad`` belongs to ``time_s[0]``.
+    ``theta0_rad`` belongs to ``time_s[0]``. Raises what ``require_path`` does.
     """
     t = time_s - time_s[0]
     guess = first_guess(time_s, path_m, step_period_s, branch)
@@ -69,7 +69,7 @@ def fit_in_time(
         free = np.array([True, not (one_turn_per_step or _pushed_out(clock[1], now.gradient[1], low, high))])
         J = now.slopes[:, free]
         normal = J.T @ J
-        step = np.linalg.solve(normal + damping * np.diag(np.diag(normal)), -now.gradient[free])
+        step, *_ = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal)), -now.gradient[free], rcond=None)
         tried = clock.copy()
         tried[free] += step
         tried[1] = min(max(tried[1], low), high)
@@ -92,7 +92,6 @@ class _Projected:
     rows: Float[np.ndarray, "m 4"]
     error: Float[np.ndarray, "m"]
     slopes: Float[np.ndarray, "m 2"]
-    r_is_zero: bool
 
     @property
     def cost(self) -> float:
@@ -107,15 +106,12 @@ class _Projected:
         theta = clock[0] + clock[1] * t
         rows = np.vstack(parameter_rows(theta, branch))
         measured = np.concatenate([path_m[:, 0], path_m[:, 1]])
-        p, *_ = np.linalg.lstsq(rows, measured, rcond=None)
-        r_is_zero = bool(p[2] < 0.0)
-        if r_is_zero:  # a radius of the other sign is the same curve half a turn away, which is not this clock
-            p = np.insert(np.linalg.lstsq(np.delete(rows, 2, axis=1), measured, rcond=None)[0], 2, 0.0)
+        q, triangle = np.linalg.qr(rows)
+        p = np.linalg.solve(triangle, q.T @ measured)
         d_theta = np.concatenate([p[1] - branch * p[2] * np.cos(theta), p[2] * np.sin(theta)])
         raw = np.column_stack([d_theta, d_theta * np.concatenate([t, t])])
-        q, _ = np.linalg.qr(rows)
         slopes = raw - q @ (q.T @ raw)  # Kaufman's approximation: what the wheel cannot take up
-        return cls(p, rows, rows @ p - measured, slopes, r_is_zero)
+        return cls(p, rows, rows @ p - measured, slopes)
 
 
 def _pushed_out(omega: float, slope: float, low: float, high: float) -> bool:
@@ -132,21 +128,31 @@ def _result(
     iterations: int,
 ) -> TimedFit:
     low, high = omega_range
-    bounds: list[Bound] = ["r-zero"] if now.r_is_zero else []
+    bounds: list[Bound] = []
     if not one_turn_per_step and clock[1] <= low:
         bounds.append("omega-low")
     if not one_turn_per_step and clock[1] >= high:
         bounds.append("omega-high")
-    x0, R, r, z0 = (float(v) for v in now.p)
-    turns = FullTurn * float(np.round((clock[0] + clock[1] * t[-1] / 2) / FullTurn))
     n = len(t)
     theta = clock[0] + clock[1] * t
-    d_theta = np.concatenate([R - branch * r * np.cos(theta), r * np.sin(theta)])
+    d_theta = np.concatenate([now.p[1] - branch * now.p[2] * np.cos(theta), now.p[2] * np.sin(theta)])
     J = np.column_stack([now.rows, d_theta, d_theta * np.concatenate([t, t])])
-    free = [i for i in range(6) if not (i == 5 and (one_turn_per_step or clock[1] in (low, high)))]
+    free = [i for i in range(6) if not (i == 5 and (one_turn_per_step or bounds))]
     covariance = np.zeros((6, 6))
     noise = now.cost / max(2 * n - len(free), 1)
     covariance[np.ix_(free, free)] = noise * np.linalg.pinv(J[:, free].T @ J[:, free], hermitian=True)
-    wheel = Wheel(R_m=R, r_m=r, z0_m=z0, x0_m=x0 + R * turns, branch=branch)
+    turn = turn_to_zero(float(clock[0] + clock[1] * t[-1] / 2), float(now.p[2]))
+    change = np.eye(6)
+    change[:4, :4] = turn.change
+    x0, R, r, z0 = (float(v) for v in turn.change @ now.p)
+    wheel = Wheel(R_m=R, r_m=r, z0_m=z0, x0_m=x0, branch=branch)
     error = np.column_stack([now.error[:n], now.error[n:]])
-    return TimedFit(wheel, float(clock[0] - turns), float(clock[1]), error, covariance, tuple(bounds), iterations)
+    return TimedFit(
+        wheel,
+        float(clock[0] - turn.by_rad),
+        float(clock[1]),
+        error,
+        change @ covariance @ change.T,
+        tuple(bounds),
+        iterations,
+    )
