@@ -14,8 +14,10 @@ class GaitStep:
 
     Double support lasts from ``strike_s`` to ``next_lift_off_s``, where the other foot leaves the ground. ``period_s``
     is from the strike before to this strike, or from lift-off to lift-off where that strike was not seen.
-    ``length_m`` is between the heels of both feet along the walk at the strike; None where they are not seen.
+    ``length_m`` is along the walk from where the heel of the standing foot is (while it is flat, as the other swings)
+    to where the heel of ``side`` strikes; None where they are not seen.
     ``measured`` tells whether all contact force was on plates throughout. ``source`` is what the timing comes from.
+    ``prior_strike_s`` is when the standing foot had struck; None where that was not seen.
     """
 
     side: Side
@@ -27,6 +29,7 @@ class GaitStep:
     speed_m_s: float
     measured: bool
     source: TimingSource
+    prior_strike_s: float | None = None
 
     @property
     def start_s(self) -> float:

@@ -1,7 +1,7 @@
 """The wheel of every step of an estimated walk: as a path on both branches, and as a clock."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -19,6 +19,8 @@ from stridelab.walking.timed_fit import TimedFit, fit_in_time
 LEAST_SAMPLES: Final = 20
 LARGEST_R_M: Final = 0.1
 """A CoM that goes up and down by more than 20 cm does not walk."""
+MOST_MISSING_S: Final = 0.04
+"""What may lack at either end of a step: the search for windows calls a foot down that only may be."""
 LEAST_R_M: Final = 0.001
 """Below this the height says nothing of the angle."""
 FARTHEST_M: Final = 0.004
@@ -67,24 +69,31 @@ def fit_steps(estimate: ComEstimate, steps: Sequence[GaitStep], ahead: Vector3) 
     """Fits of all steps that lie inside the estimate; ``ahead`` is the horizontal unit vector of the walk.
 
     Only samples inside the step count: the curve turns up steeply at both ends, where one sample more shows.
+    Up to 40 ms may lack at an end, which is flagged ("ends-missing").
     Raises ``NotEstimable`` ("no-whole-step") where no step lies inside, and what ``fit_step`` does.
     """
-    forward = ahead * [1.0, 1.0, 0.0] / np.linalg.norm(ahead[:2])
-    path = np.column_stack([estimate.com_m @ forward, estimate.com_m[:, 2]])
+    path = sagittal_path_m(estimate, ahead)
     t = estimate.time_s
     frame = float(np.median(np.diff(t)))
     found = []
     for step in steps:
         kept = (t >= step.start_s - EDGE_S) & (t <= step.end_s + EDGE_S)
-        covered = t[0] < step.start_s + frame and t[-1] > step.end_s - frame
-        if covered and kept.sum() >= LEAST_SAMPLES:
-            found.append(fit_step(step, t[kept], path[kept]))
+        missing_s = max(t[0] - step.start_s, step.end_s - t[-1])
+        if missing_s <= MOST_MISSING_S and kept.sum() >= LEAST_SAMPLES:
+            fit = fit_step(step, t[kept], path[kept])
+            found.append(fit if missing_s < frame else replace(fit, flags=(*fit.flags, "ends-missing")))
     if not found:
         raise NotEstimable(
             "no-whole-step",
             "No step (lift-off to the next lift-off) lies wholly inside the time in which the centre of mass is known.",
         )
     return tuple(found)
+
+
+def sagittal_path_m(estimate: ComEstimate, ahead: Vector3) -> Plane:
+    """The CoM ahead and up; ``ahead`` counts by its horizontal direction alone."""
+    forward = ahead * [1.0, 1.0, 0.0] / np.linalg.norm(ahead[:2])
+    return np.column_stack([estimate.com_m @ forward, estimate.com_m[:, 2]])
 
 
 def fit_step(step: GaitStep, time_s: Series, path_m: Plane) -> StepFit:

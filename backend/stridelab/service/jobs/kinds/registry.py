@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from stridelab.schemas.comparison import CompareEstimatorsInput, CompareEstimatorsSummary
+from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary
 from stridelab.schemas.jobs import (
     EstimateComInput,
     EstimateComSummary,
@@ -35,6 +36,14 @@ COMPARE_ESTIMATORS = JobKind(
     run="stridelab.service.jobs.kinds.compare_estimators:run_in_child",
     stage=rows.stage_compare_estimators,
     timeout_s=300.0,
+)
+FIT_CYCLOID = JobKind(
+    name="fit-cycloid",
+    input_model=FitCycloidInput,
+    summary_model=FitCycloidSummary,
+    run="stridelab.service.jobs.kinds.fit_cycloid:run_in_child",
+    stage=rows.stage_fit_cycloid,
+    timeout_s=120.0,
 )
 SIMULATE_RECORDING = JobKind(
     name="simulate-recording",
@@ -82,7 +91,15 @@ REPRODUCE = JobKind(
 KINDS: Mapping[str, JobKind] = MappingProxyType(
     {
         kind.name: kind
-        for kind in (ESTIMATE_COM, COMPARE_ESTIMATORS, SIMULATE_RECORDING, PLAN_MOTION, LEARN_REACHABILITY, REPRODUCE)
+        for kind in (
+            ESTIMATE_COM,
+            COMPARE_ESTIMATORS,
+            FIT_CYCLOID,
+            SIMULATE_RECORDING,
+            PLAN_MOTION,
+            LEARN_REACHABILITY,
+            REPRODUCE,
+        )
     }
 )
 
