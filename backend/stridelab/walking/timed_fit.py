@@ -57,8 +57,8 @@ def fit_in_time(
 
     ``theta0_rad`` belongs to ``time_s[0]``. Raises what ``require_path`` does.
     """
-    t = time_s - time_s[0]
     guess = first_guess(time_s, path_m, step_period_s, branch)
+    t = time_s - time_s[0]
     turn = FullTurn / step_period_s
     low, high = (turn, turn) if one_turn_per_step else (OMEGA_RANGE[0] * turn, OMEGA_RANGE[1] * turn)
     clock = np.array([guess.theta0_rad, min(max(guess.omega_rad_s, low), high)])
@@ -66,7 +66,8 @@ def fit_in_time(
     damping, taken = DAMPING, 0
     while taken < ITERATIONS and damping < 1e8 and now.cost > NO_ERROR_M2 * len(t):
         taken += 1
-        free = np.array([True, not (one_turn_per_step or _pushed_out(clock[1], now.gradient[1], low, high))])
+        out = _pushed_out(float(clock[1]), float(now.gradient[1]), low, high)
+        free = np.array([True, not (one_turn_per_step or out)])
         J = now.slopes[:, free]
         normal = J.T @ J
         step, *_ = np.linalg.lstsq(normal + damping * np.diag(np.diag(normal)), -now.gradient[free], rcond=None)
