@@ -14,30 +14,27 @@ from stridelab.walking.timed_fit import TimedFit
 QUARTER_TURN = FullTurn / 4
 
 
-def double_support_of_wheel(fit: PathFit | TimedFit, time_s: Series) -> tuple[float | None, float | None]:
+def double_support_of_wheel(
+    fit: PathFit | TimedFit, time_s: Series, near_s: float | None = None
+) -> tuple[float | None, float | None]:
     """Seconds at which the wheel says that double support begins and ends; ``time_s`` are the samples of the fit.
 
-    A crossing that lies outside the samples is None, and so are both where theta does not increase throughout.
+    Meant is the lowest point of the turn in which the wheel is at ``near_s``: the last sample if nothing is said, for
+    a step ends with its double support. A crossing that lies outside the samples is None, and so are both where theta
+    does not increase throughout.
     """
+    near_s = float(time_s[-1]) if near_s is None else near_s
     if isinstance(fit, PathFit):
-        return valley(time_s, fit.theta_rad)
-    return valley(time_s, fit.theta0_rad + fit.omega_rad_s * (time_s - time_s[0]))
+        return valley(time_s, fit.theta_rad, near_s)
+    return valley(time_s, fit.theta0_rad + fit.omega_rad_s * (time_s - time_s[0]), near_s)
 
 
-def valley(time_s: Series, theta_rad: Series) -> tuple[float | None, float | None]:
-    """When theta passes -pi/2 and +pi/2 around the lowest point of which the samples see most.
-
-    Of two that are seen alike the later one: a step ends with its double support.
-    """
+def valley(time_s: Series, theta_rad: Series, near_s: float) -> tuple[float | None, float | None]:
+    """When theta passes -pi/2 and +pi/2 around the lowest point to which it is nearest at ``near_s``."""
     if not (np.diff(theta_rad) > 0).all():
         return None, None
-    first, last = float(theta_rad[0]), float(theta_rad[-1])
-    lowest = FullTurn * np.arange(np.floor(first / FullTurn), np.ceil(last / FullTurn) + 1)
-    seen = np.minimum(lowest + QUARTER_TURN, last) - np.maximum(lowest - QUARTER_TURN, first)
-    if seen.max() <= 0.0:
-        return None, None
-    centre = float(lowest[np.flatnonzero(seen >= seen.max() - 1e-9)[-1]])
-    return _when(time_s, theta_rad, centre - QUARTER_TURN), _when(time_s, theta_rad, centre + QUARTER_TURN)
+    lowest = FullTurn * float(np.round(np.interp(near_s, time_s, theta_rad) / FullTurn))
+    return _when(time_s, theta_rad, lowest - QUARTER_TURN), _when(time_s, theta_rad, lowest + QUARTER_TURN)
 
 
 def _when(time_s: Series, theta_rad: Series, angle_rad: float) -> float | None:

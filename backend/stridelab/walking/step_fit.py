@@ -62,7 +62,7 @@ class StepFit:
     @property
     def double_support_model_s(self) -> tuple[float | None, float | None]:
         """The thesis' rule of section 3.3.3; ``step.double_support_s`` is the answer."""
-        return double_support_of_wheel(self.path, self.time_s)
+        return double_support_of_wheel(self.path, self.time_s, (self.step.strike_s + self.step.next_lift_off_s) / 2)
 
 
 def fit_steps(estimate: ComEstimate, steps: Sequence[GaitStep], ahead: Vector3) -> tuple[StepFit, ...]:
