@@ -79,7 +79,8 @@ def read_subject_table(content: bytes) -> tuple[TableRow, ...]:
     except csv.Error as error:
         raise _invalid("The subject table is no valid CSV.", [Fault("subjects", str(error)[:200])]) from error
     columns = _columns(lines[0] if lines else [])
-    rows, faults = [], []
+    rows: list[TableRow] = []
+    faults: list[Fault] = []
     for number, cells in enumerate(lines[1:], start=2):
         if not any(cell.strip() for cell in cells):
             continue

@@ -70,6 +70,16 @@ _EXAMPLES: Final[dict[str, Any]] = {
         },
         "talos": {"summary": "The humanoid TALOS, at its own speed", "value": {"robot": "talos", "seed": 1}},
     },
+    "study-population": {
+        "one": {"summary": "One recording: means, and a remark", "value": {"recording_ids": [SAMPLE_ID]}},
+        "table": {
+            "summary": "With a subject table",
+            "value": {
+                "recording_ids": [SAMPLE_ID],
+                "subjects": [{"recording_id": SAMPLE_ID, "subject": "P01", "group": "adults", "height_m": 1.71}],
+            },
+        },
+    },
     "plan-motion": {
         "stored": {"summary": "Walk through a stored scenario", "value": {"scenario_id": EXAMPLE_ID}},
         "own": {

@@ -17,8 +17,9 @@ from stridelab.schemas.plans import (
     PlanMotionInput,
     PlanMotionSummary,
 )
+from stridelab.schemas.population import StudyPopulationInput, StudyPopulationSummary
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
-from stridelab.service.jobs.kinds import rows
+from stridelab.service.jobs.kinds import population_stage, rows
 from stridelab.service.jobs.kinds.kind import JobKind
 
 ESTIMATE_COM = JobKind(
@@ -44,6 +45,15 @@ FIT_CYCLOID = JobKind(
     run="stridelab.service.jobs.kinds.fit_cycloid:run_in_child",
     stage=rows.stage_fit_cycloid,
     timeout_s=120.0,
+)
+STUDY_POPULATION = JobKind(
+    name="study-population",
+    input_model=StudyPopulationInput,
+    summary_model=StudyPopulationSummary,
+    run="stridelab.service.jobs.kinds.study_population:run_in_child",
+    stage=population_stage.stage_study_population,
+    timeout_s=900.0,
+    lane="long",
 )
 SIMULATE_RECORDING = JobKind(
     name="simulate-recording",
@@ -95,6 +105,7 @@ KINDS: Mapping[str, JobKind] = MappingProxyType(
             ESTIMATE_COM,
             COMPARE_ESTIMATORS,
             FIT_CYCLOID,
+            STUDY_POPULATION,
             SIMULATE_RECORDING,
             PLAN_MOTION,
             LEARN_REACHABILITY,
