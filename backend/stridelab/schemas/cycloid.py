@@ -16,7 +16,7 @@ class FitCycloidInput(EstimateComInput):
     steps: Literal["measured", "all"] = Field(
         default="measured",
         description=(
-            "measured: steps during which all contact force is on plates (40 ms at their ends may be missing); all: "
+            "measured: steps during which all contact force is on plates (8 % at either end may be missing); all: "
             "also those for which the centre of mass follows from the markers alone, as far as the estimate reaches"
         ),
     )
@@ -72,6 +72,7 @@ class FittedStep(Contract):
 
     t0_s: float
     t1_s: float
+    fitted_s: Interval = Field(description="samples that were used: of a measured step those with all force measured")
     side: FootSide = Field(description="the foot that swings")
     source: Literal["plates", "markers", "mixed"] = Field(description="where the timing comes from")
     measured: bool = Field(description="whether all contact force was on plates")

@@ -15,7 +15,7 @@ from stridelab.errors import Fault, NotEstimable
 from stridelab.recordings.feet import Foot, find_feet, ground_velocity_m_s
 from stridelab.recordings.recording import Recording, Side, Window
 from stridelab.recordings.steps import loaded_intervals
-from stridelab.walking.contacts import Contact, find_contacts
+from stridelab.walking.contacts import Contact
 from stridelab.walking.gait_step import GaitStep
 from stridelab.walking.marker_motion import pelvis_m
 
@@ -28,8 +28,8 @@ TURN_RAD: Final = np.deg2rad(25.0)
 NOT_APPLICABLE: Final = "The model does not apply: "
 
 
-def require_walk(recording: Recording, landmarks: Mapping[str, str], *, latency_s: float = 0.0) -> None:
-    """Raise ``NotEstimable`` unless somebody walks straight ahead on level ground.
+def require_walk(recording: Recording, landmarks: Mapping[str, str], contacts: Sequence[Contact]) -> None:
+    """Raise ``NotEstimable`` unless somebody walks straight ahead on level ground; ``contacts`` are all there are.
 
     Codes: feet-not-marked, standing, stairs, running, turning. ``faults`` list what was seen.
     """
@@ -40,7 +40,6 @@ def require_walk(recording: Recording, landmarks: Mapping[str, str], *, latency_
             "Steps need a marker at the heel (or ankle) and one at the forefoot of both feet; this recording lacks "
             "them, so that it is not known when a foot swings.",
         )
-    contacts = find_contacts(recording, landmarks, latency_s=latency_s)
     _refuse_standing(recording, landmarks, contacts)
     _refuse_stairs(recording, feet, contacts)
     _refuse_running(contacts)

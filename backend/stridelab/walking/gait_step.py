@@ -1,11 +1,13 @@
 """What a step is: from the lift-off of one foot to the next lift-off of the other, single support and then double."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 from stridelab.recordings.recording import Side
 
 TimingSource = Literal["plates", "markers", "mixed"]
+MOST_MISSING: Final = 0.08
+"""Share of a step that may lack at either end: the search for windows calls a foot down that only may be."""
 
 
 @dataclass(frozen=True, kw_only=True)

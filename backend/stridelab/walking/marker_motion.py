@@ -1,9 +1,11 @@
 """How markers move over the floor: velocities without phase, the pelvis, and the speed of walking."""
 
 from collections.abc import Mapping
+from functools import cache
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 from scipy.signal import butter, sosfiltfilt
 
 from stridelab.conventions import Points, Series, Vector3
@@ -26,9 +28,14 @@ def smooth_velocity_m_s(track_m: Points, rate_hz: float) -> Points:
         if j - i >= LEAST_RUN:
             part = track_m[i:j]
             if rate_hz > 2.5 * LOW_PASS_HZ:
-                part = sosfiltfilt(butter(2, LOW_PASS_HZ, fs=rate_hz, output="sos"), part, axis=0)
+                part = sosfiltfilt(_low_pass(rate_hz), part, axis=0)
             velocity[i:j] = np.gradient(part, axis=0) * rate_hz
     return velocity
+
+
+@cache
+def _low_pass(rate_hz: float) -> Float[np.ndarray, "sections 6"]:
+    return np.asarray(butter(2, LOW_PASS_HZ, fs=rate_hz, output="sos"))
 
 
 def pelvis_m(recording: Recording, landmarks: Mapping[str, str]) -> Points:

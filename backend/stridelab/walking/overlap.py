@@ -16,7 +16,7 @@ from stridelab.recordings.recording import Window
 from stridelab.walking.curtate_cycloid import Wheel
 from stridelab.walking.gait_step import GaitStep
 from stridelab.walking.path_fit import fit_path
-from stridelab.walking.step_fit import LEAST_SAMPLES, MOST_MISSING_S, StepFit, sagittal_path_m
+from stridelab.walking.step_fit import StepFit, sagittal_path_m, samples_of
 
 
 @dataclass(frozen=True)
@@ -45,18 +45,13 @@ class Scatter:
 def strike_to_strike(
     estimate: ComEstimate, steps: Sequence[GaitStep], windows: Sequence[Window], ahead: Vector3
 ) -> tuple[Overlap, ...]:
-    """Wheels of all intervals between two strikes that lie inside one of ``windows``; up to 40 ms may lack."""
+    """Wheels of all intervals between two strikes inside one of ``windows``; up to 8 % may lack at an end."""
     path = sagittal_path_m(estimate, ahead)
-    half = 0.5 * float(np.median(np.diff(estimate.time_s)))
     found = []
     for step in steps:
         start_s, end_s = step.prior_strike_s, step.strike_s
-        if start_s is None:
-            continue
-        first_s, last_s = estimate.time_s[0] - MOST_MISSING_S, estimate.time_s[-1] + MOST_MISSING_S
-        inside = any(w.start_s - MOST_MISSING_S <= start_s and end_s <= w.end_s + MOST_MISSING_S for w in windows)
-        kept = (estimate.time_s >= start_s - half) & (estimate.time_s <= end_s + half)
-        if not inside or not first_s <= start_s < end_s <= last_s or kept.sum() < LEAST_SAMPLES:
+        kept = None if start_s is None else samples_of(estimate.time_s, start_s, end_s, windows)
+        if start_s is None or kept is None:
             continue
         time_s = estimate.time_s[kept]
         fit = fit_path(time_s, path[kept], step.period_s)

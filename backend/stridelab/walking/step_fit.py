@@ -1,16 +1,17 @@
 """The wheel of every step of an estimated walk: as a path on both branches, and as a clock."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
-from stridelab.conventions import Series, Vector3
+from stridelab.conventions import Mask, Series, Vector3
 from stridelab.errors import NotEstimable
 from stridelab.estimation.estimate import ComEstimate
+from stridelab.recordings.recording import Window
 from stridelab.walking.curtate_cycloid import FullTurn, Plane
-from stridelab.walking.gait_step import GaitStep
+from stridelab.walking.gait_step import MOST_MISSING, GaitStep
 from stridelab.walking.path_fit import PathFit, fit_path
 from stridelab.walking.rivals import Contest, Step, path_contest, time_contest
 from stridelab.walking.segmentation import double_support_of_wheel
@@ -19,8 +20,6 @@ from stridelab.walking.timed_fit import TimedFit, fit_in_time
 LEAST_SAMPLES: Final = 20
 LARGEST_R_M: Final = 0.1
 """A CoM that goes up and down by more than 20 cm does not walk."""
-MOST_MISSING_S: Final = 0.04
-"""What may lack at either end of a step: the search for windows calls a foot down that only may be."""
 LEAST_R_M: Final = 0.001
 """Below this the height says nothing of the angle."""
 FARTHEST_M: Final = 0.004
@@ -65,29 +64,46 @@ class StepFit:
         return double_support_of_wheel(self.path, self.time_s, (self.step.strike_s + self.step.next_lift_off_s) / 2)
 
 
-def fit_steps(estimate: ComEstimate, steps: Sequence[GaitStep], ahead: Vector3) -> tuple[StepFit, ...]:
+def fit_steps(
+    estimate: ComEstimate, steps: Sequence[GaitStep], ahead: Vector3, windows: Sequence[Window] = ()
+) -> tuple[StepFit, ...]:
     """Fits of all steps that lie inside the estimate; ``ahead`` is the horizontal unit vector of the walk.
 
-    Only samples inside the step count: the curve turns up steeply at both ends, where one sample more shows.
-    Up to 40 ms may lack at an end, which is flagged ("ends-missing").
-    Raises ``NotEstimable`` ("no-whole-step") where no step lies inside, and what ``fit_step`` does.
+    Only samples inside the step count: the curve turns up steeply at both ends, where one sample more shows. Of a
+    measured step only those inside one of ``windows`` count, where these are given: the centre of mass is known best
+    where the force is. Up to 8 % of the step may lack at an end. A step that cannot be fitted is left out.
+    Raises ``NotEstimable`` ("no-whole-step") where no step lies inside, or what ``fit_step`` says of the only ones.
     """
     path = sagittal_path_m(estimate, ahead)
-    t = estimate.time_s
-    frame = float(np.median(np.diff(t)))
     found = []
+    refusal = NotEstimable(
+        "no-whole-step",
+        "No step (lift-off to the next lift-off) lies wholly inside the time in which the centre of mass is known.",
+    )
     for step in steps:
-        kept = (t >= step.start_s - EDGE_S) & (t <= step.end_s + EDGE_S)
-        missing_s = max(t[0] - step.start_s, step.end_s - t[-1])
-        if missing_s <= MOST_MISSING_S and kept.sum() >= LEAST_SAMPLES:
-            fit = fit_step(step, t[kept], path[kept])
-            found.append(fit if missing_s < frame else replace(fit, flags=(*fit.flags, "ends-missing")))
+        kept = samples_of(estimate.time_s, step.start_s, step.end_s, windows if step.measured else ())
+        if kept is None:
+            continue
+        try:
+            found.append(fit_step(step, estimate.time_s[kept], path[kept]))
+        except NotEstimable as error:
+            refusal = error
     if not found:
-        raise NotEstimable(
-            "no-whole-step",
-            "No step (lift-off to the next lift-off) lies wholly inside the time in which the centre of mass is known.",
-        )
+        raise refusal
     return tuple(found)
+
+
+def samples_of(time_s: Series, start_s: float, end_s: float, windows: Sequence[Window]) -> Mask | None:
+    """Samples from start to end inside one of ``windows`` (if there are any); None where too much of it lacks."""
+    slack_s = MOST_MISSING * (end_s - start_s)
+    inside = [(max(w.start_s, start_s), min(w.end_s, end_s)) for w in windows] or [(start_s, end_s)]
+    first_s, last_s = max(inside, key=lambda part: part[1] - part[0])
+    kept = (time_s >= first_s - EDGE_S) & (time_s <= last_s + EDGE_S)
+    if kept.sum() < LEAST_SAMPLES:
+        return None
+    frame_s = float(np.median(np.diff(time_s)))
+    lacks_s = max(time_s[kept][0] - start_s, end_s - time_s[kept][-1])
+    return kept if lacks_s <= slack_s + frame_s else None
 
 
 def sagittal_path_m(estimate: ComEstimate, ahead: Vector3) -> Plane:

@@ -2,7 +2,6 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import Final
 
 import numpy as np
 
@@ -10,11 +9,8 @@ from stridelab.conventions import Vector3
 from stridelab.recordings.feet import Foot, find_feet, ground_velocity_m_s
 from stridelab.recordings.recording import Recording, Side, Window
 from stridelab.walking.contacts import Contact, find_contacts
-from stridelab.walking.gait_step import GaitStep, TimingSource
+from stridelab.walking.gait_step import MOST_MISSING, GaitStep, TimingSource
 from stridelab.walking.marker_motion import pelvis_m
-
-WINDOW_SLACK_S: Final = 0.04
-"""The search for windows calls a foot down that may be: the first and last 40 ms of a step may lie outside."""
 
 
 def find_steps(
@@ -24,22 +20,25 @@ def find_steps(
     *,
     latency_s: float = 0.0,
     ahead: Vector3 | None = None,
+    contacts: Sequence[Contact] | None = None,
 ) -> tuple[GaitStep, ...]:
     """All whole steps in order of time; ``windows`` are where all contact force is measured.
 
     ``latency_s`` > 0 is by how much the force is late. ``ahead`` is the direction of the walk; that of the recording
-    unless stated, and each step's own where the recording has none. Empty where there is no whole step.
+    unless stated, and each step's own where the recording has none. ``contacts`` are those of ``find_contacts`` if they
+    are known already. Empty where there is no whole step.
     """
-    contacts = find_contacts(recording, landmarks, latency_s=latency_s)
+    if contacts is None:
+        contacts = find_contacts(recording, landmarks, latency_s=latency_s)
     feet = {foot.side: foot for foot in find_feet(recording, landmarks)}
     steps = []
     for before, after in _swings(contacts):
         other = _stance_during(contacts, before, after)
         if other is None or before.lift_off_s is None or after.strike_s is None or other.lift_off_s is None:
             continue
+        slack_s = MOST_MISSING * (other.lift_off_s - before.lift_off_s)
         inside = any(
-            w.start_s - WINDOW_SLACK_S <= before.lift_off_s and other.lift_off_s <= w.end_s + WINDOW_SLACK_S
-            for w in windows
+            w.start_s - slack_s <= before.lift_off_s and other.lift_off_s <= w.end_s + slack_s for w in windows
         )
         period_s = after.strike_s - other.strike_s if other.strike_s else other.lift_off_s - before.lift_off_s
         towards = ahead if ahead is not None else recording.walking_direction
@@ -63,7 +62,7 @@ def find_steps(
 
 def _swings(contacts: Sequence[Contact]) -> list[tuple[Contact, Contact]]:
     """Contacts of one foot before and after each of its swings."""
-    found = []
+    found: list[tuple[Contact, Contact]] = []
     sides: tuple[Side, ...] = ("left", "right")
     for side in sides:
         own = [contact for contact in contacts if contact.side == side]

@@ -24,6 +24,7 @@ from stridelab.service.jobs.kinds.preparing import Prepared, prepare
 from stridelab.service.jobs.kinds.tasks import FitCycloidTask
 from stridelab.service.jobs.kinds.trial import examine
 from stridelab.walking.applicable import require_steps, require_walk
+from stridelab.walking.contacts import find_contacts
 from stridelab.walking.gait_step import GaitStep
 from stridelab.walking.overlap import Overlap, scatter, strike_to_strike
 from stridelab.walking.step_fit import StepFit, fit_steps
@@ -71,7 +72,8 @@ def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback) -
         raise
     recording, landmarks = prepared.trial.recording, prepared.trial.match.landmarks
     latency_s = prepared.latency.applied_s
-    require_walk(recording, landmarks, latency_s=latency_s)
+    contacts = find_contacts(recording, landmarks, latency_s=latency_s)
+    require_walk(recording, landmarks, contacts)
 
     progress(0.7, "estimating the centre of mass")
     floor = _floor_velocity_m_s(prepared)
@@ -82,10 +84,10 @@ def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback) -
     if ahead is None:
         ahead = walk_frame(estimate.velocity_m_s)[0]
     windows = prepared.windows or (Window(0.0, recording.duration_s),)
-    seen = find_steps(recording, landmarks, windows, latency_s=latency_s, ahead=ahead)
+    seen = find_steps(recording, landmarks, windows, ahead=ahead, contacts=contacts)
     wanted = [step for step in seen if step.measured or request.steps == "all"]
     require_steps(recording, seen, wanted, windows)
-    fits = fit_steps(estimate, wanted, ahead)
+    fits = fit_steps(estimate, wanted, ahead, windows)
     overlaps = strike_to_strike(estimate, seen, windows, ahead)
     summary = summary_of(prepared, estimate, ahead, seen, fits, overlaps, scatter(fits, overlaps))
     return CycloidResult(prepared, estimate, floor, ahead, seen, fits, overlaps, summary)
@@ -95,7 +97,8 @@ def _require_walk_in(task: FitCycloidTask, folder: Path) -> None:
     """Where there is nothing to estimate from, say first whether this is a walk at all."""
     trial = examine(task.recording, folder)
     if trial.match.name is not None:
-        require_walk(trial.recording, trial.match.landmarks)
+        landmarks = trial.match.landmarks
+        require_walk(trial.recording, landmarks, find_contacts(trial.recording, landmarks))
 
 
 def _floor_velocity_m_s(prepared: Prepared) -> Vector3:

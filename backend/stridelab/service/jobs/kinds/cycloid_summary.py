@@ -71,6 +71,7 @@ def _step(fit: StepFit) -> contract.FittedStep:
     return contract.FittedStep(
         t0_s=step.start_s,
         t1_s=step.end_s,
+        fitted_s=(float(fit.time_s[0]), float(fit.time_s[-1])),
         side=step.side,
         source=step.source,
         measured=step.measured,
