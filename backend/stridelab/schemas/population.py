@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Remark
-from stridelab.schemas.recordings import AgeYears, HeightM, MassKg, Sex
+from stridelab.schemas.recordings import AgeYears, HeightM, MassKg, Recording, Sex
 
 MAX_RECORDINGS = 500
 Name = Annotated[str, Field(min_length=1, max_length=80, pattern=r"^[^\x00-\x1f\x7f]+$")]
@@ -28,6 +28,26 @@ class SubjectOfRecording(PersonFields):
     """One row of the subject table."""
 
     recording_id: str
+
+
+class RefusedFile(Contract):
+    """A file of a bulk upload of which nothing is kept, and why."""
+
+    filename: str
+    code: str
+    message: str
+
+
+class RecordingBatch(Contract):
+    """Answer of ``POST /recordings/batch``; ``subjects`` is what ``study-population`` takes under that name.
+
+    ``studied`` are the ids of all but the static trials that the table names.
+    """
+
+    recordings: list[Recording]
+    studied: list[str]
+    subjects: list[SubjectOfRecording]
+    refused: list[RefusedFile]
 
 
 class StudyPopulationInput(Contract):

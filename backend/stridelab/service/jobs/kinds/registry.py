@@ -116,3 +116,6 @@ KINDS: Mapping[str, JobKind] = MappingProxyType(
 
 PARSE_UPLOAD = "stridelab.service.jobs.kinds.parse_upload:run_in_child"
 """Import path of the parser of uploads; it is run by ``POST /recordings``, not by the queue."""
+
+PARSE_BATCH = "stridelab.service.jobs.kinds.parse_batch:run_in_child"
+"""Import path of the reader of bulk uploads; it is run by ``POST /recordings/batch``."""
