@@ -62,6 +62,13 @@ _EXAMPLES: Final[dict[str, Any]] = {
             "value": {"recording_id": SAMPLE_ID, "latency": "apply"},
         },
     },
+    "fit-cycloid": {
+        "default": {"summary": "The wheel of every measured step", "value": {"recording_id": SAMPLE_ID}},
+        "all": {
+            "summary": "Also steps beside the plates, from the markers",
+            "value": {"recording_id": SAMPLE_ID, "steps": "all"},
+        },
+    },
     "simulate-recording": {
         "walk": {"summary": "Six seconds of walking", "value": {"duration_s": 6.0, "speed_m_s": 1.2, "seed": 1}},
         "noisy": {
