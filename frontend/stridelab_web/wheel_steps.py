@@ -9,6 +9,8 @@ from stridelab.schemas.cycloid import FitCycloidSummary, FittedStep, Rival, Step
 from stridelab_web.wheel_words import PARAMETERS, SPACES, Parameter, flag, model
 
 MS = 1000.0
+NOTICED_S = 0.015
+"""What a step may lack at its ends without being told: a sample or two."""
 
 
 @dataclass(frozen=True)
@@ -74,6 +76,12 @@ class WheelStep:
     def flags(self) -> tuple[str, ...]:
         """Sentences."""
         return tuple(flag(code) for code in self.fit.flags)
+
+    @property
+    def partly_fitted(self) -> bool:
+        """Whether the fit left out some of the step."""
+        start_s, end_s = self.fit.fitted_s
+        return start_s - self.fit.t0_s > NOTICED_S or self.fit.t1_s - end_s > NOTICED_S
 
     @property
     def timings(self) -> tuple[Timing, Timing]:

@@ -96,7 +96,8 @@ def _step(k: int) -> FittedStep:
         "error_mean_mm": 7.2, "error_max_mm": 14.0, "bounds": [],
     }  # fmt: skip
     return FittedStep(
-        t0_s=start, t1_s=end, side="left", source="plates", measured=True, R_m=R, r_m=r, z0_m=z0, omega_rad_s=omega,
+        t0_s=start, t1_s=end, fitted_s=(start + 0.04 * k, end), side="left", source="plates", measured=True, R_m=R,
+        r_m=r, z0_m=z0, omega_rad_s=omega,
         theta0_rad=theta0, sd=WheelSd(R_m=0.0011, r_m=0.0002, z0_m=0.0003), error_mean_mm=0.52 + k, error_sd_mm=0.2,
         error_max_mm=0.72 + k, theta_off_line_rad=0.07, double_support_s=(start + 0.45, end),
         double_support_model_s=(start + 0.38, end + 0.03), period_s=0.6, step_length_m=0.66, speed_m_s=1.1,

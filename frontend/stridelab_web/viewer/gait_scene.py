@@ -27,13 +27,13 @@ PATHS: dict[str, tuple[Colour, float]] = {
     com_frames.PATH: (BLUE, 0.004),
     f"{com_frames.GEOMETRY}/path": (BROWN, 0.003),
     f"{com_frames.ON_AXIS}/path": (AXIS_COLOUR, 0.003),
-    wheel_frames.TRACE: (WHEEL, 0.0025),
-    wheel_frames.GROUND: (BONE, 0.003),
+    wheel_frames.TRACE: (WHEEL, 0.003),
+    wheel_frames.GROUND: (WHEEL, 0.003),
     wheel_frames.HUB_PATH: (BONE, 0.0015),
 }
 """Colour and radius of the centre of mass, of the inputs that are places, and of the wheel."""
 PLATE_RIM, LABEL_INSIDE = 0.04, 0.25
-RIM_SHARE, SPOKES = 0.03, 6
+RIM_SHARE, SPOKES = 0.05, 6
 """Half thickness of the wheel's rim over its radius, and how many spokes show that it turns."""
 
 
