@@ -22,7 +22,7 @@ PLACES: Final = {a.key: a.name.lower() for a in AGAINST}
 
 @dataclass(frozen=True)
 class Row:
-    """One correlation in words; ``clear`` where its interval leaves out zero."""
+    """One correlation in words; ``clear`` where its interval leaves out zero. Ranks and partials carry intervals."""
 
     pair: CorrelationResult
     letter: str
@@ -32,8 +32,8 @@ class Row:
     bootstrap: str
     p: str
     p_holm: str
-    ranks: str
-    partials: tuple[str, ...]
+    ranks: tuple[str, str]
+    partials: tuple[tuple[str, str], ...]
     thesis: str
     clear: bool
 
@@ -62,8 +62,8 @@ def correlation_rows(summary: StudyPopulationSummary) -> tuple[Row, ...]:
 
 
 def _row(pair: CorrelationResult) -> Row:
-    partials = {one.on: f"{one.r:+.2f} {interval(one.ci95)}".strip() for one in pair.partial}
-    ranks = "–" if pair.spearman is None else f"{pair.spearman:+.2f} {interval(pair.spearman_ci95)}"
+    partials = {one.on: (f"{one.r:+.2f}", interval(one.ci95)) for one in pair.partial}
+    ranks = ("–", "") if pair.spearman is None else (f"{pair.spearman:+.2f}", interval(pair.spearman_ci95))
     thesis = [] if pair.thesis is None else [f"{pair.thesis:.2f}"]
     if said := THESIS_P.get((pair.parameter, pair.against)):
         thesis.append(said)
@@ -76,8 +76,8 @@ def _row(pair: CorrelationResult) -> Row:
         bootstrap=interval(pair.bootstrap_ci95),
         p=chance(pair.p),
         p_holm=chance(pair.p_holm),
-        ranks=ranks.strip(),
-        partials=tuple("" if a.key == pair.against else partials.get(a.key, "–") for a in AGAINST),
+        ranks=ranks,
+        partials=tuple(("", "") if a.key == pair.against else partials.get(a.key, ("–", "")) for a in AGAINST),
         thesis=", ".join(thesis),
         clear=pair.ci95 is not None and (pair.ci95[0] > 0 or pair.ci95[1] < 0),
     )
@@ -92,19 +92,22 @@ def model_rows(summary: StudyPopulationSummary) -> tuple[ModelRow, ...]:
 def _model_row(one: MixedModelResult, parameter: Parameter) -> ModelRow:
     factor, unit = parameter.factor, parameter.unit
     effects = tuple(
-        f"{words(e.name)}: {factor * e.value:z.3g} {interval([factor * bound for bound in e.ci95], 3)}"
+        f"{PLACES.get(e.name, words(e.name))}: {rounded(factor * e.value)}"
+        f" [{rounded(factor * e.ci95[0])}, {rounded(factor * e.ci95[1])}]"
         for e in one.effects
     )
-    within = f"{factor * one.step_sd:.3g}"
-    return ModelRow(one, parameter.letter, effects, f"{factor * one.subject_sd:.3g}", within, unit)
+    between, within = rounded(factor * one.subject_sd), rounded(factor * one.step_sd)
+    return ModelRow(one, parameter.letter, effects, between, within, unit)
 
 
-def interval(bounds: Sequence[float] | None, digits: int = 0) -> str:
-    """An interval with two decimals, or with so many ``digits`` in all; empty where there is none."""
-    if bounds is None:
-        return ""
-    low, high = (f"{bound:z.{digits}g}" if digits else f"{bound:z.2f}" for bound in bounds)
-    return f"[{low}, {high}]"
+def interval(bounds: Sequence[float] | None) -> str:
+    """An interval with two decimals; empty where there is none."""
+    return "" if bounds is None else f"[{bounds[0]:z.2f}, {bounds[1]:z.2f}]"
+
+
+def rounded(value: float) -> str:
+    """Three digits, without an exponent."""
+    return f"{float(f'{value:.3g}'):zf}".rstrip("0").rstrip(".")
 
 
 def chance(p: float) -> str:

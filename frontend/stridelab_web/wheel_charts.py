@@ -12,7 +12,7 @@ from stridelab_web.wheel_steps import WheelStep
 
 WHEEL_TABLE: Final = "wheel.parquet"
 MM = 1000.0
-WIDE_PX, HALF_PX, TALL_PX = 1120.0, 560.0, 290.0
+WIDE_PX, HALF_PX, TALL_PX = 920.0, 560.0, 290.0
 SAMPLES_SHOWN: Final = 40
 """Measured samples that are drawn as dots; the others lie between them."""
 

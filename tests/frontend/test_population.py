@@ -8,7 +8,7 @@ import pytest
 
 from stridelab_web.population_bars import THESIS_ERROR_MM, bars_of
 from stridelab_web.population_charts import AGAINST, groups_of, scatter
-from stridelab_web.population_tables import correlation_rows, model_rows
+from stridelab_web.population_tables import correlation_rows, model_rows, rounded
 from stridelab_web.wheel_words import PARAMETERS
 from support.fake_population import KIND, PEOPLE, summary
 from support.fake_service import FakeService
@@ -64,14 +64,20 @@ def test_correlations_come_in_the_order_of_the_pages_with_the_thesis_beside() ->
     assert [row.clear for row in rows] == [True, False, True, False]
     first = rows[0]
     assert (first.r, first.interval, first.p, first.p_holm) == ("+0.66", "[0.10, 0.90]", "0.027", "0.108")
-    assert first.partials == ("", "–", "+0.50 [-0.20, 0.80]", "–")
+    assert first.partials == (("", ""), ("–", ""), ("+0.50", "[-0.20, 0.80]"), ("–", ""))
     assert rows[2].p == "< 0.001"
 
 
 def test_mixed_models_are_in_the_unit_of_the_parameter() -> None:
     (row,) = model_rows(summary())
-    assert row.effects == ("height m: 30 [-13, 73]",)
+    assert row.effects == ("height: 30 [-13, 73]",)
     assert (row.between, row.within, row.unit) == ("4", "2", "mm")
+
+
+def test_numbers_have_three_digits_and_no_exponent() -> None:
+    assert [rounded(v) for v in (1023.4, 0.0004567, -13.04, 100.0, 0.0, 2.5)] == [
+        "1020", "0.000457", "-13", "100", "0", "2.5",
+    ]  # fmt: skip
 
 
 def test_bars_are_to_scale_and_the_thesis_has_its_line() -> None:

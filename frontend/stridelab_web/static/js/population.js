@@ -38,6 +38,7 @@ if (rows.length) {
     const job = await startJob("study-population", {
       recording_ids: found.map((row) => row.dataset.recording),
       method: data.get("method") || null,
+      steps: data.get("steps"),
       pooled: data.has("pooled"),
       subjects: found.map((row) => personOf(row, data.get("group-of-all").trim())),
     });
