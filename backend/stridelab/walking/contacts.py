@@ -23,8 +23,10 @@ from stridelab.walking.marker_motion import level_speed_m_s, smooth_velocity_m_s
 
 LEAVING, LANDED = 0.9, 0.45
 """Of the walking speed: of the forefoot at lift-off, of the heel at the strike."""
-SWINGING: Final = 1.2
-"""Of the walking speed: a foot that is faster swings; its fastest instant is at about 3.5."""
+SWINGING: Final = 0.9
+"""Of the walking speed: a faster foot swings. Its fastest instant is at 3.5, in the first step from rest at 1.5."""
+LEAST_SWING_S: Final = 0.15
+"""A foot that is off the ground for less did not step: a marker has jumped."""
 SAME_S: Final = 0.1
 """Plate and markers mean the same instant if they differ by less; else the foot stood beside the plate meanwhile."""
 MOSTLY: Final = 0.5
@@ -91,8 +93,12 @@ def contacts_of_foot(recording: Recording, landmarks: Mapping[str, str], foot: F
         if i < down_again:
             continue
         fastest = i + int(np.argmax(swinging[i:j]))
-        contacts.append(Contact(foot.side, strike_s, _crossing_s(time_s, fore, fastest, -1, LEAVING * v)))
-        strike_s = _crossing_s(time_s, slower, fastest, 1, LANDED * v)
+        lift_off_s = _crossing_s(time_s, fore, fastest, -1, LEAVING * v)
+        landing_s = _crossing_s(time_s, slower, fastest, 1, LANDED * v)
+        if lift_off_s is not None and landing_s is not None and landing_s - lift_off_s < LEAST_SWING_S:
+            continue
+        contacts.append(Contact(foot.side, strike_s, lift_off_s))
+        strike_s = landing_s
         down_again = len(time_s) if strike_s is None else int(np.searchsorted(time_s, strike_s))
     contacts.append(Contact(foot.side, strike_s, None))
     return [c for c in contacts if len(contacts) == 1 or c.strike_s is not None or c.lift_off_s is not None]

@@ -2,11 +2,12 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from stridelab.conventions import Vector3
-from stridelab.recordings.feet import Foot, find_feet, ground_velocity_m_s
+from stridelab.conventions import Points, Series, Vector3
+from stridelab.recordings.feet import find_feet, ground_velocity_m_s
 from stridelab.recordings.recording import Recording, Side, Window
 from stridelab.walking.contacts import Contact, find_contacts
 from stridelab.walking.gait_step import MOST_MISSING, GaitStep, TimingSource
@@ -25,34 +26,31 @@ def find_steps(
     """All whole steps in order of time; ``windows`` are where all contact force is measured.
 
     ``latency_s`` > 0 is by how much the force is late. ``ahead`` is the direction of the walk; that of the recording
-    unless stated, and each step's own where the recording has none. ``contacts`` are those of ``find_contacts`` if they
-    are known already. Empty where there is no whole step.
+    unless stated, and from the pelvis' first to its last place where the recording has none. ``contacts`` are those of
+    ``find_contacts`` if they are known already. Empty where there is no whole step.
     """
     if contacts is None:
         contacts = find_contacts(recording, landmarks, latency_s=latency_s)
-    feet = {foot.side: foot for foot in find_feet(recording, landmarks)}
+    if not contacts:
+        return ()
+    walk = _OverFloor.of(recording, landmarks, ahead if ahead is not None else recording.walking_direction)
     steps = []
     for before, after in _swings(contacts):
         other = _stance_during(contacts, before, after)
         if other is None or before.lift_off_s is None or after.strike_s is None or other.lift_off_s is None:
             continue
-        slack_s = MOST_MISSING * (other.lift_off_s - before.lift_off_s)
-        inside = any(
-            w.start_s - slack_s <= before.lift_off_s and other.lift_off_s <= w.end_s + slack_s for w in windows
-        )
-        period_s = after.strike_s - other.strike_s if other.strike_s else other.lift_off_s - before.lift_off_s
-        towards = ahead if ahead is not None else recording.walking_direction
-        length_m, speed_m_s = _length_and_speed(recording, landmarks, feet, before, after, other, towards)
+        start_s, strike_s, end_s = before.lift_off_s, after.strike_s, other.lift_off_s
+        slack_s = MOST_MISSING * (end_s - start_s)
         steps.append(
             GaitStep(
                 side=before.side,
-                lift_off_s=before.lift_off_s,
-                strike_s=after.strike_s,
-                next_lift_off_s=other.lift_off_s,
-                period_s=period_s,
-                length_m=length_m,
-                speed_m_s=speed_m_s,
-                measured=inside,
+                lift_off_s=start_s,
+                strike_s=strike_s,
+                next_lift_off_s=end_s,
+                period_s=end_s - start_s if other.strike_s is None else strike_s - other.strike_s,
+                length_m=walk.length_m(before.side, start_s, strike_s),
+                speed_m_s=walk.speed_m_s(start_s, end_s),
+                measured=any(w.start_s - slack_s <= start_s and end_s <= w.end_s + slack_s for w in windows),
                 source=_source(before, after, other),
                 prior_strike_s=other.strike_s,
             )
@@ -83,33 +81,37 @@ def _source(before: Contact, after: Contact, other: Contact) -> TimingSource:
     return "mixed" if len(sources) > 1 else next(iter(sources))
 
 
-def _length_and_speed(
-    recording: Recording,
-    landmarks: Mapping[str, str],
-    feet: Mapping[Side, Foot],
-    before: Contact,
-    after: Contact,
-    other: Contact,
-    ahead: Vector3 | None,
-) -> tuple[float | None, float]:
-    """From where the other heel stands to where this one lands, and the pelvis' speed from lift-off to lift-off."""
-    assert before.lift_off_s is not None
-    assert after.strike_s is not None
-    assert other.lift_off_s is not None
-    time_s = recording.time_s
-    floor = ground_velocity_m_s(
-        recording, [f.markers_m[:, k] for f in feet.values() for k in range(f.markers_m.shape[1])]
-    )
+@dataclass(frozen=True)
+class _OverFloor:
+    """Pelvis and heels against the floor, which moves on a treadmill, and the unit vector of the walk."""
 
-    def at(track: np.ndarray, when_s: float) -> Vector3:
-        carried = track - floor * time_s[:, None]
-        return np.array([np.interp(when_s, time_s, carried[:, axis]) for axis in range(3)])
+    time_s: Series
+    pelvis_m: Points
+    heels_m: Mapping[Side, Points]
+    ahead: Vector3
 
-    pelvis = pelvis_m(recording, landmarks)
-    way = (at(pelvis, other.lift_off_s) - at(pelvis, before.lift_off_s)) * [1.0, 1.0, 0.0]
-    if ahead is None:
-        ahead = way / max(float(np.linalg.norm(way)), 1e-9)
-    stands = at(feet[other.side].markers_m[:, 0], before.lift_off_s)
-    lands = at(feet[before.side].markers_m[:, 0], after.strike_s)
-    length = float((lands - stands) @ ahead)
-    return (length if np.isfinite(length) else None), float(way @ ahead) / (other.lift_off_s - before.lift_off_s)
+    @classmethod
+    def of(cls, recording: Recording, landmarks: Mapping[str, str], ahead: Vector3 | None) -> "_OverFloor":
+        feet = find_feet(recording, landmarks)
+        tracks = [foot.markers_m[:, k] for foot in feet for k in range(foot.markers_m.shape[1])]
+        moved = ground_velocity_m_s(recording, tracks) * recording.time_s[:, None]
+        pelvis = pelvis_m(recording, landmarks) - moved
+        if ahead is None:
+            seen = pelvis[np.isfinite(pelvis).all(axis=1)]
+            ahead = seen[-1] - seen[0]
+        level = ahead * [1.0, 1.0, 0.0]
+        heels = {foot.side: np.asarray(foot.markers_m[:, 0] - moved) for foot in feet}
+        return cls(recording.time_s, np.asarray(pelvis), heels, level / np.linalg.norm(level))
+
+    def length_m(self, side: Side, lift_off_s: float, strike_s: float) -> float | None:
+        """From where the other heel stands as this foot lifts to where this heel strikes; None if one is not seen."""
+        other: Side = "left" if side == "right" else "right"
+        length = self._ahead_m(self.heels_m[side], strike_s) - self._ahead_m(self.heels_m[other], lift_off_s)
+        return length if np.isfinite(length) else None
+
+    def speed_m_s(self, start_s: float, end_s: float) -> float:
+        """Mean speed of the pelvis; NaN where it is not seen."""
+        return (self._ahead_m(self.pelvis_m, end_s) - self._ahead_m(self.pelvis_m, start_s)) / (end_s - start_s)
+
+    def _ahead_m(self, track: Points, at_s: float) -> float:
+        return float(np.interp(at_s, self.time_s, track @ self.ahead))
