@@ -60,6 +60,14 @@ def test_as_a_path_the_wheel_is_within_millimetres(people, group, mean_mm, worst
     assert all(f.step.path.converged and f.step.path.wheel.curtate for f in people[group])
 
 
+def test_the_error_is_mainly_vertical_and_seldom_below_a_millimetre_and_a_half_throughout(people):
+    largest = np.array([1e3 * f.step.path.distance_m.max() for f in people["C4"]])
+    assert largest.mean() == pytest.approx(2.35, abs=0.15)
+    assert np.count_nonzero(largest < 1.5) == 2
+    ahead, up = np.sqrt(np.mean([np.mean(f.step.path.error_m**2, axis=0) for f in people["C4"]], axis=0))
+    assert up > 5 * ahead
+
+
 def test_the_other_branch_fits_as_well_so_that_the_path_does_not_tell_them_apart(people):
     other = np.array([1e3 * f.step.reversed_path.distance_m.mean() for f in people["C4"]])
     assert other.mean() == pytest.approx(0.82, abs=0.05)
