@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import structlog
 from sqlalchemy import update
 from starlette.requests import Request
 
@@ -23,6 +24,8 @@ from stridelab.service.api.recordings.rows import recording_of, recording_row
 from stridelab.service.api.recordings.storing import delete_recording, store_upload
 from stridelab.service.jobs.kinds.registry import PARSE_BATCH
 from stridelab.service.storage.tables import recording
+
+log = structlog.get_logger(__name__)
 
 TABLE_FIELD, TABLE_FILE, TABLE_BYTES = "subjects", "subjects.csv", 1_000_000
 TIMEOUT_S = 900.0
@@ -82,6 +85,9 @@ async def _read_all(parts: Parts, forms: ReceivedForms, folder: Path) -> dict[st
     if outcome.state != "ok":
         message = "Reading the files took more time or memory than this service allows; send fewer at a time."
         raise UnreadableFile("batch-not-read", message, [Fault("file", outcome.state)])
+    broken = [one["name"] for one in outcome.value["files"] if one.get("problem", {}).get("code") == "parser-crashed"]
+    if broken:
+        log.warning("files of a batch not read", count=len(broken), log_tail=outcome.log_tail[-2000:])
     return dict(outcome.value)
 
 

@@ -10,7 +10,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, Final
@@ -21,6 +21,9 @@ from stridelab.service.jobs.kinds.kind import Json
 
 PROCESSES: Final = 2
 _NEVER_S: Final = 3600.0
+_START_S: Final = 60.0
+"""For the server process to import what is preloaded; the time of an item counts from when its own process works."""
+_STARTED: Final = b"started"
 
 
 @dataclass(frozen=True)
@@ -55,18 +58,29 @@ def each_apart(
                 process = context.Process(target=_answer, args=(theirs, work, item), daemon=True)
                 process.start()
                 theirs.close()
-                running[ours] = _Running(index, process, time.monotonic() + timeout_s)
+                running[ours] = _Running(index, process, time.monotonic() + _START_S)
             left_s = min(one.until_s for one in running.values()) - time.monotonic()
             ready = wait(list(running), timeout=max(left_s, 0.0))
             late = [pipe for pipe, one in running.items() if one.until_s <= time.monotonic() and pipe not in ready]
-            for pipe in (*(p for p in running if p in ready), *late):
-                yield _finished(pipe, running.pop(pipe), timed_out=pipe in late)
+            for pipe in [pipe for pipe in running if pipe in ready]:
+                one = running.pop(pipe)
+                message = _received(pipe)
+                if message == _STARTED:
+                    running[pipe] = replace(one, until_s=time.monotonic() + timeout_s)
+                else:
+                    yield one.index, _finished(pipe, one.process, message)
+            for pipe in late:
+                one = running.pop(pipe)
+                _end(pipe, one.process)
+                sentence = "Its computation took too long and was ended."
+                yield one.index, StridelabError("computation-timed-out", sentence)
     finally:
         for pipe, one in running.items():
             _end(pipe, one.process)
 
 
 def _answer(pipe: Connection, work: Callable[[Json], Json], item: Json) -> None:
+    pipe.send_bytes(_STARTED)
     try:
         message: Json = {"value": work(item)}
     except StridelabError as error:
@@ -76,22 +90,28 @@ def _answer(pipe: Connection, work: Callable[[Json], Json], item: Json) -> None:
     pipe.close()
 
 
-def _finished(pipe: Connection, one: _Running, *, timed_out: bool) -> tuple[int, "Json | StridelabError"]:
+def _received(pipe: Connection) -> bytes | None:
     try:
-        if timed_out:
-            return one.index, StridelabError("computation-timed-out", "Its computation took too long and was ended.")
-        message: dict[str, Any] = json.loads(pipe.recv_bytes())
+        return pipe.recv_bytes()
     except EOFError:
-        one.process.join()
-        how = f"Its computation ended with exit code {one.process.exitcode} and no answer."
-        return one.index, StridelabError("computation-crashed", how)
-    finally:
-        _end(pipe, one.process)
+        return None
+
+
+def _finished(pipe: Connection, process: BaseProcess, content: bytes | None) -> "Json | StridelabError":
+    if content is None:
+        process.join()
+    exit_code = process.exitcode
+    _end(pipe, process)
+    if content is None:
+        how = f"Its computation ended with exit code {exit_code} and no answer."
+        return StridelabError("computation-crashed", how)
+    message: dict[str, Any] = json.loads(content)
     if "value" in message:
-        return one.index, message["value"]
+        value: Json = message["value"]
+        return value
     kind: type[StridelabError] = getattr(errors, message["raised"], StridelabError)
     code, sentence = message["about"]
-    return one.index, kind(code, sentence, [Fault(*fault) for fault in message["faults"]])
+    return kind(code, sentence, [Fault(*fault) for fault in message["faults"]])
 
 
 def _end(pipe: Connection, process: BaseProcess) -> None:

@@ -21,6 +21,8 @@ from stridelab.service.jobs.kinds.tasks import ParseUploadTask, RecordingSource
 from stridelab.service.subject_table import match, read_subject_table
 
 PRELOAD: Final = ("stridelab.service.jobs.kinds.parse_batch",)
+ARENA_MB: Final = 1536
+"""Address space that the library of the tables reserves at its first use, and hardly uses."""
 BROKEN: Final = {
     "computation-crashed": ("parser-crashed", "The file broke its reader; it is damaged, or not what it claims to be."),
     "computation-timed-out": ("parser-timed-out", "Reading the file took longer than this service allows."),
@@ -85,7 +87,7 @@ def read_one(item: Json) -> Json:
     if item["bytes"] > item["limit_bytes"]:
         most = f"{item['limit_bytes'] / 1e6:g} MB"
         raise TooLarge("upload-too-large", f"The file is larger than {most}, the most that this service takes.")
-    limit_memory(item["memory_mb"])
+    limit_memory(item["memory_mb"] + ARENA_MB)
     folder = Path(item["folder"])
     own = folder / f"parsed-{item['place']:04d}"
     own.mkdir()
