@@ -17,7 +17,8 @@ class FitCycloidInput(EstimateComInput):
         default="measured",
         description=(
             "measured: steps during which all contact force is on plates (8 % at either end may be missing); all: "
-            "also those for which the centre of mass follows from the markers alone, as far as the estimate reaches"
+            "also those for which the centre of mass follows from the markers alone, as far as the estimate reaches: "
+            "only the smoother answers outside the window"
         ),
     )
 

@@ -75,6 +75,11 @@ def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback) -
     contacts = find_contacts(recording, landmarks, latency_s=latency_s)
     require_walk(recording, landmarks, contacts)
 
+    windows = prepared.windows or (Window(0.0, recording.duration_s),)
+    seen = find_steps(recording, landmarks, windows, contacts=contacts)
+    wanted = [step for step in seen if step.measured or request.steps == "all"]
+    require_steps(recording, seen, wanted, windows)
+
     progress(0.7, "estimating the centre of mass")
     floor = _floor_velocity_m_s(prepared)
     estimate = _over_floor(fused(method, request, prepared, beyond_window=request.window_s is None), floor)
@@ -83,10 +88,6 @@ def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback) -
     ahead = recording.walking_direction
     if ahead is None:
         ahead = walk_frame(estimate.velocity_m_s)[0]
-    windows = prepared.windows or (Window(0.0, recording.duration_s),)
-    seen = find_steps(recording, landmarks, windows, ahead=ahead, contacts=contacts)
-    wanted = [step for step in seen if step.measured or request.steps == "all"]
-    require_steps(recording, seen, wanted, windows)
     fits = fit_steps(estimate, wanted, ahead, windows)
     overlaps = strike_to_strike(estimate, seen, windows, ahead)
     summary = summary_of(prepared, estimate, ahead, seen, fits, overlaps, scatter(fits, overlaps))
