@@ -42,8 +42,9 @@ async function study() {
 }
 
 onSubmit(form, async (data) => {
-  const parts = new FormData();
-  for (const file of data.getAll("file")) parts.append("file", file);
+  const parts = new FormData(), files = data.getAll("file").filter((file) => file.size);
+  if (!files.length) return "Choose the recordings first.";
+  for (const file of files) parts.append("file", file);
   // The table is text, not a file, in this form of the interface.
   const table = data.get("subjects");
   if (table.size) parts.append("subjects", await table.text());
