@@ -42,10 +42,10 @@ PARAMETERS: Final = (
 MODELS: Final = {
     "sinusoid": "sinusoid",
     "two-harmonics": "two harmonics",
-    "one-harmonic": "one harmonic (an ellipse that moves)",
+    "one-harmonic": "one harmonic (an ellipse)",
     "pendulum-arcs": "inverted-pendulum arcs",
     "wheel": "wheel, s = +1 (thesis)",
-    "wheel-reversed": "wheel, s = −1 (turning backwards)",
+    "wheel-reversed": "wheel, s = −1",
 }
 SPACES: Final = {
     "path": ("As a path", "Height as a function of the way ahead; vertical errors only."),
