@@ -6,13 +6,43 @@ Numeric packages are imported inside the commands, so that ``stridelab --help`` 
 import os
 import signal
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperGroup
 
 from stridelab import __version__
 from stridelab.cli_console import FAILURE, INTERRUPTED, exit_code, out, show_error
+from stridelab.cli_fit import fit_cycloid
+from stridelab.cli_options import (
+    Age,
+    AsJson,
+    Cutoffs,
+    Force,
+    Gait,
+    Height,
+    Lab,
+    Latency,
+    Markers,
+    Mass,
+    Measured,
+    Method,
+    OnlineMethod,
+    OutFolder,
+    PersonSex,
+    Priors,
+    SegmentMomentum,
+    Segments,
+    Server,
+    Sex,
+    Static,
+    Token,
+    Trial,
+    Walker,
+    WithoutLearning,
+    WithoutPlates,
+)
+from stridelab.cli_study import study_population
 from stridelab.errors import StridelabError
 
 
@@ -38,42 +68,6 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-
-Sex = Literal["female", "male"]
-Lab = Literal["walkway", "two_plates"]
-Walker = Literal["human", "talos"]
-Gait = Literal["walking", "running"]
-Method = Literal["complementary", "geometry", "kalman", "rts", "smoother"]
-OnlineMethod = Literal["complementary", "smoother"]
-SegmentTable = Literal["auto", "dumas2007", "deleva1996", "carried"]
-
-Trial = Annotated[Path, typer.Argument(help="A .c3d file, or a .zip of a .trc and a .mot or .sto file.")]
-Height = Annotated[float | None, typer.Option("--height", help="Stature in metres.")]
-Mass = Annotated[float | None, typer.Option("--mass", help="Body mass in kilograms.")]
-PersonSex = Annotated[Sex | None, typer.Option("--sex", help="Which columns of the segment table.")]
-Age = Annotated[float | None, typer.Option("--age", help="Age in years.")]
-Latency = Annotated[str, typer.Option("--latency", help="apply (where significant), report, or seconds to apply.")]
-Segments = Annotated[SegmentTable, typer.Option("--segment-table", help="Table of segment masses.")]
-Cutoffs = Annotated[str, typer.Option("--cutoffs", help="auto, thesis, spectra, or LOW,HIGH in Hz.")]
-Priors = Annotated[
-    list[str] | None, typer.Option("--prior", help="For the smoother: ERROR=SIZE, e.g. plate_force_n=5; repeatable.")
-]
-WithoutLearning = Annotated[
-    bool, typer.Option("--no-learn", help="For the smoother: keep the stated sizes of the errors.")
-]
-SegmentMomentum = Annotated[
-    bool, typer.Option("--segment-momentum", help="For the smoother: believe the segments' angular momentum.")
-]
-Measured = Annotated[str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")]
-Static = Annotated[Path | None, typer.Option("--static", help="Static trial of the same person.")]
-Markers = Annotated[list[str] | None, typer.Option("--marker", help="LANDMARK=LABEL; may be repeated.")]
-WithoutPlates = Annotated[list[int] | None, typer.Option("--without-plate", help="Plate index to leave out.")]
-
-OutFolder = Annotated[Path | None, typer.Option("--out", help="Folder for the result; must not exist yet.")]
-Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
-AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of a table.")]
-Server = Annotated[str | None, typer.Option("--server", help="Run on this service (http://...) instead.")]
-Token = Annotated[str | None, typer.Option("--token", envvar="STRIDELAB_API_TOKEN", help="Its API token.")]
 
 
 @app.command()
@@ -306,7 +300,7 @@ def plan(
 
 @app.command()
 def reproduce(
-    item: Annotated[str, typer.Argument(help="A figure of the thesis: fig-2.2, fig-2.5 to fig-2.9.")],
+    item: Annotated[str, typer.Argument(help="A figure: fig-2.2, fig-2.5 to fig-2.9, fig-3.4, fig-3.5, fig-3.10.")],
     seeds: Annotated[int | None, typer.Option("--seeds", help="Simulated walks to repeat it on, 1 to 200.")] = None,
     out_dir: OutFolder = None,
     force: Force = False,
@@ -345,6 +339,10 @@ def doctor(
 def version() -> None:
     """Print the version."""
     out.print(__version__)
+
+
+app.command(name="fit-cycloid")(fit_cycloid)
+app.command(name="study-population")(study_population)
 
 
 def main() -> None:

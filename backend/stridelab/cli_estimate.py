@@ -29,7 +29,7 @@ Input = TypeVar("Input", bound=EstimateComInput)
 
 @dataclass(frozen=True)
 class EstimateRequest:
-    """Options of ``stridelab estimate`` and ``stridelab compare`` as typed."""
+    """Options of ``stridelab estimate``, ``compare`` and ``fit-cycloid`` as typed; ``steps`` is for the last alone."""
 
     file: Path
     height_m: float | None = None
@@ -47,6 +47,7 @@ class EstimateRequest:
     static: Path | None = None
     markers: tuple[str, ...] = ()
     without_plates: tuple[int, ...] = ()
+    steps: str | None = None
 
     def subject(self) -> SubjectFields:
         """What was stated of the person. Raises ``InvalidInput`` naming the option that makes no sense."""
@@ -73,6 +74,8 @@ class EstimateRequest:
             "smoother": self._smoother(),
             "window_s": None if self.window is None else numbers("--window", self.window, 2),
         }
+        if self.steps is not None:
+            fields["steps"] = self.steps
         return validated(model, fields)
 
     def _smoother(self) -> dict[str, Any] | None:

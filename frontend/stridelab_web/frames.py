@@ -61,6 +61,15 @@ class Ellipsoid:
 
 
 @dataclass(frozen=True)
+class Hoop:
+    """A node of unit size with a pose (seven numbers from ``at`` on), as large as the number at ``size``."""
+
+    name: str
+    at: int
+    size: int
+
+
+@dataclass(frozen=True)
 class Span:
     """A node that is there from ``start_s`` until ``end_s`` only."""
 
@@ -92,6 +101,7 @@ class Frames:
     sticks: tuple[Stick, ...] = ()
     arrows: tuple[Arrow, ...] = ()
     ellipsoids: tuple[Ellipsoid, ...] = ()
+    hoops: tuple[Hoop, ...] = ()
     spans: tuple[Span, ...] = ()
     tracks: tuple[Track, ...] = ()
     still: tuple[str, ...] = ()
@@ -113,6 +123,7 @@ class Frames:
             "sticks": [[s.name, s.start, s.end] for s in self.sticks],
             "arrows": [[a.shaft, a.head, a.at, a.label] for a in self.arrows],
             "ellipsoids": [[e.name, e.at, e.axes] for e in self.ellipsoids],
+            "hoops": [[h.name, h.at, h.size] for h in self.hoops],
             "spans": [[s.name, s.start_s, s.end_s] for s in self.spans],
             "still": [*(t.name for t in self.tracks), *self.still],
             "phase_starts_s": list(self.phase_starts_s),

@@ -8,6 +8,7 @@ from stridelab.schemas.recordings import Recording
 from stridelab_web.com_frames import ComFrames, add_com
 from stridelab_web.frames import Arrow, Frames, Point, Sheet, Stick
 from stridelab_web.tables import Columns, triple
+from stridelab_web.wheel_frames import WheelFrames, add_wheel, com_of
 
 ARROW_THRESHOLD_N: Final = 20.0
 
@@ -27,8 +28,8 @@ SPINE: Final = (
 """Pairs of landmarks across the body that a line joins."""
 
 
-def build_frames(recording: Recording, tracks: Columns, com: Columns | None) -> Frames:
-    """Frames of ``tracks.parquet`` and, where a job is shown, of its ``com.parquet``."""
+def build_frames(recording: Recording, tracks: Columns, com: Columns | None, wheel: Columns | None = None) -> Frames:
+    """Frames of ``tracks.parquet`` and, where a job is shown, of its ``com.parquet`` and ``wheel.parquet``."""
     time_s = tracks["time_s"]
     sheet = Sheet()
     points: list[Point] = []
@@ -51,15 +52,19 @@ def build_frames(recording: Recording, tracks: Columns, com: Columns | None) -> 
         name, label = (f"plate{index}", f"force on plate {index}") if index else ("total", "total force")
         arrows.append(Arrow(f"/forces/{name}_shaft", f"/forces/{name}_head", at, label))
 
+    if com is None and wheel is not None:
+        com = com_of(wheel)
     shown = ComFrames() if com is None else add_com(sheet, time_s, com, _floor_m(recording))
+    rolling = WheelFrames() if wheel is None else add_wheel(sheet, time_s, wheel)
     return Frames(
         time_s,
         sheet.values(len(time_s)),
-        points=(*points, *shown.points),
-        sticks=(*sticks, *shown.sticks),
+        points=(*points, *shown.points, *rolling.points),
+        sticks=(*sticks, *shown.sticks, *rolling.sticks),
         arrows=tuple(arrows),
         ellipsoids=shown.ellipsoids,
-        tracks=shown.tracks,
+        hoops=rolling.hoops,
+        tracks=(*shown.tracks, *rolling.tracks),
     )
 
 

@@ -112,6 +112,8 @@ _KINDS = {
     "simulate-recording": "Simulated recording",
     "plan-motion": "Motion plan",
     "learn-reachability": "Reachability",
+    "fit-cycloid": "Rolling wheel",
+    "study-population": "Population",
 }
 
 FILTERS = {

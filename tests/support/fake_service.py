@@ -20,7 +20,7 @@ from stridelab.schemas.base import Problem, Remark
 from stridelab.schemas.jobs import Artifact, Job, JobEvent, JobResult, Progress
 from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
 from stridelab.schemas.scenarios import Scenario, StoredScenario
-from support import fake_comparison, fake_planner
+from support import fake_comparison, fake_planner, fake_population, fake_wheel
 from support.fake_walk import (
     DURATION_S,
     LABELS,
@@ -64,6 +64,7 @@ class FakeService:
         self.plans: dict[str, dict[str, bytes]] = {}
         self.results: dict[str, JobResult] = {}
         self.comparisons: dict[str, tuple[bool, dict[str, bytes]]] = {}
+        self.wheel = fake_wheel.wheel_parquet()
         self.failing: Problem | None = None
         self.step_s = step_s
         self.tracks = tracks_parquet()
@@ -146,6 +147,9 @@ class FakeService:
         if job_id in self.comparisons:
             with_truth, files = self.comparisons[job_id]
             return fake_comparison.result(given, files, with_truth=with_truth)
+        for other in (fake_wheel, fake_population):
+            if job.kind == other.KIND:
+                return other.result(given)
         versions = {"stridelab": "0.1.0", "numpy": "2.4"}
         if job.kind == "simulate-recording":
             summary = {"recording_id": next(iter(self.recordings)), "speed_m_s": 1.2, "n_steps": 6, "warnings": []}
@@ -311,7 +315,8 @@ class FakeService:
         files = self.plans.get(request.path_params["id"], compared)
         if files is not None:
             return Response(files[request.path_params["name"]], media_type="application/octet-stream")
-        return Response(self.com, media_type="application/vnd.apache.parquet")
+        content = self.wheel if request.path_params["name"] == "wheel.parquet" else self.com
+        return Response(content, media_type="application/vnd.apache.parquet")
 
 
 def _corners(x: float, y: float) -> list[list[float]]:

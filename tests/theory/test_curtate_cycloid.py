@@ -5,31 +5,38 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy import stats
 
-from support.curtate_cycloid import cycloid, fit_path
+from stridelab.walking.curtate_cycloid import Wheel
+from stridelab.walking.path_fit import fit_path
+from support.curtate_cycloid import fit_without_offset
 
 R, r, Z0 = 0.10, 0.015, 0.95
-OMEGA = 2 * np.pi / 0.54
+STEP_S = 0.54
+OMEGA = 2 * np.pi / STEP_S
 THETA = np.linspace(0.0, 2 * np.pi, 100_001)
+AS_PRINTED = Wheel(R_m=R, r_m=r, z0_m=Z0, x0_m=0.0)
+REVERSED = Wheel(R_m=R, r_m=r, z0_m=Z0, x0_m=0.0, branch=-1)
 
 
 def test_without_an_offset_in_x_the_wheel_takes_its_radius_from_the_place_in_the_laboratory():
     theta = np.linspace(-2.5, 3.5, 60)
-    x, z = cycloid(theta, R, r, Z0, x0_m=2.3)
-    with_offset = fit_path(x, z, np.array([0.09, 0.012, 0.94, 2.31]), theta + 0.1)
-    assert_allclose([with_offset.R_m, with_offset.r_m, with_offset.z0_m], [R, r, Z0], rtol=1e-6)
+    path = Wheel(R_m=R, r_m=r, z0_m=Z0, x0_m=2.3).position_m(theta)
+    with_offset = fit_path(theta / OMEGA, path, STEP_S).wheel
+    assert_allclose([with_offset.R_m, with_offset.r_m, with_offset.z0_m, with_offset.x0_m], [R, r, Z0, 2.3], rtol=1e-6)
     as_printed = [
-        fit_path(x, z, np.array([2.3 / (2 * np.pi * turns), r, Z0]), theta + 2 * np.pi * turns, offset=False)
+        fit_without_offset(
+            path, Wheel(R_m=2.3 / (2 * np.pi * turns), r_m=r, z0_m=Z0, x0_m=0.0), theta + 2 * np.pi * turns
+        )
         for turns in range(1, 8)
     ]
-    best = min(as_printed, key=lambda fit: float(np.sum(fit.distance_m**2)))
+    best, distance_m = min(as_printed, key=lambda found: float(np.sum(found[1] ** 2)))
     assert best.R_m == pytest.approx(2.3 / (2 * np.pi * 4), rel=0.01)  # 0.0915: the fourth turn lies at 2.3 m
     assert abs(best.R_m - R) > 0.08 * R
-    assert best.distance_m.mean() < 0.001  # and nothing in the residual warns
+    assert distance_m.mean() < 0.001  # and nothing in the residual warns
 
 
 def test_the_wheel_is_slowest_at_the_bottom():
     t = THETA / OMEGA
-    x, z = cycloid(OMEGA * t, R, r, Z0)
+    x, z = AS_PRINTED.position_m(OMEGA * t).T
     speed = np.gradient(x, t)
     mean = R * OMEGA
     assert speed[np.argmin(z)] - mean == pytest.approx(-r * OMEGA, rel=1e-3)  # -0.17 m/s
@@ -52,20 +59,20 @@ def test_three_parameters_are_3_plus_n_or_6():
 
 
 def test_the_convex_lower_part_of_3_1_is_the_shorter_one():
-    x, z = cycloid(THETA, R, r, Z0)
+    x, z = AS_PRINTED.position_m(THETA).T
     slope = np.gradient(z, x)
     bend = np.gradient(slope, x)
     lengths = np.gradient(x)
     convex = float(lengths[bend > 0].sum())
     assert convex / (2 * np.pi * R) == pytest.approx(0.405, abs=0.002)  # the wheel with R < 0 has 0.595
     assert convex == pytest.approx(2 * (R * np.arccos(r / R) - np.sqrt(r**2 - r**4 / R**2)), rel=1e-3)
-    mirrored, _ = cycloid(THETA, R, r, Z0, sign=-1.0)
+    mirrored = REVERSED.position_m(THETA)[:, 0]
     bend = np.gradient(np.gradient(z, mirrored), mirrored)
     assert float(np.gradient(mirrored)[bend > 0].sum()) / (2 * np.pi * R) == pytest.approx(0.595, abs=0.002)
 
 
 def test_the_crossings_of_z0_enclose_half_a_step_whatever_the_double_support_is():
-    _, z = cycloid(THETA, R, r, Z0)
+    z = AS_PRINTED.position_m(THETA)[:, 1]
     below = THETA[z < Z0].size / THETA.size
     assert below == pytest.approx(0.5, abs=1e-4)
     assert (below - 0.21) * 0.54 == pytest.approx(0.157, abs=0.001)  # double support is 21 % of a step of 0.54 s
@@ -89,12 +96,9 @@ def test_overlapping_steps_of_one_walk_disagree_by_ten_times_the_formal_sd():
         t = start + np.arange(0.0, step_s, 0.01)
         x = speed * t + 0.012 * np.sin(w * t + 0.4) + 0.001 * np.sin(2 * w * t + 1.0)
         z = 0.95 + 0.02 * np.sin(w * t + 2.1) + 0.0015 * np.sin(2 * w * t + 2.0)
-        even = np.linalg.lstsq(np.column_stack([np.cos(w * t), np.sin(w * t), np.ones_like(t)]), z, rcond=None)[0]
-        theta = np.arctan2(even[1], -even[0]) + w * t
-        R_even = speed / w
-        fits.append(fit_path(x, z, np.array([R_even, 0.02, 0.95, (x - R_even * theta).mean()]), theta))
-    radii = np.array([fit.R_m for fit in fits])
-    formal = np.median([fit.formal_sd_m[0] for fit in fits])
+        fits.append(fit_path(t, np.column_stack([x, z]), step_s))
+    radii = np.array([fit.wheel.R_m for fit in fits])
+    formal = np.median([fit.sd_m[1] for fit in fits])
     assert max(fit.distance_m.mean() for fit in fits) < 0.002  # each fit looks perfect
     assert np.ptp(radii) > 0.01  # 10 mm of R between steps that share most of their samples
     assert np.ptp(radii) > 10 * formal

@@ -14,7 +14,7 @@ from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Event, Recording
 from stridelab.recordings.windows import measured_windows
 from stridelab.recordings.wrench import wrench_track
-from support.curtate_cycloid import fit_step
+from stridelab.walking.path_fit import PathFit, fit_path
 
 
 @dataclass(frozen=True)
@@ -108,14 +108,20 @@ def test_the_crossings_of_z0_are_not_double_support(walkers):
 
 
 def test_the_spread_of_the_distance_and_of_the_wheel_from_step_to_step(walkers):
-    fits = [[fit_step(w.x_m[s] - w.x_m[s.start], w.z_m[s]) for s in w.steps()] for w in walkers]
+    def fit(w: Walker, s: slice) -> PathFit:
+        t = w.time_s[s]
+        return fit_path(t, np.column_stack([w.x_m[s], w.z_m[s]]), float(t[-1] - t[0]))
+
+    fits = [[fit(w, s) for s in w.steps()] for w in walkers]
     distance = np.array([f.distance_m.mean() for of in fits for f in of])
     spread = np.array([f.distance_m.std() for of in fits for f in of])
     assert distance.mean() == pytest.approx(0.00097, abs=1e-4)
     assert distance.max() < 0.0035
     assert 0.001 < spread.max() < 0.0015  # section 3.3.1 says 1 mm at most, the caption of fig. 3.6 says 1.5 mm
-    between_steps = np.array([np.ptp([f.R_m for f in of]) for of in fits])
-    formal = np.array([np.median([f.formal_sd_m[0] for f in of]) for of in fits])
+    between_steps = np.array([np.ptp([f.wheel.R_m for f in of]) for of in fits])
+    formal = np.array([np.median([f.sd_m[1] for f in of]) for of in fits])
     assert np.median(between_steps) == pytest.approx(0.0096, abs=0.001)  # 10 % of R
     assert np.median(formal) == pytest.approx(0.0013, abs=0.0003)
-    assert np.median([np.ptp([f.r_m for f in of]) for of in fits]) == pytest.approx(0.0022, abs=0.0005)  # 15 % of r
+    assert np.median([np.ptp([f.wheel.r_m for f in of]) for of in fits]) == pytest.approx(
+        0.0022, abs=0.0005
+    )  # 15 % of r

@@ -2,7 +2,7 @@
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Iterator, Mapping
+from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -26,6 +26,7 @@ from stridelab.client.sse import EventReader
 from stridelab.client.streams import AsyncComStream, open_async
 from stridelab.schemas.base import Page
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent, JobResult
+from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectFields, SubjectInput
 from stridelab.schemas.robots import RobotFacts, RobotSummary
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
@@ -81,6 +82,25 @@ class AsyncClient:
             )
         calls.raise_for_problem(response)
         return calls.model(Recording)(response)
+
+    async def upload_batch(
+        self,
+        files: Sequence[tuple[str, Path]],
+        table: str | None = None,
+        *,
+        progress: uploads.ProgressCallback | None = None,
+    ) -> RecordingBatch:
+        """Upload many files (name, path), or zips of them, with the CSV of the subjects; parsed when it returns."""
+        upload = uploads.BatchUpload(files, table)
+        with self._reached():
+            response = await self._http.post(
+                uploads.BATCH_PATH,
+                content=upload.async_pieces(progress),
+                headers=upload.headers(),
+                timeout=uploads.READING_S,
+            )
+        calls.raise_for_problem(response)
+        return calls.model(RecordingBatch)(response)
 
     async def recordings(self, limit: int = 50, cursor: str | None = None) -> Page[Recording]:
         """One page of recordings, newest first."""

@@ -1,7 +1,7 @@
 """The synchronous client, for scripts, notebooks and the command line."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -25,6 +25,7 @@ from stridelab.client.sse import EventReader
 from stridelab.client.streams import ComStream, open_sync
 from stridelab.schemas.base import Page
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent, JobResult
+from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectFields, SubjectInput
 from stridelab.schemas.robots import RobotFacts, RobotSummary
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
@@ -78,6 +79,25 @@ class Client:
             response = self._http.post(uploads.PATH, content=upload.pieces(progress), headers=upload.headers())
         calls.raise_for_problem(response)
         return calls.model(Recording)(response)
+
+    def upload_batch(
+        self,
+        files: Sequence[tuple[str, Path]],
+        table: str | None = None,
+        *,
+        progress: uploads.ProgressCallback | None = None,
+    ) -> RecordingBatch:
+        """Upload many files (name, path), or zips of them, with the CSV of the subjects; parsed when it returns."""
+        upload = uploads.BatchUpload(files, table)
+        with self._reached():
+            response = self._http.post(
+                uploads.BATCH_PATH,
+                content=upload.pieces(progress),
+                headers=upload.headers(),
+                timeout=uploads.READING_S,
+            )
+        calls.raise_for_problem(response)
+        return calls.model(RecordingBatch)(response)
 
     def recordings(self, limit: int = 50, cursor: str | None = None) -> Page[Recording]:
         """One page of recordings, newest first."""

@@ -10,9 +10,10 @@ from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.recordings import Recording
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.com_plots import COM_TABLE, com_curves
-from stridelab_web.pages import comparison, reproduction
+from stridelab_web.pages import comparison, cycloid, population, reproduction
 from stridelab_web.pages.facts import facts_of, sentences_of
 from stridelab_web.pages.render import page
+from stridelab_web.result_tables import SCENE_TABLES
 from stridelab_web.service import client_of
 from stridelab_web.tables import read_columns
 
@@ -23,12 +24,18 @@ async def job(request: Request) -> Response:
     found = await client.job(request.path_params["id"])
     if found.kind == "plan-motion":
         return RedirectResponse(f"/plans/{found.id}", status_code=303)
+    if found.kind == population.KIND:
+        return RedirectResponse(f"/population/{found.id}", status_code=303)
     result = await client.result(found.id) if found.state == "succeeded" else None
     recording = await _recording_of(client, found, result)
     compared = None
     if result is not None and found.kind == comparison.KIND:
         compared = comparison.comparison_of(found.id, result, request.query_params.get("figure", ""))
-    curves = result is not None and any(item.name == COM_TABLE for item in result.artifacts)
+    rolled = None
+    if result is not None and found.kind == cycloid.KIND:
+        rolled = await cycloid.cycloid_of(client, found.id, result, request.query_params.get("step", ""))
+    present = {item.name for item in result.artifacts} if result is not None else set()
+    curves = COM_TABLE in present and rolled is None
     plots = curves or (compared is not None and compared["figure"] is not None)
     return page(
         request,
@@ -43,9 +50,10 @@ async def job(request: Request) -> Response:
         plots=plots,
         plots_url=compared["plots_url"] if compared else f"/jobs/{found.id}/plots.json",
         comparison=compared,
+        cycloid=rolled,
         reproduction=reproduction.reproduction_of(result) if result and found.kind == reproduction.KIND else None,
         plotly_style_ids=plotly_style_ids() if plots else (),
-        viewer_url=f"/view/?recording={recording.id}&job={found.id}" if curves and recording else None,
+        viewer_url=f"/view/?recording={recording.id}&job={found.id}" if recording and present & SCENE_TABLES else None,
     )
 
 

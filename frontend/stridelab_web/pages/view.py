@@ -7,15 +7,13 @@ from starlette.responses import JSONResponse, Response
 
 from stridelab.client import AsyncClient
 from stridelab_web import strips
-from stridelab_web.com_plots import COM_TABLE
 from stridelab_web.documents import Document, document_of
 from stridelab_web.frames import Frames
 from stridelab_web.pages import planner
 from stridelab_web.pages.render import page
-from stridelab_web.recording_frames import build_frames
+from stridelab_web.result_tables import frames_of, shown_in_scene
 from stridelab_web.service import client_of, read_tracks
 from stridelab_web.strips import Layer, Row
-from stridelab_web.tables import read_columns
 
 COM_LAYERS = (
     Layer("/paths/", "Path"),
@@ -24,6 +22,8 @@ COM_LAYERS = (
     Layer("/axis/", "Central axis"),
     Layer("/inputs/axis/", "Point on axis", False),
 )
+
+WHEEL_LAYERS = (Layer("/wheel/", "Wheel"),)
 
 
 async def view(request: Request) -> Response:
@@ -79,7 +79,7 @@ async def _recording(request: Request) -> Response:
     ]
     links = [("Recording", f"/recordings/{recording.id}")]
     if job_id:
-        layers += COM_LAYERS
+        layers += [*COM_LAYERS, *WHEEL_LAYERS]
         links.append(("Result", f"/jobs/{job_id}"))
     return page(
         request,
@@ -109,12 +109,12 @@ async def _frames(request: Request) -> Frames:
         raise HTTPException(404, "A scenario does not move by itself.")
     recording = await client.recording(document.id)
     tracks = await read_tracks(client, recording.id)
-    com = None if document.job_id is None else await client.read_artifact(document.job_id, COM_TABLE)
-
-    def build() -> Frames:
-        return build_frames(recording, read_columns(tracks), None if com is None else read_columns(com))
-
-    return await run_in_threadpool(build)  # a minute of markers takes longer than other requests may wait
+    job_id = document.job_id
+    present = [] if job_id is None else [item.name for item in (await client.result(job_id)).artifacts]
+    shown = {name: await client.read_artifact(job_id, name) for name in shown_in_scene(present) if job_id}
+    return await run_in_threadpool(
+        frames_of, recording, tracks, shown
+    )  # a minute of markers takes longer than other requests may wait
 
 
 async def _newest_estimate(client: AsyncClient, recording_id: str) -> str:

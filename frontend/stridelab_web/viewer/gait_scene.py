@@ -1,4 +1,4 @@
-"""The gait scene: floor, plates, markers, skeleton, forces and their central axis, centre of mass with its band.
+"""The gait scene: floor, plates, markers, skeleton, forces, central axis, centre of mass with its band, wheel.
 
 Nodes are placed at the first instant at which they exist; from then on the page moves them (static/js/scene.js).
 """
@@ -7,27 +7,34 @@ import numpy as np
 import viser
 
 from stridelab.schemas.recordings import Recording
-from stridelab_web import com_frames
+from stridelab_web import com_frames, wheel_frames
 from stridelab_web.frames import Frames
 from stridelab_web.viewer import shapes
 from stridelab_web.viewer.parts import Colour, add_arrow, add_mesh, add_path, place_camera, prepare
 
 BLUE, ORANGE, BROWN = (11, 92, 156), (226, 132, 20), (176, 96, 0)
 MARKER, BONE, PLATE, PLATE_OFF = (62, 78, 94), (166, 180, 194), (214, 224, 232), (235, 235, 235)
-AXIS_COLOUR = (58, 66, 76)
+AXIS_COLOUR, WHEEL = (58, 66, 76), (0, 121, 92)
 MARKER_RADIUS_M, BONE_RADIUS_M, AXIS_RADIUS_M = 0.011, 0.006, 0.0025
 POINTS: dict[str, tuple[Colour, float]] = {
     com_frames.FUSED: (BLUE, 0.014),
     f"{com_frames.GEOMETRY}/point": (BROWN, 0.012),
     f"{com_frames.ON_AXIS}/point": (AXIS_COLOUR, 0.012),
+    wheel_frames.HUB: (WHEEL, 0.008),
+    wheel_frames.POINT: (WHEEL, 0.01),
 }
 PATHS: dict[str, tuple[Colour, float]] = {
     com_frames.PATH: (BLUE, 0.004),
     f"{com_frames.GEOMETRY}/path": (BROWN, 0.003),
     f"{com_frames.ON_AXIS}/path": (AXIS_COLOUR, 0.003),
+    wheel_frames.TRACE: (WHEEL, 0.003),
+    wheel_frames.GROUND: (WHEEL, 0.003),
+    wheel_frames.HUB_PATH: (BONE, 0.0015),
 }
-"""Colour and radius of the centre of mass and of the inputs that are places."""
+"""Colour and radius of the centre of mass, of the inputs that are places, and of the wheel."""
 PLATE_RIM, LABEL_INSIDE = 0.04, 0.25
+RIM_SHARE, SPOKES = 0.05, 6
+"""Half thickness of the wheel's rim over its radius, and how many spokes show that it turns."""
 
 
 def build(server: viser.ViserServer, recording: Recording, frames: Frames) -> None:
@@ -51,10 +58,12 @@ def build(server: viser.ViserServer, recording: Recording, frames: Frames) -> No
     _add_plates(scene, recording, view)
     for point in frames.points:
         _add_point(scene, point.name, _first(frames, point.at))
-    bone, axis = shapes.cylinder(BONE_RADIUS_M), shapes.cylinder(AXIS_RADIUS_M)
+    bone, thin = shapes.cylinder(BONE_RADIUS_M), shapes.cylinder(AXIS_RADIUS_M)
+    of = {com_frames.AXIS: (thin, AXIS_COLOUR), wheel_frames.SPOKE: (thin, WHEEL)}
     for stick in frames.sticks:
-        on_axis = stick.name == com_frames.AXIS
-        add_mesh(scene, stick.name, axis if on_axis else bone, AXIS_COLOUR if on_axis else BONE)
+        add_mesh(scene, stick.name, *of.get(stick.name, (bone, BONE)))
+    for hoop in frames.hoops:
+        add_mesh(scene, hoop.name, shapes.wheel(RIM_SHARE, SPOKES), WHEEL)
     for arrow in frames.arrows:
         add_arrow(scene, arrow, BROWN if arrow.shaft == "/forces/total_shaft" else ORANGE)
     _add_com(scene, frames)

@@ -12,13 +12,11 @@ import viser
 
 from stridelab.client import Client
 from stridelab.schemas.robots import RobotFacts
-from stridelab_web.com_plots import COM_TABLE
 from stridelab_web.documents import Document, DocumentKind
 from stridelab_web.footholds import HalfSizes, half_sizes
 from stridelab_web.frames import Frames
 from stridelab_web.plan_files import needed, read_plan
-from stridelab_web.recording_frames import build_frames
-from stridelab_web.tables import read_columns
+from stridelab_web.result_tables import frames_of, shown_in_scene
 from stridelab_web.viewer import gait_scene, planner_scene
 from stridelab_web.viewer.robot_links import read_links
 from stridelab_web.viewer.scenario_scene import ScenarioScene
@@ -81,5 +79,6 @@ def kinds(client: Client) -> Mapping[DocumentKind, Kind]:
 def _recording_frames(client: Client, document: Document, recording: Any) -> Frames:
     with tempfile.TemporaryDirectory(prefix="stridelab-") as folder:
         tracks = client.download_tracks(document.id, Path(folder) / "tracks.parquet").read_bytes()
-    com = None if document.job_id is None else client.read_artifact(document.job_id, COM_TABLE)
-    return build_frames(recording, read_columns(tracks), None if com is None else read_columns(com))
+    present = [] if document.job_id is None else [item.name for item in client.result(document.job_id).artifacts]
+    shown = {name: client.read_artifact(document.job_id, name) for name in shown_in_scene(present) if document.job_id}
+    return frames_of(recording, tracks, shown)

@@ -7,6 +7,7 @@ import trimesh
 
 SIDES = 10
 TUBE_SIDES = 6
+RIM_STEPS = 48
 OCTANT_STEPS = 6
 """Patches along each edge of an eighth of a sphere."""
 Mesh = tuple[np.ndarray, np.ndarray]
@@ -71,6 +72,16 @@ def ball(radius_m: float) -> Mesh:
     """A sphere around the origin."""
     solid = trimesh.creation.icosphere(2, radius_m)
     return np.asarray(solid.vertices, dtype=np.float32), np.asarray(solid.faces, dtype=np.uint32)
+
+
+def wheel(share: float, spokes: int) -> Mesh:
+    """A wheel of radius 1 about the y axis: a rim that is ``share`` thick to either side, and thin spokes."""
+    angle = 2 * np.pi * np.arange(RIM_STEPS + 1) / RIM_STEPS
+    ring = tube(np.column_stack([np.sin(angle), np.zeros_like(angle), -np.cos(angle)]), share)
+    ends = 2 * np.pi * np.arange(spokes) / spokes
+    hub = np.zeros(3)
+    lines = [tube(np.array([hub, [np.sin(a), 0.0, -np.cos(a)]]), share / 3) for a in ends]
+    return together([ring, *lines])
 
 
 def octants(radius_m: float) -> tuple[Mesh, Mesh]:

@@ -12,6 +12,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.errors import NotFound
 from stridelab.schemas.comparison import CompareEstimatorsInput
+from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
@@ -19,6 +20,7 @@ from stridelab.service.jobs.kinds import rows
 from stridelab.service.jobs.kinds.tasks import (
     CompareEstimatorsTask,
     EstimateComTask,
+    FitCycloidTask,
     LearnReachabilityTask,
     PlanMotionTask,
     SimulateRecordingTask,
@@ -191,6 +193,19 @@ def test_a_comparison_gets_the_truth_of_a_recording_that_has_one(
         assert (folder / task.truth).read_bytes() == b"truth"
     else:
         assert task.truth is None
+
+
+def test_the_wheel_s_fit_gets_the_recording_and_its_own_options(
+    database_url: str, blobs: BlobStore, folder: Path, tmp_path: Path
+) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        await store_recording(connection, blobs, tmp_path / "a", "walk")
+        asked = FitCycloidInput(recording_id="walk", steps="all", latency=0.01)
+        return await rows.stage_fit_cycloid(connection, blobs, asked, folder)
+
+    task = FitCycloidTask.model_validate(within(database_url, act))
+    assert (task.input.steps, task.input.latency) == ("all", 0.01)
+    assert (folder / task.recording.file).read_bytes() == b"walk"
 
 
 def test_a_stored_scenario_becomes_part_of_the_task(database_url: str, blobs: BlobStore, folder: Path) -> None:

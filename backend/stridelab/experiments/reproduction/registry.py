@@ -14,13 +14,34 @@ from stridelab.experiments.reproduction import (
     fig_2_7,
     fig_2_8,
     fig_2_9,
+    fig_3_4,
+    fig_3_5,
+    fig_3_6,
+    fig_3_7,
+    fig_3_8,
+    fig_3_9,
+    fig_3_10,
     flight,
     lag,
     partial_force,
 )
 from stridelab.experiments.reproduction.item import Item, Reproduction, Tell
 
-_FIGURES: Final = (fig_2_2, fig_2_5, fig_2_6, fig_2_7, fig_2_8, fig_2_9)
+_FIGURES: Final = (
+    fig_2_2,
+    fig_2_5,
+    fig_2_6,
+    fig_2_7,
+    fig_2_8,
+    fig_2_9,
+    fig_3_4,
+    fig_3_5,
+    fig_3_6,
+    fig_3_7,
+    fig_3_8,
+    fig_3_9,
+    fig_3_10,
+)
 _TABLES: Final = (errors, lag, coverage, partial_force, flight)
 ITEMS: Final[Mapping[str, Item]] = MappingProxyType({m.ITEM.name: m.ITEM for m in (*_FIGURES, *_TABLES)})
 MOST_SEEDS: Final = 200

@@ -81,17 +81,20 @@ const start = async (kind, input) => {
   return "Started.";
 };
 onSubmit(estimate, (data) => start("estimate-com", inputOf(data)));
-find("[data-compare]").addEventListener("click", async (event) => {
-  const said = estimate.querySelector("[data-said]"), button = event.currentTarget;
-  button.disabled = true;
-  try {
-    said.textContent = await start("compare-estimators", { ...inputOf(new FormData(estimate)), method: null });
-  } catch (error) {
-    said.textContent = error.message;
-  } finally {
-    button.disabled = false;
-  }
-});
+const onPress = (selector, kind, chosen) =>
+  find(selector).addEventListener("click", async (event) => {
+    const said = estimate.querySelector("[data-said]"), button = event.currentTarget;
+    button.disabled = true;
+    try {
+      said.textContent = await start(kind, chosen(inputOf(new FormData(estimate))));
+    } catch (error) {
+      said.textContent = error.message;
+    } finally {
+      button.disabled = false;
+    }
+  });
+onPress("[data-compare]", "compare-estimators", (input) => ({ ...input, method: null }));
+onPress("[data-wheel]", "fit-cycloid", (input) => input);
 
 const dialog = find("[data-confirm]");
 find("[data-no]").addEventListener("click", () => dialog.close());

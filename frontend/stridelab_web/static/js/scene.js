@@ -1,4 +1,4 @@
-// Shows one instant of our frames: points, bodies, sticks, arrows, ellipsoids, and what is there for a while only.
+// Shows one instant of our frames: points, bodies, sticks, arrows, ellipsoids, hoops, and what is there for a while only.
 import { HIDDEN, Nodes } from "./nodes.js";
 
 const COM = ["/com/plan", "/com/plan/light"]; // the two halves of its ball (viewer/planner_scene.py)
@@ -19,6 +19,7 @@ export class Scene {
       ...layout.sticks.map(([name]) => name),
       ...layout.arrows.flatMap(([shaft, head]) => [shaft, head]),
       ...layout.ellipsoids.map(([name]) => name),
+      ...layout.hoops.map(([name]) => name),
       ...layout.spans.map(([name]) => name),
       ...this.inside,
     ]);
@@ -37,6 +38,7 @@ export class Scene {
     for (const [name, a, b] of this.layout.sticks) this.stick(name, a, b);
     for (const [shaft, head, k] of this.layout.arrows) this.arrow(shaft, head, k);
     for (const [name, k, axes] of this.layout.ellipsoids) this.ellipsoid(name, k, axes);
+    for (const [name, k, size] of this.layout.hoops) this.hoop(name, k, size);
     const t_s = this.timeAt(at);
     for (const [name, start_s, end_s] of this.layout.spans) this.nodes.scale(name, start_s <= t_s && t_s <= end_s ? 1 : HIDDEN);
     for (const name of this.layout.still) this.nodes.scale(name, 1);
@@ -87,6 +89,12 @@ export class Scene {
     const semi = [this.row[axes], this.row[axes + 1], this.row[axes + 2]];
     const there = Number.isFinite(this.row[k] + this.row[k + 1] + this.row[k + 2] + semi[0] + semi[1] + semi[2]);
     this.nodes.scale(name, ...semi.map((length) => (there ? Math.max(this.magnified * length, HIDDEN) : HIDDEN)));
+  }
+
+  // A node of unit size, turned and as large as its number says.
+  hoop(name, k, size) {
+    this.place(name, k, this.turn(k), 1);
+    if (Number.isFinite(this.row[k] + this.row[size])) this.nodes.scale(name, this.row[size]);
   }
 
   stick(name, a, b) {

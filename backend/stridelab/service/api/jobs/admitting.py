@@ -6,8 +6,10 @@ from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.robots.card import robot_card
 from stridelab.schemas.base import Contract
 from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
+from stridelab.schemas.population import StudyPopulationInput
 from stridelab.service.api.parts import Parts, known_form
 from stridelab.service.api.scenarios.judging import refuse_invalid
+from stridelab.service.jobs.kinds.population_stage import require_recordings
 
 
 @dataclass(frozen=True)
@@ -23,12 +25,17 @@ async def admit(parts: Parts, request: Contract) -> Subject:
 
     Raises ``NotFound`` (``recording-not-found``, ``scenario-not-found``) for what cannot be an id, and
     ``InvalidInput``: ``scenario-invalid`` for a scenario that the robot cannot do, ``invalid-request`` for a robot or
-    an effector that there is not.
+    an effector that there is not, ``recording-twice`` in a population.
     """
     if isinstance(request, PlanMotionInput) and request.scenario is not None:
         await refuse_invalid(request.scenario, parts.judges)
     if isinstance(request, LearnReachabilityInput):
         _refuse_unknown_effectors(request)
+    if isinstance(request, StudyPopulationInput):
+        for recording_id in request.recording_ids:
+            known_form(recording_id, "recording")
+        async with parts.engine.connect() as connection:
+            await require_recordings(connection, request)
     return Subject(_identifier(request, "recording"), _identifier(request, "scenario"))
 
 

@@ -62,6 +62,13 @@ _EXAMPLES: Final[dict[str, Any]] = {
             "value": {"recording_id": SAMPLE_ID, "latency": "apply"},
         },
     },
+    "fit-cycloid": {
+        "default": {"summary": "The wheel of every measured step", "value": {"recording_id": SAMPLE_ID}},
+        "all": {
+            "summary": "Also steps beside the plates, from the markers",
+            "value": {"recording_id": SAMPLE_ID, "steps": "all"},
+        },
+    },
     "simulate-recording": {
         "walk": {"summary": "Six seconds of walking", "value": {"duration_s": 6.0, "speed_m_s": 1.2, "seed": 1}},
         "noisy": {
@@ -69,6 +76,16 @@ _EXAMPLES: Final[dict[str, Any]] = {
             "value": {"speed_m_s": 0.8, "mass_kg": 82.0, "noise": {"force_n": 8.0, "marker_m": 0.002}, "seed": 7},
         },
         "talos": {"summary": "The humanoid TALOS, at its own speed", "value": {"robot": "talos", "seed": 1}},
+    },
+    "study-population": {
+        "one": {"summary": "One recording: means, and a remark", "value": {"recording_ids": [SAMPLE_ID]}},
+        "table": {
+            "summary": "With a subject table",
+            "value": {
+                "recording_ids": [SAMPLE_ID],
+                "subjects": [{"recording_id": SAMPLE_ID, "subject": "P01", "group": "adults", "height_m": 1.71}],
+            },
+        },
     },
     "plan-motion": {
         "stored": {"summary": "Walk through a stored scenario", "value": {"scenario_id": EXAMPLE_ID}},

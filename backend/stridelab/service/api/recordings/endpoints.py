@@ -7,12 +7,14 @@ from fastapi import APIRouter, Body, Request, Response
 from starlette.responses import StreamingResponse
 
 from stridelab.schemas.base import Page
+from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, RecordingPatch
 from stridelab.service.api.files import OCTETS, PARQUET, send_blob
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.paging import Cursor, Limit, cut, newest_first
 from stridelab.service.api.parts import AppParts
 from stridelab.service.api.recordings import changing, storing
+from stridelab.service.api.recordings.batch import receive_batch
 from stridelab.service.api.recordings.fields import subject_of_form
 from stridelab.service.api.recordings.multipart import Limits, receive_form
 from stridelab.service.api.recordings.parsing import NO_SWITCHES, parse
@@ -42,6 +44,31 @@ _FORM: Final[Any] = {
                         "mass_kg": {"type": "number", "minimum": 2, "maximum": 400},
                         "sex": {"type": "string", "enum": ["female", "male"]},
                         "age_years": {"type": "number", "minimum": 0, "maximum": 120},
+                    },
+                }
+            }
+        },
+    }
+}
+_BATCH: Final[Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["file"],
+                    "additionalProperties": False,
+                    "properties": {
+                        "file": {
+                            "type": "array",
+                            "items": {"type": "string", "format": "binary"},
+                            "description": "recordings as `POST /recordings` takes them, and .zip files of recordings",
+                        },
+                        "subjects": {
+                            "type": "string",
+                            "description": "CSV: file, subject, group, height_m, mass_kg, sex, age, static",
+                        },
                     },
                 }
             }
@@ -93,6 +120,29 @@ async def upload_recording(parts: AppParts, request: Request, response: Response
         shutil.rmtree(folder, ignore_errors=True)
     response.headers["Location"] = f"/api/v1/recordings/{stored.id}"
     return stored
+
+
+@router.post(
+    "/batch",
+    status_code=201,
+    summary="Upload many recordings",
+    openapi_extra=_BATCH,
+    responses=failures(
+        s413="The files are over the limit (`upload-too-large`).",
+        s422="No file can be read (`nothing-readable`), or a zip or the table cannot be used.",
+        s507="No disk space is left (`disk-full`).",
+    ),
+)
+async def upload_recordings(parts: AppParts, request: Request) -> RecordingBatch:
+    """Upload many recordings, or zips of them, with one subject table.
+
+    What can be read is stored, what cannot be is listed in `refused`; a zip or a table that cannot be used refuses all.
+    """
+    folder = storing.spool_folder(parts)
+    try:
+        return await receive_batch(parts, request, folder)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 @router.get("", summary="List recordings")

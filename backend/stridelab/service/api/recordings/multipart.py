@@ -1,11 +1,12 @@
-"""A multipart form with one file, read as it arrives: the file goes to disk with a running hash, never into memory."""
+"""A multipart form, read as it arrives: its files go to disk with a running hash, never into memory."""
 
 import errno
 import hashlib
 import re
 import shutil
 import unicodedata
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Final
 
@@ -18,27 +19,53 @@ from stridelab.errors import Fault, InvalidInput, StorageFull, TooLarge
 
 FORM_OVERHEAD_BYTES: Final = 64_000
 """Room for boundaries and text fields beside the file."""
+FILE_OVERHEAD_BYTES: Final = 1_000
+"""Room for the headers of each file beyond the first."""
 FIELD_LIMIT_BYTES: Final = 4_000
 PART_LIMIT: Final = 20
+"""Parts beside the files."""
 NAME_LIMIT: Final = 120
 
 
 @dataclass(frozen=True)
 class Limits:
-    """Bounds of an upload, in bytes."""
+    """Bounds of an upload, in bytes; ``long_fields`` are text fields that may have as many bytes as it says."""
 
     file_bytes: int
     free_disk_bytes: int
+    files: int = 1
+    total_bytes: int | None = None
+    long_fields: Mapping[str, int] = field(default_factory=dict)
+
+    @property
+    def body_bytes(self) -> int:
+        """Largest body."""
+        room = FORM_OVERHEAD_BYTES + sum(self.long_fields.values()) + FILE_OVERHEAD_BYTES * (self.files - 1)
+        return (self.total_bytes or self.file_bytes * self.files) + room
 
 
 @dataclass(frozen=True)
-class ReceivedForm:
-    """A form whose file lies at ``path``; ``filename`` is safe to show and to offer for download."""
+class ReceivedFile:
+    """A file that lies at ``path``; ``filename`` is safe to show and to offer for download."""
 
     path: Path
     filename: str
     size_bytes: int
     sha256: str
+
+
+@dataclass(frozen=True)
+class ReceivedForm(ReceivedFile):
+    """The only file of a form, with the text fields."""
+
+    fields: dict[str, str]
+
+
+@dataclass(frozen=True)
+class ReceivedForms:
+    """All files of a form, with the text fields."""
+
+    files: tuple[ReceivedFile, ...]
     fields: dict[str, str]
 
 
@@ -63,6 +90,17 @@ async def receive_form(request: Request, path: Path, limits: Limits) -> Received
     the byte that exceeds it; ``StorageFull`` (``disk-full``); ``InvalidInput`` (``unsupported-media-type``,
     ``malformed-request``, ``file-missing``, ``empty-file``, ``invalid-request``).
     """
+    form = await _receive(request, lambda _: path, path.parent, limits)
+    (one,) = form.files
+    return ReceivedForm(one.path, one.filename, one.size_bytes, one.sha256, form.fields)
+
+
+async def receive_forms(request: Request, folder: Path, limits: Limits) -> ReceivedForms:
+    """Read a form with several parts ``file``, which are written into ``folder``; raises as ``receive_form`` does."""
+    return await _receive(request, lambda index: folder / f"upload-{index:04d}", folder, limits)
+
+
+async def _receive(request: Request, path_of: Callable[[int], Path], folder: Path, limits: Limits) -> ReceivedForms:
     media_type, options = parse_options_header(request.headers.get("content-type", ""))
     if media_type != b"multipart/form-data" or not options.get(b"boundary"):
         raise InvalidInput(
@@ -72,51 +110,71 @@ async def receive_form(request: Request, path: Path, limits: Limits) -> Received
         )
     announced = request.headers.get("content-length", "")
     expected_bytes = int(announced) if announced.isdecimal() else 0
-    if expected_bytes > limits.file_bytes + FORM_OVERHEAD_BYTES:
+    if expected_bytes > limits.body_bytes:
         raise _too_large(limits)
-    if shutil.disk_usage(path.parent).free < limits.free_disk_bytes + expected_bytes:
+    if shutil.disk_usage(folder).free < limits.free_disk_bytes + expected_bytes:
         raise _disk_full()
-    with path.open("wb") as target:
-        form = _Form(target, limits)
-        try:
-            parser = form.parser(options[b"boundary"])
-            async for chunk in request.stream():
-                # Writing and hashing block; other requests go on meanwhile.
-                await anyio.to_thread.run_sync(parser.write, chunk)
-            parser.finalize()
-        except FormParserError as error:
-            raise InvalidInput("malformed-request", "The multipart form is damaged or cut off.") from error
-        except OSError as error:
-            if error.errno in (errno.ENOSPC, errno.EDQUOT):
-                raise _disk_full() from error
-            raise
-    return form.received(path)
+    form = _Form(path_of, limits)
+    try:
+        parser = form.parser(options[b"boundary"])
+        async for chunk in request.stream():
+            # Writing and hashing block; other requests go on meanwhile.
+            await anyio.to_thread.run_sync(parser.write, chunk)
+        parser.finalize()
+    except FormParserError as error:
+        raise InvalidInput("malformed-request", "The multipart form is damaged or cut off.") from error
+    except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise _disk_full() from error
+        raise
+    finally:
+        form.close()
+    return form.received()
 
 
 def _too_large(limits: Limits) -> TooLarge:
+    most = f"{limits.file_bytes / 1e6:g} MB"
+    if limits.total_bytes is not None:
+        most += f" a file and {limits.total_bytes / 1e6:g} MB in all"
     return TooLarge(
-        "upload-too-large",
-        f"The file is larger than {limits.file_bytes / 1e6:g} MB, the most that this service takes.",
+        "upload-too-large", f"The file is larger than {most}, the most that this service takes.",
         [Fault("file", "too large")],
-    )
+    )  # fmt: skip
 
 
 def _disk_full() -> StorageFull:
     return StorageFull("disk-full", "The disk of the service is nearly full; nothing was stored. Free some space.")
 
 
+class _Arriving:
+    """A file while its bytes arrive."""
+
+    def __init__(self, path: Path, filename: str) -> None:
+        self.path, self.filename, self.size = path, filename, 0
+        self._hash = hashlib.sha256()
+        self._target: IO[bytes] = path.open("wb")
+
+    def write(self, piece: bytes) -> None:
+        self._hash.update(piece)
+        self._target.write(piece)
+
+    def close(self) -> None:
+        self._target.close()
+
+    def received(self) -> ReceivedFile:
+        return ReceivedFile(self.path, self.filename, self.size, self._hash.hexdigest())
+
+
 class _Form:
     """State of one form while its bytes arrive."""
 
-    def __init__(self, target: IO[bytes], limits: Limits) -> None:
-        self._target, self._limits = target, limits
-        self._hash = hashlib.sha256()
-        self._size = 0
+    def __init__(self, path_of: Callable[[int], Path], limits: Limits) -> None:
+        self._path_of, self._limits = path_of, limits
+        self._files: list[_Arriving] = []
         self._header, self._value = b"", b""
         self._disposition = b""
         self._name, self._text = "", b""
         self._parts = 0
-        self._filename: str | None = None
         self._complete = False
         self._fields: dict[str, str] = {}
 
@@ -134,23 +192,28 @@ class _Form:
                 "on_part_end": self._part_ends,
                 "on_end": self._form_ends,
             },
-            max_size=float(self._limits.file_bytes + FORM_OVERHEAD_BYTES + 1_000_000),
+            max_size=float(self._limits.body_bytes + 1_000_000),
         )
 
-    def received(self, path: Path) -> ReceivedForm:
+    def close(self) -> None:
+        """Close the files; what was received of them stays."""
+        for one in self._files:
+            one.close()
+
+    def received(self) -> ReceivedForms:
         """The whole form; raises ``InvalidInput`` where it is cut off or has no file."""
         if not self._complete:
             raise InvalidInput("malformed-request", "The multipart form is damaged or cut off.")
-        if self._filename is None:
+        if not self._files:
             raise InvalidInput("file-missing", "The form has no field 'file'.", [Fault("file", "missing")])
-        if self._size == 0:
+        if self._limits.files == 1 and self._files[0].size == 0:
             raise InvalidInput("empty-file", "The file is empty: it has 0 bytes.", [Fault("file", "0 bytes")])
-        return ReceivedForm(path, self._filename, self._size, self._hash.hexdigest(), self._fields)
+        return ReceivedForms(tuple(one.received() for one in self._files), self._fields)
 
     def _part_begins(self) -> None:
         self._parts += 1
         self._disposition, self._text = b"", b""
-        if self._parts > PART_LIMIT:
+        if self._parts > PART_LIMIT + self._limits.files - 1:
             raise InvalidInput("invalid-request", "The form has too many fields.")
 
     def _header_grows(self, data: bytes, start: int, end: int) -> None:
@@ -169,27 +232,34 @@ class _Form:
         self._name = options.get(b"name", b"").decode("utf-8", "replace")
         if self._name != "file":
             return
-        if self._filename is not None:
-            raise InvalidInput("invalid-request", "One file at a time, please.", [Fault("file", "given twice")])
-        self._filename = safe_filename(options.get(b"filename", b"").decode("utf-8", "replace"))
+        if len(self._files) == self._limits.files:
+            if self._limits.files == 1:
+                raise InvalidInput("invalid-request", "One file at a time, please.", [Fault("file", "given twice")])
+            raise InvalidInput(
+                "invalid-request", f"At most {self._limits.files} files at a time.", [Fault("file", "too many")]
+            )
+        filename = safe_filename(options.get(b"filename", b"").decode("utf-8", "replace"))
+        self._files.append(_Arriving(self._path_of(len(self._files)), filename))
 
     def _data_arrives(self, data: bytes, start: int, end: int) -> None:
         piece = data[start:end]
         if self._name != "file":
             self._text += piece
-            if len(self._text) > FIELD_LIMIT_BYTES:
+            if len(self._text) > self._limits.long_fields.get(self._name, FIELD_LIMIT_BYTES):
                 raise InvalidInput(
                     "invalid-request", "A field of the form is too long.", [Fault(self._name[:60], "too long")]
                 )
             return
-        self._size += len(piece)
-        if self._size > self._limits.file_bytes:
+        one = self._files[-1]
+        one.size += len(piece)
+        whole = sum(each.size for each in self._files)
+        if one.size > self._limits.file_bytes or whole > (self._limits.total_bytes or whole):
             raise _too_large(self._limits)
-        self._hash.update(piece)
-        self._target.write(piece)
+        one.write(piece)
 
     def _part_ends(self) -> None:
         if self._name == "file":
+            self._files[-1].close()
             return
         if self._name in self._fields:
             raise InvalidInput(

@@ -102,14 +102,20 @@ def method_asked(request: EstimateComInput) -> str | None:
     return named or ComplementaryFilter.name
 
 
-def fused(method: str | None, request: EstimateComInput, prepared: Prepared) -> ComEstimate:
+def fused(
+    method: str | None, request: EstimateComInput, prepared: Prepared, *, beyond_window: bool = False
+) -> ComEstimate:
     """The estimate by ``method``; without one by the best, or with a remark by its stand-in where the best refuses.
 
+    ``beyond_window`` lets the smoother answer for all of the gap-free geometry around the window.
     Raises ``NotEstimable`` where nothing can do it.
     """
     inputs = prepared.geometric, prepared.wrench, prepared.mass.mass_kg
     try:
-        return estimator(method or BEST_METHOD, request).estimate(*inputs)
+        chosen = estimator(method or BEST_METHOD, request)
+        if beyond_window and isinstance(chosen, Smoother):
+            chosen = replace(chosen, beyond_window=True)
+        return chosen.estimate(*inputs)
     except NotEstimable as refusal:
         if method is not None:
             raise

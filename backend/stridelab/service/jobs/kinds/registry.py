@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 
 from stridelab.schemas.comparison import CompareEstimatorsInput, CompareEstimatorsSummary
+from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary
 from stridelab.schemas.jobs import (
     EstimateComInput,
     EstimateComSummary,
@@ -16,8 +17,9 @@ from stridelab.schemas.plans import (
     PlanMotionInput,
     PlanMotionSummary,
 )
+from stridelab.schemas.population import StudyPopulationInput, StudyPopulationSummary
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
-from stridelab.service.jobs.kinds import rows
+from stridelab.service.jobs.kinds import population_stage, rows
 from stridelab.service.jobs.kinds.kind import JobKind
 
 ESTIMATE_COM = JobKind(
@@ -35,6 +37,23 @@ COMPARE_ESTIMATORS = JobKind(
     run="stridelab.service.jobs.kinds.compare_estimators:run_in_child",
     stage=rows.stage_compare_estimators,
     timeout_s=300.0,
+)
+FIT_CYCLOID = JobKind(
+    name="fit-cycloid",
+    input_model=FitCycloidInput,
+    summary_model=FitCycloidSummary,
+    run="stridelab.service.jobs.kinds.fit_cycloid:run_in_child",
+    stage=rows.stage_fit_cycloid,
+    timeout_s=120.0,
+)
+STUDY_POPULATION = JobKind(
+    name="study-population",
+    input_model=StudyPopulationInput,
+    summary_model=StudyPopulationSummary,
+    run="stridelab.service.jobs.kinds.study_population:run_in_child",
+    stage=population_stage.stage_study_population,
+    timeout_s=900.0,
+    lane="long",
 )
 SIMULATE_RECORDING = JobKind(
     name="simulate-recording",
@@ -82,9 +101,21 @@ REPRODUCE = JobKind(
 KINDS: Mapping[str, JobKind] = MappingProxyType(
     {
         kind.name: kind
-        for kind in (ESTIMATE_COM, COMPARE_ESTIMATORS, SIMULATE_RECORDING, PLAN_MOTION, LEARN_REACHABILITY, REPRODUCE)
+        for kind in (
+            ESTIMATE_COM,
+            COMPARE_ESTIMATORS,
+            FIT_CYCLOID,
+            STUDY_POPULATION,
+            SIMULATE_RECORDING,
+            PLAN_MOTION,
+            LEARN_REACHABILITY,
+            REPRODUCE,
+        )
     }
 )
 
 PARSE_UPLOAD = "stridelab.service.jobs.kinds.parse_upload:run_in_child"
 """Import path of the parser of uploads; it is run by ``POST /recordings``, not by the queue."""
+
+PARSE_BATCH = "stridelab.service.jobs.kinds.parse_batch:run_in_child"
+"""Import path of the reader of bulk uploads; it is run by ``POST /recordings/batch``."""

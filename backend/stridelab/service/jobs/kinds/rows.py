@@ -15,6 +15,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.schemas.base import Contract
 from stridelab.schemas.comparison import CompareEstimatorsInput
+from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
@@ -24,6 +25,7 @@ from stridelab.service.jobs.kinds.kind import Blobs, Json
 from stridelab.service.jobs.kinds.tasks import (
     CompareEstimatorsTask,
     EstimateComTask,
+    FitCycloidTask,
     LearnReachabilityTask,
     PlanMotionTask,
     RecordingSource,
@@ -75,6 +77,13 @@ async def stage_compare_estimators(connection: AsyncConnection, blobs: Blobs, in
         await blobs.get_file(f"{kept_under}/{TRUTH_FILE}", folder / truth)
     task = CompareEstimatorsTask(**(staged | {"input": request, "truth": truth}))
     return task.model_dump(mode="json")
+
+
+async def stage_fit_cycloid(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """What ``estimate-com`` needs."""
+    request = FitCycloidInput.model_validate(input.model_dump())
+    staged = await stage_estimate_com(connection, blobs, EstimateComInput(**_shared(request)), folder)
+    return FitCycloidTask(**(staged | {"input": request})).model_dump(mode="json")
 
 
 async def stage_simulate_recording(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
@@ -135,6 +144,11 @@ async def publish_simulated_recording(
         )
     )
     return {**outcome["summary"], "recording_id": recording_id}
+
+
+def _shared(request: EstimateComInput) -> dict[str, Any]:
+    """The fields of a kind's input that are those of ``estimate-com``."""
+    return {name: value for name, value in request.model_dump().items() if name in EstimateComInput.model_fields}
 
 
 async def _recording_row(connection: AsyncConnection, recording_id: str) -> Mapping[str, Any]:

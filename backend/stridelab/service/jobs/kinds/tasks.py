@@ -4,8 +4,10 @@ from pydantic import Field
 
 from stridelab.schemas.base import Contract
 from stridelab.schemas.comparison import CompareEstimatorsInput
+from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
+from stridelab.schemas.population import PersonFields
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.reproduction import ReproduceInput
 from stridelab.schemas.scenarios import Scenario
@@ -40,6 +42,29 @@ class CompareEstimatorsTask(EstimateComTask):
 
     input: CompareEstimatorsInput
     truth: str | None = Field(default=None, description="file name inside the task's folder")
+
+
+class FitCycloidTask(EstimateComTask):
+    """Task of ``fit-cycloid``."""
+
+    input: FitCycloidInput
+
+
+class PopulationMember(Contract):
+    """One recording of a population: how to fit it, and what the subject table says of the person."""
+
+    recording_id: str
+    folder: str = Field(description="folder inside the task's folder that holds its files")
+    task: FitCycloidTask
+    person: PersonFields = PersonFields()
+
+
+class StudyPopulationTask(Contract):
+    """Task of ``study-population``."""
+
+    members: list[PopulationMember]
+    pooled: bool = False
+    seed: int = 0
 
 
 class SimulateRecordingTask(Contract):

@@ -1,0 +1,42 @@
+"""Options that several commands share, as they are typed."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+Sex = Literal["female", "male"]
+Lab = Literal["walkway", "two_plates"]
+Walker = Literal["human", "talos"]
+Gait = Literal["walking", "running"]
+Method = Literal["complementary", "geometry", "kalman", "rts", "smoother"]
+OnlineMethod = Literal["complementary", "smoother"]
+SegmentTable = Literal["auto", "dumas2007", "deleva1996", "carried"]
+
+Trial = Annotated[Path, typer.Argument(help="A .c3d file, or a .zip of a .trc and a .mot or .sto file.")]
+Height = Annotated[float | None, typer.Option("--height", help="Stature in metres.")]
+Mass = Annotated[float | None, typer.Option("--mass", help="Body mass in kilograms.")]
+PersonSex = Annotated[Sex | None, typer.Option("--sex", help="Which columns of the segment table.")]
+Age = Annotated[float | None, typer.Option("--age", help="Age in years.")]
+Latency = Annotated[str, typer.Option("--latency", help="apply (where significant), report, or seconds to apply.")]
+Segments = Annotated[SegmentTable, typer.Option("--segment-table", help="Table of segment masses.")]
+Cutoffs = Annotated[str, typer.Option("--cutoffs", help="auto, thesis, spectra, or LOW,HIGH in Hz.")]
+Priors = Annotated[
+    list[str] | None, typer.Option("--prior", help="For the smoother: ERROR=SIZE, e.g. plate_force_n=5; repeatable.")
+]
+WithoutLearning = Annotated[
+    bool, typer.Option("--no-learn", help="For the smoother: keep the stated sizes of the errors.")
+]
+SegmentMomentum = Annotated[
+    bool, typer.Option("--segment-momentum", help="For the smoother: believe the segments' angular momentum.")
+]
+Measured = Annotated[str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")]
+Static = Annotated[Path | None, typer.Option("--static", help="Static trial of the same person.")]
+Markers = Annotated[list[str] | None, typer.Option("--marker", help="LANDMARK=LABEL; may be repeated.")]
+WithoutPlates = Annotated[list[int] | None, typer.Option("--without-plate", help="Plate index to leave out.")]
+
+OutFolder = Annotated[Path | None, typer.Option("--out", help="Folder for the result; must not exist yet.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of a table.")]
+Server = Annotated[str | None, typer.Option("--server", help="Run on this service (http://...) instead.")]
+Token = Annotated[str | None, typer.Option("--token", envvar="STRIDELAB_API_TOKEN", help="Its API token.")]

@@ -1,0 +1,29 @@
+"""Figure 3.8: z0 against the height."""
+
+from typing import Final
+
+from stridelab.experiments.reproduction.drawing import Panel, svg
+from stridelab.experiments.reproduction.item import Item, Reproduction, Tell
+from stridelab.experiments.reproduction.simulated_people import (
+    NOTE,
+    height_claim,
+    marks,
+    simulated_people,
+    table_of,
+)
+
+
+def run(seeds: int, tell: Tell) -> Reproduction:
+    """As many people as ``seeds`` says, six at least."""
+    found = simulated_people(seeds, tell)
+    claims = (height_claim(found, "z0_m", "z0", 0.87),)
+    tell(1.0, "done")
+    return Reproduction(
+        claims=claims,
+        note=NOTE,
+        tables={"people": table_of(found)},
+        drawing=svg([Panel("Height of the hub", "height (m)", "z0 (m)", [*marks(found, "z0_m", 1.0, 0, "z0")])]),
+    )
+
+
+ITEM: Final = Item("fig-3.8", "z0 against the height", run, default_seeds=16)

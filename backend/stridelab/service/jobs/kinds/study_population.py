@@ -1,0 +1,217 @@
+"""``study-population``: the wheels of many people (section 3.3.2).
+
+    recordings -> wheel of every step, a process per recording -> people -> means, correlations, mixed models
+
+What cannot be fitted is named and left out. Tables: ``subjects`` (a row per person), ``steps`` (a row per step),
+``correlations`` (a row per pair).
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from stridelab.body.geometric_com import GeometricCom
+from stridelab.conventions import Points
+from stridelab.errors import Fault, NotEstimable, StridelabError
+from stridelab.schemas import base
+from stridelab.schemas.cycloid import FittedStep
+from stridelab.schemas.population import LeftOut, PersonFields, StudyPopulationSummary
+from stridelab.service.jobs.kinds.apart import each_apart
+from stridelab.service.jobs.kinds.kind import Json, Outcome, ProgressCallback
+from stridelab.service.jobs.kinds.population_people import FIELDS, Sheet, people_of
+from stridelab.service.jobs.kinds.population_result import correlation_results, mixed_results, subject_results
+from stridelab.service.jobs.kinds.population_tables import write_population
+from stridelab.service.jobs.kinds.tasks import FitCycloidTask, StudyPopulationTask
+from stridelab.walking.population import StepRow, study
+
+UNUSABLE: Final = frozenset({"path-not-converged", "not-curtate", "r-too-large"})
+"""Flags of steps whose wheel is none: they are in the table and in no mean."""
+PRELOAD: Final = ("stridelab.service.jobs.kinds.cycloid_of_recording",)
+REFERENCES: Final = (
+    "carpentier2017thesis",
+    "fisher1924",
+    "bonett2000",
+    "efron1987",
+    "holm1979",
+    "laird1982",
+    "patterson1971",
+    "schluchter1990",
+)
+RECORDING_TIMEOUT_S: Final = 120.0
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """What one recording gave."""
+
+    recording_id: str
+    sheet: Sheet
+    steps: tuple[FittedStep, ...]
+    method: str
+    references: tuple[str, ...]
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run`` with JSON on both sides."""
+    return run(StudyPopulationTask.model_validate(task), folder, progress).to_json()
+
+
+def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Fit every recording of ``task`` in ``folder`` and study the people; the summary is a ``StudyPopulationSummary``.
+
+    Raises ``NotEstimable`` ("nothing-fitted") where no recording gives a single step, ``InvalidInput``
+    ("subject-in-two-groups").
+    """
+    progress(0.0, f"fitting {len(task.members)} recordings")
+    fitted, left_out = _fit_all(task, folder, progress)
+    progress(0.9, "studying the people")
+    someone, remarks = people_of([one.sheet for one in fitted])
+    rows = [row for one in fitted for row in _rows(one)]
+    usable = [row for row in rows if row.used]
+    found = study([s.person for s in someone], [row.step for row in usable], pooled=task.pooled, seed=task.seed)
+    warnings = [*remarks, *found.remarks]
+    summary = StudyPopulationSummary(
+        subjects=subject_results(found.subjects, {s.person.name: s for s in someone}),
+        correlations=correlation_results(found),
+        mixed_models=mixed_results(found),
+        left_out=left_out,
+        n_recordings=len(fitted),
+        n_steps=len(usable),
+        method=_common({one.method for one in fitted}),
+        pooled=task.pooled,
+        warnings=[base.Remark(code=r.code, message=r.message) for r in warnings] + _about_steps(rows, left_out),
+    )
+    progress(0.97, "writing the tables")
+    groups = {s.person.name: s.person.group for s in someone}
+    artifacts = write_population(
+        folder, summary, [(row.step, row.fitted, groups[row.step.person], row.used) for row in rows]
+    )
+    progress(1.0, "done")
+    references = (*REFERENCES, *(key for one in fitted for key in one.references))
+    return Outcome(summary.model_dump(mode="json"), tuple(dict.fromkeys(references)), artifacts)
+
+
+def fit_one(item: Json) -> Json:
+    """The wheels of one recording, as JSON on both sides; runs in a process of its own."""
+    from stridelab.service.jobs.kinds.cycloid_of_recording import cycloid_of
+
+    task, folder = FitCycloidTask.model_validate(item["task"]), Path(item["folder"])
+    result = cycloid_of(task, folder, lambda _fraction, _message: None)
+    return {
+        "steps": [step.model_dump(mode="json") for step in result.summary.steps],
+        "method": result.summary.method,
+        "leg_m": leg_m(result.prepared.geometric),
+        "references": list(result.references),
+        "in_file": result.prepared.trial.recording.subject.__dict__,
+    }
+
+
+def leg_m(geometric: GeometricCom) -> float | None:
+    """Hip to knee to ankle, mean of the legs that are seen, median over the frames."""
+    joints = geometric.joint_centres_m
+    legs = []
+    for side in "lr":
+        hip, knee, ankle = (joints.get(f"{side}_{name}") for name in ("hip", "knee", "ankle"))
+        if hip is not None and knee is not None and ankle is not None:
+            legs.append(_median_m(hip, knee) + _median_m(knee, ankle))
+    known = [leg for leg in legs if math.isfinite(leg)]
+    return float(np.mean(known)) if known else None
+
+
+def _median_m(one: Points, other: Points) -> float:
+    lengths = np.linalg.norm(one - other, axis=1)
+    lengths = lengths[np.isfinite(lengths)]
+    return float(np.median(lengths)) if len(lengths) else math.nan
+
+
+def _fit_all(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> tuple[list[Fitted], list[LeftOut]]:
+    items = [{"task": one.task.model_dump(mode="json"), "folder": str(folder / one.folder)} for one in task.members]
+    fitted: dict[int, Fitted] = {}
+    left_out: dict[int, LeftOut] = {}
+    done = each_apart(fit_one, items, preload=PRELOAD, timeout_s=RECORDING_TIMEOUT_S)
+    for count, (index, answer) in enumerate(done, start=1):
+        one = task.members[index]
+        filename = one.task.recording.filename
+        if isinstance(answer, StridelabError):
+            left_out[index] = LeftOut(
+                recording_id=one.recording_id, filename=filename, code=answer.code, message=answer.message
+            )
+        else:
+            steps = tuple(FittedStep.model_validate(step) for step in answer["steps"])
+            sheet = Sheet(filename, _person(one.person, one.task.recording.subject, answer["in_file"]), answer["leg_m"])
+            references = tuple(answer["references"])
+            fitted[index] = Fitted(one.recording_id, sheet, steps, answer["method"], references)
+        progress(0.88 * count / len(items), f"{count} of {len(items)} recordings fitted")
+    if not fitted:
+        faults = [Fault(one.filename, f"{one.message} ({one.code})") for one in left_out.values()]
+        raise NotEstimable("nothing-fitted", "In none of the recordings could a step be fitted.", faults)
+    return [fitted[i] for i in sorted(fitted)], [left_out[i] for i in sorted(left_out)]
+
+
+def _person(table: PersonFields, stated: Any, in_file: Mapping[str, Any]) -> PersonFields:
+    """Field by field: the subject table, else what was stated of the recording, else the file."""
+
+    def first(field: str) -> Any:
+        sources = (getattr(table, field), getattr(stated, field), in_file.get(field))
+        return next((value for value in sources if value is not None), None)
+
+    return PersonFields(
+        subject=table.subject or stated.name, group=table.group, **{field: first(field) for field in FIELDS}
+    )
+
+
+@dataclass(frozen=True)
+class _Row:
+    step: StepRow
+    fitted: FittedStep
+    used: bool
+
+
+def _rows(one: Fitted) -> list[_Row]:
+    return [
+        _Row(StepRow(one.sheet.name, one.sheet.filename, _values(step)), step, not UNUSABLE & set(step.flags))
+        for step in one.steps
+    ]
+
+
+def _values(step: FittedStep) -> dict[str, float]:
+    rule = [
+        math.nan if model is None else model - measured
+        for model, measured in zip(step.double_support_model_s, step.double_support_s, strict=True)
+    ]
+    known = {
+        "R_m": step.R_m,
+        "r_m": step.r_m,
+        "z0_m": step.z0_m,
+        "omega_rad_s": step.omega_rad_s,
+        "speed_m_s": step.speed_m_s,
+        "step_length_m": step.step_length_m,
+        "error_mean_mm": step.error_mean_mm,
+        "error_sd_mm": step.error_sd_mm,
+        "error_max_mm": step.error_max_mm,
+        "circumference_share": step.circumference_share,
+        "double_support_start_error_s": rule[0],
+        "double_support_end_error_s": rule[1],
+    }
+    return {name: math.nan if value is None else value for name, value in known.items()}
+
+
+def _common(methods: set[str]) -> str | None:
+    return next(iter(methods)) if len(methods) == 1 else None
+
+
+def _about_steps(rows: Sequence[_Row], left_out: Sequence[LeftOut]) -> list[base.Remark]:
+    remarks = []
+    unused = sum(not row.used for row in rows)
+    if unused:
+        message = f"{unused} of {len(rows)} steps have no usable wheel; they are in the table and in no mean."
+        remarks.append(base.Remark(code="steps-not-used", message=message))
+    if left_out:
+        who = ", ".join(one.filename for one in left_out)
+        message = f"Nothing could be fitted in {len(left_out)} recordings, which are left out: {who}."
+        remarks.append(base.Remark(code="recordings-left-out", message=message))
+    return remarks

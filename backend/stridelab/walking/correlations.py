@@ -1,0 +1,165 @@
+"""Pearson, Spearman and partial correlations of few people, each with an interval.
+
+With n people and k variables held fixed, atanh(r) is nearly normal with variance 1 / (n - 3 - k) (Fisher 1924); for
+ranks the variance is (1 + r^2 / 2) / (n - 3) (Bonett & Wright 2000). The bootstrap interval (BCa, Efron 1987) asks the
+sample itself and needs no normal distribution; people are drawn, not steps.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+from scipy.special import ndtr, ndtri, stdtr
+from scipy.stats import rankdata
+
+from stridelab.conventions import Series
+
+LEAST_PEOPLE: Final = 4
+"""Below four, Fisher's variance is infinite."""
+RESAMPLES: Final = 2000
+NO_SPREAD: Final = 1e-12
+"""Spread (relative to the values) below which a variable is constant and has no correlation."""
+PERFECT: Final = 1.0 - 1e-12
+_95: Final = float(ndtri(0.975))
+
+Interval = tuple[float, float]
+Rows = Float[np.ndarray, "b n"]
+Kind = Literal["pearson", "spearman"]
+
+
+@dataclass(frozen=True)
+class Correlation:
+    """A coefficient with its two-sided p (Student's t) and 95 % intervals: Fisher's and, where asked for, BCa.
+
+    ``controlled`` is the number of variables held fixed; ``ci95`` is None where too few people are left for it.
+    """
+
+    n: int
+    r: float
+    p: float
+    ci95: Interval | None
+    bootstrap_ci95: Interval | None = None
+    controlled: int = 0
+
+
+def pearson(x: Series, y: Series, *, draws: Int[np.ndarray, "b n"] | None = None) -> Correlation | None:
+    """Correlation of values; None where there are fewer than four pairs or a variable is constant.
+
+    ``draws`` (``resamples``) asks for the bootstrap interval, too.
+    """
+    return _correlation(x, y, "pearson", draws)
+
+
+def spearman(x: Series, y: Series, *, draws: Int[np.ndarray, "b n"] | None = None) -> Correlation | None:
+    """Correlation of ranks, ties sharing their mean rank; None as for ``pearson``."""
+    return _correlation(x, y, "spearman", draws)
+
+
+def partial(x: Series, y: Series, held: Float[np.ndarray, "n k"]) -> Correlation | None:
+    """Pearson correlation of what ``held`` does not explain linearly of x and y.
+
+    None where fewer than one degree of freedom is left or nothing is left to correlate (a variable is constant or a
+    combination of those held fixed).
+    """
+    n, k = held.shape
+    if n - 2 - k < 1 or _constant(x) or _constant(y):
+        return None
+    design = np.column_stack([np.ones(n), held - held.mean(axis=0)])
+    left = []
+    for values in (x - x.mean(), y - y.mean()):
+        rest = values - design @ np.linalg.lstsq(design, values, rcond=None)[0]
+        if np.linalg.norm(rest) < 1e-9 * np.linalg.norm(values):
+            return None
+        left.append(rest)
+    r = _bounded(float(left[0] @ left[1] / (np.linalg.norm(left[0]) * np.linalg.norm(left[1]))))
+    return Correlation(n, r, p_of(r, n - 2 - k), fisher_interval(r, n, controlled=k), controlled=k)
+
+
+def fisher_interval(r: float, n: int, *, controlled: int = 0, ranks: bool = False) -> Interval | None:
+    """95 % interval on Fisher's scale; None for fewer than one degree of freedom."""
+    freedom = n - 3 - controlled
+    if freedom < 1:
+        return None
+    if abs(r) >= PERFECT:
+        return (r, r)
+    half = _95 * float(np.sqrt((1.0 + r * r / 2 if ranks else 1.0) / freedom))
+    return (float(np.tanh(np.arctanh(r) - half)), float(np.tanh(np.arctanh(r) + half)))
+
+
+def p_of(r: float, freedom: int) -> float:
+    """Two-sided p of a coefficient by Student's t with ``freedom`` degrees of freedom."""
+    if abs(r) >= PERFECT:
+        return 0.0
+    t = abs(r) * np.sqrt(freedom / (1.0 - r * r))
+    return float(2.0 * stdtr(freedom, -t))
+
+
+def resamples(n: int, *, seed: int, count: int = RESAMPLES) -> Int[np.ndarray, "count n"]:
+    """Indices of ``count`` samples of n people drawn with replacement; the same seed draws the same."""
+    return np.random.default_rng(seed).integers(0, n, size=(count, n))
+
+
+def holm(p: Series) -> Series:
+    """p-values corrected for looking at all of them (Holm 1979), in the order given."""
+    order = np.argsort(p)
+    factors = len(p) - np.arange(len(p))
+    corrected = np.empty_like(p)
+    corrected[order] = np.minimum(np.maximum.accumulate(p[order] * factors), 1.0)
+    return corrected
+
+
+def _correlation(x: Series, y: Series, kind: Kind, draws: Int[np.ndarray, "b n"] | None) -> Correlation | None:
+    n = len(x)
+    if n < LEAST_PEOPLE or _constant(x) or _constant(y):
+        return None
+    r = float(_rows(x[None], y[None], kind)[0])
+    ci95 = fisher_interval(r, n, ranks=kind == "spearman")
+    return Correlation(n, r, p_of(r, n - 2), ci95, None if draws is None else _bca(x, y, kind, r, draws))
+
+
+def _bca(x: Series, y: Series, kind: Kind, r: float, draws: Int[np.ndarray, "b n"]) -> Interval | None:
+    """Bias-corrected and accelerated 95 % interval (Efron 1987); None where most samples have no correlation."""
+    n = len(x)
+    drawn = _rows(x[draws], y[draws], kind)
+    drawn = drawn[np.isfinite(drawn)]
+    if len(drawn) < len(draws) // 2:
+        return None
+    others = np.array([np.delete(np.arange(n), i) for i in range(n)])
+    without = _rows(x[others], y[others], kind)
+    if not np.isfinite(without).all():
+        return None
+    below = float((drawn < r).mean() + (drawn <= r).mean()) / 2
+    if not 0.0 < below < 1.0:  # as good as every sample has the same coefficient
+        return (float(drawn.min()), float(drawn.max()))
+    off = without.mean() - without
+    spread = float((off**2).sum())
+    skew = 0.0 if spread == 0.0 else float((off**3).sum()) / (6.0 * spread**1.5)
+    bias = float(ndtri(below))
+    ends = np.array([bias - _95, bias + _95])
+    low, high = np.quantile(drawn, ndtr(bias + ends / (1.0 - skew * ends)))
+    return (float(low), float(high))
+
+
+def _rows(x: Rows, y: Rows, kind: Kind) -> Float[np.ndarray, "b"]:
+    """The coefficient of every row; NaN where a row has no spread."""
+    if kind == "spearman":
+        x, y = rankdata(x, axis=1), rankdata(y, axis=1)
+    dx, dy = x - x.mean(axis=1, keepdims=True), y - y.mean(axis=1, keepdims=True)
+    size = np.sqrt((dx**2).sum(axis=1) * (dy**2).sum(axis=1))
+    flat = _flat(x, dx) | _flat(y, dy)
+    r = np.full(len(x), np.nan)
+    np.divide((dx * dy).sum(axis=1), size, out=r, where=~flat)
+    return np.asarray(np.clip(r, -1.0, 1.0))
+
+
+def _flat(rows: Rows, deviations: Rows) -> Bool[np.ndarray, "b"]:
+    return np.asarray(np.abs(deviations).max(axis=1) <= NO_SPREAD * np.abs(rows).max(axis=1))
+
+
+def _constant(values: Series) -> bool:
+    return bool(np.ptp(values) <= NO_SPREAD * np.abs(values).max())
+
+
+def _bounded(r: float) -> float:
+    return min(max(r, -1.0), 1.0)

@@ -1,0 +1,83 @@
+"""The rolling wheel (section 3.2.5): the path of a point on the radius of a wheel that rolls without slipping.
+
+    x = x0 + R theta - s r sin(theta)      (3.1)
+    z = z0 - r cos(theta)                  (3.2)
+
+The thesis has s = +1 and no x0. Without x0 the fit depends on where the laboratory has its origin. s = +1 is a wheel
+above the ground line that is slowest at the lowest point; people are fastest there, which is s = -1 (a wheel of radius
+-R, seen from its other side). Both branches are the same curve moved by half a turn and turned upside down.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Series
+
+Branch = Literal[1, -1]
+"""s: +1 as the thesis has it, -1 with the fastest instant at the lowest point."""
+Plane = Float[np.ndarray, "n 2"]
+"""Positions ahead and up in the sagittal plane, in metres."""
+FullTurn = 2 * np.pi
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wheel:
+    """R, r, z0 of (3.1) and (3.2) in metres, and x0, the place of the hub where theta is zero."""
+
+    R_m: float
+    r_m: float
+    z0_m: float
+    x0_m: float
+    branch: Branch = 1
+
+    def position_m(self, theta_rad: Series) -> Plane:
+        """The point on the radius."""
+        x = self.x0_m + self.R_m * theta_rad - self.branch * self.r_m * np.sin(theta_rad)
+        return np.column_stack([x, self.z0_m - self.r_m * np.cos(theta_rad)])
+
+    def hub_m(self, theta_rad: Series) -> Plane:
+        """Centre of the wheel: the moving frame in which the point goes round (the yoyo-man)."""
+        return np.column_stack([self.x0_m + self.R_m * theta_rad, np.full_like(theta_rad, self.z0_m)])
+
+    def tangent_m(self, theta_rad: Series) -> Plane:
+        """Derivative of the position with respect to theta."""
+        ahead = self.R_m - self.branch * self.r_m * np.cos(theta_rad)
+        return np.column_stack([ahead, self.r_m * np.sin(theta_rad)])
+
+    @property
+    def curtate(self) -> bool:
+        """Whether the point is inside the wheel, so that it never goes backwards."""
+        return 0.0 < self.r_m < abs(self.R_m)
+
+
+def parameter_rows(theta_rad: Series, branch: Branch) -> tuple[Float[np.ndarray, "n 4"], Float[np.ndarray, "n 4"]]:
+    """Derivatives of x and z with respect to (x0, R, r, z0), in which the model is linear."""
+    ahead, up = np.zeros((2, len(theta_rad), 4))
+    ahead[:, 0] = up[:, 3] = 1.0
+    ahead[:, 1] = theta_rad
+    ahead[:, 2] = -branch * np.sin(theta_rad)
+    up[:, 2] = -np.cos(theta_rad)
+    return ahead, up
+
+
+@dataclass(frozen=True)
+class Turn:
+    """Another name of the same curve: ``theta_rad`` less ``by_rad``, and the 4 x 4 ``change`` of (x0, R, r, z0)."""
+
+    by_rad: float
+    change: Float[np.ndarray, "4 4"]
+
+
+def turn_to_zero(middle_rad: float, r_m: float) -> Turn:
+    """The turn after which r > 0 and the middle of the step is within half a turn of zero.
+
+    Every turn moves x0 by 2 pi R; half a turn also changes the signs of sine and cosine, and so that of r.
+    """
+    half = np.pi if r_m < 0.0 else 0.0
+    by = FullTurn * float(np.round((middle_rad + half) / FullTurn)) - half
+    change = np.diag([1.0, 1.0, -1.0 if half else 1.0, 1.0])
+    change[0, 1] = by
+    return Turn(by, change)

@@ -1,0 +1,192 @@
+"""A linear model with one random level per person: y_ij = x_ij b + u_i + e_ij, u ~ N(0, tau^2), e ~ N(0, sigma^2).
+
+Steps of one person are alike, so that eleven people with ten steps each are not 110 independent measurements. The
+covariance of a person's n_i values is sigma^2 (1 + lambda 11^T) with lambda = tau^2 / sigma^2; its inverse and
+determinant are closed forms, b and sigma^2 are closed forms for a given lambda, and what is left is a minimum over
+lambda alone (restricted likelihood: Patterson & Thompson 1971; profile: Laird & Ware 1982).
+"""
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.optimize import minimize_scalar
+from scipy.special import stdtr, stdtrit
+
+from stridelab.conventions import Series
+from stridelab.errors import NotEstimable
+
+LAMBDA_RANGE: Final = (1e-6, 1e7)
+"""Of tau^2 / sigma^2 where people differ; 0 is looked at apart, and above it steps of a person do not differ."""
+GRID: Final = 27
+EVEN_WITHIN: Final = 1e-9
+"""Spread within people (relative to all) below which a variable belongs to the person and not to the step."""
+
+Method = Literal["reml", "ml"]
+Columns = Float[np.ndarray, "N p"]
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One coefficient: value, standard error, degrees of freedom, two-sided p and 95 % interval."""
+
+    name: str
+    value: float
+    sd: float
+    freedom: int
+    p: float
+    ci95: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class MixedModel:
+    """The fitted model; ``icc`` is the share of the variance that lies between people, given the effects.
+
+    ``log_likelihood`` is the restricted one for ``reml``. ``on_bound`` tells that the people do not differ by more than
+    their steps do (tau = 0).
+    """
+
+    method: Method
+    effects: tuple[Effect, ...]
+    subject_sd: float
+    step_sd: float
+    log_likelihood: float
+    n_people: int
+    n_steps: int
+    on_bound: bool
+
+    @property
+    def icc(self) -> float:
+        """tau^2 / (tau^2 + sigma^2)."""
+        total = self.subject_sd**2 + self.step_sd**2
+        return 0.0 if total == 0.0 else self.subject_sd**2 / total
+
+    def effect(self, name: str) -> Effect:
+        """The coefficient of that name. Raises ``KeyError`` where the model has none."""
+        found = {effect.name: effect for effect in self.effects}
+        return found[name]
+
+
+def fit_mixed_model(
+    y: Series, effects: dict[str, Series], person: Int[np.ndarray, "N"], *, method: Method = "reml"
+) -> MixedModel:
+    """Fit y on a level and ``effects`` (name to values), with a random level per ``person`` (any whole numbers).
+
+    Standard errors are those for the lambda that was found. Their degrees of freedom are counted where the variable
+    varies: between the people where it is the same for all steps of each, else within them (Schluchter & Elashoff
+    1990). Raises ``NotEstimable`` ("mixed-model-no-repeats") where no person has two steps,
+    ("mixed-model-too-few") where there are not more people or steps than coefficients, ("mixed-model-collinear"), and
+    ("mixed-model-steps-alike") where the steps of everybody are the same.
+    """
+    _, who = np.unique(person, return_inverse=True)
+    m, N = int(who.max()) + 1 if len(who) else 0, len(y)
+    if m == N:
+        raise NotEstimable("mixed-model-no-repeats", "Every person has one step only: people and steps are one.")
+    names = ("level", *effects)
+    centres = [0.0, *(float(v.mean()) for v in effects.values())]
+    X = np.column_stack([np.ones(N), *(v - c for v, c in zip(effects.values(), centres[1:], strict=True))])
+    scale = np.array([1.0, *(float(np.std(column)) for column in X[:, 1:].T)])
+    if (scale == 0.0).any() or np.linalg.matrix_rank(X / scale) < len(names):
+        raise NotEstimable("mixed-model-collinear", f"These do not vary independently: {', '.join(names[1:])}.")
+    between = np.array([_between(column, who, m) for column in X.T])
+    freedoms = (m - int(between.sum()), N - m - int((~between).sum()))
+    if min(freedoms) < 1:
+        raise NotEstimable(
+            "mixed-model-too-few", f"{m} people with {N} steps are too few for {len(names)} coefficients."
+        )
+    sums = _Sums.of(y - y.mean(), X / scale, who, m)
+    lam = _best_lambda(sums, method)
+    if lam > 0.99 * LAMBDA_RANGE[1]:
+        raise NotEstimable("mixed-model-steps-alike", "The steps of each person are all alike: there is no spread.")
+    b, rss, gram, objective = sums.solved(lam, method)
+    variance = rss / (N - len(names) if method == "reml" else N)
+    covariance = variance * np.linalg.inv(gram) / np.outer(scale, scale)
+    found = _uncentred(b / scale, covariance, centres, float(y.mean()))
+    return MixedModel(
+        method=method,
+        effects=tuple(
+            _effect(name, value, sd, freedoms[0] if is_between else freedoms[1])
+            for name, value, sd, is_between in zip(names, *found, between, strict=True)
+        ),
+        subject_sd=float(np.sqrt(lam * variance)),
+        step_sd=float(np.sqrt(variance)),
+        log_likelihood=-0.5 * objective - (float(np.log(scale).sum()) if method == "reml" else 0.0),
+        n_people=m,
+        n_steps=N,
+        on_bound=lam == 0.0,
+    )
+
+
+@dataclass(frozen=True)
+class _Sums:
+    """All that the likelihood needs of the data: totals over the steps, and sums per person."""
+
+    counts: Series
+    XX: Float[np.ndarray, "p p"]
+    Xy: Float[np.ndarray, "p"]
+    yy: float
+    X_of: Float[np.ndarray, "m p"]
+    y_of: Float[np.ndarray, "m"]
+
+    @classmethod
+    def of(cls, y: Series, X: Columns, who: Int[np.ndarray, "N"], m: int) -> "_Sums":
+        X_of, y_of = np.zeros((m, X.shape[1])), np.zeros(m)
+        np.add.at(X_of, who, X)
+        np.add.at(y_of, who, y)
+        return cls(np.bincount(who, minlength=m).astype(float), X.T @ X, X.T @ y, float(y @ y), X_of, y_of)
+
+    def solved(
+        self, lam: float, method: Method
+    ) -> tuple[Float[np.ndarray, "p"], float, Float[np.ndarray, "p p"], float]:
+        """b, weighted squares left over, weighted Gram matrix, and -2 log likelihood, for one lambda."""
+        shared = lam / (1.0 + lam * self.counts)  # (1 + lambda 11^T)^-1 = 1 - shared 11^T
+        gram = self.XX - (self.X_of * shared[:, None]).T @ self.X_of
+        right = self.Xy - self.X_of.T @ (shared * self.y_of)
+        b = np.linalg.solve(gram, right)
+        rss = max(self.yy - float(shared @ self.y_of**2) - float(right @ b), np.finfo(float).tiny)
+        N, p = float(self.counts.sum()), len(b)
+        volume = float(np.log1p(lam * self.counts).sum())
+        if method == "ml":
+            return b, rss, gram, N * (np.log(2 * np.pi * rss / N) + 1.0) + volume
+        free = N - p
+        restricted = float(np.linalg.slogdet(gram)[1])
+        return b, rss, gram, free * (np.log(2 * np.pi * rss / free) + 1.0) + volume + restricted
+
+
+def _best_lambda(sums: _Sums, method: Method) -> float:
+    """Minimum over a grid of log lambda, refined between its neighbours; 0 where that is as good."""
+
+    def objective(log_lambda: float) -> float:
+        return float(sums.solved(float(np.exp(log_lambda)), method)[3])
+
+    grid = np.linspace(np.log(LAMBDA_RANGE[0]), np.log(LAMBDA_RANGE[1]), GRID)
+    values = [objective(float(x)) for x in grid]
+    k = int(np.argmin(values))
+    found = minimize_scalar(
+        objective, bounds=(grid[max(k - 1, 0)], grid[min(k + 1, GRID - 1)]), method="bounded", options={"xatol": 1e-10}
+    )
+    return 0.0 if sums.solved(0.0, method)[3] <= found.fun + 1e-9 else float(np.exp(found.x))
+
+
+def _between(column: Series, who: Int[np.ndarray, "N"], m: int) -> bool:
+    means = np.bincount(who, column, minlength=m) / np.bincount(who, minlength=m)
+    return bool(np.abs(column - means[who]).max() <= EVEN_WITHIN * max(float(np.abs(column).max()), 1e-300))
+
+
+def _uncentred(
+    b: Float[np.ndarray, "p"], covariance: Float[np.ndarray, "p p"], centres: list[float], y_mean: float
+) -> tuple[list[float], list[float]]:
+    """Coefficients and standard errors for variables that count from zero instead of from their means."""
+    to_origin = np.eye(len(b))
+    to_origin[0, 1:] = -np.array(centres[1:])
+    value = to_origin @ b
+    value[0] += y_mean
+    sd = np.sqrt(np.maximum(np.diag(to_origin @ covariance @ to_origin.T), 0.0))
+    return value.tolist(), sd.tolist()
+
+
+def _effect(name: str, value: float, sd: float, freedom: int) -> Effect:
+    half = float(stdtrit(freedom, 0.975)) * sd
+    p = float(2.0 * stdtr(freedom, -abs(value) / sd)) if sd > 0.0 else 0.0
+    return Effect(name, value, sd, freedom, p, (value - half, value + half))

@@ -1,0 +1,43 @@
+"""The thesis' rule for double support (section 3.3.3): from one crossing of the hub's height to the next.
+
+The point on the wheel is below the hub from theta = -pi/2 to +pi/2 around a lowest point. That is half a turn whatever
+the double support is, so the rule is shown beside the timing of plates and markers, never instead of it.
+"""
+
+import numpy as np
+
+from stridelab.conventions import Series
+from stridelab.walking.curtate_cycloid import FullTurn
+from stridelab.walking.path_fit import PathFit
+from stridelab.walking.timed_fit import TimedFit
+
+QUARTER_TURN = FullTurn / 4
+
+
+def double_support_of_wheel(
+    fit: PathFit | TimedFit, time_s: Series, near_s: float | None = None
+) -> tuple[float | None, float | None]:
+    """Seconds at which the wheel says that double support begins and ends; ``time_s`` are the samples of the fit.
+
+    Meant is the lowest point of the turn in which the wheel is at ``near_s``: the last sample if nothing is said, for
+    a step ends with its double support. A crossing that lies outside the samples is None, and so are both where theta
+    does not increase throughout.
+    """
+    near_s = float(time_s[-1]) if near_s is None else near_s
+    if isinstance(fit, PathFit):
+        return valley(time_s, fit.theta_rad, near_s)
+    return valley(time_s, fit.theta0_rad + fit.omega_rad_s * (time_s - time_s[0]), near_s)
+
+
+def valley(time_s: Series, theta_rad: Series, near_s: float) -> tuple[float | None, float | None]:
+    """When theta passes -pi/2 and +pi/2 around the lowest point to which it is nearest at ``near_s``."""
+    if not (np.diff(theta_rad) > 0).all():
+        return None, None
+    lowest = FullTurn * float(np.round(np.interp(near_s, time_s, theta_rad) / FullTurn))
+    return _when(time_s, theta_rad, lowest - QUARTER_TURN), _when(time_s, theta_rad, lowest + QUARTER_TURN)
+
+
+def _when(time_s: Series, theta_rad: Series, angle_rad: float) -> float | None:
+    if not theta_rad[0] <= angle_rad <= theta_rad[-1]:
+        return None
+    return float(np.interp(angle_rad, theta_rad, time_s))

@@ -1,0 +1,162 @@
+"""The wheel of every step of an estimated walk: as a path on both branches, and as a clock."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stridelab.conventions import Mask, Series, Vector3
+from stridelab.errors import NotEstimable
+from stridelab.estimation.estimate import ComEstimate
+from stridelab.recordings.recording import Window
+from stridelab.walking.curtate_cycloid import FullTurn, Plane
+from stridelab.walking.gait_step import MOST_MISSING, GaitStep
+from stridelab.walking.path_fit import PathFit, fit_path
+from stridelab.walking.rivals import Contest, Step, path_contest, time_contest
+from stridelab.walking.segmentation import double_support_of_wheel
+from stridelab.walking.timed_fit import TimedFit, fit_in_time
+
+LEAST_SAMPLES: Final = 20
+LARGEST_R_M: Final = 0.1
+"""A CoM that goes up and down by more than 20 cm does not walk."""
+LEAST_R_M: Final = 0.001
+"""Below this the height says nothing of the angle."""
+FARTHEST_M: Final = 0.004
+"""Mean distance from the curve above which the step is no cycloid; the thesis has 3.5 mm at most."""
+LEAST_TURN: Final = 0.75
+"""Share of a turn below which the curve is seen too short to tell R from r."""
+EDGE_S: Final = 1e-6
+"""Instants in files are single floats."""
+
+
+@dataclass(frozen=True)
+class StepFit:
+    """One step and everything that was fitted to it; ``path`` is the thesis' branch, ``reversed_path`` the other.
+
+    ``theta0_rad`` and ``omega_rad_s`` are those of the line through theta_k (the thesis' last step before (3.4)), with
+    ``theta_off_line_rad`` its RMS distance. ``flags`` are stable codes of what must be known before a number is used.
+    """
+
+    step: GaitStep
+    time_s: Series
+    path_m: Plane
+    path: PathFit
+    reversed_path: PathFit
+    timed: TimedFit
+    reversed_timed: TimedFit
+    theta0_rad: float
+    omega_rad_s: float
+    theta_off_line_rad: float
+    path_rivals: tuple[Contest, ...]
+    time_rivals: tuple[Contest, ...]
+    flags: tuple[str, ...]
+
+    @property
+    def circumference_share(self) -> float | None:
+        """2 pi R over the measured step length; a wheel that turns once per step has 1."""
+        length = self.step.length_m
+        return None if not length else float(FullTurn * self.path.wheel.R_m / length)
+
+    @property
+    def double_support_model_s(self) -> tuple[float | None, float | None]:
+        """The thesis' rule of section 3.3.3; ``step.double_support_s`` is the answer."""
+        return double_support_of_wheel(self.path, self.time_s, (self.step.strike_s + self.step.next_lift_off_s) / 2)
+
+
+def fit_steps(
+    estimate: ComEstimate, steps: Sequence[GaitStep], ahead: Vector3, windows: Sequence[Window] = ()
+) -> tuple[StepFit, ...]:
+    """Fits of all steps that lie inside the estimate; ``ahead`` is the horizontal unit vector of the walk.
+
+    Only samples inside the step count: the curve turns up steeply at both ends, where one sample more shows. Of a
+    measured step only those inside one of ``windows`` count, where these are given: the centre of mass is known best
+    where the force is. Up to 8 % of the step may lack at an end. A step that cannot be fitted is left out.
+    Raises ``NotEstimable`` ("no-whole-step") where no step lies inside, or what ``fit_step`` says of the only ones.
+    """
+    path = sagittal_path_m(estimate, ahead)
+    found = []
+    refusal = NotEstimable(
+        "no-whole-step",
+        "No step (lift-off to the next lift-off) lies wholly inside the time in which the centre of mass is known.",
+    )
+    for step in steps:
+        kept = samples_of(estimate.time_s, step.start_s, step.end_s, windows if step.measured else ())
+        if kept is None:
+            continue
+        try:
+            found.append(fit_step(step, estimate.time_s[kept], path[kept]))
+        except NotEstimable as error:
+            refusal = error
+    if not found:
+        raise refusal
+    return tuple(found)
+
+
+def samples_of(time_s: Series, start_s: float, end_s: float, windows: Sequence[Window]) -> Mask | None:
+    """Samples from start to end inside one of ``windows`` (if there are any); None where too much of it lacks."""
+    slack_s = MOST_MISSING * (end_s - start_s)
+    inside = [(max(w.start_s, start_s), min(w.end_s, end_s)) for w in windows] or [(start_s, end_s)]
+    first_s, last_s = max(inside, key=lambda part: part[1] - part[0])
+    kept = (time_s >= first_s - EDGE_S) & (time_s <= last_s + EDGE_S)
+    if kept.sum() < LEAST_SAMPLES:
+        return None
+    frame_s = float(np.median(np.diff(time_s)))
+    lacks_s = max(time_s[kept][0] - start_s, end_s - time_s[kept][-1])
+    return kept if lacks_s <= slack_s + frame_s else None
+
+
+def sagittal_path_m(estimate: ComEstimate, ahead: Vector3) -> Plane:
+    """The CoM ahead and up; ``ahead`` counts by its horizontal direction alone."""
+    forward = ahead * [1.0, 1.0, 0.0] / np.linalg.norm(ahead[:2])
+    return np.column_stack([estimate.com_m @ forward, estimate.com_m[:, 2]])
+
+
+def fit_step(step: GaitStep, time_s: Series, path_m: Plane) -> StepFit:
+    """All fits of one step; ``path_m`` is ahead and up at ``time_s``.
+
+    Raises ``InvalidInput`` or ``NotEstimable`` as ``require_path`` does.
+    """
+    period = step.period_s
+    path, other = (fit_path(time_s, path_m, period, s) for s in (1, -1))
+    timed, other_timed = (fit_in_time(time_s, path_m, period, s) for s in (1, -1))
+    t = time_s - time_s[0]
+    omega, theta0 = (float(v) for v in np.polyfit(t, path.theta_rad, 1))
+    off_line = float(np.std(path.theta_rad - theta0 - omega * t))
+    double = (time_s >= step.strike_s) & (time_s <= step.next_lift_off_s)
+    rival = Step(time_s, path_m, period, double)
+    return StepFit(
+        step=step,
+        time_s=time_s,
+        path_m=path_m,
+        path=path,
+        reversed_path=other,
+        timed=timed,
+        reversed_timed=other_timed,
+        theta0_rad=theta0,
+        omega_rad_s=omega,
+        theta_off_line_rad=off_line,
+        path_rivals=path_contest(rival),
+        time_rivals=time_contest(rival),
+        flags=_flags(path, timed),
+    )
+
+
+def _flags(path: PathFit, timed: TimedFit) -> tuple[str, ...]:
+    seen = {f"timed-{bound}": True for bound in timed.bounds}
+    wheel, turned = path.wheel, float(np.ptp(path.theta_rad)) / FullTurn
+    return tuple(
+        flag
+        for flag, holds in {
+            **seen,
+            "path-not-converged": not path.converged,
+            "backwards": wheel.R_m < 0.0,
+            "r-too-large": wheel.r_m > LARGEST_R_M,
+            "r-too-small": wheel.r_m < LEAST_R_M,
+            "not-curtate": not wheel.curtate,
+            "theta-not-monotone": not (np.diff(path.theta_rad) > 0).all(),
+            "part-of-a-turn": turned < LEAST_TURN,
+            "far-from-the-wheel": float(path.distance_m.mean()) > FARTHEST_M,
+        }.items()
+        if holds
+    )

@@ -1,0 +1,117 @@
+"""Steps of a walk: what lies between the contacts of both feet."""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from stridelab.conventions import Points, Series, Vector3
+from stridelab.recordings.feet import find_feet, ground_velocity_m_s
+from stridelab.recordings.recording import Recording, Side, Window
+from stridelab.walking.contacts import Contact, find_contacts
+from stridelab.walking.gait_step import MOST_MISSING, GaitStep, TimingSource
+from stridelab.walking.marker_motion import pelvis_m
+
+
+def find_steps(
+    recording: Recording,
+    landmarks: Mapping[str, str],
+    windows: Sequence[Window] = (),
+    *,
+    latency_s: float = 0.0,
+    ahead: Vector3 | None = None,
+    contacts: Sequence[Contact] | None = None,
+) -> tuple[GaitStep, ...]:
+    """All whole steps in order of time; ``windows`` are where all contact force is measured.
+
+    ``latency_s`` > 0 is by how much the force is late. ``ahead`` is the direction of the walk; that of the recording
+    unless stated, and from the pelvis' first to its last place where the recording has none. ``contacts`` are those of
+    ``find_contacts`` if they are known already. Empty where there is no whole step.
+    """
+    if contacts is None:
+        contacts = find_contacts(recording, landmarks, latency_s=latency_s)
+    if not contacts:
+        return ()
+    walk = _OverFloor.of(recording, landmarks, ahead if ahead is not None else recording.walking_direction)
+    steps = []
+    for before, after in _swings(contacts):
+        other = _stance_during(contacts, before, after)
+        if other is None or before.lift_off_s is None or after.strike_s is None or other.lift_off_s is None:
+            continue
+        start_s, strike_s, end_s = before.lift_off_s, after.strike_s, other.lift_off_s
+        slack_s = MOST_MISSING * (end_s - start_s)
+        steps.append(
+            GaitStep(
+                side=before.side,
+                lift_off_s=start_s,
+                strike_s=strike_s,
+                next_lift_off_s=end_s,
+                period_s=end_s - start_s if other.strike_s is None else strike_s - other.strike_s,
+                length_m=walk.length_m(before.side, start_s, strike_s),
+                speed_m_s=walk.speed_m_s(start_s, end_s),
+                measured=any(w.start_s - slack_s <= start_s and end_s <= w.end_s + slack_s for w in windows),
+                source=_source(before, after, other),
+                prior_strike_s=other.strike_s,
+            )
+        )
+    return tuple(sorted(steps, key=lambda step: step.lift_off_s))
+
+
+def _swings(contacts: Sequence[Contact]) -> list[tuple[Contact, Contact]]:
+    """Contacts of one foot before and after each of its swings."""
+    found: list[tuple[Contact, Contact]] = []
+    sides: tuple[Side, ...] = ("left", "right")
+    for side in sides:
+        own = [contact for contact in contacts if contact.side == side]
+        found += itertools.pairwise(own)
+    return found
+
+
+def _stance_during(contacts: Sequence[Contact], before: Contact, after: Contact) -> Contact | None:
+    """The contact of the other foot that bears the whole swing and lasts into double support; None in flight."""
+    for contact in contacts:
+        if contact.side != before.side and contact.start_s < before.end_s and contact.end_s > after.start_s:
+            return contact
+    return None
+
+
+def _source(before: Contact, after: Contact, other: Contact) -> TimingSource:
+    sources = {before.lift_off_source, after.strike_source, other.lift_off_source}
+    return "mixed" if len(sources) > 1 else next(iter(sources))
+
+
+@dataclass(frozen=True)
+class _OverFloor:
+    """Pelvis and heels against the floor, which moves on a treadmill, and the unit vector of the walk."""
+
+    time_s: Series
+    pelvis_m: Points
+    heels_m: Mapping[Side, Points]
+    ahead: Vector3
+
+    @classmethod
+    def of(cls, recording: Recording, landmarks: Mapping[str, str], ahead: Vector3 | None) -> "_OverFloor":
+        feet = find_feet(recording, landmarks)
+        tracks = [foot.markers_m[:, k] for foot in feet for k in range(foot.markers_m.shape[1])]
+        moved = ground_velocity_m_s(recording, tracks) * recording.time_s[:, None]
+        pelvis = pelvis_m(recording, landmarks) - moved
+        if ahead is None:
+            seen = pelvis[np.isfinite(pelvis).all(axis=1)]
+            ahead = seen[-1] - seen[0]
+        level = ahead * [1.0, 1.0, 0.0]
+        heels = {foot.side: np.asarray(foot.markers_m[:, 0] - moved) for foot in feet}
+        return cls(recording.time_s, np.asarray(pelvis), heels, level / np.linalg.norm(level))
+
+    def length_m(self, side: Side, lift_off_s: float, strike_s: float) -> float | None:
+        """From where the other heel stands as this foot lifts to where this heel strikes; None if one is not seen."""
+        other: Side = "left" if side == "right" else "right"
+        length = self._ahead_m(self.heels_m[side], strike_s) - self._ahead_m(self.heels_m[other], lift_off_s)
+        return length if np.isfinite(length) else None
+
+    def speed_m_s(self, start_s: float, end_s: float) -> float:
+        """Mean speed of the pelvis; NaN where it is not seen."""
+        return (self._ahead_m(self.pelvis_m, end_s) - self._ahead_m(self.pelvis_m, start_s)) / (end_s - start_s)
+
+    def _ahead_m(self, track: Points, at_s: float) -> float:
+        return float(np.interp(at_s, self.time_s, track @ self.ahead))

@@ -1,0 +1,222 @@
+"""Charts drawn on the server: axes with units, curves, marks with error bars, ready for an SVG (_charts.html).
+
+Every mark carries its own words, so that pointing at it, or reaching it by keyboard, says what it is. A chart with the
+same scale on both axes is drawn truly; one without says so in its titles.
+"""
+
+import math
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+import numpy as np
+
+Shape = Literal["circle", "square", "triangle", "diamond", "cross", "ring"]
+Range = tuple[float, float]
+SHAPES: Final[tuple[Shape, ...]] = ("circle", "square", "triangle", "diamond", "cross", "ring")
+LEFT_PX, RIGHT_PX, TOP_PX, BOTTOM_PX = 64.0, 14.0, 12.0, 44.0
+TICK_PX_X, TICK_PX_Y = 80.0, 42.0
+"""Least distance between two ticks."""
+STEPS: Final = (1.0, 2.0, 2.5, 5.0, 10.0)
+
+
+@dataclass(frozen=True)
+class Tick:
+    """A mark of an axis at ``px``."""
+
+    px: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A line through ``points`` (of an SVG); ``text`` says what it is."""
+
+    points: str
+    css: str
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Mark:
+    """A point with a shape, words for it, and a short label that may stand beside it."""
+
+    x: float
+    y: float
+    css: str
+    shape: Shape = "circle"
+    text: str = ""
+    label: str = ""
+    href: str = ""
+
+
+@dataclass(frozen=True)
+class Whisker:
+    """A straight line, such as an error bar."""
+
+    x1: float
+    y1: float
+    x2: float
+    y2: float
+    css: str
+
+
+@dataclass(frozen=True)
+class Shade:
+    """An interval of the horizontal axis."""
+
+    x: float
+    width: float
+    css: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Circle:
+    """A circle that is drawn to scale."""
+
+    x: float
+    y: float
+    radius: float
+    css: str
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A drawn chart; ``said`` is what it shows in one sentence."""
+
+    width: float
+    height: float
+    left: float
+    top: float
+    right: float
+    bottom: float
+    x_title: str
+    y_title: str
+    x_ticks: tuple[Tick, ...]
+    y_ticks: tuple[Tick, ...]
+    shades: tuple[Shade, ...]
+    circles: tuple[Circle, ...]
+    curves: tuple[Curve, ...]
+    whiskers: tuple[Whisker, ...]
+    marks: tuple[Mark, ...]
+    said: str
+
+
+@dataclass
+class Canvas:
+    """Collects what is to be drawn over ``x_range`` and ``y_range``, in their units.
+
+    With ``true_scale`` a unit is as long upwards as to the right: the height follows from the width.
+    """
+
+    x_range: Range
+    y_range: Range
+    x_title: str
+    y_title: str
+    width: float = 560.0
+    height: float = 300.0
+    true_scale: bool = False
+    _shades: list[Shade] = field(default_factory=list)
+    _circles: list[Circle] = field(default_factory=list)
+    _curves: list[Curve] = field(default_factory=list)
+    _whiskers: list[Whisker] = field(default_factory=list)
+    _marks: list[Mark] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if self.true_scale:
+            self.height = self.px_per_x * (self.y_range[1] - self.y_range[0]) + TOP_PX + BOTTOM_PX
+
+    @property
+    def px_per_x(self) -> float:
+        return (self.width - LEFT_PX - RIGHT_PX) / (self.x_range[1] - self.x_range[0])
+
+    def x(self, value: float) -> float:
+        """Where ``value`` of the horizontal axis is."""
+        return LEFT_PX + (value - self.x_range[0]) * self.px_per_x
+
+    def y(self, value: float) -> float:
+        """Where ``value`` of the vertical axis is."""
+        low, high = self.y_range
+        return self.height - BOTTOM_PX - (value - low) / (high - low) * (self.height - TOP_PX - BOTTOM_PX)
+
+    def curve(self, x: np.ndarray, y: np.ndarray, css: str, text: str = "") -> None:
+        """A line, interrupted where a value is missing."""
+        there = np.isfinite(x) & np.isfinite(y)
+        for part in np.split(np.arange(len(x)), np.flatnonzero(~there)):
+            kept = part[there[part]]
+            if len(kept) > 1:
+                points = " ".join(f"{self.x(u):.1f},{self.y(v):.1f}" for u, v in zip(x[kept], y[kept], strict=True))
+                self._curves.append(Curve(points, css, text))
+
+    def mark(
+        self, x: float, y: float, css: str, shape: Shape = "circle", text: str = "", label: str = "", href: str = ""
+    ) -> None:
+        """A point, of which nothing is drawn where a coordinate is missing."""
+        if math.isfinite(x) and math.isfinite(y):
+            self._marks.append(Mark(round(self.x(x), 1), round(self.y(y), 1), css, shape, text, label, href))
+
+    def upright(self, x: float, low: float, high: float, css: str) -> None:
+        """A vertical line, such as an error bar of the vertical axis."""
+        if all(math.isfinite(v) for v in (x, low, high)):
+            px = round(self.x(x), 1)
+            self._whiskers.append(Whisker(px, round(self.y(low), 1), px, round(self.y(high), 1), css))
+
+    def level(self, y: float, low: float, high: float, css: str) -> None:
+        """A horizontal line."""
+        if all(math.isfinite(v) for v in (y, low, high)):
+            px = round(self.y(y), 1)
+            self._whiskers.append(Whisker(round(self.x(low), 1), px, round(self.x(high), 1), px, css))
+
+    def shade(self, start: float, end: float, css: str, text: str) -> None:
+        """An interval of the horizontal axis, cut at its ends."""
+        low, high = max(start, self.x_range[0]), min(end, self.x_range[1])
+        if high > low:
+            self._shades.append(Shade(round(self.x(low), 1), round((high - low) * self.px_per_x, 1), css, text))
+
+    def circle(self, x: float, y: float, radius: float, css: str) -> None:
+        """A circle of ``radius`` in units of the horizontal axis: for charts of true scale."""
+        self._circles.append(Circle(round(self.x(x), 1), round(self.y(y), 1), round(radius * self.px_per_x, 1), css))
+
+    def chart(self, said: str) -> Chart:
+        """Everything so far as one chart."""
+        inner = self.width - LEFT_PX - RIGHT_PX, self.height - TOP_PX - BOTTOM_PX
+        return Chart(
+            width=round(self.width, 1),
+            height=round(self.height, 1),
+            left=LEFT_PX,
+            top=TOP_PX,
+            right=round(self.width - RIGHT_PX, 1),
+            bottom=round(self.height - BOTTOM_PX, 1),
+            x_title=self.x_title,
+            y_title=self.y_title,
+            x_ticks=tuple(Tick(round(self.x(v), 1), text) for v, text in ticks(self.x_range, inner[0] / TICK_PX_X)),
+            y_ticks=tuple(Tick(round(self.y(v), 1), text) for v, text in ticks(self.y_range, inner[1] / TICK_PX_Y)),
+            shades=tuple(self._shades),
+            circles=tuple(self._circles),
+            curves=tuple(self._curves),
+            whiskers=tuple(self._whiskers),
+            marks=tuple(self._marks),
+            said=said,
+        )
+
+
+def ticks(span: Range, at_most: float) -> list[tuple[float, str]]:
+    """Round numbers inside ``span``, about ``at_most`` of them (at least two), with as many decimals as they need."""
+    low, high = span
+    wanted = (high - low) / max(at_most, 2.0)
+    power = 10.0 ** math.floor(math.log10(wanted))
+    size = next(power * step for step in STEPS if power * step >= wanted * (1 - 1e-9))
+    first, last = math.ceil(low / size - 1e-9), math.floor(high / size + 1e-9)
+    digits = next((d for d in range(7) if abs(round(size, d) - size) < 1e-9 * size), 7)
+    return [(k * size, f"{k * size:z.{digits}f}") for k in range(first, last + 1)]
+
+
+def span_of(*values: np.ndarray, share: float = 0.08, least: float = 1e-6) -> Range:
+    """From the smallest to the largest of ``values`` with a margin, at least ``least`` wide; 0 to 1 where none is."""
+    known = np.concatenate([np.ravel(np.asarray(v, dtype=float)) for v in values]) if values else np.empty(0)
+    known = known[np.isfinite(known)]
+    if not len(known):
+        return (0.0, 1.0)
+    low, high = float(known.min()), float(known.max())
+    margin = max(share * (high - low), (least - (high - low)) / 2, 0.0)
+    return (low - margin, high + margin)

@@ -1,0 +1,70 @@
+"""One process per item: what crashes, hangs or refuses costs itself alone."""
+
+import os
+import time
+
+import psutil
+import pytest
+
+from stridelab.errors import NotEstimable, StridelabError
+from stridelab.service.jobs.kinds.apart import each_apart
+from support.apart_work import behave
+
+
+def done(*hows: str, timeout_s: float = 30.0) -> dict[int, object]:
+    items = [{"how": how, "n": n} for n, how in enumerate(hows)]
+    return dict(each_apart(behave, items, preload=["support.apart_work"], timeout_s=timeout_s))
+
+
+def test_every_item_has_a_process_of_its_own() -> None:
+    found = done("work", "work", "work", "work", "work")
+    answers = [found[n] for n in range(5)]
+    assert [a["twice"] for a in answers if isinstance(a, dict)] == [0, 2, 4, 6, 8]
+    pids = {a["pid"] for a in answers if isinstance(a, dict)}
+    assert len(pids) == 5
+    assert os.getpid() not in pids
+
+
+def test_what_goes_wrong_costs_its_item_alone() -> None:
+    found = done("crash", "work", "exit", "hang", "refuse", "break", "large", timeout_s=3.0)
+    assert len(found) == 7
+    codes = {n: e.code for n, e in found.items() if isinstance(e, StridelabError)}
+    assert codes == {
+        0: "computation-crashed",
+        2: "computation-crashed",
+        3: "computation-timed-out",
+        4: "no-step",
+        5: "computation-crashed",
+    }
+    refusal = found[4]
+    assert isinstance(refusal, NotEstimable)
+    assert refusal.faults[0].where == "walk.c3d"
+    large = found[6]
+    assert isinstance(large, dict)
+    assert len(large["text"]) == 3_000_000
+
+
+def test_whoever_stops_listening_leaves_no_process_behind() -> None:
+    answers = each_apart(behave, [{"how": h, "n": 1} for h in ("work", "hang", "hang")], preload=["support.apart_work"])
+    next(answers)
+    answers.close()  # type: ignore[attr-defined]
+    until = time.monotonic() + 10
+    while sleeping() and time.monotonic() < until:
+        time.sleep(0.05)
+    assert sleeping() == 0
+
+
+def sleeping() -> int:
+    """Grandchildren of this process, but for the server that forks them and its tracker."""
+    return sum(len(child.children()) for child in psutil.Process().children())
+
+
+def test_nothing_to_do() -> None:
+    assert done() == {}
+
+
+@pytest.mark.parametrize("processes", [1, 3])
+def test_any_number_at_a_time(processes: int) -> None:
+    items = [{"how": "work", "n": n} for n in range(4)]
+    found = dict(each_apart(behave, items, preload=["support.apart_work"], processes=processes))
+    assert sorted(found) == [0, 1, 2, 3]

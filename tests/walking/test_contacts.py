@@ -1,0 +1,183 @@
+"""Contacts of a schematic walk whose instants are known exactly, and markers against plates on real walks."""
+
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stridelab.body.segment_model import SegmentModel
+from stridelab.estimation.latency import estimate_latency
+from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.reader import read_recording
+from stridelab.recordings.recording import Recording
+from stridelab.recordings.windows import measured_windows
+from stridelab.recordings.wrench import wrench_track
+from stridelab.walking.contacts import Contact, find_contacts
+from support.schematic_walk import LANDMARKS, STANCE_S, STEP_S, walk
+
+LOADED_S = 0.003
+"""A foot of the schematic walk carries 20 N this long after it landed."""
+MARKERS_S = 0.025
+
+
+def strike_s(k: int) -> float:
+    return STEP_S * k - 0.3
+
+
+def of_stance(contacts: tuple[Contact, ...], k: int) -> Contact:
+    """The contact found for stance ``k``."""
+    middle = strike_s(k) + STANCE_S / 2
+    (found,) = [c for c in contacts if c.side == ("left", "right")[k % 2] and c.start_s < middle < c.end_s]
+    return found
+
+
+def test_plates_time_a_contact_where_there_is_one() -> None:
+    contacts = find_contacts(walk([2, 3]), LANDMARKS)
+    for k in (2, 3):
+        found = of_stance(contacts, k)
+        assert (found.strike_source, found.lift_off_source) == ("plates", "plates")
+        assert found.strike_s == pytest.approx(strike_s(k) + LOADED_S, abs=0.0011)
+        assert found.lift_off_s == pytest.approx(strike_s(k) + STANCE_S - LOADED_S, abs=0.0011)
+
+
+def test_markers_time_the_others_without_bias() -> None:
+    contacts = find_contacts(walk([2, 3]), LANDMARKS, plates=False)
+    late = []
+    for k in range(2, 6):
+        found = of_stance(contacts, k)
+        assert found.strike_source == found.lift_off_source == "markers"
+        assert found.strike_s is not None
+        assert found.lift_off_s is not None
+        late += [found.strike_s - strike_s(k), found.lift_off_s - strike_s(k) - STANCE_S]
+    assert np.abs(late).max() < MARKERS_S
+    assert abs(np.mean(late)) < 0.01
+
+
+def test_sides_alternate_in_order_of_time_and_nothing_is_found_twice() -> None:
+    contacts = find_contacts(walk([2, 3]), LANDMARKS)
+    inside = [c for c in contacts if c.strike_s is not None and c.lift_off_s is not None]
+    assert [c.side for c in inside] == ["left", "right", "left", "right"]
+    assert [c.strike_s for c in inside] == sorted(c.start_s for c in inside)
+
+
+def test_the_force_s_latency_moves_what_plates_say() -> None:
+    plain, moved = (of_stance(find_contacts(walk([2, 3]), LANDMARKS, latency_s=s), 2) for s in (0.0, 0.018))
+    assert plain.start_s - moved.start_s == pytest.approx(0.018)
+    assert plain.end_s - moved.end_s == pytest.approx(0.018)
+
+
+def test_a_plate_under_half_of_a_contact_does_not_end_it() -> None:
+    """The plate loses its foot 0.25 s before it lifts, as when the forefoot stands beside: the markers are believed."""
+    recording = walk([2, 3])
+    first = recording.plates[0]
+    force = first.force_n.copy()
+    force[round(1000 * (strike_s(2) + STANCE_S - 0.25)) :] = 0.0
+    contacts = find_contacts(replace(recording, plates=(replace(first, force_n=force), recording.plates[1])), LANDMARKS)
+    found = of_stance(contacts, 2)
+    assert (found.strike_source, found.lift_off_source) == ("plates", "markers")
+    assert found.lift_off_s == pytest.approx(strike_s(2) + STANCE_S, abs=MARKERS_S)
+
+
+def test_plates_that_are_switched_off_are_not_asked() -> None:
+    recording = walk([2, 3])
+    off = tuple(replace(plate, use=False) for plate in recording.plates)
+    assert all(c.strike_source == "markers" for c in find_contacts(replace(recording, plates=off), LANDMARKS))
+
+
+def test_a_marker_that_jumps_is_no_swing() -> None:
+    """Both forefoot markers of a standing foot are swapped with something else for 40 ms."""
+    recording = walk([2, 3])
+    i = round(100 * (strike_s(3) + 0.3))
+    markers = dict(recording.markers_m)
+    for label in ("r_heel", "r_mt1", "r_mt5"):
+        markers[label] = markers[label].copy()
+        markers[label][i : i + 4] += [0.25, 0.0, 0.1]
+    jumped = find_contacts(replace(recording, markers_m=markers), LANDMARKS, plates=False)
+    plain = find_contacts(recording, LANDMARKS, plates=False)
+    assert [c.side for c in jumped] == [c.side for c in plain]
+
+
+def test_feet_without_markers_have_no_contacts() -> None:
+    assert find_contacts(walk([2, 3]), {}) == ()
+
+
+@dataclass(frozen=True)
+class Timed:
+    """A real walk: contacts with plates and by markers alone, on the markers' clock."""
+
+    recording: Recording
+    plates: tuple[Contact, ...]
+    markers: tuple[Contact, ...]
+
+
+@pytest.fixture(scope="module")
+def walks(data_dir: Path) -> list[Timed]:
+    """Eleven adults at their own pace and seven children."""
+    gait = data_dir / "gait"
+    if not gait.is_dir():
+        pytest.skip("real recordings are not on this machine (STRIDELAB_TEST_DATA)")
+    files = [*gait.glob("rehazenter-adult-walking/*/*_C4_*.c3d"), *gait.glob("biomechzoo-sample-study/*/Straight*.c3d")]
+    return [timed(path) for path in sorted(files)]
+
+
+def timed(path: Path) -> Timed:
+    recording = read_recording(path)
+    landmarks = identify(list(recording.markers_m)).landmarks
+    geometric = SegmentModel().com(recording, landmarks, subject=recording.subject)
+    wrench_at = partial(_wrench, recording, measured_windows(recording, landmarks))
+    assert recording.subject.mass_kg is not None
+    latency = estimate_latency(geometric, wrench_at, recording.subject.mass_kg)
+    with_plates = find_contacts(recording, landmarks, latency_s=latency.latency_s if latency.significant else 0.0)
+    return Timed(recording, with_plates, find_contacts(recording, landmarks, plates=False))
+
+
+def _wrench(recording: Recording, windows, latency_s: float):  # type: ignore[no-untyped-def]
+    return wrench_track(recording, windows, latency_s=latency_s)
+
+
+def differences_s(walks: list[Timed], event: str) -> np.ndarray:
+    """Markers minus plates at all events that both see."""
+    found = []
+    for one in walks:
+        for contact in one.plates:
+            if getattr(contact, f"{event}_source") != "plates":
+                continue
+            seen = [
+                getattr(c, f"{event}_s")
+                for c in one.markers
+                if c.side == contact.side and c.start_s < contact.end_s and c.end_s > contact.start_s
+            ]
+            at = getattr(contact, f"{event}_s")
+            found += [t - at for t in seen if t is not None]
+    return np.array(found)
+
+
+@pytest.mark.parametrize(("event", "least"), [("strike", 30), ("lift_off", 34)])
+def test_markers_are_within_25_ms_of_the_plates(walks: list[Timed], event: str, least: int) -> None:
+    late_s = differences_s(walks, event)
+    assert len(late_s) >= least
+    assert np.abs(late_s).max() <= MARKERS_S
+    assert abs(np.median(late_s)) < 0.012
+
+
+def test_double_support_on_plates_is_that_of_the_files_events(walks: list[Timed]) -> None:
+    """Within 15 ms in 17 of 18 walks; the events are whole frames of 10 ms, and one file has its own 28 ms off."""
+    off = []
+    for one in walks:
+        strikes = {c.strike_s: c for c in one.plates if c.strike_source == "plates" and c.strike_s is not None}
+        lifts = [c for c in one.plates if c.lift_off_source == "plates" and c.lift_off_s is not None]
+        (pair,) = [
+            (s, c.lift_off_s) for s, struck in strikes.items() for c in lifts
+            if c.side != struck.side and 0.0 < c.end_s - s < 0.3
+        ]  # fmt: skip
+        stored = [
+            min((e.time_s for e in one.recording.events if e.kind == kind), key=lambda t: abs(t - at))
+            for kind, at in (("foot_strike", pair[0]), ("foot_off", pair[1]))
+        ]
+        off.append((pair[1] - pair[0]) - (stored[1] - stored[0]))
+    assert len(off) == 18
+    assert np.sum(np.abs(off) <= 0.0151) >= 17
+    assert np.abs(off).max() < 0.03
+    assert abs(np.mean(off)) < 0.01

@@ -1,0 +1,56 @@
+"""Where a load is zero, on ramps whose zero is known, with and without a dead band."""
+
+import numpy as np
+import pytest
+
+from stridelab.recordings.recording import Plate
+from stridelab.walking.load import contact_intervals
+from support.schematic_walk import corners
+
+RATE_HZ = 1000.0
+START_S, END_S = 0.3042, 0.9037
+"""Where the load really begins and ends."""
+SLOPES_N_S = (6000.0, 4500.0)
+
+
+def plate(*, dead_band_n: float = 0.0, from_s: float = 0.0, to_s: float = 1.2, threshold_n: float = 20.0) -> Plate:
+    t = np.arange(round(1000 * from_s), round(1000 * to_s)) / RATE_HZ
+    load = np.clip(np.minimum(SLOPES_N_S[0] * (t - START_S), SLOPES_N_S[1] * (END_S - t)), 0.0, 700.0)
+    force = np.zeros((len(t), 3))
+    force[:, 2] = np.where(load > dead_band_n, load, 0.0)
+    return Plate(1, 2, corners([0.0, 0.0, 0.0]), force, 0 * force, np.zeros(3), threshold_n=threshold_n)
+
+
+def test_without_a_dead_band_the_threshold_counts() -> None:
+    ((start_s, end_s),) = contact_intervals(plate(), RATE_HZ)
+    assert start_s is not None
+    assert end_s is not None
+    assert START_S + 20.0 / SLOPES_N_S[0] <= start_s <= START_S + 20.0 / SLOPES_N_S[0] + 0.001
+    assert END_S - 20.0 / SLOPES_N_S[1] - 0.001 <= end_s <= END_S - 20.0 / SLOPES_N_S[1]
+
+
+@pytest.mark.parametrize("dead_band_n", [35.0, 53.0, 80.0])
+def test_behind_a_dead_band_the_line_finds_where_the_load_was_zero(dead_band_n: float) -> None:
+    ((start_s, end_s),) = contact_intervals(plate(dead_band_n=dead_band_n), RATE_HZ)
+    assert start_s == pytest.approx(START_S, abs=1e-6)
+    assert end_s == pytest.approx(END_S, abs=1e-6)
+
+
+def test_a_lower_threshold_of_the_user_tells_a_dead_band_sooner() -> None:
+    ((start_s, _),) = contact_intervals(plate(dead_band_n=20.0, threshold_n=10.0), RATE_HZ)
+    assert start_s == pytest.approx(START_S, abs=1e-6)
+
+
+def test_what_the_recording_cuts_off_is_not_known() -> None:
+    assert contact_intervals(plate(from_s=0.5), RATE_HZ)[0][0] is None
+    assert contact_intervals(plate(to_s=0.7), RATE_HZ)[0][1] is None
+
+
+def test_the_line_never_goes_far() -> None:
+    """A load that appears all at once and hardly changes: 20 ms before and 30 ms after at most."""
+    force = np.zeros((1000, 3))
+    force[300:800, 2] = 60.0 + 0.01 * np.arange(500)
+    steady = Plate(1, 2, corners([0.0, 0.0, 0.0]), force, 0 * force, np.zeros(3))
+    ((start_s, end_s),) = contact_intervals(steady, RATE_HZ)
+    assert start_s == pytest.approx(0.28)
+    assert end_s == pytest.approx(0.829)
