@@ -1,6 +1,9 @@
 """Smoothed derivatives of a trajectory: zero phase, exact for uniform motion."""
 
+from functools import lru_cache
+
 import numpy as np
+from jaxtyping import Float
 from scipy import interpolate, signal
 
 from stridelab.conventions import Points
@@ -16,9 +19,14 @@ def low_pass(x: Points, rate_hz: float, band_hz: float = BAND_HZ) -> Points:
     """
     if band_hz >= 0.45 * rate_hz:
         return x
-    sos = signal.butter(2, band_hz, fs=rate_hz, output="sos")
     pad = min(len(x) - 1, 5 * int(np.ceil(rate_hz / band_hz)))
-    return np.asarray(signal.sosfiltfilt(sos, x, axis=0, padtype="odd", padlen=pad))
+    return np.asarray(signal.sosfiltfilt(_butterworth(rate_hz, band_hz), x, axis=0, padtype="odd", padlen=pad))
+
+
+@lru_cache(maxsize=32)
+def _butterworth(rate_hz: float, band_hz: float) -> Float[np.ndarray, "sections 6"]:
+    """Second-order sections; designing them costs more than a pass over a step."""
+    return np.asarray(signal.butter(2, band_hz, fs=rate_hz, output="sos"))
 
 
 def derivatives(x: Points, rate_hz: float, band_hz: float = BAND_HZ) -> tuple[Points, Points]:
