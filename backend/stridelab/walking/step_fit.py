@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -48,8 +49,6 @@ class StepFit:
     theta0_rad: float
     omega_rad_s: float
     theta_off_line_rad: float
-    path_rivals: tuple[Contest, ...]
-    time_rivals: tuple[Contest, ...]
     flags: tuple[str, ...]
 
     @property
@@ -57,6 +56,21 @@ class StepFit:
         """2 pi R over the measured step length; a wheel that turns once per step has 1."""
         length = self.step.length_m
         return None if not length else float(FullTurn * self.path.wheel.R_m / length)
+
+    @cached_property
+    def path_rivals(self) -> tuple[Contest, ...]:
+        """Simpler paths beside the wheel's; half of the time of a fit, so only where somebody asks."""
+        return path_contest(self._described)
+
+    @cached_property
+    def time_rivals(self) -> tuple[Contest, ...]:
+        """Simpler motions beside the evenly turning wheel's."""
+        return time_contest(self._described)
+
+    @property
+    def _described(self) -> Step:
+        double = (self.time_s >= self.step.strike_s) & (self.time_s <= self.step.next_lift_off_s)
+        return Step(self.time_s, self.path_m, self.step.period_s, double)
 
     @property
     def double_support_model_s(self) -> tuple[float | None, float | None]:
@@ -123,8 +137,6 @@ def fit_step(step: GaitStep, time_s: Series, path_m: Plane) -> StepFit:
     t = time_s - time_s[0]
     omega, theta0 = (float(v) for v in np.polyfit(t, path.theta_rad, 1))
     off_line = float(np.std(path.theta_rad - theta0 - omega * t))
-    double = (time_s >= step.strike_s) & (time_s <= step.next_lift_off_s)
-    rival = Step(time_s, path_m, period, double)
     return StepFit(
         step=step,
         time_s=time_s,
@@ -136,8 +148,6 @@ def fit_step(step: GaitStep, time_s: Series, path_m: Plane) -> StepFit:
         theta0_rad=theta0,
         omega_rad_s=omega,
         theta_off_line_rad=off_line,
-        path_rivals=path_contest(rival),
-        time_rivals=time_contest(rival),
         flags=_flags(path, timed),
     )
 

@@ -57,8 +57,10 @@ class CycloidResult:
         return tuple(dict.fromkeys(used))
 
 
-def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback) -> CycloidResult:
+def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback, *, rivals: bool = True) -> CycloidResult:
     """The wheel of every step of ``task.recording`` in ``folder``; takes 0.02 to 0.95 of the progress.
+
+    Without ``rivals`` no simpler curves are fitted beside it, which halves the time.
 
     Raises as ``estimate-com`` does, and ``NotEstimable`` where the model does not apply (``require_walk``) or no step
     is measured (``require_steps``).
@@ -90,7 +92,7 @@ def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback) -
         ahead = walk_frame(estimate.velocity_m_s)[0]
     fits = fit_steps(estimate, wanted, ahead, windows)
     overlaps = strike_to_strike(estimate, seen, windows, ahead)
-    summary = summary_of(prepared, estimate, ahead, seen, fits, overlaps, scatter(fits, overlaps))
+    summary = summary_of(prepared, estimate, ahead, seen, fits, overlaps, scatter(fits, overlaps), rivals=rivals)
     return CycloidResult(prepared, estimate, floor, ahead, seen, fits, overlaps, summary)
 
 

@@ -13,7 +13,6 @@ from stridelab.service.jobs.kinds.preparing import Prepared
 from stridelab.walking.gait_step import GaitStep
 from stridelab.walking.overlap import Overlap, Scatter
 from stridelab.walking.path_fit import PathFit
-from stridelab.walking.segmentation import double_support_of_wheel
 from stridelab.walking.step_fit import StepFit
 from stridelab.walking.timed_fit import TimedFit
 
@@ -28,8 +27,10 @@ def summary_of(
     fits: Sequence[StepFit],
     overlaps: Sequence[Overlap],
     between: Scatter | None,
+    *,
+    rivals: bool,
 ) -> contract.FitCycloidSummary:
-    """All of it; steps are in order of time."""
+    """All of it; steps are in order of time. Without ``rivals`` nobody asks how simpler curves would do."""
     recording, latency = prepared.trial.recording, prepared.latency
     remarks = (*prepared.remarks, *estimate.remarks, *_of_scatter(fits, between))
     return contract.FitCycloidSummary(
@@ -41,7 +42,7 @@ def summary_of(
         latency_s=latency.found.latency_s if latency.found else None,
         latency_applied_s=latency.applied_s,
         ahead=(float(ahead[0]), float(ahead[1])),
-        steps=[_step(fit) for fit in fits],
+        steps=[_step(fit, rivals=rivals) for fit in fits],
         overlapping=[_overlapping(overlap) for overlap in overlaps],
         step_to_step_sd=None
         if between is None
@@ -65,7 +66,7 @@ def _of_scatter(fits: Sequence[StepFit], between: Scatter | None) -> tuple[Remar
     return (Remark("one-step", f"One step only could be fitted, so that {tells}."),)
 
 
-def _step(fit: StepFit) -> contract.FittedStep:
+def _step(fit: StepFit, *, rivals: bool) -> contract.FittedStep:
     step, wheel, distance = fit.step, fit.path.wheel, MM * fit.path.distance_m
     _, R_sd, r_sd, z0_sd = (float(v) for v in fit.path.sd_m)
     return contract.FittedStep(
@@ -86,7 +87,7 @@ def _step(fit: StepFit) -> contract.FittedStep:
         error_max_mm=float(distance.max()),
         theta_off_line_rad=fit.theta_off_line_rad,
         double_support_s=step.double_support_s,
-        double_support_model_s=double_support_of_wheel(fit.path, fit.time_s),
+        double_support_model_s=fit.double_support_model_s,
         period_s=step.period_s,
         step_length_m=step.length_m,
         speed_m_s=mean_speed_m_s(fit),
@@ -105,7 +106,9 @@ def _step(fit: StepFit) -> contract.FittedStep:
             )
             for space, contests in (("path", fit.path_rivals), ("time", fit.time_rivals))
             for c in contests
-        ],
+        ]
+        if rivals
+        else [],
         flags=list(fit.flags),
     )
 

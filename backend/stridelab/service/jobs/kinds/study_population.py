@@ -100,7 +100,7 @@ def fit_one(item: Json) -> Json:
     from stridelab.service.jobs.kinds.cycloid_of_recording import cycloid_of
 
     task, folder = FitCycloidTask.model_validate(item["task"]), Path(item["folder"])
-    result = cycloid_of(task, folder, lambda _fraction, _message: None)
+    result = cycloid_of(task, folder, lambda _fraction, _message: None, rivals=False)
     return {
         "steps": [step.model_dump(mode="json") for step in result.summary.steps],
         "method": result.summary.method,
