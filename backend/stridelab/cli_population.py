@@ -11,7 +11,7 @@ from typing import Any, Final
 from rich.markup import escape
 from rich.table import Table
 
-from stridelab.cli_console import Bar, out, progress_bar
+from stridelab.cli_console import Bar, err, out, progress_bar
 from stridelab.cli_estimate import require_file
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_result import show_files, show_json, show_remarks, validated, write_result
@@ -155,7 +155,7 @@ def study_there(given: Given, options: Mapping[str, Any], folder: Path, server: 
         everywhere = {place: by_hash.get(_sha256(path)) for place, (_, path) in enumerate(given.files)}
         ids = {place: recording_id for place, recording_id in everywhere.items() if recording_id is not None}
         for refused in stored.refused:
-            out.print(f"[yellow]refused[/] {escape(refused.filename)}: {escape(refused.message)}")
+            err.print(f"[yellow]refused[/] {escape(refused.filename)}: {escape(refused.message)}")
         for one in given.matched:
             if one.place in ids and one.static is not None and one.static in ids:
                 client.patch_recording(ids[one.place], RecordingPatch(static_recording_id=ids[one.static]))
