@@ -66,7 +66,6 @@ FLAGS: Final = {
     "timed-omega-high": (
         "A wheel that turns evenly stops at the highest angular velocity allowed: the step has another clock."
     ),
-    "timed-r-zero": "A wheel that turns evenly fits best without any wheel (r = 0): the step has another clock.",
 }
 
 
