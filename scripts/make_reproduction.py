@@ -1,6 +1,6 @@
 """Compute every figure and table of the reproduction and write docs/reproduction.md.
 
-    make_reproduction.py                 50 draws of the noise: 15 minutes on one core
+    make_reproduction.py                 50 draws of the noise: 25 minutes on one core
     make_reproduction.py --quick         3 draws, for a first look
     make_reproduction.py --only errors   computes that item and keeps it, without writing the page
     make_reproduction.py --real FOLDER   with the table of real recordings in FOLDER/gait (or STRIDELAB_TEST_DATA)
