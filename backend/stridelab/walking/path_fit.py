@@ -21,7 +21,7 @@ from stridelab.walking.first_guess import first_guess
 ITERATIONS: Final = 200
 DAMPING: Final = 1e-4
 LEAST_DAMPING, MOST_DAMPING = 1e-12, 1e8
-ENOUGH: Final = 1e-13
+ENOUGH: Final = 1e-11
 """Relative decrease of the sum of squares at which a fit has arrived."""
 NO_ERROR_M2: Final = 1e-26
 """Mean square below which nothing is left to fit: the rounding of metres."""
