@@ -54,7 +54,7 @@ _ITERATIONS = 8
 _WALKING_M_S = 0.3
 _EDGE = 0.3
 """Part of a period of the band that is left out at either end of the window."""
-_ALONG, _VERTICAL = 0, 2
+_VERTICAL = 2
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import numpy as np
 
 from stridelab.experiments.reproduction.drawing import Bars, Curve, Panel, svg
 from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, judged
-from stridelab.experiments.reproduction.simulated_people import NOTE, simulated_people
+from stridelab.experiments.reproduction.simulated_people import NOTE, THESIS_PEOPLE, simulated_people
 
 MEAN_MM: Final = 3.5
 SD_MM: Final = 1.5
@@ -47,4 +47,4 @@ def run(seeds: int, tell: Tell) -> Reproduction:
     )
 
 
-ITEM: Final = Item("fig-3.6", "Distance between path and wheel, per person", run, default_seeds=16)
+ITEM: Final = Item("fig-3.6", "Distance between path and wheel, per person", run, default_seeds=THESIS_PEOPLE)

@@ -6,6 +6,7 @@ from stridelab.experiments.reproduction.drawing import Panel, svg
 from stridelab.experiments.reproduction.item import Item, Reproduction, Tell
 from stridelab.experiments.reproduction.simulated_people import (
     NOTE,
+    THESIS_PEOPLE,
     height_claim,
     marks,
     simulated_people,
@@ -31,4 +32,4 @@ def run(seeds: int, tell: Tell) -> Reproduction:
     )
 
 
-ITEM: Final = Item("fig-3.7", "R and r against the height", run, default_seeds=16)
+ITEM: Final = Item("fig-3.7", "R and r against the height", run, default_seeds=THESIS_PEOPLE)

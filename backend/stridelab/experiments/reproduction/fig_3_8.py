@@ -6,6 +6,7 @@ from stridelab.experiments.reproduction.drawing import Panel, svg
 from stridelab.experiments.reproduction.item import Item, Reproduction, Tell
 from stridelab.experiments.reproduction.simulated_people import (
     NOTE,
+    THESIS_PEOPLE,
     height_claim,
     marks,
     simulated_people,
@@ -26,4 +27,4 @@ def run(seeds: int, tell: Tell) -> Reproduction:
     )
 
 
-ITEM: Final = Item("fig-3.8", "z0 against the height", run, default_seeds=16)
+ITEM: Final = Item("fig-3.8", "z0 against the height", run, default_seeds=THESIS_PEOPLE)

@@ -6,6 +6,7 @@ from stridelab.experiments.reproduction.drawing import Panel, svg
 from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell
 from stridelab.experiments.reproduction.simulated_people import (
     NOTE,
+    THESIS_PEOPLE,
     against_height,
     marks,
     simulated_people,
@@ -43,4 +44,4 @@ def run(seeds: int, tell: Tell) -> Reproduction:
     )
 
 
-ITEM: Final = Item("fig-3.9", "Angular velocity against the height", run, default_seeds=16)
+ITEM: Final = Item("fig-3.9", "Angular velocity against the height", run, default_seeds=THESIS_PEOPLE)
