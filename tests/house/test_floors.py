@@ -37,7 +37,7 @@ WEB = {
     "rich",
     "plotly",
 }
-NUMERICS = {"numpy", "scipy", "pinocchio", "ezc3d", "casadi", "sklearn"}
+NUMERICS = {"numpy", "scipy", "pinocchio", "ezc3d", "casadi", "sklearn", "skimage"}
 
 
 def imports(path: Path) -> list[str]:

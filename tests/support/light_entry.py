@@ -8,7 +8,7 @@ from stridelab.service import bundled_scenarios
 from stridelab.service.api.scenarios.examples import IN_THE_AIR, ONE_STEP
 from support.interface import served
 
-HEAVY = {"pinocchio", "coal", "casadi", "sklearn", "mujoco", "daqp", "trimesh", "ezc3d"}
+HEAVY = {"pinocchio", "coal", "casadi", "sklearn", "skimage", "mujoco", "daqp", "trimesh", "ezc3d"}
 CALLS = [
     ("GET", "scenarios", None),
     ("GET", "scenarios/flat-walk", None),
