@@ -44,7 +44,16 @@ def test_the_shipped_card() -> None:
         ('title = "TALOS"', "", "title"),
         ('title = "TALOS"', 'title = "TALOS"\ncolour = "grey"', "colour"),
         ('package = "example_robot_data"', 'package = "example.robot-data"', "data.package"),
-        ('posture = "half_sitting"', "", "reference.posture"),
+        ('posture = "half_sitting"', "posture = 1", "reference.posture"),
+        ('srdf = "talos_data/srdf/talos.srdf"', "", "reference.posture"),
+        ('urdf = "talos_data/robots/', 'urdf = "../talos_data/robots/', "data.urdf"),
+        ('srdf = "talos_data/', 'srdf = "/talos_data/', "data.srdf"),
+        ("[groups]", "[rotors.armature_kg_m2]\n'leg_.*' = 0.1\n[groups]", "rotors.armature_kg_m2"),
+        ("[groups]", "[limits.torque_nm]\nleg = -1.0\n[groups]", "limits.torque_nm.leg"),
+        ("[groups]", "[limits.position_rad]\nleg = [0.2, 0.2]\n[groups]", "limits.position_rad.leg"),
+        ("[groups]", "[limits.position_rad]\nleg = [0.2]\n[groups]", "limits.position_rad.leg[1]"),
+        ("[groups]", "[limits.velocity_rad_s]\n'leg(' = 1.0\n[groups]", "limits.velocity_rad_s.leg("),
+        ("[groups]", "[collision.never]\nleg = ['*']\n[groups]", "collision.never.leg[0]"),
         ("leg_left_6_joint = 0.0", "leg_left_6_joint = inf", "reference.joints_rad.leg_left_6_joint"),
         ('leg = "leg_.*"', 'leg = "leg_("', "groups.leg"),
         ('leg = "leg_.*"', 'wheel = "leg_.*"', "groups.wheel.[key]"),
@@ -104,7 +113,7 @@ def test_what_the_description_does_not_know_is_named(old: str, new: str, where: 
     text = edited(old, new)
     card = parse("talos", text)
     with pytest.raises(InvalidInput) as caught:
-        assemble("talos", card, text, data_files(card))
+        assemble("talos", card, data_files(card))
     assert {fault.where for fault in caught.value.faults} == {where}
 
 
@@ -118,9 +127,9 @@ def test_an_unknown_robot_is_not_found_and_the_known_ones_are_named() -> None:
 @pytest.mark.parametrize(
     ("data", "lacks"),
     [
-        (DataCard("no_such_package", "a.urdf", "a.srdf"), "not installed"),
-        (DataCard("email", "a.urdf", "a.srdf"), "without its data"),
-        (DataCard("example_robot_data", "talos_data/no.urdf", "a.srdf"), "no.urdf"),
+        (DataCard("a.urdf", "no_such_package", "a.srdf"), "not installed"),
+        (DataCard("a.urdf", "email", "a.srdf"), "without its data"),
+        (DataCard("talos_data/no.urdf", "example_robot_data", "a.srdf"), "no.urdf"),
     ],
 )
 def test_a_robot_whose_data_package_is_missing_is_unavailable(

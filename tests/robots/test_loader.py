@@ -1,6 +1,5 @@
 """TALOS as loaded, against figures that do not come from this project's code."""
 
-import hashlib
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -10,10 +9,10 @@ import pinocchio as pin
 import pytest
 
 from stridelab.errors import Unavailable
-from stridelab.resources import models_dir
 from stridelab.robots import description
-from stridelab.robots.card import robot_card
-from stridelab.robots.data_files import data_files
+from stridelab.robots.card import card_bytes, parse, robot_card
+from stridelab.robots.data_files import DataFiles, data_files
+from stridelab.robots.fingerprint import fingerprint
 from stridelab.robots.loader import load_robot, robot_names
 from stridelab.robots.robot import Robot
 
@@ -33,7 +32,7 @@ def contact(robot: Robot, effector: str) -> pin.SE3:
 
 
 def test_a_robot_is_loaded_once(talos: Robot) -> None:
-    assert robot_names() == ("talos",)
+    assert robot_names() == ("g1", "hrp2", "talos")
     assert load_robot("talos") is talos
 
 
@@ -159,23 +158,44 @@ def test_hulls_contain_their_meshes_and_are_convex(talos: Robot) -> None:
         assert {tuple(point) for point in points.round(9)} <= {tuple(v) for v in np.array(mesh.vertices()).round(9)}
 
 
-def test_the_hash_covers_description_and_card(talos: Robot) -> None:
+def test_the_hash_is_that_of_what_matters(talos: Robot) -> None:
     files = data_files(robot_card("talos"))
-    card = (models_dir() / "robots" / "talos.toml").read_bytes()
-    contents = files.urdf.read_bytes() + files.srdf.read_bytes() + card
-    assert talos.sha256 == hashlib.sha256(contents).hexdigest()
-    assert talos.urdf == files.urdf
-    assert "site-packages" in talos.urdf.parts, "the description is the installed package's"
+    text = card_bytes("talos")
+    relaid = parse("talos", b"# a remark\n" + text.replace(b'title = "TALOS"', b'title = "T"').replace(b" = ", b"="))
+    assert fingerprint(relaid, files, talos.collision) == talos.sha256
+    moved = parse("talos", text.replace(b"position_m = [0.0, 0.0, -0.11]", b"position_m = [0.0, 0.0, -0.12]"))
+    assert fingerprint(moved, files, talos.collision) != talos.sha256
+
+
+def test_the_hash_covers_every_file(talos: Robot, tmp_path: Path) -> None:
+    """A byte more in the URDF, in the SRDF or in a mesh is another robot; where the files lie makes no difference."""
+    card, files = robot_card("talos"), data_files(robot_card("talos"))
+    assert files.srdf is not None
+    mesh = Path(next(part.meshPath for part in talos.collision.geometryObjects))
+
+    def hashed(urdf: bytes = b"", srdf: bytes = b"", triangles: bytes = b"") -> str:
+        for name, path, more in (("urdf", files.urdf, urdf), ("srdf", files.srdf, srdf), ("mesh", mesh, triangles)):
+            (tmp_path / name).write_bytes(path.read_bytes() + more)
+        geometry = talos.collision.copy()
+        geometry.geometryObjects[0].meshPath = str(tmp_path / "mesh")
+        return fingerprint(card, DataFiles(tmp_path / "urdf", tmp_path / "srdf", tmp_path), geometry)
+
+    same = hashed()
+    assert len({same, hashed(urdf=b" "), hashed(srdf=b" "), hashed(triangles=b" ")}) == 4
+    assert hashed() == same
 
 
 def test_a_broken_description_is_unavailable(tmp_path: Path, talos: Robot) -> None:
     broken, without = tmp_path / "broken.urdf", tmp_path / "without.urdf"
     broken.write_text("<robot name='x'><link name='a'>")
-    without.write_text(talos.urdf.read_text().replace("base_link_collision.STL", "nowhere.STL"))
+    without.write_text(talos.urdf.read_text().replace("torso/base_link_collision.STL", "torso/nowhere.STL"))
     with pytest.raises(Unavailable) as caught:
         description.full_model(broken)
     assert caught.value.code == "robot-data-unreadable"
-    with pytest.raises(Unavailable, match=r"without\.urdf"):
+    assert "line 1" in caught.value.message
+    with pytest.raises(Unavailable, match=r"without\.urdf.*nowhere") as caught:
         description.collision_geometry(description.full_model(without), without, talos.package_dirs)
+    assert caught.value.code == "robot-meshes-missing"
+    assert [fault.where.rpartition("/")[2] for fault in caught.value.faults] == ["nowhere.STL"]
     with pytest.raises(Unavailable):
         description.read_srdf(talos.model.copy(), broken)

@@ -1,49 +1,59 @@
 """From a robot's card and description to the ``Robot`` of the robot wing."""
 
-import hashlib
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping
+from typing import TypeVar
 
-import coal
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.dynamics.placement import Placement
-from stridelab.errors import Fault
+from stridelab.errors import InvalidInput
 from stridelab.robots import card as cards
+from stridelab.robots import checks
 from stridelab.robots.card import EffectorCard, RobotCard
+from stridelab.robots.collision_model import collision_model, matches
 from stridelab.robots.data_files import DataFiles
-from stridelab.robots.description import collision_geometry, full_model, read_srdf
-from stridelab.robots.robot import Effector, Group, Robot
+from stridelab.robots.description import collision_geometry, full_model, read_srdf, visual_geometry
+from stridelab.robots.fingerprint import fingerprint
+from stridelab.robots.robot import Effector, Robot
+
+V = TypeVar("V")
 
 
-def assemble(name: str, card: RobotCard, card_bytes: bytes, files: DataFiles) -> Robot:
-    """Build the robot: joints locked, collision pruned to convex hulls, reference posture put on the ground.
+def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
+    """Build the robot: limits set, joints locked, collision pruned, reference posture put on the ground.
 
-    Raises ``InvalidInput`` (``robot-card-invalid``) where the card names what the description lacks, ``Unavailable``
-    (``robot-data-unreadable``).
+    Raises ``InvalidInput``: ``robot-card-invalid`` where the card names what the description lacks,
+    ``robot-description-invalid`` where a body has no mass or a joint no range; ``Unavailable``
+    (``robot-data-unreadable``, ``robot-meshes-missing``).
     """
     full = full_model(files.urdf)
-    read_srdf(full, files.srdf)
-    geometry = collision_geometry(full, files.urdf, (files.package_dir,))
-    faults = list(_mismatches(card, full, [str(part.name) for part in geometry.geometryObjects]))
-    if faults:
+    if files.srdf is not None:
+        read_srdf(full, files.srdf)
+    parts = collision_geometry(full, files.urdf, (files.package_dir,))
+    # loading what only a viewer needs would take longer than all the rest
+    looks = visual_geometry(full, files.urdf, (files.package_dir,)) if card.collision.visual else pin.GeometryModel()
+    if faults := list(checks.mismatches(card, full, parts, looks)):
         raise cards.invalid(name, faults)
+    set_limits(full, card)
+    touching = collision_model(full, parts, looks, card.collision, files.srdf)
 
-    pruned = convex_hulls(geometry, card.collision.left_out)
-    pruned.addAllCollisionPairs()
-    pin.removeCollisionPairs(full, pruned, str(files.srdf), False)
-
-    q_full = np.array(full.referenceConfigurations[card.reference.posture])
-    for joint, angle_rad in card.reference.joints_rad.items():
-        q_full[_index(full, joint)] = angle_rad
-    locked = [joint for joint in full.names[2:] if _matches(card.locked_joints, joint)]
-    model, collision = pin.buildReducedModel(full, pruned, [full.getJointId(joint) for joint in locked], q_full)
-
+    q_full = reference_posture(full, card)
+    joints = list(full.names)[2:]
+    locked = [joint for joint in joints if matches(card.locked_joints, joint)]
+    model, collision = pin.buildReducedModel(full, touching, [full.getJointId(joint) for joint in locked], q_full)
     effectors = {key: effector_of(key, effector) for key, effector in card.effectors.items()}
     moving = list(model.names)[2:]
     q = np.concatenate([q_full[:7], [q_full[_index(full, joint)] for joint in moving]])
+    if faults := [*checks.immovable(model, card.base_frame, effectors), *checks.out_of_range(model, q)]:
+        raise cards.invalid(name, faults)
+    if faults := list(checks.not_physical(model)):
+        places = "; ".join(f"{fault.where}: {fault.message}" for fault in faults)
+        raise InvalidInput(
+            "robot-description-invalid", f"The description of robot {name!r} makes no sense. {places}", faults
+        )
     return Robot(
         name=name,
         title=card.title,
@@ -53,27 +63,36 @@ def assemble(name: str, card: RobotCard, card_bytes: bytes, files: DataFiles) ->
         effectors=effectors,
         base_frame=card.base_frame,
         q_reference=on_the_ground(model, q, effectors),
-        group={joint: _groups(card, joint)[0] for joint in moving},
+        group={joint: next(g for g, p in card.groups.items() if re.fullmatch(p, joint)) for joint in moving},
         urdf=files.urdf,
         package_dirs=(files.package_dir,),
         locked={joint: float(q_full[_index(full, joint)]) for joint in locked},
-        sha256=hashlib.sha256(files.urdf.read_bytes() + files.srdf.read_bytes() + card_bytes).hexdigest(),
+        sha256=fingerprint(card, files, collision),
     )
 
 
-def convex_hulls(geometry: pin.GeometryModel, left_out: tuple[str, ...]) -> pin.GeometryModel:
-    """The geometries that no pattern names, every mesh replaced by its convex hull; without collision pairs."""
-    hulls = pin.GeometryModel()
-    for original in geometry.geometryObjects:
-        if _matches(left_out, original.name):
-            continue
-        part = original.copy()
-        if isinstance(part.geometry, coal.BVHModelBase):
-            # buildConvexRepresentation would take the triangles as if they were convex already
-            part.geometry.buildConvexHull(True, "Qt")
-            part.geometry = part.geometry.convex
-        hulls.addGeometryObject(part)
-    return hulls
+def set_limits(model: pin.Model, card: RobotCard) -> None:
+    """Replace the limits and the rotor inertias of ``model`` where the card states its own."""
+    for joint in list(model.names)[2:]:
+        q, v = _index(model, joint), int(model.joints[model.getJointId(joint)].idx_v)
+        if (position := _stated(card.limits.position_rad, joint)) is not None:
+            model.lowerPositionLimit[q], model.upperPositionLimit[q] = position
+        if (velocity := _stated(card.limits.velocity_rad_s, joint)) is not None:
+            model.velocityLimit[v] = velocity
+        if (torque := _stated(card.limits.torque_nm, joint)) is not None:
+            model.effortLimit[v] = torque
+        if (armature := _stated(card.rotors.armature_kg_m2, joint)) is not None:
+            model.armature[v] = armature
+
+
+def reference_posture(model: pin.Model, card: RobotCard) -> Float[np.ndarray, "nq_full"]:
+    """The card's posture in the coordinates of the full ``model``."""
+    posture = card.reference.posture
+    q = np.array(pin.neutral(model) if posture is None else model.referenceConfigurations[posture])
+    for joint in list(model.names)[2:]:
+        if (angle_rad := _stated(card.reference.joints_rad, joint)) is not None:
+            q[_index(model, joint)] = angle_rad
+    return q
 
 
 def effector_of(name: str, card: EffectorCard) -> Effector:
@@ -104,43 +123,9 @@ def on_the_ground(
     return moved
 
 
-def _mismatches(card: RobotCard, model: pin.Model, parts: Sequence[str]) -> Iterator[Fault]:
-    """Names in the card that the description does not know, and joints that it does not sort."""
-    joints, frames = list(model.names)[2:], {frame.name for frame in model.frames}
-    if card.base_frame not in frames:
-        yield Fault("base_frame", f"there is no frame {card.base_frame!r}")
-    if card.reference.posture not in {item.key() for item in model.referenceConfigurations}:
-        yield Fault("reference.posture", f"there is no posture {card.reference.posture!r}")
-    for joint in card.reference.joints_rad:
-        if joint not in joints:
-            yield Fault(f"reference.joints_rad.{joint}", "there is no such joint")
-    for name, effector in card.effectors.items():
-        if effector.frame not in frames:
-            yield Fault(f"effectors.{name}.frame", f"there is no frame {effector.frame!r}")
-        for joint in effector.ankle or ():
-            if joint not in joints or _matches(card.locked_joints, joint):
-                yield Fault(f"effectors.{name}.ankle", f"there is no moving joint {joint!r}")
-    for i, pattern in enumerate(card.locked_joints):
-        if not any(re.fullmatch(pattern, joint) for joint in joints):
-            yield Fault(f"locked_joints[{i}]", f"no joint matches {pattern!r}")
-    for i, pattern in enumerate(card.collision.left_out):
-        if not any(re.fullmatch(pattern, part) for part in parts):
-            yield Fault(f"collision.left_out[{i}]", f"no collision geometry matches {pattern!r}")
-    for joint in joints:
-        if _matches(card.locked_joints, joint):
-            continue
-        if len(_groups(card, joint)) != 1:
-            yield Fault("groups", f"joint {joint!r} lies in {len(_groups(card, joint))} groups instead of one")
-        if model.joints[model.getJointId(joint)].nq != 1:  # a joint that turns for ever
-            yield Fault("locked_joints", f"joint {joint!r} has no limits, and must be locked")
-
-
-def _groups(card: RobotCard, joint: str) -> list[Group]:
-    return [group for group, pattern in card.groups.items() if re.fullmatch(pattern, joint)]
-
-
-def _matches(patterns: tuple[str, ...], name: str) -> bool:
-    return any(re.fullmatch(pattern, name) for pattern in patterns)
+def _stated(table: Mapping[str, V], joint: str) -> V | None:
+    """The value of the one pattern that matches ``joint``."""
+    return next((value for pattern, value in table.items() if re.fullmatch(pattern, joint)), None)
 
 
 def _index(model: pin.Model, joint: str) -> int:

@@ -1,6 +1,7 @@
 """Robot cards ``models/robots/<name>.toml``: what this project says of a robot beyond its own description.
 
-The card names the files of an installed data package; nothing of it is read here, so that cards are light.
+The card names the files of an installed data package or of this project; nothing of them is read here, so that cards
+are light.
 """
 
 import json
@@ -10,6 +11,7 @@ import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from pathlib import PurePosixPath
 from typing import Any, Final, Literal
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
@@ -22,29 +24,55 @@ _STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 @dataclass(frozen=True)
 class DataCard:
-    """Files of the data package ``package``, relative to its folder of robots."""
+    """Where the description lies: relative to the robots of the data package ``package``, or to ``models/robots``."""
 
     __pydantic_config__ = _STRICT
-    package: str
     urdf: str
-    srdf: str
+    package: str | None = None
+    srdf: str | None = None
 
 
 @dataclass(frozen=True)
 class ReferenceCard:
-    """Posture of the SRDF, with the joints in which ours differs from it."""
+    """A posture of the SRDF, or all joints at 0, with the joints in which ours differs from it."""
 
     __pydantic_config__ = _STRICT
-    posture: str
+    posture: str | None = None
     joints_rad: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
+class LimitsCard:
+    """What replaces the description's limits, by pattern of joint names."""
+
+    __pydantic_config__ = _STRICT
+    position_rad: dict[str, tuple[float, float]] = field(default_factory=dict)
+    velocity_rad_s: dict[str, float] = field(default_factory=dict)
+    torque_nm: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class RotorsCard:
+    """Inertia of the rotors as the joints feel it (after the gears), by pattern of joint names; not beside an SRDF."""
+
+    __pydantic_config__ = _STRICT
+    armature_kg_m2: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
 class CollisionCard:
-    """Patterns of the collision geometries that are left out."""
+    """What of the description can touch what.
+
+    Patterns of geometries: ``left_out`` are dropped, ``visual`` are those of the visual model that are taken in
+    addition, ``meshes`` keep their triangles because their convex hull is too wide. ``never`` gives, for links, the
+    patterns of the links that they are not checked against.
+    """
 
     __pydantic_config__ = _STRICT
     left_out: tuple[str, ...] = ()
+    visual: tuple[str, ...] = ()
+    meshes: tuple[str, ...] = ()
+    never: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -62,7 +90,7 @@ class EffectorCard:
 
 @dataclass(frozen=True)
 class RobotCard:
-    """A whole card. ``groups`` and ``locked_joints`` hold patterns of joint names, to be matched in full."""
+    """A whole card. What names several joints, geometries or links is a pattern, to be matched in full."""
 
     __pydantic_config__ = _STRICT
     title: str
@@ -73,7 +101,16 @@ class RobotCard:
     groups: dict[Literal["leg", "torso", "arm", "head"], str]
     effectors: dict[str, EffectorCard]
     locked_joints: tuple[str, ...] = ()
+    limits: LimitsCard = LimitsCard()
+    rotors: RotorsCard = RotorsCard()
     collision: CollisionCard = CollisionCard()
+
+    def canonical(self) -> bytes:
+        """What of the card makes a difference to the robot, whatever the file's layout: JSON with sorted keys."""
+        data = TypeAdapter(RobotCard).dump_python(
+            self, mode="json", exclude={"title", "licence"}, exclude_defaults=True
+        )
+        return json.dumps(data, sort_keys=True, separators=(",", ":")).encode()
 
 
 def robot_names() -> tuple[str, ...]:
@@ -126,11 +163,17 @@ def invalid(name: str, faults: list[Fault]) -> InvalidInput:
 
 def _faults(card: RobotCard) -> Iterator[Fault]:
     """What the types do not say."""
-    if not card.data.package.isidentifier():
+    if card.data.package is not None and not card.data.package.isidentifier():
         yield Fault("data.package", f"{card.data.package!r} is not the name of a package")
-    yield from _bad_patterns({f"groups.{group}": pattern for group, pattern in card.groups.items()})
-    yield from _bad_patterns({f"locked_joints[{i}]": p for i, p in enumerate(card.locked_joints)})
-    yield from _bad_patterns({f"collision.left_out[{i}]": p for i, p in enumerate(card.collision.left_out)})
+    for where, path in (("data.urdf", card.data.urdf), ("data.srdf", card.data.srdf)):
+        if path is not None and (PurePosixPath(path).is_absolute() or ".." in PurePosixPath(path).parts):
+            yield Fault(where, "the path must be relative, without '..'")
+    if card.reference.posture is not None and card.data.srdf is None:
+        yield Fault("reference.posture", "there is no SRDF that could hold a posture; give the angles in joints_rad")
+    if card.rotors.armature_kg_m2 and card.data.srdf is not None:
+        yield Fault("rotors.armature_kg_m2", "the SRDF states the rotors")
+    yield from _bad_patterns(card)
+    yield from _bad_limits(card)
     if not any(effector.kind == "surface" for effector in card.effectors.values()):
         yield Fault("effectors", "no effector is a surface, on which the robot could stand")
     for name, effector in card.effectors.items():
@@ -143,12 +186,61 @@ def _faults(card: RobotCard) -> Iterator[Fault]:
             yield Fault(f"{where}.orientation_wxyz", "the quaternion does not have norm 1")
 
 
-def _bad_patterns(patterns: Mapping[str, str]) -> Iterator[Fault]:
-    for where, pattern in patterns.items():
+def patterns(card: RobotCard) -> Iterator[tuple[str, str, str]]:
+    """All patterns of a card: the field, what it names (joint, link, part, visual), the regular expression."""
+    for group, pattern in card.groups.items():
+        yield f"groups.{group}", "joint", pattern
+    for i, pattern in enumerate(card.locked_joints):
+        yield f"locked_joints[{i}]", "joint", pattern
+    for where, table in by_joint(card).items():
+        for pattern in table:
+            yield f"{where}.{pattern}", "joint", pattern
+    parts = card.collision
+    for where, kind, names in (
+        ("left_out", "part", parts.left_out),
+        ("visual", "visual", parts.visual),
+        ("meshes", "part", parts.meshes),
+    ):
+        for i, pattern in enumerate(names):
+            yield f"collision.{where}[{i}]", kind, pattern
+    for link, others in parts.never.items():
+        yield f"collision.never.{link}", "link", link
+        for i, pattern in enumerate(others):
+            yield f"collision.never.{link}[{i}]", "link", pattern
+
+
+def by_joint(card: RobotCard) -> dict[str, Mapping[str, Any]]:
+    """The tables of a card that give values to joints, by field."""
+    return {
+        "reference.joints_rad": card.reference.joints_rad,
+        "limits.position_rad": card.limits.position_rad,
+        "limits.velocity_rad_s": card.limits.velocity_rad_s,
+        "limits.torque_nm": card.limits.torque_nm,
+        "rotors.armature_kg_m2": card.rotors.armature_kg_m2,
+    }
+
+
+def _bad_patterns(card: RobotCard) -> Iterator[Fault]:
+    for where, _, pattern in patterns(card):
         try:
             re.compile(pattern)
         except re.error as error:
             yield Fault(where, f"{pattern!r} is not a regular expression: {error}")
+
+
+def _bad_limits(card: RobotCard) -> Iterator[Fault]:
+    for pattern, (low, high) in card.limits.position_rad.items():
+        if low >= high:
+            yield Fault(f"limits.position_rad.{pattern}", f"the lower limit {low} is not below the upper one {high}")
+    positive = {
+        "limits.velocity_rad_s": card.limits.velocity_rad_s,
+        "limits.torque_nm": card.limits.torque_nm,
+        "rotors.armature_kg_m2": card.rotors.armature_kg_m2,
+    }
+    for where, table in positive.items():
+        for pattern, value in table.items():
+            if value <= 0.0:
+                yield Fault(f"{where}.{pattern}", "it must be positive")
 
 
 def _where(location: tuple[Any, ...]) -> str:

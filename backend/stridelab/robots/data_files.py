@@ -1,4 +1,4 @@
-"""Where a robot's description lies: in an installed data package, never in this project (licences differ)."""
+"""Where a robot's description lies: in an installed data package, or beside its card where it is the project's own."""
 
 import importlib.util
 from dataclasses import dataclass
@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Final
 
 from stridelab.errors import Unavailable
+from stridelab.resources import models_dir
 from stridelab.robots.card import RobotCard
 
 ROBOTS_FOLDER: Final = Path("share", "example-robot-data", "robots")
@@ -17,7 +18,7 @@ class DataFiles:
     """Files of one robot; ``package_dir`` is what ``package://`` in the URDF is relative to."""
 
     urdf: Path
-    srdf: Path
+    srdf: Path | None
     package_dir: Path
 
 
@@ -26,19 +27,30 @@ def data_files(card: RobotCard) -> DataFiles:
 
     Raises ``Unavailable`` (``robot-data-missing``) where the package or one of its files is absent.
     """
-    spec = importlib.util.find_spec(card.data.package)
+    if card.data.package is None:
+        holder, folder = "This project", models_dir() / "robots"
+        package_dir = folder
+    else:
+        holder, folder = f"The package {card.data.package}", _package_robots(card, card.data.package)
+        package_dir = folder.parent.parent
+    urdf = folder / card.data.urdf
+    srdf = None if card.data.srdf is None else folder / card.data.srdf
+    for path in (urdf, srdf):
+        if path is not None and not path.is_file():
+            raise _missing(card, f"{holder} has no file {path.relative_to(folder)}.")
+    return DataFiles(urdf, srdf, package_dir)
+
+
+def _package_robots(card: RobotCard, package: str) -> Path:
+    spec = importlib.util.find_spec(package)
     if spec is None or spec.origin is None:
-        raise _missing(card, f"The package {card.data.package} is not installed.")
+        raise _missing(card, f"The package {package} is not installed.")
     # the package lies in <prefix>/lib/python3.x/site-packages/<package>/__init__.py
     prefixes = Path(spec.origin).resolve().parents
     folder = next((p / ROBOTS_FOLDER for p in prefixes if (p / ROBOTS_FOLDER).is_dir()), None)
     if folder is None:
-        raise _missing(card, f"The package {card.data.package} is installed without its data.")
-    urdf, srdf = folder / card.data.urdf, folder / card.data.srdf
-    for path in (urdf, srdf):
-        if not path.is_file():
-            raise _missing(card, f"The package {card.data.package} has no file {path.relative_to(folder)}.")
-    return DataFiles(urdf, srdf, folder.parent.parent)
+        raise _missing(card, f"The package {package} is installed without its data.")
+    return folder
 
 
 def _missing(card: RobotCard, reason: str) -> Unavailable:

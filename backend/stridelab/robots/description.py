@@ -1,6 +1,7 @@
-"""Reading a robot's description with pinocchio: its full model and geometries, as they stand in the data package."""
+"""Reading a robot's description with pinocchio: its full model and geometries, as they stand in its files."""
 
-from collections.abc import Callable, Sequence
+import xml.etree.ElementTree as ET
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from stridelab.errors import Unavailable
+from stridelab.errors import Fault, Unavailable
 from stridelab.robots.robot import Robot
 
 
@@ -37,7 +38,7 @@ def read_srdf(model: pin.Model, srdf: Path) -> None:
 def collision_geometry(model: pin.Model, urdf: Path, package_dirs: Sequence[Path]) -> pin.GeometryModel:
     """The collision geometries of the full model, without pairs.
 
-    Raises ``Unavailable`` (``robot-data-unreadable``).
+    Raises ``Unavailable`` (``robot-data-unreadable``, ``robot-meshes-missing``).
     """
     return _geometry(model, urdf, package_dirs, pin.GeometryType.COLLISION)
 
@@ -45,7 +46,7 @@ def collision_geometry(model: pin.Model, urdf: Path, package_dirs: Sequence[Path
 def visual_geometry(model: pin.Model, urdf: Path, package_dirs: Sequence[Path]) -> pin.GeometryModel:
     """What the full model looks like.
 
-    Raises ``Unavailable`` (``robot-data-unreadable``).
+    Raises ``Unavailable`` (``robot-data-unreadable``, ``robot-meshes-missing``).
     """
     return _geometry(model, urdf, package_dirs, pin.GeometryType.VISUAL)
 
@@ -60,11 +61,36 @@ def full_configuration(robot: Robot, model: pin.Model) -> Float[np.ndarray, "nq_
 
 
 def _geometry(model: pin.Model, urdf: Path, package_dirs: Sequence[Path], kind: pin.GeometryType) -> pin.GeometryModel:
+    missing = sorted(set(missing_meshes(urdf, package_dirs)))
+    if missing:
+        faults = [Fault(name, "there is no such file") for name in missing]
+        what = f"{urdf.name} names {len(missing)} meshes that are missing, such as {missing[0]}."
+        raise Unavailable("robot-meshes-missing", what, faults)
     folders = [str(folder) for folder in package_dirs]
     return _read(urdf, lambda: pin.buildGeomFromUrdf(model, str(urdf), kind, package_dirs=folders))
 
 
+def missing_meshes(urdf: Path, package_dirs: Sequence[Path]) -> Iterator[str]:
+    """Meshes of a URDF that are not there. Only ``package://`` is understood, relative to ``package_dirs``."""
+    for mesh in tree(urdf).iter("mesh"):
+        name = mesh.attrib.get("filename", "")
+        inside = name.removeprefix("package://")
+        if inside == name or not any((folder / inside).is_file() for folder in package_dirs):
+            yield name
+
+
+def tree(urdf: Path) -> ET.Element:
+    """The URDF's XML. Raises ``Unavailable`` (``robot-data-unreadable``) saying where it breaks off."""
+    try:
+        return ET.parse(urdf).getroot()  # noqa: S314 (a file of the installation, not a user's)
+    except ET.ParseError as error:
+        raise Unavailable(
+            "robot-data-unreadable", f"The robot description {urdf.name} cannot be read: {error}."
+        ) from error
+
+
 def _read(path: Path, read: Callable[[], Any]) -> Any:
+    tree(path)
     try:
         return read()
     except (ValueError, RuntimeError) as error:  # what pinocchio raises for a broken or a missing file

@@ -19,11 +19,11 @@ __all__ = ["load_robot", "robot_names"]
 def load_robot(name: str) -> "stridelab.robots.robot.Robot":
     """The robot of ``models/robots/<name>.toml``. Its arrays and models are shared: copy before changing them.
 
-    Raises ``NotFound`` (``robot-not-found``), ``Unavailable`` (``robot-data-missing``) where its data package is
-    absent, ``Unavailable`` (``robot-data-unreadable``) where it is broken, ``InvalidInput`` (``robot-card-invalid``).
+    Raises ``NotFound`` (``robot-not-found``); ``Unavailable``: ``robot-data-missing`` where its data package or a file
+    is absent, ``robot-meshes-missing``, ``robot-data-unreadable`` where it is broken; ``InvalidInput``:
+    ``robot-card-invalid``, ``robot-description-invalid``.
     """
     from stridelab.robots.assembly import assemble
 
-    text = card_bytes(name)
-    card = parse(name, text)
-    return assemble(name, card, text, data_files(card))
+    card = parse(name, card_bytes(name))
+    return assemble(name, card, data_files(card))
