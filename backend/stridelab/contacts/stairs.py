@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterable
 from copy import deepcopy
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 FOOT_Y_M: Final = 0.09
 """Half the distance between the soles' centres."""
@@ -17,6 +17,8 @@ ROBOT: Final = "talos"
 Point = tuple[float, float, float]
 Contacts = dict[str, dict[str, Any]]
 Scenario = dict[str, Any]
+Footing = Literal["both", "alternate"]
+"""Both feet on every stair, the right one first; or right and left in turn, one on each, level again on the top."""
 
 
 @dataclass(frozen=True)
@@ -112,16 +114,23 @@ def long_stride(steps: int = 5, step_m: float = 0.45, timing: Timing = Timing(1.
 
 def six_stairs(stairs: Stairs = Stairs(6, 0.10), timing: Timing = Timing(2.5, 1.4, 0.2)) -> Scenario:
     """Experiment 2 (4.6.3): both feet on every stair, the right one first."""
-    feet = _feet(*stairs.foothold(0))
-    phases = [_phase(timing.ends_s, feet)]
-    for i in range(1, stairs.number + 1):
-        phases += _both_feet(feet, stairs.foothold(i), timing)
-    phases[-1]["duration_s"] = timing.ends_s
     return _scenario(
         f"{_NUMBERS.get(stairs.number, stairs.number)} stairs",
         f"Experiment 2 of the thesis: {stairs.number} stairs {100 * stairs.height_m:g} cm high, both feet on each.",
         [_ground(), *stairs.boxes],
-        phases,
+        _flight(stairs, timing, "both"),
+    )
+
+
+def climb(stairs: Stairs, timing: Timing, footing: Footing = "both") -> Scenario:
+    """Experiment 2 (4.6.3) varied: any stairs, at any pace, with both feet or one on every stair."""
+    height, depth = 100 * stairs.height_m, 100 * stairs.depth_m
+    on_each = {"both": "both feet", "alternate": "one foot"}[footing]
+    return _scenario(
+        f"{stairs.number} stairs of {height:g} cm",
+        f"{stairs.number} stairs {height:g} cm high and {depth:g} cm deep, {on_each} on each, from rest to rest.",
+        [_ground(), *stairs.boxes],
+        _flight(stairs, timing, footing),
     )
 
 
@@ -161,6 +170,8 @@ BUNDLED: Final = {
 }
 """Builder of every file of ``models/scenarios``, by the file's stem."""
 
+_SIDES: Final = ("left_foot", "right_foot")
+"""The foot that goes to even stairs, and to odd ones."""
 _NUMBERS: Final = {3: "Three", 4: "Four", 5: "Five", 6: "Six", 7: "Seven", 8: "Eight"}
 
 
@@ -178,12 +189,32 @@ def _level_steps(steps: int, step_m: float, timing: Timing) -> list[dict[str, An
     return phases
 
 
+def _flight(stairs: Stairs, timing: Timing, footing: Footing) -> list[dict[str, Any]]:
+    """From the ground to the top stair."""
+    feet = _feet(*stairs.foothold(0))
+    phases = [_phase(timing.ends_s, feet)]
+    for stair in range(1, stairs.number + 1):
+        if footing == "both":
+            phases += _both_feet(feet, stairs.foothold(stair), timing)
+        else:
+            phases += _one_foot(feet, _SIDES[stair % 2], stairs.foothold(stair), timing)
+    if footing == "alternate":
+        phases += _one_foot(feet, _SIDES[(stairs.number + 1) % 2], stairs.foothold(stairs.number), timing)
+    phases[-1]["duration_s"] = timing.ends_s
+    return phases
+
+
 def _both_feet(standing: Contacts, hold: tuple[float, float], timing: Timing) -> Iterable[dict[str, Any]]:
     """Right, then left foot to ``hold``; ``standing`` is brought up to date."""
     for moving in ("right_foot", "left_foot"):
-        yield _phase(timing.move_s, {k: c for k, c in standing.items() if k != moving})
-        standing[moving] = _feet(*hold)[moving]
-        yield _phase(timing.rest_s, standing)
+        yield from _one_foot(standing, moving, hold, timing)
+
+
+def _one_foot(standing: Contacts, moving: str, hold: tuple[float, float], timing: Timing) -> Iterable[dict[str, Any]]:
+    """One foot to ``hold``, then rest; ``standing`` is brought up to date."""
+    yield _phase(timing.move_s, {k: c for k, c in standing.items() if k != moving})
+    standing[moving] = _feet(*hold)[moving]
+    yield _phase(timing.rest_s, standing)
 
 
 def _feet(x_m: float, z_m: float) -> Contacts:

@@ -1,0 +1,24 @@
+"""The problem that the planner poses: from standing still on the first contacts to standing still on the last."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import pinocchio as pin
+
+from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.reachability.mixture import Mixture
+from stridelab.robots.robot import Robot
+
+BEND_M: Final = 0.017
+"""The CoM stands this much below that of the reference posture, where the knees leave more room upwards."""
+
+
+def from_rest_to_rest(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Mixture]) -> CentroidalProblem:
+    """``sequence`` with the CoM over the soles' mean at both ends.
+
+    Raises ``InvalidInput`` as ``CentroidalProblem`` and ``standing_com_m`` do.
+    """
+    height_m = float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2]) - BEND_M
+    start, end = (standing_com_m(sequence.phases[i].contacts, height_m, robot.effectors) for i in (0, -1))
+    return CentroidalProblem(sequence, robot.mass_kg, robot.effectors, proxies, start, end)

@@ -1,0 +1,101 @@
+"""Try densities of the CoM on the grid of rails and stairs, and keep what came of it.
+
+    make_climbing_grid.py DENSITIES...                 names of measures, or files that hold a card
+    make_climbing_grid.py uniform card.json --out DIR  one JSON file per choice of densities, in DIR
+    make_climbing_grid.py --table DIR/*.json           only the table in Markdown of results that are kept
+
+Results that are in DIR already are not computed again unless ``--anew`` is given.
+"""
+
+import argparse
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from pydantic import TypeAdapter
+
+from stridelab.experiments.climbing_cases import climbing_cases
+from stridelab.experiments.climbing_grid import CaseResult, GridReport, run_grid
+from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.store import load_proxies, read
+from stridelab.robots.loader import load_robot
+
+ROBOT = "talos"
+KEPT: TypeAdapter[GridReport] = TypeAdapter(GridReport)
+
+
+def main() -> None:
+    """Read the command line, run, print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("densities", nargs="*", metavar="DENSITIES")
+    parser.add_argument("--out", type=Path, default=Path(".data") / "climbing-grid", metavar="DIR")
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--anew", action="store_true", help="compute again what is there")
+    parser.add_argument("--table", type=Path, nargs="+", default=[], metavar="FILE")
+    asked = parser.parse_args()
+    reports = [KEPT.validate_json(path.read_bytes()) for path in asked.table]
+    reports += [grid(name, asked.out, asked.processes, anew=asked.anew) for name in asked.densities]
+    sys.stdout.write(table(reports) + "\n")
+
+
+def grid(densities: str, folder: Path, processes: int, *, anew: bool = False) -> GridReport:
+    """The report of one choice of densities, kept in ``folder`` after every case."""
+    label = Path(densities).stem
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{label}.json"
+    known: dict[str, CaseResult] = {}
+    if path.is_file() and not anew:
+        known = {result.case: result for result in KEPT.validate_json(path.read_bytes()).results}
+    cases = climbing_cases()
+
+    def keep(result: CaseResult) -> None:
+        known[result.case] = result
+        sys.stderr.write(f"{label}: {result.case}: {result.stage or 'success'} {result.reason}\n")
+        report = GridReport(label, tuple(known[case.name] for case in cases if case.name in known))
+        path.write_bytes(KEPT.dump_json(report, indent=1))
+
+    run_grid(load_robot(ROBOT), proxies(densities), [c for c in cases if c.name not in known], processes, keep)
+    return GridReport(label, tuple(known[case.name] for case in cases))
+
+
+def proxies(densities: str) -> Mapping[str, Mixture]:
+    """Densities of a card in a file, or those that come with the package."""
+    path = Path(densities)
+    if path.suffix == ".json":
+        return {name: effector.mixture() for name, effector in read(path).effectors.items()}
+    return load_proxies(ROBOT)
+
+
+def table(reports: list[GridReport]) -> str:
+    """Counts of all choices, then case by case, in Markdown."""
+    by_name = [{result.case: result for result in report.results} for report in reports]
+    rows = [
+        "| densities | rails | stairs | replayed | failed at |",
+        "|---|---|---|---|---|",
+        *(_counts(report) for report in reports),
+        "",
+        "| case | " + " | ".join(report.label for report in reports) + " |",
+        "|---" * (1 + len(reports)) + "|",
+        *(
+            f"| {case.name} | " + " | ".join(_cell(known.get(case.name)) for known in by_name) + " |"
+            for case in climbing_cases()
+        ),
+    ]
+    return "\n".join(rows)
+
+
+def _counts(report: GridReport) -> str:
+    rails, stairs = report.of("rail"), report.of("stairs")
+    failed = ", ".join(f"{stage} {n}" for stage, n in report.failures.items()) or "-"
+    shares = " | ".join(f"{part.successes} of {len(part.results)}" for part in (rails, stairs))
+    return f"| {report.label} | {shares} | {report.replayed} of {len(report.results)} | {failed} |"
+
+
+def _cell(result: CaseResult | None) -> str:
+    if result is None:
+        return ""
+    return "yes" if result.success else f"{result.stage}: {result.reason}".replace("|", "/")
+
+
+if __name__ == "__main__":
+    main()
