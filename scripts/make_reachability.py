@@ -1,26 +1,47 @@
-"""Write models/reachability/<robot>.json: the densities that every installation brings with it.
+"""Write models/reachability/<robot>/<measure>.{json,npz}: the densities that every installation brings with it.
 
-Usage: make_reachability.py ROBOT [FOLDER]
+Usage: make_reachability.py ROBOT MEASURE [--samples N] [--seed N] [--date YYYY-MM-DD] [--processes N] [--folder FOLDER]
+
+The same robot, measure, samples, seed, date and versions give the same bytes, however many processes there are.
 """
 
-import sys
+import argparse
+from datetime import UTC, date, datetime
 from pathlib import Path
+from typing import get_args
 
-from threadpoolctl import threadpool_limits
-
+from stridelab.reachability.card import Measure
 from stridelab.reachability.learning import learn
-from stridelab.reachability.store import save
+from stridelab.reachability.store import save, save_cloud
 from stridelab.resources import models_dir
+from stridelab.robots.card import robot_names
 from stridelab.robots.loader import load_robot
 
 
-def make_reachability(robot_name: str, folder: Path) -> None:
-    """Learn from 20 000 uniform postures, as the thesis does, with seed 0."""
+def main() -> None:
+    """Learn from 20 000 postures, as the thesis does, with seed 0, unless told otherwise."""
+    asked = argparse.ArgumentParser()
+    asked.add_argument("robot", choices=robot_names())
+    asked.add_argument("measure", choices=get_args(Measure))
+    asked.add_argument("--samples", type=int, default=20_000)
+    asked.add_argument("--seed", type=int, default=0)
+    asked.add_argument("--date", type=date.fromisoformat, default=datetime.now(UTC).date())
+    asked.add_argument("--processes", type=int, default=None)
+    asked.add_argument("--folder", type=Path, default=models_dir() / "reachability")
+    given = asked.parse_args()
+    learned = learn(
+        load_robot(given.robot),
+        given.date,
+        samples=given.samples,
+        seed=given.seed,
+        measure=given.measure,
+        processes=given.processes,
+    )
+    folder = given.folder / given.robot
     folder.mkdir(parents=True, exist_ok=True)
-    robot = load_robot(robot_name)
-    with threadpool_limits(1):  # the arrays are small: more threads mostly wait for each other
-        save(folder / f"{robot_name}.json", learn(robot).card)
+    save(folder / f"{given.measure}.json", learned.card)
+    save_cloud(folder / f"{given.measure}.npz", learned.cloud.com_m)
 
 
 if __name__ == "__main__":
-    make_reachability(sys.argv[1], Path(sys.argv[2]) if len(sys.argv) > 2 else models_dir() / "reachability")
+    main()

@@ -38,11 +38,11 @@ def test_unknown_robots_are_told_the_known_ones(name: str) -> None:
 
 def test_reach_comes_from_what_was_learned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "robots").mkdir()
-    (tmp_path / "reachability").mkdir()
+    (tmp_path / "reachability" / "stick").mkdir(parents=True)
     (tmp_path / "robots" / "stick.toml").write_text(CARD)
     reach = {"com_low_m": [-1, -1, 0], "com_high_m": [1, 1, 2], "com_distance_max_m": 1.5}
     learned = {"effectors": {"left_foot": {"weights": [1.0], "reach": reach}, "right_hand": {"weights": [1.0]}}}
-    (tmp_path / "reachability" / "stick.json").write_text(json.dumps(learned))
+    (tmp_path / "reachability" / "stick" / "uniform.json").write_text(json.dumps(learned))
     monkeypatch.setattr(shapes, "models_dir", lambda: tmp_path)
     stick = effector_shapes("stick")
     assert stick["left_foot"].reach == EffectorReach((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0), 1.5)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from stridelab.reachability.divergence import divergences
+from stridelab.reachability.divergence import Divergence, divergences
 from stridelab.reachability.mixture import Mixture
 
 
@@ -39,6 +39,17 @@ def test_the_standard_error_is_that_of_repeated_estimates() -> None:
 
 def test_a_density_does_not_differ_from_itself() -> None:
     itself, other = divergences(P, [P, Q], 100, np.random.default_rng(1))
-    assert itself.kl_nats == 0.0
-    assert itself.kl_sd_nats == 0.0
-    assert other == divergences(P, [Q], 100, np.random.default_rng(1))[0], "all are measured by the same draws"
+    assert itself == Divergence(0.0, 0.0, 0.0)
+    (alone,) = divergences(P, [Q], 100, np.random.default_rng(1))
+    assert (other.kl_nats, other.kl_sd_nats) == (alone.kl_nats, alone.kl_sd_nats), "all are measured by the same draws"
+    assert other.excess_sd_nats == pytest.approx(other.kl_sd_nats)
+    assert divergences(P, [], 100, np.random.default_rng(1)) == []
+
+
+def test_a_difference_is_surer_than_what_is_compared() -> None:
+    """By repetition: the standard error of the excess is that of the differences, not of either divergence."""
+    near = gaussian([0.01, 0.1, 0.7], Q.covariances_m2[0])
+    pairs = [divergences(P, [Q, near], 200, np.random.default_rng(seed)) for seed in range(400)]
+    spread = np.std([b.kl_nats - a.kl_nats for a, b in pairs], ddof=1)
+    assert np.mean([max(a.excess_sd_nats, b.excess_sd_nats) for a, b in pairs]) == pytest.approx(spread, rel=0.15)
+    assert spread < 0.2 * np.mean([a.kl_sd_nats for a, _ in pairs])

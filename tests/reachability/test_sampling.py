@@ -1,4 +1,4 @@
-"""The CoM in the contact frames, recomputed body by body; left and right mirror each other."""
+"""The CoM in the effectors' frames, recomputed body by body; left and right mirror each other; the seed decides."""
 
 from dataclasses import replace
 from itertools import islice
@@ -9,16 +9,21 @@ import pytest
 from scipy.stats import ks_2samp
 
 from stridelab.dynamics.placement import Placement
-from stridelab.errors import NotFound
-from stridelab.reachability.sampling import REPORT_EVERY, ComCloud, sample_com
+from stridelab.errors import NotEstimable, NotFound
+from stridelab.reachability.sampling import BLOCK, ComCloud, configurations, sample_com
 from stridelab.robots.robot import Robot
 from stridelab.robots.sampling import uniform_configurations
 
 
+def generator(seed: int, block: int = 0) -> np.random.Generator:
+    """That of one block of a cloud."""
+    return np.random.default_rng(np.random.SeedSequence(seed).spawn(block + 1)[block])
+
+
 def test_they_are_the_com_in_the_contact_frame(talos: Robot) -> None:
     names = tuple(talos.effectors)
-    cloud = sample_com(talos, names, 30, np.random.default_rng(3))
-    stream = uniform_configurations(talos, np.random.default_rng(3))
+    cloud = sample_com(talos, names, 30, seed=3)
+    stream = uniform_configurations(talos, generator(3))
     model, data = talos.model, talos.model.createData()
     origins = []
     for a, q in enumerate(islice(stream, 30)):
@@ -45,14 +50,14 @@ def test_where_the_base_is_does_not_matter(talos: Robot) -> None:
     moved[:3] += [3.0, -2.0, 5.0]
     moved[3:7] = pin.Quaternion(pin.rpy.rpyToMatrix(0.4, -1.0, 2.0)).coeffs()
     here, there = (
-        sample_com(robot, ["right_hand"], 10, np.random.default_rng(0)).com_m["right_hand"]
+        sample_com(robot, ["right_hand"], 10, seed=0).com_m["right_hand"]
         for robot in (talos, replace(talos, q_reference=moved))
     )
     np.testing.assert_allclose(here, there, atol=1e-12)
 
 
 def test_an_effector_alone_has_the_same_samples(talos: Robot, fresh: ComCloud) -> None:
-    alone = sample_com(talos, ["left_hand"], 50, np.random.default_rng(20_240_517))
+    alone = sample_com(talos, ["left_hand"], 50, seed=20_240_517)
     assert (alone.com_m["left_hand"] == fresh.com_m["left_hand"][:50]).all()
     assert alone.pair_distance_max_m == {}
 
@@ -75,18 +80,67 @@ def test_the_mirror_test_can_fail(fresh: ComCloud) -> None:
     assert ks_2samp(left[:, 1], right[:, 1]).pvalue < 1e-6
 
 
-def test_progress_counts_postures(talos: Robot) -> None:
+def test_progress_counts_postures_block_by_block(talos: Robot) -> None:
     told: list[tuple[float, str]] = []
-    sample_com(
-        talos, ["left_foot"], 2 * REPORT_EVERY, np.random.default_rng(0), progress=lambda f, m: told.append((f, m))
+    sample_com(talos, ["left_foot"], BLOCK + 100, seed=0, progress=lambda f, m: told.append((f, m)))
+    assert told == [(BLOCK / (BLOCK + 100), f"{BLOCK} of {BLOCK + 100} postures"), (1.0, "600 of 600 postures")]
+
+
+def test_every_block_has_a_child_of_the_seed_of_its_own(talos: Robot, fresh: ComCloud) -> None:
+    stream = uniform_configurations(talos, generator(20_240_517, block=2))
+    model, data = talos.model, talos.model.createData()
+    pin.framesForwardKinematics(model, data, next(stream))
+    effector = talos.effectors["left_foot"]
+    link = data.oMf[model.getFrameId(effector.frame)]
+    T_world_contact = Placement(link.translation, link.rotation) @ effector.T_frame_contact
+    com = pin.centerOfMass(model, data, False)
+    np.testing.assert_allclose(
+        fresh.com_m["left_foot"][2 * BLOCK], T_world_contact.inverse().act(com[None])[0], atol=1e-12
     )
-    assert [fraction for fraction, _ in told] == [0.5, 1.0]
-    assert told[0][1] == f"{REPORT_EVERY} of {2 * REPORT_EVERY} postures"
+
+
+@pytest.mark.parametrize("measure", ["uniform", "conditioned"])
+def test_two_processes_draw_what_one_draws(talos: Robot, measure: str) -> None:
+    """To the last bit; the last block is a short one."""
+    one, two = (sample_com(talos, tuple(talos.effectors), BLOCK + 60, 9, measure, processes=n) for n in (1, 2))
+    assert all((one.com_m[name] == two.com_m[name]).all() for name in talos.effectors)
+    assert (one.tried, one.pair_distance_max_m) == (two.tried, two.pair_distance_max_m)
+
+
+def test_what_another_process_cannot_do_is_said_here(talos: Robot) -> None:
+    hopper = replace(talos, effectors={k: e for k, e in talos.effectors.items() if k != "right_foot"})
+    with pytest.raises(NotEstimable) as refusal:
+        sample_com(hopper, ["left_foot"], 2 * BLOCK, 0, "conditioned", processes=2)
+    assert refusal.value.code == "measure-unavailable"
+    assert refusal.value.faults
+
+
+def test_the_hand_of_a_standing_robot_sees_the_com_in_the_heading_of_the_trunk(talos: Robot) -> None:
+    """Heights are those above the hand; the heading frame differs from the gripper's by a rotation only."""
+    cloud = sample_com(talos, tuple(talos.effectors), 40, 5, "conditioned")
+    assert cloud.frames == {
+        "left_foot": "contact",
+        "right_foot": "contact",
+        "left_hand": "heading",
+        "right_hand": "heading",
+    }
+    model, data = talos.model, talos.model.createData()
+    for a, q in enumerate(islice(configurations(talos, "conditioned", generator(5)), 40)):
+        pin.framesForwardKinematics(model, data, q)
+        com = pin.centerOfMass(model, data, False)
+        forward = data.oMf[model.getFrameId(talos.base_frame)].rotation[:, 0]
+        ahead = np.array([forward[0], forward[1], 0.0]) / np.hypot(forward[0], forward[1])
+        for name in ("left_hand", "right_hand"):
+            effector = talos.effectors[name]
+            link = data.oMf[model.getFrameId(effector.frame)]
+            r = com - (Placement(link.translation, link.rotation) @ effector.T_frame_contact).position_m
+            expected = [r @ ahead, r @ np.cross([0.0, 0.0, 1.0], ahead), r[2]]
+            np.testing.assert_allclose(cloud.com_m[name][a], expected, atol=1e-12)
 
 
 def test_an_unknown_effector_is_named(talos: Robot) -> None:
     with pytest.raises(NotFound) as refusal:
-        sample_com(talos, ["left_foot", "tail"], 10, np.random.default_rng(0))
+        sample_com(talos, ["left_foot", "tail"], 10, seed=0)
     assert refusal.value.code == "effector-not-found"
     assert refusal.value.faults[0].where == "effectors[1]"
     assert "right_hand" in refusal.value.message

@@ -4,27 +4,32 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from stridelab.errors import NotFound, UnreadableFile
+from stridelab.errors import InvalidInput, NotFound, Unavailable, UnreadableFile
 from stridelab.reachability import store
 from stridelab.reachability.card import EffectorCard, PairReach, Reach, ReachabilityCard, SizeTrial
+from stridelab.robots.robot import Robot
 
 CARD = ReachabilityCard(
     robot="talos",
     robot_sha256="ab" * 32,
     measure="uniform",
     seed=3,
+    learned_on="2026-11-21",
     samples=1000,
     fitted=800,
     tried=2700,
+    rejected_share=1 - 1000 / 2700,
     versions={"numpy": "2.4"},
     effectors={
         "left_foot": EffectorCard(
+            frame="contact",
             weights=(0.1 + 0.2, 0.7),
             means=((0.1, 1 / 3, 1e-17), (0.0, -0.1, 0.8)),
             covariances=(
@@ -32,6 +37,7 @@ CARD = ReachabilityCard(
                 ((0.01, 0.0, 0.0), (0.0, 0.01, 0.0), (0.0, 0.0, 0.01)),
             ),
             components=2,
+            thesis_components=7,
             em_converged=True,
             bandwidth_m=0.07,
             kl_nats=0.05,
@@ -42,7 +48,7 @@ CARD = ReachabilityCard(
             mode_m=(0.0, -0.1, 0.8),
             mode_log_density=1.7,
             reach=Reach((-0.7, -0.5, 0.0), (0.8, 0.3, 1.0), 1.1),
-            sizes=(SizeTrial(1, 0.4, 0.01, -0.2), SizeTrial(2, 0.05, 0.004, 0.31)),
+            sizes=(SizeTrial(1, 0.4, 0.01, 0.008, -0.2), SizeTrial(2, 0.05, 0.004, 0.0, 0.31)),
         )
     },
     pairs=(PairReach(("left_foot", "right_foot"), 1.7),),
@@ -89,6 +95,10 @@ FOOT = ("effectors", "left_foot")
         (("samples",), "many", "samples"),
         (("measure",), "gaussian", "measure"),
         (("surprise",), 1, "surprise"),
+        (("learned_on",), "yesterday", "learned_on"),
+        ((*FOOT, "frame"), "world", "effectors.left_foot.frame"),
+        ((*FOOT, "bandwidth_m"), 0.0, "effectors.left_foot.bandwidth_m"),
+        ((*FOOT, "sizes"), [], "effectors.left_foot.sizes"),
         ((*FOOT, "weights"), [0.3, 0.8], "effectors.left_foot.weights"),
         ((*FOOT, "weights"), [1.0], "effectors.left_foot.weights"),
         ((*FOOT, "means"), [[0.0, 0.0, 0.0]], "effectors.left_foot.means"),
@@ -140,6 +150,13 @@ def test_a_file_that_is_not_there_is_refused(tmp_path: Path) -> None:
     assert "nothing.json" in refusal.value.message
 
 
+def test_a_measure_that_is_none_is_refused_before_any_file_is_looked_for() -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        store._bundled("talos", "../talos/uniform", ".json")
+    assert refusal.value.code == "measure-unknown"
+    assert "conditioned" in refusal.value.message
+
+
 @pytest.mark.parametrize("name", ["nao", "", "../robots/talos", "talos.json"])
 def test_an_unknown_robot_is_refused_before_any_file_is_looked_for(name: str) -> None:
     with pytest.raises(NotFound) as refusal:
@@ -153,8 +170,9 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A models folder of this test's own, looked at without the cache."""
     monkeypatch.setattr(store, "models_dir", lambda: tmp_path)
     monkeypatch.setattr(store, "load_card", store.load_card.__wrapped__)
-    (tmp_path / "reachability").mkdir()
-    return tmp_path / "reachability" / "talos.json"
+    folder = tmp_path / "reachability" / "talos"
+    folder.mkdir(parents=True)
+    return folder / "uniform.json"
 
 
 def test_a_robot_that_nothing_was_learned_of(elsewhere: Path) -> None:
@@ -163,11 +181,97 @@ def test_a_robot_that_nothing_was_learned_of(elsewhere: Path) -> None:
     assert refusal.value.code == "reachability-not-learned"
 
 
-def test_a_file_about_another_robot_is_refused(elsewhere: Path, saved: Path) -> None:
-    elsewhere.write_text(saved.read_text(encoding="utf-8").replace('"talos"', '"nao"'), encoding="utf-8")
+@pytest.mark.parametrize(
+    ("field", "before", "after"), [("robot", "talos", "nao"), ("measure", "uniform", "conditioned")]
+)
+def test_a_file_about_something_else_is_refused(
+    elsewhere: Path, saved: Path, field: str, before: str, after: str
+) -> None:
+    content = saved.read_text(encoding="utf-8")
+    elsewhere.write_text(content.replace(f'"{field}": "{before}"', f'"{field}": "{after}"'), encoding="utf-8")
     with pytest.raises(UnreadableFile) as refusal:
         store.load_proxies("talos")
-    assert refusal.value.faults[0].where == "robot"
+    assert refusal.value.faults[0].where == field
+
+
+COM_M = {"left_foot": np.random.default_rng(0).normal(0.0, 0.4, (store.CLOUD_SAMPLES + 7, 3))}
+
+
+@pytest.fixture
+def cloud(tmp_path: Path) -> Path:
+    path = tmp_path / "uniform.npz"
+    store.save_cloud(path, COM_M)
+    return path
+
+
+def test_a_cloud_is_read_back_to_half_a_millimetre(cloud: Path, tmp_path: Path) -> None:
+    read = store.read_cloud(cloud)
+    assert list(read) == ["left_foot"]
+    assert read["left_foot"].shape == (store.CLOUD_SAMPLES, 3)
+    np.testing.assert_allclose(read["left_foot"], COM_M["left_foot"][: store.CLOUD_SAMPLES], atol=0.5e-3 + 1e-12)
+    with np.load(cloud, allow_pickle=False) as arrays:
+        assert arrays["left_foot"].dtype == np.int16
+    store.save_cloud(tmp_path / "again.npz", COM_M)
+    assert (tmp_path / "again.npz").read_bytes() == cloud.read_bytes()
+
+
+@pytest.mark.parametrize("content", [b"", b"PK", b"[]", b"\x93NUMPY\x01\x00"])
+def test_a_cloud_that_is_no_archive_is_refused(cloud: Path, content: bytes) -> None:
+    cloud.write_bytes(content)
+    with pytest.raises(UnreadableFile) as refusal:
+        store.read_cloud(cloud)
+    assert (refusal.value.code, "uniform.npz" in refusal.value.message) == ("reachability-damaged", True)
+
+
+def test_a_truncated_or_flipped_cloud_is_refused(cloud: Path) -> None:
+    whole = cloud.read_bytes()
+    for spoilt in (whole[:-30], whole[:200] + bytes([whole[200] ^ 0xFF]) + whole[201:]):
+        cloud.write_bytes(spoilt)
+        with pytest.raises(UnreadableFile):
+            store.read_cloud(cloud)
+
+
+class Payload:
+    """What a pickle could smuggle in."""
+
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return exec, ("raise SystemExit('it ran')",)
+
+
+@pytest.mark.parametrize(
+    "values",
+    [
+        np.array([[0.1, 0.2, np.nan]]),
+        np.zeros((4, 2), dtype=np.int16),
+        np.zeros((0, 3), dtype=np.int16),
+        np.zeros(3, dtype=np.int16),
+        np.array([[Payload()] * 3], dtype=object),
+        np.zeros((1_000_000, 3), dtype=np.int16),
+    ],
+    ids=["float with NaN", "two columns", "nothing", "one point", "pickle", "too large"],
+)
+def test_a_hostile_cloud_is_refused_and_not_run(cloud: Path, values: np.ndarray) -> None:
+    np.savez_compressed(cloud, left_foot=values)
+    with pytest.raises(UnreadableFile) as refusal:
+        store.read_cloud(cloud)
+    assert refusal.value.code == "reachability-damaged"
+
+
+def test_a_cloud_of_other_effectors_than_the_card_is_refused(elsewhere: Path, saved: Path) -> None:
+    elsewhere.write_bytes(saved.read_bytes())
+    store.save_cloud(elsewhere.with_suffix(".npz"), {"right_foot": COM_M["left_foot"]})
+    with pytest.raises(UnreadableFile) as refusal:
+        store.load_cloud("talos")
+    assert refusal.value.faults[0].where == "effectors"
+
+
+def test_densities_of_another_description_are_refused(talos: Robot) -> None:
+    store.require_same_robot(replace(CARD, robot_sha256=talos.sha256), talos)
+    with pytest.raises(Unavailable) as refusal:
+        store.require_same_robot(CARD, talos)
+    assert refusal.value.code == "reachability-of-another-robot"
+    assert "TALOS" in refusal.value.message
+    assert refusal.value.faults[0].where == "robot_sha256"
 
 
 def test_proxies_are_read_only() -> None:

@@ -48,7 +48,7 @@ def effector_shapes(robot_name: str) -> Mapping[str, EffectorShape]:
         names = ", ".join(known) or "none"
         raise NotFound("robot-not-found", f"there is no robot {robot_name!r}; known robots: {names}")
     card = tomllib.loads(known[robot_name].read_text(encoding="utf-8"))
-    learned = _learned(models_dir() / "reachability" / f"{known[robot_name].stem}.json")
+    learned = _learned(models_dir() / "reachability" / known[robot_name].stem / "uniform.json")  # the widest measure
     return MappingProxyType({name: _shape(entry, learned.get(name)) for name, entry in card["effectors"].items()})
 
 

@@ -12,13 +12,15 @@ _STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 Measure = Literal["uniform", "conditioned"]
 """How postures are drawn: uniform within the joint limits, as in the thesis, or so given that the robot stands."""
+Frame = Literal["contact", "heading"]
+"""The contact frame of the effector, or its heading frame: at the contact, z up, x the heading of the trunk."""
 Triple = tuple[float, float, float]
 Matrix = tuple[Triple, Triple, Triple]
 
 
 @dataclass(frozen=True)
 class Reach:
-    """Box of the 0.5 and 99.5 percentiles of the sampled CoM in the contact frame, and its largest distance.
+    """Box of the 0.5 and 99.5 percentiles of the sampled CoM in the effector's frame, and its largest distance.
 
     The largest distance of samples is a little less than what is possible.
     """
@@ -31,30 +33,38 @@ class Reach:
 
 @dataclass(frozen=True)
 class SizeTrial:
-    """A mixture of another size, fitted to the same samples."""
+    """The mixture of one size, fitted to the same samples: a point of figure 4.3.
+
+    ``excess_sd_nats`` is the standard error of the difference of its KL from the least one of all sizes, which all
+    are estimated from the same draws; 0 for the least one itself.
+    """
 
     __pydantic_config__ = _STRICT
     components: int
     kl_nats: float
     kl_sd_nats: float
+    excess_sd_nats: float
     held_out_log_likelihood: float
 
 
 @dataclass(frozen=True)
 class EffectorCard:
-    """One effector's mixture (metres, in its contact frame) and its quality.
+    """One effector's mixture (metres, in ``frame``) and its quality.
 
-    ``kl_nats`` is KL(KDE || mixture) with the kernel density of all samples and bandwidth ``bandwidth_m``, estimated
-    from ``kl_draws`` draws with standard error ``kl_sd_nats``. ``held_out_log_likelihood`` is the mean log-density
-    (nats, per m^3) of the samples that EM did not see, with its standard error. ``sizes`` is the curve over the
-    number of components. ``em_converged`` tells whether EM met its tolerance.
+    ``components`` is the size that the curve ``sizes`` chose, ``thesis_components`` what the thesis takes for such an
+    effector. ``kl_nats`` is KL(KDE || mixture) with the kernel density of all samples and bandwidth ``bandwidth_m``,
+    estimated from ``kl_draws`` draws with standard error ``kl_sd_nats``. ``held_out_log_likelihood`` is the mean
+    log-density (nats, per m^3) of the samples that EM did not see, with its standard error. ``em_converged`` tells
+    whether EM met its tolerance.
     """
 
     __pydantic_config__ = _STRICT
+    frame: Frame
     weights: tuple[float, ...]
     means: tuple[Triple, ...]
     covariances: tuple[Matrix, ...]
     components: int
+    thesis_components: int
     em_converged: bool
     bandwidth_m: float
     kl_nats: float
@@ -74,7 +84,7 @@ class EffectorCard:
 
 @dataclass(frozen=True)
 class PairReach:
-    """The largest distance between the contact frames of two effectors over all samples: less than is possible."""
+    """The largest distance between the contact points of two effectors over all samples: less than is possible."""
 
     __pydantic_config__ = _STRICT
     effectors: tuple[str, str]
@@ -85,9 +95,9 @@ class PairReach:
 class ReachabilityCard:
     """All that was learned of one robot from one cloud of postures.
 
-    ``samples`` postures were kept of ``tried`` that were checked for self-collision; EM saw the first ``fitted`` of
-    them. ``robot_sha256`` identifies the robot's card and description, ``versions`` the packages that computed the
-    numbers.
+    ``samples`` postures were kept of ``tried`` that were checked for self-collision, of which ``rejected_share``
+    collided; EM saw the first ``fitted`` of those kept. ``robot_sha256`` identifies what was learned from,
+    ``versions`` the packages that computed the numbers, ``learned_on`` the day (ISO 8601).
     """
 
     __pydantic_config__ = _STRICT
@@ -95,9 +105,11 @@ class ReachabilityCard:
     robot_sha256: str
     measure: Measure
     seed: int
+    learned_on: str
     samples: int
     fitted: int
     tried: int
+    rejected_share: float
     versions: dict[str, str]
     effectors: dict[str, EffectorCard]
     pairs: tuple[PairReach, ...]

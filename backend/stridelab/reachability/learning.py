@@ -1,15 +1,22 @@
 """Section 4.3.2.3: a kernel density of sampled CoM positions is reduced to a Gaussian mixture by EM.
 
 EM (Dempster et al. 1977) maximises the likelihood of the samples, not the divergence from the kernel density, so that
-the divergence may rise with the number of components; the card keeps the whole curve. Every fifth sample, the last
-ones of the cloud, is kept from EM for the held-out likelihood.
+the divergence falls, stagnates and rises with the number of components. The thesis looks by dichotomy for the size
+where it stagnates. Here all sizes are fitted and one rule chooses: the smallest size whose divergence exceeds the least
+one by no more than the standard error of that difference. Every fifth sample, the last ones of the cloud, is kept from
+EM for the held-out likelihood.
+
+All is computed on one thread per process, so that the numbers do not depend on how many cores there are.
 """
 
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from datetime import date
+from functools import partial
 from importlib.metadata import version
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -18,27 +25,39 @@ from sklearn.mixture import GaussianMixture
 
 from stridelab.conventions import Points, Vector3
 from stridelab.errors import Fault, InvalidInput
-from stridelab.reachability.card import EffectorCard, Measure, PairReach, Reach, ReachabilityCard, SizeTrial, Triple
+from stridelab.reachability.card import (
+    EffectorCard,
+    Frame,
+    Measure,
+    PairReach,
+    Reach,
+    ReachabilityCard,
+    SizeTrial,
+    Triple,
+)
 from stridelab.reachability.density import KernelDensity
-from stridelab.reachability.divergence import divergences
+from stridelab.reachability.divergence import Divergence, divergences
 from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.processes import in_order, worthwhile
 from stridelab.reachability.sampling import ComCloud, Progress, require_effectors, sample_com
 from stridelab.robots.robot import Robot
 
-COMPONENTS: Final[Mapping[str, int]] = {"surface": 7, "point": 14}
+THESIS_COMPONENTS: Final[Mapping[str, int]] = {"surface": 7, "point": 14}
 """Sizes for feet and hands where the thesis sees the divergence stagnate (figure 4.3)."""
-SIZES: Final = (1, 2, 3, 4, 5, 7, 10, 14, 20)
+SIZES: Final = range(1, 21)
 """Sizes of the curve."""
 SAMPLES_MIN: Final = 100
 """Fewer samples are no cloud to fit the largest size to."""
-KL_DRAWS: Final = 3000
+KL_DRAWS: Final = 10_000
 HELD_OUT: Final = 5
 """One in so many samples is held out."""
 FLOOR_M: Final = 3e-3
 """Standard deviation that EM adds to every component, so that none collapses."""
 STEPS_MAX: Final = 500
-SAMPLING_SHARE: Final = 0.6
+SAMPLING_SHARE: Final = 0.5
 """Of the time, at 20 000 samples."""
+SAMPLES_PER_S: Final = 5000
+"""Of one effector, about as many are fitted in a second."""
 PERCENTILES: Final = (0.5, 99.5)
 PACKAGES: Final = ("stridelab", "numpy", "scipy", "scikit-learn", "pin", "example-robot-data")
 
@@ -53,14 +72,17 @@ class Learned:
 
 def learn(
     robot: Robot,
+    learned_on: date,
     effectors: Sequence[str] | None = None,
     samples: int = 20_000,
     seed: int = 0,
     measure: Measure = "uniform",
     progress: Progress | None = None,
-    sizes: Sequence[int] = SIZES,
+    processes: int | None = None,
 ) -> Learned:
-    """Learn the densities of ``effectors`` (all where ``None``), a function of its arguments and the versions.
+    """Learn the densities of ``effectors`` (all where ``None``) on ``processes`` processes (all cores where ``None``).
+
+    But for ``processes``, a function of the arguments and the versions: bit for bit on one machine.
 
     Raises ``NotFound`` (``effector-not-found``), ``InvalidInput`` (``too-few-samples``), ``NotEstimable``
     (``measure-unavailable``, ``no-free-configuration``).
@@ -75,19 +97,24 @@ def learn(
     def sampled(fraction: float, message: str) -> None:
         tell(SAMPLING_SHARE * fraction, message)
 
-    cloud = sample_com(robot, names, samples, np.random.default_rng(seed), measure, sampled)
+    cloud = sample_com(robot, names, samples, seed, measure, sampled, processes)
+    work = partial(_fitted, cloud, tuple(robot.effectors[name].kind for name in names), seed)
     cards: dict[str, EffectorCard] = {}
-    for i, name in enumerate(names):
-        tell(SAMPLING_SHARE + (1.0 - SAMPLING_SHARE) * i / len(names), f"fitting {name}")
-        cards[name] = fit(cloud.com_m[name], COMPONENTS[robot.effectors[name].kind], seed, sizes)
+    wanted = processes or worthwhile(len(names) * samples // SAMPLES_PER_S)
+    with closing(in_order(work, len(names), wanted)) as fitted:
+        for name, effector in zip(names, fitted, strict=True):
+            cards[name] = effector
+            tell(SAMPLING_SHARE + (1.0 - SAMPLING_SHARE) * len(cards) / len(names), f"{name} is fitted")
     card = ReachabilityCard(
         robot=robot.name,
         robot_sha256=robot.sha256,
         measure=measure,
         seed=seed,
+        learned_on=learned_on.isoformat(),
         samples=samples,
         fitted=samples - samples // HELD_OUT,
         tried=cloud.tried,
+        rejected_share=1.0 - samples / cloud.tried,
         versions={package: version(package) for package in PACKAGES},
         effectors=cards,
         pairs=tuple(PairReach(pair, distance) for pair, distance in cloud.pair_distance_max_m.items()),
@@ -95,34 +122,46 @@ def learn(
     return Learned(card, cloud)
 
 
-def fit(com_m: Points, components: int, seed: int, sizes: Sequence[int] = SIZES) -> EffectorCard:
-    """The mixture with ``components``, and the curve over ``sizes``, for sampled CoM positions ``(n, 3)``."""
+def fit(com_m: Points, kind: Literal["surface", "point"], frame: Frame, seed: int) -> EffectorCard:
+    """The mixture that the curve over ``SIZES`` chooses for sampled CoM positions ``(n, 3)`` of an effector."""
     n = len(com_m) - len(com_m) // HELD_OUT
     seen, held_out = com_m[:n], com_m[n:]
-    fitted = {k: expectation_maximisation(seen, k, seed) for k in sorted({*sizes, components})}
+    fitted = {k: expectation_maximisation(seen, k, seed) for k in SIZES}
     kde = KernelDensity.scott(com_m)
     mixtures = [mixture for mixture, _ in fitted.values()]
-    kl = dict(zip(fitted, divergences(kde, mixtures, KL_DRAWS, np.random.default_rng(seed)), strict=True))
+    kl = dict(zip(SIZES, divergences(kde, mixtures, KL_DRAWS, np.random.default_rng(seed)), strict=True))
     log_p = {k: mixture.log_density(held_out) for k, (mixture, _) in fitted.items()}
-    mixture, converged = fitted[components]
+    k = chosen_size(kl)
+    mixture, converged = fitted[k]
     mode = mixture.mode_m()
     return EffectorCard(
+        frame=frame,
         weights=tuple(mixture.weights.tolist()),
         means=tuple(_triple(mu) for mu in mixture.means_m),
         covariances=tuple(_matrix(S) for S in mixture.covariances_m2),
-        components=components,
+        components=k,
+        thesis_components=THESIS_COMPONENTS[kind],
         em_converged=converged,
         bandwidth_m=kde.bandwidth_m,
-        kl_nats=kl[components].kl_nats,
-        kl_sd_nats=kl[components].kl_sd_nats,
+        kl_nats=kl[k].kl_nats,
+        kl_sd_nats=kl[k].kl_sd_nats,
         kl_draws=KL_DRAWS,
-        held_out_log_likelihood=float(log_p[components].mean()),
-        held_out_log_likelihood_sd=float(log_p[components].std(ddof=1) / np.sqrt(len(held_out))),
+        held_out_log_likelihood=float(log_p[k].mean()),
+        held_out_log_likelihood_sd=float(log_p[k].std(ddof=1) / np.sqrt(len(held_out))),
         mode_m=_triple(mode),
         mode_log_density=float(mixture.log_density(mode[None])[0]),
         reach=reach_of(com_m),
-        sizes=tuple(SizeTrial(k, kl[k].kl_nats, kl[k].kl_sd_nats, float(log_p[k].mean())) for k in fitted),
+        sizes=tuple(
+            SizeTrial(size, d.kl_nats, d.kl_sd_nats, d.excess_sd_nats, float(log_p[size].mean()))
+            for size, d in kl.items()
+        ),
     )
+
+
+def chosen_size(kl: Mapping[int, Divergence]) -> int:
+    """The smallest size whose divergence exceeds the least one by no more than the standard error of the difference."""
+    least = min(d.kl_nats for d in kl.values())
+    return min(size for size, d in kl.items() if d.kl_nats - least <= d.excess_sd_nats)
 
 
 def expectation_maximisation(com_m: Points, components: int, seed: int) -> tuple[Mixture, bool]:
@@ -139,6 +178,12 @@ def reach_of(com_m: Points) -> Reach:
     """Box and sphere that hold sampled CoM positions."""
     low, high = np.percentile(com_m, PERCENTILES, axis=0)
     return Reach(_triple(low), _triple(high), float(np.linalg.norm(com_m, axis=1).max()))
+
+
+def _fitted(cloud: ComCloud, kinds: tuple[Literal["surface", "point"], ...], seed: int, number: int) -> EffectorCard:
+    """The card of the effector ``number`` of the cloud."""
+    name = list(cloud.com_m)[number]
+    return fit(cloud.com_m[name], kinds[number], cloud.frames[name], seed)
 
 
 def _triple(values: Vector3) -> Triple:

@@ -1,50 +1,93 @@
-"""Learned densities on disk: JSON text, ``models/reachability/<robot>.json`` for those that come with the package."""
+"""Learned densities on disk: one folder per robot, one card and one cloud per measure.
+
+    models/reachability/<robot>/<measure>.json      the card with its mixtures, as text
+    models/reachability/<robot>/<measure>.npz       the first samples of every effector, whole millimetres
+
+Nothing that is read is run, and what is damaged is refused by name.
+"""
 
 import json
 import re
+import zipfile
 from collections.abc import Mapping
 from dataclasses import asdict
+from datetime import date
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
-from typing import Final
+from typing import TYPE_CHECKING, Final, get_args
 
+import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
-from stridelab.errors import Fault, InvalidInput, NotFound, UnreadableFile
-from stridelab.reachability.card import EffectorCard, ReachabilityCard
+from stridelab.conventions import Points
+from stridelab.errors import Fault, InvalidInput, NotFound, Unavailable, UnreadableFile
+from stridelab.reachability.card import EffectorCard, Measure, ReachabilityCard
 from stridelab.reachability.mixture import Mixture
 from stridelab.resources import models_dir
 from stridelab.robots.card import robot_names
 
+if TYPE_CHECKING:
+    import stridelab.robots.robot
+
+DEFAULT_MEASURE: Final[Measure] = "uniform"
+"""The measure that plans take where nobody says which."""
+CLOUD_SAMPLES: Final = 5000
+"""So many samples of a cloud are kept."""
+UNIT_M: Final = 1e-3
+"""Samples are rounded to this: much less than the kernels' width."""
+CLOUD_BYTES_MAX: Final = 1 << 20
+"""No array of a cloud is larger; a file that says so is not unpacked."""
 _NUMBERS: Final = re.compile(r"\[\s+([-+\d.e,\s]+?)\s+\]")
 """A list of numbers that was spread over lines."""
 
 
-def load_proxies(robot_name: str) -> Mapping[str, Mixture]:
-    """The bundled density of every effector of a robot, of the CoM in the effector's contact frame.
+def load_proxies(robot_name: str, measure: Measure = DEFAULT_MEASURE) -> Mapping[str, Mixture]:
+    """The bundled density of every effector of a robot, of the CoM in the effector's frame.
 
     Raises as ``load_card``.
     """
-    return MappingProxyType({name: effector.mixture() for name, effector in load_card(robot_name).effectors.items()})
+    effectors = load_card(robot_name, measure).effectors
+    return MappingProxyType({name: effector.mixture() for name, effector in effectors.items()})
 
 
 @cache
-def load_card(robot_name: str) -> ReachabilityCard:
+def load_card(robot_name: str, measure: Measure = DEFAULT_MEASURE) -> ReachabilityCard:
     """The bundled card of a robot.
 
-    Raises ``NotFound`` (``robot-not-found``; ``reachability-not-learned`` where no file is there) and
-    ``UnreadableFile`` (``reachability-damaged``).
+    Raises ``NotFound`` (``robot-not-found``; ``reachability-not-learned`` where no file is there), ``InvalidInput``
+    (``measure-unknown``) and ``UnreadableFile`` (``reachability-damaged``).
     """
-    if robot_name not in robot_names():
-        raise NotFound("robot-not-found", f"There is no robot {robot_name!r}; there is {', '.join(robot_names())}.")
-    path = models_dir() / "reachability" / f"{robot_name}.json"
-    if not path.is_file():
-        raise NotFound("reachability-not-learned", f"No reachability densities were learned for {robot_name!r} yet.")
+    path = _bundled(robot_name, measure, ".json")
     card = read(path)
-    if card.robot != robot_name:
-        raise _damaged(path, [Fault("robot", f"the file is about {card.robot!r}")])
+    for field, expected in (("robot", robot_name), ("measure", measure)):
+        if (found := getattr(card, field)) != expected:
+            raise _damaged(path, [Fault(field, f"the file is about {found!r}")])
     return card
+
+
+def load_cloud(robot_name: str, measure: Measure = DEFAULT_MEASURE) -> Mapping[str, Points]:
+    """The first ``CLOUD_SAMPLES`` of the samples ``(n, 3)`` that a bundled card was learned from, rounded to 1 mm.
+
+    Raises as ``load_card``.
+    """
+    path = _bundled(robot_name, measure, ".npz")
+    cloud = read_cloud(path)
+    if cloud.keys() != (known := load_card(robot_name, measure).effectors.keys()):
+        message = f"it holds {', '.join(sorted(cloud))}, and the card {', '.join(sorted(known))}"
+        raise _damaged(path, [Fault("effectors", message)])
+    return cloud
+
+
+def require_same_robot(card: ReachabilityCard, robot: "stridelab.robots.robot.Robot") -> None:
+    """Refuse densities of another description: raise ``Unavailable`` (``reachability-of-another-robot``)."""
+    if card.robot_sha256 != robot.sha256:
+        raise Unavailable(
+            "reachability-of-another-robot",
+            f"The {card.measure} reachability densities of {robot.title} were learned on another description of the "
+            f"robot than the installed one; learn them anew (learn-reachability).",
+            [Fault("robot_sha256", f"learned on {card.robot_sha256[:12]}, installed is {robot.sha256[:12]}")],
+        )
 
 
 def read(path: Path) -> ReachabilityCard:
@@ -58,6 +101,10 @@ def read(path: Path) -> ReachabilityCard:
     except OSError as error:
         raise _damaged(path, [Fault("", "it cannot be read")]) from error
     faults = [fault for name, effector in card.effectors.items() for fault in _faults(f"effectors.{name}", effector)]
+    try:
+        date.fromisoformat(card.learned_on)
+    except ValueError:
+        faults.append(Fault("learned_on", f"{card.learned_on!r} is no date"))
     if faults:
         raise _damaged(path, faults)
     return card
@@ -74,13 +121,59 @@ def text(card: ReachabilityCard) -> str:
     return _NUMBERS.sub(lambda found: "[" + re.sub(r"\s+", " ", found[1]) + "]", spread) + "\n"
 
 
+def read_cloud(path: Path) -> Mapping[str, Points]:
+    """A cloud from a file. Raises ``UnreadableFile`` (``reachability-damaged``) naming the file and the effector."""
+    cloud: dict[str, Points] = {}
+    try:
+        with zipfile.ZipFile(path) as packed:
+            large = [member.filename for member in packed.infolist() if member.file_size > CLOUD_BYTES_MAX]
+        if large:
+            raise _damaged(path, [Fault(name, "it is too large") for name in large])
+        with np.load(path, allow_pickle=False) as arrays:
+            for name in arrays.files:
+                values = arrays[name]
+                if values.dtype != np.int16 or values.ndim != 2 or values.shape[1:] != (3,) or not len(values):
+                    raise _damaged(path, [Fault(name, f"it is {values.dtype} of shape {values.shape}")])
+                cloud[name] = values * UNIT_M
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+        raise _damaged(path, [Fault("", "it is no archive of plain arrays")]) from error
+    return MappingProxyType(cloud)
+
+
+def save_cloud(path: Path, com_m: Mapping[str, Points]) -> None:
+    """Write the first ``CLOUD_SAMPLES`` of every effector (m, within 32 m): the same bytes for the same samples."""
+    whole = {name: np.rint(x[:CLOUD_SAMPLES] / UNIT_M).astype(np.int16) for name, x in com_m.items()}
+    with path.open("wb") as file:
+        np.savez_compressed(file, allow_pickle=False, **whole)
+
+
+def _bundled(robot_name: str, measure: str, suffix: str) -> Path:
+    """A file of the package, the names of which are known ones."""
+    if robot_name not in robot_names():
+        raise NotFound("robot-not-found", f"There is no robot {robot_name!r}; there is {', '.join(robot_names())}.")
+    if measure not in (measures := get_args(Measure)):
+        message = f"There is no measure {measure!r}; there is {', '.join(measures)}."
+        raise InvalidInput("measure-unknown", message, [Fault("measure", "unknown")])
+    path = models_dir() / "reachability" / robot_name / f"{measure}{suffix}"
+    if not path.is_file():
+        message = f"No {measure} reachability densities were learned for {robot_name!r} yet."
+        raise NotFound("reachability-not-learned", message)
+    return path
+
+
 def _faults(where: str, effector: EffectorCard) -> list[Fault]:
     """What the types do not say."""
     k = effector.components
     counts = {name: len(getattr(effector, name)) for name in ("weights", "means", "covariances")}
     wrong = [Fault(f"{where}.{name}", f"there are {n} for {k} components") for name, n in counts.items() if n != k]
-    if k < 1 or wrong:
-        return [*wrong, *([Fault(f"{where}.components", "there are none")] if k < 1 else [])]
+    if effector.bandwidth_m <= 0.0:
+        wrong.append(Fault(f"{where}.bandwidth_m", "it must be positive"))
+    if k not in {trial.components for trial in effector.sizes}:
+        wrong.append(Fault(f"{where}.sizes", f"there is no size {k}"))
+    if k < 1:
+        wrong.append(Fault(f"{where}.components", "there are none"))
+    if wrong:
+        return wrong
     try:
         effector.mixture()
     except InvalidInput as error:

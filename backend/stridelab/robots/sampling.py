@@ -1,6 +1,7 @@
 """Configurations for section 4.3: uniform within the joint limits, thrown away where the robot touches itself."""
 
 from collections.abc import Iterator
+from typing import Final
 
 import numpy as np
 from jaxtyping import Float
@@ -9,8 +10,10 @@ from stridelab.errors import NotEstimable
 from stridelab.robots.collision import SelfCollision
 from stridelab.robots.robot import Robot
 
-PATIENCE = 10_000
+PATIENCE: Final = 10_000
 """Configurations tried in a row before the robot is said to have none that is free."""
+BATCH: Final = 256
+"""Configurations drawn at once."""
 
 
 class UniformConfigurations(Iterator[Float[np.ndarray, "nq"]]):
@@ -23,19 +26,25 @@ class UniformConfigurations(Iterator[Float[np.ndarray, "nq"]]):
         self.tried = 0
         self._robot, self._rng = robot, rng
         self._collision = SelfCollision.of(robot)
+        self._angles = self._drawn()
 
     def __next__(self) -> Float[np.ndarray, "nq"]:
         """Next free configuration. Raises ``NotEstimable`` (``no-free-configuration``)."""
-        model = self._robot.model
         q = self._robot.q_reference.copy()
         for _ in range(PATIENCE):
-            q[7:] = self._rng.uniform(model.lowerPositionLimit[7:], model.upperPositionLimit[7:])
+            q[7:] = next(self._angles)
             self.tried += 1
             if not self._collision.found(q):
                 return q
         raise NotEstimable(
             "no-free-configuration", f"{self._robot.title} touches itself in {PATIENCE} random configurations in a row."
         )
+
+    def _drawn(self) -> Iterator[Float[np.ndarray, "nj"]]:
+        """Angles of all joints within their limits, without end."""
+        lower, upper = self._robot.model.lowerPositionLimit[7:], self._robot.model.upperPositionLimit[7:]
+        while True:
+            yield from self._rng.uniform(lower, upper, (BATCH, len(lower)))
 
 
 def uniform_configurations(robot: Robot, rng: np.random.Generator) -> UniformConfigurations:

@@ -12,13 +12,17 @@ PLAN_STAGES: Final = ("check", "reachability", "centroidal", "whole body", "cert
 
 
 class PlanMotionInput(Contract):
-    """Input of ``plan-motion``: a stored scenario or a whole one, never both."""
+    """Input of ``plan-motion``: a stored scenario or a whole one, never both.
+
+    ``measure`` chooses among the bundled reachability densities; null takes the default one.
+    """
 
     scenario_id: str | None = None
     scenario: Scenario | None = None
     formulation: Literal["forces", "wrench"] = "forces"
     solver: Literal["auto", "native", "casadi"] = "auto"
     free_durations: bool = False
+    measure: Literal["uniform", "conditioned"] | None = None
     whole_body: bool = True
     replay: bool = False
 
@@ -108,9 +112,11 @@ class LearnReachabilityInput(Contract):
 
 
 class LearnedEffector(Contract):
-    """What was learned for one effector."""
+    """What was learned for one effector; ``thesis_components`` is the size that the thesis takes for its kind."""
 
+    frame: Literal["contact", "heading"]
     components: int
+    thesis_components: int
     kl_nats: float
     kl_sd_nats: float
     held_out_log_likelihood: float
@@ -125,6 +131,8 @@ class LearnReachabilitySummary(Contract):
     robot_sha256: str
     samples: int
     tried: int
+    rejected_share: float
+    learned_on: str
     measure: str
     effectors: dict[str, LearnedEffector]
     warnings: list[Remark]

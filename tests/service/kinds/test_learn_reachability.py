@@ -1,7 +1,10 @@
 """The job leaves densities that can be read back, a card, and the samples; what it cannot do it refuses by name."""
 
 import json
+import subprocess
+import sys
 from collections.abc import Iterator
+from datetime import date
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +23,7 @@ from stridelab.service.jobs.kinds.provenance import known_references
 from stridelab.service.jobs.kinds.registry import KINDS
 from stridelab.service.jobs.kinds.tables_io import read_about
 
+SCRIPT = Path(__file__).parents[3] / "scripts" / "make_reachability.py"
 REQUEST = {"robot": "talos", "effectors": ["left_foot", "right_hand"], "samples": 500, "seed": 4}
 
 
@@ -53,15 +57,18 @@ def test_the_summary_is_that_of_the_contract(outcome: dict) -> None:
     assert summary.robot_sha256 == load_robot("talos").sha256
     assert (summary.samples, summary.measure) == (500, "uniform")
     assert summary.tried > 500
-    assert summary.effectors["left_foot"].components == 7
-    assert summary.effectors["right_hand"].components == 14
+    assert summary.rejected_share == pytest.approx(1 - 500 / summary.tried)
+    assert 1 <= summary.effectors["left_foot"].components <= 20
+    assert (summary.effectors["left_foot"].thesis_components, summary.effectors["left_foot"].frame) == (7, "contact")
+    assert summary.effectors["right_hand"].thesis_components == 14
     assert "few-samples" in {remark.code for remark in summary.warnings}
     assert set(outcome["references"]) <= known_references()
 
 
 def test_the_mixtures_are_those_of_the_same_seed(outcome: dict, folder: Path) -> None:
     card = store.read(folder / "mixtures.json")
-    assert card == learn(load_robot("talos"), REQUEST["effectors"], 500, 4).card
+    day = date.fromisoformat(card.learned_on)
+    assert card == learn(load_robot("talos"), day, REQUEST["effectors"], 500, 4).card
     assert card.effectors["left_foot"].kl_nats == outcome["summary"]["effectors"]["left_foot"]["kl_nats"]
 
 
@@ -73,7 +80,7 @@ def test_the_card_tells_all_but_the_mixtures(outcome: dict, folder: Path) -> Non
             del effector[numbers]
     assert card == whole
     assert card["seed"] == 4
-    assert len(card["effectors"]["left_foot"]["sizes"]) == 9
+    assert len(card["effectors"]["left_foot"]["sizes"]) == 20
 
 
 def test_the_samples_are_a_table_with_its_twin(outcome: dict, folder: Path) -> None:
@@ -91,8 +98,19 @@ def test_the_samples_are_a_table_with_its_twin(outcome: dict, folder: Path) -> N
 
 def test_every_file_is_an_artifact(outcome: dict, folder: Path) -> None:
     names = {artifact["name"] for artifact in outcome["artifacts"]}
-    assert names == {"mixtures.json", "card.json", "samples.parquet", "samples.csv"}
+    assert names == {"mixtures.json", "cloud.npz", "card.json", "samples.parquet", "samples.csv"}
     assert names == {path.name for path in folder.iterdir()}
+
+
+def test_the_script_writes_the_bytes_of_the_job(tmp_path: Path) -> None:
+    """The files that are bundled: same robot, measure, samples, seed and day, another number of processes."""
+    asked = {"robot": "talos", "samples": 700, "seed": 2}
+    run_in_child({"input": asked}, tmp_path, lambda *_: None)
+    day = store.read(tmp_path / "mixtures.json").learned_on
+    options = ["--samples", "700", "--seed", "2", "--date", day, "--processes", "2", "--folder", str(tmp_path)]
+    subprocess.run([sys.executable, str(SCRIPT), "talos", "uniform", *options], check=True)
+    assert (tmp_path / "talos" / "uniform.json").read_bytes() == (tmp_path / "mixtures.json").read_bytes()
+    assert (tmp_path / "talos" / "uniform.npz").read_bytes() == (tmp_path / "cloud.npz").read_bytes()
 
 
 def test_the_other_measure_learns_from_stances(tmp_path: Path) -> None:

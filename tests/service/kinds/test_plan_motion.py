@@ -15,6 +15,8 @@ from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.validation import judge
 from stridelab.conventions import g
 from stridelab.errors import Fault, InvalidInput, NotEstimable, NotFound, StridelabError
+from stridelab.reachability.card import ReachabilityCard
+from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.resources import models_dir
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.plans import CertificateSummary, PlanMotionSummary
@@ -275,6 +277,34 @@ def test_an_unknown_robot_is_not_found(tmp_path: Path) -> None:
     error = refused(tmp_path, NotFound, changed(short_walk(), lambda body: body.__setitem__("robot", "marvin")))
     assert error.code == "robot-not-found"
     assert error.faults[-1].where == "stage: check"
+
+
+def test_densities_of_another_description_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    other = replace(load_robot("talos"), sha256="cd" * 32)
+    monkeypatch.setattr(plan_motion, "load_robot", lambda _name: other)
+    with pytest.raises(StridelabError) as refusal:
+        run(tmp_path, short_walk(), whole_body=False)
+    assert refusal.value.code == "reachability-of-another-robot"
+    assert refusal.value.faults[0].where == "robot_sha256"
+    assert refusal.value.faults[-1].where == "stage: reachability"
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(("asked", "taken"), [(None, DEFAULT_MEASURE), ("uniform", "uniform"), ("conditioned",) * 2])
+def test_the_measure_that_is_asked_for_is_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: str | None, taken: str
+) -> None:
+    """Null means the default one."""
+    looked: list[str] = []
+
+    def stand_in(_robot_name: str, measure: str) -> ReachabilityCard:
+        looked.append(measure)
+        raise NotFound("reachability-not-learned", "not in this test")
+
+    monkeypatch.setattr(plan_motion, "load_card", stand_in)
+    with pytest.raises(NotFound):
+        run(tmp_path, short_walk(), whole_body=False, measure=asked)
+    assert looked == [taken]
 
 
 def test_a_solver_that_does_not_converge_is_said_with_status_and_iterations(

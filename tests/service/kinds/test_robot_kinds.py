@@ -77,7 +77,7 @@ def test_links_of_talos_are_where_the_reference_posture_has_them(facts: RobotFac
 
 
 def test_proxies_are_those_of_the_reachability_file(facts: RobotFacts) -> None:
-    kept = json.loads((models_dir() / "reachability" / "talos.json").read_text(encoding="utf-8"))
+    kept = json.loads((models_dir() / "reachability" / "talos" / "uniform.json").read_text(encoding="utf-8"))
     assert [proxy.effector for proxy in facts.proxies] == list(kept["effectors"])
     for proxy in facts.proxies:
         learned = kept["effectors"][proxy.effector]

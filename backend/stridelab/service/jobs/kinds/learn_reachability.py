@@ -1,17 +1,17 @@
 """``learn-reachability``: where the CoM of a robot can be, seen from its effectors (section 4.3).
 
-Leaves ``mixtures.json`` (the format of models/reachability), ``card.json`` (the same without the mixtures' numbers) and
-the table ``samples`` of the CoM positions, one row per posture.
+Leaves ``mixtures.json`` and ``cloud.npz`` (the files of models/reachability), ``card.json`` (the card without the
+mixtures' numbers) and the table ``samples`` of the CoM positions, one row per posture. Its own processes end with it.
 """
 
 import json
-from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
 from stridelab.reachability.card import EffectorCard, ReachabilityCard
 from stridelab.reachability.learning import Learned, learn
-from stridelab.reachability.store import save
+from stridelab.reachability.store import save, save_cloud, text
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import LearnedEffector, LearnReachabilitySummary
@@ -20,6 +20,7 @@ from stridelab.service.jobs.kinds.tables_io import atomically, write_table
 from stridelab.service.jobs.kinds.tasks import LearnReachabilityTask
 
 MIXTURES_FILE, CARD_FILE, JSON = "mixtures.json", "card.json", "application/json"
+CLOUD_FILE, NPZ = "cloud.npz", "application/x-npz"
 FEW_SAMPLES: Final = 5000
 """Below this the densities of two seeds visibly differ."""
 LEARNING_SHARE: Final = 0.95
@@ -53,7 +54,8 @@ def run(task: LearnReachabilityTask, folder: Path, progress: ProgressCallback) -
     def learning(fraction: float, message: str) -> None:
         progress(LEARNING_SHARE * fraction, message)
 
-    learned = learn(robot, request.effectors, request.samples, request.seed, request.measure, learning)
+    today = datetime.now(UTC).date()
+    learned = learn(robot, today, request.effectors, request.samples, request.seed, request.measure, learning)
     progress(LEARNING_SHARE, "writing the densities")
     artifacts = _written(learned, folder, {"input": request.model_dump(mode="json"), "robot_sha256": robot.sha256})
     card = learned.card
@@ -62,6 +64,8 @@ def run(task: LearnReachabilityTask, folder: Path, progress: ProgressCallback) -
         robot_sha256=card.robot_sha256,
         samples=card.samples,
         tried=card.tried,
+        rejected_share=card.rejected_share,
+        learned_on=card.learned_on,
         measure=card.measure,
         effectors={name: _learned(effector) for name, effector in card.effectors.items()},
         warnings=list(_warnings(card)),
@@ -74,6 +78,7 @@ def run(task: LearnReachabilityTask, folder: Path, progress: ProgressCallback) -
 
 def _written(learned: Learned, folder: Path, provenance: Json) -> tuple[ArtifactFile, ...]:
     atomically(folder / MIXTURES_FILE, lambda path: save(path, learned.card))
+    atomically(folder / CLOUD_FILE, lambda path: save_cloud(path, learned.cloud.com_m))
     facts = json.dumps(without_mixtures(learned.card), indent=1)
     atomically(folder / CARD_FILE, lambda path: path.write_text(facts + "\n", encoding="utf-8"))
     columns = {
@@ -81,9 +86,10 @@ def _written(learned: Learned, folder: Path, provenance: Json) -> tuple[Artifact
         for name, com_m in learned.cloud.com_m.items()
         for i, axis in enumerate(("x", "y", "z"))
     }
-    frames = {"frame": "the contact frame of the effector that the column names"}
+    frames = {"frame": {name: f"the {frame} frame of the effector" for name, frame in learned.cloud.frames.items()}}
     return (
         ArtifactFile(MIXTURES_FILE, JSON),
+        ArtifactFile(CLOUD_FILE, NPZ),
         ArtifactFile(CARD_FILE, JSON),
         *write_table(folder, "samples", columns, provenance | frames),
     )
@@ -91,7 +97,7 @@ def _written(learned: Learned, folder: Path, provenance: Json) -> tuple[Artifact
 
 def without_mixtures(card: ReachabilityCard) -> Json:
     """How the densities were learned and how good they are."""
-    facts = asdict(card)
+    facts: Json = json.loads(text(card))
     for effector in facts["effectors"].values():
         for numbers in ("weights", "means", "covariances"):
             del effector[numbers]
@@ -100,7 +106,9 @@ def without_mixtures(card: ReachabilityCard) -> Json:
 
 def _learned(effector: EffectorCard) -> LearnedEffector:
     return LearnedEffector(
+        frame=effector.frame,
         components=effector.components,
+        thesis_components=effector.thesis_components,
         kl_nats=effector.kl_nats,
         kl_sd_nats=effector.kl_sd_nats,
         held_out_log_likelihood=effector.held_out_log_likelihood,

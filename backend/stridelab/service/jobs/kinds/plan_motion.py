@@ -9,17 +9,16 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-import pinocchio as pin
-
 from stridelab.centroidal.plan import CentroidalPlan
-from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
+from stridelab.centroidal.resting import from_rest_to_rest
 from stridelab.centroidal.solve import solve
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.validation import judge
 from stridelab.errors import Fault, InvalidInput, NotEstimable
+from stridelab.reachability.card import Measure
 from stridelab.reachability.mixture import Mixture
-from stridelab.reachability.store import load_card, load_proxies
+from stridelab.reachability.store import DEFAULT_MEASURE, load_card, load_proxies, require_same_robot
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Remark
@@ -40,9 +39,6 @@ if TYPE_CHECKING:
 
 CHECK, REACHABILITY, CENTROIDAL, WHOLE_BODY, CERTIFICATE, REPLAY, EXPORT = PLAN_STAGES
 
-BEND_M: Final = 0.017
-"""The CoM stands this much below that of the reference posture, where the knees leave more room upwards."""
-
 REFERENCES: Final = ("carpentier2017thesis", "carpentier2018multicontact", "carpentier2019pinocchio")
 SOLVER_REFERENCES: Final = {"ipopt": "wachter2006ipopt", "fatrop": "vanroye2023fatrop"}
 ROBOT_REFERENCES: Final = {"talos": "stasse2017talos"}
@@ -58,8 +54,8 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
 
     Raises ``NotEstimable`` for what this version has not (``...-unavailable``), before any work. After that every
     error names its stage in its last fault: ``InvalidInput`` (``scenario-invalid``), ``NotFound``
-    (``robot-not-found``), ``NotEstimable`` (``plan-not-converged``, ``whole-body-failed``) and what else the stages
-    raise.
+    (``robot-not-found``), ``Unavailable`` (``reachability-of-another-robot``), ``NotEstimable``
+    (``plan-not-converged``, ``whole-body-failed``) and what else the stages raise.
     """
     request = task.input
     require_plan(request)
@@ -70,7 +66,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         sequence, noted = _checked(task.scenario)
         robot = load_robot(sequence.robot)
     with stages.at(REACHABILITY, "reading the learned densities"):
-        proxies, doubts = _densities(robot)
+        proxies = _densities(robot, request.measure or DEFAULT_MEASURE)
     with stages.at(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s"):
         plan = _planned(robot, sequence, proxies)
 
@@ -94,7 +90,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         if replay is not None:
             artifacts.append(write_replay(folder, replay))
 
-    warnings = (*noted, *doubts, *remarks(plan, motion, certificate, replayed))
+    warnings = (*noted, *remarks(plan, motion, certificate, replayed))
     found = summary(plan, certificate, replayed, stages.times_s, warnings)
     progress(1.0, "done")
     return Outcome(found.model_dump(mode="json"), _references(plan, request), tuple(artifacts))
@@ -129,20 +125,14 @@ def _checked(scenario: Scenario) -> tuple[ContactSequence, tuple[Remark, ...]]:
     return sequence, tuple(Remark(code=r.code, message=r.message) for r in report.remarks)
 
 
-def _densities(robot: Robot) -> tuple[Mapping[str, Mixture], tuple[Remark, ...]]:
-    """The learned densities, and whether they were learned on this very robot."""
-    if load_card(robot.name).robot_sha256 == robot.sha256:
-        return load_proxies(robot.name), ()
-    message = f"The reachability densities were learned on another description of {robot.title} than the installed one."
-    return load_proxies(robot.name), (Remark(code="reachability-of-another-robot", message=message),)
+def _densities(robot: Robot, measure: Measure) -> Mapping[str, Mixture]:
+    """The learned densities, which must be those of this very robot."""
+    require_same_robot(load_card(robot.name, measure), robot)
+    return load_proxies(robot.name, measure)
 
 
 def _planned(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Mixture]) -> CentroidalPlan:
-    height_m = float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2]) - BEND_M
-    start, end = (
-        standing_com_m(phase.contacts, height_m, robot.effectors) for phase in (sequence.phases[0], sequence.phases[-1])
-    )
-    plan = solve(CentroidalProblem(sequence, robot.mass_kg, robot.effectors, proxies, start, end))
+    plan = solve(from_rest_to_rest(robot, sequence, proxies))
     if not plan.converged:
         raise NotEstimable(
             "plan-not-converged",
