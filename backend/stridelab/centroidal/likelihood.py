@@ -35,20 +35,20 @@ def likelihood(mixture: Mixture) -> Likelihood:
     """The functions for one effector's mixture."""
     c, p, R, theta = ca.SX.sym("c", 3), ca.SX.sym("p", 3), ca.SX.sym("R", 3, 3), ca.SX.sym("theta")
     y = R.T @ (c - p)
-    precisions = np.linalg.inv(mixture.covariances_m2)
     exponents, pulls = [], []
-    for w, mu, S, P in zip(mixture.weights, mixture.means_m, mixture.covariances_m2, precisions, strict=True):
-        d = ca.DM(P) @ (y - ca.DM(mu))
-        constant = np.log(w) - 0.5 * np.linalg.slogdet(2 * np.pi * S)[1]
-        exponents.append(constant - 0.5 * ca.dot(y - ca.DM(mu), d))
-        pulls.append(d)
+    for w, mu, W in zip(mixture.weights, mixture.means_m, mixture.whitenings(), strict=True):
+        W_low = ca.sparsify(ca.DM(W))  # lower triangular
+        whitened = W_low @ (y - ca.DM(mu))
+        constant = np.log(w) + np.log(np.diag(W)).sum() - 1.5 * np.log(2 * np.pi)
+        exponents.append(constant - 0.5 * ca.sumsqr(whitened))
+        pulls.append(W_low.T @ whitened)
     top = exponents[0]
     for e in exponents[1:]:
         top = ca.fmax(top, e)
     logp = top + ca.log(sum(ca.exp(e - top) for e in exponents))
     gamma = [ca.exp(e - logp) for e in exponents]
     mean = sum(s * d for s, d in zip(gamma, pulls, strict=True))
-    majoriser = sum(s * ca.DM(P) for s, P in zip(gamma, precisions, strict=True))
+    majoriser = sum(s * ca.DM(P) for s, P in zip(gamma, mixture.precisions(), strict=True))
     covariance = sum(s * (d - mean) @ (d - mean).T for s, d in zip(gamma, pulls, strict=True))
     inputs = [c, p, ca.vec(R)]
     return Likelihood(
