@@ -11,11 +11,13 @@ import argparse
 import sys
 from collections.abc import Mapping
 from pathlib import Path
+from typing import get_args
 
 from pydantic import TypeAdapter
 
 from stridelab.experiments.climbing_cases import climbing_cases
 from stridelab.experiments.climbing_grid import CaseResult, GridReport, run_grid
+from stridelab.reachability.card import Measure
 from stridelab.reachability.mixture import Mixture
 from stridelab.reachability.store import load_proxies, read
 from stridelab.robots.loader import load_robot
@@ -60,10 +62,10 @@ def grid(densities: str, folder: Path, processes: int, *, anew: bool = False) ->
 
 def proxies(densities: str) -> Mapping[str, Mixture]:
     """Densities of a card in a file, or those that come with the package."""
-    path = Path(densities)
-    if path.suffix == ".json":
-        return {name: effector.mixture() for name, effector in read(path).effectors.items()}
-    return load_proxies(ROBOT)
+    for measure in get_args(Measure):
+        if measure == densities:
+            return load_proxies(ROBOT, measure)
+    return {name: effector.mixture() for name, effector in read(Path(densities)).effectors.items()}
 
 
 def table(reports: list[GridReport]) -> str:
