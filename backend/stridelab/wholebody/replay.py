@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.contacts.sequence import ContactSequence
@@ -29,6 +30,8 @@ FALLEN_M: Final = 0.25
 AFTERWARDS_S: Final = 1.0
 """How long the last posture is held: a robot that falls right after the end has not arrived."""
 SAY_EVERY: Final = 100
+FULL_SIZE_NM: Final = 776.0
+"""Weight times CoM height of a robot that gets the whole stiffness: TALOS'."""
 
 Progress = Callable[[float, str], None]
 Observe = Callable[[Vector3, Vector3], tuple[Vector3, Vector3]]
@@ -43,7 +46,10 @@ def _truth(com_m: Vector3, com_v_m_s: Vector3) -> tuple[Vector3, Vector3]:
 class PhysicsReplay:
     """Joint control of stiffness (N m/rad) and damping (N m s/rad) in legs and torso, ``arm_share`` of it in the arms.
 
-    A rotor inertia of 0.1 kg m^2 and 3000 N m/rad make 28 Hz, well above the motion and well below the 1 kHz steps.
+    A rotor inertia of 0.1 kg m^2 and 3000 N m/rad make 28 Hz, well above the motion and well below the 1 kHz steps. A
+    robot that topples with less than ``FULL_SIZE_NM`` (``m g h``) is held less stiffly in proportion. No joint is
+    damped by more than what stops it within one step, ``I / dt`` with the inertia ``I`` that the joint moves against
+    when all others are free: beyond twice that the control itself would shake it.
     """
 
     stiffness: float = 3000.0
@@ -66,7 +72,7 @@ class PhysicsReplay:
         built = build_simulation(robot, sequence.terrain, sequence.friction, sequence.effectors)
         simulation = Simulation(built, motion.q[0])
         substeps = _substeps(motion.rate_hz, simulation.timestep_s)
-        kp, kd = self._gains(robot)
+        kp, kd = self._gains(robot, simulation.timestep_s)
         ankles, log, torque_ratio = ankles_of(robot), ReplayLog(robot, sequence), 0.0
         last = len(motion.time_s) - 1
         n_samples = last + round(AFTERWARDS_S * motion.rate_hz)
@@ -96,13 +102,19 @@ class PhysicsReplay:
                 progress(k / n_samples, f"replay: {k / motion.rate_hz:.1f} of {n_samples / motion.rate_hz:.1f} s")
         return log.replay(completed, torque_ratio, time.perf_counter() - started)
 
-    def _gains(self, robot: Robot) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:
-        joints = robot.joint_names
+    def _gains(self, robot: Robot, timestep_s: float) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:
+        joints, data = robot.joint_names, robot.model.createData()
         share = np.array([self.arm_share if robot.group[joint] in ("arm", "head") else 1.0 for joint in joints])
         ankles = {joint for effector in robot.effectors.values() for joint in effector.ankle or ()}
         soft = self.stabiliser.ankle_stiffness if self.stabiliser is not None else 1.0
         ankle = np.array([soft if joint in ankles else 1.0 for joint in joints])
-        return self.stiffness * share * ankle, self.damping * share * np.sqrt(ankle)
+        height_m = pin.centerOfMass(robot.model, data, robot.q_reference)[2]  # the soles are on z = 0
+        size = min(1.0, robot.mass_kg * GRAVITY_M_S2 * height_m / FULL_SIZE_NM)
+        pin.crba(robot.model, data, robot.q_reference)
+        M = np.triu(data.M) + np.triu(data.M, 1).T
+        inertia = 1.0 / np.diag(np.linalg.inv(M))[6:]
+        kp = self.stiffness * size * share * ankle
+        return kp, np.minimum(self.damping * size * share * np.sqrt(ankle), inertia / timestep_s)
 
 
 def replay(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, progress: Progress) -> Replay:

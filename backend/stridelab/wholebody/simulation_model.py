@@ -1,16 +1,17 @@
 """A robot on a terrain as a MuJoCo model.
 
 Joints and inertias come from the robot's own description, read without any of its shapes. What can touch is added
-here: a box under every sole, a ball at every hand, the convex hulls of the legs, and the terrain. Contacts are
-unilateral with friction only; nothing is glued or grasped. Rails are touched by hands, everything else by soles,
-hands and legs. The friction of a contact is that of the surface.
+here: a box under every sole, a ball at every hand, the collision shapes of the legs (a mesh as its convex hull), and
+the terrain. Contacts are unilateral with friction only; nothing is glued or grasped. Rails are touched by hands,
+everything else by soles, hands and legs. The friction of a contact is that of the surface.
 """
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
+import coal
 import mujoco
 import numpy as np
 import pinocchio as pin
@@ -74,7 +75,7 @@ def build_simulation(robot: Robot, terrain: Terrain, friction: float, effectors:
             joint.armature = inertia.get(joint.name, HELD_ARMATURE_KG_M2)
             spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     _add_terrain(spec, terrain, friction)
-    _add_hulls(spec, robot, body_of)
+    _add_legs(spec, robot, body_of)
     placed = {name: _body_contact(robot, robot.effectors[name]) for name in effectors}
     for name, (joint, T_body_contact) in placed.items():
         _add_effector(spec.body(body_of[joint]), robot.effectors[name], T_body_contact)
@@ -114,12 +115,13 @@ def _without_shapes(robot: Robot) -> str:
 
 
 def _torque_limits(robot: Robot, actuators: list[str]) -> Float[np.ndarray, "nu"]:
-    """Limits of the URDF, also of the joints that the reduced model leaves out."""
+    """Limits of the robot's model; of the joints that the reduced model leaves out, those of the URDF."""
     stated = {}
     for joint in ET.parse(robot.urdf).getroot().findall("joint"):  # noqa: S314
         limit = joint.find("limit")
         if limit is not None:
             stated[joint.attrib["name"]] = float(limit.attrib["effort"])
+    stated |= dict(zip(robot.joint_names, robot.model.effortLimit[6:].tolist(), strict=True))
     return np.array([stated[name] for name in actuators])
 
 
@@ -149,27 +151,38 @@ def _add_terrain(spec: mujoco.MjSpec, terrain: Terrain, friction: float) -> None
             )
 
 
-def _add_hulls(spec: mujoco.MjSpec, robot: Robot, body_of: Mapping[str, str]) -> None:
-    """Convex hulls of the legs; those of the feet end in the soles, which touch as boxes."""
+def _add_legs(spec: mujoco.MjSpec, robot: Robot, body_of: Mapping[str, str]) -> None:
+    """Shapes of the legs; those of the feet end in the soles, which touch as boxes."""
     soles = {_parent_joint(robot, e) for e in robot.effectors.values() if e.kind == "surface"}
     for part in robot.collision.geometryObjects:
         joint = robot.model.names[part.parentJoint]
-        if robot.group.get(joint) != "leg" or joint in soles or not hasattr(part.geometry, "points"):
+        if robot.group.get(joint) != "leg" or joint in soles:
             continue
-        points = np.asarray(part.geometry.points(), dtype=float)
-        spec.add_mesh(name=part.name, uservert=points.flatten().tolist())
         quat = ScipyRotation.from_matrix(part.placement.rotation).as_quat(scalar_first=True)
         spec.body(body_of[joint]).add_geom(
             name=part.name,
-            type=mujoco.mjtGeom.mjGEOM_MESH,
-            meshname=part.name,
             pos=part.placement.translation.tolist(),
             quat=quat.tolist(),
             mass=0.0,
             friction=[0.0, 0.0, 0.0],
             contype=BODY,
             conaffinity=GROUND,
+            **_shape(spec, part),
         )
+
+
+def _shape(spec: mujoco.MjSpec, part: pin.GeometryObject) -> dict[str, Any]:
+    """Type and size of a collision shape; MuJoCo takes the convex hull of a mesh's points."""
+    geometry = part.geometry
+    if isinstance(geometry, coal.Box):
+        return {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": geometry.halfSide.tolist()}
+    if isinstance(geometry, coal.Cylinder):
+        return {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "size": [geometry.radius, geometry.halfLength, 0.0]}
+    if isinstance(geometry, coal.Sphere):
+        return {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [geometry.radius, 0.0, 0.0]}
+    points = geometry.vertices() if isinstance(geometry, coal.BVHModelBase) else geometry.points()
+    spec.add_mesh(name=part.name, uservert=np.asarray(points, dtype=float).flatten().tolist())
+    return {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": part.name}
 
 
 def _add_effector(body: mujoco.MjsBody, effector: Effector, T_body_contact: Placement) -> None:

@@ -1,0 +1,66 @@
+"""A new robot is a file, not code: the others walk like TALOS, are certified and stay upright in physics."""
+
+import coal
+import mujoco
+import numpy as np
+import pytest
+
+from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
+from stridelab.centroidal.solve import solve
+from stridelab.contacts.scenario_json import sequence_of
+from stridelab.contacts.shapes import effector_shapes
+from stridelab.contacts.stairs import Timing
+from stridelab.contacts.terrain import Terrain
+from stridelab.robots.loader import load_robot, robot_names
+from stridelab.wholebody.certify import certify
+from stridelab.wholebody.controller import WholeBodyController
+from stridelab.wholebody.replay import replay
+from stridelab.wholebody.simulation_model import build_simulation
+from support.any_robot import com_height_m, one_normal, walk_of
+
+STEP_M = {"hrp2": 0.2, "g1": 0.15}
+
+
+@pytest.mark.parametrize("name", sorted(set(robot_names()) - {"talos"}))
+def test_every_robot_walks_is_certified_and_stays_upright(name: str) -> None:
+    robot = load_robot(name)
+    sequence = sequence_of(walk_of(robot, 2, STEP_M[name], Timing(0.8, 0.7, 0.2)), effector_shapes(name))
+    height_m, proxies = 0.98 * com_height_m(robot), one_normal(robot)
+    first, last = (standing_com_m(sequence.phases[i].contacts, height_m, robot.effectors) for i in (0, -1))
+    plan = solve(CentroidalProblem(sequence, robot.mass_kg, robot.effectors, proxies, first, last))
+    assert plan.converged
+    motion = WholeBodyController().run(robot, sequence, plan)
+    certificate = certify(robot, sequence, plan, proxies, motion)
+    assert [check for check in certificate.checks if not check.passed] == []
+    replayed = replay(robot, sequence, motion, lambda *_: None)
+    assert replayed.completed
+    assert replayed.com_error_max_m < 0.01
+    assert replayed.torque_ratio_max < 1.0
+
+
+@pytest.mark.parametrize("name", ["hrp2", "g1"])
+def test_the_simulated_robot_is_the_planned_one(name: str) -> None:
+    """Mass, torque limits of the card, and the legs' shapes with their extents."""
+    robot = load_robot(name)
+    built = build_simulation(robot, Terrain.of([]), 0.7, ("left_foot", "right_foot"))
+    assert mujoco.mj_getTotalmass(built.model) == pytest.approx(robot.mass_kg, rel=1e-6)
+    assert built.torque_limit_nm[built.moving_actuator] == pytest.approx(robot.model.effortLimit[6:])
+    soles = {
+        robot.model.frames[robot.model.getFrameId(robot.effectors[f"{s}_foot"].frame)].parentJoint
+        for s in ("left", "right")
+    }
+    legs = [
+        part
+        for part in robot.collision.geometryObjects
+        if robot.group.get(robot.model.names[part.parentJoint]) == "leg" and part.parentJoint not in soles
+    ]
+    assert len(legs) > 6
+    for part in legs:
+        geom = built.model.geom(part.name)
+        if isinstance(part.geometry, coal.Box):
+            assert geom.size == pytest.approx(part.geometry.halfSide)
+        elif isinstance(part.geometry, coal.Cylinder):
+            assert geom.size[:2] == pytest.approx([part.geometry.radius, part.geometry.halfLength])
+        else:
+            assert np.ptp(np.asarray(part.geometry.points()), axis=0).max() > 0.01
+            assert geom.type == mujoco.mjtGeom.mjGEOM_MESH
