@@ -47,13 +47,13 @@ def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
     effectors = {key: effector_of(key, effector) for key, effector in card.effectors.items()}
     moving = list(model.names)[2:]
     q = np.concatenate([q_full[:7], [q_full[_index(full, joint)] for joint in moving]])
-    if faults := [*checks.immovable(model, card.base_frame, effectors), *checks.out_of_range(model, q)]:
-        raise cards.invalid(name, faults)
     if faults := list(checks.not_physical(model)):
         places = "; ".join(f"{fault.where}: {fault.message}" for fault in faults)
         raise InvalidInput(
             "robot-description-invalid", f"The description of robot {name!r} makes no sense. {places}", faults
         )
+    if faults := [*checks.immovable(model, card.base_frame, effectors), *checks.out_of_range(model, q)]:
+        raise cards.invalid(name, faults)
     return Robot(
         name=name,
         title=card.title,

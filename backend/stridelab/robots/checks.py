@@ -1,8 +1,8 @@
 """What keeps a card and a description from being a robot, field by field, before anything is computed with them."""
 
 import re
-from collections import Counter
 from collections.abc import Iterator, Mapping
+from typing import Final
 
 import numpy as np
 import pinocchio as pin
@@ -12,8 +12,11 @@ from stridelab.robots.card import RobotCard, by_joint, patterns
 from stridelab.robots.collision_model import matches
 from stridelab.robots.robot import Effector
 
-TOLERANCE_RAD = 1e-9
+TOLERANCE_RAD: Final = 1e-9
 """How far a reference posture may lie outside its range: by rounding."""
+_WORDS: Final = {"joint": "joint", "link": "link", "part": "collision geometry", "visual": "visual geometry"}
+_ROUNDING: Final = 1e-2
+"""Published inertias are rounded: a body's largest principal moment may exceed the sum of the others by this share."""
 
 
 def mismatches(
@@ -99,22 +102,5 @@ def out_of_range(model: pin.Model, q: np.ndarray) -> Iterator[Fault]:
             yield Fault("reference", f"joint {joint!r} is at {angle:g} rad, outside {low:g} to {high:g}")
 
 
-def repeated(model: pin.Model) -> Iterator[Fault]:
-    """Names that more than one joint bears."""
-    for name, times in Counter(model.names).items():
-        if times > 1:
-            yield Fault(f"joint {name}", "the name occurs more than once")
-
-
 def _body(model: pin.Model, joint: int) -> str:
     return "the base" if joint == 1 else f"joint {model.names[joint]}"
-
-
-_WORDS = {
-    "joint": "joint",
-    "link": "link",
-    "part": "collision geometry",
-    "visual": "visual geometry",
-}
-_ROUNDING = 1e-2
-"""Published inertias are rounded; TALOS', HRP-2's and G1's break the triangle inequality by less than this."""
