@@ -1,13 +1,16 @@
 """The job leaves densities that can be read back, a card, and the samples; what it cannot do it refuses by name."""
 
+import asyncio
 import json
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
@@ -16,8 +19,10 @@ from threadpoolctl import threadpool_limits
 from stridelab.errors import NotFound
 from stridelab.reachability import store
 from stridelab.reachability.learning import learn
+from stridelab.reachability.processes import worthwhile
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.plans import LearnReachabilitySummary
+from stridelab.service.jobs.isolated import IsolatedOutcome, IsolatedPool
 from stridelab.service.jobs.kinds.learn_reachability import run_in_child
 from stridelab.service.jobs.kinds.provenance import known_references
 from stridelab.service.jobs.kinds.registry import KINDS
@@ -118,6 +123,32 @@ def test_the_other_measure_learns_from_stances(tmp_path: Path) -> None:
     found = run_in_child({"input": asked}, tmp_path, lambda *_: None)
     assert found["summary"]["measure"] == "conditioned"
     assert found["summary"]["effectors"]["left_foot"]["mode_m"][2] > 0.45, "well above a folded posture's 0.13"
+
+
+def test_a_cancelled_job_leaves_no_process_behind(tmp_path: Path) -> None:
+    """As many processes as pay draw the postures; they are in the session of the job's child."""
+    before = {p.pid for p in psutil.Process().children(recursive=True)}
+    seen: set[int] = set()
+
+    async def cancelled() -> IsolatedOutcome:
+        cancel = asyncio.Event()
+
+        def on_progress(fraction: float, _message: str) -> None:
+            seen.update(p.pid for p in psutil.Process().children(recursive=True) if p.pid not in before)
+            if fraction > 0.05:
+                cancel.set()
+
+        async with IsolatedPool(1, preload=()) as pool:
+            target, task = KINDS["learn-reachability"].run, {"input": {"robot": "talos"}}
+            limits = {"timeout_s": 120.0, "memory_mb": KINDS["learn-reachability"].memory_mb}
+            return await pool.run(target, task, tmp_path, **limits, cancel=cancel, on_progress=on_progress)
+
+    assert asyncio.run(cancelled()).state == "cancelled"
+    assert len(seen) > worthwhile(10)
+    end = time.monotonic() + 10.0
+    while (left := [pid for pid in seen if psutil.pid_exists(pid)]) and time.monotonic() < end:
+        time.sleep(0.05)
+    assert left == []
 
 
 @pytest.mark.parametrize(
