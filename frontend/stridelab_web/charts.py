@@ -71,6 +71,14 @@ class Shade:
 
 
 @dataclass(frozen=True)
+class Band:
+    """A closed outline ``points`` (of an SVG), such as that of a curve's standard errors."""
+
+    points: str
+    css: str
+
+
+@dataclass(frozen=True)
 class Circle:
     """A circle that is drawn to scale."""
 
@@ -95,6 +103,7 @@ class Chart:
     x_ticks: tuple[Tick, ...]
     y_ticks: tuple[Tick, ...]
     shades: tuple[Shade, ...]
+    bands: tuple[Band, ...]
     circles: tuple[Circle, ...]
     curves: tuple[Curve, ...]
     whiskers: tuple[Whisker, ...]
@@ -117,6 +126,7 @@ class Canvas:
     height: float = 300.0
     true_scale: bool = False
     _shades: list[Shade] = field(default_factory=list)
+    _bands: list[Band] = field(default_factory=list)
     _circles: list[Circle] = field(default_factory=list)
     _curves: list[Curve] = field(default_factory=list)
     _whiskers: list[Whisker] = field(default_factory=list)
@@ -147,6 +157,11 @@ class Canvas:
             if len(kept) > 1:
                 points = " ".join(f"{self.x(u):.1f},{self.y(v):.1f}" for u, v in zip(x[kept], y[kept], strict=True))
                 self._curves.append(Curve(points, css, text))
+
+    def band(self, x: np.ndarray, low: np.ndarray, high: np.ndarray, css: str) -> None:
+        """What lies between two curves over the same ``x``."""
+        there_and_back = [*zip(x, low, strict=True), *zip(x[::-1], high[::-1], strict=True)]
+        self._bands.append(Band(" ".join(f"{self.x(u):.1f},{self.y(v):.1f}" for u, v in there_and_back), css))
 
     def mark(
         self, x: float, y: float, css: str, shape: Shape = "circle", text: str = "", label: str = "", href: str = ""
@@ -192,6 +207,7 @@ class Canvas:
             x_ticks=tuple(Tick(round(self.x(v), 1), text) for v, text in ticks(self.x_range, inner[0] / TICK_PX_X)),
             y_ticks=tuple(Tick(round(self.y(v), 1), text) for v, text in ticks(self.y_range, inner[1] / TICK_PX_Y)),
             shades=tuple(self._shades),
+            bands=tuple(self._bands),
             circles=tuple(self._circles),
             curves=tuple(self._curves),
             whiskers=tuple(self._whiskers),

@@ -4,14 +4,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
-DocumentKind = Literal["recording", "plan", "scenario"]
+DocumentKind = Literal["recording", "plan", "scenario", "robot"]
 NO_JOB: Final = "-"
 """Stands for "no result" in an address."""
 
 
 @dataclass(frozen=True)
 class Document:
-    """A recording (with the result ``job_id``, if one is chosen), the plan of the job ``id``, or a scenario."""
+    """A recording (with the result ``job_id``, if one is chosen), the plan of the job ``id``, a scenario, a robot."""
 
     kind: DocumentKind
     id: str

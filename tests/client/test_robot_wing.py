@@ -16,7 +16,7 @@ from stridelab.service import bundled_scenarios
 from stridelab.service.api.robots.shelf import RobotShelf
 from stridelab.service.jobs.isolated import IsolatedPool
 from support.interface import Served
-from support.robot_children import FACTS, GLB
+from support.robot_children import FACTS, GLB, REACH
 from support.scenarios import one_step, with_contact
 
 
@@ -28,7 +28,7 @@ def drawn(service: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> I
     before = service.parts
 
     async def made() -> RobotShelf:
-        stubs = {"describe": "support.robot_children:describe", "draw": "support.robot_children:draw"}
+        stubs = {name: f"support.robot_children:{name}" for name in ("describe", "draw", "enclose")}
         return RobotShelf(IsolatedPool(0, preload=()), before.blobs, before.spool, 500, **stubs)
 
     service.app.state.parts = replace(before, robots=service.run(made()))
@@ -81,9 +81,14 @@ def test_plans_of_a_scenario(lab: Client) -> None:
 
 
 def test_robots(lab: Client, drawn: Served, tmp_path: Path) -> None:
-    assert [robot.name for robot in lab.robots().items if robot.available] == ["talos"]
+    assert "talos" in [robot.name for robot in lab.robots().items if robot.available]
     assert lab.robot("talos").model_dump(mode="json") == FACTS
     assert lab.robot_links("talos", tmp_path / "talos.glb").read_bytes() == GLB
+    assert lab.robot_reachability("talos") == lab.robot_reachability("talos", "uniform")
+    assert lab.robot_reachability("talos").model_dump(mode="json") == REACH
+    with pytest.raises(ProblemError) as unknown:
+        lab.robot_reachability("talos", "conditioned")
+    assert unknown.value.code == "reachability-not-learned"
     with pytest.raises(ProblemError) as refused:
         lab.robot_links("../nao", tmp_path / "nao.glb")
     assert refused.value.status == 404
@@ -103,6 +108,7 @@ async def test_the_asynchronous_client_does_the_same(drawn: Served, tmp_path: Pa
         assert "talos" in [robot.name for robot in (await lab.robots()).items]
         assert (await lab.robot("talos")).sha256 == FACTS["sha256"]
         assert (await lab.robot_links("talos", tmp_path / "talos.glb")).read_bytes() == GLB
+        assert (await lab.robot_reachability("talos")).robot == "talos"
 
 
 def test_a_robot_may_take_longer_than_other_calls() -> None:

@@ -121,10 +121,3 @@ def test_jobs_and_plans_lead_to_each_other(fake: FakeService, browse: Browse) ->
     assert back.status_code == 303
     assert back.headers["location"] == f"/jobs/{estimate.id}"
     assert browse(f"/plans/{estimate.id}/plots.json").status_code == 404
-
-
-def test_robot_page(browse: Browse) -> None:
-    said = texts(browse("/robots/boxes").text)
-    assert "60.00 kg" in said
-    assert "200 × 120 mm" in said
-    assert "BSD-3-Clause" in said

@@ -8,6 +8,7 @@ import itertools
 import json
 import math
 import uuid
+from collections.abc import Sequence
 from datetime import UTC, datetime
 from typing import Any
 
@@ -25,7 +26,7 @@ from stridelab.schemas.plans import (
     PlanVerification,
     ReplaySummary,
 )
-from stridelab.schemas.robots import LinkPose, RobotEffector, RobotFacts
+from stridelab.schemas.robots import LinkPose, Measure, RobotEffector, RobotFacts, RobotSummary
 from stridelab.schemas.scenarios import (
     BoxSurface,
     RailSurface,
@@ -35,6 +36,7 @@ from stridelab.schemas.scenarios import (
     ScenarioPhase,
     StoredScenario,
 )
+from support import fake_reach
 
 LINKS = ("base_link", "leg_left_6_link", "leg_right_6_link", "arm_right_7_link", "bare_link")
 REFERENCE: list[LinkPose] = [
@@ -42,7 +44,7 @@ REFERENCE: list[LinkPose] = [
     (0.0, -0.3, 0.8, 1, 0, 0, 0), (0.0, 0.0, 1.2, 1, 0, 0, 0),
 ]  # fmt: skip
 """Where the links are in the reference posture, in the order of ``LINKS``."""
-EFFECTORS = ("left_foot", "right_foot", "right_hand")
+EFFECTORS = fake_reach.EFFECTORS
 HALF_M = (0.10, 0.06)
 DISPLAY_HZ, NODES_HZ = 50.0, 20.0
 REFUSED_BEYOND_M = 0.4
@@ -231,7 +233,7 @@ def stored(given: Scenario, *, bundled: bool = False, key: str | None = None) ->
     )
 
 
-def robot() -> RobotFacts:
+def robot(measures: Sequence[Measure] = fake_reach.MEASURES) -> RobotFacts:
     """The robot of boxes."""
     effectors = [
         RobotEffector(
@@ -242,8 +244,20 @@ def robot() -> RobotFacts:
     ]  # fmt: skip
     return RobotFacts(
         name="boxes", title="Boxes", mass_kg=60.0, licence="BSD-3-Clause", sha256="0" * 64, effectors=effectors,
-        q_reference=[], com_height_m=0.88, limits=[], links=list(LINKS), link_poses=REFERENCE, proxies=[],
+        q_reference=[], com_height_m=0.88, limits=[], links=list(LINKS), link_poses=REFERENCE,
+        proxies=[fake_reach.card(name, measure) for measure in measures for name in EFFECTORS],
+        measures=list(measures), default_measure="uniform",
     )  # fmt: skip
+
+
+def robots(reason: str | None = None) -> list[RobotSummary]:
+    """The robot of boxes, and one whose data is not installed; with a ``reason``, neither is."""
+    known = {"licence": "BSD-3-Clause", "effectors": list(EFFECTORS)}
+    absent = "The package <rare> is not installed."
+    return [
+        RobotSummary(name="boxes", title="Boxes", available=reason is None, reason=reason, **known),
+        RobotSummary(name="rare", title="Rare", available=False, reason=absent, **known),
+    ]
 
 
 def refusal(given: Scenario) -> list[tuple[str, str]]:

@@ -20,7 +20,7 @@ from stridelab.schemas.base import Problem, Remark
 from stridelab.schemas.jobs import Artifact, Job, JobEvent, JobResult, Progress
 from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
 from stridelab.schemas.scenarios import Scenario, StoredScenario
-from support import fake_comparison, fake_planner, fake_population, fake_wheel
+from support import fake_comparison, fake_planner, fake_population, fake_reach, fake_wheel
 from support.fake_walk import (
     DURATION_S,
     LABELS,
@@ -66,6 +66,8 @@ class FakeService:
         self.comparisons: dict[str, tuple[bool, dict[str, bytes]]] = {}
         self.wheel = fake_wheel.wheel_parquet()
         self.failing: Problem | None = None
+        self.measures = list(fake_reach.MEASURES)
+        self.robot_refusal: tuple[int, str, str] | None = None
         self.step_s = step_s
         self.tracks = tracks_parquet()
         self.com = com_parquet()
@@ -147,7 +149,7 @@ class FakeService:
         if job_id in self.comparisons:
             with_truth, files = self.comparisons[job_id]
             return fake_comparison.result(given, files, with_truth=with_truth)
-        for other in (fake_wheel, fake_population):
+        for other in (fake_wheel, fake_population, fake_reach):
             if job.kind == other.KIND:
                 return other.result(given)
         versions = {"stridelab": "0.1.0", "numpy": "2.4"}
@@ -189,7 +191,9 @@ class FakeService:
             Route(f"{api}/scenarios", self._scenarios, methods=["GET", "POST"]),
             Route(f"{api}/scenarios/check", self._check, methods=["POST"]),
             Route(f"{api}/scenarios/{{id}}", self._scenario, methods=["GET", "PUT"]),
+            Route(f"{api}/robots", self._robots),
             Route(f"{api}/robots/{{name}}", self._robot),
+            Route(f"{api}/robots/{{name}}/reachability", self._reachability),
             Route(f"{api}/robots/{{name}}/links", self._links),
         ]
         return Starlette(routes=routes)
@@ -304,8 +308,20 @@ class FakeService:
     async def _check(self, request: Request) -> Response:
         return _answer(fake_planner.check(Scenario.model_validate(await request.json())).model_dump(mode="json"))
 
-    async def _robot(self, request: Request) -> Response:
-        return _answer(fake_planner.robot().model_dump(mode="json"))
+    async def _robots(self, _: Request) -> Response:
+        found = fake_planner.robots(None if self.robot_refusal is None else self.robot_refusal[2])
+        return _answer({"items": [item.model_dump(mode="json") for item in found], "next": None})
+
+    async def _robot(self, _: Request) -> Response:
+        if self.robot_refusal is not None:
+            return _problem(*self.robot_refusal)
+        return _answer(fake_planner.robot(self.measures).model_dump(mode="json"))
+
+    async def _reachability(self, request: Request) -> Response:
+        measure = request.query_params.get("measure", "uniform")
+        if measure not in self.measures:
+            return _problem(404, "reachability-not-learned", "No such densities were learned.")
+        return _answer(fake_reach.reach(measure).model_dump(mode="json"))
 
     async def _links(self, request: Request) -> Response:
         return Response(fake_planner.links_glb(), media_type="model/gltf-binary")
@@ -315,6 +331,8 @@ class FakeService:
         files = self.plans.get(request.path_params["id"], compared)
         if files is not None:
             return Response(files[request.path_params["name"]], media_type="application/octet-stream")
+        if request.path_params["name"] == fake_reach.FILE:
+            return Response(fake_reach.job_file(), media_type="application/json")
         content = self.wheel if request.path_params["name"] == "wheel.parquet" else self.com
         return Response(content, media_type="application/vnd.apache.parquet")
 

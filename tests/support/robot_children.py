@@ -1,5 +1,10 @@
-"""Stand-ins for the children that describe and draw robots; each run leaves a line in the file ``$ROBOT_DIARY``."""
+"""Stand-ins for the children that describe and draw robots and their reach.
 
+Each run leaves a line in the file ``$ROBOT_DIARY``.
+"""
+
+import gzip
+import json
 import os
 import time
 from pathlib import Path
@@ -30,7 +35,10 @@ FACTS: dict[str, Any] = {
     "links": ["base_link"],
     "link_poses": [[0.0, 0.0, 1.02, 1.0, 0.0, 0.0, 0.0]],
     "proxies": [],
+    "measures": ["uniform"],
+    "default_measure": "uniform",
 }
+REACH = {"robot": "talos", "robot_sha256": "ab" * 32, "measure": "uniform", "effectors": []}
 
 
 def _note(word: str) -> None:
@@ -49,6 +57,13 @@ def draw(task: dict[str, Any], folder: Path, _progress: Any) -> dict[str, Any]:
     time.sleep(0.3)
     (folder / "links.glb").write_bytes(GLB)
     return {"summary": {}, "references": [], "artifacts": [{"name": "links.glb", "media_type": "model/gltf-binary"}]}
+
+
+def enclose(task: dict[str, Any], folder: Path, _progress: Any) -> dict[str, Any]:
+    _note(f"enclose {task['robot']} {task['measure']}")
+    time.sleep(0.3)
+    (folder / "reachability.json.gz").write_bytes(gzip.compress(json.dumps(REACH).encode()))
+    return {"summary": {}, "references": [], "artifacts": []}
 
 
 def no_data(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:

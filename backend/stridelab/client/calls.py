@@ -11,8 +11,9 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.schemas.base import Page, Problem
 from stridelab.schemas.jobs import Job, JobResult
+from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectInput
-from stridelab.schemas.robots import RobotFacts, RobotSummary
+from stridelab.schemas.robots import Measure, RobotFacts, RobotSummary
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
 from stridelab.schemas.service import Health
 
@@ -163,6 +164,12 @@ def robots() -> Call[Page[RobotSummary]]:
 def robot(name: str) -> Call[RobotFacts]:
     """Facts of one robot."""
     return Call("GET", _at("robots", name), model(RobotFacts), wait_s=LOADING_S)
+
+
+def robot_reachability(name: str, measure: Measure | None) -> Call[RobotReachability]:
+    """What can be drawn of the densities of one robot."""
+    params = {} if measure is None else {"measure": measure}
+    return Call("GET", _at("robots", name, "reachability"), model(RobotReachability), params, wait_s=LOADING_S)
 
 
 def submit(kind: str, request: BaseModel | Mapping[str, Any], priority: int, idempotency_key: str | None) -> Call[Job]:

@@ -26,8 +26,9 @@ from stridelab.client.streams import ComStream, open_sync
 from stridelab.schemas.base import Page
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent, JobResult
 from stridelab.schemas.population import RecordingBatch
+from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectFields, SubjectInput
-from stridelab.schemas.robots import RobotFacts, RobotSummary
+from stridelab.schemas.robots import Measure, RobotFacts, RobotSummary
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
 from stridelab.schemas.service import Health
 from stridelab.schemas.streams import StreamConfiguration
@@ -174,6 +175,10 @@ class Client:
     def robot(self, name: str) -> RobotFacts:
         """Facts of one robot; the first question takes a few seconds."""
         return self._send(calls.robot(name))
+
+    def robot_reachability(self, name: str, measure: Measure | None = None) -> RobotReachability:
+        """Where the centre of mass of a robot can be, as samples, surfaces and maps; by default as plans see it."""
+        return self._send(calls.robot_reachability(name, measure))
 
     def robot_links(self, name: str, target: Path) -> Path:
         """Save the display meshes of a robot as ``target`` (binary glTF); they take a while to make at first."""

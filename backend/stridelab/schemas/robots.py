@@ -4,6 +4,14 @@ from typing import Literal
 
 from stridelab.schemas.base import Contract
 
+Triple = tuple[float, float, float]
+Measure = Literal["uniform", "conditioned"]
+"""How postures are drawn: uniform within the joint limits, or so given that the robot stands."""
+Frame = Literal["contact", "heading"]
+"""Where a density lives: the effector's contact frame, or at its contact point along the heading of the trunk, z up."""
+LinkPose = tuple[float, float, float, float, float, float, float]
+"""Where a link is: px, py, pz in m, qw, qx, qy, qz."""
+
 
 class RobotEffector(Contract):
     """A part of the robot that may touch the world; the pose is that of its contact frame in the link ``frame``."""
@@ -11,7 +19,7 @@ class RobotEffector(Contract):
     name: str
     frame: str
     kind: Literal["surface", "point"]
-    position_m: tuple[float, float, float]
+    position_m: Triple
     orientation_wxyz: tuple[float, float, float, float]
     contact_half_size_m: tuple[float, float] | None = None
 
@@ -27,31 +35,47 @@ class JointLimits(Contract):
     torque_nm: float
 
 
+class ProxySize(Contract):
+    """A mixture of another size, fitted to the same samples: a point of the curve of figure 4.3."""
+
+    components: int
+    kl_nats: float
+    kl_sd_nats: float
+    held_out_log_likelihood: float
+
+
 class ProxyCard(Contract):
-    """How the reachability density of one effector was learned, and how good it is."""
+    """How the reachability density of one effector was learned under one measure, and how good it is.
+
+    ``rejected_share`` of the postures that were drawn were not kept. ``sizes`` is the curve over the number of
+    components; ``thesis_components`` is the size that the thesis chose for such an effector.
+    """
 
     effector: str
+    measure: Measure
+    frame: Frame
     components: int
+    thesis_components: int
     samples: int
     tried: int
+    rejected_share: float
     seed: int
-    measure: str
     bandwidth_m: float
     kl_nats: float
     kl_sd_nats: float
     held_out_log_likelihood: float
-    mode_m: tuple[float, float, float]
-
-
-LinkPose = tuple[float, float, float, float, float, float, float]
-"""Where a link is: px, py, pz in m, qw, qx, qy, qz."""
+    mode_m: Triple
+    sizes: list[ProxySize]
+    learned_on: str
+    versions: dict[str, str]
 
 
 class RobotFacts(Contract):
     """One robot: ``GET /robots/{name}``. ``q_reference``: position, quaternion xyzw, joints, as in pinocchio.
 
     In the reference posture the robot faces x and stands on z = 0, with x = y = 0 midway between its soles;
-    ``link_poses`` says where each of ``links`` is then.
+    ``link_poses`` says where each of ``links`` is then. ``measures`` are those under which densities were learned,
+    ``default_measure`` is the one that plans use.
     """
 
     name: str
@@ -66,6 +90,8 @@ class RobotFacts(Contract):
     links: list[str]
     link_poses: list[LinkPose]
     proxies: list[ProxyCard]
+    measures: list[Measure]
+    default_measure: Measure
 
 
 class RobotSummary(Contract):

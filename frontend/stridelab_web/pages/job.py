@@ -10,7 +10,7 @@ from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.recordings import Recording
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.com_plots import COM_TABLE, com_curves
-from stridelab_web.pages import comparison, cycloid, population, reproduction
+from stridelab_web.pages import comparison, cycloid, learned, population, reproduction
 from stridelab_web.pages.facts import facts_of, sentences_of
 from stridelab_web.pages.render import page
 from stridelab_web.result_tables import SCENE_TABLES
@@ -34,6 +34,9 @@ async def job(request: Request) -> Response:
     rolled = None
     if result is not None and found.kind == cycloid.KIND:
         rolled = await cycloid.cycloid_of(client, found.id, result, request.query_params.get("step", ""))
+    reach = None
+    if result is not None and found.kind == learned.KIND:
+        reach = await learned.learned_of(client, found.id, result)
     present = {item.name for item in result.artifacts} if result is not None else set()
     curves = COM_TABLE in present and rolled is None
     plots = curves or (compared is not None and compared["figure"] is not None)
@@ -51,8 +54,9 @@ async def job(request: Request) -> Response:
         plots_url=compared["plots_url"] if compared else f"/jobs/{found.id}/plots.json",
         comparison=compared,
         cycloid=rolled,
+        learned=reach,
         reproduction=reproduction.reproduction_of(result) if result and found.kind == reproduction.KIND else None,
-        plotly_style_ids=plotly_style_ids() if plots else (),
+        plotly_style_ids=plotly_style_ids() if plots or reach else (),
         viewer_url=f"/view/?recording={recording.id}&job={found.id}" if recording and present & SCENE_TABLES else None,
     )
 

@@ -9,7 +9,7 @@ from stridelab.client import AsyncClient
 from stridelab_web import strips
 from stridelab_web.documents import Document, document_of
 from stridelab_web.frames import Frames
-from stridelab_web.pages import planner
+from stridelab_web.pages import planner, robot
 from stridelab_web.pages.render import page
 from stridelab_web.result_tables import frames_of, shown_in_scene
 from stridelab_web.service import client_of, read_tracks
@@ -27,7 +27,7 @@ WHEEL_LAYERS = (Layer("/wheel/", "Wheel"),)
 
 
 async def view(request: Request) -> Response:
-    """``GET /view/?recording=&job=&t=``, ``?plan=&t=`` or ``?scenario=``.
+    """``GET /view/?recording=&job=&t=``, ``?plan=&t=``, ``?scenario=`` or ``?robot=&measure=&effector=``.
 
     Without ``job``, the newest estimate of the recording is shown. Without ``t``, a recording opens where the force is
     measured: many files begin before anybody is in sight.
@@ -37,6 +37,8 @@ async def view(request: Request) -> Response:
         return await planner.plan(request, plan_id)
     if scenario_id := query.get("scenario"):
         return await planner.scenario(request, scenario_id)
+    if name := query.get("robot"):
+        return await robot.scene(request, name)
     return await _recording(request)
 
 
@@ -63,7 +65,7 @@ async def _recording(request: Request) -> Response:
             "error.html",
             404,
             title="Nothing to show",
-            detail="The viewer needs a recording, a scenario or a plan: open one and press its 3D button.",
+            detail="The viewer needs a recording, a scenario, a plan or a robot: open one and press its 3D button.",
             code="",
             status=404,
             errors=[],
@@ -105,8 +107,8 @@ async def _frames(request: Request) -> Frames:
         raise HTTPException(404, "There is no such scene.") from error
     if document.kind == "plan":
         return await planner.frames(client, document.id)
-    if document.kind == "scenario":
-        raise HTTPException(404, "A scenario does not move by itself.")
+    if document.kind in ("scenario", "robot"):
+        raise HTTPException(404, f"A {document.kind} does not move by itself.")
     recording = await client.recording(document.id)
     tracks = await read_tracks(client, recording.id)
     job_id = document.job_id

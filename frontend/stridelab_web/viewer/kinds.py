@@ -17,7 +17,7 @@ from stridelab_web.footholds import HalfSizes, half_sizes
 from stridelab_web.frames import Frames
 from stridelab_web.plan_files import needed, read_plan
 from stridelab_web.result_tables import frames_of, shown_in_scene
-from stridelab_web.viewer import gait_scene, planner_scene
+from stridelab_web.viewer import gait_scene, planner_scene, robot_scene
 from stridelab_web.viewer.robot_links import read_links
 from stridelab_web.viewer.scenario_scene import ScenarioScene
 from stridelab_web.viewer.standing import Posed
@@ -69,10 +69,15 @@ def kinds(client: Client) -> Mapping[DocumentKind, Kind]:
         posed = Posed(dict(zip(facts.links, facts.link_poses, strict=True)), links(stored.robot))
         return ScenarioScene(server, stored, sizes(stored.robot), client.put_scenario, posed)
 
+    def build_robot(server: viser.ViserServer, _: Document, facts: Any) -> None:
+        reach = [client.robot_reachability(facts.name, measure) for measure in facts.measures]
+        robot_scene.build(server, facts, links(facts.name), reach)
+
     return {
         "recording": Kind(lambda document: client.recording(document.id), build_recording),
         "plan": Kind(lambda document: client.result(document.id), build_plan),
         "scenario": Kind(lambda document: client.scenario(document.id), build_scenario),
+        "robot": Kind(lambda document: client.robot(document.id), build_robot),
     }
 
 

@@ -17,10 +17,10 @@ from stridelab.service.api.robots.shelf import LINKS_EDITION, RobotShelf
 from stridelab.service.jobs.isolated import IsolatedPool
 from support.answers import refusal
 from support.interface import Served
-from support.robot_children import FACTS, GLB
+from support.robot_children import FACTS, GLB, REACH
 
 ROBOTS = "/api/v1/robots"
-STUBS = {"describe": "support.robot_children:describe", "draw": "support.robot_children:draw"}
+STUBS = {name: f"support.robot_children:{name}" for name in ("describe", "draw", "enclose")}
 
 
 @pytest.fixture
@@ -136,6 +136,31 @@ def test_meshes_are_drawn_once_and_kept(http: httpx.Client, stubbed: Served, dia
     assert not any(name.startswith("spool/") for name in stubbed.stored_files())
 
 
+def test_reach_is_enclosed_once_for_each_measure(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+    path = f"{ROBOTS}/talos/reachability"
+    first = http.get(path)
+    assert (first.status_code, first.json()) == (200, REACH)
+    assert first.headers["content-encoding"] == "gzip"
+    etag = first.headers["etag"]
+    named = http.get(path, params={"measure": "uniform"}, headers={"Accept-Encoding": "identity"})
+    assert (named.json(), named.headers["etag"]) == (REACH, etag)
+    assert "content-encoding" not in named.headers
+    again = http.get(path, headers={"If-None-Match": etag})
+    assert (again.status_code, again.content) == (304, b"")
+    assert diary.read_text().splitlines() == ["describe talos", "enclose talos uniform"]
+
+
+@pytest.mark.parametrize(
+    ("measure", "status", "code"),
+    [("conditioned", 404, "reachability-not-learned"), ("even", 422, "invalid-request"), ("", 422, "invalid-request")],
+)
+def test_a_measure_that_is_not_there_starts_nothing(
+    http: httpx.Client, stubbed: Served, diary: Path, measure: str, status: int, code: str
+) -> None:
+    assert refusal(http.get(f"{ROBOTS}/talos/reachability", params={"measure": measure})) == (status, code)
+    assert "enclose" not in diary.read_text()
+
+
 @pytest.mark.parametrize(("child", "code"), [("no_data", "robot-data-missing"), ("crash", "robot-not-loaded")])
 def test_a_failure_is_told_and_tried_again(
     http: httpx.Client, stubbed: Served, diary: Path, child: str, code: str
@@ -144,14 +169,15 @@ def test_a_failure_is_told_and_tried_again(
     for path in (f"{ROBOTS}/talos", f"{ROBOTS}/talos/links"):
         assert refusal(http.get(path)) == (503, code)
     assert len(diary.read_text().splitlines()) == 2
-    shelve(stubbed, draw=f"support.robot_children:{child}")
-    assert refusal(http.get(f"{ROBOTS}/talos/links")) == (503, code)
+    shelve(stubbed, draw=f"support.robot_children:{child}", enclose=f"support.robot_children:{child}")
+    for path in (f"{ROBOTS}/talos/links", f"{ROBOTS}/talos/reachability"):
+        assert refusal(http.get(path)) == (503, code)
     assert http.get(f"{ROBOTS}/talos").status_code == 200
 
 
 @pytest.mark.parametrize("name", ["nao", "..%2Ftalos", "talos.toml", "TALOS", "%00", "x" * 300, "talos%0a", "'; --"])
 def test_an_unknown_robot_starts_nothing(http: httpx.Client, stubbed: Served, diary: Path, name: str) -> None:
-    for path in (f"{ROBOTS}/{name}", f"{ROBOTS}/{name}/links"):
+    for path in (f"{ROBOTS}/{name}", f"{ROBOTS}/{name}/links", f"{ROBOTS}/{name}/reachability"):
         status, code = refusal(http.get(path))
         assert (status, code in {"robot-not-found", "unknown-path"}) == (404, True)
     assert diary.read_text() == ""

@@ -81,6 +81,22 @@ export class Nodes {
     });
   }
 
+  // Whether a node and all below it are drawn: viser decides anew about `visible` with each picture, but not of layers.
+  see(name, on) {
+    this.viser.nodeRefFromName[name]?.traverse((part) => {
+      part.layers.mask = on ? 1 : 0;
+    });
+  }
+
+  // Draws a see-through node after those with a smaller `turn`, without hiding what is within or behind it.
+  veil(name, turn) {
+    this.viser.nodeRefFromName[name]?.traverse((part) => {
+      if (!part.material) return;
+      part.material.depthWrite = false;
+      part.renderOrder = turn;
+    });
+  }
+
   scale(name, x, y = x, z = y) {
     const object = this.viser.nodeRefFromName[name];
     if (!object) return;

@@ -1,5 +1,7 @@
-"""Robots: which there are, what is known of them, and what they look like."""
+"""Robots: which there are, what is known of them, what they look like, and where their centre of mass can be."""
 
+import gzip
+import hashlib
 from typing import Any, Final
 
 import anyio
@@ -7,7 +9,8 @@ from fastapi import APIRouter, Request
 from starlette.responses import Response, StreamingResponse
 
 from stridelab.schemas.base import Page
-from stridelab.schemas.robots import RobotFacts, RobotSummary
+from stridelab.schemas.reachability import RobotReachability
+from stridelab.schemas.robots import Measure, RobotFacts, RobotSummary
 from stridelab.service.api.files import send_blob
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.parts import AppParts
@@ -18,6 +21,7 @@ from stridelab.service.storage.blobs import BlobInfo
 router = APIRouter(prefix="/robots", tags=["robots"], route_class=StrictRoute)
 
 GLTF: Final = "model/gltf-binary"
+JSON: Final = "application/json"
 _FAILURES: Final = failures(
     s404="No robot of this name (`robot-not-found`).",
     s503="The robot's description is not installed (`robot-data-missing`) or cannot be loaded (`robot-not-loaded`).",
@@ -25,6 +29,14 @@ _FAILURES: Final = failures(
 _MESHES: Final[dict[int | str, dict[str, Any]]] = {
     200: {"description": "The meshes.", "content": {GLTF: {"schema": {"type": "string", "format": "binary"}}}}
 }
+
+
+_REACH_FAILURES: Final = failures(
+    s404="No robot of this name (`robot-not-found`), or nothing was learned under the measure "
+    "(`reachability-not-learned`).",
+    s503="The robot's description is not installed (`robot-data-missing`) or cannot be loaded (`robot-not-loaded`), "
+    "or the densities are those of another robot (`reachability-of-another-robot`).",
+)
 
 
 @router.get("", summary="List robots")
@@ -57,9 +69,34 @@ async def get_links(parts: AppParts, name: str, request: Request) -> Response:
     robot = known_name(name)
     info = await parts.robots.links(robot)
     headers = {"ETag": _etag(info)}
-    if _already_there(request.headers.get("if-none-match", ""), headers["ETag"]):
+    if _already_there(request, headers["ETag"]):
         return Response(status_code=304, headers={**headers, "Cache-Control": "private, no-cache"})
     return await send_blob(parts, info.key, f"{robot}-links.glb", GLTF, headers)
+
+
+@router.get(
+    "/{name}/reachability",
+    summary="Where the centre of mass of a robot can be",
+    responses=_REACH_FAILURES,
+    response_model=RobotReachability,
+)
+async def get_reachability(parts: AppParts, name: str, request: Request, measure: Measure | None = None) -> Response:
+    """Per effector: sampled positions of the CoM, the level sets of its density as triangles, and its projections.
+
+    Without `measure`, of the densities that plans use. Computed when first asked for, which takes some seconds, and
+    kept; sent compressed to whoever takes gzip.
+    """
+    compressed = await parts.robots.reach(known_name(name), measure)
+    headers = {
+        "ETag": f'"{hashlib.sha256(compressed).hexdigest()[:32]}"',
+        "Cache-Control": "private, no-cache",
+        "Vary": "Accept-Encoding",
+    }
+    if _already_there(request, headers["ETag"]):
+        return Response(status_code=304, headers=headers)
+    if "gzip" in request.headers.get("accept-encoding", ""):
+        return Response(compressed, media_type=JSON, headers={**headers, "Content-Encoding": "gzip"})
+    return Response(gzip.decompress(compressed), media_type=JSON, headers=headers)
 
 
 def _etag(info: BlobInfo) -> str:
@@ -67,5 +104,6 @@ def _etag(info: BlobInfo) -> str:
     return f'"{info.key.split("/")[-2][:16]}-{info.bytes:x}-{round(info.modified_at.timestamp() * 1e3):x}"'
 
 
-def _already_there(asked: str, etag: str) -> bool:
+def _already_there(request: Request, etag: str) -> bool:
+    asked = request.headers.get("if-none-match", "")
     return etag in {tag.strip().removeprefix("W/") for tag in asked.split(",")} or asked.strip() == "*"

@@ -1,6 +1,7 @@
 """What is known of each robot: computed in a killable child when first asked for, then kept.
 
-Facts are kept in memory, display meshes as a file. The service itself never imports a rigid-body library.
+Facts and what can be drawn of densities are kept in memory, display meshes as a file. The service itself never
+imports a rigid-body library.
 """
 
 import tempfile
@@ -12,8 +13,8 @@ from typing import Any, Final
 
 import structlog
 
-from stridelab.errors import Unavailable
-from stridelab.schemas.robots import RobotFacts
+from stridelab.errors import NotFound, Unavailable
+from stridelab.schemas.robots import Measure, RobotFacts
 from stridelab.service.api.robots.once import Once
 from stridelab.service.jobs.isolated import IsolatedPool
 from stridelab.service.storage.blobs import BlobInfo, BlobStore
@@ -22,16 +23,19 @@ log = structlog.get_logger(__name__)
 
 DESCRIBE: Final = "stridelab.service.jobs.kinds.robot_description:run_in_child"
 LINKS: Final = "stridelab.service.jobs.kinds.robot_links:run_in_child"
+REACH: Final = "stridelab.service.jobs.kinds.robot_reachability:run_in_child"
 LINKS_FILE: Final = "links.glb"
+REACH_FILE: Final = "reachability.json.gz"
 LINKS_EDITION: Final = 2
 """Grows whenever the shapes are made in another way, so that no older file is served."""
 DESCRIBE_TIMEOUT_S: Final = 60.0
 LINKS_TIMEOUT_S: Final = 180.0
+REACH_TIMEOUT_S: Final = 120.0
 
 
 @dataclass(frozen=True)
 class RobotShelf:
-    """Facts and meshes of the robots, for one application; ``describe`` and ``draw`` are what the children run."""
+    """What is known of the robots, for one application; ``describe``, ``draw`` and ``enclose`` are run by children."""
 
     pool: IsolatedPool
     blobs: BlobStore
@@ -39,8 +43,10 @@ class RobotShelf:
     memory_mb: int
     describe: str = DESCRIBE
     draw: str = LINKS
+    enclose: str = REACH
     _facts: Once[RobotFacts] = field(default_factory=lambda: Once(keep=True))
     _links: Once[BlobInfo] = field(default_factory=lambda: Once(keep=False))
+    _reach: Once[bytes] = field(default_factory=lambda: Once(keep=True))
 
     async def facts(self, name: str) -> RobotFacts:
         """Facts of a known robot.
@@ -50,7 +56,7 @@ class RobotShelf:
         """
 
         async def load() -> RobotFacts:
-            async with self._child(self.describe, name, DESCRIBE_TIMEOUT_S) as (value, _):
+            async with self._child(self.describe, {"robot": name}, DESCRIBE_TIMEOUT_S) as (value, _):
                 return RobotFacts.model_validate(value["summary"])
 
         return await self._facts.get(name, load)
@@ -62,7 +68,7 @@ class RobotShelf:
         async def make() -> BlobInfo:
             found = await self.blobs.info(key)
             if found is None:
-                async with self._child(self.draw, name, LINKS_TIMEOUT_S) as (_, folder):
+                async with self._child(self.draw, {"robot": name}, LINKS_TIMEOUT_S) as (_, folder):
                     await self.blobs.put_file(key, folder / LINKS_FILE)
                 found = await self.blobs.info(key)
             if found is None:
@@ -71,23 +77,46 @@ class RobotShelf:
 
         return await self._links.get(key, make)
 
+    async def reach(self, name: str, measure: Measure | None) -> bytes:
+        """A ``RobotReachability`` as compressed JSON, under the measure that plans use where none is asked for.
+
+        Raises as ``facts``, and ``NotFound`` (``reachability-not-learned``).
+        """
+        known = await self.facts(name)
+        wanted = measure or known.default_measure
+        if wanted not in known.measures:
+            there = ", ".join(known.measures) or "none"
+            raise NotFound(
+                "reachability-not-learned",
+                f"No densities of {known.title} were learned under the measure {wanted}; there is {there}.",
+            )
+
+        async def enclose() -> bytes:
+            task = {"robot": name, "measure": wanted}
+            async with self._child(self.enclose, task, REACH_TIMEOUT_S) as (_, folder):
+                return (folder / REACH_FILE).read_bytes()
+
+        return await self._reach.get(f"{name}/{wanted}", enclose)
+
     async def aclose(self) -> None:
         """End the children that are still at work."""
         await self._facts.aclose()
         await self._links.aclose()
+        await self._reach.aclose()
 
     @asynccontextmanager
-    async def _child(self, target: str, name: str, timeout_s: float) -> AsyncIterator[tuple[dict[str, Any], Path]]:
-        """What ``target`` returned for the robot, and the folder with the files that it left, for a moment."""
+    async def _child(
+        self, target: str, task: dict[str, str], timeout_s: float
+    ) -> AsyncIterator[tuple[dict[str, Any], Path]]:
+        """What ``target`` returned for a task about a robot, and the folder with the files it left, for a moment."""
         with tempfile.TemporaryDirectory(dir=self.spool) as folder:
-            outcome = await self.pool.run(
-                target, {"robot": name}, Path(folder), timeout_s=timeout_s, memory_mb=self.memory_mb
-            )
+            outcome = await self.pool.run(target, task, Path(folder), timeout_s=timeout_s, memory_mb=self.memory_mb)
             if outcome.raised is not None:
                 raise outcome.as_error()
             if outcome.state != "ok":
-                log.error("robot not loaded", robot=name, state=outcome.state, log_tail=outcome.log_tail[-2000:])
+                log.error("robot not loaded", **task, state=outcome.state, log_tail=outcome.log_tail[-2000:])
                 raise Unavailable(
-                    "robot-not-loaded", f"The model of {name} could not be loaded; the service's log says more."
+                    "robot-not-loaded",
+                    f"The model of {task['robot']} could not be loaded; the service's log says more.",
                 )
             yield outcome.value, Path(folder)

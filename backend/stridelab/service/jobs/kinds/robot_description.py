@@ -4,16 +4,18 @@ Runs in a killable child of ``GET /robots/{name}``: the service itself never imp
 """
 
 from pathlib import Path
+from typing import get_args
 
 import pinocchio as pin
 
 from stridelab.errors import NotFound
-from stridelab.reachability.store import load_card
+from stridelab.reachability.card import Measure, ReachabilityCard
+from stridelab.reachability.store import DEFAULT_MEASURE, load_card
 from stridelab.robots.display import link_names, link_poses
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Effector, Robot
 from stridelab.schemas.base import Contract
-from stridelab.schemas.robots import JointLimits, ProxyCard, RobotEffector, RobotFacts
+from stridelab.schemas.robots import JointLimits, ProxyCard, ProxySize, RobotEffector, RobotFacts
 from stridelab.service.jobs.kinds.kind import Json, Outcome, ProgressCallback
 
 
@@ -42,7 +44,7 @@ def run(task: RobotTask, _folder: Path, progress: ProgressCallback) -> Outcome:
 
 def facts(robot: Robot) -> RobotFacts:
     """The facts of the contract; ``proxies`` is empty for a robot whose reach has not been learned."""
-    model = robot.model
+    model, cards = robot.model, learned_cards(robot.name)
     com_m = pin.centerOfMass(model, model.createData(), robot.q_reference)
     return RobotFacts(
         name=robot.name,
@@ -56,7 +58,9 @@ def facts(robot: Robot) -> RobotFacts:
         limits=[joint_limits(robot, i) for i in range(len(robot.joint_names))],
         links=list(link_names(robot)),
         link_poses=link_poses(robot, robot.q_reference).tolist(),
-        proxies=proxy_cards(robot.name),
+        proxies=[proxy_card(card, effector) for card in cards for effector in card.effectors],
+        measures=[card.measure for card in cards],
+        default_measure=DEFAULT_MEASURE,
     )
 
 
@@ -87,25 +91,47 @@ def joint_limits(robot: Robot, index: int) -> JointLimits:
     )
 
 
-def proxy_cards(robot_name: str) -> list[ProxyCard]:
-    """How the densities of the robot's effectors were learned; none where nothing has been learned yet."""
-    try:
-        card = load_card(robot_name)
-    except NotFound:
-        return []
-    return [
-        ProxyCard(
-            effector=name,
-            components=learned.components,
-            samples=card.samples,
-            tried=card.tried,
-            seed=card.seed,
-            measure=card.measure,
-            bandwidth_m=learned.bandwidth_m,
-            kl_nats=learned.kl_nats,
-            kl_sd_nats=learned.kl_sd_nats,
-            held_out_log_likelihood=learned.held_out_log_likelihood,
-            mode_m=learned.mode_m,
-        )
-        for name, learned in card.effectors.items()
-    ]
+def learned_cards(robot_name: str) -> list[ReachabilityCard]:
+    """What was learned of a robot, by measure; none where nothing has been learned yet.
+
+    Raises ``UnreadableFile`` (``reachability-damaged``).
+    """
+    found = []
+    for measure in get_args(Measure):
+        try:
+            found.append(load_card(robot_name, measure))
+        except NotFound:
+            continue
+    return found
+
+
+def proxy_card(card: ReachabilityCard, effector: str) -> ProxyCard:
+    """How the density of one effector was learned."""
+    learned = card.effectors[effector]
+    return ProxyCard(
+        effector=effector,
+        measure=card.measure,
+        frame=learned.frame,
+        components=learned.components,
+        thesis_components=learned.thesis_components,
+        samples=card.samples,
+        tried=card.tried,
+        rejected_share=card.rejected_share,
+        seed=card.seed,
+        bandwidth_m=learned.bandwidth_m,
+        kl_nats=learned.kl_nats,
+        kl_sd_nats=learned.kl_sd_nats,
+        held_out_log_likelihood=learned.held_out_log_likelihood,
+        mode_m=learned.mode_m,
+        sizes=[
+            ProxySize(
+                components=size.components,
+                kl_nats=size.kl_nats,
+                kl_sd_nats=size.kl_sd_nats,
+                held_out_log_likelihood=size.held_out_log_likelihood,
+            )
+            for size in learned.sizes
+        ],
+        learned_on=card.learned_on,
+        versions=card.versions,
+    )

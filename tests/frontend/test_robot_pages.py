@@ -1,0 +1,102 @@
+"""Pages of robots: the list, one robot with its densities, and what is not there."""
+
+import re
+from collections.abc import Callable
+
+import httpx
+import pytest
+
+from support import fake_reach
+from support.fake_service import FakeService
+
+Browse = Callable[[str], httpx.Response]
+
+
+def texts(page: str) -> str:
+    """What a reader sees, in one line."""
+    return re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", page))
+
+
+def test_robots_are_reached_from_every_page_and_listed(browse: Browse) -> None:
+    assert 'href="/robots"' in browse("/").text
+    page = browse("/robots").text
+    assert 'data-robot="boxes" data-available="true"' in page
+    assert 'data-robot="rare" data-available="false"' in page
+    assert "The package &lt;rare&gt; is not installed." in page
+    assert 'href="/view/?robot=boxes"' in page
+    assert 'href="/view/?robot=rare"' not in page
+
+
+def test_robot_page(browse: Browse) -> None:
+    said = texts(browse("/robots/boxes").text)
+    assert "60.00 kg" in said
+    assert "200 × 120 mm" in said
+    assert "BSD-3-Clause" in said
+    assert "0.0700 ± 0.0073" in said
+    assert "right hand contact 6 14" in said
+    assert "20000 37.5 % of 32000" in said
+    assert "Learned on 2026-01-02 with seed 3" in said
+
+
+def test_the_measure_is_chosen_by_the_address(browse: Browse) -> None:
+    shown = browse("/robots/boxes").text
+    assert 'aria-current="page">Uniform, used by plans</a>' in shown
+    other = browse("/robots/boxes?measure=conditioned").text
+    assert 'aria-current="page">Conditioned</a>' in other
+    assert "right hand heading 6 14" in texts(other)
+    assert 'data-maps="/robots/boxes/reach.json?measure=conditioned"' in other
+    assert 'aria-current="page">Uniform' in browse("/robots/boxes?measure=nonsense").text
+
+
+def test_the_curve_marks_the_chosen_size_and_that_of_the_thesis(browse: Browse) -> None:
+    page = browse("/robots/boxes").text
+    assert page.count('class="band group') == 6, "two charts"
+    assert "left foot, 6: 0.0700 ± 0.0073 nats, chosen" in page
+    assert "left foot, 7: 0.0629 ± 0.0069 nats, size of the thesis" in page
+    assert "right hand, 14: 0.0534 ± 0.0054 nats, size of the thesis" in page
+
+
+def test_maps_and_volumes_are_those_of_the_service(browse: Browse) -> None:
+    drawn = browse("/robots/boxes/reach.json?measure=conditioned&effector=right_hand").json()
+    found = fake_reach.reach("conditioned").effectors[2]
+    assert (drawn["effector"], drawn["frame"], drawn["components"]) == ("right_hand", "heading", 6)
+    assert drawn["volumes_m3"] == {f"{m:g}": pytest.approx(4 / 3 * r**3) for m, r in fake_reach.RADII_M.items()}
+    assert drawn["maps"] == [each.model_dump(mode="json") for each in found.projections]
+    assert browse("/robots/boxes/reach.json?effector=tail").status_code == 404
+    assert browse("/robots/boxes/reach.json").json()["effector"] == "left_foot"
+
+
+def test_a_robot_of_which_nothing_was_learned_can_be_learned(fake: FakeService, browse: Browse) -> None:
+    fake.measures = []
+    page = browse("/robots/boxes").text
+    assert "Nothing has been learned of this robot yet." in page
+    assert 'data-learn="boxes"' in page
+    assert "data-maps" not in page
+    assert browse("/robots/boxes/reach.json").status_code == 404
+
+
+@pytest.mark.parametrize("code", ["robot-data-missing", "robot-not-loaded"])
+def test_a_robot_that_is_not_installed_says_what_is_known(fake: FakeService, browse: Browse, code: str) -> None:
+    fake.robot_refusal = (503, code, "Its package <b> is missing.")
+    answer = browse("/robots/boxes")
+    assert answer.status_code == 503
+    said = texts(answer.text)
+    assert "Its package &lt;b&gt; is missing." in said
+    assert "left foot, right foot, right hand" in said
+
+
+def test_other_refusals_are_told_as_everywhere(fake: FakeService, browse: Browse) -> None:
+    fake.robot_refusal = (404, "robot-not-found", "There is no robot of this name.")
+    answer = browse("/robots/nao")
+    assert answer.status_code == 404
+    assert "There is no robot of this name." in answer.text
+
+
+def test_a_job_that_learned_shows_the_same(fake: FakeService, browse: Browse) -> None:
+    job = fake.add_job("learn-reachability", "succeeded")
+    page = browse(f"/jobs/{job.id}").text
+    assert "right hand heading 6 14" in texts(page)
+    assert f'data-maps="/jobs/{job.id}/reach.json"' in page
+    assert browse(f"/jobs/{job.id}/reach.json?effector=right_foot").json()["effector"] == "right_foot"
+    other = fake.add_job(state="succeeded")
+    assert browse(f"/jobs/{other.id}/reach.json").status_code == 404
