@@ -26,7 +26,17 @@ from stridelab.experiments.reproduction.registry import ITEMS, reproduce
 
 ROOT = Path(__file__).parents[1]
 PAGE, KEPT, CODE = ROOT / "docs" / "reproduction.md", ROOT / ".data" / "reproduction", ROOT / "backend" / "stridelab"
-COMPUTES = ("body", "centroidal", "dynamics", "estimation", "experiments", "recordings", "robots", "walking")
+COMPUTES = (
+    "body",
+    "centroidal",
+    "dynamics",
+    "estimation",
+    "experiments",
+    "reachability",
+    "recordings",
+    "robots",
+    "walking",
+)
 SEEDS, FEW_SEEDS = 50, 3
 WORDS = {"met": "met", "beaten": "met", "not_met": "**not met**", "thesis_in_error": "thesis in error"}
 UNITS = {"m": ("mm", 1e3), "s": ("ms", 1e3), "n": ("N", 1.0), "s2": ("m/s²", 1.0)}

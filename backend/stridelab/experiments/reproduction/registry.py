@@ -21,6 +21,9 @@ from stridelab.experiments.reproduction import (
     fig_3_8,
     fig_3_9,
     fig_3_10,
+    fig_4_2,
+    fig_4_3,
+    fig_4_4,
     flight,
     lag,
     partial_force,
@@ -41,6 +44,9 @@ _FIGURES: Final = (
     fig_3_8,
     fig_3_9,
     fig_3_10,
+    fig_4_2,
+    fig_4_3,
+    fig_4_4,
 )
 _TABLES: Final = (errors, lag, coverage, partial_force, flight)
 ITEMS: Final[Mapping[str, Item]] = MappingProxyType({m.ITEM.name: m.ITEM for m in (*_FIGURES, *_TABLES)})
