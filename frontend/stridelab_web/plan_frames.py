@@ -8,6 +8,7 @@ import numpy as np
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.footholds import node
 from stridelab_web.frames import Arrow, Body, Frames, Point, Sheet, Span, Track
+from stridelab_web.reach_places import reach_places
 from stridelab_web.tables import Columns, triple
 from stridelab_web.touches import touches
 
@@ -66,7 +67,10 @@ def plan_frames(scenario: Scenario, centroidal: Columns, motion: Motion | None) 
         points=(Point(COM, com_at, "centre of mass"),),
         bodies=tuple(bodies),
         arrows=tuple(arrows),
-        spans=tuple(Span(f"{node(touch)}/touching", touch.start_s, touch.end_s) for touch in touches(scenario)),
+        spans=(
+            *(Span(f"{node(touch)}/touching", touch.start_s, touch.end_s) for touch in placed),
+            *(Span(place.name, place.start_s, place.end_s) for place in reach_places(scenario)),
+        ),
         tracks=(Track("/paths/com", com_at),),
         still=tuple(node(touch) for touch in placed),
         phase_starts_s=(0.0, *(float(end) for end in ends_s[:-1])),

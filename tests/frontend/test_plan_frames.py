@@ -51,7 +51,7 @@ def test_a_contact_is_there_in_its_phases() -> None:
     assert spans["/contacts/1/touching"] == pytest.approx((0.0, 2.0))  # the left foot at the start: phases 0 to 2
     assert spans["/contacts/3/touching"] == pytest.approx((1.0, 5.8))  # the hand, once for all
     assert spans["/contacts/5/touching"] == pytest.approx((2.8, 4.0))
-    assert len(spans) == 7
+    assert len([name for name in spans if name.startswith("/contacts/")]) == 7
     assert frames.phase_starts_s == pytest.approx((0.0, 1.0, 1.8, 2.0, 2.8, 3.0, 3.8, 4.0, 4.8))
 
 

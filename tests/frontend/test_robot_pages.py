@@ -100,3 +100,22 @@ def test_a_job_that_learned_shows_the_same(fake: FakeService, browse: Browse) ->
     assert browse(f"/jobs/{job.id}/reach.json?effector=right_foot").json()["effector"] == "right_foot"
     other = fake.add_job(state="succeeded")
     assert browse(f"/jobs/{other.id}/reach.json").status_code == 404
+
+
+def test_the_viewer_of_a_robot_offers_what_was_learned(fake: FakeService, browse: Browse) -> None:
+    page = browse("/view/?robot=boxes&measure=conditioned").text
+    assert 'data-scene="/view/scene/robot/boxes/-"' in page
+    assert '<option value="conditioned" selected>' in page
+    assert """"conditioned": {"left_foot": "contact", "right_foot": "contact", "right_hand": "heading"}""" in page
+    fake.measures = []
+    assert "Nothing has been learned of this robot yet" in browse("/view/?robot=boxes").text
+    assert browse("/view/scene/robot/boxes/-/frames.json").status_code == 404
+
+
+def test_a_plan_can_show_its_densities_where_there_are_some(fake: FakeService, browse: Browse) -> None:
+    job = fake.add_plan()
+    assert 'data-show="/reach/"' in browse(f"/view/?plan={job.id}").text
+    fake.measures = []
+    assert 'data-show="/reach/"' not in browse(f"/view/?plan={job.id}").text
+    fake.robot_refusal = (503, "robot-data-missing", "Its package is missing.")
+    assert browse(f"/view/?plan={job.id}").status_code == 200

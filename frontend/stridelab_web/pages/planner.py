@@ -15,6 +15,7 @@ from stridelab_web.footholds import facts, half_sizes, side
 from stridelab_web.frames import Frames
 from stridelab_web.pages.render import page
 from stridelab_web.plan_files import SCENARIO, needed, read_plan
+from stridelab_web.reach_places import GROUP, SHOWN_MASS
 from stridelab_web.service import client_of
 from stridelab_web.strips import Bar, Layer, Row
 from stridelab_web.touches import touches
@@ -38,6 +39,8 @@ async def plan(request: Request, job_id: str) -> Response:
     layers = [Layer("/forces/", "Forces"), Layer("/contacts/", "Contacts"), Layer("/paths/", "Path")]
     if "poses.f32" in needed(result):
         layers.insert(0, Layer("/robot/", "Robot"))
+    if await _learned(client, scenario.robot):
+        layers.append(Layer(GROUP, f"Reach, {100 * SHOWN_MASS:.0f} %", False))
     links = [("Result", f"/plans/{job.id}")]
     if scenario_id := await _still_there(client, result.input.get("scenario_id")):
         links.append(("Scenario", f"/view/?scenario={scenario_id}"))
@@ -99,6 +102,14 @@ def phase_rows(scenario: Scenario) -> list[Row]:
         said = "; ".join(bar.text for bar in bars)
         rows.append(Row(words(effector).capitalize(), bars, f"{words(effector)} touches: {said}", side(effector)))
     return rows
+
+
+async def _learned(client: AsyncClient, robot: str) -> bool:
+    """Whether there are densities to show; a plan outlives the installation of its robot."""
+    try:
+        return bool((await client.robot(robot)).measures)
+    except ProblemError:
+        return False
 
 
 async def _still_there(client: AsyncClient, scenario_id: str | None) -> str | None:

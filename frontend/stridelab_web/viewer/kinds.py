@@ -5,13 +5,14 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import trimesh
 import viser
 
-from stridelab.client import Client
-from stridelab.schemas.robots import RobotFacts
+from stridelab.client import Client, ProblemError
+from stridelab.schemas.reachability import RobotReachability
+from stridelab.schemas.robots import Measure, RobotFacts
 from stridelab_web.documents import Document, DocumentKind
 from stridelab_web.footholds import HalfSizes, half_sizes
 from stridelab_web.frames import Frames
@@ -21,6 +22,9 @@ from stridelab_web.viewer import gait_scene, planner_scene, robot_scene
 from stridelab_web.viewer.robot_links import read_links
 from stridelab_web.viewer.scenario_scene import ScenarioScene
 from stridelab_web.viewer.standing import Posed
+
+NOT_LEARNED: Final = frozenset({"reachability-not-learned", "reachability-of-another-robot"})
+"""Why a plan that was made may have no densities to show: those that it used have been replaced."""
 
 
 class Live(Protocol):
@@ -56,13 +60,22 @@ def kinds(client: Client) -> Mapping[DocumentKind, Kind]:
         with tempfile.TemporaryDirectory(prefix="stridelab-") as folder:
             return read_links(client.robot_links(name, Path(folder) / "links.glb").read_bytes())
 
+    def reach(name: str, measure: Measure | None) -> RobotReachability | None:
+        try:
+            return client.robot_reachability(name, measure)
+        except ProblemError as refusal:
+            if refusal.code in NOT_LEARNED:
+                return None
+            raise
+
     def build_recording(server: viser.ViserServer, document: Document, recording: Any) -> None:
         gait_scene.build(server, recording, _recording_frames(client, document, recording))
 
     def build_plan(server: viser.ViserServer, document: Document, result: Any) -> None:
         scenario, frames = read_plan({name: client.read_artifact(document.id, name) for name in needed(result)})
         meshes = links(scenario.robot) if frames.bodies else {}
-        planner_scene.build(server, scenario, sizes(scenario.robot), frames, meshes)
+        seen = reach(scenario.robot, result.input.get("measure"))
+        planner_scene.build(server, scenario, sizes(scenario.robot), frames, meshes, seen)
 
     def build_scenario(server: viser.ViserServer, _: Document, stored: Any) -> Live:
         facts = robot(stored.robot)

@@ -6,13 +6,15 @@ import numpy as np
 import trimesh
 import viser
 
+from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.scenarios import RailSurface, Scenario
-from stridelab_web.footholds import HalfSizes
+from stridelab_web.footholds import HalfSizes, side
 from stridelab_web.frames import Frames
 from stridelab_web.plan_frames import COM
+from stridelab_web.reach_places import reach_places, surfaces
 from stridelab_web.touches import box_corners_m, touches
 from stridelab_web.viewer import shapes
-from stridelab_web.viewer.marks import add_marks
+from stridelab_web.viewer.marks import COLOURS, add_marks
 from stridelab_web.viewer.parts import Colour, add_arrow, add_mesh, add_path, place_camera, prepare
 from stridelab_web.viewer.robot_links import add_robot
 from stridelab_web.viewer.terrain import add_terrain, is_ground
@@ -23,6 +25,7 @@ COM_LIGHT: Colour = (255, 255, 255)
 COM_RADIUS_M, PATH_RADIUS_M = 0.05, 0.006
 """The ball bears the usual sign of a centre of mass; the page draws both over the body (static/js/scene.js)."""
 AMBIENT = 1.1
+REACH_OPACITY = 0.2
 RIGHT_FRONT = np.array([0.3, -1.0, 0.42])
 """Where a robot that walks along x is looked at from."""
 BODY_M = (0.45, 0.45, 1.75)
@@ -38,12 +41,14 @@ def build(
     sizes: HalfSizes,
     frames: Frames,
     meshes: Mapping[str, trimesh.Trimesh],
+    reach: RobotReachability | None,
 ) -> None:
-    """Put a plan into an empty server; the page moves its nodes."""
+    """Put a plan into an empty server; the page moves its nodes. ``reach`` is what the plan's proxies look like."""
     scene = server.scene
     prepare(scene, AMBIENT)
     add_terrain(scene, scenario)
     add_marks(scene, scenario, sizes, touching=True)
+    _add_reach(scene, scenario, reach)
     add_robot(scene, [body.name.removeprefix("/robot/") for body in frames.bodies], meshes)
     for arrow in frames.arrows:
         add_arrow(scene, arrow, FORCE)
@@ -52,6 +57,20 @@ def build(
     add_mesh(scene, COM, dark, COM_COLOUR, side="front")
     add_mesh(scene, f"{COM}/light", light, COM_LIGHT, side="front")
     place_camera(server, sights_m(scenario), turned(scenario, RIGHT_FRONT))
+
+
+def _add_reach(scene: viser.SceneApi, scenario: Scenario, reach: RobotReachability | None) -> None:
+    """A level set per place; an empty node where nothing was learned, so that the page finds them all."""
+    shown = surfaces(reach)
+    for place in reach_places(scenario):
+        if place.contact.effector not in shown:
+            scene.add_frame(place.name, show_axes=False)
+            continue
+        found, level = shown[place.contact.effector]
+        mesh = np.array(level.vertices_m, dtype=np.float32), np.array(level.triangles, dtype=np.uint32)
+        colour = COLOURS[side(place.contact.effector)]
+        handle = add_mesh(scene, place.name, mesh, colour, opacity=REACH_OPACITY, side="front")
+        handle.position, handle.wxyz = place.contact.position_m, place.wxyz(found)
 
 
 def turned(scenario: Scenario, direction: np.ndarray) -> np.ndarray:

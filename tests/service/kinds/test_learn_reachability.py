@@ -103,7 +103,9 @@ def test_the_samples_are_a_table_with_its_twin(outcome: dict, folder: Path) -> N
 
 def test_every_file_is_an_artifact(outcome: dict, folder: Path) -> None:
     names = {artifact["name"] for artifact in outcome["artifacts"]}
-    assert names == {"mixtures.json", "cloud.npz", "card.json", "samples.parquet", "samples.csv"}
+    assert names == {
+        "mixtures.json", "cloud.npz", "card.json", "reachability.json", "samples.parquet", "samples.csv",
+    }  # fmt: skip
     assert names == {path.name for path in folder.iterdir()}
 
 

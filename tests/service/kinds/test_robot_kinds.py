@@ -78,13 +78,19 @@ def test_links_of_talos_are_where_the_reference_posture_has_them(facts: RobotFac
 
 def test_proxies_are_those_of_the_reachability_file(facts: RobotFacts) -> None:
     kept = json.loads((models_dir() / "reachability" / "talos" / "uniform.json").read_text(encoding="utf-8"))
-    assert [proxy.effector for proxy in facts.proxies] == list(kept["effectors"])
-    for proxy in facts.proxies:
+    proxies = [proxy for proxy in facts.proxies if proxy.measure == "uniform"]
+    assert [proxy.effector for proxy in proxies] == list(kept["effectors"])
+    assert "uniform" in facts.measures
+    assert facts.default_measure in facts.measures
+    for proxy in proxies:
         learned = kept["effectors"][proxy.effector]
         assert proxy.components == len(learned["weights"])
         assert (proxy.samples, proxy.tried, proxy.seed) == (kept["samples"], kept["tried"], kept["seed"])
         assert (proxy.kl_nats, list(proxy.mode_m)) == (learned["kl_nats"], learned["mode_m"])
-        assert proxy.measure == kept["measure"]
+        assert (proxy.frame, proxy.thesis_components) == (learned["frame"], learned["thesis_components"])
+        assert proxy.rejected_share == pytest.approx(1.0 - kept["samples"] / kept["tried"])
+        assert [size.components for size in proxy.sizes] == list(range(1, 21))
+        assert (proxy.learned_on, proxy.versions) == (kept["learned_on"], kept["versions"])
 
 
 def test_a_robot_whose_reach_was_never_learned_is_described(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -96,7 +102,7 @@ def test_a_robot_whose_reach_was_never_learned_is_described(tmp_path: Path, monk
         described = robot_description.facts(load_robot("talos"))
     finally:
         load_card.cache_clear()
-    assert described.proxies == []
+    assert (described.proxies, described.measures) == ([], [])
     assert len(described.limits) == 28
 
 

@@ -97,13 +97,17 @@ export class Nodes {
     });
   }
 
+  isHidden(name) {
+    return [...this.hidden].some((group) => name.startsWith(group));
+  }
+
   scale(name, x, y = x, z = y) {
     const object = this.viser.nodeRefFromName[name];
     if (!object) return;
     // Some shapes carry their size as scale, so ours multiplies the one that viser gave.
     if (!this.own.has(object)) this.own.set(object, object.scale.clone());
     const own = this.own.get(object);
-    const off = [...this.hidden].some((group) => name.startsWith(group));
+    const off = this.isHidden(name);
     object.scale.set(own.x * (off ? HIDDEN : x), own.y * (off ? HIDDEN : y), own.z * (off ? HIDDEN : z));
   }
 }

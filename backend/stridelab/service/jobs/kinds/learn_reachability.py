@@ -1,7 +1,8 @@
 """``learn-reachability``: where the CoM of a robot can be, seen from its effectors (section 4.3).
 
 Leaves ``mixtures.json`` and ``cloud.npz`` (the files of models/reachability), ``card.json`` (the card without the
-mixtures' numbers) and the table ``samples`` of the CoM positions, one row per posture. Its own processes end with it.
+mixtures' numbers), ``reachability.json`` (what can be drawn: ``robot_reachability``) and the table ``samples`` of the
+CoM positions, one row per posture. Its own processes end with it.
 """
 
 import json
@@ -13,14 +14,17 @@ from stridelab.reachability.card import EffectorCard, ReachabilityCard
 from stridelab.reachability.learning import Learned, learn
 from stridelab.reachability.store import save, save_cloud, text
 from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import LearnedEffector, LearnReachabilitySummary
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.jobs.kinds.robot_reachability import reachability
 from stridelab.service.jobs.kinds.tables_io import atomically, write_table
 from stridelab.service.jobs.kinds.tasks import LearnReachabilityTask
 
 MIXTURES_FILE, CARD_FILE, JSON = "mixtures.json", "card.json", "application/json"
 CLOUD_FILE, NPZ = "cloud.npz", "application/x-npz"
+SHAPES_FILE: Final = "reachability.json"
 FEW_SAMPLES: Final = 5000
 """Below this the densities of two seeds visibly differ."""
 LEARNING_SHARE: Final = 0.95
@@ -57,7 +61,8 @@ def run(task: LearnReachabilityTask, folder: Path, progress: ProgressCallback) -
     today = datetime.now(UTC).date()
     learned = learn(robot, today, request.effectors, request.samples, request.seed, request.measure, learning)
     progress(LEARNING_SHARE, "writing the densities")
-    artifacts = _written(learned, folder, {"input": request.model_dump(mode="json"), "robot_sha256": robot.sha256})
+    provenance = {"input": request.model_dump(mode="json"), "robot_sha256": robot.sha256}
+    artifacts = _written(robot, learned, folder, provenance)
     card = learned.card
     summary = LearnReachabilitySummary(
         robot=card.robot,
@@ -76,11 +81,13 @@ def run(task: LearnReachabilityTask, folder: Path, progress: ProgressCallback) -
     return Outcome(summary.model_dump(mode="json"), references, artifacts)
 
 
-def _written(learned: Learned, folder: Path, provenance: Json) -> tuple[ArtifactFile, ...]:
+def _written(robot: Robot, learned: Learned, folder: Path, provenance: Json) -> tuple[ArtifactFile, ...]:
     atomically(folder / MIXTURES_FILE, lambda path: save(path, learned.card))
     atomically(folder / CLOUD_FILE, lambda path: save_cloud(path, learned.cloud.com_m))
     facts = json.dumps(without_mixtures(learned.card), indent=1)
     atomically(folder / CARD_FILE, lambda path: path.write_text(facts + "\n", encoding="utf-8"))
+    shapes = reachability(robot, learned.card, learned.cloud.com_m)
+    atomically(folder / SHAPES_FILE, lambda path: path.write_text(shapes.model_dump_json(), encoding="utf-8"))
     columns = {
         f"{name}_com_{axis}_m": com_m[:, i]
         for name, com_m in learned.cloud.com_m.items()
@@ -91,6 +98,7 @@ def _written(learned: Learned, folder: Path, provenance: Json) -> tuple[Artifact
         ArtifactFile(MIXTURES_FILE, JSON),
         ArtifactFile(CLOUD_FILE, NPZ),
         ArtifactFile(CARD_FILE, JSON),
+        ArtifactFile(SHAPES_FILE, JSON),
         *write_table(folder, "samples", columns, provenance | frames),
     )
 
