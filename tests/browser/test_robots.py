@@ -1,0 +1,149 @@
+"""Robots in the browser: the list fills itself, maps are those of the service, and the viewer shows what is chosen."""
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+import pytest
+from playwright.sync_api import Page, expect
+
+from stridelab_web.reach_places import reach_places
+from support import fake_planner, fake_reach
+from support.fake_lab import Lab, running_lab
+from support.scene_view import nodes, opened, until
+from support.tab import Service, Tab
+
+PARTS = ("cloud", "mode", "50", "80", "95")
+SEEN = """(names) => {
+    const viser = document.querySelector("iframe").contentWindow.__viserMutable;
+    return names.filter((name) => {
+        let on = false;
+        viser.nodeRefFromName[name].traverse((part) => { on ||= part.layers.mask !== 0 });
+        return on;
+    });
+}"""
+"""Which nodes are drawn, or have something below them that is."""
+HEATMAPS = """() => document.getElementById("maps").data.filter((t) => t.type === "heatmap").map((t) => t.z)"""
+A_METRE = """() => {
+    const { xaxis, yaxis, xaxis5, yaxis5 } = document.getElementById("maps")._fullLayout;
+    return [xaxis, yaxis, xaxis5, yaxis5].map((axis) => axis._length / (axis.range[1] - axis.range[0]));
+}"""
+
+
+@pytest.fixture(scope="module")
+def lab() -> Iterator[Lab]:
+    with running_lab() as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def service(lab: Lab) -> Service:
+    return Service(lab.url, lab.fake.client())
+
+
+@pytest.fixture
+def tab(open_tab: Callable[..., Tab]) -> Tab:
+    return open_tab(900, 640)
+
+
+def seen(page: Page) -> set[str]:
+    """Parts of densities that are drawn."""
+    names = [
+        f"/reach/{measure}/{name}/{part}"
+        for measure in fake_reach.MEASURES
+        for name in fake_reach.EFFECTORS
+        for part in PARTS
+    ]
+    found: list[str] = page.evaluate(SEEN, names)
+    return {name.removeprefix("/reach/") for name in found}
+
+
+def test_the_list_asks_for_what_only_a_loaded_robot_tells(tab: Tab) -> None:
+    page = tab.go("/robots")
+    card = page.locator('[data-robot="boxes"]')
+    expect(card.locator("[data-mass]")).to_have_text("60.0 kg")
+    expect(card.locator("[data-height]")).to_have_text("0.880 m")
+    expect(card.locator("[data-densities]")).to_have_text("uniform, conditioned")
+    expect(page.locator('[data-robot="rare"]')).to_contain_text("The package <rare> is not installed.")
+    page.get_by_role("link", name="Boxes", exact=True).click()
+    expect(page.get_by_role("heading", name="Boxes", level=1)).to_be_visible()
+
+
+def test_maps_are_those_of_the_service_and_a_metre_is_the_same_everywhere(tab: Tab) -> None:
+    page = tab.go("/robots/boxes?measure=conditioned")
+    page.wait_for_selector('#maps[data-ready="left_foot"]')
+    found = fake_reach.reach("conditioned").effectors[0].projections
+    expected = [values for each in found for values in (each.kernel_per_m2, each.mixture_per_m2)]
+    drawn = page.evaluate(HEATMAPS)
+    assert len(drawn) == 7, "six maps and the scale of their colours"
+    assert np.allclose(drawn[:6], expected)
+    lengths = page.evaluate(A_METRE)
+    assert lengths == pytest.approx([abs(lengths[0])] * 4, rel=0.01)
+    litres = [f"{4000 / 3 * radius**3:.0f}" for radius in fake_reach.RADII_M.values()]
+    for effector in fake_reach.EFFECTORS:
+        expect(page.locator(f'tr[data-effector="{effector}"] [data-volume]')).to_have_text(litres)
+    page.get_by_label("Seen from").select_option("right_hand")
+    page.wait_for_selector('#maps[data-ready="right_hand"]')
+    assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
+
+
+def test_learning_anew_asks_for_what_was_chosen(tab: Tab, lab: Lab) -> None:
+    page = tab.go("/robots/boxes")
+    page.get_by_label("Postures per effector").fill("3000")
+    page.get_by_label("Seed").fill("7")
+    page.get_by_role("combobox", name="Measure").select_option("conditioned")
+    page.get_by_role("button", name="Learn").click()
+    page.wait_for_url("**/jobs/*")
+    job_id = page.url.rpartition("/")[2]
+    assert lab.fake.inputs[job_id] == {"robot": "boxes", "samples": 3000, "seed": 7, "measure": "conditioned"}
+    page.wait_for_selector('#maps[data-ready="left_foot"]', timeout=30_000)
+
+
+def test_one_effector_under_one_measure_is_shown(tab: Tab) -> None:
+    page = opened(tab, "/view/?robot=boxes&measure=uniform&effector=right_foot")
+    assert seen(page) == {f"uniform/right_foot/{part}" for part in ("mode", "50", "80", "95")}
+    shown = nodes(page, "/reach/uniform/right_foot", "/robot/base_link")
+    assert shown["/reach/uniform/right_foot"]["position"] == pytest.approx(fake_reach.POSES["right_foot"][:3])
+    assert shown["/robot/base_link"]["position"] == pytest.approx(fake_planner.REFERENCE[0][:3])
+    page.get_by_label("Seen from").select_option("right_hand")
+    page.get_by_label("Measure").select_option("conditioned")
+    until(page, lambda: seen(page) == {f"conditioned/right_hand/{part}" for part in ("mode", "50", "80", "95")})
+    expect(page.locator("[data-frame]")).to_contain_text("where the trunk faces")
+    expect(page.locator('[data-volume="95"]')).to_have_text("11 l")
+
+
+def test_every_part_has_a_key_and_the_address_remembers(tab: Tab) -> None:
+    page = opened(tab, "/view/?robot=boxes")
+    assert page.evaluate("() => document.documentElement.scrollHeight <= window.innerHeight")
+    for key in ("e", "m", "c", "1", "3", "4", "r"):
+        page.locator("body").press(key)
+    expected = {f"conditioned/right_foot/{part}" for part in ("cloud", "80")}
+    until(page, lambda: seen(page) == expected)
+    assert page.evaluate(SEEN, ["/robot/base_link"]) == []
+    expect(page.get_by_label("Robot r")).not_to_be_checked()
+    page = opened(tab, page.url.removeprefix(tab.url))
+    until(page, lambda: seen(page) == expected)
+
+
+def test_a_robot_without_densities_stands_alone(tab: Tab, lab: Lab) -> None:
+    lab.fake.measures = []
+    try:
+        page = opened(tab, "/view/?robot=boxes")
+        expect(page.get_by_text("Nothing has been learned of this robot yet")).to_be_visible()
+        assert page.evaluate(SEEN, ["/robot/base_link"]) == ["/robot/base_link"]
+    finally:
+        lab.fake.measures = list(fake_reach.MEASURES)
+
+
+def test_a_plan_shows_the_densities_of_the_present_phase(tab: Tab, lab: Lab) -> None:
+    page = opened(tab, f"/view/?plan={lab.fake.add_plan().id}&t=1.5")
+    places = reach_places(fake_planner.scenario())
+    names = [place.name for place in places]
+    assert page.evaluate(SEEN, names) == []
+    page.get_by_label("Reach, 80 %").check()
+    now = [place.name for place in places if place.start_s <= 1.5 <= place.end_s]
+    assert len(now) == 2
+    until(page, lambda: page.evaluate(SEEN, names) == now)
+    shown = nodes(page, *now)
+    for place in places:
+        if place.name in now:
+            assert shown[place.name]["position"] == pytest.approx(place.contact.position_m)
