@@ -30,6 +30,7 @@ from stridelab.cli_options import (
     OnlineMethod,
     OutFolder,
     PersonSex,
+    PostureMeasure,
     Priors,
     SegmentMomentum,
     Segments,
@@ -284,6 +285,9 @@ def plan(
         bool | None,
         typer.Option("--replay/--no-replay", help="Replay the motion in physics; done unless --no-whole-body."),
     ] = None,
+    measure: Annotated[
+        PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")
+    ] = None,
     out_dir: OutFolder = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -294,13 +298,39 @@ def plan(
     from stridelab.cli_plan import PlanRequest
     from stridelab.cli_plan import plan as run
 
-    request = PlanRequest(scenario, whole_body=not no_whole_body, replay=replay)
+    request = PlanRequest(scenario, whole_body=not no_whole_body, replay=replay, measure=measure)
     run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+
+
+@app.command("learn-reachability")
+def learn_reachability(
+    robot: Annotated[str, typer.Argument(help="A robot by name: talos, hrp2, g1.")],
+    measure: Annotated[
+        PostureMeasure, typer.Option("--measure", help="How postures are drawn: in all, or of a robot that stands.")
+    ] = "uniform",
+    samples: Annotated[int | None, typer.Option("--samples", help="Postures to keep, 500 to 200000.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the postures and of the fits.")] = None,
+    effector: Annotated[
+        list[str] | None, typer.Option("--effector", help="Learn this effector only; may be repeated.")
+    ] = None,
+    out_dir: OutFolder = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    server: Server = None,
+    token: Token = None,
+) -> None:
+    """Learn where a robot's centre of mass can be, seen from its effectors; needs no server."""
+    from stridelab.cli_learn import learn_reachability as run
+
+    asked = {"robot": robot, "measure": measure, "samples": samples, "seed": seed, "effectors": effector or None}
+    run(asked, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
 
 
 @app.command()
 def reproduce(
-    item: Annotated[str, typer.Argument(help="A figure: fig-2.2, fig-2.5 to fig-2.9, fig-3.4 to fig-3.10, fig-4.2 to fig-4.4.")],
+    item: Annotated[
+        str, typer.Argument(help="A figure: fig-2.2, fig-2.5 to fig-2.9, fig-3.4 to fig-3.10, fig-4.2 to fig-4.4.")
+    ],
     seeds: Annotated[int | None, typer.Option("--seeds", help="Simulated walks to repeat it on, 1 to 200.")] = None,
     out_dir: OutFolder = None,
     force: Force = False,

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from rich.markup import escape
 
@@ -24,6 +25,7 @@ class PlanRequest:
     scenario: str
     whole_body: bool = True
     replay: bool | None = None
+    measure: Literal["uniform", "conditioned"] | None = None
 
     def __post_init__(self) -> None:
         if self.replay and not self.whole_body:
@@ -39,7 +41,7 @@ class PlanRequest:
         """Input of the job, for a scenario or, without one, for that of this id."""
         source = {"scenario_id": self.scenario} if scenario is None else {"scenario": scenario}
         replay = self.whole_body if self.replay is None else self.replay
-        return PlanMotionInput(**source, whole_body=self.whole_body, replay=replay)
+        return PlanMotionInput(**source, whole_body=self.whole_body, replay=replay, measure=self.measure)
 
 
 def plan(
