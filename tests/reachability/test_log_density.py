@@ -83,7 +83,7 @@ def test_the_derivatives_are_those_of_automatic_differentiation(k: int, seed: in
     ours, ours_2 = mixture.gradient(points), mixture.hessian(points)
     for i, point in enumerate(points):
         slope, bend = (value.full() for value in derived(point))
-        added = np.abs(mixture.precisions()).max() + np.abs(slope).max() ** 2
+        added = np.abs(mixture.precisions).max() + np.abs(slope).max() ** 2
         assert np.abs(ours[i] + slope.ravel()).max() <= TOLERANCE * (1.0 + np.abs(slope).max())
         assert np.abs(ours_2[i] + bend).max() <= TOLERANCE * (1.0 + added)
 
@@ -96,5 +96,5 @@ def test_the_hessian_is_that_of_finite_differences(k: int, seed: int) -> None:
     points, h = near(mixture, seed, deviations=3.0), 1e-3 * FLOOR_M
     steps = [(mixture.gradient(points + e) - mixture.gradient(points - e)) / (2 * h) for e in h * np.eye(3)]
     bends = np.stack(steps, axis=1)
-    scale = 1.0 + np.abs(mixture.precisions()).max() + np.abs(mixture.gradient(points)).max() ** 2
+    scale = 1.0 + np.abs(mixture.precisions).max() + np.abs(mixture.gradient(points)).max() ** 2
     assert np.abs(mixture.hessian(points) - bends).max() <= 1e-5 * scale

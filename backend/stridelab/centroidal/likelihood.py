@@ -36,7 +36,7 @@ def likelihood(mixture: Mixture) -> Likelihood:
     c, p, R, theta = ca.SX.sym("c", 3), ca.SX.sym("p", 3), ca.SX.sym("R", 3, 3), ca.SX.sym("theta")
     y = R.T @ (c - p)
     exponents, pulls = [], []
-    for w, mu, W in zip(mixture.weights, mixture.means_m, mixture.whitenings(), strict=True):
+    for w, mu, W in zip(mixture.weights, mixture.means_m, mixture.whitenings, strict=True):
         W_low = ca.sparsify(ca.DM(W))  # lower triangular
         whitened = W_low @ (y - ca.DM(mu))
         constant = np.log(w) + np.log(np.diag(W)).sum() - 1.5 * np.log(2 * np.pi)
@@ -48,7 +48,7 @@ def likelihood(mixture: Mixture) -> Likelihood:
     logp = top + ca.log(sum(ca.exp(e - top) for e in exponents))
     gamma = [ca.exp(e - logp) for e in exponents]
     mean = sum(s * d for s, d in zip(gamma, pulls, strict=True))
-    majoriser = sum(s * ca.DM(P) for s, P in zip(gamma, mixture.precisions(), strict=True))
+    majoriser = sum(s * ca.DM(P) for s, P in zip(gamma, mixture.precisions, strict=True))
     covariance = sum(s * (d - mean) @ (d - mean).T for s, d in zip(gamma, pulls, strict=True))
     inputs = [c, p, ca.vec(R)]
     return Likelihood(

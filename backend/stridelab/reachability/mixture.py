@@ -1,6 +1,7 @@
 """Gaussian mixtures of section 4.3: the reduced density ``p_i(c)`` of the CoM in an effector's contact frame."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -52,8 +53,9 @@ class Mixture:
         gamma, pulls = self._responsibilities(points_m), self._pulls(points_m)
         about_mean = np.sqrt(gamma)[..., None] * (pulls - np.einsum("nj,nja->na", gamma, pulls)[:, None])
         covariance = np.einsum("nja,njb->nab", about_mean, about_mean)
-        return np.asarray(covariance - np.einsum("nj,jab->nab", gamma, self.precisions()))
+        return np.asarray(covariance - np.einsum("nj,jab->nab", gamma, self.precisions))
 
+    @cached_property
     def whitenings(self) -> Float[np.ndarray, "k 3 3"]:
         """Lower triangular ``W_j`` with ``S_j^-1 = W_j^T W_j``: the inverse Cholesky factors.
 
@@ -62,9 +64,10 @@ class Mixture:
         L = np.linalg.cholesky(self.covariances_m2)
         return np.array([solve_triangular(L_j, np.eye(3), lower=True) for L_j in L])
 
+    @cached_property
     def precisions(self) -> Float[np.ndarray, "k 3 3"]:
         """``S_j^-1``, symmetric to the last bit."""
-        W = self.whitenings()
+        W = self.whitenings
         return np.asarray(np.einsum("jca,jcb->jab", W, W))
 
     def sample(self, n: int, rng: np.random.Generator) -> Points:
@@ -79,7 +82,7 @@ class Mixture:
         The ascent is the fixed point of EM (Carreira-Perpinan 2000, "Mode-finding for mixtures of Gaussian
         distributions"): ``c <- (sum_j gamma_j S_j^-1)^-1 sum_j gamma_j S_j^-1 mu_j``; it never descends.
         """
-        P = self.precisions()
+        P = self.precisions
         pulls = np.einsum("jab,jb->ja", P, self.means_m)
         c = self.means_m.copy()
         for _ in range(STEPS_MAX):
@@ -93,7 +96,7 @@ class Mixture:
 
     def _terms(self, points_m: Points) -> Float[np.ndarray, "n k"]:
         """``log w_j N(c; mu_j, S_j) = log w_j + log det W_j - |W_j (c - mu_j)|^2 / 2 - 3/2 log 2 pi``."""
-        W = self.whitenings()
+        W = self.whitenings
         terms = np.empty((len(points_m), len(self.weights)))
         for j, (W_j, mu) in enumerate(zip(W, self.means_m, strict=True)):
             terms[:, j] = -0.5 * (((points_m - mu) @ W_j.T) ** 2).sum(axis=1)
@@ -101,7 +104,7 @@ class Mixture:
         return np.asarray(terms + np.log(self.weights) + log_det - 1.5 * np.log(2 * np.pi))
 
     def _pulls(self, points_m: Points) -> Float[np.ndarray, "n k 3"]:
-        W = self.whitenings()
+        W = self.whitenings
         whitened = np.einsum("jab,njb->nja", W, self.means_m - points_m[:, None])
         return np.asarray(np.einsum("jba,njb->nja", W, whitened))
 
