@@ -75,6 +75,16 @@ def test_a_robot_of_which_nothing_was_learned_can_be_learned(fake: FakeService, 
     assert browse("/robots/boxes/reach.json").status_code == 404
 
 
+def test_densities_of_another_description_are_named_and_not_shown(fake: FakeService, browse: Browse) -> None:
+    fake.measures, fake.stale_measures = ["conditioned"], ["uniform"]
+    page = browse("/robots/boxes").text
+    assert "The uniform densities were learned on another description of this robot" in texts(page)
+    assert 'aria-current="page">Conditioned</a>' in page
+    assert "another description" in browse("/view/?robot=boxes").text
+    fake.measures = []
+    assert "Nothing has been learned" not in browse("/robots/boxes").text
+
+
 @pytest.mark.parametrize("code", ["robot-data-missing", "robot-not-loaded"])
 def test_a_robot_that_is_not_installed_says_what_is_known(fake: FakeService, browse: Browse, code: str) -> None:
     fake.robot_refusal = (503, code, "Its package <b> is missing.")

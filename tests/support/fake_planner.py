@@ -233,7 +233,7 @@ def stored(given: Scenario, *, bundled: bool = False, key: str | None = None) ->
     )
 
 
-def robot(measures: Sequence[Measure] = fake_reach.MEASURES) -> RobotFacts:
+def robot(measures: Sequence[Measure] = fake_reach.MEASURES, stale: Sequence[Measure] = ()) -> RobotFacts:
     """The robot of boxes."""
     effectors = [
         RobotEffector(
@@ -246,7 +246,7 @@ def robot(measures: Sequence[Measure] = fake_reach.MEASURES) -> RobotFacts:
         name="boxes", title="Boxes", mass_kg=60.0, licence="BSD-3-Clause", sha256="0" * 64, effectors=effectors,
         q_reference=[], com_height_m=0.88, limits=[], links=list(LINKS), link_poses=REFERENCE,
         proxies=[fake_reach.card(name, measure) for measure in measures for name in EFFECTORS],
-        measures=list(measures), default_measure="uniform",
+        measures=list(measures), stale_measures=list(stale), default_measure="uniform",
     )  # fmt: skip
 
 

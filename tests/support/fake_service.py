@@ -19,6 +19,7 @@ from stridelab.client import Client
 from stridelab.schemas.base import Problem, Remark
 from stridelab.schemas.jobs import Artifact, Job, JobEvent, JobResult, Progress
 from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
+from stridelab.schemas.robots import Measure
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from support import fake_comparison, fake_planner, fake_population, fake_reach, fake_wheel
 from support.fake_walk import (
@@ -66,7 +67,8 @@ class FakeService:
         self.comparisons: dict[str, tuple[bool, dict[str, bytes]]] = {}
         self.wheel = fake_wheel.wheel_parquet()
         self.failing: Problem | None = None
-        self.measures = list(fake_reach.MEASURES)
+        self.measures: list[Measure] = list(fake_reach.MEASURES)
+        self.stale_measures: list[Measure] = []
         self.robot_refusal: tuple[int, str, str] | None = None
         self.step_s = step_s
         self.tracks = tracks_parquet()
@@ -315,7 +317,7 @@ class FakeService:
     async def _robot(self, _: Request) -> Response:
         if self.robot_refusal is not None:
             return _problem(*self.robot_refusal)
-        return _answer(fake_planner.robot(self.measures).model_dump(mode="json"))
+        return _answer(fake_planner.robot(self.measures, self.stale_measures).model_dump(mode="json"))
 
     async def _reachability(self, request: Request) -> Response:
         measure = request.query_params.get("measure", "uniform")

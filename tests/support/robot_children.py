@@ -36,6 +36,7 @@ FACTS: dict[str, Any] = {
     "link_poses": [[0.0, 0.0, 1.02, 1.0, 0.0, 0.0, 0.0]],
     "proxies": [],
     "measures": ["uniform"],
+    "stale_measures": [],
     "default_measure": "uniform",
 }
 REACH = {"robot": "talos", "robot_sha256": "ab" * 32, "measure": "uniform", "effectors": []}
@@ -50,6 +51,11 @@ def describe(task: dict[str, Any], _folder: Path, _progress: Any) -> dict[str, A
     _note(f"describe {task['robot']}")
     time.sleep(0.3)
     return {"summary": FACTS, "references": [], "artifacts": []}
+
+
+def describe_changed(_task: dict[str, Any], _folder: Path, _progress: Any) -> dict[str, Any]:
+    """A robot whose densities were learned on another description."""
+    return {"summary": {**FACTS, "measures": [], "stale_measures": ["uniform"]}, "references": [], "artifacts": []}
 
 
 def draw(task: dict[str, Any], folder: Path, _progress: Any) -> dict[str, Any]:

@@ -75,7 +75,8 @@ class RobotFacts(Contract):
 
     In the reference posture the robot faces x and stands on z = 0, with x = y = 0 midway between its soles;
     ``link_poses`` says where each of ``links`` is then. ``measures`` are those under which densities were learned,
-    ``default_measure`` is the one that plans use.
+    ``default_measure`` is the one that plans use. Densities that were learned on another description of the robot
+    cannot be used: their measures are ``stale_measures``.
     """
 
     name: str
@@ -91,6 +92,7 @@ class RobotFacts(Contract):
     link_poses: list[LinkPose]
     proxies: list[ProxyCard]
     measures: list[Measure]
+    stale_measures: list[Measure]
     default_measure: Measure
 
 

@@ -37,6 +37,7 @@ async def job(request: Request) -> Response:
     reach = None
     if result is not None and found.kind == learned.KIND:
         reach = await learned.learned_of(client, found.id, result)
+    facts = facts_of(result) if result else []
     present = {item.name for item in result.artifacts} if result is not None else set()
     curves = COM_TABLE in present and rolled is None
     plots = curves or (compared is not None and compared["figure"] is not None)
@@ -47,7 +48,7 @@ async def job(request: Request) -> Response:
         job=found,
         took_s=took_s(found),
         result=result,
-        facts=facts_of(result) if result else [],
+        facts=learned.beside(facts) if reach else facts,
         sentences=sentences_of(result) if result else [],
         recording=recording,
         plots=plots,

@@ -11,6 +11,7 @@ from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.robots import ProxyCard
+from stridelab_web.pages.facts import Fact
 from stridelab_web.reach_plots import divergence_charts, drawing_of, style_of
 from stridelab_web.service import client_of
 from stridelab_web.words import words
@@ -39,6 +40,11 @@ async def learned_of(client: AsyncClient, job_id: str, result: JobResult) -> dic
         return None
     found = await _read(client, job_id)
     return shown([each.card for each in found.effectors], f"/jobs/{job_id}/reach.json")
+
+
+def beside(facts: Sequence[Fact]) -> list[Fact]:
+    """Those facts of such a job that the table of its densities does not say."""
+    return [fact for fact in facts if not fact.key.startswith(("effectors.", "robot_sha256"))]
 
 
 async def reach(request: Request) -> Response:

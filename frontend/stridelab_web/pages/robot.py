@@ -3,7 +3,7 @@
 from typing import Final
 
 from starlette.requests import Request
-from starlette.responses import Response
+from starlette.responses import JSONResponse, Response
 
 from stridelab.client import ProblemError
 from stridelab.schemas.robots import Measure, RobotFacts
@@ -68,7 +68,11 @@ async def reach(request: Request) -> Response:
     client, name = client_of(request), request.path_params["name"]
     facts = await client.robot(name)
     measure = _measure(facts, request.query_params.get("measure"))
-    return learned.maps(await client.robot_reachability(name, measure), request)
+    try:
+        found = await client.robot_reachability(name, measure)
+    except ProblemError as refusal:  # for a script, not for a reader
+        return JSONResponse(refusal.problem.model_dump(mode="json"), status_code=refusal.status)
+    return learned.maps(found, request)
 
 
 def _measure(found: RobotFacts, asked: str | None) -> Measure:

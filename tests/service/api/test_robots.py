@@ -161,6 +161,15 @@ def test_a_measure_that_is_not_there_starts_nothing(
     assert "enclose" not in diary.read_text()
 
 
+def test_densities_of_another_description_are_refused(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+    shelve(stubbed, describe="support.robot_children:describe_changed")
+    path = f"{ROBOTS}/talos/reachability"
+    for params in ({}, {"measure": "uniform"}):
+        assert refusal(http.get(path, params=params)) == (503, "reachability-of-another-robot")
+    assert refusal(http.get(path, params={"measure": "conditioned"})) == (404, "reachability-not-learned")
+    assert diary.read_text() == ""
+
+
 @pytest.mark.parametrize(("child", "code"), [("no_data", "robot-data-missing"), ("crash", "robot-not-loaded")])
 def test_a_failure_is_told_and_tried_again(
     http: httpx.Client, stubbed: Served, diary: Path, child: str, code: str

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
@@ -102,8 +103,15 @@ def test_a_robot_whose_reach_was_never_learned_is_described(tmp_path: Path, monk
         described = robot_description.facts(load_robot("talos"))
     finally:
         load_card.cache_clear()
-    assert (described.proxies, described.measures) == ([], [])
+    assert (described.proxies, described.measures, described.stale_measures) == ([], [], [])
     assert len(described.limits) == 28
+
+
+def test_densities_of_another_description_are_not_the_robots(monkeypatch: pytest.MonkeyPatch) -> None:
+    other = replace(load_card("talos", "uniform"), robot_sha256="0" * 64)
+    monkeypatch.setattr(robot_description, "learned_cards", lambda _name: [other])
+    described = robot_description.facts(load_robot("talos"))
+    assert (described.proxies, described.measures, described.stale_measures) == ([], [], ["uniform"])
 
 
 def test_links_come_as_one_named_node_each(tmp_path: Path, facts: RobotFacts) -> None:

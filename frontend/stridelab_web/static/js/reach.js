@@ -20,8 +20,9 @@ async function read(effector) {
   const url = new URL(box.dataset.maps, location.href);
   url.searchParams.set("effector", effector);
   const answer = await fetch(url, { headers: { Accept: "application/json" } });
-  if (!answer.ok) throw new Error("The densities could not be read.");
-  return answer.json();
+  const found = await answer.json().catch(() => null);
+  if (!answer.ok || !found) throw new Error(found?.detail || "The densities could not be read.");
+  return found;
 }
 
 async function show(effector) {

@@ -80,10 +80,17 @@ class RobotShelf:
     async def reach(self, name: str, measure: Measure | None) -> bytes:
         """A ``RobotReachability`` as compressed JSON, under the measure that plans use where none is asked for.
 
-        Raises as ``facts``, and ``NotFound`` (``reachability-not-learned``).
+        Raises as ``facts``, ``NotFound`` (``reachability-not-learned``) and ``Unavailable``
+        (``reachability-of-another-robot``).
         """
         known = await self.facts(name)
         wanted = measure or known.default_measure
+        if wanted in known.stale_measures:
+            raise Unavailable(
+                "reachability-of-another-robot",
+                f"The {wanted} densities of {known.title} were learned on another description of the robot than the "
+                "installed one; learn them anew (learn-reachability).",
+            )
         if wanted not in known.measures:
             there = ", ".join(known.measures) or "none"
             raise NotFound(

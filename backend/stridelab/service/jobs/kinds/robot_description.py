@@ -44,7 +44,8 @@ def run(task: RobotTask, _folder: Path, progress: ProgressCallback) -> Outcome:
 
 def facts(robot: Robot) -> RobotFacts:
     """The facts of the contract; ``proxies`` is empty for a robot whose reach has not been learned."""
-    model, cards = robot.model, learned_cards(robot.name)
+    model, found = robot.model, learned_cards(robot.name)
+    cards = [card for card in found if card.robot_sha256 == robot.sha256]
     com_m = pin.centerOfMass(model, model.createData(), robot.q_reference)
     return RobotFacts(
         name=robot.name,
@@ -60,6 +61,7 @@ def facts(robot: Robot) -> RobotFacts:
         link_poses=link_poses(robot, robot.q_reference).tolist(),
         proxies=[proxy_card(card, effector) for card in cards for effector in card.effectors],
         measures=[card.measure for card in cards],
+        stale_measures=[card.measure for card in found if card not in cards],
         default_measure=DEFAULT_MEASURE,
     )
 
