@@ -108,6 +108,7 @@ def test_a_job_that_learned_shows_the_same(fake: FakeService, browse: Browse) ->
     assert "right hand heading 6 14" in texts(page)
     assert f'data-maps="/jobs/{job.id}/reach.json"' in page
     assert browse(f"/jobs/{job.id}/reach.json?effector=right_foot").json()["effector"] == "right_foot"
+    assert [key in page for key in ('data-fact="measure"', 'data-fact="tried"')] == [True, False]
     other = fake.add_job(state="succeeded")
     assert browse(f"/jobs/{other.id}/reach.json").status_code == 404
 

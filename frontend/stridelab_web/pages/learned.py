@@ -18,6 +18,7 @@ from stridelab_web.words import words
 
 KIND: Final = "learn-reachability"
 FILE: Final = "reachability.json"
+IN_TABLE: Final = ("effectors.", "robot_sha256", "samples", "tried", "rejected_share", "learned_on")
 KEPT: Final = {"Cache-Control": "private, max-age=600"}
 
 
@@ -44,7 +45,7 @@ async def learned_of(client: AsyncClient, job_id: str, result: JobResult) -> dic
 
 def beside(facts: Sequence[Fact]) -> list[Fact]:
     """Those facts of such a job that the table of its densities does not say."""
-    return [fact for fact in facts if not fact.key.startswith(("effectors.", "robot_sha256"))]
+    return [fact for fact in facts if not fact.key.startswith(IN_TABLE)]
 
 
 async def reach(request: Request) -> Response:
