@@ -45,6 +45,12 @@ def test_the_simulated_robot_is_the_planned_one(name: str) -> None:
     built = build_simulation(robot, Terrain.of([]), 0.7, ("left_foot", "right_foot"))
     assert mujoco.mj_getTotalmass(built.model) == pytest.approx(robot.mass_kg, rel=1e-6)
     assert built.torque_limit_nm[built.moving_actuator] == pytest.approx(robot.model.effortLimit[6:])
+    for i, joint in enumerate(robot.joint_names):
+        assert not built.model.jnt_actfrclimited[built.model.joint(joint).id], (
+            "a limit of the URDF would hold beside the card's"
+        )
+        low, high = robot.model.lowerPositionLimit[7 + i], robot.model.upperPositionLimit[7 + i]
+        assert built.model.joint(joint).range == pytest.approx([low, high])
     soles = {
         robot.model.frames[robot.model.getFrameId(robot.effectors[f"{s}_foot"].frame)].parentJoint
         for s in ("left", "right")

@@ -69,10 +69,14 @@ def build_simulation(robot: Robot, terrain: Terrain, friction: float, effectors:
     spec.worldbody.first_body().add_freejoint(name="root")
     body_of = {joint.name: joint.parent.name for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_HINGE}
     inertia = dict(zip(robot.joint_names, robot.model.armature[6:], strict=True))
+    low_high = np.column_stack([robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:]])
+    limits = dict(zip(robot.joint_names, low_high.tolist(), strict=True))
     for joint in spec.joints:
         if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
             # the same as in the whole-body problem, or its torques would not fit
             joint.armature = inertia.get(joint.name, HELD_ARMATURE_KG_M2)
+            joint.range = limits.get(joint.name, joint.range)
+            joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE  # the card may say otherwise; torques are clipped
             spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     _add_terrain(spec, terrain, friction)
     _add_legs(spec, robot, body_of)
