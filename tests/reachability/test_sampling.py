@@ -1,5 +1,7 @@
 """The CoM in the effectors' frames, recomputed body by body; left and right mirror each other; the seed decides."""
 
+import gc
+import weakref
 from dataclasses import replace
 from itertools import islice
 
@@ -136,6 +138,19 @@ def test_the_hand_of_a_standing_robot_sees_the_com_in_the_heading_of_the_trunk(t
             r = com - (Placement(link.translation, link.rotation) @ effector.T_frame_contact).position_m
             expected = [r @ ahead, r @ np.cross([0.0, 0.0, 1.0], ahead), r[2]]
             np.testing.assert_allclose(cloud.com_m[name][a], expected, atol=1e-12)
+
+
+def test_a_stream_is_gone_with_its_last_reference(talos: Robot) -> None:
+    """The buffers of the collision check are large: those of a block must not wait for the garbage collector."""
+    gc.disable()
+    try:
+        stream = configurations(talos, "uniform", np.random.default_rng(0))
+        next(stream)
+        left = weakref.ref(stream)
+        del stream
+        assert left() is None
+    finally:
+        gc.enable()
 
 
 def test_an_unknown_effector_is_named(talos: Robot) -> None:

@@ -24,9 +24,10 @@ class UniformConfigurations(Iterator[Float[np.ndarray, "nq"]]):
 
     def __init__(self, robot: Robot, rng: np.random.Generator) -> None:
         self.tried = 0
-        self._robot, self._rng = robot, rng
+        self._robot = robot
         self._collision = SelfCollision.of(robot)
-        self._angles = self._drawn()
+        # of the limits only: a generator of our own methods would keep the collision buffers alive
+        self._angles = _drawn(robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:], rng)
 
     def __next__(self) -> Float[np.ndarray, "nq"]:
         """Next free configuration. Raises ``NotEstimable`` (``no-free-configuration``)."""
@@ -40,13 +41,15 @@ class UniformConfigurations(Iterator[Float[np.ndarray, "nq"]]):
             "no-free-configuration", f"{self._robot.title} touches itself in {PATIENCE} random configurations in a row."
         )
 
-    def _drawn(self) -> Iterator[Float[np.ndarray, "nj"]]:
-        """Angles of all joints within their limits, without end."""
-        lower, upper = self._robot.model.lowerPositionLimit[7:], self._robot.model.upperPositionLimit[7:]
-        while True:
-            yield from self._rng.uniform(lower, upper, (BATCH, len(lower)))
-
 
 def uniform_configurations(robot: Robot, rng: np.random.Generator) -> UniformConfigurations:
     """Configurations ``(nq,)`` of ``robot``, uniform within its joint limits and free of self-collision."""
     return UniformConfigurations(robot, rng)
+
+
+def _drawn(
+    lower: Float[np.ndarray, "nj"], upper: Float[np.ndarray, "nj"], rng: np.random.Generator
+) -> Iterator[Float[np.ndarray, "nj"]]:
+    """Angles of all joints within their limits, without end."""
+    while True:
+        yield from rng.uniform(lower, upper, (BATCH, len(lower)))
