@@ -67,7 +67,6 @@ def in_joint(name: str, pattern: str, replacement: str) -> str:
         (in_link("LARM_LINK2", 'mass value="[^"]*"', 'mass value="-1"'), "joint LARM_JOINT2", "mass -1 kg"),
         (in_link("LARM_LINK2", 'mass value="[^"]*"', 'mass value="heavy"'), "joint LARM_JOINT2", "mass 0 kg"),
         (in_link("LARM_LINK2", 'iyy="[^"]*"', 'iyy="-0.01"'), "joint LARM_JOINT2", "not positive"),
-        (in_link("LARM_LINK2", 'izz="[^"]*"', 'izz="9.0"'), "joint LARM_JOINT2", "no body has this inertia"),
         (in_joint("LLEG_JOINT3", 'lower="[^"]*"', 'lower="3.0"'), "joint LLEG_JOINT3", "from 3 to 2.61799"),
         (in_joint("LLEG_JOINT3", 'lower="[^"]*" upper="[^"]*"', ""), "joint LLEG_JOINT3", "from 0 to 0"),
         (in_joint("LARM_JOINT3", 'effort="[^"]*"', 'effort="0"'), "joint LARM_JOINT3", "effort limit is 0"),

@@ -48,7 +48,7 @@ def test_the_shipped_card() -> None:
         ('srdf = "talos_data/srdf/talos.srdf"', "", "reference.posture"),
         ('urdf = "talos_data/robots/', 'urdf = "../talos_data/robots/', "data.urdf"),
         ('srdf = "talos_data/', 'srdf = "/talos_data/', "data.srdf"),
-        ("[groups]", "[rotors.armature_kg_m2]\n'leg_.*' = 0.1\n[groups]", "rotors.armature_kg_m2"),
+        ("[groups]", "[rotors.armature_kg_m2]\n'leg_.*' = 0.0\n[groups]", "rotors.armature_kg_m2.leg_.*"),
         ("[groups]", "[limits.torque_nm]\nleg = -1.0\n[groups]", "limits.torque_nm.leg"),
         ("[groups]", "[limits.position_rad]\nleg = [0.2, 0.2]\n[groups]", "limits.position_rad.leg"),
         ("[groups]", "[limits.position_rad]\nleg = [0.2]\n[groups]", "limits.position_rad.leg[1]"),

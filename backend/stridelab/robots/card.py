@@ -53,7 +53,7 @@ class LimitsCard:
 
 @dataclass(frozen=True)
 class RotorsCard:
-    """Inertia of the rotors as the joints feel it (after the gears), by pattern of joint names; not beside an SRDF."""
+    """Inertia of the rotors as the joints feel it (after the gears), by pattern of joint names; before an SRDF's."""
 
     __pydantic_config__ = _STRICT
     armature_kg_m2: dict[str, float] = field(default_factory=dict)
@@ -170,8 +170,6 @@ def _faults(card: RobotCard) -> Iterator[Fault]:
             yield Fault(where, "the path must be relative, without '..'")
     if card.reference.posture is not None and card.data.srdf is None:
         yield Fault("reference.posture", "there is no SRDF that could hold a posture; give the angles in joints_rad")
-    if card.rotors.armature_kg_m2 and card.data.srdf is not None:
-        yield Fault("rotors.armature_kg_m2", "the SRDF states the rotors")
     yield from _bad_patterns(card)
     yield from _bad_limits(card)
     if not any(effector.kind == "surface" for effector in card.effectors.values()):

@@ -22,13 +22,14 @@ def full_model(urdf: Path) -> pin.Model:
 
 
 def read_srdf(model: pin.Model, srdf: Path) -> None:
-    """Give ``model`` the reference postures and the rotor inertias (as ``armature``) of an SRDF.
+    """Give ``model`` the reference postures of an SRDF and, where it states them, the rotor inertias (as ``armature``).
 
     Raises ``Unavailable`` (``robot-data-unreadable``).
     """
 
     def read() -> None:
-        pin.loadRotorParameters(model, str(srdf), False)
+        if tree(srdf).find("rotor_params") is not None:  # not every SRDF states them
+            pin.loadRotorParameters(model, str(srdf), False)
         pin.loadReferenceConfigurations(model, str(srdf), False)
 
     _read(srdf, read)
