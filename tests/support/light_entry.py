@@ -20,6 +20,7 @@ CALLS = [
     ("GET", "robots", None),
     ("GET", "robots/nao", None),
     ("GET", "robots/talos", None),
+    ("GET", "robots/talos/reachability?measure=uniform", None),
 ]
 
 
