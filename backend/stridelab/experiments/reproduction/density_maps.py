@@ -22,7 +22,7 @@ BANDS: Final = ("#eff3ff", "#d6e4f5", "#bdd7e7", "#94c4df", "#6baed6", "#4a97c9"
 """One hue that darkens: it reads in grey too."""
 MASS: Final = 0.95
 WIDTH: Final = 720
-_LABEL, _GAP, _TOP, _BOTTOM = 90.0, 34.0, 20.0, 34.0
+_LABEL, _GAP, _TOP, _BOTTOM = 116.0, 34.0, 20.0, 34.0
 _FONT: Final = 'font-family="sans-serif" font-size="11" fill="#222222"'
 
 
@@ -98,7 +98,7 @@ def _axes(along: int, grid: Grid, width: float, height: float) -> list[str]:
     ]
     for axis, pixels in ((right, width), (up, height)):
         values = grid.axis_m(axis)
-        for tick in 0.5 * np.arange(np.ceil(2 * values[0]), np.floor(2 * values[-1]) + 1):
+        for tick in 0.5 * np.arange(int(np.ceil(2 * values[0])), int(np.floor(2 * values[-1])) + 1):
             at = pixels * (tick - values[0]) / (values[-1] - values[0])
             place = f'x="{at:.1f}" y="12" text-anchor="middle"' if axis == right else f'x="-3" y="{4 - at:.1f}"'
             end = "" if axis == right else ' text-anchor="end"'
