@@ -82,7 +82,7 @@ class _Scene:
         model = robot.model
         geometry = pin.GeometryModel(robot.collision)
         geometry.removeAllCollisionPairs()
-        hulls = list(geometry.geometryObjects)
+        hulls = list(robot.collision.geometryObjects)  # those of the copy move when it grows
         joint_of = {name: model.frames[model.getFrameId(e.frame)].parentJoint for name, e in robot.effectors.items()}
         sole_of = {joint_of[name]: name for name, e in robot.effectors.items() if e.kind == "surface"}
         holding = {joint_of[name] for name, e in robot.effectors.items() if e.kind == "point"}
