@@ -83,7 +83,7 @@ LEARN_REACHABILITY = JobKind(
     run="stridelab.service.jobs.kinds.learn_reachability:run_in_child",
     stage=rows.stage_learn_reachability,
     timeout_s=900.0,
-    memory_mb=4096,
+    memory_mb=2048,
     lane="long",
 )
 
