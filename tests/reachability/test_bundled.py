@@ -142,6 +142,9 @@ def test_the_densest_place_over_a_sole_is_not_where_a_robot_stands(card: Reachab
 
 
 def test_given_that_the_robot_stands_the_com_is_high(talos: Robot) -> None:
+    """Uniform: half of it below 0.64 m."""
     cloud = sample_com(talos, ["left_foot"], 300, 0, "conditioned")
     low, median, high = np.percentile(cloud.com_m["left_foot"][:, 2], [5, 50, 95])
-    assert (low, median, high) == pytest.approx((0.56, 0.77, 0.94), abs=0.05)
+    assert low > 0.5
+    assert 0.7 < median < 0.9
+    assert high < 1.0
