@@ -9,14 +9,26 @@ import pytest
 
 from stridelab.contacts import shapes
 from stridelab.contacts.shapes import EffectorReach, effector_shapes
-from stridelab.errors import NotFound
+from stridelab.errors import InvalidInput, NotFound
+from stridelab.robots import card as cards
 
 CARD = """
+title = "Stick"
+licence = "none"
+base_frame = "stick"
+reference = {}
+groups = { leg = ".*" }
+
+[data]
+urdf = "stick.urdf"
+
 [effectors.left_foot]
+frame = "foot"
 kind = "surface"
 contact_half_size_m = [0.1, 0.05]
 
 [effectors.right_hand]
+frame = "hand"
 kind = "point"
 position_m = [0.0, 0.0, -0.1]
 """
@@ -31,7 +43,7 @@ def test_talos() -> None:
 
 @pytest.mark.parametrize("name", ["nao", "", "../robots/talos", "talos.toml"])
 def test_unknown_robots_are_told_the_known_ones(name: str) -> None:
-    with pytest.raises(NotFound, match=r"known robots: .*talos") as caught:
+    with pytest.raises(NotFound, match=r"there is g1, hrp2, talos") as caught:
         effector_shapes(name)
     assert caught.value.code == "robot-not-found"
 
@@ -43,11 +55,21 @@ def test_reach_comes_from_what_was_learned(tmp_path: Path, monkeypatch: pytest.M
     reach = {"com_low_m": [-1, -1, 0], "com_high_m": [1, 1, 2], "com_distance_max_m": 1.5}
     learned = {"effectors": {"left_foot": {"weights": [1.0], "reach": reach}, "right_hand": {"weights": [1.0]}}}
     (tmp_path / "reachability" / "stick" / "uniform.json").write_text(json.dumps(learned))
-    monkeypatch.setattr(shapes, "models_dir", lambda: tmp_path)
+    for module in (shapes, cards):
+        monkeypatch.setattr(module, "models_dir", lambda: tmp_path)
     stick = effector_shapes("stick")
     assert stick["left_foot"].reach == EffectorReach((-1.0, -1.0, 0.0), (1.0, 1.0, 2.0), 1.5)
     assert stick["left_foot"].half_size_m == (0.1, 0.05)
     assert stick["right_hand"].reach is None
+
+
+def test_a_broken_card_is_refused_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "robots").mkdir()
+    (tmp_path / "robots" / "twig.toml").write_text("title = ")
+    monkeypatch.setattr(cards, "models_dir", lambda: tmp_path)
+    with pytest.raises(InvalidInput, match="twig") as caught:
+        effector_shapes("twig")
+    assert caught.value.code == "robot-card-invalid"
 
 
 def test_nothing_heavy_is_loaded() -> None:

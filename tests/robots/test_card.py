@@ -43,6 +43,7 @@ def test_the_shipped_card() -> None:
         ('title = "TALOS"', "title = 3", "title"),
         ('title = "TALOS"', "", "title"),
         ('title = "TALOS"', 'title = "TALOS"\ncolour = "grey"', "colour"),
+        ('references = ["stasse2017talos"]', 'references = ["nobody2000"]', "references[0]"),
         ('package = "example_robot_data"', 'package = "example.robot-data"', "data.package"),
         ('posture = "half_sitting"', "posture = 1", "reference.posture"),
         ('srdf = "talos_data/srdf/talos.srdf"', "", "reference.posture"),

@@ -1,7 +1,6 @@
 """What the contact floor knows of a robot's effectors: plain numbers, read without loading the robot itself."""
 
 import json
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -9,8 +8,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
-from stridelab.errors import NotFound
 from stridelab.resources import models_dir
+from stridelab.robots.card import EffectorCard, robot_card
 
 Triple = tuple[float, float, float]
 
@@ -41,15 +40,12 @@ class EffectorShape:
 def effector_shapes(robot_name: str) -> Mapping[str, EffectorShape]:
     """Effectors of a robot by name, from ``models/robots`` and, where it was learned, ``models/reachability``.
 
-    Raises ``NotFound`` ("robot-not-found") for a name that has no file, naming those that have.
+    Raises ``NotFound`` ("robot-not-found") for a name that has no card, naming those that have, ``InvalidInput``
+    ("robot-card-invalid").
     """
-    known = {path.stem: path for path in sorted((models_dir() / "robots").glob("*.toml"))}
-    if robot_name not in known:
-        names = ", ".join(known) or "none"
-        raise NotFound("robot-not-found", f"there is no robot {robot_name!r}; known robots: {names}")
-    card = tomllib.loads(known[robot_name].read_text(encoding="utf-8"))
-    learned = _learned(models_dir() / "reachability" / known[robot_name].stem / "uniform.json")  # the widest measure
-    return MappingProxyType({name: _shape(entry, learned.get(name)) for name, entry in card["effectors"].items()})
+    card = robot_card(robot_name)
+    learned = _learned(models_dir() / "reachability" / robot_name / "uniform.json")  # the widest measure
+    return MappingProxyType({name: _shape(entry, learned.get(name)) for name, entry in card.effectors.items()})
 
 
 def _learned(path: Path) -> dict[str, EffectorReach]:
@@ -64,11 +60,8 @@ def _reach(entry: Mapping[str, Any]) -> EffectorReach:
     return EffectorReach(low, high, float(entry["com_distance_max_m"]))
 
 
-def _shape(entry: Mapping[str, Any], reach: EffectorReach | None) -> EffectorShape:
-    if entry["kind"] == "point":
-        return EffectorShape("point", None, reach)
-    x, y = entry["contact_half_size_m"]
-    return EffectorShape("surface", (float(x), float(y)), reach)
+def _shape(effector: EffectorCard, reach: EffectorReach | None) -> EffectorShape:
+    return EffectorShape(effector.kind, effector.contact_half_size_m, reach)
 
 
 def _triple(values: Any) -> Triple:

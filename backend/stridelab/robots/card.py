@@ -90,7 +90,10 @@ class EffectorCard:
 
 @dataclass(frozen=True)
 class RobotCard:
-    """A whole card. What names several joints, geometries or links is a pattern, to be matched in full."""
+    """A whole card. What names several joints, geometries or links is a pattern, to be matched in full.
+
+    ``references`` are keys of ``models/references.bib``, which results name beside those of the methods.
+    """
 
     __pydantic_config__ = _STRICT
     title: str
@@ -100,6 +103,7 @@ class RobotCard:
     reference: ReferenceCard
     groups: dict[Literal["leg", "torso", "arm", "head"], str]
     effectors: dict[str, EffectorCard]
+    references: tuple[str, ...] = ()
     locked_joints: tuple[str, ...] = ()
     limits: LimitsCard = LimitsCard()
     rotors: RotorsCard = RotorsCard()
@@ -108,7 +112,7 @@ class RobotCard:
     def canonical(self) -> bytes:
         """What of the card makes a difference to the robot, whatever the file's layout: JSON with sorted keys."""
         data = TypeAdapter(RobotCard).dump_python(
-            self, mode="json", exclude={"title", "licence"}, exclude_defaults=True
+            self, mode="json", exclude={"title", "licence", "references"}, exclude_defaults=True
         )
         return json.dumps(data, sort_keys=True, separators=(",", ":")).encode()
 
@@ -170,6 +174,10 @@ def _faults(card: RobotCard) -> Iterator[Fault]:
             yield Fault(where, "the path must be relative, without '..'")
     if card.reference.posture is not None and card.data.srdf is None:
         yield Fault("reference.posture", "there is no SRDF that could hold a posture; give the angles in joints_rad")
+    literature = (models_dir() / "references.bib").read_text(encoding="utf-8") if card.references else ""
+    for i, key in enumerate(card.references):
+        if f"{{{key}," not in literature:
+            yield Fault(f"references[{i}]", f"models/references.bib has no entry {key!r}")
     yield from _bad_patterns(card)
     yield from _bad_limits(card)
     if not any(effector.kind == "surface" for effector in card.effectors.values()):

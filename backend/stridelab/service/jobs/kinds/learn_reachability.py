@@ -13,6 +13,7 @@ from typing import Final
 from stridelab.reachability.card import EffectorCard, ReachabilityCard
 from stridelab.reachability.learning import Learned, learn
 from stridelab.reachability.store import save, save_cloud, text
+from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Remark
@@ -37,7 +38,6 @@ REFERENCES: Final = (
     "scott1992density",
     "pedregosa2011sklearn",
 )
-ROBOT_REFERENCES: Final = {"talos": "stasse2017talos"}
 
 
 def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
@@ -75,9 +75,8 @@ def run(task: LearnReachabilityTask, folder: Path, progress: ProgressCallback) -
         effectors={name: _learned(effector) for name, effector in card.effectors.items()},
         warnings=list(_warnings(card)),
     )
-    robot_reference = ROBOT_REFERENCES.get(robot.name)
     progress(1.0, "done")
-    references = (*REFERENCES, *([robot_reference] if robot_reference else []))
+    references = (*REFERENCES, *robot_card(robot.name).references)
     return Outcome(summary.model_dump(mode="json"), references, artifacts)
 
 
