@@ -18,7 +18,7 @@ from pydantic import TypeAdapter
 from stridelab.experiments.climbing_cases import climbing_cases
 from stridelab.experiments.climbing_grid import CaseResult, GridReport, run_grid
 from stridelab.reachability.card import Measure
-from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.proxy import Proxy
 from stridelab.reachability.store import load_proxies, read
 from stridelab.robots.loader import load_robot
 
@@ -60,12 +60,12 @@ def grid(densities: str, folder: Path, processes: int, *, anew: bool = False) ->
     return GridReport(label, tuple(known[case.name] for case in cases))
 
 
-def proxies(densities: str) -> Mapping[str, Mixture]:
+def proxies(densities: str) -> Mapping[str, Proxy]:
     """Densities of a card in a file, or those that come with the package."""
     for measure in get_args(Measure):
         if measure == densities:
             return load_proxies(ROBOT, measure)
-    return {name: effector.mixture() for name, effector in read(Path(densities)).effectors.items()}
+    return {name: effector.proxy() for name, effector in read(Path(densities)).effectors.items()}
 
 
 def table(reports: list[GridReport]) -> str:

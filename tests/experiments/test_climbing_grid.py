@@ -14,6 +14,7 @@ from stridelab.contacts.validation import check
 from stridelab.experiments.climbing_cases import FAST, FLIGHTS, RAILS, Case, Flight, climbing_cases, up
 from stridelab.experiments.climbing_grid import CaseResult, GridReport, Proxies, attempt, run_grid
 from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.proxy import Proxy
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.schemas.scenarios import Scenario
@@ -45,7 +46,7 @@ def feet_at(height_m: float, sd_m: float) -> Proxies:
     """One normal density for both feet: the CoM so high above each, between them."""
     covariance = np.diag([0.2, 0.15, sd_m])[None] ** 2
     return {
-        name: Mixture(np.ones(1), np.array([[0.0, side * 0.09, height_m]]), covariance)
+        name: Proxy(Mixture(np.ones(1), np.array([[0.0, side * 0.09, height_m]]), covariance))
         for name, side in (("left_foot", -1), ("right_foot", 1))
     }
 

@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from stridelab.contacts.stairs import Timing, flat_walk
 from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.proxy import Proxy
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 
@@ -31,9 +32,9 @@ def walk_of(robot: Robot, steps: int, step_m: float, timing: Timing) -> dict[str
     return scenario
 
 
-def one_normal(robot: Robot) -> Mapping[str, Mixture]:
+def one_normal(robot: Robot) -> Mapping[str, Proxy]:
     """One wide normal density per foot, about where the CoM is in the reference posture, in place of learned ones."""
     h = com_height_m(robot)
     covariance = np.diag([0.23 * h, 0.17 * h, 0.12 * h]) ** 2
     mean = np.array([[0.0, 0.0, 0.95 * h]])
-    return {name: Mixture(np.ones(1), mean, covariance[None]) for name in ("left_foot", "right_foot")}
+    return {name: Proxy(Mixture(np.ones(1), mean, covariance[None])) for name in ("left_foot", "right_foot")}

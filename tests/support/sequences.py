@@ -6,6 +6,7 @@ from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.dynamics.placement import Placement
 from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.proxy import Proxy
 from stridelab.robots.robot import Effector
 
 MASS_KG = 90.0
@@ -94,3 +95,4 @@ MIXTURES = {
     "right_foot": foot_mixture("right"),
     "right_hand": hand_mixture(),
 }
+PROXIES = {name: Proxy(mixture) for name, mixture in MIXTURES.items()}

@@ -13,6 +13,7 @@ from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.stairs import Timing, flat_walk
 from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.proxy import Proxy
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.controller import WholeBodyController
@@ -28,11 +29,11 @@ def talos() -> Robot:
 
 
 @pytest.fixture(scope="session")
-def proxies() -> Mapping[str, Mixture]:
+def proxies() -> Mapping[str, Proxy]:
     """One normal density per foot: the CoM half a metre to one metre above it."""
     covariance = np.diag([0.2, 0.15, 0.1]) ** 2
     mean = np.array([[0.0, 0.0, 0.8]])
-    return {name: Mixture(np.ones(1), mean, covariance[None]) for name in ("left_foot", "right_foot")}
+    return {name: Proxy(Mixture(np.ones(1), mean, covariance[None])) for name in ("left_foot", "right_foot")}
 
 
 @pytest.fixture(scope="session")
@@ -43,7 +44,7 @@ def swaying(talos: Robot) -> tuple[CentroidalPlan, WholeBodyMotion]:
 
 
 @pytest.fixture(scope="session")
-def two_steps(talos: Robot, proxies: Mapping[str, Mixture]) -> tuple[ContactSequence, CentroidalPlan, WholeBodyMotion]:
+def two_steps(talos: Robot, proxies: Mapping[str, Proxy]) -> tuple[ContactSequence, CentroidalPlan, WholeBodyMotion]:
     """Two steps of 0.2 m on level ground."""
     scenario = flat_walk(2, 0.2, Timing(0.8, 0.6, 0.2))
     sequence = sequence_of(scenario, effector_shapes("talos"))

@@ -12,6 +12,7 @@ from stridelab.contacts.terrain import Box, Rail, Terrain
 from stridelab.conventions import Vector3
 from stridelab.dynamics.placement import Placement
 from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.proxy import Proxy
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate import Certificate, Check
 from stridelab.wholebody.certify import certify
@@ -26,7 +27,7 @@ def check(certificate: Certificate, name: str) -> Check:
 
 
 @pytest.fixture(scope="module")
-def good(talos: Robot, two_steps: TwoSteps, proxies: Mapping[str, Mixture]) -> Certificate:
+def good(talos: Robot, two_steps: TwoSteps, proxies: Mapping[str, Proxy]) -> Certificate:
     sequence, plan, motion = two_steps
     return certify(talos, sequence, plan, proxies, motion)
 
@@ -140,11 +141,11 @@ def test_nan_passes_nothing(talos: Robot, two_steps: TwoSteps) -> None:
 
 
 def test_a_com_where_no_posture_had_it_is_noticed(
-    talos: Robot, two_steps: TwoSteps, proxies: Mapping[str, Mixture], good: Certificate
+    talos: Robot, two_steps: TwoSteps, proxies: Mapping[str, Proxy], good: Certificate
 ) -> None:
     sequence, plan, motion = two_steps
-    p = proxies["left_foot"]
-    far = Mixture(p.weights, p.means_m + 0.9, p.covariances_m2)
+    p = proxies["left_foot"].mixture
+    far = Proxy(Mixture(p.weights, p.means_m + 0.9, p.covariances_m2))
     found = check(certify(talos, sequence, plan, {**proxies, "left_foot": far}, motion), "reachability_log_density_min")
     assert not found.passed
     assert found.effector == "left_foot"

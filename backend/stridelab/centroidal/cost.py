@@ -45,8 +45,8 @@ def _densities(problem: CentroidalProblem, motion: Motion) -> dict[str, float]:
         for name, contact in phase.contacts.items():
             if name not in problem.proxies:
                 continue
-            logp = problem.proxies[name].log_density(
-                contact.placement.inverse().act(motion.com_m[intervals[0] : intervals[-1] + 2])
-            )
+            com_m = motion.com_m[intervals[0] : intervals[-1] + 2]
+            heading_rad = float(problem.sequence.headings_rad[i])
+            logp = problem.proxies[name].log_density(com_m, contact.placement, heading_rad)
             sums[name] = sums.get(name, 0.0) - float(seconds @ (logp[:-1] + logp[1:]))
     return sums

@@ -19,8 +19,8 @@ from stridelab.centroidal.layout import Layout
 from stridelab.centroidal.likelihood import likelihood
 from stridelab.centroidal.problem import CentroidalProblem, Grid
 from stridelab.centroidal.sparse import Blocks, Triangle, constant, scatter
-from stridelab.contacts.sequence import Contact
 from stridelab.conventions import GRAVITY_M_S2, Series, Vector3
+from stridelab.dynamics.placement import Placement
 
 SCALE = 1e-2
 """Brings the objective's gradient near that of the constraints."""
@@ -40,10 +40,10 @@ class Objective:
 
 @dataclass(frozen=True, eq=False)
 class Visit:
-    """A node at which an effector touches, and the seconds of the integral that it stands for."""
+    """A node at which an effector touches, its proxy's frame, and the seconds of the integral that it stands for."""
 
     node: int
-    contact: Contact
+    frame: Placement
     seconds: float
 
 
@@ -75,10 +75,10 @@ def objective(problem: CentroidalProblem, grid: Grid, layout: Layout, origin_m: 
         M = len(touched)
         of_c = layout.state[[visit.node for visit in touched], None] + np.arange(3)
         C = ca.reshape(w[of_c.ravel().tolist()], 3, M)
-        p = np.array([visit.contact.placement.position_m - origin_m for visit in touched]).T
-        R = np.array([visit.contact.placement.rotation.ravel(order="F") for visit in touched]).T
+        p = np.array([visit.frame.position_m - origin_m for visit in touched]).T
+        R = np.array([visit.frame.rotation.ravel(order="F") for visit in touched]).T
         seconds = weights.likelihood * np.array([[visit.seconds for visit in touched]])
-        part = likelihood(problem.proxies[name])
+        part = likelihood(problem.proxies[name].mixture)
         value += ca.dot(seconds, part.value.map(M)(C, p, R))
         gradient += scatter(of_c, layout.n) @ ca.vec(part.gradient.map(M)(C, p, R) * np.repeat(seconds, 3, axis=0))
         H.add_blocks(of_c, part.curvature.map(M)(C, p, R, theta) * np.kron(seconds, np.ones((3, 3))))
@@ -103,8 +103,9 @@ def visits(problem: CentroidalProblem, grid: Grid, effector: str) -> list[Visit]
         seconds: Series = np.zeros(len(intervals) + 1)
         seconds[:-1] += grid.step_s[intervals] / 2
         seconds[1:] += grid.step_s[intervals] / 2
-        first = int(intervals[0])
-        found += [Visit(first + k, phase.contacts[effector], float(s)) for k, s in enumerate(seconds)]
+        first, heading_rad = int(intervals[0]), float(problem.sequence.headings_rad[i])
+        frame = problem.proxies[effector].placement(phase.contacts[effector].placement, heading_rad)
+        found += [Visit(first + k, frame, float(s)) for k, s in enumerate(seconds)]
     return found
 
 

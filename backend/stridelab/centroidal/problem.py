@@ -19,7 +19,7 @@ from jaxtyping import Float, Int
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.conventions import GRAVITY_M_S2, Points, Series, Vector3
 from stridelab.errors import Fault, InvalidInput
-from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.proxy import Proxy
 from stridelab.robots.robot import Effector
 
 NODES_PER_PHASE_MIN = 2
@@ -61,7 +61,7 @@ class CentroidalProblem:
     sequence: ContactSequence
     mass_kg: float
     effectors: Mapping[str, Effector]
-    proxies: Mapping[str, Mixture]
+    proxies: Mapping[str, Proxy]
     com_start_m: Vector3
     com_end_m: Vector3
     weights: Weights = Weights()

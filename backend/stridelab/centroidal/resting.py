@@ -7,14 +7,14 @@ import pinocchio as pin
 
 from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.proxy import Proxy
 from stridelab.robots.robot import Robot
 
 BEND_M: Final = 0.017
 """The CoM stands this much below that of the reference posture, where the knees leave more room upwards."""
 
 
-def from_rest_to_rest(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Mixture]) -> CentroidalProblem:
+def from_rest_to_rest(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Proxy]) -> CentroidalProblem:
     """``sequence`` with the CoM over the soles' mean at both ends.
 
     Raises ``InvalidInput`` as ``CentroidalProblem`` and ``standing_com_m`` do.

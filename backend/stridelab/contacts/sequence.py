@@ -68,6 +68,18 @@ class ContactSequence:
         """All effectors that touch anything, in the order of their first contact."""
         return tuple(dict.fromkeys(name for phase in self.phases for name in phase.contacts))
 
+    @cached_property
+    def headings_rad(self) -> Series:
+        """Where the trunk looks in every phase ``(n_phases,)``, unwrapped: the mean yaw of the soles.
+
+        Of a sole in the air counts the contact that it has left, before its first one that; 0 where there is no sole.
+        """
+        found: list[float] = []
+        for phase in range(len(self.phases)):
+            places = [self.last_contact(name, phase) or self.next_contact(name, phase) for name in self.effectors]
+            found.append(_mean_yaw([c for c in places if c is not None and c.kind == "surface"]))
+        return np.unwrap(found)
+
     def phase_at(self, time_s: float) -> int:
         """Index of the phase at ``time_s``; a boundary belongs to the phase that begins there."""
         found = int(np.searchsorted(self.ends_s, time_s, side="right"))
@@ -80,3 +92,8 @@ class ContactSequence:
     def next_contact(self, effector: str, phase: int) -> Contact | None:
         """The contact that ``effector`` has in ``phase``, or the first one that it will have after."""
         return next((p.contacts[effector] for p in self.phases[phase:] if effector in p.contacts), None)
+
+
+def _mean_yaw(contacts: list[Contact]) -> float:
+    ahead = np.sum([contact.placement.rotation[:2, 0] for contact in contacts], axis=0) if contacts else (1.0, 0.0)
+    return float(np.arctan2(ahead[1], ahead[0]))

@@ -25,7 +25,7 @@ from stridelab.contacts.scenario_json import sequence_of
 from stridelab.contacts.shapes import effector_shapes
 from stridelab.errors import StridelabError
 from stridelab.experiments.climbing_cases import Case, Kind
-from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.proxy import Proxy
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate import Check
 from stridelab.wholebody.certify import certify
@@ -36,7 +36,7 @@ Stage = Literal["scenario", "plan", "whole body", "certificate", "crash"]
 STAGES: Final[tuple[Stage, ...]] = ("scenario", "plan", "whole body", "certificate", "crash")
 """Where a case can fail; ``crash`` is a process that ended without an answer."""
 
-Proxies = Mapping[str, Mixture]
+Proxies = Mapping[str, Proxy]
 
 
 @dataclass(frozen=True)

@@ -7,13 +7,12 @@ import numpy as np
 from pydantic import ConfigDict
 
 from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.proxy import Frame, Proxy
 
 _STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 Measure = Literal["uniform", "conditioned"]
 """How postures are drawn: uniform within the joint limits, as in the thesis, or so given that the robot stands."""
-Frame = Literal["contact", "heading"]
-"""The contact frame of the effector, or its heading frame: at the contact, z up, x the heading of the trunk."""
 Triple = tuple[float, float, float]
 Matrix = tuple[Triple, Triple, Triple]
 
@@ -80,6 +79,10 @@ class EffectorCard:
     def mixture(self) -> Mixture:
         """The density. Raises ``InvalidInput`` (``mixture-invalid``) for a card that ``store`` did not check."""
         return Mixture(np.array(self.weights), np.array(self.means), np.array(self.covariances))
+
+    def proxy(self) -> Proxy:
+        """The density in its frame. Raises as ``mixture``."""
+        return Proxy(self.mixture(), self.frame)
 
 
 @dataclass(frozen=True)

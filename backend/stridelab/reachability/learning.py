@@ -27,7 +27,6 @@ from stridelab.conventions import Points, Vector3
 from stridelab.errors import Fault, InvalidInput
 from stridelab.reachability.card import (
     EffectorCard,
-    Frame,
     Measure,
     PairReach,
     Reach,
@@ -39,6 +38,7 @@ from stridelab.reachability.density import KernelDensity
 from stridelab.reachability.divergence import Divergence, divergences
 from stridelab.reachability.mixture import Mixture
 from stridelab.reachability.processes import in_order, worthwhile
+from stridelab.reachability.proxy import Frame
 from stridelab.reachability.sampling import ComCloud, Progress, require_effectors, sample_com
 from stridelab.robots.robot import Robot
 

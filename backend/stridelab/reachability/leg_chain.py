@@ -1,21 +1,35 @@
-"""Forward kinematics of one leg for many configurations at once.
+"""Kinematics of one leg for many configurations at once, forwards and backwards.
 
     T_base_contact(q) = prod_j A_j exp([a_j] q_j)  .  E
 
 with ``A_j`` the fixed placement of joint ``j`` in its parent, ``a_j`` its axis and ``E`` the contact frame in the
-last joint.
+last joint. Backwards, damped Gauss-Newton steps (Nakamura and Hanafusa 1986) that never leave the joint limits:
+
+    q <- clip(q + (J^T J + d I)^-1 J^T e),     e = (p* - p, log(R* R^T))
 """
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.conventions import Points, Rotation, Series, Vector3
+from stridelab.conventions import Mask, Points, Rotation, Series, Vector3
 from stridelab.errors import Fault, NotEstimable
 
 Rotations = Float[np.ndarray, "n 3 3"]
+Angles = Float[np.ndarray, "n j"]
+
+TOLERANCE: Final = 1e-6
+"""Largest error (m, rad) of a leg that is placed."""
+DAMPING: Final = 1e-6
+STEP_RAD: Final = 0.6
+STEPS: Final = 25
+PATIENCE: Final = 12
+"""After so many steps a leg that is still ``FAR`` off is given up: most that cannot reach are."""
+FAR: Final = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,20 +68,73 @@ class LegChain:
         """Where the chain's angles stand in ``q``."""
         return tuple(joint.index for joint in self.joints)
 
-    def draw(self, n: int, rng: np.random.Generator) -> Float[np.ndarray, "n j"]:
-        """Angles uniform within the limits."""
-        lower, upper = zip(*((joint.lower_rad, joint.upper_rad) for joint in self.joints), strict=True)
-        return rng.uniform(lower, upper, (n, len(self.joints)))
+    @property
+    def lower_rad(self) -> Float[np.ndarray, "j"]:
+        """Lower limits."""
+        return np.array([joint.lower_rad for joint in self.joints])
 
-    def placed(self, angles_rad: Float[np.ndarray, "n j"]) -> tuple[Points, Rotations]:
+    @property
+    def upper_rad(self) -> Float[np.ndarray, "j"]:
+        """Upper limits."""
+        return np.array([joint.upper_rad for joint in self.joints])
+
+    def draw(self, n: int, rng: np.random.Generator) -> Angles:
+        """Angles uniform within the limits."""
+        return rng.uniform(self.lower_rad, self.upper_rad, (n, len(self.joints)))
+
+    def placed(self, angles_rad: Angles) -> tuple[Points, Rotations]:
         """Position and rotation of the contact frame in the base's joint frame."""
+        p, R, _, _ = self._forward(angles_rad)
+        return p, R
+
+    def span_m(self, angles_rad: Angles, first: int, last: int) -> Series:
+        """Distance between the origins of two joints of the chain, counted from the base, from the end if negative."""
+        _, _, origins, _ = self._forward(angles_rad)
+        return np.asarray(np.linalg.norm(origins[last] - origins[first], axis=1))
+
+    def reach(self, p_m: Points, R: Rotations, start_rad: Angles) -> tuple[Angles, Mask]:
+        """Angles that place the contact frame at ``(p_m, R)`` in the base, from ``start_rad`` on, and where they do."""
+        angles, reached = start_rad.copy(), np.zeros(len(p_m), dtype=bool)
+        left = np.arange(len(p_m))
+        for step in range(STEPS):
+            p, R_here, origins, axes = self._forward(angles[left])
+            e = np.hstack([p_m[left] - p, _rotation_vector(R[left] @ R_here.swapaxes(1, 2))])
+            error = np.abs(e).max(axis=1)
+            reached[left] = error < TOLERANCE
+            going = (error >= TOLERANCE) & ((error < FAR) | (step < PATIENCE))
+            left, e, p = left[going], e[going], p[going]
+            if not len(left):
+                break
+            axes = axes[:, going]
+            arms = np.cross(axes, p - origins[:, going])
+            J = np.concatenate([arms, axes], axis=2).transpose(1, 2, 0)
+            H = J.swapaxes(1, 2) @ J + DAMPING * np.eye(len(self.joints))
+            dq = np.linalg.solve(H, J.swapaxes(1, 2) @ e[..., None])[..., 0]
+            angles[left] = np.clip(angles[left] + np.clip(dq, -STEP_RAD, STEP_RAD), self.lower_rad, self.upper_rad)
+        return angles, reached
+
+    def _forward(
+        self, angles_rad: Angles
+    ) -> tuple[Points, Rotations, Float[np.ndarray, "j n 3"], Float[np.ndarray, "j n 3"]]:
+        """The contact frame, and the origins and axes of the joints, all in the base's joint frame."""
         n = len(angles_rad)
         R = np.broadcast_to(np.eye(3), (n, 3, 3))
         p = np.zeros((n, 3))
-        for joint, angle in zip(self.joints, angles_rad.T, strict=True):
+        origins, axes = np.empty((2, len(self.joints), n, 3))
+        for k, (joint, angle) in enumerate(zip(self.joints, angles_rad.T, strict=True)):
             p = p + R @ joint.p
-            R = R @ (joint.R @ _turned(joint.axis_cross, angle))
-        return p + R @ self.p_end, np.asarray(R @ self.R_end)
+            R = R @ joint.R
+            origins[k], axes[k] = p, R @ _axis(joint)
+            R = R @ _turned(joint.axis_cross, angle)
+        return p + R @ self.p_end, np.asarray(R @ self.R_end), origins, axes
+
+
+def _axis(joint: Joint) -> Vector3:
+    return np.array([joint.axis_cross[2, 1], joint.axis_cross[0, 2], joint.axis_cross[1, 0]])
+
+
+def _rotation_vector(R: Rotations) -> Points:
+    return np.asarray(ScipyRotation.from_matrix(R).as_rotvec()) if len(R) else np.zeros((0, 3))
 
 
 def _turned(axis_cross: Rotation, angle_rad: Series) -> Rotations:

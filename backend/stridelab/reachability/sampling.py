@@ -22,8 +22,9 @@ from jaxtyping import Float
 
 from stridelab.conventions import Points
 from stridelab.errors import Fault, NotFound
-from stridelab.reachability.card import Frame, Measure
+from stridelab.reachability.card import Measure
 from stridelab.reachability.processes import in_order, worthwhile
+from stridelab.reachability.proxy import Frame
 from stridelab.reachability.standing import StandingConfigurations
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Effector, Robot

@@ -1,138 +1,173 @@
-"""The measure ``conditioned``: uniform configurations, given that the robot stands.
+"""The measure ``conditioned``: where a standing robot's base and limbs can be, conditioned through inverse kinematics.
 
-Of the uniform measure most postures are folded: the densest place of TALOS' CoM lies 0.13 m above the sole. Here the
-same measure is conditioned on an event ``E`` that concerns the legs only (``Stance``): the base is upright over every
-sole, and the soles lie to each other as in a step. The law is exactly p(q | E, no self-collision), in three stages of
-rejection, each of which throws away only what cannot be in ``E``:
+Uniform angles of the joints are mostly folded postures: the densest place of TALOS' CoM lies 0.13 m above the sole and
+half a metre behind it. Here what is uniform is what a planner chooses: the place of the second sole, the pose of the
+base over the two and the joints that are not in the legs. The legs follow by inverse kinematics, and a posture counts
+if it is in the event ``E`` (``Stance``), within the joint limits and free of collision with itself and with a step:
 
-    each leg by itself, until the base is upright over its sole    (the joints are independent)
-    all legs together, until ``E`` holds
-    the other joints, until nothing collides; else the legs are drawn anew too
+    p_2, p_base, R_base, q_rest ~ U,    q_leg = IK(T_base^-1 T_sole),    kept if E and free
+
+The first sole is the world's origin, its normal the vertical.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from itertools import permutations
 from typing import Final
 
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
+from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.conventions import Mask, Points
+from stridelab.conventions import Mask, Points, Vector3
 from stridelab.errors import Fault, NotEstimable
 from stridelab.reachability.leg_chain import LegChain, Rotations
+from stridelab.reachability.stance import Stance, about
+from stridelab.reachability.step_clearance import StepClearance
 from stridelab.robots.collision import SelfCollision
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 
-BATCH: Final = 20_000
-"""Leg postures drawn at once."""
+BATCH: Final = 5000
+"""Stances drawn at once."""
 BATCHES_PATIENCE: Final = 200
 """Batches without any stance before the robot is said to have none."""
 PATIENCE: Final = 10_000
 """Stances tried in a row before the robot is said to have none that is free."""
+LENGTH_DRAWS: Final = 4096
+BASE_LOW: Final = (-0.6, -0.5, 0.3)
+"""The box of the middle of the hips over the middle of the soles, in leg lengths along the heading; no leg reaches
+beyond its top, and hardly a stance beyond its sides."""
+BASE_HIGH: Final = (0.6, 0.5, 1.0)
+STEP_DEPTH: Final = 0.75
+"""Size of the step, in leg lengths."""
+
+Configurations = Float[np.ndarray, "n nq"]
 
 
-@dataclass(frozen=True)
-class Stance:
-    """The event ``E``. Every condition holds seen from each sole, so that no foot is preferred.
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """One leg. ``hip_m`` is the origin of its first joint in the base; ``longest_m`` its longest span hip to ankle."""
 
-    ``upright_deg`` bounds the angle between the base's z axis and the normal of each sole, and between the normals;
-    ``turned_deg`` the heading of one sole in another; ``ahead_m``, ``above_m`` and ``aside_m`` (least, most; on the
-    side on which the reference posture has it) where the other sole is.
-    """
+    chain: LegChain
+    hip_m: Vector3
+    length_m: float
+    longest_m: float
+    start_rad: Float[np.ndarray, "j"]
+    step: StepClearance
 
-    upright_deg: float = 20.0
-    turned_deg: float = 35.0
-    ahead_m: float = 0.7
-    above_m: float = 0.25
-    aside_m: tuple[float, float] = (0.12, 0.5)
-
-    def upright(self, R_base_sole: Rotations) -> Mask:
-        """Whether the base stands upright over one sole."""
-        return np.asarray(R_base_sole[:, 2, 2] >= np.cos(np.radians(self.upright_deg)))
-
-    def stepped(self, p: Points, R: Rotations, side: float) -> Mask:
-        """Whether a sole placed at ``(p, R)`` in another one is where a step may put it; ``side`` is +1 to the left."""
-        heading = np.arctan2(R[:, 1, 0], R[:, 0, 0])
-        least, most = self.aside_m
-        return np.asarray(
-            (R[:, 2, 2] >= np.cos(np.radians(self.upright_deg)))
-            & (np.abs(heading) <= np.radians(self.turned_deg))
-            & (np.abs(p[:, 0]) <= self.ahead_m)
-            & (np.abs(p[:, 2]) <= self.above_m)
-            & (side * p[:, 1] >= least)
-            & (side * p[:, 1] <= most)
-        )
+    def extension(self, angles_rad: Float[np.ndarray, "n j"]) -> Float[np.ndarray, "n"]:
+        """Distance from the third joint to the last but one, over the longest."""
+        return self.chain.span_m(angles_rad, 2, -2) / self.longest_m
 
 
 class StandingConfigurations(Iterator[Float[np.ndarray, "nq"]]):
     """An endless stream of configurations of a standing robot; ``tried`` counts stances, also those that collide.
 
-    The base stays where it is in the reference posture. Raises ``NotEstimable`` (``measure-unavailable``) for a robot
-    without two soles on legs of their own.
+    Raises ``NotEstimable`` (``measure-unavailable``) for a robot without two soles on legs of their own.
     """
 
     def __init__(self, robot: Robot, rng: np.random.Generator, stance: Stance | None = None) -> None:
         self.tried = 0
         self._robot, self._rng, self._stance = robot, rng, stance or Stance()
-        self._legs, self._sides = _legs(robot)
-        self._columns = [column for leg in self._legs.values() for column in leg.columns]
         self._collision = SelfCollision.of(robot)
+        self._model, frames = with_contact_frames(robot)
+        self._data = self._model.createData()
+        self._legs, self._side = _legs(robot, self._model, frames, self._stance)
+        self.leg_length_m = float(np.mean([leg.length_m for leg in self._legs]))
         self._stances = self._drawn()
 
     def __next__(self) -> Float[np.ndarray, "nq"]:
         """Next configuration. Raises ``NotEstimable`` (``no-free-configuration``)."""
-        model = self._robot.model
-        q = self._robot.q_reference.copy()
+        step_m = self._stance.step * self.leg_length_m
         for _ in range(PATIENCE):
-            legs = next(self._stances)
-            q[7:] = self._rng.uniform(model.lowerPositionLimit[7:], model.upperPositionLimit[7:])
-            q[self._columns] = legs
+            q = next(self._stances)
+            height_m = self._rng.uniform(0.0, step_m)
             self.tried += 1
-            if not self._collision.found(q):
+            if self._collision.found(q):
+                continue
+            pin.framesForwardKinematics(self._model, self._data, q)
+            if all(leg.step.clear(self._data, height_m) for leg in self._legs):
                 return q
         raise NotEstimable(
-            "no-free-configuration", f"{self._robot.title} touches itself in {PATIENCE} random stances in a row."
+            "no-free-configuration", f"{self._robot.title} touches itself or a step in {PATIENCE} stances in a row."
         )
 
-    def _drawn(self) -> Iterator[Float[np.ndarray, "j"]]:
-        """Angles of all legs in ``E``."""
+    def _drawn(self) -> Iterator[Float[np.ndarray, "nq"]]:
+        """Configurations in ``E``, whether or not they are free."""
         empty = 0
         while empty < BATCHES_PATIENCE:
-            legs = {name: self._upright(leg) for name, leg in self._legs.items()}
-            n = min(len(angles) for angles, _, _ in legs.values())
-            kept = np.ones(n, dtype=bool)
-            for (first, second), side in self._sides.items():
-                (_, p1, R1), (_, p2, R2) = legs[first], legs[second]
-                R1_inv = R1[:n].swapaxes(1, 2)
-                p = (R1_inv @ (p2[:n] - p1[:n])[..., None])[..., 0]
-                kept &= self._stance.stepped(p, R1_inv @ R2[:n], side)
-            yield from np.hstack([angles[:n][kept] for angles, _, _ in legs.values()])
-            empty = 0 if kept.any() else empty + 1
-        raise NotEstimable("no-free-configuration", f"{self._robot.title} never stands in random configurations.")
+            q = self._batch(BATCH)
+            yield from q
+            empty = 0 if len(q) else empty + 1
+        raise NotEstimable("no-free-configuration", f"{self._robot.title} never stands in random stances.")
 
-    def _upright(self, leg: LegChain) -> tuple[Float[np.ndarray, "n j"], Points, Rotations]:
-        angles = leg.draw(BATCH, self._rng)
-        p, R = leg.placed(angles)
-        kept = self._stance.upright(R)
-        return angles[kept], p[kept], R[kept]
+    def _batch(self, n: int) -> Configurations:
+        """Those of ``n`` drawn stances that are in ``E``."""
+        model, rng, E, length_m = self._robot.model, self._rng, self._stance, self.leg_length_m
+        second, turn = E.drawn_soles(n, self._side, rng)
+        R_second = about(2, turn)
+        heading = about(2, turn / 2)
+        R_base = E.drawn_bases(turn / 2, rng)
+        hips = length_m * ((heading @ rng.uniform(BASE_LOW, BASE_HIGH, (n, 3))[..., None])[..., 0] + second / 2)
+        p_base = hips - R_base @ np.mean([leg.hip_m for leg in self._legs], axis=0)
+        q = np.tile(self._robot.q_reference, (n, 1))
+        q[:, 7:] = rng.uniform(model.lowerPositionLimit[7:], model.upperPositionLimit[7:], (n, model.nq - 7))
+        q[:, :3], q[:, 3:7] = p_base, ScipyRotation.from_matrix(R_base).as_quat()
+
+        seen_back = (R_second.swapaxes(1, 2) @ -second[..., None])[..., 0]
+        kept = np.flatnonzero(E.upright(R_base) & E.stepped(seen_back, -self._side))
+        flat = np.broadcast_to(np.eye(3), (n, 3, 3))
+        soles = ((np.zeros((n, 3)), flat), (length_m * second, R_second))
+        for leg, (p, R) in zip(self._legs, soles, strict=True):
+            angles, reached = self._placed(leg, p[kept], R[kept], p_base[kept], R_base[kept])
+            q[kept[:, None], leg.chain.columns] = angles
+            kept = kept[reached]
+        return np.asarray(q[kept])
+
+    def _placed(
+        self, leg: Leg, p: Points, R: Rotations, p_base: Points, R_base: Rotations
+    ) -> tuple[Float[np.ndarray, "n j"], Mask]:
+        """Angles of one leg on its sole, and whether they are in ``E`` and strictly within their limits."""
+        R_back = R_base.swapaxes(1, 2)
+        p_sole, R_sole = (R_back @ (p - p_base)[..., None])[..., 0], R_back @ R
+        angles = np.tile(leg.start_rad, (len(p), 1))
+        near = np.flatnonzero(np.linalg.norm(p_sole - leg.hip_m, axis=1) <= leg.length_m)
+        angles[near], reached = leg.chain.reach(p_sole[near], R_sole[near], angles[near])
+        ok = np.zeros(len(p), dtype=bool)
+        ok[near] = reached
+        least, most = self._stance.extension
+        extension = leg.extension(angles)
+        inside = ((angles > leg.chain.lower_rad) & (angles < leg.chain.upper_rad)).all(axis=1)
+        return angles, ok & inside & (extension >= least) & (extension <= most)
 
 
-def _legs(robot: Robot) -> tuple[Mapping[str, LegChain], Mapping[tuple[str, str], float]]:
-    """The chain to every sole, and on which side of the first of two soles the second is."""
-    model, frames = with_contact_frames(robot)
+def _legs(robot: Robot, model: pin.Model, frames: Mapping[str, int], stance: Stance) -> tuple[tuple[Leg, Leg], float]:
+    """The legs of the first two soles, and the side of the first on which the second is: +1 for its left."""
     soles = [name for name, effector in robot.effectors.items() if effector.kind == "surface"]
-    legs = {name: LegChain.of(model, frames[name]) for name in soles}
-    columns = [column for leg in legs.values() for column in leg.columns]
-    if len(soles) < 2 or len(set(columns)) < len(columns):
-        message = f"{robot.title} has no two soles on legs of their own, so that stances cannot be drawn."
+    chains = {name: LegChain.of(model, frames[name]) for name in soles}
+    columns = [column for chain in chains.values() for column in chain.columns]
+    if len(soles) != 2 or len(set(columns)) < len(columns) or min(len(c.joints) for c in chains.values()) < 6:
+        message = f"{robot.title} has no two soles on legs of six joints of their own, so that stances cannot be drawn."
         raise NotEstimable("measure-unavailable", message, [Fault("measure", "needs two legs")])
     data = model.createData()
     pin.framesForwardKinematics(model, data, robot.q_reference)
-    sides = {
-        (first, second): float(np.sign(data.oMf[frames[first]].actInv(data.oMf[frames[second]]).translation[1]))
-        for first, second in permutations(soles, 2)
-    }
-    return legs, sides
+    first, second = (_leg(robot, model, frames, name, chains[name], stance) for name in soles)
+    there = data.oMf[frames[soles[0]]].actInv(data.oMf[frames[soles[1]]].translation)
+    return (first, second), float(np.sign(there[1]))
+
+
+def _leg(robot: Robot, model: pin.Model, frames: Mapping[str, int], name: str, chain: LegChain, stance: Stance) -> Leg:
+    draws = chain.draw(LENGTH_DRAWS, np.random.default_rng(0))
+    p, _ = chain.placed(draws)
+    hip_m = chain.joints[0].p
+    length_m = float(np.linalg.norm(p - hip_m, axis=1).max())
+    joints = list(model.supports[model.frames[frames[name]].parentJoint])[2:]
+    return Leg(
+        chain=chain,
+        hip_m=hip_m,
+        length_m=length_m,
+        longest_m=float(chain.span_m(draws, 2, -2).max()),
+        start_rad=robot.q_reference[list(chain.columns)],
+        step=StepClearance.of(robot, name, frames[name], joints, stance.toe_gap * length_m, STEP_DEPTH * length_m),
+    )

@@ -23,7 +23,7 @@ from pydantic import TypeAdapter, ValidationError
 from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, NotFound, Unavailable, UnreadableFile
 from stridelab.reachability.card import EffectorCard, Measure, ReachabilityCard
-from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.proxy import Proxy
 from stridelab.resources import models_dir
 from stridelab.robots.card import robot_names
 
@@ -42,13 +42,13 @@ _NUMBERS: Final = re.compile(r"\[\s+([-+\d.e,\s]+?)\s+\]")
 """A list of numbers that was spread over lines."""
 
 
-def load_proxies(robot_name: str, measure: Measure = DEFAULT_MEASURE) -> Mapping[str, Mixture]:
+def load_proxies(robot_name: str, measure: Measure = DEFAULT_MEASURE) -> Mapping[str, Proxy]:
     """The bundled density of every effector of a robot, of the CoM in the effector's frame.
 
     Raises as ``load_card``.
     """
     effectors = load_card(robot_name, measure).effectors
-    return MappingProxyType({name: effector.mixture() for name, effector in effectors.items()})
+    return MappingProxyType({name: effector.proxy() for name, effector in effectors.items()})
 
 
 @cache

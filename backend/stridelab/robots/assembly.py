@@ -15,7 +15,7 @@ from stridelab.robots import checks
 from stridelab.robots.card import EffectorCard, RobotCard
 from stridelab.robots.collision_model import collision_model, matches
 from stridelab.robots.data_files import DataFiles
-from stridelab.robots.description import collision_geometry, full_model, read_srdf, visual_geometry
+from stridelab.robots.description import collision_geometry, full_model, read_srdf, some_visuals
 from stridelab.robots.fingerprint import fingerprint
 from stridelab.robots.robot import Effector, Robot
 
@@ -33,8 +33,7 @@ def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
     if files.srdf is not None:
         read_srdf(full, files.srdf)
     parts = collision_geometry(full, files.urdf, (files.package_dir,))
-    # loading what only a viewer needs would take longer than all the rest
-    looks = visual_geometry(full, files.urdf, (files.package_dir,)) if card.collision.visual else pin.GeometryModel()
+    looks = some_visuals(full, files.urdf, (files.package_dir,), card.collision.visual)
     if faults := list(checks.mismatches(card, full, parts, looks)):
         raise cards.invalid(name, faults)
     set_limits(full, card)

@@ -1,5 +1,6 @@
 """Reading a robot's description with pinocchio: its full model and geometries, as they stand in its files."""
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -52,6 +53,28 @@ def visual_geometry(model: pin.Model, urdf: Path, package_dirs: Sequence[Path]) 
     return _geometry(model, urdf, package_dirs, pin.GeometryType.VISUAL)
 
 
+def some_visuals(
+    model: pin.Model, urdf: Path, package_dirs: Sequence[Path], patterns: Sequence[str]
+) -> pin.GeometryModel:
+    """The visual geometries of the links of which one matches a pattern; reading all would take seconds.
+
+    A geometry is called after its link, with its number in the link.
+
+    Raises ``Unavailable`` (``robot-data-unreadable``, ``robot-meshes-missing``).
+    """
+    _require_meshes(urdf, package_dirs)
+    root = tree(urdf)
+    for link in root.iter("link"):
+        shapes = link.findall("visual")
+        names = (f"{link.attrib['name']}_{i}" for i in range(len(shapes)))
+        if not any(re.fullmatch(pattern, name) for name in names for pattern in patterns):
+            for shape in shapes:
+                link.remove(shape)
+    text, folders = ET.tostring(root, encoding="unicode"), [str(folder) for folder in package_dirs]
+    kind = pin.GeometryType.VISUAL
+    return _read(urdf, lambda: pin.buildGeomFromUrdfString(model, text, kind, package_dirs=folders))
+
+
 def full_configuration(robot: Robot, model: pin.Model) -> Float[np.ndarray, "nq_full"]:
     """The reference posture of ``robot`` in the coordinates of the full ``model``."""
     q = pin.neutral(model)
@@ -62,13 +85,17 @@ def full_configuration(robot: Robot, model: pin.Model) -> Float[np.ndarray, "nq_
 
 
 def _geometry(model: pin.Model, urdf: Path, package_dirs: Sequence[Path], kind: pin.GeometryType) -> pin.GeometryModel:
+    _require_meshes(urdf, package_dirs)
+    folders = [str(folder) for folder in package_dirs]
+    return _read(urdf, lambda: pin.buildGeomFromUrdf(model, str(urdf), kind, package_dirs=folders))
+
+
+def _require_meshes(urdf: Path, package_dirs: Sequence[Path]) -> None:
     missing = sorted(set(missing_meshes(urdf, package_dirs)))
     if missing:
         faults = [Fault(name, "there is no such file") for name in missing]
         what = f"{urdf.name} names {len(missing)} meshes that are missing, such as {missing[0]}."
         raise Unavailable("robot-meshes-missing", what, faults)
-    folders = [str(folder) for folder in package_dirs]
-    return _read(urdf, lambda: pin.buildGeomFromUrdf(model, str(urdf), kind, package_dirs=folders))
 
 
 def missing_meshes(urdf: Path, package_dirs: Sequence[Path]) -> Iterator[str]:

@@ -18,6 +18,7 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.proxy import Proxy
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate import Certificate, Check
 from stridelab.wholebody.clearance import self_collision, terrain_distance, thinned
@@ -42,7 +43,7 @@ def certify(
     robot: Robot,
     sequence: ContactSequence,
     plan: CentroidalPlan,
-    proxies: Mapping[str, Mixture],
+    proxies: Mapping[str, Proxy],
     motion: WholeBodyMotion,
 ) -> Certificate:
     """Check ``motion`` of ``robot`` over ``sequence`` against ``plan``; collisions are looked for every 40 ms."""
@@ -149,20 +150,20 @@ def _friction(sequence: ContactSequence, motion: WholeBodyMotion, found: Recompu
 
 
 def _reachability(
-    sequence: ContactSequence, proxies: Mapping[str, Mixture], found: Recomputed, worst: Worst
+    sequence: ContactSequence, proxies: Mapping[str, Proxy], found: Recomputed, worst: Worst
 ) -> tuple[Check, ...]:
-    """Log-density of the CoM in every contact's frame, the one that is least above its effector's 0.1 percentile."""
+    """Log-density of the CoM in every contact's proxy, the one that is least above its effector's 0.1 percentile."""
     names = [name for name in sequence.effectors if name in proxies]
     if not names:
         return ()
     log_p = np.full((len(found.phase), len(names)), np.inf)
-    rare = np.array([_percentile(proxies[name]) for name in names])
+    rare = np.array([_percentile(proxies[name].mixture) for name in names])
     for column, name in enumerate(names):
         for phase, of_phase in enumerate(sequence.phases):
             contact, chosen = of_phase.contacts.get(name), found.phase == phase
             if contact is not None and chosen.any():
-                in_contact = contact.placement.inverse().act(found.com_m[chosen])
-                log_p[chosen, column] = proxies[name].log_density(in_contact)
+                heading_rad = float(sequence.headings_rad[phase])
+                log_p[chosen, column] = proxies[name].log_density(found.com_m[chosen], contact.placement, heading_rad)
     column = int(np.argmin((log_p - rare).min(axis=0)))
     of = names[column : column + 1]
     return (worst.at_least("reachability_log_density_min", log_p[:, [column]], "nats", float(rare[column]), of),)
@@ -170,10 +171,7 @@ def _reachability(
 
 def _percentile(mixture: Mixture) -> float:
     """Log-density below which only the share ``RARE`` of the mixture lies, from a fixed draw."""
-    rng = np.random.default_rng(0)
-    of = rng.choice(len(mixture.weights), size=_DRAWS, p=mixture.weights / mixture.weights.sum())
-    L = np.linalg.cholesky(mixture.covariances_m2)
-    draws = mixture.means_m[of] + np.einsum("nij,nj->ni", L[of], rng.standard_normal((_DRAWS, 3)))
+    draws = mixture.sample(_DRAWS, np.random.default_rng(0))
     return float(np.quantile(mixture.log_density(draws), RARE))
 
 

@@ -84,8 +84,7 @@ class _Run:
             raise InvalidInput("sample-time", f"{sequence.duration_s} s hold no sample at {controller.rate_hz} Hz")
         self.times = np.arange(n) / controller.rate_hz
         self._body = RigidBody(robot)
-        surfaces = frozenset(name for name, e in robot.effectors.items() if e.kind == "surface")
-        self._heading = Heading.of(sequence, surfaces)
+        self._heading = Heading.of(sequence)
         self._q, self._v = _start(robot, sequence, plan), np.zeros(robot.model.nv)
         self._phase = -1
         self._in_a_row = 0

@@ -1,7 +1,7 @@
 """Reference of the base's orientation: upright, turned with the feet.
 
-At the start of every phase the heading is the mean yaw of the surfaces' contacts (of an effector in the air: the one
-it has left); it goes to that of the next phase by the quintic with rest at both ends,
+At the start of every phase the heading is that of its soles (``ContactSequence.headings_rad``); it goes to that of the
+next phase by the quintic with rest at both ends,
 ``s(x) = x^3 (10 - 15 x + 6 x^2)``.
 """
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.contacts.sequence import Contact, ContactSequence
+from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Rotation, Vector3
 
 
@@ -22,17 +22,9 @@ class Heading:
     yaw_rad: Float[np.ndarray, "n"]
 
     @staticmethod
-    def of(sequence: ContactSequence, surfaces: frozenset[str]) -> "Heading":
-        """From the contacts of the effectors ``surfaces``; 0 where none of them is ever used."""
-        mean: list[float] = []
-        for phase in range(len(sequence.phases)):
-            places = [
-                sequence.last_contact(name, phase) or sequence.next_contact(name, phase)
-                for name in sequence.effectors
-                if name in surfaces
-            ]
-            mean.append(_mean_yaw([contact for contact in places if contact is not None]))
-        return Heading(sequence, np.unwrap([*mean, mean[-1]]))
+    def of(sequence: ContactSequence) -> "Heading":
+        """From the headings of the phases; the last one is kept to the end."""
+        return Heading(sequence, np.append(sequence.headings_rad, sequence.headings_rad[-1]))
 
     def at(self, phase: int, time_s: float) -> tuple[Rotation, Vector3, Vector3]:
         """Rotation, angular velocity and acceleration in world axes."""
@@ -45,8 +37,3 @@ class Heading:
         c, s = np.cos(yaw), np.sin(yaw)
         R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
         return R, np.array([0.0, 0.0, rate]), np.array([0.0, 0.0, rate_rate])
-
-
-def _mean_yaw(contacts: list[Contact]) -> float:
-    ahead = np.sum([contact.placement.rotation[:2, 0] for contact in contacts], axis=0) if contacts else (1.0, 0.0)
-    return float(np.arctan2(ahead[1], ahead[0]))

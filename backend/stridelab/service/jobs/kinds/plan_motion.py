@@ -17,8 +17,9 @@ from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.validation import judge
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.reachability.card import Measure
-from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.proxy import Proxy
 from stridelab.reachability.store import DEFAULT_MEASURE, load_card, load_proxies, require_same_robot
+from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Remark
@@ -41,7 +42,6 @@ CHECK, REACHABILITY, CENTROIDAL, WHOLE_BODY, CERTIFICATE, REPLAY, EXPORT = PLAN_
 
 REFERENCES: Final = ("carpentier2017thesis", "carpentier2018multicontact", "carpentier2019pinocchio")
 SOLVER_REFERENCES: Final = {"ipopt": "wachter2006ipopt", "fatrop": "vanroye2023fatrop"}
-ROBOT_REFERENCES: Final = {"talos": "stasse2017talos"}
 
 
 def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
@@ -125,13 +125,13 @@ def _checked(scenario: Scenario) -> tuple[ContactSequence, tuple[Remark, ...]]:
     return sequence, tuple(Remark(code=r.code, message=r.message) for r in report.remarks)
 
 
-def _densities(robot: Robot, measure: Measure) -> Mapping[str, Mixture]:
+def _densities(robot: Robot, measure: Measure) -> Mapping[str, Proxy]:
     """The learned densities, which must be those of this very robot."""
     require_same_robot(load_card(robot.name, measure), robot)
     return load_proxies(robot.name, measure)
 
 
-def _planned(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Mixture]) -> CentroidalPlan:
+def _planned(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Proxy]) -> CentroidalPlan:
     plan = solve(from_rest_to_rest(robot, sequence, proxies))
     if not plan.converged:
         raise NotEstimable(
@@ -152,8 +152,8 @@ def _replayed(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, 
 
 def _references(plan: CentroidalPlan, request: PlanMotionInput) -> tuple[str, ...]:
     """Citation keys of the methods that were used."""
-    robot, solver = ROBOT_REFERENCES.get(plan.sequence.robot), SOLVER_REFERENCES.get(plan.solver)
-    keys = [*REFERENCES, *([robot] if robot else []), "andersson2019casadi", *([solver] if solver else [])]
+    robot, solver = robot_card(plan.sequence.robot).references, SOLVER_REFERENCES.get(plan.solver)
+    keys = [*REFERENCES, *robot, "andersson2019casadi", *([solver] if solver else [])]
     if request.whole_body:
         keys += ["escande2014hierarchical", "arnstrom2022daqp"]
     if request.replay:
