@@ -3,7 +3,6 @@
 import os
 from pathlib import Path
 
-import coal
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -76,17 +75,6 @@ def test_masses_centre_of_mass_and_inertias_are_the_same(
         assert com_m == pytest.approx(pin.centerOfMass(published, theirs, q), abs=1e-6)
     for q in configurations[:50]:
         assert pin.crba(ours, mine, q) == pytest.approx(pin.crba(published, theirs, q), abs=1e-6)
-
-
-def test_the_shapes_are_primitive_and_are_what_is_shown(ours: pin.Model) -> None:
-    files = data_files(robot_card("hrp2"))
-    shapes = description.collision_geometry(ours, files.urdf, (files.package_dir,)).geometryObjects
-    looks = description.visual_geometry(ours, files.urdf, (files.package_dir,)).geometryObjects
-    assert {type(part.geometry) for part in shapes} <= {coal.Box, coal.Cylinder, coal.Sphere}
-    assert [part.geometry for part in shapes] == [part.geometry for part in looks]
-    assert {ours.frames[part.parentFrame].name for part in shapes} == {
-        frame.name for frame in ours.frames if frame.type == pin.FrameType.BODY and frame.name[1:2] != "_"
-    }
 
 
 def test_it_touches_itself_about_where_its_meshes_do(published: pin.Model, configurations: np.ndarray) -> None:

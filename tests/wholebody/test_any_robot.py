@@ -9,9 +9,10 @@ from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
 from stridelab.centroidal.solve import solve
 from stridelab.contacts.scenario_json import sequence_of
 from stridelab.contacts.shapes import effector_shapes
-from stridelab.contacts.stairs import Timing
+from stridelab.contacts.stairs import Timing, six_stairs
 from stridelab.contacts.terrain import Terrain
 from stridelab.robots.loader import load_robot, robot_names
+from stridelab.wholebody import clearance
 from stridelab.wholebody.certify import certify
 from stridelab.wholebody.controller import WholeBodyController
 from stridelab.wholebody.replay import replay
@@ -70,3 +71,15 @@ def test_the_simulated_robot_is_the_planned_one(name: str) -> None:
         else:
             assert np.ptp(np.asarray(part.geometry.points()), axis=0).max() > 0.01
             assert geom.type == mujoco.mjtGeom.mjGEOM_MESH
+
+
+def test_every_shape_of_a_robot_is_held_against_every_surface() -> None:
+    """Many shapes and many surfaces: the geometry grows in memory while its shapes are read."""
+    robot = load_robot("hrp2")
+    sequence = sequence_of(six_stairs() | {"robot": "hrp2"}, effector_shapes("hrp2"))
+    found = clearance._Scene.of(robot, sequence)
+    links = [robot.model.frames[part.parentFrame].name for part in robot.collision.geometryObjects]
+    surfaces = [surface.name for surface in sequence.terrain.surfaces]
+    assert [(found.links[link], surface) for link, _, surface in found.pairs] == [
+        (link, surface) for surface in surfaces for link in links
+    ]

@@ -1,0 +1,47 @@
+"""The URDF of HRP-2 that is kept here: made from its numbers, of primitive shapes."""
+
+import runpy
+import tomllib
+from pathlib import Path
+
+import coal
+import pinocchio as pin
+import pytest
+
+from stridelab.resources import models_dir
+from stridelab.robots import description
+from stridelab.robots.card import robot_card
+from stridelab.robots.collision import in_collision
+from stridelab.robots.data_files import data_files
+from stridelab.robots.loader import load_robot
+
+
+def test_the_file_is_what_the_numbers_make() -> None:
+    """scripts/make_hrp2.py was run after the last change of the numbers."""
+    script = runpy.run_path(str(Path(__file__).parents[2] / "scripts" / "make_hrp2.py"))
+    folder = models_dir() / "robots" / "hrp2"
+    numbers = tomllib.loads((folder / "numbers.toml").read_text(encoding="utf-8"))
+    assert script["urdf"](numbers) == (folder / "hrp2.urdf").read_text(encoding="utf-8")
+
+
+def test_the_shapes_are_primitive_and_are_what_is_shown() -> None:
+    files = data_files(robot_card("hrp2"))
+    ours = description.full_model(files.urdf)
+    shapes = description.collision_geometry(ours, files.urdf, (files.package_dir,)).geometryObjects
+    looks = description.visual_geometry(ours, files.urdf, (files.package_dir,)).geometryObjects
+    assert {type(part.geometry) for part in shapes} <= {coal.Box, coal.Cylinder, coal.Sphere}
+    assert [part.geometry for part in shapes] == [part.geometry for part in looks]
+    assert {ours.frames[part.parentFrame].name for part in shapes} == {
+        frame.name for frame in ours.frames if frame.type == pin.FrameType.BODY and frame.name[1:2] != "_"
+    }
+
+
+def test_it_stands_free_with_the_limits_of_its_card() -> None:
+    """Placeholders of the source where the card says nothing, our choice where it does."""
+    robot = load_robot("hrp2")
+    assert not in_collision(robot, robot.q_reference)
+    torque_nm = dict(zip(robot.joint_names, robot.model.effortLimit[6:], strict=True))
+    assert (torque_nm["RLEG_JOINT3"], torque_nm["CHEST_JOINT0"], torque_nm["RARM_JOINT0"]) == (250.0, 100.0, 60.0)
+    assert robot.model.velocityLimit[6:] == pytest.approx(3.0)
+    armature = dict(zip(robot.joint_names, robot.model.armature[6:], strict=True))
+    assert (armature["LLEG_JOINT5"], armature["LARM_JOINT0"]) == (0.1, 0.02)
