@@ -1,4 +1,4 @@
-"""Postures of a standing robot: every one meets the conditions, and their law is that of plain rejection."""
+"""Postures of a standing robot: every one meets the conditions, and what is drawn is uniform where nothing hinders."""
 
 from dataclasses import replace
 from itertools import islice
@@ -6,88 +6,114 @@ from itertools import islice
 import numpy as np
 import pinocchio as pin
 import pytest
-from scipy.stats import ks_2samp
+from scipy.stats import kstest
 
 from stridelab.errors import NotEstimable
 from stridelab.reachability import standing
-from stridelab.reachability.leg_chain import LegChain
-from stridelab.reachability.standing import Stance, StandingConfigurations
+from stridelab.reachability.stance import Stance
+from stridelab.reachability.standing import StandingConfigurations
 from stridelab.robots.collision import in_collision
 from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.robots.sampling import uniform_configurations
 
-LOOSE = Stance(upright_deg=75.0, turned_deg=120.0, ahead_m=0.9, above_m=0.7, aside_m=(-0.2, 1.0))
-"""So wide that plain rejection finds stances too."""
+KNEE = {"talos": "leg_{}_4_joint", "g1": "{}_knee_joint"}
 
 
-def angle_deg(a: np.ndarray, b: np.ndarray) -> float:
-    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(a, b)), a @ b)))
-
-
-def meets(robot: Robot, stance: Stance, q: np.ndarray) -> bool:
-    """The conditions of ``Stance`` in words, from the whole robot's kinematics."""
+def soles_and_base(robot: Robot, q: np.ndarray) -> tuple[pin.SE3, pin.SE3, pin.SE3]:
+    """Left sole, right sole and base in the world."""
     model, frames = with_contact_frames(robot)
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
-    base = data.oMf[model.getFrameId(robot.base_frame)]
-    left, right = (data.oMf[frames[name]] for name in ("left_foot", "right_foot"))
-    up = [T.rotation[:, 2] for T in (base, left, right)]
-    if max(angle_deg(up[0], up[1]), angle_deg(up[0], up[2]), angle_deg(up[1], up[2])) > stance.upright_deg:
-        return False
-    for this, other, side in ((left, right, -1.0), (right, left, 1.0)):
-        x, y, z = this.rotation.T @ (other.translation - this.translation)
-        ahead = this.rotation.T @ other.rotation[:, 0]
-        if abs(np.degrees(np.arctan2(ahead[1], ahead[0]))) > stance.turned_deg:
-            return False
-        if abs(x) > stance.ahead_m or abs(z) > stance.above_m:
-            return False
-        if not stance.aside_m[0] <= side * y <= stance.aside_m[1]:
-            return False
-    return True
+    return data.oMf[frames["left_foot"]].copy(), data.oMf[frames["right_foot"]].copy(), data.oMi[1].copy()
 
 
-@pytest.mark.parametrize("foot", ["left_foot", "right_foot"])
-def test_a_leg_is_placed_as_by_the_whole_robot(talos: Robot, foot: str) -> None:
-    model, frames = with_contact_frames(talos)
-    data = model.createData()
-    chain = LegChain.of(model, frames[foot])
-    angles = chain.draw(20, np.random.default_rng(0))
-    p, R = chain.placed(angles)
-    for a in range(20):
-        q = talos.q_reference.copy()
-        q[list(chain.columns)] = angles[a]
-        pin.framesForwardKinematics(model, data, q)
-        T = data.oMi[1].actInv(data.oMf[frames[foot]])
-        np.testing.assert_allclose(p[a], T.translation, atol=1e-13)
-        np.testing.assert_allclose(R[a], T.rotation, atol=1e-13)
+def turned_deg(T: pin.SE3) -> float:
+    return float(np.degrees(np.arctan2(T.rotation[1, 0], T.rotation[0, 0])))
 
 
-def test_every_posture_stands_and_is_free(talos: Robot) -> None:
-    stream = StandingConfigurations(talos, np.random.default_rng(1))
-    kept = list(islice(stream, 150))
-    assert all(meets(talos, Stance(), q) for q in kept)
-    assert not any(in_collision(talos, q) for q in kept)
-    lower, upper = talos.model.lowerPositionLimit[7:], talos.model.upperPositionLimit[7:]
-    assert all((q[7:] >= lower).all() and (q[7:] <= upper).all() for q in kept)
-    assert stream.tried > len(kept)
+@pytest.fixture(scope="module", params=["talos", "g1"])
+def kept(request: pytest.FixtureRequest) -> tuple[Robot, StandingConfigurations, list[np.ndarray]]:
+    robot = load_robot(request.param)
+    stream = StandingConfigurations(robot, np.random.default_rng(1))
+    return robot, stream, list(islice(stream, 120))
 
 
-def test_the_law_is_that_of_plain_rejection(talos: Robot) -> None:
-    plain = [q for q in islice(uniform_configurations(talos, np.random.default_rng(2)), 2500) if meets(talos, LOOSE, q)]
-    assert len(plain) > 250
-    staged = list(islice(StandingConfigurations(talos, np.random.default_rng(3), LOOSE), 600))
-    for column in range(7, talos.model.nq):
-        pvalue = ks_2samp([q[column] for q in plain], [q[column] for q in staged]).pvalue
-        assert pvalue > 1e-3, talos.joint_names[column - 7]
-    com = [[pin.centerOfMass(talos.model, talos.model.createData(), q)[2] for q in qs] for qs in (plain, staged)]
-    assert ks_2samp(*com).pvalue > 1e-3
+def test_the_soles_are_flat_and_a_step_apart(kept: tuple[Robot, StandingConfigurations, list[np.ndarray]]) -> None:
+    robot, stream, postures = kept
+    E, length_m = Stance(), stream.leg_length_m
+    for q in postures:
+        left, right, _ = soles_and_base(robot, q)
+        assert np.abs(left.homogeneous - np.eye(4)).max() < 1e-5
+        assert np.abs(right.rotation[:, 2] - [0.0, 0.0, 1.0]).max() < 1e-5
+        for seen, side in ((left.actInv(right), -1.0), (right.actInv(left), 1.0)):
+            x, y, z = seen.translation / length_m
+            assert abs(x) <= E.ahead + 1e-5
+            assert abs(z) <= E.above + 1e-5
+            assert E.aside[0] - 1e-5 <= side * y <= E.aside[1] + 1e-5
+            assert abs(turned_deg(seen)) <= E.toes_deg + 1e-3
 
 
-def test_hardly_any_uniform_posture_stands(talos: Robot) -> None:
-    """Which is why the legs are drawn by themselves: one in some thousands."""
-    uniform = islice(uniform_configurations(talos, np.random.default_rng(4)), 500)
-    assert sum(meets(talos, Stance(), q) for q in uniform) < 4
+def test_the_base_is_upright_and_looks_ahead(kept: tuple[Robot, StandingConfigurations, list[np.ndarray]]) -> None:
+    robot, _, postures = kept
+    for q in postures:
+        _, right, base = soles_and_base(robot, q)
+        assert np.degrees(np.arccos(base.rotation[2, 2])) <= Stance().upright_deg
+        assert abs(turned_deg(base) - turned_deg(right) / 2) <= Stance().upright_deg + 2.0  # a tilt turns the heading
+
+
+def test_the_knees_are_bent_and_nothing_touches(
+    kept: tuple[Robot, StandingConfigurations, list[np.ndarray]],
+) -> None:
+    robot, stream, postures = kept
+    lower, upper = robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:]
+    for q in postures:
+        assert not in_collision(robot, q)
+        assert (q[7:] >= lower).all()
+        assert (q[7:] <= upper).all()
+    knees = [robot.model.joints[robot.model.getJointId(KNEE[robot.name].format(s))].idx_q for s in ("left", "right")]
+    angles = np.array(postures)[:, knees]
+    assert angles.min() > 0.3  # 97 % of the leg's span
+    assert angles.max() < 2.2  # 62 %
+    assert stream.tried > len(postures)
+
+
+def test_a_step_ahead_throws_postures_away(talos: Robot) -> None:
+    """The same draws, so that what is kept with the highest step is kept without one too."""
+    tried = {}
+    for step in (0.0, 0.4):
+        stream = StandingConfigurations(talos, np.random.default_rng(5), replace(Stance(), step=step))
+        for _ in islice(stream, 150):
+            pass
+        tried[step] = stream.tried
+    assert tried[0.4] > 1.1 * tried[0.0]
+
+
+def test_what_is_drawn_is_uniform_where_nothing_hinders(talos: Robot) -> None:
+    narrow = Stance(ahead=0.1, above=0.02, aside=(0.22, 0.26), toes_deg=2.0, upright_deg=3.0, step=0.0)
+    stream = StandingConfigurations(talos, np.random.default_rng(2), narrow)
+    length_m = stream.leg_length_m
+    ahead, above, height = [], [], []
+    for q in islice(stream, 400):
+        _, right, base = soles_and_base(talos, q)
+        ahead.append(right.translation[0] / length_m)
+        above.append(right.translation[2] / length_m)
+        hips_m = base.act(np.array([-0.02, 0.0, -0.27105])) - right.translation / 2
+        if np.hypot(*hips_m[:2]) < 0.25 * length_m:
+            height.append(hips_m[2] / length_m)
+    assert kstest(ahead, "uniform", (-0.1, 0.2)).pvalue > 1e-3
+    assert kstest(above, "uniform", (-0.02, 0.04)).pvalue > 1e-3
+    free = [h for h in height if 0.75 < h < 0.9]
+    assert len(free) > 20
+    assert kstest(free, "uniform", (0.75, 0.15)).pvalue > 1e-3
+
+
+def test_no_uniform_posture_stands(talos: Robot) -> None:
+    """Soles that lie flat are no event of random joints: that is why the legs are solved for."""
+    for q in islice(uniform_configurations(talos, np.random.default_rng(4)), 200):
+        left, right, _ = soles_and_base(talos, q)
+        assert left.actInv(right).rotation[2, 2] < 1.0 - 1e-9
 
 
 def test_a_robot_with_one_sole_does_not_stand(talos: Robot) -> None:
@@ -106,7 +132,7 @@ def test_soles_on_one_leg_do_not_stand(talos: Robot) -> None:
 
 def test_a_stance_that_cannot_be_is_given_up(talos: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(standing, "BATCHES_PATIENCE", 2)
-    stream = StandingConfigurations(talos, np.random.default_rng(0), Stance(aside_m=(3.0, 4.0)))
+    stream = StandingConfigurations(talos, np.random.default_rng(0), Stance(aside=(3.0, 4.0)))
     with pytest.raises(NotEstimable) as refusal:
         next(stream)
     assert refusal.value.code == "no-free-configuration"
