@@ -1,11 +1,16 @@
 """The grid of rails and stairs: its cases can be planned, and a result says what became of them."""
 
 import os
-from collections.abc import Mapping
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 
 from stridelab.contacts.shapes import effector_shapes
@@ -20,6 +25,7 @@ from stridelab.robots.robot import Robot
 from stridelab.schemas.scenarios import Scenario
 from stridelab.wholebody.certificate import Check
 
+WAIT_S = 60.0
 ONE_STAIR = up(Flight(0.10, 0.30, FAST), number=1)
 
 
@@ -113,6 +119,26 @@ def test_what_crashes_is_recorded_and_takes_nothing_else_along(talos: Robot) -> 
     assert [result.stage for result in results] == ["crash", "scenario", "crash"]
     assert results[0].reason == "its process ended with exit code 3"
     assert results[2].reason == "its process ended with exit code 1"
+
+
+def test_processes_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
+    environment = {**os.environ, "NOTED": str(tmp_path), "PYTHONPATH": str(Path(__file__).parents[1])}
+    parent = subprocess.Popen([sys.executable, "-m", "support.endless_case"], env=environment)
+    try:
+        assert until(lambda: any(tmp_path.iterdir()))
+        (child,) = (int(path.name) for path in tmp_path.iterdir())
+        assert psutil.pid_exists(child)
+    finally:
+        parent.kill()
+        parent.wait()
+    assert until(lambda: not psutil.pid_exists(child))
+
+
+def until(true: Callable[[], bool]) -> bool:
+    end = time.monotonic() + WAIT_S
+    while not true() and time.monotonic() < end:
+        time.sleep(0.05)
+    return true()
 
 
 def test_a_report_counts_by_kind_and_stage() -> None:

@@ -8,6 +8,7 @@ part of the result, with the stage at which it did: a grid always comes to its e
 """
 
 import multiprocessing
+import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
@@ -25,6 +26,7 @@ from stridelab.contacts.scenario_json import sequence_of
 from stridelab.contacts.shapes import effector_shapes
 from stridelab.errors import StridelabError
 from stridelab.experiments.climbing_cases import Case, Kind
+from stridelab.reachability.processes import end_with_parent
 from stridelab.reachability.proxy import Proxy
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate import Check
@@ -107,7 +109,7 @@ def run_grid(
     """Try every case with ``proxies``, so many at a time; the results in the order of ``cases``.
 
     ``tell`` hears of every result as soon as it is there. Names of cases must differ. A case does not depend on the
-    others: each has a process of its own, and one that dies takes only its own case along.
+    others: each has a process of its own, one that dies takes only its own case along, and all end with this one.
     """
     found: dict[str, CaseResult] = {}
     with ThreadPoolExecutor(processes) as pool:  # each thread waits for one process
@@ -139,6 +141,7 @@ def _apart(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:
 
 
 def _answer(pipe: Connection, robot: Robot, proxies: Proxies, case: Case) -> None:
+    threading.Thread(target=end_with_parent, daemon=True).start()
     with threadpool_limits(1):
         pipe.send(attempt(robot, proxies, case))
     pipe.close()

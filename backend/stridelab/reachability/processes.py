@@ -87,7 +87,7 @@ def _received(pipe: Any) -> Any:
 def _serve(pipe: Any, work: Callable[[int], Any], pieces: Iterable[int]) -> None:
     """Life of one process."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=end_with_parent, daemon=True).start()
     try:
         with threadpool_limits(1):
             for piece in pieces:
@@ -100,7 +100,7 @@ def _serve(pipe: Any, work: Callable[[int], Any], pieces: Iterable[int]) -> None
         return  # nobody listens any more
 
 
-def _end_with_parent() -> None:
+def end_with_parent() -> None:
     """Wait for the end of the parent, which the kernel tells even where it was killed, and end too."""
     parent = multiprocessing.parent_process()
     if parent is not None:
