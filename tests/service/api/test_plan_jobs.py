@@ -77,11 +77,13 @@ def test_a_scenario_that_the_robot_cannot_do_is_refused_before_any_solver(http: 
         ("plan-motion", {"scenario_id": 7}, "scenario_id"),
         ("plan-motion", {"scenario_id": "flat-walk", "solver": "magic"}, "solver"),
         ("plan-motion", {"scenario": {**one_step(), "friction": -1}}, "scenario.friction"),
+        ("plan-motion", {"scenario_id": "flat-walk", "measure": "gaussian"}, "measure"),
         ("learn-reachability", {"robot": "nao"}, "robot"),
         ("learn-reachability", {"robot": "../talos"}, "robot"),
         ("learn-reachability", {"robot": "talos", "effectors": ["left_foot", "tail"]}, "effectors.1"),
         ("learn-reachability", {"robot": "talos", "effectors": []}, "effectors"),
         ("learn-reachability", {"robot": "talos", "samples": 10**9}, "samples"),
+        ("learn-reachability", {"robot": "talos", "measure": "../uniform"}, "measure"),
     ],
 )
 def test_an_invalid_input_is_named(http: httpx.Client, kind: str, body: object, where: str) -> None:
