@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from stridelab.errors import Fault
+from stridelab.resources import models_dir
 from stridelab.robots.card import RobotCard, by_joint, patterns
 from stridelab.robots.collision_model import matches
 from stridelab.robots.robot import Effector
@@ -32,6 +33,10 @@ def mismatches(
         "visual": [str(part.name) for part in visual.geometryObjects],
     }
     known["part"] += [name for name in known["visual"] if matches(card.collision.visual, name)]
+    literature = (models_dir() / "references.bib").read_text(encoding="utf-8")
+    for i, key in enumerate(card.references):
+        if f"{{{key}," not in literature:
+            yield Fault(f"references[{i}]", f"models/references.bib has no entry {key!r}")
     if card.base_frame not in frames:
         yield Fault("base_frame", f"there is no frame {card.base_frame!r}")
     postures = {item.key() for item in model.referenceConfigurations}
