@@ -15,7 +15,7 @@ from stridelab.reachability.projections import Grid, project_mixture
 from stridelab.reachability.store import load_card
 
 SVG = "{http://www.w3.org/2000/svg}"
-GRID = Grid(np.array([-2.0, -2.0, -2.0]), 0.05, (81, 81, 81))
+GRID = Grid(np.array([-2.0, -1.8, -1.9]), 0.05, (81, 73, 77))
 
 
 def gaussian(sd: float) -> Mixture:
@@ -58,7 +58,7 @@ def test_level_sets_of_gaussians_are_balls() -> None:
     """Kernels at one point are a Gaussian; a mixture half as wide has sets of half the radius."""
     rng = np.random.default_rng(0)
     found = FootDensity(
-        load_card("talos").effectors["right_foot"],
+        load_card("talos", "uniform").effectors["right_foot"],
         KernelDensity(np.zeros((1, 3)), 0.2),
         rng.normal(0.0, 0.1, (4000, 3)),
         {1: gaussian(0.1), 2: gaussian(0.2)},
@@ -84,7 +84,7 @@ def test_the_curves_are_those_of_the_cards(monkeypatch: pytest.MonkeyPatch) -> N
     sizes, curves = result.tables["sizes"], result.tables["curves"]
     assert len(sizes["ours"]) == 8
     assert len(curves["kl_nats"]) == 8 * 20
-    hand = load_card("talos").effectors["left_hand"]
+    hand = load_card("talos", "uniform").effectors["left_hand"]
     at = (curves["robot"] == "talos") & (curves["effector"] == "left_hand")
     assert curves["kl_nats"][at].tolist() == [trial.kl_nats for trial in hand.sizes]
     assert (sizes["kl_ours_nats"] >= sizes["kl_least_nats"]).all()

@@ -20,7 +20,7 @@ BUNDLED = sorted((path.parent.name, path.stem) for path in (models_dir() / "reac
 
 @pytest.fixture(scope="module")
 def card() -> ReachabilityCard:
-    return load_card("talos")
+    return load_card("talos", "uniform")
 
 
 @pytest.mark.parametrize(("robot", "measure"), BUNDLED)
@@ -70,7 +70,7 @@ def test_the_sizes_of_the_thesis_lose_little(card: ReachabilityCard, name: str) 
 
 def test_the_cloud_is_that_of_the_seed(card: ReachabilityCard, talos: Robot) -> None:
     """The first block, drawn anew, is what is kept, to half a millimetre."""
-    cloud = load_cloud("talos")
+    cloud = load_cloud("talos", "uniform")
     again = sample_com(talos, EFFECTORS, BLOCK, card.seed)
     for name in EFFECTORS:
         assert cloud[name].shape == (5000, 3)
@@ -122,7 +122,7 @@ def test_the_modes_are_maxima(card: ReachabilityCard, name: str) -> None:
 @pytest.mark.parametrize(("part", "bound_nats"), [("foot", 0.02), ("hand", 0.05)])
 def test_left_and_right_mirror_each_other(part: str, bound_nats: float) -> None:
     """As far apart as two fits of one law: each is a few hundredths of a nat off its own samples."""
-    proxies = load_proxies("talos")
+    proxies = load_proxies("talos", "uniform")
     left, right = proxies[f"left_{part}"].mixture, proxies[f"right_{part}"].mixture
     flip = np.diag([1.0, -1.0, 1.0])
     mirrored = Mixture(right.weights, right.means_m @ flip, flip @ right.covariances_m2 @ flip)

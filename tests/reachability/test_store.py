@@ -177,7 +177,7 @@ def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_a_robot_that_nothing_was_learned_of(elsewhere: Path) -> None:
     with pytest.raises(NotFound) as refusal:
-        store.load_proxies("talos")
+        store.load_proxies("talos", "uniform")
     assert refusal.value.code == "reachability-not-learned"
 
 
@@ -190,7 +190,7 @@ def test_a_file_about_something_else_is_refused(
     content = saved.read_text(encoding="utf-8")
     elsewhere.write_text(content.replace(f'"{field}": "{before}"', f'"{field}": "{after}"'), encoding="utf-8")
     with pytest.raises(UnreadableFile) as refusal:
-        store.load_proxies("talos")
+        store.load_proxies("talos", "uniform")
     assert refusal.value.faults[0].where == field
 
 
@@ -261,7 +261,7 @@ def test_a_cloud_of_other_effectors_than_the_card_is_refused(elsewhere: Path, sa
     elsewhere.write_bytes(saved.read_bytes())
     store.save_cloud(elsewhere.with_suffix(".npz"), {"right_foot": COM_M["left_foot"]})
     with pytest.raises(UnreadableFile) as refusal:
-        store.load_cloud("talos")
+        store.load_cloud("talos", "uniform")
     assert refusal.value.faults[0].where == "effectors"
 
 

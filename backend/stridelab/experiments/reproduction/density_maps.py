@@ -26,12 +26,16 @@ _LABEL, _GAP, _TOP, _BOTTOM = 116.0, 34.0, 20.0, 34.0
 _FONT: Final = 'font-family="sans-serif" font-size="11" fill="#222222"'
 
 
+AnyMap = Float[np.ndarray, "_ _"]
+"""A map among others of other sizes."""
+
+
 @dataclass(frozen=True)
 class Row:
     """One density, projected along x, y and z."""
 
     name: str
-    maps: tuple[Map, Map, Map]
+    maps: tuple[AnyMap, AnyMap, AnyMap]
 
 
 def threshold(density: Map, mass: float = MASS) -> float:
