@@ -1,4 +1,4 @@
-"""Self-collision of a configuration: which convex hulls of the robot overlap.
+"""Self-collision of a configuration: which shapes of the robot overlap, mostly convex hulls.
 
 The library's search for a separating direction starts where the last one ended. Of 4000 uniform configurations of
 TALOS, held against linear programmes, 5 had a pair that it missed (four grazing, one 9 mm deep), and none had one that
