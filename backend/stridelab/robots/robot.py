@@ -49,10 +49,11 @@ class Effector:
 class Robot:
     """A robot with a floating base; ``model`` is reduced to the joints that move in a motion.
 
-    ``collision`` holds the shapes that can touch, mostly convex hulls, with the pairs that are checked. ``q_reference`` ``(nq,)`` stands with both soles on
-    z = 0 between them x = y = 0. ``group`` says of every actuated joint where in the body it lies. ``urdf`` and
-    ``package_dirs`` are what a simulator needs to load the same robot; ``locked`` maps the joints that the reduced
-    model leaves out to the angle (rad) at which they are held. ``sha256`` identifies all of it.
+    ``collision`` holds the shapes that can touch, mostly convex hulls, with the pairs that are checked.
+    ``q_reference`` ``(nq,)`` stands with both soles on z = 0 between them x = y = 0. ``group`` says of every
+    actuated joint where in the body it lies. ``urdf`` and ``package_dirs`` are what a simulator needs to load the
+    same robot; ``locked`` maps the joints that the reduced model leaves out to the angle (rad) at which they are
+    held. ``sha256`` identifies all of it.
     """
 
     name: str
