@@ -92,13 +92,18 @@ class LegChain:
         _, _, origins, _ = self._forward(angles_rad)
         return np.asarray(np.linalg.norm(origins[last] - origins[first], axis=1))
 
-    def reach(self, p_m: Points, R: Rotations, start_rad: Angles) -> tuple[Angles, Mask]:
-        """Angles that place the contact frame at ``(p_m, R)`` in the base, from ``start_rad`` on, and where they do."""
+    def reach(self, p_m: Points, R: Rotations | None, start_rad: Angles) -> tuple[Angles, Mask]:
+        """Angles that place the contact frame at ``(p_m, R)`` in the base, from ``start_rad`` on, and where they do.
+
+        Without ``R`` only its origin is placed, as that of a hand on a rail.
+        """
         angles, reached = start_rad.copy(), np.zeros(len(p_m), dtype=bool)
         left = np.arange(len(p_m))
         for step in range(STEPS):
             p, R_here, origins, axes = self._forward(angles[left])
-            e = np.hstack([p_m[left] - p, _rotation_vector(R[left] @ R_here.swapaxes(1, 2))])
+            e = p_m[left] - p
+            if R is not None:
+                e = np.hstack([e, _rotation_vector(R[left] @ R_here.swapaxes(1, 2))])
             error = np.abs(e).max(axis=1)
             reached[left] = error < TOLERANCE
             going = (error >= TOLERANCE) & ((error < FAR) | (step < PATIENCE))
@@ -107,7 +112,7 @@ class LegChain:
                 break
             axes = axes[:, going]
             arms = np.cross(axes, p - origins[:, going])
-            J = np.concatenate([arms, axes], axis=2).transpose(1, 2, 0)
+            J = (arms if R is None else np.concatenate([arms, axes], axis=2)).transpose(1, 2, 0)
             H = J.swapaxes(1, 2) @ J + DAMPING * np.eye(len(self.joints))
             dq = np.linalg.solve(H, J.swapaxes(1, 2) @ e[..., None])[..., 0]
             angles[left] = np.clip(angles[left] + np.clip(dq, -STEP_RAD, STEP_RAD), self.lower_rad, self.upper_rad)
