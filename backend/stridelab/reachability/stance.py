@@ -31,7 +31,7 @@ class Stance:
     aside: Interval = (0.16, 0.5)
     toes_deg: float = 23.0
     upright_deg: float = 20.0
-    extension: Interval = (0.62, 0.97)
+    extension: Interval = (0.58, 0.95)
     step: float = 0.25
     toe_gap: float = 0.055
 

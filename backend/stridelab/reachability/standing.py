@@ -75,13 +75,13 @@ class StandingConfigurations(Iterator[Float[np.ndarray, "nq"]]):
         self._data = self._model.createData()
         self._legs, self._side = _legs(robot, self._model, frames, self._stance)
         self.leg_length_m = float(np.mean([leg.length_m for leg in self._legs]))
-        self._stances = self._drawn()
+        self._waiting: list[Float[np.ndarray, "nq"]] = []
 
     def __next__(self) -> Float[np.ndarray, "nq"]:
         """Next configuration. Raises ``NotEstimable`` (``no-free-configuration``)."""
         step_m = self._stance.step * self.leg_length_m
         for _ in range(PATIENCE):
-            q = next(self._stances)
+            q = self._stance_drawn()
             height_m = self._rng.uniform(0.0, step_m)
             self.tried += 1
             if self._collision.found(q):
@@ -93,13 +93,12 @@ class StandingConfigurations(Iterator[Float[np.ndarray, "nq"]]):
             "no-free-configuration", f"{self._robot.title} touches itself or a step in {PATIENCE} stances in a row."
         )
 
-    def _drawn(self) -> Iterator[Float[np.ndarray, "nq"]]:
-        """Configurations in ``E``, whether or not they are free."""
-        empty = 0
-        while empty < BATCHES_PATIENCE:
-            q = self._batch(BATCH)
-            yield from q
-            empty = 0 if len(q) else empty + 1
+    def _stance_drawn(self) -> Float[np.ndarray, "nq"]:
+        """A configuration in ``E``, whether or not it is free."""
+        for _ in range(BATCHES_PATIENCE):
+            if self._waiting:
+                return self._waiting.pop()
+            self._waiting = list(self._batch(BATCH))
         raise NotEstimable("no-free-configuration", f"{self._robot.title} never stands in random stances.")
 
     def _batch(self, n: int) -> Configurations:

@@ -30,7 +30,7 @@ from stridelab.robots.card import robot_names
 if TYPE_CHECKING:
     import stridelab.robots.robot
 
-DEFAULT_MEASURE: Final[Measure] = "uniform"
+DEFAULT_MEASURE: Final[Measure] = "conditioned"
 """The measure that plans take where nobody says which."""
 CLOUD_SAMPLES: Final = 5000
 """So many samples of a cloud are kept."""
