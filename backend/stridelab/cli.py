@@ -329,7 +329,7 @@ def learn_reachability(
 @app.command()
 def reproduce(
     item: Annotated[
-        str, typer.Argument(help="A figure: fig-2.2, fig-2.5 to fig-2.9, fig-3.4 to fig-3.10, fig-4.2 to fig-4.4.")
+        str, typer.Argument(help="A figure: fig-2.2, fig-2.5 to fig-2.9, fig-3.4 to fig-3.10, fig-4.2 to fig-4.5.")
     ],
     seeds: Annotated[int | None, typer.Option("--seeds", help="Simulated walks to repeat it on, 1 to 200.")] = None,
     out_dir: OutFolder = None,

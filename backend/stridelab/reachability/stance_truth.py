@@ -63,7 +63,10 @@ ANY: Final = Range()
 """Any posture that the joints allow, of a trunk that neither lies nor looks away."""
 _UPRIGHT_RAD: Final = float(np.radians(20.0))
 STANDING: Final = Range(*(((-_UPRIGHT_RAD, _UPRIGHT_RAD),) * 3), extension=(0.62, 0.97))
-"""What the measure ``conditioned`` asks of a posture, its cone of 20 degrees as a box and without its step."""
+"""Much what the measure ``conditioned`` asks of a posture: the trunk upright, its cone of 20 degrees as a box, and the
+knees bent. Its step is left out, and its bounds of the knees are not followed: what judges does not move with what it
+judges.
+"""
 
 
 class Contacts(NamedTuple):

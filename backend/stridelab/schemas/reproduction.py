@@ -23,6 +23,7 @@ ReproductionItem = Literal[
     "fig-4.2",
     "fig-4.3",
     "fig-4.4",
+    "fig-4.5",
     "errors",
     "lag",
     "coverage",

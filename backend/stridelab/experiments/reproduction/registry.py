@@ -24,6 +24,7 @@ from stridelab.experiments.reproduction import (
     fig_4_2,
     fig_4_3,
     fig_4_4,
+    fig_4_5,
     flight,
     lag,
     partial_force,
@@ -47,6 +48,7 @@ _FIGURES: Final = (
     fig_4_2,
     fig_4_3,
     fig_4_4,
+    fig_4_5,
 )
 _TABLES: Final = (errors, lag, coverage, partial_force, flight)
 ITEMS: Final[Mapping[str, Item]] = MappingProxyType({m.ITEM.name: m.ITEM for m in (*_FIGURES, *_TABLES)})
