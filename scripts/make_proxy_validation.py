@@ -19,7 +19,7 @@ from pathlib import Path
 import numpy as np
 from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
-from sklearn.preprocessing import StandardScaler
+from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
 from stridelab.experiments import proxy_roc, proxy_stances
 from stridelab.reachability.body_tree import Target
@@ -124,11 +124,11 @@ def areas(name: str, *, anew: bool, only: str) -> None:
 
 
 def polynomial(name: str, contacts: str, pairs: Pairs, degree: int) -> dict[str, object]:
-    """The other correction that was tried: logistic regression on monomials, taught on other contact sets."""
+    """The other correction that was tried: logistic regression on a polynomial, taught on other contact sets."""
     taught = load(pairs_path(name, contacts, "standing", "teach"))
-    model = make_pipeline(StandardScaler(), LogisticRegression(C=0.03, max_iter=1000))
-    model.fit(proxy_roc.monomials(taught, degree)[:, 1:], taught.feasible)
-    score = model.decision_function(proxy_roc.monomials(pairs, degree)[:, 1:])
+    model = make_pipeline(StandardScaler(), PolynomialFeatures(degree), LogisticRegression(C=0.1, max_iter=1000))
+    model.fit(proxy_roc.features(taught), taught.feasible)
+    score = model.decision_function(proxy_roc.features(pairs))
     row = proxy_roc.Area(
         f"logistic, degree {degree}", proxy_roc.area(pairs.feasible, score), proxy_roc.area_sd(pairs, score)
     )

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 from scipy.stats import rankdata
 
 from stridelab.conventions import Mask, Series
@@ -73,8 +74,8 @@ def depth(card: ReachabilityCard, pairs: Pairs) -> Series:
     return found
 
 
-def monomials(pairs: Pairs, degree: int) -> np.ndarray:
-    """Monomials up to ``degree`` of the CoM and the contacts, seen from the middle of the soles along their heading.
+def features(pairs: Pairs) -> Float[np.ndarray, "n f"]:
+    """The CoM and the contacts seen from the middle of the soles along their heading, and the soles' turn.
 
     What a logistic regression takes, the other correction that was tried.
     """
@@ -82,10 +83,4 @@ def monomials(pairs: Pairs, degree: int) -> np.ndarray:
     middle = pairs.contacts.middle_m
     seen = [pairs.com_m - middle]
     seen += [p - middle for name, (p, _) in pairs.contacts.targets.items() if name != "left_foot"]
-    x = np.hstack([(back @ one[..., None])[..., 0] for one in seen] + [2 * pairs.contacts.heading_rad[:, None]])
-    found = [np.ones((len(x), 1))]
-    last = [(np.ones(len(x)), 0)]
-    for _ in range(degree):
-        last = [(monomial * x[:, k], k) for monomial, start in last for k in range(start, x.shape[1])]
-        found.append(np.column_stack([monomial for monomial, _ in last]))
-    return np.hstack(found)
+    return np.hstack([(back @ one[..., None])[..., 0] for one in seen] + [2 * pairs.contacts.heading_rad[:, None]])
