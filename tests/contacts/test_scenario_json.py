@@ -5,9 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from stridelab.contacts.bundled import BUNDLED
 from stridelab.contacts.scenario_json import scenario_of, sequence_of
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.contacts.stairs import BUNDLED
+from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.terrain import Box, Rail
 from stridelab.errors import InvalidInput
 from stridelab.schemas.scenarios import Scenario
@@ -37,10 +38,11 @@ def same(a: ContactSequence, b: ContactSequence) -> None:
 
 @pytest.mark.parametrize("name", BUNDLED)
 def test_there_and_back(name: str) -> None:
-    sequence = sequence_of(BUNDLED[name](), SHAPES)
+    shapes = effector_shapes(BUNDLED[name]()["robot"])
+    sequence = sequence_of(BUNDLED[name](), shapes)
     scenario = Scenario.model_validate(scenario_of(sequence, "again"))
     assert scenario.description == "again"
-    same(sequence, sequence_of(scenario.model_dump(mode="json"), SHAPES))
+    same(sequence, sequence_of(scenario.model_dump(mode="json"), shapes))
 
 
 def test_a_box_may_be_turned_by_yaw_or_by_a_quaternion() -> None:

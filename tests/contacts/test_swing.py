@@ -8,7 +8,8 @@ from scipy.spatial.transform import Rotation as ScipyRotation
 
 from stridelab.contacts.scenario_json import sequence_of
 from stridelab.contacts.stairs import flat_walk, six_stairs, stairs_with_rail
-from stridelab.contacts.swing import FOOT_CLEARANCE_M, HAND_RETREAT_M, SwingCurve, swing_of
+from stridelab.contacts.swing import HAND_RETREAT_M, SwingCurve, swing_of
+from stridelab.contacts.swing_clearance import FOOT_CLEARANCE_M
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import InvalidInput
 from support.shapes import SHAPES

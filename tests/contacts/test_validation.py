@@ -188,7 +188,7 @@ def test_margins_and_support_regions() -> None:
     first = report.margins[0]
     assert (first.phase, first.effector, first.surface) == (0, "left_foot", "ground")
     assert first.height_m == pytest.approx(0.0, abs=1e-9)
-    assert {round(m.edge_m or 0.0, 3) for m in report.margins if m.surface == "stair 2"} == {0.055}
+    assert {round(m.edge_m or 0.0, 3) for m in report.margins if m.surface == "stair 2"} == {0.04}
     corners = [(-0.1, 0.03), (-0.1, 0.15), (0.1, 0.03), (0.1, 0.15)]
     np.testing.assert_allclose(sorted(report.support_region_m[1]), corners, atol=1e-12)
     polygon = np.array(report.support_region_m[0])

@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from stridelab.contacts.stairs import Timing, flat_walk
+from stridelab.contacts.scenario_parts import Timing
+from stridelab.contacts.stairs import flat_walk
 from stridelab.reachability.mixture import Mixture
 from stridelab.reachability.proxy import Proxy
 from stridelab.robots.contact_frames import with_contact_frames

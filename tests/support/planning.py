@@ -5,7 +5,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from stridelab.contacts.stairs import Timing, flat_walk
+from stridelab.contacts.scenario_parts import Timing
+from stridelab.contacts.stairs import flat_walk
 from stridelab.schemas.plans import PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.tasks import PlanMotionTask

@@ -9,9 +9,10 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
 from stridelab.centroidal.solve import solve
 from stridelab.contacts.scenario_json import sequence_of
+from stridelab.contacts.scenario_parts import Timing
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.shapes import effector_shapes
-from stridelab.contacts.stairs import Timing, flat_walk
+from stridelab.contacts.stairs import flat_walk
 from stridelab.reachability.mixture import Mixture
 from stridelab.reachability.proxy import Proxy
 from stridelab.robots.loader import load_robot

@@ -8,8 +8,9 @@ import pytest
 from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
 from stridelab.centroidal.solve import solve
 from stridelab.contacts.scenario_json import sequence_of
+from stridelab.contacts.scenario_parts import Timing
 from stridelab.contacts.shapes import effector_shapes
-from stridelab.contacts.stairs import Timing, six_stairs
+from stridelab.contacts.stairs import six_stairs
 from stridelab.contacts.terrain import Terrain
 from stridelab.robots.loader import load_robot, robot_names
 from stridelab.wholebody import clearance

@@ -7,6 +7,7 @@ import numpy as np
 
 from stridelab.contacts.surfaces import depth_in_box_m
 from stridelab.contacts.swing import SwingCurve
+from stridelab.contacts.swing_clearance import rise_m
 from stridelab.contacts.terrain import Terrain
 from stridelab.contacts.touching import Stance, Touch, outline
 from stridelab.conventions import Points, Series
@@ -32,7 +33,7 @@ def obstructed(stances: tuple[Stance, ...], terrain: Terrain) -> Iterator[tuple[
     found = list(swings(stances))
     if not found:
         return
-    paths = [_swept(start, end) for _, start, end in found]
+    paths = [_swept(start, end, terrain) for _, start, end in found]
     low, high = (np.array([extreme(path, axis=0) for path in paths]) for extreme in (np.min, np.max))
     for box in terrain.boxes:
         half = np.abs(box.placement.rotation) @ box.size_m / 2
@@ -46,8 +47,11 @@ def obstructed(stances: tuple[Stance, ...], terrain: Terrain) -> Iterator[tuple[
                 yield phase, start.effector, box.name, depth
 
 
-def _swept(start: Touch, end: Touch) -> Points:
+def _swept(start: Touch, end: Touch, terrain: Terrain) -> Points:
     """Points of the sole, or the hand's contact, at all instants."""
-    positions, rotations = SwingCurve(start.placement, end.placement, 1.0, start.shape.kind).path(SHARES)
-    points = np.einsum("tij,kj->tki", rotations, outline(start.shape)) + positions[:, np.newaxis]
+    sole = outline(start.shape)
+    rises = rise_m(start.placement, end.placement, sole, terrain)
+    curve = SwingCurve(start.placement, end.placement, 1.0, start.shape.kind, rise_m=rises)
+    positions, rotations = curve.path(SHARES)
+    points = np.einsum("tij,kj->tki", rotations, sole) + positions[:, np.newaxis]
     return np.asarray(points.reshape(-1, 3))

@@ -20,7 +20,7 @@ from stridelab.dynamics.placement import Placement
 class Contact:
     """One effector on one surface. ``placement`` is T_world_contact of the effector's contact frame.
 
-    ``kind`` is the effector's: a sole (``surface``) or a hand (``point``).
+    ``kind`` is the effector's: a sole (``surface``, with the half edges of its rectangle) or a hand (``point``).
     """
 
     effector: str
@@ -28,6 +28,7 @@ class Contact:
     surface: str
     friction: float
     kind: Literal["surface", "point"] = "surface"
+    half_size_m: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True, eq=False)

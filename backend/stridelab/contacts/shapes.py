@@ -8,6 +8,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
+import numpy as np
+
+from stridelab.conventions import Points
 from stridelab.resources import models_dir
 from stridelab.robots.card import EffectorCard, robot_card
 
@@ -34,6 +37,15 @@ class EffectorShape:
     kind: Literal["surface", "point"]
     half_size_m: tuple[float, float] | None = None
     reach: EffectorReach | None = None
+
+
+def patch_m(half_size_m: tuple[float, float] | None) -> Points:
+    """Corners, middles of the edges and centre of a sole ``(9, 3)`` in its contact frame; its origin without a size."""
+    if half_size_m is None:
+        return np.zeros((1, 3))
+    x, y = half_size_m
+    signs = [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 0), (0, 1), (-1, 0), (0, -1), (0, 0)]
+    return np.array([[i * x, j * y, 0.0] for i, j in signs])
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Geometry of what can be touched: upper faces of boxes and the top line of rails.
+"""Geometry of what can be touched: faces of boxes (a sole stands on the upper one) and the top line of rails.
 
 A face is a rectangle with a frame (x and y along its edges, z outwards); a contact on it at local coordinates
 ``(x, y, z)`` is ``z`` above it and ``min(a - |x|, b - |y|)`` away from its edge. A rail with direction ``d`` has the
@@ -16,6 +16,8 @@ from stridelab.conventions import Points, Rotation, Series, Vector3
 
 UP = np.array([0.0, 0.0, 1.0])
 UP.flags.writeable = False
+PARALLEL = 1e-9
+"""Cosine below which a line counts as parallel to a face."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +69,19 @@ def touchable(surface: Surface) -> Touchable:
 
     The normal of a vertical rail is taken along x: nothing tells its upper side.
     """
-    return _upper_face(surface) if isinstance(surface, Box) else _top_line(surface)
+    return face_towards(surface, UP) if isinstance(surface, Box) else _top_line(surface)
+
+
+def face_towards(box: Box, direction: Vector3) -> Touchable:
+    """The face of a box whose outward normal is nearest to ``direction``, in the world."""
+    R = box.placement.rotation
+    along = direction @ R
+    axis = int(np.argmax(np.abs(along)))
+    sign = 1.0 if along[axis] > 0 else -1.0
+    x, y = ((1, 2), (2, 0), (0, 1))[axis]
+    frame = np.column_stack([R[:, x], sign * R[:, y], sign * R[:, axis]])
+    center = box.placement.position_m + box.size_m[axis] / 2 * frame[:, 2]
+    return Touchable(box, center, frame, box.size_m[[x, y]] / 2)
 
 
 def is_vertical(rail: Rail) -> bool:
@@ -82,14 +96,17 @@ def depth_in_box_m(box: Box, points_m: Points) -> Series:
     return np.asarray((box.size_m / 2 - np.abs(local)).min(axis=1))
 
 
-def _upper_face(box: Box) -> Touchable:
-    R = box.placement.rotation
-    up = int(np.argmax(np.abs(R[2])))
-    sign = 1.0 if R[2, up] > 0 else -1.0
-    x, y = ((1, 2), (2, 0), (0, 1))[up]
-    frame = np.column_stack([R[:, x], sign * R[:, y], sign * R[:, up]])
-    center = box.placement.position_m + box.size_m[up] / 2 * frame[:, 2]
-    return Touchable(box, center, frame, box.size_m[[x, y]] / 2)
+def vertical_span_m(box: Box, points_m: Points) -> tuple[Series, Series]:
+    """Heights at which the vertical lines through points ``(n, 3)`` enter and leave a box; NaN where they miss it."""
+    R, half = box.placement.rotation, box.size_m / 2
+    local, d = (points_m - box.placement.position_m) @ R, UP @ R
+    across = np.abs(d) > PARALLEL
+    first = (-half[across] * np.sign(d[across]) - local[:, across]) / d[across]
+    last = (half[across] * np.sign(d[across]) - local[:, across]) / d[across]
+    low, high = first.max(axis=1), last.min(axis=1)
+    hit = (low <= high) & (np.abs(local[:, ~across]) <= half[~across]).all(axis=1)
+    z = points_m[:, 2]
+    return np.where(hit, z + low, np.nan), np.where(hit, z + high, np.nan)
 
 
 def _top_line(rail: Rail) -> Touchable:

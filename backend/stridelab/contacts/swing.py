@@ -6,8 +6,8 @@ vanish at both ends. With the lift-off and landing axes ``n_0, n_1``, the height
     p(t) = p_0 + n_0 h_0 s_up(t) + (a_1 - a_0) s_move(t) - n_1 h_1 s_down(t),   a_i = p_i + n_i h_i
     R(t) = R_0 exp(s_move(t) log(R_0^T R_1))
 
-A sole rises along the vertical until it is ``FOOT_CLEARANCE_M`` above the higher of its two places; a hand retreats
-``HAND_RETREAT_M`` along the normals of its contacts.
+A sole rises along the vertical until its centre is ``rise_m`` above the higher of its two places, which clears what
+lies between them (``swing_clearance``); a hand retreats ``HAND_RETREAT_M`` along the normals of its contacts.
 """
 
 from dataclasses import dataclass
@@ -19,16 +19,16 @@ from jaxtyping import Float
 from scipy.spatial.transform import Rotation as ScipyRotation
 
 from stridelab.contacts.sequence import ContactSequence
+from stridelab.contacts.shapes import patch_m
+from stridelab.contacts.swing_clearance import FOOT_CLEARANCE_M, rise_m
 from stridelab.conventions import Points, Rotation, Series, Vector3
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import InvalidInput
 
-FOOT_CLEARANCE_M: Final = 0.06
-"""Apex of a sole above the higher of its two places."""
 HAND_RETREAT_M: Final = 0.05
 """How far a hand leaves its surface."""
 LEVEL_M: Final = 0.02
-"""A foot that changes its height by less than this takes a level step."""
+"""A foot that changes its height, or rises higher than usual, by less than this takes a level step."""
 
 Window = tuple[float, float]
 UP: Final[Window] = (0.0, 0.5)
@@ -69,20 +69,25 @@ def quintic(time_s: float, window: Window, duration_s: float) -> tuple[float, fl
 
 @dataclass(frozen=True, eq=False)
 class SwingCurve:
-    """From ``start`` to ``end`` in ``duration_s``. ``starts_s`` is when it begins in its sequence."""
+    """From ``start`` to ``end`` in ``duration_s``. ``starts_s`` is when it begins in its sequence.
+
+    ``rise_m`` is the apex of a sole's centre above the higher of its two places.
+    """
 
     start: Placement
     end: Placement
     duration_s: float
     kind: Literal["surface", "point"]
     starts_s: float = 0.0
+    rise_m: float = FOOT_CLEARANCE_M
 
     @cached_property
     def profile(self) -> Profile:
         """The windows that fit this swing."""
         if self.kind == "point":
             return HAND
-        return LEVEL if abs(self.end.position_m[2] - self.start.position_m[2]) < LEVEL_M else STAIR
+        level = abs(self.end.position_m[2] - self.start.position_m[2]) < LEVEL_M
+        return LEVEL if level and self.rise_m < FOOT_CLEARANCE_M + LEVEL_M else STAIR
 
     @cached_property
     def _lifts(self) -> tuple[Vector3, Vector3]:
@@ -90,7 +95,7 @@ class SwingCurve:
         if self.kind == "point":
             return HAND_RETREAT_M * self.start.rotation[:, 2], HAND_RETREAT_M * self.end.rotation[:, 2]
         z_start, z_end = self.start.position_m[2], self.end.position_m[2]
-        apex = max(z_start, z_end) + FOOT_CLEARANCE_M
+        apex = max(z_start, z_end) + self.rise_m
         return np.array([0.0, 0.0, apex - z_start]), np.array([0.0, 0.0, apex - z_end])
 
     @cached_property
@@ -151,4 +156,5 @@ def swing_of(sequence: ContactSequence, effector: str, phase: int) -> SwingCurve
         last += 1
     starts_s = float(sequence.starts_s[first])
     duration_s = float(sequence.ends_s[last]) - starts_s
-    return SwingCurve(start.placement, end.placement, duration_s, start.kind, starts_s)
+    rises = rise_m(start.placement, end.placement, patch_m(start.half_size_m), sequence.terrain)
+    return SwingCurve(start.placement, end.placement, duration_s, start.kind, starts_s, rises)

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 
 from stridelab.contacts.reading import Draft
-from stridelab.contacts.shapes import EffectorShape
-from stridelab.contacts.surfaces import Touchable, depth_in_box_m, is_vertical, touchable
+from stridelab.contacts.shapes import EffectorShape, patch_m
+from stridelab.contacts.surfaces import Touchable, depth_in_box_m, face_towards, is_vertical, touchable
 from stridelab.contacts.terrain import Box, Rail, Terrain
 from stridelab.conventions import Points, Series, Vector3
 from stridelab.dynamics.placement import Placement
@@ -55,11 +55,7 @@ class Touch:
 
 def outline(shape: EffectorShape) -> Points:
     """Corners, middles of the edges and centre of a sole ``(9, 3)`` in its contact frame; the origin of a hand."""
-    if shape.half_size_m is None:
-        return np.zeros((1, 3))
-    x, y = shape.half_size_m
-    signs = [(1, 1), (-1, 1), (-1, -1), (1, -1), (1, 0), (0, 1), (-1, 0), (0, -1), (0, 0)]
-    return np.array([[i * x, j * y, 0.0] for i, j in signs])
+    return patch_m(shape.half_size_m)
 
 
 def shift(vector_m: Vector3) -> str:
@@ -96,7 +92,7 @@ class _Ground:
         self.friction = friction
 
     def touch(self, effector: str, shape: EffectorShape, placement: Placement) -> Touch:
-        on = _nearest(self.faces if shape.kind == "surface" else self.faces + self.lines, placement.position_m)
+        on = _nearest(self._parts(shape, placement), placement.position_m)
         if on is None:
             what = "stand on" if shape.kind == "surface" else "touch"
             problem = f"touches nothing: the terrain has nothing to {what}"
@@ -112,6 +108,12 @@ class _Ground:
             problems += list(self._obstructed(on, placement.act(outline(shape))))
         friction = self.friction if on.surface.friction is None else on.surface.friction
         return Touch(effector, shape, placement, on, friction, height, edges, tuple(problems))
+
+    def _parts(self, shape: EffectorShape, placement: Placement) -> list[Touchable]:
+        """What an effector may touch: a sole upper faces, a hand rails and the faces that its z axis points out of."""
+        if shape.kind == "surface":
+            return self.faces
+        return [face_towards(box, placement.rotation[:, 2]) for box in self.boxes] + self.lines
 
     def _edge_m(self, on: Touchable, shape: EffectorShape, placement: Placement) -> float:
         """Smallest distance of a corner to the edge of the faces level with ``on``, each by the one that holds it."""
@@ -156,13 +158,16 @@ def _misplaced(on: Touchable, height: float, aside: float, distance: float, shap
         if distance <= HEIGHT_TOLERANCE_M:
             return []
         return [f"touches nothing: it is {distance:.3g} m off the upper side of {name!r}"]
+    upper = bool(on.normal[2] > np.sqrt(0.5))
     if aside > EDGE_TOLERANCE_M:
         verb = "stands on" if shape.kind == "surface" else "touches"
         return [f"{verb} nothing: {name!r}, the nearest surface, is {distance:.3g} m away"]
     if height > HEIGHT_TOLERANCE_M:
-        return [f"is in the air, {height:.3g} m above {name!r}: {shift(-height * on.normal)}"]
+        where = "above" if upper else "off"
+        return [f"is in the air, {height:.3g} m {where} {name!r}: {shift(-height * on.normal)}"]
     if height < -HEIGHT_TOLERANCE_M:
-        return [f"is inside {name!r}, {-height:.3g} m below its upper face: {shift(-height * on.normal)}"]
+        face = "upper face" if upper else "face"
+        return [f"is inside {name!r}, {-height:.3g} m below its {face}: {shift(-height * on.normal)}"]
     return []
 
 

@@ -145,4 +145,5 @@ def _sequence(draft: Draft, stances: tuple[Stance, ...]) -> ContactSequence:
 
 
 def _contact(touch: Touch) -> Contact:
-    return Contact(touch.effector, touch.placement, touch.surface or "", touch.friction, touch.shape.kind)
+    shape = touch.shape
+    return Contact(touch.effector, touch.placement, touch.surface or "", touch.friction, shape.kind, shape.half_size_m)

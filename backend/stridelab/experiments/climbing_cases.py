@@ -7,7 +7,8 @@ which uniform densities succeeded, the highest of them barely; the stairs vary h
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
-from stridelab.contacts.stairs import Footing, HandRail, Stairs, Timing, climb, stairs_with_rail
+from stridelab.contacts.scenario_parts import Timing
+from stridelab.contacts.stairs import Footing, HandRail, Stairs, climb, stairs_with_rail
 
 Kind = Literal["rail", "stairs"]
 
@@ -71,6 +72,8 @@ FLIGHTS: Final = (
 )
 """Of four stairs each, without a rail."""
 _NUMBER: Final = 4
+TOE_GAP_M: Final = 0.04
+"""Narrower than that of the bundled scenarios: shins come close to the next stair."""
 
 
 def climbing_cases() -> tuple[Case, ...]:
@@ -81,11 +84,11 @@ def climbing_cases() -> tuple[Case, ...]:
 def beside(rail: HandRail) -> Case:
     """Experiment 3 with another rail."""
     name = f"rail {rail.ahead_m:.2f} {rail.height_m:.2f} {rail.y_m:.2f}"
-    return Case(name, "rail", stairs_with_rail(rail=rail))
+    return Case(name, "rail", stairs_with_rail(Stairs(_NUMBER, 0.15, toe_gap_m=TOE_GAP_M), rail))
 
 
 def up(flight: Flight, number: int = _NUMBER) -> Case:
     """Experiment 2 with other stairs."""
     name = f"stairs {flight.height_m:.2f} {flight.depth_m:.2f} {PACES[flight.timing]} {flight.footing}"
-    stairs = Stairs(number, flight.height_m, flight.depth_m)
+    stairs = Stairs(number, flight.height_m, flight.depth_m, toe_gap_m=TOE_GAP_M)
     return Case(name, "stairs", climb(stairs, flight.timing, flight.footing))
