@@ -1,0 +1,252 @@
+"""The contact planner: from a stance to a goal stance over a terrain, as a scenario that the judge lets pass.
+
+The number of steps is the least that the way at the robot's own step length takes, and then one by one more until the
+program of that many steps has a solution (``step_program``). Where it has none for any, the answer says which gap is
+too wide, or which step misses its limits by how much, and that is all that it claims: regions are a little smaller
+than what the judge allows (``standing_room``), and at most ``extra_steps`` steps more than the way needs are tried.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from stridelab.contacts.reading import DURATION_S, Draft, read
+from stridelab.contacts.shapes import EffectorShape
+from stridelab.contacts.standing_room import Region, regions
+from stridelab.contacts.step_limits import RobotLimits, heading_frame
+from stridelab.contacts.step_program import Placed, StepProgram
+from stridelab.contacts.step_pruning import first_gap, pruned
+from stridelab.contacts.step_schedule import SAME_M, Ends, Rooms, Schedule, schedule
+from stridelab.contacts.swing import LEVEL_M
+from stridelab.contacts.touching import touch_all
+from stridelab.contacts.validation import check
+from stridelab.dynamics.placement import Placement
+from stridelab.errors import Fault, InvalidInput, NotEstimable
+
+STEPS_MAX: Final = 60
+"""Longest plan, in steps."""
+TURN_MAX_RAD: Final = math.radians(12.0)
+"""Largest turn of a step."""
+LEVEL_MOVE_SHARE: Final = 0.7
+"""A level step takes this share of the time of one to another height."""
+
+Told = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPlan:
+    """The scenario, how many steps it takes, the programs that were solved for it, and the objective (m)."""
+
+    scenario: dict[str, Any]
+    steps: int
+    programs: int
+    objective_m: float
+    solve_time_s: float
+
+
+@dataclass(frozen=True)
+class ContactPlanner:
+    """Plans for one robot: its effectors for the judge, and its limits; gives up after ``seconds``."""
+
+    effectors: Mapping[str, EffectorShape]
+    limits: RobotLimits
+    seconds: float = 60.0
+    extra_steps: int = 6
+
+    def plan(self, task: Mapping[str, Any], told: Told = lambda _share, _message: None) -> ContactPlan:
+        """Plan ``{robot, terrain, start, goal, friction?, name?}``, fields as in a scenario and its phases.
+
+        Raises ``InvalidInput`` (``stance-invalid``) where start or goal cannot be, naming the contact, and
+        ``NotEstimable``: ``contacts-unreachable`` (no sequence of steps leads there: the gap, or the step, and how
+        much it misses), ``contacts-too-far`` (more than 60 steps), ``contact-plan-timeout``.
+        """
+        began = time.process_time()
+        ends, rooms, least = self.prepared(task)
+        draft = self._draft(task)
+        if least > STEPS_MAX:
+            message = f"The goal is at least {least} steps away; at most {STEPS_MAX} are planned at once."
+            raise NotEstimable("contacts-too-far", message, [Fault("goal", f"{least} steps away")])
+        until, seen = time.monotonic() + self.seconds, None
+        for k, plan in enumerate(self._schedules(ends, rooms, least)):
+            told(min(0.9, k / (2 * self.extra_steps + 2)), f"{len(plan.feet) - 1} steps")
+            program = StepProgram(plan, self.limits, ends)
+            left_s = until - time.monotonic()
+            if left_s <= 0.0:
+                raise _timeout(self.seconds)
+            answer = program.solve(left_s)
+            if answer.x is not None:
+                scenario = self._judged(task, draft, plan, program.placed(answer))
+                took_s = time.process_time() - began
+                return ContactPlan(scenario, len(plan.feet) - 1, k + 1, answer.objective, took_s)
+            if not answer.proven:
+                raise _timeout(self.seconds)
+            seen = plan
+        raise self._unreachable(ends, draft, rooms, seen, until)
+
+    def prepared(self, task: Mapping[str, Any]) -> tuple[Ends, Rooms, int]:
+        """The ends, where there is room to stand, and the fewest steps; raises ``InvalidInput`` as ``plan``."""
+        ends = self._ends(task)
+        return ends, self._rooms(self._draft(task)), _least_steps(ends, self.limits)
+
+    def _schedules(self, ends: Ends, rooms: Rooms, least: int) -> Iterator[Schedule]:
+        """Those that may have a solution, the fewest steps first."""
+        right = self.limits.defaults.first_foot
+        order = (right, *(foot for foot in self.limits.feet if foot != right))
+        for steps in range(least, least + self.extra_steps + 1):
+            for first in order:
+                plan = schedule(ends, self.limits, rooms, steps, first)
+                found = None if plan is None else pruned(plan, self.limits)
+                if found is not None:
+                    yield found
+
+    def _ends(self, task: Mapping[str, Any]) -> Ends:
+        stances: dict[str, Mapping[str, Placement]] = {}
+        faults: list[Fault] = []
+        for end in ("start", "goal"):
+            stance = task[end]
+            alone = {**_bare(task), "phases": [{"duration_s": 1.0, "contacts": stance["contacts"]}]}
+            draft = read(alone, self.effectors)
+            faults += [
+                Fault(fault.where.replace("phases[0]", end), fault.message)
+                for fault in check(alone, self.effectors).faults
+            ]
+            stances[end] = draft.phases[0].contacts
+            for foot in set(self.limits.feet) - stances[end].keys():
+                faults.append(Fault(f"{end}.contacts", f"{foot} must stand there"))
+        if faults:
+            unique = tuple(dict.fromkeys(faults))
+            message = f"The robot cannot stand like this: {unique[0].where}: {unique[0].message}."
+            raise InvalidInput("stance-invalid", message, unique)
+        return Ends.of(stances["start"], stances["goal"], self.limits.feet)
+
+    def _draft(self, task: Mapping[str, Any]) -> Draft:
+        phases = [{"duration_s": 1.0, "contacts": task[end]["contacts"]} for end in ("start", "goal")]
+        return read({**_bare(task), "phases": phases}, self.effectors)
+
+    def _rooms(self, draft: Draft) -> Rooms:
+        """Regions of an effector at a heading; headings within a microradian share theirs."""
+        known: dict[tuple[str, int], tuple[Region, ...]] = {}
+        gap_m = self.limits.defaults.toe_gap_m
+
+        def at(effector: str, yaw_rad: float) -> tuple[Region, ...]:
+            key = (effector, round(yaw_rad * 1e6))
+            if key not in known:
+                shape = self.limits.effectors[effector]
+                known[key] = tuple(regions(draft.terrain, draft.friction, shape, yaw_rad, gap_m))
+            return known[key]
+
+        return at
+
+    def _judged(self, task: Mapping[str, Any], draft: Draft, plan: Schedule, placed: Placed) -> dict[str, Any]:
+        """The scenario; what the judge refuses is not returned."""
+        scenario = {**_bare(task), "friction": draft.friction, "phases": _phases(plan, placed, self.limits)}
+        report = check(scenario, self.effectors)
+        if not report.valid:
+            first = report.faults[0]
+            message = f"A sequence was found, but the robot cannot do it: {first.where}: {first.message}."
+            raise NotEstimable("contact-plan-refused", message, report.faults)
+        return scenario
+
+    def _unreachable(self, ends: Ends, draft: Draft, rooms: Rooms, seen: Schedule | None, until: float) -> NotEstimable:
+        goal = touch_all(draft, self.effectors)[1]
+        gap = first_gap(ends, self.limits, rooms, {foot: goal[foot].surface or "" for foot in self.limits.feet})
+        if gap is not None:
+            missing = _in_words(gap.missing_m)
+            text = f"from {gap.from_surface!r} to {gap.to_surface!r} the step is {missing} beyond the robot's reach"
+            message = f"There is no way to the goal: after {gap.step} steps, {text}."
+            return NotEstimable("contacts-unreachable", message, [Fault(f"terrain[{gap.to_surface}]", text)])
+        if seen is None:
+            message = "There is no way to the goal: its feet cannot both be reached from where the others may stand."
+            return NotEstimable("contacts-unreachable", message, [Fault("goal", "out of reach of every step")])
+        program = StepProgram(seen, self.limits, ends, slack=True)
+        answer = program.solve(max(1.0, until - time.monotonic()))
+        if answer.x is None or program.slack is None:
+            return _timeout(self.seconds)
+        worst = int(np.argmax(answer.x[list(program.slack)]))
+        node, placed = seen.nodes[seen.moves[worst]], program.placed(answer)
+        region = placed.regions[seen.moves[worst]]
+        where = "the goal" if region is None else repr(region.surface)
+        lacks = f"{node.effector} misses its limits by {answer.x[program.slack[worst]]:.2f} m"
+        message = f"There is no way to the goal: at best, in step {node.step} to {where}, {lacks}."
+        return NotEstimable("contacts-unreachable", message, [Fault(f"steps[{node.step}]", f"{where}: {lacks}")])
+
+
+def _least_steps(ends: Ends, limits: RobotLimits) -> int:
+    """Steps of the robot's own length, and turns of at most ``TURN_MAX_RAD``; 0 where nothing has to move."""
+    ways = [ends.goal[foot].position_m - ends.start[foot].position_m for foot in limits.feet]
+    moved = [float(np.linalg.norm(way)) for way in ways]
+    turned = [np.abs(ends.goal[foot].rotation - ends.start[foot].rotation).max() for foot in limits.feet]
+    count = sum(bool(m > SAME_M or t > SAME_M) for m, t in zip(moved, turned, strict=True))
+    if not count:
+        return 0
+    local = heading_frame(ends.yaw_rad).T @ np.mean(ways, axis=0)
+    length = max(float(np.hypot(local[0], local[1])), abs(float(local[2])))
+    walk = math.ceil(length / limits.defaults.step_m - 1e-6) + (count == 2)
+    return max(count, walk, math.ceil(abs(ends.turn_rad) / TURN_MAX_RAD))
+
+
+def _bare(task: Mapping[str, Any]) -> dict[str, Any]:
+    """What a task and its scenario share."""
+    return {
+        "name": task.get("name") or "Planned contacts",
+        "description": "Found by the contact planner.",
+        "robot": task["robot"],
+        "friction": task.get("friction", 0.3),
+        "terrain": task["terrain"],
+    }
+
+
+def _phases(plan: Schedule, placed: Placed, limits: RobotLimits) -> list[dict[str, Any]]:
+    """Phases of the moves that change something; an effector leaves one phase before it lands."""
+    times = limits.defaults
+    standing = {name: at for name, i in plan.stances[0].items() if (at := placed.placements[i]) is not None}
+    phases = [_phase(times.ends_s, standing)]
+    for i in plan.moves:
+        name, at = plan.nodes[i].effector, placed.placements[i]
+        before = standing.pop(name, None)
+        if at is not None and before is not None and _same(before, at) and plan.nodes[i].effector not in limits.feet:
+            standing[name] = before
+            continue
+        if at is None and before is None:
+            continue
+        if name in limits.feet and before is not None and at is not None:
+            level = abs(at.position_m[2] - before.position_m[2]) < LEVEL_M
+            swing_s = times.foot_move_s * (LEVEL_MOVE_SHARE if level else 1.0)
+        else:
+            swing_s = times.hand_move_s
+        phases.append(_phase(swing_s, standing))
+        if at is not None:
+            standing[name] = at
+            phases.append(_phase(times.rest_s, standing))
+    phases[-1]["duration_s"] = min(times.ends_s, DURATION_S[1])
+    return phases
+
+
+def _phase(duration_s: float, standing: Mapping[str, Placement]) -> dict[str, Any]:
+    contacts = [
+        {
+            "effector": name,
+            "position_m": [round(float(value), 6) + 0.0 for value in standing[name].position_m],
+            "orientation_wxyz": [round(float(value), 9) + 0.0 for value in standing[name].wxyz],
+        }
+        for name in sorted(standing)
+    ]
+    return {"duration_s": round(duration_s, 6), "contacts": contacts}
+
+
+def _same(one: Placement, other: Placement) -> bool:
+    return bool(np.linalg.norm(one.position_m - other.position_m) < SAME_M)
+
+
+def _in_words(missing_m: tuple[float, float, float]) -> str:
+    ways = (("ahead", "back"), ("left", "right"), ("up", "down"))
+    parts = [f"{abs(v):.2f} m {way[v < 0]}" for v, way in zip(missing_m, ways, strict=True) if abs(v) > SAME_M]
+    return " and ".join(parts)
+
+
+def _timeout(seconds: float) -> NotEstimable:
+    return NotEstimable("contact-plan-timeout", f"No sequence of contacts was found within {seconds:g} s.")

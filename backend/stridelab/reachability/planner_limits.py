@@ -1,0 +1,64 @@
+"""Reach limits of the contact planner, from the cards of a robot: arrays and numbers, no densities.
+
+Both measures count. The ``conditioned`` card says where the CoM of a robot is that stands upright, which is what a
+step should keep; the ``uniform`` one, the widest, is what the judge of scenarios refuses beyond. The rest is scaled
+by the robot's height: ``h`` is the highest CoM above a sole in the conditioned card.
+"""
+
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+
+from stridelab.contacts.shapes import EffectorReach, effector_shapes
+from stridelab.contacts.step_limits import EffectorLimits, RobotLimits, StepDefaults
+from stridelab.errors import NotFound
+from stridelab.reachability.card import Reach, ReachabilityCard
+from stridelab.reachability.store import load_card
+
+STEP_SHARE: Final = 0.31
+"""Step over h: TALOS 0.30 m, the depth of its stairs."""
+RISE_SHARE: Final = 0.19
+"""Highest stair over h: TALOS 0.18 m. At 0.20 m its shank runs into the stair, at 0.15 m it does not."""
+FEET_APART_M: Final = 0.03
+"""Least room between two soles side by side."""
+FEET: Final = ("left_foot", "right_foot")
+
+
+def planner_limits(robot_name: str) -> RobotLimits:
+    """Limits of a robot with two feet.
+
+    Raises ``NotFound`` (``robot-not-found``, ``reachability-not-learned``) and ``UnreadableFile``
+    (``reachability-damaged``).
+    """
+    shapes = effector_shapes(robot_name)
+    card = load_card(robot_name, "conditioned")
+    effectors = {}
+    for name, shape in shapes.items():
+        if shape.reach is None or name not in card.effectors:
+            raise NotFound("reachability-not-learned", f"The reach of {name} of {robot_name} was not learned yet.")
+        upright = card.effectors[name].reach
+        heading = _within(upright, shape.reach) if shape.kind == "surface" else _plain(upright)
+        effectors[name] = EffectorLimits(shape.kind, shape.half_size_m or (0.0, 0.0), heading, shape.reach)
+    h = max(effectors[name].heading.com_high_m[2] for name in FEET)
+    soles = sum(effectors[name].half_size_m[1] for name in FEET)
+    defaults = StepDefaults(
+        step_m=STEP_SHARE * h, rise_max_m=RISE_SHARE * h, width_m=soles + 2 * FEET_APART_M,
+        width_min_m=soles + FEET_APART_M,
+    )  # fmt: skip
+    return RobotLimits(MappingProxyType(effectors), _feet_distance_m(card), defaults)
+
+
+def _feet_distance_m(card: ReachabilityCard) -> float:
+    return next(pair.distance_max_m for pair in card.pairs if set(pair.effectors) == set(FEET))
+
+
+def _plain(reach: Reach) -> EffectorReach:
+    return EffectorReach(reach.com_low_m, reach.com_high_m, reach.com_distance_max_m)
+
+
+def _within(reach: Reach, widest: EffectorReach) -> EffectorReach:
+    """What both allow; on level ground the frame of a sole is the heading frame."""
+    low, high = np.maximum(reach.com_low_m, widest.com_low_m), np.minimum(reach.com_high_m, widest.com_high_m)
+    (x0, y0, z0), (x1, y1, z1) = low.tolist(), high.tolist()
+    return EffectorReach((x0, y0, z0), (x1, y1, z1), min(reach.com_distance_max_m, widest.com_distance_max_m))
