@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.optimize import minimize
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.contacts.surfaces import depth_in_box_m, is_vertical, touchable
+from stridelab.contacts.surfaces import depth_in_box_m, face_towards, is_vertical, touchable, vertical_span_m
 from stridelab.contacts.terrain import Box, Rail, Terrain
 from stridelab.dynamics.placement import Placement
 
@@ -78,3 +78,35 @@ def test_a_terrain_knows_its_boxes_and_rails() -> None:
     rail = Rail("rail", np.zeros(3), np.ones(3), 0.02)
     terrain = Terrain.of([rail, box])
     assert (terrain.boxes, terrain.rails) == ((box,), (rail,))
+
+
+@pytest.mark.parametrize("axis", range(3))
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_every_face_of_a_box_looks_outwards(axis: int, sign: float) -> None:
+    box = Box("crate", Placement.of([1.0, 2.0, 3.0], [0.9, 0.1, -0.3, 0.2]), np.array([0.4, 0.6, 0.8]))
+    normal = sign * box.placement.rotation[:, axis]
+    face = face_towards(box, normal + 0.2 * box.placement.rotation[:, axis - 1])
+    np.testing.assert_allclose(face.normal, normal, atol=1e-12)
+    np.testing.assert_allclose(face.center_m, box.placement.position_m + box.size_m[axis] / 2 * normal, atol=1e-12)
+    np.testing.assert_allclose(np.linalg.det(face.frame), 1.0)
+    corners = face.center_m + face.frame[:, :2] @ face.half_m
+    np.testing.assert_allclose(depth_in_box_m(box, corners[np.newaxis]), 0.0, atol=1e-12)
+
+
+@settings(deadline=None)
+@given(
+    st.tuples(*[st.floats(-1.0, 1.0)] * 4).filter(lambda q: np.linalg.norm(q) > 0.1),
+    st.floats(-0.6, 0.6),
+    st.floats(-0.6, 0.6),
+)
+def test_vertical_lines_enter_and_leave_a_box_on_its_faces(q: tuple[float, ...], x: float, y: float) -> None:
+    """Just inside the span points are inside, just outside they are not; where there is none, no height is inside."""
+    box = Box("crate", Placement.of([0.0, 0.0, 0.0], list(q)), np.array([0.4, 0.6, 0.8]))
+    low, top = (float(ends[0]) for ends in vertical_span_m(box, np.array([[x, y, 5.0]])))
+    heights = np.linspace(-1.0, 1.0, 41) if np.isnan(low) else np.array([low, top, (low + top) / 2])
+    depth = depth_in_box_m(box, np.column_stack([np.full_like(heights, x), np.full_like(heights, y), heights]))
+    if np.isnan(low):
+        assert depth.max() < 1e-9
+    else:
+        np.testing.assert_allclose(depth[:2], 0.0, atol=1e-9)
+        assert depth[2] >= -1e-9

@@ -7,9 +7,12 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation as ScipyRotation
 
 from stridelab.contacts.scenario_json import sequence_of
+from stridelab.contacts.shapes import patch_m
 from stridelab.contacts.stairs import flat_walk, six_stairs, stairs_with_rail
+from stridelab.contacts.surfaces import depth_in_box_m, vertical_span_m
 from stridelab.contacts.swing import HAND_RETREAT_M, SwingCurve, swing_of
-from stridelab.contacts.swing_clearance import FOOT_CLEARANCE_M
+from stridelab.contacts.swing_clearance import FOOT_CLEARANCE_M, MARGIN_M, rise_m
+from stridelab.contacts.terrain import Box, Terrain
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import InvalidInput
 from support.shapes import SHAPES
@@ -148,3 +151,56 @@ def test_refuses_what_does_not_swing(effector: str, phase: int) -> None:
     with pytest.raises(InvalidInput, match=effector) as caught:
         swing_of(sequence_of(flat_walk(), SHAPES), effector, phase)
     assert caught.value.code == "no-swing"
+
+
+heights = st.floats(0.0, 0.2)
+leans = st.floats(-0.3, 0.3)
+Lean = tuple[float, float]
+SOLE = patch_m((0.10, 0.06))
+
+
+def stone(name: str, x: float, height: float, lean: tuple[float, float]) -> Box:
+    """A slab whose upper face has its middle at (x, 0, height)."""
+    R = ScipyRotation.from_euler("xy", lean).as_matrix()
+    return Box(name, Placement(np.array([x, 0.0, height]) - 0.05 * R[:, 2], R), np.array([0.24, 0.16, 0.10]))
+
+
+@settings(max_examples=60, deadline=None)
+@given(heights, heights, heights, st.tuples(leans, leans), st.tuples(leans, leans), st.floats(0.02, 0.3))
+def test_a_sole_passes_over_what_lies_between_its_places(
+    z_start: float, z_end: float, z_between: float, lean_start: Lean, lean_end: Lean, width: float
+) -> None:
+    """Half-way, all of it is clear of every box below its way by the margin; it never enters what lies between."""
+    start, end = stone("start", 0.0, z_start, lean_start), stone("end", 0.8, z_end, lean_end)
+    places = [Placement(b.placement.act(np.array([[0.0, 0.0, 0.05]]))[0], b.placement.rotation) for b in (start, end)]
+    between = Box("between", Placement.of([0.4, 0.0, z_between / 2]), np.array([width, 0.4, z_between + 1e-3]))
+    terrain = Terrain.of([start, between, end])
+    rises = rise_m(*places, SOLE, terrain)
+    assert rises >= FOOT_CLEARANCE_M
+    curve = SwingCurve(*places, 1.0, "surface", rise_m=rises)
+    apex = curve.at(0.5).placement.act(SOLE)
+    tops = [float(np.nanmax(vertical_span_m(box, apex)[1], initial=-np.inf)) for box in terrain.boxes]
+    assert apex[:, 2].min() >= max(tops) + MARGIN_M - 1e-9
+    for t in np.linspace(0.0, 1.0, 60):
+        assert depth_in_box_m(between, curve.at(float(t)).placement.act(SOLE)).max() < 0.0
+
+
+def test_on_level_ground_a_sole_rises_as_ever() -> None:
+    floor = Box("floor", Placement.of([0.0, 0.0, -0.1]), np.array([4.0, 4.0, 0.2]))
+    assert rise_m(placed((0.0, 0.0, 0.0)), placed((0.5, 0.0, 0.0)), SOLE, Terrain.of([floor])) == FOOT_CLEARANCE_M
+
+
+def test_neither_a_wall_nor_a_roof_is_stepped_over() -> None:
+    wall = Box("wall", Placement.of([0.25, 0.0, 0.5]), np.array([0.05, 1.0, 1.0]))
+    roof = Box("roof", Placement.of([0.25, 0.0, 2.0]), np.array([4.0, 4.0, 0.2]))
+    level = placed((0.0, 0.0, 0.0)), placed((0.5, 0.0, 0.0))
+    assert rise_m(*level, SOLE, Terrain.of([wall, roof])) == FOOT_CLEARANCE_M
+
+
+def test_a_swing_of_a_sequence_knows_what_is_in_its_way() -> None:
+    scenario = flat_walk()
+    sill = {"name": "sill", "kind": "box", "center_m": [0.125, -0.09, 0.05], "size_m": [0.02, 0.1, 0.1]}
+    scenario["terrain"].append(sill)
+    curve = swing_of(sequence_of(scenario, SHAPES), "right_foot", 1)
+    assert curve.rise_m == pytest.approx(0.1 + MARGIN_M)
+    assert swing_of(sequence_of(scenario, SHAPES), "left_foot", 3).rise_m == FOOT_CLEARANCE_M

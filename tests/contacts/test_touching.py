@@ -165,3 +165,29 @@ def test_a_hand_may_lean_on_a_box() -> None:
     report = judged(stairs_with_rail(), change)
     assert report.valid
     assert [margin.surface for margin in report.margins if margin.effector == "right_hand"] == ["shelf"]
+
+
+def test_a_hand_may_push_against_a_wall() -> None:
+    def change(s: Made) -> None:
+        s["terrain"][-1] = {"name": "wall", "kind": "box", "center_m": [0.0, -0.7, 1.0], "size_m": [6.0, 0.2, 2.0]}
+        s["phases"] = s["phases"][:1]
+        turned = [np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0]
+        contact(s, 0, "right_hand").update(position_m=[-0.08, -0.6, 0.9], orientation_wxyz=turned)
+
+    report = judged(stairs_with_rail(), change)
+    assert report.valid
+    (margin,) = (m for m in report.margins if m.effector == "right_hand")
+    assert (margin.surface, margin.height_m) == ("wall", pytest.approx(0.0, abs=1e-9))
+    assert margin.edge_m == pytest.approx(0.9)
+
+
+def test_a_hand_off_a_wall() -> None:
+    def change(s: Made) -> None:
+        s["terrain"][-1] = {"name": "wall", "kind": "box", "center_m": [0.0, -0.7, 1.0], "size_m": [6.0, 0.2, 2.0]}
+        s["phases"] = s["phases"][:1]
+        turned = [np.sqrt(0.5), -np.sqrt(0.5), 0.0, 0.0]
+        contact(s, 0, "right_hand").update(position_m=[-0.08, -0.57, 0.9], orientation_wxyz=turned)
+
+    assert faults(judged(stairs_with_rail(), change)) == [
+        ("phases[0].contacts[right_hand]", "is in the air, 0.03 m off 'wall': move it by (0, -0.03, 0) m")
+    ]

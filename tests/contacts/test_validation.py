@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from stridelab.contacts.stairs import flat_walk, six_stairs, stairs_with_rail
+from stridelab.contacts.stairs import Stairs, flat_walk, six_stairs, stairs_with_rail
 from stridelab.contacts.validation import CheckReport, check
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck
 from support.shapes import SHAPES, Made, contact, faults, judged
@@ -180,6 +180,59 @@ def test_a_swing_through_an_obstacle_is_a_warning() -> None:
     assert "right_foot" in remark.message
     assert "'wall'" in remark.message
     assert "phase 1" in remark.message
+
+
+def test_a_low_obstacle_is_stepped_over() -> None:
+    def change(s: Made) -> None:
+        s["terrain"].append(
+            {"name": "sill", "kind": "box", "center_m": [0.125, -0.09, 0.05], "size_m": [0.02, 0.1, 0.1]}
+        )
+
+    report = judged(flat_walk(), change)
+    assert report.valid
+    assert report.remarks == ()
+
+
+@pytest.mark.parametrize("friction", [0.0, -0.3, math.nan, 2.1])
+def test_a_surface_without_friction_names_who_stands_on_it_first(friction: float) -> None:
+    found = dict(faults(judged(six_stairs(), lambda s: s["terrain"][2].update(friction=friction))))
+    assert list(found) == ["terrain[2]", "phases[6].contacts[right_foot]"]
+    assert "friction" in found["terrain[2]"]
+    assert "'stair 2'" in found["phases[6].contacts[right_foot]"]
+
+
+@pytest.mark.parametrize("friction", [0.0, -0.3, math.nan])
+def test_a_scenario_without_friction_names_who_stands_on_it_first(friction: float) -> None:
+    def change(s: Made) -> None:
+        s["terrain"][0]["friction"] = 0.4
+        s["friction"] = friction
+
+    wheres = [where for where, _ in faults(judged(six_stairs(), change))]
+    assert wheres == ["friction", "phases[2].contacts[right_foot]"]
+
+
+def test_a_stair_of_150_metres_is_a_mistake_of_units() -> None:
+    found = dict(faults(check(six_stairs(Stairs(1, 150.0)), SHAPES)))
+    assert list(found)[:2] == ["terrain[1]", "phases[2].contacts[right_foot]"]
+    assert all("lengths are in metres" in message for message in found.values())
+
+
+def test_a_stair_of_fifteen_metres_is_asked_for_its_units() -> None:
+    (fault,) = check(six_stairs(Stairs(1, 15.0)), SHAPES).faults
+    assert fault.where == "phases[2].contacts[right_foot]"
+    assert "are all lengths in metres?" in fault.message
+
+
+def test_five_hundred_phases() -> None:
+    report = judged(flat_walk(), lambda s: s.update(phases=s["phases"][:1] * 500))
+    assert faults(report) == [("phases", "500 phases; at most 400 can be planned")]
+
+
+def test_a_hand_in_a_box_beside_its_rail() -> None:
+    def change(s: Made) -> None:
+        s["terrain"].append({"name": "post", "kind": "box", "center_m": [-0.08, -0.58, 0.5], "size_m": [0.1, 0.1, 1.0]})
+
+    assert "is inside 'post'" in dict(faults(judged(stairs_with_rail(), change)))["phases[0].contacts[right_hand]"]
 
 
 def test_margins_and_support_regions() -> None:

@@ -18,6 +18,8 @@ REACH_TOLERANCE_M: Final = 0.001
 """Reach limits that are missed by less count as kept."""
 SHIFTS_MAX: Final = 12
 """Rounds in which the nearest place within reach is sought."""
+FAR_M: Final = 3.0
+"""What is farther off than this may be a mistake of units."""
 PULL_MIN: Final = 0.02
 """A contact that pulls less has no part in the conflict."""
 
@@ -83,10 +85,11 @@ def _fault(k: int, touches: list[Touch], conflict: list[int], slack: Slack, befo
     others = [touches[i].effector for i in conflict if i != blamed]
     missing = _missing_m(touches, blamed, slack)
     distance = float(np.linalg.norm(missing))
+    units = " (are all lengths in metres?)" if distance > FAR_M else ""
     anchor = " and ".join(others) or "the robot's reach"
     return Fault(
         contact_field(k, touches[blamed].effector),
-        f"{distance:.2f} m too far from {anchor} for this robot: {shift(missing)}",
+        f"{distance:.2f} m too far from {anchor} for this robot: {shift(missing)}{units}",
     )
 
 

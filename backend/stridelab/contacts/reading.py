@@ -5,7 +5,7 @@ What can be read is read even where other parts are faulty, so that all faults c
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, Final
 
@@ -20,6 +20,8 @@ from stridelab.errors import Fault
 DURATION_S: Final = (0.05, 60.0)
 """Shortest and longest phase."""
 FRICTION_MAX: Final = 2.0
+LENGTH_MAX_M: Final = 100.0
+"""Longest length: what is longer was not given in metres."""
 NORM_MIN: Final = 1e-6
 """A quaternion or a rail shorter than this has no direction."""
 
@@ -43,6 +45,8 @@ class Draft:
     terrain: Terrain
     phases: tuple[DraftPhase, ...]
     faults: tuple[Fault, ...]
+    without_friction: frozenset[str | None] = frozenset()
+    """Surfaces whose own friction makes no sense; None where the scenario's does not."""
 
 
 def contact_field(phase: int, effector: str) -> str:
@@ -53,11 +57,12 @@ def contact_field(phase: int, effector: str) -> str:
 def read(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -> Draft:
     """Read a scenario of the HTTP contract, ``schemas.scenarios.Scenario`` as a mapping; wrong values become faults."""
     reader = _Reader(effectors)
-    friction = reader.attempt("friction", lambda: _friction(scenario.get("friction", 0.3)))
+    friction = reader.friction(None, "friction", scenario.get("friction", 0.3))
     surfaces = [s for i, entry in enumerate(_items(scenario, "terrain")) if (s := reader.surface(i, entry)) is not None]
     phases = tuple(reader.phase(i, entry) for i, entry in enumerate(_items(scenario, "phases")))
     name, robot = str(scenario.get("name", "")), str(scenario.get("robot", ""))
-    return Draft(name, robot, friction or 0.3, Terrain.of(surfaces), phases, tuple(reader.faults))
+    terrain, without = Terrain.of(surfaces), frozenset(reader.without_friction)
+    return Draft(name, robot, friction or 0.3, terrain, phases, tuple(reader.faults), without)
 
 
 class _Reader:
@@ -67,6 +72,7 @@ class _Reader:
         self.effectors = effectors
         self.faults: list[Fault] = []
         self.names: set[str] = set()
+        self.without_friction: set[str | None] = set()
 
     def attempt(self, where: str, read_value: Callable[[], Any]) -> Any:
         """The value, or None with a fault at ``where``."""
@@ -82,11 +88,20 @@ class _Reader:
         read: Surface | None = self.attempt(where, lambda: _surface(entry))
         if read is None:
             return None
+        if entry.get("friction") is not None:
+            read = replace(read, friction=self.friction(read.name, where, entry["friction"]))
         if read.name in self.names:
             self.faults.append(Fault(f"{where}.name", f"two surfaces are called {read.name!r}"))
             return None
         self.names.add(read.name)
         return read
+
+    def friction(self, surface: str | None, where: str, value: Any) -> float | None:
+        """A coefficient, of one surface or of the whole scenario; None with a fault where it makes no sense."""
+        found: float | None = self.attempt(where, lambda: _friction(value))
+        if found is None:
+            self.without_friction.add(surface)
+        return found
 
     def phase(self, index: int, entry: Any) -> DraftPhase:
         where = f"phases[{index}]"
@@ -120,15 +135,15 @@ def _contacts(entry: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _surface(entry: Mapping[str, Any]) -> Surface:
-    friction = entry.get("friction")
-    name, mu = str(entry["name"]), None if friction is None else _friction(friction)
+    """The surface but for its friction."""
+    name = str(entry["name"])
     if entry["kind"] == "rail":
-        start, end, radius = _vector(entry, "from_m"), _vector(entry, "to_m"), _number(entry["radius_m"], "radius_m")
+        start, end, radius = _vector(entry, "from_m"), _vector(entry, "to_m"), _length_m(entry["radius_m"], "radius_m")
         if np.linalg.norm(end - start) < NORM_MIN:
             raise ValueError("the rail has no length: from_m and to_m are the same")
         if radius <= 0:
             raise ValueError("radius_m must be above 0")
-        return Rail(name, start, end, radius, mu)
+        return Rail(name, start, end, radius)
     if entry["kind"] != "box":
         raise ValueError(f"a surface is a box or a rail, not {entry['kind']!r}")
     size = _vector(entry, "size_m")
@@ -140,7 +155,7 @@ def _surface(entry: Mapping[str, Any]) -> Surface:
     if yaw is not None:
         half = _number(yaw, "yaw_rad") / 2
         wxyz = (math.cos(half), 0.0, 0.0, math.sin(half))
-    return Box(name, _placed(_vector(entry, "center_m"), wxyz), size, mu)
+    return Box(name, _placed(_vector(entry, "center_m"), wxyz), size)
 
 
 def _placement(contact: Mapping[str, Any]) -> Placement:
@@ -158,7 +173,7 @@ def _placed(position_m: Vector3, wxyz: Sequence[Any] | None) -> Placement:
 
 
 def _vector(entry: Mapping[str, Any], key: str) -> Vector3:
-    values = [_number(value, key) for value in entry[key]]
+    values = [_length_m(value, key) for value in entry[key]]
     if len(values) != 3:
         raise ValueError(f"{key} must have three numbers")
     return np.array(values)
@@ -169,6 +184,13 @@ def _number(value: Any, what: str) -> float:
     if not math.isfinite(number):
         raise ValueError(f"{what} must be finite")
     return number
+
+
+def _length_m(value: Any, what: str) -> float:
+    length = _number(value, what)
+    if abs(length) > LENGTH_MAX_M:
+        raise ValueError(f"{what} has {length:g} m: lengths are in metres, up to {LENGTH_MAX_M:g} m")
+    return length
 
 
 def _friction(value: Any) -> float:

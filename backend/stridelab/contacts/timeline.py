@@ -95,6 +95,22 @@ def colliding(stances: tuple[Stance, ...]) -> Iterator[Fault]:
                 yield Fault(contact_field(k, other.effector), f"stands on the same place as {one.effector}")
 
 
+def without_friction(draft: Draft, stances: tuple[Stance, ...]) -> Iterator[Fault]:
+    """The first contact on every surface whose friction makes no sense."""
+    own = {surface.name: surface.friction is not None for surface in draft.terrain.surfaces}
+    told: set[str | None] = set()
+    for k, stance in enumerate(stances):
+        for name, touch in stance.items():
+            if touch.surface is None:
+                continue
+            source = touch.surface if touch.surface in draft.without_friction else None
+            if source in told or source not in draft.without_friction or (source is None and own[touch.surface]):
+                continue
+            told.add(source)
+            whose = "the scenario's friction" if source is None else "its friction"
+            yield Fault(contact_field(k, name), f"nothing holds it on {touch.surface!r}: {whose} makes no sense")
+
+
 def sliding_down(stances: tuple[Stance, ...]) -> Iterator[Fault]:
     """Phases whose soles stand on ground that is too steep for their friction; each set of places once."""
     told: set[frozenset[int]] = set()

@@ -104,7 +104,7 @@ class _Ground:
         problems += list(_tilted(on, placement))
         if not problems and edges < -EDGE_TOLERANCE_M:
             problems.append(_over_the_edge(on, placement.act(outline(shape)), edges, shape))
-        if not problems and shape.kind == "surface":
+        if not problems:
             problems += list(self._obstructed(on, placement.act(outline(shape))))
         friction = self.friction if on.surface.friction is None else on.surface.friction
         return Touch(effector, shape, placement, on, friction, height, edges, tuple(problems))
@@ -129,7 +129,7 @@ class _Ground:
         return float(best.min())
 
     def _obstructed(self, on: Touchable, sole_m: Points) -> Iterator[str]:
-        """The box that the sole would be inside of, the highest if there are several."""
+        """The box that the sole, or the hand, would be inside of, the highest if there are several."""
         raised = sole_m + LEVEL_TOLERANCE_M * on.normal
         others = [(box, face) for box, face in zip(self.boxes, self.faces, strict=True) if box is not on.surface]
         inside = [

@@ -15,7 +15,15 @@ from stridelab.contacts.reading import Draft, contact_field, read
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.shapes import EffectorShape
 from stridelab.contacts.support import Polygon, support_region_m
-from stridelab.contacts.timeline import colliding, out_of_nowhere, sliding, sliding_down, too_large, unsupported
+from stridelab.contacts.timeline import (
+    colliding,
+    out_of_nowhere,
+    sliding,
+    sliding_down,
+    too_large,
+    unsupported,
+    without_friction,
+)
 from stridelab.contacts.touching import Stance, Touch, touch_all
 from stridelab.errors import Fault
 
@@ -85,6 +93,7 @@ def judge(
         *sliding(stances),
         *colliding(stances),
         *sliding_down(stances),
+        *without_friction(draft, stances),
         *reach.faults,
     ]
     report = CheckReport(
