@@ -88,14 +88,14 @@ def test_a_gap_is_named_with_what_is_missing() -> None:
         PLANNER.plan(planks(0.5))
     assert refusal.value.code == "contacts-unreachable"
     assert refusal.value.faults[0].where == "terrain[plank 1]"
-    assert f"{0.5 + 2 * 0.15 - reach:.2f} m ahead" in refusal.value.message
+    assert f"{0.5 + 2 * 0.15 - reach:.3f} m farther ahead" in refusal.value.message
     assert "plank 0" in refusal.value.message
 
 
 def test_a_stair_too_high_is_named() -> None:
     with pytest.raises(NotEstimable) as refusal:
         PLANNER.plan(task([box("ground", (-1.0, 0.4), 0.0), box("wall", (0.4, 1.5), 0.4, thick_m=0.8)], 0.8, 0.4))
-    assert "m up" in refusal.value.message
+    assert "m farther up" in refusal.value.message
     assert refusal.value.faults[0].where == "terrain[wall]"
 
 

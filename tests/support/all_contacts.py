@@ -12,7 +12,6 @@ from scipy.optimize import linprog
 from stridelab.contacts.standing_room import Region
 from stridelab.contacts.step_limits import COVER, DIRECTIONS, RobotLimits
 from stridelab.contacts.step_schedule import Ends, Rooms, Schedule, schedule
-from stridelab.conventions import Vector3
 
 FEASIBLE, NO_SOLUTION = 0, 2
 Assignment = dict[int, Region]
@@ -76,7 +75,6 @@ def _solved(plan: Schedule, ends: Ends, limits: RobotLimits, chosen: Assignment,
         equal.append(normal @ place(k))
         to.append(np.array([normal @ region.origin_m]))
         at_most(region.A @ local.T @ place(k), region.b + region.A @ local.T @ region.origin_m)
-    even = _even_m(ends, limits, len(plan.feet))
     for k in range(1, n):
         now, before = plan.nodes[plan.feet[k]], plan.nodes[plan.feet[k - 1]]
         both = now.fixed is not None and before.fixed is not None
@@ -93,12 +91,13 @@ def _solved(plan: Schedule, ends: Ends, limits: RobotLimits, chosen: Assignment,
         at_most(step, high)
         at_most(-step, -low)
         at_most(DIRECTIONS @ step, np.full(26, COVER * limits.feet_distance_max_m))
-        side = limits.defaults.width_m * (1.0 if now.effector == "left_foot" else -1.0)
-        off = np.zeros((2, 8 * n))
-        off[:, 6 * n + 2 * k : 6 * n + 2 * k + 2] = np.eye(2)
-        wanted: Vector3 = np.array([even, side])
-        at_most(step[:2] - off, wanted)
-        at_most(-step[:2] - off, -wanted)
+    for k in range(n):
+        if plan.nodes[plan.feet[k]].fixed is None:
+            off = np.zeros((2, 8 * n))
+            off[:, 6 * n + 2 * k : 6 * n + 2 * k + 2] = np.eye(2)
+            wanted = _even_m(ends, limits, k, len(plan.feet) - 1, plan.nodes[plan.feet[k]].effector)
+            at_most(place(k)[:2] - off, wanted)
+            at_most(-place(k)[:2] - off, -wanted)
     cost = np.concatenate([np.zeros(6 * n), np.ones(2 * n)])
     bounds = [(None, None)] * (6 * n) + [(0, None)] * (2 * n)
     found = linprog(
@@ -108,6 +107,9 @@ def _solved(plan: Schedule, ends: Ends, limits: RobotLimits, chosen: Assignment,
     return float(found.fun) if found.status == FEASIBLE else None
 
 
-def _even_m(ends: Ends, limits: RobotLimits, feet: int) -> float:
-    way = np.mean([ends.goal[f].position_m - ends.start[f].position_m for f in limits.feet], axis=0)
-    return float(way[0]) / max(1, feet - 2)
+def _even_m(ends: Ends, limits: RobotLimits, k: int, steps: int, effector: str) -> np.ndarray:
+    """Place of the foot of step ``k``, level, for ends along x."""
+    from_m, to_m = (np.mean([end[f].position_m[:2] for f in limits.feet], axis=0) for end in (ends.start, ends.goal))
+    side = limits.defaults.width_m / 2 * (1.0 if effector == "left_foot" else -1.0)
+    share = min(1.0, k / max(1, steps - 1))
+    return np.asarray(from_m + share * (to_m - from_m) + [0.0, side])

@@ -38,8 +38,8 @@ def random_task(rng: np.random.Generator, kind: str, most: int = 5) -> Task:
     terrain = [box("start", (-0.4, 0.4), 0.0)]
     sign = -1.0 if kind == "stairs down" else 1.0
     for i in range(1, number + 1):
-        gap = float(rng.uniform(0.0, 0.45)) if kind == "gaps" else 0.0
-        top += 0.0 if kind == "gaps" else sign * float(rng.uniform(0.05, 0.20))
+        gap = float(rng.uniform(0.0, 0.33)) if kind == "gaps" else 0.0
+        top += 0.0 if kind == "gaps" else sign * float(rng.uniform(0.05, 0.19))
         length = 0.8 if i == number else float(rng.uniform(0.24, 0.45))
         terrain.append(box(f"part {i}", (x + gap, x + gap + length), top))
         x += gap + length

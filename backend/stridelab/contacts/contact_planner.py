@@ -152,12 +152,13 @@ class ContactPlanner:
         return scenario
 
     def _unreachable(self, ends: Ends, draft: Draft, rooms: Rooms, seen: Schedule | None, until: float) -> NotEstimable:
-        goal = touch_all(draft, self.effectors)[1]
-        gap = first_gap(ends, self.limits, rooms, {foot: goal[foot].surface or "" for foot in self.limits.feet})
+        start, goal = touch_all(draft, self.effectors)
+        names = {foot: (start[foot].surface or "", goal[foot].surface or "") for foot in self.limits.feet}
+        gap = first_gap(ends, self.limits, rooms, names)
         if gap is not None:
             missing = _in_words(gap.missing_m)
-            text = f"from {gap.from_surface!r} to {gap.to_surface!r} the step is {missing} beyond the robot's reach"
-            message = f"There is no way to the goal: after {gap.step} steps, {text}."
+            text = f"the step from {gap.from_surface!r} to {gap.to_surface!r} would have to reach {missing}"
+            message = f"There is no way to the goal: after {gap.step} steps or more, {text}."
             return NotEstimable("contacts-unreachable", message, [Fault(f"terrain[{gap.to_surface}]", text)])
         if seen is None:
             message = "There is no way to the goal: its feet cannot both be reached from where the others may stand."
@@ -244,7 +245,7 @@ def _same(one: Placement, other: Placement) -> bool:
 
 def _in_words(missing_m: tuple[float, float, float]) -> str:
     ways = (("ahead", "back"), ("left", "right"), ("up", "down"))
-    parts = [f"{abs(v):.2f} m {way[v < 0]}" for v, way in zip(missing_m, ways, strict=True) if abs(v) > SAME_M]
+    parts = [f"{abs(v):.3f} m farther {way[v < 0]}" for v, way in zip(missing_m, ways, strict=True) if abs(v) > SAME_M]
     return " and ".join(parts)
 
 

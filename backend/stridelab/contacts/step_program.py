@@ -8,7 +8,9 @@ so that the relaxation is the hull of the regions. Every stance has a CoM ``c`` 
 its contacts: ``l <= W^T (c - p_i) <= u`` in the heading frame ``W`` and 26 half-spaces inside the sphere. The judge's
 limits in the frame of the contact follow from these on level ground, and hold with big M where the contact is tilted
 or a rail. Consecutive feet keep the box and the ball of a step. The objective is the sum of deviations (L1, in
-metres) of steps and hands from even ones, plus ``FREE_COST`` for every placement of a hand that is left out.
+metres, level) from even steps on the straight way, plus ``FREE_COST`` for every placement of a hand that is left out.
+Deviations are counted region by region, ``d_ir >= |n (o_r - t_i) H_ir + n E_r u_ir|``: a mixture of two regions costs
+what it costs in both, so that nothing is gained by a place in the gap between them.
 """
 
 from collections.abc import Iterable
@@ -22,7 +24,7 @@ from stridelab.contacts.shapes import EffectorReach
 from stridelab.contacts.standing_room import Region
 from stridelab.contacts.step_limits import COVER, DIRECTIONS, RobotLimits, ball_rows, heading_frame
 from stridelab.contacts.step_schedule import Ends, Node, Schedule
-from stridelab.conventions import Points, Rotation, Series
+from stridelab.conventions import Rotation, Series, Vector3
 from stridelab.dynamics.placement import Placement
 
 FREE_COST: Final = 2.0
@@ -64,8 +66,6 @@ class StepProgram:
             self._stance([i for i in stance.values() if not plan.nodes[i].absent], move)
         for k in range(1, len(plan.feet)):
             self._step(plan.feet[k - 1], plan.feet[k], is_last=k == len(plan.feet) - 1)
-        if not slack:
-            self._hands()
 
     def solve(self, seconds: float) -> Answer:
         """Solve it."""
@@ -107,6 +107,8 @@ class StepProgram:
             u = program.add(region.axes.shape[1])
             for row, b in zip(region.A, region.b, strict=True):
                 program.row([*zip(u, row, strict=True), (h, -b)], high=0.0)
+            if self.slack is None:
+                self._deviation(node, region, h, u)
             for i in range(3):
                 place[i] += [(h, self.origin[i] - region.origin_m[i]), *zip(u, -region.axes[i], strict=True)]
         for terms in place:
@@ -156,7 +158,7 @@ class StepProgram:
             self.program.row(terms, high=offset + room)
 
     def _step(self, still: int, moving: int, *, is_last: bool) -> None:
-        """The box and the ball of a step, and how even it is."""
+        """The box and the ball of a step."""
         nodes = self.plan.nodes
         fixed = nodes[still].fixed is not None and nodes[moving].fixed is not None
         if fixed and is_last:
@@ -170,39 +172,29 @@ class StepProgram:
         rows += [(n, reach) for n in DIRECTIONS]
         for n, offset in rows:
             self.program.row([t for p, sign in apart for t in zip(p, sign * n, strict=True)] + move, high=offset)
-        if self.slack is None:
-            side = 1.0 if nodes[moving].effector == self.limits.feet[0] else -1.0
-            even = np.array([self._even_m(W), side * self.limits.defaults.width_m])
-            self._near(apart, W[:, :2].T, even)
 
-    def _even_m(self, W: Rotation) -> float:
-        """Step length if all were the same."""
-        feet = self.limits.feet
-        way = np.mean([self.ends.goal[f].position_m - self.ends.start[f].position_m for f in feet], axis=0)
-        return float(way @ W[:, 0]) / max(1, len(self.plan.feet) - 2)
+    def _deviation(self, node: Node, region: Region, h: int, u: Columns) -> None:
+        """How far a place in ``region`` is from where even steps would put it; hands count along the way only."""
+        W = heading_frame(node.yaw_rad)
+        apart = region.origin_m - self.target_m(node)
+        for n in W.T[: 2 if node.effector in self.limits.feet else 1]:
+            (d,) = self.program.add(1, 0.0, cost=1.0)
+            at = [(h, float(n @ apart)), *zip(u, n @ region.axes, strict=True)]
+            self.program.row([*at, (d, -1.0)], high=0.0)
+            self.program.row([*at, (d, 1.0)], low=0.0)
 
-    def _hands(self) -> None:
-        """Hands keep their place before the feet, as at the start (or the goal)."""
-        for stance in self.plan.stances[1:]:
-            for name, i in stance.items():
-                node, spot = self.plan.nodes[i], self.spots[i]
-                if not node.choices or self.limits.effectors[name].kind == "surface":
-                    continue
-                known = self.ends.start if name in self.ends.start else self.ends.goal
-                feet = np.mean([known[f].position_m for f in self.limits.feet], axis=0)
-                W = heading_frame(node.yaw_rad)
-                ahead = np.array([float((known[name].position_m - feet) @ heading_frame(self.ends.yaw_rad)[:, 0])])
-                apart = [(spot.p, 1.0), *((self.spots[stance[f]].p, -0.5) for f in self.limits.feet)]
-                self._near(apart, W[:, :1].T, ahead, spot.F)
-
-    def _near(self, parts: list[tuple[Columns, float]], axes: Points, wanted: Series, free: int | None = None) -> None:
-        """Cost of ``|axes (sum of parts) - wanted|``; nothing where the effector is free."""
-        for n, value in zip(axes, wanted, strict=True):
-            d = self.program.add(1, 0.0, cost=1.0)
-            terms = [t for p, sign in parts for t in zip(p, sign * n, strict=True)]
-            off = [] if free is None else [(free, self.big_m)]
-            self.program.row([*terms, (d[0], -1.0), *((f, -m) for f, m in off)], high=value)
-            self.program.row([*terms, (d[0], 1.0), *off], low=value)
+    def target_m(self, node: Node) -> Vector3:
+        """Where even steps put an effector: feet in a line beside the way, hands before them as at the start."""
+        feet, ends = self.limits.feet, self.ends
+        start, goal = (np.mean([end[foot].position_m for foot in feet], axis=0) for end in (ends.start, ends.goal))
+        steps = len(self.plan.feet) - 1
+        middle = start + min(1.0, node.step / max(1, steps - 1)) * (goal - start)
+        W = heading_frame(node.yaw_rad)
+        if node.effector in feet:
+            side = 1.0 if node.effector == feet[0] else -1.0
+            return np.asarray(middle + side * self.limits.defaults.width_m / 2 * W[:, 1])
+        known, origin = (ends.start, start) if node.effector in ends.start else (ends.goal, goal)
+        return np.asarray(middle + known[node.effector].position_m - origin)
 
     def _slack(self, move: int) -> Terms:
         return [] if self.slack is None else [(self.slack[move], -1.0)]

@@ -64,8 +64,11 @@ class Gap:
     missing_m: tuple[float, float, float]
 
 
-def first_gap(ends: Ends, limits: RobotLimits, rooms: Rooms, surfaces: Mapping[str, str]) -> Gap | None:
-    """The gap that no number of steps crosses; None where there is none. ``surfaces`` those of the goal's feet."""
+def first_gap(ends: Ends, limits: RobotLimits, rooms: Rooms, names: Mapping[str, tuple[str, str]]) -> Gap | None:
+    """The gap that no number of steps crosses; None where there is none.
+
+    ``names`` are the surfaces of start and goal by foot.
+    """
     frame = heading_frame(ends.yaw_rad)
     yaw = ends.yaw_rad + ends.turn_rad / 2
     places: list[tuple[str, str, Boxes]] = []
@@ -73,9 +76,9 @@ def first_gap(ends: Ends, limits: RobotLimits, rooms: Rooms, surfaces: Mapping[s
         node = Node(foot, 0, yaw, None, rooms(foot, yaw))
         found = zip(node.choices, _boxes(node, frame), strict=True)
         places += [(foot, region.surface, box[np.newaxis]) for region, box in found]
-    places += [(foot, surfaces[foot], _boxes(Node(foot, 0, yaw, ends.goal[foot]), frame)) for foot in limits.feet]
+    places += [(foot, names[foot][1], _boxes(Node(foot, 0, yaw, ends.goal[foot]), frame)) for foot in limits.feet]
     steps = {foot: _offsets(Node(foot, 0, yaw), limits, frame) for foot in limits.feet}
-    starts = [(foot, "the start", _boxes(Node(foot, 0, yaw, ends.start[foot]), frame)) for foot in limits.feet]
+    starts = [(foot, names[foot][0], _boxes(Node(foot, 0, yaw, ends.start[foot]), frame)) for foot in limits.feet]
     level: dict[int, int] = {}
     queue = deque((0, *start) for start in starts)
     reached: list[tuple[int, str, str, Boxes]] = []
