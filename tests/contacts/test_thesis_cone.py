@@ -8,7 +8,7 @@ from stridelab.contacts.thesis_cone import outer_cone
 from stridelab.contacts.wrench_cone import LinearCone
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import NotEstimable
-from support.contact_sets import com_m, random_contacts
+from stridelab.experiments.contact_sets import com_m, random_contacts
 
 SOLE = (0.1, 0.06)
 FEET = PointContacts.of([(Placement.of((0.0, 0.09, 0.0)), SOLE, 0.5), (Placement.of((0.3, -0.09, 0.15)), SOLE, 0.5)])

@@ -10,7 +10,7 @@ from stridelab.contacts.wrench_cone import N_RAYS, LinearCone
 from stridelab.contacts.wrench_margin import linear_margin
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import InvalidInput, NotEstimable
-from support.contact_sets import com_m, random_contacts
+from stridelab.experiments.contact_sets import com_m, random_contacts
 
 LEVEL = Placement.identity()
 SIDE = Placement.of((0.0, 0.0, 0.0), (np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0))  # z axis along world x
@@ -61,7 +61,8 @@ def test_largest_cone_is_inside_by_every_facet_and_by_linear_programmes() -> Non
         linear = LinearCone.of(contacts)
         cone = linear.largest_lorentz()
         assert linear.violation(cone) <= 0.0
-        for wrench in cone.boundary(rng.normal(size=(3, cone.dimension))):
+        nearest = np.argsort(linear.facets @ cone.boundary(np.ones((1, cone.dimension)))[0])[-2:]
+        for wrench in [*cone.boundary(rng.normal(size=(2, cone.dimension))), *cone.towards(linear.facets[nearest])]:
             assert cone.gauge(wrench[np.newaxis])[0] == pytest.approx(1.0)
             assert linear_margin(contacts, wrench, N_RAYS).margin_n >= -1e-9 * np.linalg.norm(wrench)
 

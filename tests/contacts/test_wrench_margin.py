@@ -10,7 +10,7 @@ from stridelab.contacts.point_contacts import PointContacts
 from stridelab.contacts.wrench_margin import conic_margin, linear_margin
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import InvalidInput
-from support.contact_sets import random_contacts, random_wrench
+from stridelab.experiments.contact_sets import random_contacts, random_wrench
 
 HAND = PointContacts.of([(Placement.of((1.0, 2.0, 0.0)), None, 0.5)])
 GRIP = PointContacts.of(

@@ -70,6 +70,10 @@ class LorentzCone:
         y[:, : self.dimension], y[:, self.dimension] = unit, 1.0
         return np.asarray(np.linalg.solve(self.to_standard, y.T).T)
 
+    def towards(self, facets: Facets) -> Wrenches:
+        """The wrench on the boundary, ``eta = 1``, that comes nearest to leaving each half-space."""
+        return self.boundary(np.linalg.solve(self.to_standard.T, facets.T).T[:, : self.dimension])
+
     def supports(self, facets: Facets) -> Float[np.ndarray, "facets 2"]:
         """``(|r|, s)`` of every facet: the largest of ``a y`` on ``eta = 1`` is ``|r| + s``."""
         rows = np.linalg.solve(self.to_standard.T, facets.T).T
