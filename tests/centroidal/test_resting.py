@@ -4,6 +4,7 @@ import pinocchio as pin
 import pytest
 
 from stridelab.centroidal.resting import BEND_M, from_rest_to_rest
+from stridelab.contacts.obstacles import stand_up
 from stridelab.contacts.scenario_json import sequence_of
 from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.stairs import Stairs, stairs_with_rail
@@ -19,3 +20,11 @@ def test_it_goes_from_standing_on_the_first_soles_to_standing_on_the_last() -> N
     assert problem.com_end_m == pytest.approx([0.6, 0.0, 0.3 + height_m])
     assert problem.mass_kg == pytest.approx(robot.mass_kg)
     assert problem.proxies == {}
+
+
+def test_the_scenario_says_how_high_the_com_starts() -> None:
+    robot = load_robot("talos")
+    problem = from_rest_to_rest(robot, sequence_of(stand_up(0.65), effector_shapes("talos")), {})
+    height_m = pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2] - BEND_M
+    assert problem.com_start_m == pytest.approx([0.0, 0.0, 0.65])
+    assert problem.com_end_m == pytest.approx([0.0, 0.0, height_m])

@@ -17,6 +17,7 @@ from support.shapes import SHAPES
 
 def same(a: ContactSequence, b: ContactSequence) -> None:
     assert (a.name, a.robot, a.friction, a.effectors) == (b.name, b.robot, b.friction, b.effectors)
+    assert a.start_com_height_m == b.start_com_height_m
     for one, other in zip(a.terrain.surfaces, b.terrain.surfaces, strict=True):
         assert (one.name, one.friction, type(one)) == (other.name, other.friction, type(other))
         if isinstance(one, Box) and isinstance(other, Box):

@@ -223,6 +223,12 @@ def test_a_stair_of_fifteen_metres_is_asked_for_its_units() -> None:
     assert "are all lengths in metres?" in fault.message
 
 
+@pytest.mark.parametrize("height_m", [0.0, -0.5, 3.1, math.nan, "low"], ids=str)
+def test_a_start_at_no_height(height_m: Any) -> None:
+    found = faults(judged(flat_walk(), lambda s: s.update(start_com_height_m=height_m)))
+    assert [where for where, _ in found] == ["start_com_height_m"]
+
+
 def test_five_hundred_phases() -> None:
     report = judged(flat_walk(), lambda s: s.update(phases=s["phases"][:1] * 500))
     assert faults(report) == [("phases", "500 phases; at most 400 can be planned")]

@@ -15,10 +15,12 @@ BEND_M: Final = 0.017
 
 
 def from_rest_to_rest(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Proxy]) -> CentroidalProblem:
-    """``sequence`` with the CoM over the soles' mean at both ends.
+    """``sequence`` with the CoM over the soles' mean at both ends; how high it starts, the scenario may say.
 
     Raises ``InvalidInput`` as ``CentroidalProblem`` and ``standing_com_m`` do.
     """
     height_m = float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2]) - BEND_M
-    start, end = (standing_com_m(sequence.phases[i].contacts, height_m, robot.effectors) for i in (0, -1))
+    starts_m = height_m if sequence.start_com_height_m is None else sequence.start_com_height_m
+    start = standing_com_m(sequence.phases[0].contacts, starts_m, robot.effectors)
+    end = standing_com_m(sequence.phases[-1].contacts, height_m, robot.effectors)
     return CentroidalProblem(sequence, robot.mass_kg, robot.effectors, proxies, start, end)

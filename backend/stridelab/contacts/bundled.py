@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from typing import Final
 
-from stridelab.contacts.obstacles import stepping_stones, wall_step
+from stridelab.contacts.obstacles import stand_up, stepping_stones, wall_step
 from stridelab.contacts.scenario_parts import HRP2, Scenario
 from stridelab.contacts.stairs import HandRail, descent, flat_walk, long_stride, six_stairs, stairs_with_rail
 
@@ -23,5 +23,6 @@ BUNDLED: Final[Mapping[str, Callable[[], Scenario]]] = {
     "stairs-down": descent,
     "stepping-stones": stepping_stones,
     "wall-step": wall_step,
+    "stand-up": stand_up,
 }
 """Builder of every file of ``models/scenarios``, by the file's stem."""

@@ -20,6 +20,7 @@ from stridelab.errors import Fault
 DURATION_S: Final = (0.05, 60.0)
 """Shortest and longest phase."""
 FRICTION_MAX: Final = 2.0
+COM_HEIGHT_MAX_M: Final = 3.0
 LENGTH_MAX_M: Final = 100.0
 """Longest length: what is longer was not given in metres."""
 NORM_MIN: Final = 1e-6
@@ -42,6 +43,7 @@ class Draft:
     name: str
     robot: str
     friction: float
+    start_com_height_m: float | None
     terrain: Terrain
     phases: tuple[DraftPhase, ...]
     faults: tuple[Fault, ...]
@@ -58,11 +60,12 @@ def read(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) ->
     """Read a scenario of the HTTP contract, ``schemas.scenarios.Scenario`` as a mapping; wrong values become faults."""
     reader = _Reader(effectors)
     friction = reader.friction(None, "friction", scenario.get("friction", 0.3))
+    height = reader.attempt("start_com_height_m", lambda: _com_height_m(scenario.get("start_com_height_m")))
     surfaces = [s for i, entry in enumerate(_items(scenario, "terrain")) if (s := reader.surface(i, entry)) is not None]
     phases = tuple(reader.phase(i, entry) for i, entry in enumerate(_items(scenario, "phases")))
     name, robot = str(scenario.get("name", "")), str(scenario.get("robot", ""))
     terrain, without = Terrain.of(surfaces), frozenset(reader.without_friction)
-    return Draft(name, robot, friction or 0.3, terrain, phases, tuple(reader.faults), without)
+    return Draft(name, robot, friction or 0.3, height, terrain, phases, tuple(reader.faults), without)
 
 
 class _Reader:
@@ -198,6 +201,13 @@ def _friction(value: Any) -> float:
     if not 0 < friction <= FRICTION_MAX:
         raise ValueError(f"friction must be above 0 and at most {FRICTION_MAX:g}")
     return friction
+
+
+def _com_height_m(value: Any) -> float | None:
+    height = None if value is None else _number(value, "start_com_height_m")
+    if height is not None and not 0 < height <= COM_HEIGHT_MAX_M:
+        raise ValueError(f"the CoM starts above the soles, at most {COM_HEIGHT_MAX_M:g} m")
+    return height
 
 
 def _duration_s(value: Any) -> float:

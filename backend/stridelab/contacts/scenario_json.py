@@ -26,11 +26,13 @@ def sequence_of(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorSha
 
 def scenario_of(sequence: ContactSequence, description: str = "") -> dict[str, Any]:
     """The plain form of a contact sequence."""
+    height = sequence.start_com_height_m
     return {
         "name": sequence.name,
         "description": description,
         "robot": sequence.robot,
         "friction": sequence.friction,
+        **({} if height is None else {"start_com_height_m": height}),
         "terrain": [_surface(surface) for surface in sequence.terrain.surfaces],
         "phases": [
             {

@@ -41,13 +41,17 @@ class ContactPhase:
 
 @dataclass(frozen=True, eq=False)
 class ContactSequence:
-    """Phases one after the other on a terrain, for a robot. The first and the last phase are rest to rest."""
+    """Phases one after the other on a terrain, for a robot. The first and the last phase are rest to rest.
+
+    ``start_com_height_m`` is that of the CoM above the mean of the soles at the start; None: the robot's usual one.
+    """
 
     name: str
     robot: str
     friction: float
     terrain: Terrain
     phases: tuple[ContactPhase, ...]
+    start_com_height_m: float | None = None
 
     @cached_property
     def ends_s(self) -> Series:

@@ -150,7 +150,7 @@ def _sequence(draft: Draft, stances: tuple[Stance, ...]) -> ContactSequence:
         ContactPhase(phase.duration_s or 0.0, {name: _contact(touch) for name, touch in stance.items()})
         for phase, stance in zip(draft.phases, stances, strict=True)
     )
-    return ContactSequence(draft.name, draft.robot, draft.friction, draft.terrain, phases)
+    return ContactSequence(draft.name, draft.robot, draft.friction, draft.terrain, phases, draft.start_com_height_m)
 
 
 def _contact(touch: Touch) -> Contact:

@@ -20,6 +20,9 @@ Prose = Annotated[str, Field(max_length=2000, pattern=rf"^[^{UNPRINTABLE}]*$")]
 Edge = Annotated[float, Field(gt=0.0, le=100.0)]
 
 
+ComHeight = Annotated[float, Field(gt=0.0, le=3.0)]
+
+
 class BoxSurface(Contract):
     """A box, stood on by its upper face; turned by ``yaw_rad`` or by ``orientation_wxyz``, not by both."""
 
@@ -68,6 +71,9 @@ class Scenario(Contract):
     description: Prose = ""
     robot: Annotated[str, Field(min_length=1, max_length=60)]
     friction: Friction = 0.3
+    start_com_height_m: ComHeight | None = Field(
+        default=None, description="of the CoM above the soles' mean at the start; null takes the robot's usual one"
+    )
     terrain: Annotated[list[TerrainSurface], Field(max_length=200)]
     phases: Annotated[list[ScenarioPhase], Field(max_length=400)]
 

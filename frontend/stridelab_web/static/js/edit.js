@@ -5,7 +5,7 @@ import { offerPlan } from "./plan.js";
 
 const WATCH_MS = 100, AFTER_KEYS_MS = 500, NUDGE_M = 0.01, FINE_M = 0.001, DRAGGED_M = 1e-4, CHOSEN = 1.3;
 const TURN = "/turn"; // the viewer moves it after every drag (viewer/scenario_scene.py)
-const BODY = ["name", "description", "robot", "friction", "terrain", "phases"];
+const BODY = ["name", "description", "robot", "friction", "start_com_height_m", "terrain", "phases"];
 // Arrow keys as seen from behind the robot: x points forward, y to its left.
 const NUDGES = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1] };
 
