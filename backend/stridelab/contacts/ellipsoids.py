@@ -17,6 +17,8 @@ from stridelab.contacts.barrier import Matrix, Vector, follow
 
 WEIGHT: Final = 1e7
 """Last weight of ``log det``: with m constraints it is within ``2 m / WEIGHT`` of the best."""
+FIRST_WEIGHT: Final = 30.0
+"""First weight inside a polytope, whose middle is a good start."""
 Cloud = Float[np.ndarray, "n d"]
 
 
@@ -31,7 +33,7 @@ class Ellipsoid:
 def largest_inside(normals: Cloud, offsets: Float[np.ndarray, "n"]) -> Ellipsoid:
     """The largest ellipsoid in ``{x : normals x <= offsets}``, a polytope with the origin in its interior."""
     problem = _Inside(normals, offsets)
-    return problem.ellipsoid(follow(problem.start(), problem.value, problem.slopes, WEIGHT))
+    return problem.ellipsoid(follow(problem.start(), problem.value, problem.slopes, WEIGHT, FIRST_WEIGHT))
 
 
 def smallest_around(points: Cloud, *, centred: bool = False) -> Ellipsoid:

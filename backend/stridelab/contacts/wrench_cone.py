@@ -70,6 +70,19 @@ class LorentzCone:
         y[:, : self.dimension], y[:, self.dimension] = unit, 1.0
         return np.asarray(np.linalg.solve(self.to_standard, y.T).T)
 
+    def section(self, lift: Float[np.ndarray, "6 k_plus_1"]) -> Ellipsoid | None:
+        """The points ``x`` with ``lift (x, 1)`` in the cone: an ellipsoid; None where they are none or not bounded."""
+        rows, d = self.to_standard @ lift, self.dimension
+        P, q, r, s = rows[:d, :-1], rows[:d, -1], rows[d, :-1], rows[d, -1]
+        H, h = P.T @ P - np.outer(r, r), P.T @ q - s * r
+        if np.linalg.eigvalsh(H)[0] <= 0.0:
+            return None
+        center = -np.linalg.solve(H, h)
+        level = float(s * s - q @ q - h @ center)
+        if level <= 0.0:
+            return None
+        return Ellipsoid(center, math.sqrt(level) * np.linalg.inv(np.linalg.cholesky(H)).T)
+
     def towards(self, facets: Facets) -> Wrenches:
         """The wrench on the boundary, ``eta = 1``, that comes nearest to leaving each half-space."""
         return self.boundary(np.linalg.solve(self.to_standard.T, facets.T).T[:, : self.dimension])
@@ -150,15 +163,11 @@ class LinearCone:
     def kept(self, cone: LorentzCone) -> float:
         """Volume of the section of ``cone`` over that of this one; infinite where it is not bounded."""
         k = self.dimension
-        lift = np.linalg.inv(self.to_section)[:, : k + 1]
-        rows = cone.to_standard @ lift
-        P, q, r, s = rows[:k, :k], rows[:k, k], rows[k, :k], rows[k, k]
-        H, h = P.T @ P - np.outer(r, r), P.T @ q - s * r
-        if np.linalg.eigvalsh(H)[0] <= 0.0:
+        section = cone.section(np.linalg.inv(self.to_section)[:, : k + 1])
+        if section is None:
             return math.inf
-        level = float(h @ np.linalg.solve(H, h) - q @ q + s * s)
         ball = math.pi ** (k / 2) / math.gamma(k / 2 + 1)
-        return float(ball * level ** (k / 2) / math.sqrt(np.linalg.det(H)) / self.volume)
+        return float(ball * abs(np.linalg.det(section.axes)) / self.volume)
 
 
 def _direction(forces: Float[np.ndarray, "rays 3"]) -> Vector3:

@@ -24,6 +24,8 @@ ReproductionItem = Literal[
     "fig-4.3",
     "fig-4.4",
     "fig-4.5",
+    "fig-4.6",
+    "fig-4.7",
     "errors",
     "lag",
     "coverage",

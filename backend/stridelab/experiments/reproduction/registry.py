@@ -25,6 +25,8 @@ from stridelab.experiments.reproduction import (
     fig_4_3,
     fig_4_4,
     fig_4_5,
+    fig_4_6,
+    fig_4_7,
     flight,
     lag,
     partial_force,
@@ -49,6 +51,8 @@ _FIGURES: Final = (
     fig_4_3,
     fig_4_4,
     fig_4_5,
+    fig_4_6,
+    fig_4_7,
 )
 _TABLES: Final = (errors, lag, coverage, partial_force, flight)
 ITEMS: Final[Mapping[str, Item]] = MappingProxyType({m.ITEM.name: m.ITEM for m in (*_FIGURES, *_TABLES)})
