@@ -100,6 +100,19 @@ def test_point_and_unit_of_length_do_not_matter(shift: tuple[float, ...], scale:
         assert there.kept(theirs) == pytest.approx(here.kept(ours), rel=1e-6)
 
 
+@pytest.mark.parametrize("seed", [12, 26, 99])
+def test_sections_that_qhull_cannot_merge(seed: int) -> None:
+    """Parallelograms of soles that rounding tears apart in another frame: the joggled facets give the same cone."""
+    rng = np.random.default_rng(seed)
+    contacts, shift = random_contacts(rng, 2), np.array([3.0, -40.0, 7.0])
+    ours = LinearCone.of(contacts).largest_lorentz()
+    there = LinearCone.of(contacts.moved(shift, 1000.0))
+    theirs = there.largest_lorentz()
+    assert there.violation(theirs) < 0.0
+    boundary = ours.boundary(rng.normal(size=(50, 5))) @ change_of_frame(shift, 1000.0).T
+    np.testing.assert_allclose(theirs.gauge(boundary), 1.0, atol=1e-6)
+
+
 def test_turning_the_world_about_the_vertical_turns_the_cone() -> None:
     turn = Placement.of((0.0, 0.0, 0.0), (0.6, 0.0, 0.0, 0.8)).rotation
     rng = np.random.default_rng(4)

@@ -15,7 +15,7 @@ from jaxtyping import Float
 
 from stridelab.contacts.barrier import Matrix, Vector, follow
 
-WEIGHT: Final = 1e7
+WEIGHT: Final = 1e9
 """Last weight of ``log det``: with m constraints it is within ``2 m / WEIGHT`` of the best."""
 FIRST_WEIGHT: Final = 30.0
 """First weight inside a polytope, whose middle is a good start."""

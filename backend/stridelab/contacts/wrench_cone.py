@@ -20,9 +20,10 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import nnls
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, QhullError
 
-from stridelab.contacts.ellipsoids import Ellipsoid, largest_inside
+from stridelab.contacts.barrier import Matrix, Vector
+from stridelab.contacts.ellipsoids import Cloud, Ellipsoid, largest_inside
 from stridelab.contacts.point_contacts import PointContacts, Rays, Side, change_of_frame
 from stridelab.conventions import Vector3
 from stridelab.errors import NotEstimable
@@ -31,6 +32,8 @@ N_RAYS: Final = 5
 """Of the pyramids: they hold 0.76 of the circular cone each, against 0.64 with four and 0.83 with six."""
 FLAT: Final = 1e-9
 """Singular values below this share of the largest count as zero."""
+JOGGLE: Final = 1e-8
+"""More than qhull's joggle moves a facet of a whitened section (2e-10 to 4e-10 in those that needed it)."""
 STEEP: Final = 0.02
 """The section is normal to the vertical force if every ray's rises by at least this share of its length."""
 
@@ -128,11 +131,9 @@ class LinearCone:
         k = int((spreads > FLAT * spreads[0]).sum())
         whiten = axes[:k] * (math.sqrt(len(points)) / spreads[:k, np.newaxis])
         x = (points - middle) @ whiten.T
-        hull = ConvexHull(x, qhull_options="Qt Qx" if k > 4 else "Qt")
-        kept = np.unique(hull.equations.round(9), axis=0, return_index=True)[1]  # qhull splits facets into simplices
-        equations = hull.equations[kept]
+        normals, offsets, volume = _facets(x)
         to_section = np.vstack([whiten - np.outer(whiten @ middle, d), d, _across(whiten, middle)]) @ own
-        return LinearCone(rays, to_section, k, equations[:, :k].copy(), -equations[:, k], float(hull.volume))
+        return LinearCone(rays, to_section, k, normals, offsets, volume)
 
     @cached_property
     def facets(self) -> Facets:
@@ -181,6 +182,20 @@ def _direction(forces: Float[np.ndarray, "rays 3"]) -> Vector3:
     if (unit @ direction).min() < STEEP:
         raise NotEstimable("wrench-cone-not-pointed", "forces of these contacts can cancel: their cone is not pointed")
     return np.asarray(direction)
+
+
+def _facets(points: Cloud) -> tuple[Matrix, Vector, float]:
+    """Normals, offsets and volume of a hull, each facet once though qhull splits it into simplices.
+
+    The rays of a sole make parallelograms in the section; where rounding keeps qhull from merging their pieces, its
+    joggled run takes over, and the facets move inwards by more than its joggle.
+    """
+    try:
+        hull, digits, inwards = ConvexHull(points, qhull_options="Qt Qx" if points.shape[1] > 4 else "Qt"), 9, 0.0
+    except QhullError:
+        hull, digits, inwards = ConvexHull(points, qhull_options="QJ"), 7, JOGGLE
+    equations = hull.equations[np.unique(hull.equations.round(digits), axis=0, return_index=True)[1]]
+    return equations[:, :-1].copy(), -equations[:, -1] - inwards, float(hull.volume)
 
 
 def _across(whiten: Float[np.ndarray, "d 6"], middle: Float[np.ndarray, "6"]) -> Float[np.ndarray, "rest 6"]:
