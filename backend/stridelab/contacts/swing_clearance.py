@@ -40,9 +40,12 @@ def rise_m(start: Placement, end: Placement, sole_m: Points, terrain: Terrain) -
     travel = np.outer(SHARES, end.position_m - start.position_m)
     points = (offsets + (start.position_m + travel)[:, np.newaxis]).reshape(-1, 3)
     high = max(float(start.position_m[2]), float(end.position_m[2]))
-    top = max([high, *(_top_m(*vertical_span_m(box, points), high) for box in terrain.boxes)])
-    below = max(0.0, -float(offsets[..., 2].min()))
-    return max(FOOT_CLEARANCE_M, top - high + below + MARGIN_M)
+    low_m, high_m = terrain.box_bounds_m
+    below = (low_m[:, :2] <= points[:, :2].max(axis=0)) & (high_m[:, :2] >= points[:, :2].min(axis=0))
+    near = np.flatnonzero(below.all(axis=1) & (high_m[:, 2] > high) & (low_m[:, 2] <= high + STEP_OVER_M))
+    top = max([high, *(_top_m(*vertical_span_m(terrain.boxes[i], points), high) for i in near)])
+    hangs = max(0.0, -float(offsets[..., 2].min()))
+    return max(FOOT_CLEARANCE_M, top - high + hangs + MARGIN_M)
 
 
 def _top_m(low: np.ndarray, top: np.ndarray, high_m: float) -> float:

@@ -2,8 +2,11 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
-from stridelab.conventions import Vector3
+import numpy as np
+
+from stridelab.conventions import Points, Vector3
 from stridelab.dynamics.placement import Placement
 
 
@@ -46,6 +49,13 @@ class Terrain:
     def boxes(self) -> tuple[Box, ...]:
         """The boxes among the surfaces."""
         return tuple(surface for surface in self.surfaces if isinstance(surface, Box))
+
+    @cached_property
+    def box_bounds_m(self) -> tuple[Points, Points]:
+        """Least and greatest coordinates ``(n_boxes, 3)`` of every box, along the axes of the world."""
+        center = np.array([box.placement.position_m for box in self.boxes]).reshape(-1, 3)
+        half = np.array([np.abs(box.placement.rotation) @ box.size_m / 2 for box in self.boxes]).reshape(-1, 3)
+        return center - half, center + half
 
     @property
     def rails(self) -> tuple[Rail, ...]:
