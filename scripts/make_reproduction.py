@@ -29,6 +29,7 @@ PAGE, KEPT, CODE = ROOT / "docs" / "reproduction.md", ROOT / ".data" / "reproduc
 COMPUTES = (
     "body",
     "centroidal",
+    "contacts",
     "dynamics",
     "estimation",
     "experiments",
