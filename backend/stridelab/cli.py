@@ -302,6 +302,23 @@ def plan(
     run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
 
 
+@app.command("plan-contacts")
+def plan_contacts(
+    task: Annotated[
+        str, typer.Argument(help="A JSON file with terrain, start and goal, or a scenario: its ends are taken.")
+    ],
+    out_dir: OutFolder = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    server: Server = None,
+    token: Token = None,
+) -> None:
+    """Find a sequence of contacts over a terrain, from a stance to a goal stance; needs no server."""
+    from stridelab.cli_contacts import plan_contacts as run
+
+    run(task, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+
+
 @app.command("learn-reachability")
 def learn_reachability(
     robot: Annotated[str, typer.Argument(help="A robot by name: talos, hrp2, g1.")],
@@ -329,7 +346,7 @@ def learn_reachability(
 @app.command()
 def reproduce(
     item: Annotated[
-        str, typer.Argument(help="A figure: fig-2.2, fig-2.5 to fig-2.9, fig-3.4 to fig-3.10, fig-4.2 to fig-4.5.")
+        str, typer.Argument(help="A figure: fig-2.2, fig-2.5 to fig-2.9, fig-3.4 to fig-3.10, fig-4.2 to fig-4.7.")
     ],
     seeds: Annotated[int | None, typer.Option("--seeds", help="Simulated walks to repeat it on, 1 to 200.")] = None,
     out_dir: OutFolder = None,

@@ -34,13 +34,18 @@ def read_scenario(typed: str) -> Scenario:
     ``not-json``), ``TooLarge`` (``file-too-large``), and ``InvalidInput`` (``scenario-invalid``) naming every field
     that is wrong.
     """
+    return _validated(typed, read_document(typed))
+
+
+def read_document(typed: str) -> Any:
+    """The JSON of a file, or of the bundled scenario of that name. Raises as ``read_scenario``, but for its fields."""
     path = models_dir() / "scenarios" / f"{typed}.json" if is_bundled(typed) else Path(typed)
     if not path.exists():
         known = ", ".join(bundled_names())
         raise NotFound(
             "scenario-not-found", f"There is no file {typed} and no bundled scenario {typed}; there are {known}."
         )
-    return _validated(typed, _document(path))
+    return _document(path)
 
 
 def _document(path: Path) -> Any:

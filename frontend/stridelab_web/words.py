@@ -110,6 +110,7 @@ _KINDS = {
     "compare-estimators": "Comparison of methods",
     "reproduce": "Reproduction",
     "simulate-recording": "Simulated recording",
+    "plan-contacts": "Contact plan",
     "plan-motion": "Motion plan",
     "learn-reachability": "Reachability",
     "fit-cycloid": "Rolling wheel",

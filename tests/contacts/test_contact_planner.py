@@ -1,5 +1,6 @@
 """The contact planner: what it returns the judge lets pass, and where it finds nothing there is nothing."""
 
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -9,6 +10,7 @@ import pytest
 from stridelab.contacts.contact_planner import ContactPlan, ContactPlanner
 from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.stairs import flat_walk, six_stairs, stairs_with_rail
+from stridelab.contacts.step_limits import COVER
 from stridelab.contacts.validation import check
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.reachability.planner_limits import planner_limits
@@ -48,7 +50,7 @@ def test_random_terrains(kind: str) -> None:
     rng = np.random.default_rng(KINDS.index(kind))
     found = 0
     for _ in range(25):
-        asked = random_task(rng, kind)
+        asked = random_task(rng, kind, most=4)
         answer = planned(asked)
         if isinstance(answer, ContactPlan):
             found += 1
@@ -97,6 +99,33 @@ def test_a_stair_too_high_is_named() -> None:
         PLANNER.plan(task([box("ground", (-1.0, 0.4), 0.0), box("wall", (0.4, 1.5), 0.4, thick_m=0.8)], 0.8, 0.4))
     assert "m farther up" in refusal.value.message
     assert refusal.value.faults[0].where == "terrain[wall]"
+
+
+def island() -> dict[str, Any]:
+    """A platform 0.52 m ahead and 0.32 m aside of where a foot may stand: within the box of a step, not its ball."""
+    asked = task([box("start", (-0.4, 0.4), 0.0), box("island", (0.62, 1.62), 0.0)], 1.1, 0.0)
+    asked["terrain"][1]["center_m"][1] = 0.7 + 0.6
+    for contact in asked["goal"]["contacts"]:
+        contact["position_m"][1] += 0.7 + 0.6
+    return asked
+
+
+def test_a_step_that_misses_its_limits_is_named() -> None:
+    """Every region is within a step of the one before; only the program sees that no step gets across."""
+    with pytest.raises(NotEstimable) as refusal:
+        PLANNER.plan(island())
+    least_m = (0.52 + 0.32) / np.sqrt(2.0) - COVER * PLANNER.limits.feet_distance_max_m
+    assert refusal.value.code == "contacts-unreachable"
+    assert refusal.value.faults[0].where.startswith("steps[")
+    told = re.search(r"'island', \w+_foot misses its limits by (\d\.\d\d) m", refusal.value.message)
+    assert told is not None
+    assert float(told[1]) >= round(least_m, 2) > 0.0
+    ends, rooms, least = PLANNER.prepared(island())
+    assert all(
+        best_objective(ends, PLANNER.limits, rooms, steps, first) is None
+        for steps in (least, least + 1)
+        for first in ("right_foot", "left_foot")
+    )
 
 
 def test_standing_still_is_a_plan() -> None:

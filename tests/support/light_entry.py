@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from stridelab.service import bundled_scenarios
-from stridelab.service.api.scenarios.examples import IN_THE_AIR, ONE_STEP
+from stridelab.service.api.scenarios.examples import IN_THE_AIR, ONE_STEP, STANDING
 from support.interface import served
 
 HEAVY = {"pinocchio", "coal", "casadi", "sklearn", "skimage", "mujoco", "daqp", "trimesh", "ezc3d"}
@@ -17,6 +17,11 @@ CALLS = [
     ("POST", "jobs/plan-motion", {"scenario": ONE_STEP}),
     ("POST", "jobs/plan-motion", {"scenario_id": "flat-walk"}),
     ("POST", "jobs/learn-reachability", {"robot": "talos"}),
+    (
+        "POST",
+        "jobs/plan-contacts",
+        {"robot": "talos", "terrain": ONE_STEP["terrain"], "start": STANDING, "goal": STANDING},
+    ),
     ("GET", "robots", None),
     ("GET", "robots/nao", None),
     ("GET", "robots/talos", None),

@@ -70,7 +70,8 @@ class ContactPlanner:
         if least > STEPS_MAX:
             message = f"The goal is at least {least} steps away; at most {STEPS_MAX} are planned at once."
             raise NotEstimable("contacts-too-far", message, [Fault("goal", f"{least} steps away")])
-        until, seen = time.monotonic() + self.seconds, None
+        self._refuse_gap(ends, draft, rooms)
+        until, steps = time.monotonic() + self.seconds, min(STEPS_MAX, max(2, least) + self.extra_steps)
         for k, plan in enumerate(self._schedules(ends, rooms, least)):
             told(min(0.9, k / (2 * self.extra_steps + 2)), f"{len(plan.feet) - 1} steps")
             program = StepProgram(plan, self.limits, ends)
@@ -84,8 +85,8 @@ class ContactPlanner:
                 return ContactPlan(scenario, len(plan.feet) - 1, k + 1, answer.objective, took_s)
             if not answer.proven:
                 raise _timeout(self.seconds)
-            seen = plan
-        raise self._unreachable(ends, draft, rooms, seen, until)
+            steps = len(plan.feet) - 1
+        raise self._unreachable(ends, rooms, steps, until)
 
     def prepared(self, task: Mapping[str, Any]) -> tuple[Ends, Rooms, int]:
         """The ends, where there is room to stand, and the fewest steps; raises ``InvalidInput`` as ``plan``."""
@@ -96,11 +97,15 @@ class ContactPlanner:
         """Those that may have a solution, the fewest steps first."""
         right = self.limits.defaults.first_foot
         order = (right, *(foot for foot in self.limits.feet if foot != right))
-        for steps in range(least, least + self.extra_steps + 1):
+        last = STEPS_MAX
+        for steps in range(least, STEPS_MAX + 1):
+            if steps > last:
+                return
             for first in order:
                 plan = schedule(ends, self.limits, rooms, steps, first)
                 found = None if plan is None else pruned(plan, self.limits)
                 if found is not None:
+                    last = min(last, steps + self.extra_steps)
                     yield found
 
     def _ends(self, task: Mapping[str, Any]) -> Ends:
@@ -151,7 +156,8 @@ class ContactPlanner:
             raise NotEstimable("contact-plan-refused", message, report.faults)
         return scenario
 
-    def _unreachable(self, ends: Ends, draft: Draft, rooms: Rooms, seen: Schedule | None, until: float) -> NotEstimable:
+    def _refuse_gap(self, ends: Ends, draft: Draft, rooms: Rooms) -> None:
+        """Raise ``contacts-unreachable`` where no number of steps leads over a gap."""
         start, goal = touch_all(draft, self.effectors)
         names = {foot: (start[foot].surface or "", goal[foot].surface or "") for foot in self.limits.feet}
         gap = first_gap(ends, self.limits, rooms, names)
@@ -159,10 +165,14 @@ class ContactPlanner:
             missing = _in_words(gap.missing_m)
             text = f"the step from {gap.from_surface!r} to {gap.to_surface!r} would have to reach {missing}"
             message = f"There is no way to the goal: after {gap.step} steps or more, {text}."
-            return NotEstimable("contacts-unreachable", message, [Fault(f"terrain[{gap.to_surface}]", text)])
+            raise NotEstimable("contacts-unreachable", message, [Fault(f"terrain[{gap.to_surface}]", text)])
+
+    def _unreachable(self, ends: Ends, rooms: Rooms, steps: int, until: float) -> NotEstimable:
+        """Which of so many steps misses its limits, and by how much, where all together miss them least."""
+        seen = schedule(ends, self.limits, rooms, steps, self.limits.defaults.first_foot)
         if seen is None:
-            message = "There is no way to the goal: its feet cannot both be reached from where the others may stand."
-            return NotEstimable("contacts-unreachable", message, [Fault("goal", "out of reach of every step")])
+            message = f"There is no way to the goal in {steps} steps."
+            return NotEstimable("contacts-unreachable", message, [Fault("goal", "out of reach")])
         program = StepProgram(seen, self.limits, ends, slack=True)
         answer = program.solve(max(1.0, until - time.monotonic()))
         if answer.x is None or program.slack is None:

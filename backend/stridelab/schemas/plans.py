@@ -5,7 +5,7 @@ from typing import Annotated, Final, Literal
 from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Remark
-from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.scenarios import Friction, OneLine, Scenario, ScenarioContact, TerrainSurface
 
 PLAN_STAGES: Final = ("check", "reachability", "centroidal", "whole body", "certificate", "replay", "export")
 """Stages of ``plan-motion`` in their order: keys of ``stage_times_s``, first words of its progress messages."""
@@ -98,6 +98,42 @@ class PlanMotionSummary(Contract):
     stage_times_s: dict[str, float]
     certificate: CertificateSummary | None = None
     replay: ReplaySummary | None = None
+    warnings: list[Remark]
+
+
+class StanceInput(Contract):
+    """Contacts of all effectors that touch, as in a phase."""
+
+    contacts: Annotated[list[ScenarioContact], Field(min_length=1, max_length=16)]
+
+
+class PlanContactsInput(Contract):
+    """Input of ``plan-contacts``: from ``start`` to ``goal``, each with both feet.
+
+    A hand that either of them names may use the rails.
+    """
+
+    robot: Annotated[str, Field(min_length=1, max_length=60)]
+    terrain: Annotated[list[TerrainSurface], Field(min_length=1, max_length=200)]
+    start: StanceInput
+    goal: StanceInput
+    friction: Friction = 0.3
+    name: OneLine | None = None
+
+
+class PlanContactsSummary(Contract):
+    """Summary of ``plan-contacts``: a scenario that passes ``POST /scenarios/check``.
+
+    ``objective_m`` is how far, in all, the placements are from even steps; ``programs`` how many mixed-integer
+    programs were solved, one per number of steps and leading foot.
+    """
+
+    scenario: Scenario
+    steps: int
+    duration_s: float
+    objective_m: float
+    programs: int
+    solve_time_s: float
     warnings: list[Remark]
 
 

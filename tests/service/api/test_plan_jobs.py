@@ -8,6 +8,7 @@ import httpx
 import pytest
 
 from stridelab.service import bundled_scenarios
+from stridelab.service.api.scenarios.examples import ONE_STEP, STANDING, STANDING_AHEAD
 from support.answers import places, refusal
 from support.interface import Served
 from support.rows import start_job, succeed
@@ -15,6 +16,7 @@ from support.scenarios import add_scenario, one_step, with_contact
 
 JOBS = "/api/v1/jobs"
 PLAN = f"{JOBS}/plan-motion"
+CONTACTS = {"robot": "talos", "terrain": ONE_STEP["terrain"], "start": STANDING, "goal": STANDING_AHEAD}
 
 
 @pytest.fixture
@@ -79,6 +81,10 @@ def test_a_scenario_that_the_robot_cannot_do_is_refused_before_any_solver(http: 
         ("plan-motion", {"scenario": {**one_step(), "friction": -1}}, "scenario.friction"),
         ("plan-motion", {"scenario_id": "flat-walk", "measure": "gaussian"}, "measure"),
         ("learn-reachability", {"robot": "nao"}, "robot"),
+        ("plan-contacts", {**CONTACTS, "robot": "nao"}, "robot"),
+        ("plan-contacts", {**CONTACTS, "terrain": []}, "terrain"),
+        ("plan-contacts", {**CONTACTS, "goal": {"contacts": []}}, "goal.contacts"),
+        ("plan-contacts", {**CONTACTS, "friction": 0.0}, "friction"),
         ("learn-reachability", {"robot": "../talos"}, "robot"),
         ("learn-reachability", {"robot": "talos", "effectors": ["left_foot", "tail"]}, "effectors.1"),
         ("learn-reachability", {"robot": "talos", "effectors": []}, "effectors"),
@@ -90,6 +96,12 @@ def test_an_invalid_input_is_named(http: httpx.Client, kind: str, body: object, 
     answer = http.post(f"{JOBS}/{kind}", json=body)
     assert refusal(answer) == (422, "invalid-request")
     assert places(answer) == [where]
+
+
+def test_contacts_are_planned_without_a_stored_scenario(http: httpx.Client) -> None:
+    answer = http.post(f"{JOBS}/plan-contacts", json=CONTACTS)
+    assert answer.status_code == 202, answer.text
+    assert (answer.json()["kind"], answer.json()["scenario_id"]) == ("plan-contacts", None)
 
 
 def test_reachability_is_learned_for_a_known_robot(http: httpx.Client) -> None:

@@ -14,14 +14,16 @@ from stridelab.errors import NotFound
 from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
-from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
+from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
+from stridelab.service.api.scenarios.examples import ONE_STEP, STANDING, STANDING_AHEAD
 from stridelab.service.jobs.kinds import rows
 from stridelab.service.jobs.kinds.tasks import (
     CompareEstimatorsTask,
     EstimateComTask,
     FitCycloidTask,
     LearnReachabilityTask,
+    PlanContactsTask,
     PlanMotionTask,
     SimulateRecordingTask,
 )
@@ -233,6 +235,15 @@ def test_a_scenario_deleted_meanwhile_is_named(database_url: str, blobs: BlobSto
         within(database_url, act)
     assert refusal.value.code == "scenario-not-found"
     assert [fault.where for fault in refusal.value.faults] == ["scenario_id"]
+
+
+def test_planning_contacts_stages_nothing(database_url: str, blobs: BlobStore, folder: Path) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        asked = PlanContactsInput(robot="talos", terrain=ONE_STEP["terrain"], start=STANDING, goal=STANDING_AHEAD)
+        return await rows.stage_plan_contacts(connection, blobs, asked, folder)
+
+    assert PlanContactsTask.model_validate(within(database_url, act)).input.goal.contacts[0].position_m[0] == 0.5
+    assert list(folder.iterdir()) == []
 
 
 def test_learning_stages_nothing(database_url: str, blobs: BlobStore, folder: Path) -> None:

@@ -1,11 +1,12 @@
 """What a job's input must hold before the job is accepted, beyond its schema; and what the job will work on."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from stridelab.errors import Fault, InvalidInput, NotFound
-from stridelab.robots.card import robot_card
+from stridelab.robots.card import EffectorCard, robot_card
 from stridelab.schemas.base import Contract
-from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
+from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
 from stridelab.schemas.population import StudyPopulationInput
 from stridelab.service.api.parts import Parts, known_form
 from stridelab.service.api.scenarios.judging import refuse_invalid
@@ -29,6 +30,8 @@ async def admit(parts: Parts, request: Contract) -> Subject:
     """
     if isinstance(request, PlanMotionInput) and request.scenario is not None:
         await refuse_invalid(request.scenario, parts.judges)
+    if isinstance(request, PlanContactsInput):
+        _effectors(request.robot)
     if isinstance(request, LearnReachabilityInput):
         _refuse_unknown_effectors(request)
     if isinstance(request, StudyPopulationInput):
@@ -44,11 +47,15 @@ def _identifier(request: Contract, what: str) -> str | None:
     return None if identifier is None else known_form(identifier, what)
 
 
-def _refuse_unknown_effectors(request: LearnReachabilityInput) -> None:
+def _effectors(robot: str) -> Mapping[str, EffectorCard]:
     try:
-        known = robot_card(request.robot).effectors
+        return robot_card(robot).effectors
     except NotFound as error:
         raise InvalidInput("invalid-request", error.message, [Fault("robot", "unknown")]) from error
+
+
+def _refuse_unknown_effectors(request: LearnReachabilityInput) -> None:
+    known = _effectors(request.robot)
     unknown = [index for index, name in enumerate(request.effectors or ()) if name not in known]
     if unknown:
         sentence = f"The effectors of {request.robot} are {', '.join(known)}."

@@ -13,7 +13,7 @@ from stridelab.service.api.jobs.admitting import admit
 from stridelab.service.api.jobs.rows import job_of
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.parts import AppParts
-from stridelab.service.api.scenarios.examples import ONE_STEP
+from stridelab.service.api.scenarios.examples import ONE_STEP, STANDING, STANDING_AHEAD
 from stridelab.service.bundled import SAMPLE_ID
 from stridelab.service.bundled_scenarios import EXAMPLE_ID
 from stridelab.service.jobs.kinds.kind import JobKind
@@ -85,6 +85,12 @@ _EXAMPLES: Final[dict[str, Any]] = {
                 "recording_ids": [SAMPLE_ID],
                 "subjects": [{"recording_id": SAMPLE_ID, "subject": "P01", "group": "adults", "height_m": 1.71}],
             },
+        },
+    },
+    "plan-contacts": {
+        "walk": {
+            "summary": "Half a metre ahead on a flat floor",
+            "value": {"robot": "talos", "terrain": ONE_STEP["terrain"], "start": STANDING, "goal": STANDING_AHEAD},
         },
     },
     "plan-motion": {

@@ -19,6 +19,12 @@ ONE_STEP: Final[dict[str, Any]] = {
 }
 """A left step of 20 cm on a flat floor, from rest to rest."""
 
+STANDING: Final[Any] = {"contacts": [_LEFT, _RIGHT]}
+STANDING_AHEAD: Final[Any] = {
+    "contacts": [{**foot, "position_m": [0.5, foot["position_m"][1], 0.0]} for foot in (_LEFT, _RIGHT)]
+}
+"""Both feet beside each other, half a metre apart from ``STANDING``."""
+
 IN_THE_AIR: Final[dict[str, Any]] = {
     **ONE_STEP,
     "name": "A foot in the air",

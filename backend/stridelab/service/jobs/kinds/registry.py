@@ -14,6 +14,8 @@ from stridelab.schemas.jobs import (
 from stridelab.schemas.plans import (
     LearnReachabilityInput,
     LearnReachabilitySummary,
+    PlanContactsInput,
+    PlanContactsSummary,
     PlanMotionInput,
     PlanMotionSummary,
 )
@@ -66,6 +68,14 @@ SIMULATE_RECORDING = JobKind(
     lane="long",
 )
 
+PLAN_CONTACTS = JobKind(
+    name="plan-contacts",
+    input_model=PlanContactsInput,
+    summary_model=PlanContactsSummary,
+    run="stridelab.service.jobs.kinds.plan_contacts:run_in_child",
+    stage=rows.stage_plan_contacts,
+    timeout_s=120.0,
+)
 PLAN_MOTION = JobKind(
     name="plan-motion",
     input_model=PlanMotionInput,
@@ -107,6 +117,7 @@ KINDS: Mapping[str, JobKind] = MappingProxyType(
             FIT_CYCLOID,
             STUDY_POPULATION,
             SIMULATE_RECORDING,
+            PLAN_CONTACTS,
             PLAN_MOTION,
             LEARN_REACHABILITY,
             REPRODUCE,

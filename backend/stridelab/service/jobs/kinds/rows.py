@@ -17,7 +17,7 @@ from stridelab.schemas.base import Contract
 from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
-from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
+from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
 from stridelab.schemas.reproduction import ReproduceInput
 from stridelab.schemas.scenarios import Scenario
@@ -27,6 +27,7 @@ from stridelab.service.jobs.kinds.tasks import (
     EstimateComTask,
     FitCycloidTask,
     LearnReachabilityTask,
+    PlanContactsTask,
     PlanMotionTask,
     RecordingSource,
     ReproduceTask,
@@ -100,6 +101,12 @@ async def stage_plan_motion(connection: AsyncConnection, blobs: Blobs, input: Co
     request = PlanMotionInput.model_validate(input.model_dump())
     body = request.scenario or await _scenario_body(connection, str(request.scenario_id))
     return PlanMotionTask(scenario=body, input=request).model_dump(mode="json")
+
+
+async def stage_plan_contacts(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """Nothing to fetch."""
+    request = PlanContactsInput.model_validate(input.model_dump())
+    return PlanContactsTask(input=request).model_dump(mode="json")
 
 
 async def stage_learn_reachability(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002

@@ -6,7 +6,7 @@ from stridelab.schemas.base import Contract
 from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
-from stridelab.schemas.plans import LearnReachabilityInput, PlanMotionInput
+from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
 from stridelab.schemas.population import PersonFields
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.reproduction import ReproduceInput
@@ -78,6 +78,12 @@ class PlanMotionTask(Contract):
 
     scenario: Scenario
     input: PlanMotionInput
+
+
+class PlanContactsTask(Contract):
+    """Task of ``plan-contacts``."""
+
+    input: PlanContactsInput
 
 
 class LearnReachabilityTask(Contract):

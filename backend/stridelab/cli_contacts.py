@@ -1,0 +1,82 @@
+"""``stridelab plan-contacts``: a sequence of contacts from a stance to another, here or on a service."""
+
+from pathlib import Path
+from typing import Any, Final
+
+from rich.markup import escape
+
+from stridelab.cli_console import out, progress_bar
+from stridelab.cli_output import refuse_to_overwrite, result_folder
+from stridelab.cli_result import show_files, show_json, show_remarks, validated, write_result
+from stridelab.cli_scenario import read_document
+from stridelab.errors import InvalidInput
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.plans import PlanContactsInput, PlanContactsSummary
+from stridelab.service.jobs.kinds.tasks import PlanContactsTask
+
+ENDS: Final = {"start": 0, "goal": -1}
+"""Phases of a scenario that are the ends of a task."""
+
+
+def plan_contacts(
+    typed: str, *, out_dir: Path | None, force: bool, as_json: bool, server: str | None, token: str | None
+) -> None:
+    """Plan here or on a server, write the result folder and show the summary."""
+    title = Path(typed).stem
+    input_ = task_of(read_document(typed), title)
+    target = out_dir or Path(f"{title}-contacts")
+    refuse_to_overwrite(target, force=force)
+    with result_folder(target, force=force) as folder:
+        if server is None:
+            result = plan_here(input_, title, folder)
+        else:
+            from stridelab.cli_remote import run_remotely
+
+            result = run_remotely(
+                "plan-contacts", title, lambda _client, _bar: input_, folder, server, token, unprepared=InvalidInput
+            )
+    show_planned(result, target, as_json=as_json)
+
+
+def task_of(document: Any, name: str) -> PlanContactsInput:
+    """The task of a file: a task as in the HTTP contract, or a scenario, of which only the ends are taken.
+
+    Raises ``InvalidInput`` (``option-invalid``) naming the fields that make no sense.
+    """
+    fields = dict(document) if isinstance(document, dict) else {}
+    phases = fields.pop("phases", None)
+    if isinstance(phases, list) and phases and all(isinstance(phase, dict) for phase in phases):
+        fields |= {end: {"contacts": phases[k].get("contacts")} for end, k in ENDS.items()}
+        fields.pop("description", None)
+    return validated(PlanContactsInput, {"name": name, **fields})
+
+
+def plan_here(input_: PlanContactsInput, title: str, folder: Path) -> JobResult:
+    """Run the job's own function in this process."""
+    with progress_bar(title) as bar:
+        bar(0.0, "starting")
+        from stridelab.service.jobs.kinds import plan_contacts as kind
+
+        outcome = kind.run(PlanContactsTask(input=input_), folder, bar)
+    return write_result(folder, "plan-contacts", input_, outcome)
+
+
+def show_planned(result: JobResult, target: Path, *, as_json: bool) -> None:
+    """What lands where, or JSON."""
+    if as_json:
+        show_json(result)
+        return
+    summary = PlanContactsSummary.model_validate(result.summary)
+    scenario = summary.scenario
+    out.print(
+        f"[bold]{escape(scenario.name)}[/] {summary.steps} steps in {len(scenario.phases)} phases, "
+        f"{summary.duration_s:.1f} s, found in {summary.solve_time_s:.2f} s"
+    )
+    for before, phase in zip(scenario.phases, scenario.phases[1:], strict=False):
+        for contact in phase.contacts:
+            if contact.effector not in {known.effector for known in before.contacts}:
+                x, y, z = contact.position_m
+                out.print(f"{escape(contact.effector):<11} to ({x:.3f}, {y:.3f}, {z:.3f})")
+    show_remarks(summary.warnings)
+    show_files(result, target)
+    out.print(f"To plan the motion: stridelab plan {escape(str(target / 'scenario.json'))}")

@@ -1,0 +1,55 @@
+"""Speed of the contact planner; run by ``make bench`` (skipped otherwise)."""
+
+import numpy as np
+import pytest
+
+from stridelab.contacts.contact_planner import ContactPlanner
+from stridelab.contacts.shapes import effector_shapes
+from stridelab.errors import NotEstimable
+from stridelab.reachability.planner_limits import planner_limits
+from support.contact_terrains import KINDS, box, random_task, task
+
+SURFACES = 14
+
+
+def stones(*, uneven):
+    """14 surfaces in a row, level or up to 0.15 m higher or lower than the one before."""
+    rng, x, top, boxes = np.random.default_rng(3), -0.25, 0.0, []
+    for i in range(SURFACES):
+        length, gap = (rng.uniform(0.42, 0.55), rng.uniform(0.0, 0.1)) if uneven else (0.5, 0.02)
+        boxes.append(box(f"stone {i}", (x, x + length), top))
+        x, goal = x + length + gap, (x + length / 2, top)
+        top += rng.uniform(-0.15, 0.15) if uneven else 0.0
+    return task(boxes, *goal)
+
+
+@pytest.fixture(scope="module")
+def planner():
+    return ContactPlanner(effector_shapes("talos"), planner_limits("talos"))
+
+
+@pytest.mark.parametrize("ground", ["level", "uneven"])
+def test_24_steps_over_14_surfaces(benchmark, planner, ground):
+    """About 7 m; regions, pruning, the program and the judge."""
+    asked = stones(uneven=ground == "uneven")
+    plan = benchmark(lambda: planner.plan(asked))
+    assert plan.steps == 24
+    benchmark.extra_info["steps"] = plan.steps
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_ten_random_terrains(benchmark, planner, kind):
+    """Ways that are found and ways that there are not, as they come."""
+    rng = np.random.default_rng(KINDS.index(kind))
+    asked = [random_task(rng, kind) for _ in range(10)]
+    found = benchmark.pedantic(lambda: [way_found(planner, each) for each in asked], rounds=3)
+    benchmark.extra_info["found"] = sum(found)
+
+
+def way_found(planner, asked):
+    """Whether there is a way."""
+    try:
+        planner.plan(asked)
+    except NotEstimable:
+        return False
+    return True

@@ -1,0 +1,53 @@
+"""``stridelab plan-contacts``: from a file or a scenario to a scenario in a folder."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from stridelab.cli import app
+from stridelab.cli_contacts import task_of
+from stridelab.errors import InvalidInput
+from stridelab.schemas.jobs import JobResult
+from support.contact_terrains import box, planks, task
+
+
+def typed(*arguments: str) -> tuple[int, str]:
+    done = CliRunner().invoke(app, ["plan-contacts", *arguments])
+    return done.exit_code, done.output
+
+
+def test_a_task_becomes_a_folder_with_a_scenario(tmp_path: Path) -> None:
+    file = tmp_path / "door.json"
+    file.write_text(json.dumps(task([box("floor", (-1.0, 2.0), 0.0)], 0.6, 0.0)))
+    code, shown = typed(str(file), "--out", str(tmp_path / "out"))
+    assert code == 0, shown
+    assert "right_foot" in shown
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"scenario.json", "result.json", "references.bib"}
+    code, printed = typed(str(tmp_path / "out" / "scenario.json"), "--out", str(tmp_path / "again"), "--json")
+    result = JobResult.model_validate(json.loads(printed[printed.index("{") :]))
+    assert code == 0
+    assert result.kind == "plan-contacts"
+    scenarios = [json.loads((tmp_path / name / "scenario.json").read_text()) for name in ("out", "again")]
+    assert scenarios[0]["name"] == "door"
+    assert scenarios[0]["phases"] == scenarios[1]["phases"]
+
+
+def test_no_way_is_explained_and_leaves_nothing(tmp_path: Path) -> None:
+    file = tmp_path / "gap.json"
+    file.write_text(json.dumps(planks(0.6)))
+    code, shown = typed(str(file), "--out", str(tmp_path / "out"))
+    assert code != 0
+    assert "plank 1" in shown
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("document", "where"),
+    [([], "robot"), ({"robot": "talos", "phases": []}, "terrain"), ({"robot": "talos", "phases": [{}]}, "start")],
+)
+def test_a_file_that_is_no_task_is_named(document: object, where: str) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        task_of(document, "x")
+    assert any(where in fault.where.lower() for fault in refusal.value.faults)

@@ -1,0 +1,57 @@
+"""``plan-contacts``: the job returns a scenario of the contract that the judge and ``plan-motion`` take."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stridelab.contacts.shapes import effector_shapes
+from stridelab.contacts.validation import check
+from stridelab.errors import InvalidInput, NotEstimable, NotFound
+from stridelab.schemas.plans import PlanContactsSummary, PlanMotionInput
+from stridelab.schemas.scenarios import Scenario
+from stridelab.service.jobs.kinds.plan_contacts import run_in_child
+from stridelab.service.jobs.kinds.registry import KINDS
+from support.contact_terrains import box, feet, planks, task
+from support.quiet import quiet
+
+
+def asked(**change: Any) -> dict[str, Any]:
+    return {"input": task([box("floor", (-1.0, 2.0), 0.0)], 0.8, 0.0) | change}
+
+
+def test_the_registry_names_it() -> None:
+    assert KINDS["plan-contacts"].run == f"{run_in_child.__module__}:{run_in_child.__name__}"
+
+
+def test_the_scenario_can_be_planned(tmp_path: Path) -> None:
+    outcome = run_in_child(asked(name="To the door"), tmp_path, quiet)
+    summary = PlanContactsSummary.model_validate(outcome["summary"])
+    assert (summary.scenario.name, summary.steps, summary.scenario.robot) == ("To the door", 4, "talos")
+    assert check(summary.scenario.model_dump(mode="json"), effector_shapes("talos")).valid
+    written = Scenario.model_validate_json((tmp_path / "scenario.json").read_text(encoding="utf-8"))
+    assert written == summary.scenario
+    assert PlanMotionInput(scenario=written).scenario == written
+    assert outcome["artifacts"] == [{"name": "scenario.json", "media_type": "application/json"}]
+
+
+@pytest.mark.parametrize("robot", ["talos", "hrp2", "g1"])
+def test_every_robot_walks(robot: str, tmp_path: Path) -> None:
+    outcome = run_in_child(asked(robot=robot), tmp_path, quiet)
+    scenario = PlanContactsSummary.model_validate(outcome["summary"]).scenario
+    assert check(scenario.model_dump(mode="json"), effector_shapes(robot)).valid
+
+
+@pytest.mark.parametrize(
+    ("task_", "error", "code"),
+    [
+        (asked(start={"contacts": feet(0.0, 0.4)}), InvalidInput, "stance-invalid"),
+        ({"input": planks(0.6)}, NotEstimable, "contacts-unreachable"),
+        (asked(robot="nao"), NotFound, "robot-not-found"),
+    ],
+)
+def test_refusals(task_: dict[str, Any], error: type[Exception], code: str, tmp_path: Path) -> None:
+    with pytest.raises(error) as refusal:
+        run_in_child(task_, tmp_path, quiet)
+    assert getattr(refusal.value, "code", None) == code
+    assert list(tmp_path.iterdir()) == []
