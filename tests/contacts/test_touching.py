@@ -1,11 +1,13 @@
 """Contacts that do not lie on their surface as they should."""
 
 import math
+from copy import deepcopy
 
 import numpy as np
 import pytest
 
 from stridelab.contacts.stairs import HandRail, flat_walk, six_stairs, stairs_with_rail
+from stridelab.contacts.touching import _Ground
 from support.shapes import Made, contact, everywhere, faults, judged
 
 
@@ -191,3 +193,29 @@ def test_a_hand_off_a_wall() -> None:
     assert faults(judged(stairs_with_rail(), change)) == [
         ("phases[0].contacts[right_hand]", "is in the air, 0.03 m off 'wall': move it by (0, -0.03, 0) m")
     ]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_boxes_far_away_make_no_difference(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Looking at the near boxes only finds what looking at all of them finds, in a heap of boxes."""
+    rng = np.random.default_rng(seed)
+
+    def change(s: Made) -> None:
+        s["terrain"] += [
+            {
+                "name": f"crate {i}",
+                "kind": "box",
+                "center_m": rng.uniform([-0.5, -0.7, -0.3], [1.5, 0.7, 1.0]).tolist(),
+                "size_m": rng.uniform(0.05, 0.6, 3).tolist(),
+                "orientation_wxyz": rng.normal(size=4).tolist(),
+            }
+            for i in range(12)
+        ]
+
+    scenario = stairs_with_rail()
+    change(scenario)
+    near = judged(deepcopy(scenario), lambda s: None)
+    monkeypatch.setattr(_Ground, "_near", lambda self, *_: list(range(len(self.boxes))))
+    everything = judged(scenario, lambda s: None)
+    assert faults(near) == faults(everything)
+    assert near.margins == everything.margins

@@ -87,40 +87,55 @@ class _Ground:
 
     def __init__(self, terrain: Terrain, friction: float) -> None:
         self.boxes = terrain.boxes
+        self.bounds_m = terrain.box_bounds_m
         self.faces = [touchable(box) for box in terrain.boxes]
         self.lines = [touchable(rail) for rail in terrain.rails]
         self.friction = friction
 
     def touch(self, effector: str, shape: EffectorShape, placement: Placement) -> Touch:
-        on = _nearest(self._parts(shape, placement), placement.position_m)
+        near = self._near(shape, placement)
+        on = _nearest(self._parts(shape, placement, near), placement.position_m)
         if on is None:
             what = "stand on" if shape.kind == "surface" else "touch"
             problem = f"touches nothing: the terrain has nothing to {what}"
             return Touch(effector, shape, placement, None, self.friction, None, None, (problem,))
         place = on.place(placement.position_m[np.newaxis])
         height, aside = float(place.height_m[0]), float(place.aside_m[0])
-        edges = float(place.edge_m[0]) if shape.kind == "point" else self._edge_m(on, shape, placement)
+        edges = float(place.edge_m[0]) if shape.kind == "point" else self._edge_m(on, shape, placement, near)
         problems = _misplaced(on, height, aside, float(place.distance_m[0]), shape)
         problems += list(_tilted(on, placement))
         if not problems and edges < -EDGE_TOLERANCE_M:
             problems.append(_over_the_edge(on, placement.act(outline(shape)), edges, shape))
         if not problems:
-            problems += list(self._obstructed(on, placement.act(outline(shape))))
+            problems += list(self._obstructed(on, placement.act(outline(shape)), near))
         friction = self.friction if on.surface.friction is None else on.surface.friction
         return Touch(effector, shape, placement, on, friction, height, edges, tuple(problems))
 
-    def _parts(self, shape: EffectorShape, placement: Placement) -> list[Touchable]:
-        """What an effector may touch: a sole upper faces, a hand rails and the faces that its z axis points out of."""
-        if shape.kind == "surface":
-            return self.faces
-        return [face_towards(box, placement.rotation[:, 2]) for box in self.boxes] + self.lines
+    def _near(self, shape: EffectorShape, placement: Placement) -> list[int]:
+        """The boxes that can matter: as near as the nearest face may be, or within the sole's radius."""
+        if not self.boxes:
+            return []
+        (low_m, high_m), point_m = self.bounds_m, placement.position_m
+        away = np.linalg.norm(np.maximum(np.maximum(low_m - point_m, point_m - high_m), 0.0), axis=1)
+        first = self._face(int(away.argmin()), shape, placement).place(point_m[np.newaxis])
+        radius = float(np.linalg.norm(outline(shape), axis=1).max()) + 2 * LEVEL_TOLERANCE_M
+        return np.flatnonzero(away <= max(float(first.distance_m[0]) + 2e-3, radius)).tolist()
 
-    def _edge_m(self, on: Touchable, shape: EffectorShape, placement: Placement) -> float:
+    def _parts(self, shape: EffectorShape, placement: Placement, near: Sequence[int]) -> list[Touchable]:
+        """What an effector may touch: a sole upper faces, a hand rails and the faces that its z axis points out of."""
+        faces = [self._face(i, shape, placement) for i in near]
+        return faces if shape.kind == "surface" else faces + self.lines
+
+    def _face(self, box: int, shape: EffectorShape, placement: Placement) -> Touchable:
+        sole = shape.kind == "surface"
+        return self.faces[box] if sole else face_towards(self.boxes[box], placement.rotation[:, 2])
+
+    def _edge_m(self, on: Touchable, shape: EffectorShape, placement: Placement, near: Sequence[int]) -> float:
         """Smallest distance of a corner to the edge of the faces level with ``on``, each by the one that holds it."""
         corners = placement.act(outline(shape)[:4])
         flat = corners - np.outer((corners - on.center_m) @ on.normal, on.normal)
         best = on.place(flat).edge_m
-        for face in self.faces:
+        for face in (self.faces[i] for i in near):
             place = face.place(flat)
             level = (np.abs(place.height_m) < LEVEL_TOLERANCE_M) & bool(
                 face.normal @ on.normal > np.cos(TILT_TOLERANCE_RAD)
@@ -128,10 +143,10 @@ class _Ground:
             best = np.where(level, np.maximum(best, place.edge_m), best)
         return float(best.min())
 
-    def _obstructed(self, on: Touchable, sole_m: Points) -> Iterator[str]:
+    def _obstructed(self, on: Touchable, sole_m: Points, near: Sequence[int]) -> Iterator[str]:
         """The box that the sole, or the hand, would be inside of, the highest if there are several."""
         raised = sole_m + LEVEL_TOLERANCE_M * on.normal
-        others = [(box, face) for box, face in zip(self.boxes, self.faces, strict=True) if box is not on.surface]
+        others = [(self.boxes[i], self.faces[i]) for i in near if self.boxes[i] is not on.surface]
         inside = [
             (-float(face.place(sole_m[[int(depth.argmax())]]).height_m[0]), box.name)
             for box, face in others
