@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+import zipfile
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -225,10 +226,21 @@ def test_a_cloud_that_is_no_archive_is_refused(cloud: Path, content: bytes) -> N
 
 def test_a_truncated_or_flipped_cloud_is_refused(cloud: Path) -> None:
     whole = cloud.read_bytes()
-    for spoilt in (whole[:-30], whole[:200] + bytes([whole[200] ^ 0xFF]) + whole[201:]):
-        cloud.write_bytes(spoilt)
+    for at in range(0, len(whole), max(1, len(whole) // 60)):
+        cloud.write_bytes(whole[:at])
         with pytest.raises(UnreadableFile):
             store.read_cloud(cloud)
+    for at in range(100, min(1000, len(whole) // 2), 7):  # in the data of the first array
+        cloud.write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
+        with pytest.raises(UnreadableFile):
+            store.read_cloud(cloud)
+
+
+def test_a_head_that_is_no_python_is_refused(cloud: Path) -> None:
+    with zipfile.ZipFile(cloud, "w") as packed:
+        packed.writestr("left_foot.npy", b"\x93NUMPY\x01\x00" + (118).to_bytes(2, "little") + b"(" * 117 + b"\n")
+    with pytest.raises(UnreadableFile):
+        store.read_cloud(cloud)
 
 
 class Payload:

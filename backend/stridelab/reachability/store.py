@@ -9,11 +9,13 @@ Nothing that is read is run, and what is damaged is refused by name.
 import json
 import re
 import zipfile
+import zlib
 from collections.abc import Mapping
 from dataclasses import asdict
 from datetime import date
 from functools import cache
 from pathlib import Path
+from tokenize import TokenError
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Final, get_args
 
@@ -38,6 +40,11 @@ UNIT_M: Final = 1e-3
 """Samples are rounded to this: much less than the kernels' width."""
 CLOUD_BYTES_MAX: Final = 1 << 20
 """No array of a cloud is larger; a file that says so is not unpacked."""
+_UNREADABLE: Final = (
+    OSError, ValueError, EOFError, NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error,
+    SyntaxError, TokenError,
+)  # fmt: skip
+"""What a damaged archive can raise; the last two because numpy reads the head of an array as Python text."""
 _NUMBERS: Final = re.compile(r"\[\s+([-+\d.e,\s]+?)\s+\]")
 """A list of numbers that was spread over lines."""
 
@@ -127,15 +134,17 @@ def read_cloud(path: Path) -> Mapping[str, Points]:
     try:
         with zipfile.ZipFile(path) as packed:
             large = [member.filename for member in packed.infolist() if member.file_size > CLOUD_BYTES_MAX]
-        if large:
-            raise _damaged(path, [Fault(name, "it is too large") for name in large])
+            if large:
+                raise _damaged(path, [Fault(name, "it is too large") for name in large])
+            if (spoilt := packed.testzip()) is not None:
+                raise _damaged(path, [Fault(spoilt, "its checksum is wrong")])
         with np.load(path, allow_pickle=False) as arrays:
             for name in arrays.files:
                 values = arrays[name]
                 if values.dtype != np.int16 or values.ndim != 2 or values.shape[1:] != (3,) or not len(values):
                     raise _damaged(path, [Fault(name, f"it is {values.dtype} of shape {values.shape}")])
                 cloud[name] = values * UNIT_M
-    except (OSError, ValueError, EOFError, zipfile.BadZipFile, NotImplementedError, RuntimeError) as error:
+    except _UNREADABLE as error:
         raise _damaged(path, [Fault("", "it is no archive of plain arrays")]) from error
     return MappingProxyType(cloud)
 
