@@ -14,6 +14,7 @@ from typer.core import TyperGroup
 from stridelab import __version__
 from stridelab.cli_console import FAILURE, INTERRUPTED, exit_code, out, show_error
 from stridelab.cli_fit import fit_cycloid
+from stridelab.cli_live import stream
 from stridelab.cli_options import (
     Age,
     AsJson,
@@ -27,10 +28,8 @@ from stridelab.cli_options import (
     Mass,
     Measured,
     Method,
-    OnlineMethod,
     OutFolder,
     PersonSex,
-    PostureMeasure,
     Priors,
     SegmentMomentum,
     Segments,
@@ -43,6 +42,7 @@ from stridelab.cli_options import (
     WithoutLearning,
     WithoutPlates,
 )
+from stridelab.cli_robot import learn_reachability, plan, plan_contacts
 from stridelab.cli_study import study_population
 from stridelab.errors import StridelabError
 
@@ -203,47 +203,9 @@ def compare(
     run(request, truth=truth, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
 
 
-@app.command()
-def stream(
-    file: Trial,
-    height_m: Height = None,
-    mass_kg: Mass = None,
-    sex: PersonSex = None,
-    age_years: Age = None,
-    method: Annotated[OnlineMethod, typer.Option("--method", help="Online estimator.")] = "complementary",
-    ahead: Annotated[str | None, typer.Option("--ahead", help="X,Y: where the walk goes; for the smoother.")] = None,
-    latency: Latency = "apply",
-    cutoffs: Cutoffs = "auto",
-    static: Static = None,
-    marker: Markers = None,
-    without_plate: WithoutPlates = None,
-    speed: Annotated[float, typer.Option("--speed", help="Times real time.")] = 1.0,
-    block: Annotated[int, typer.Option("--block", help="Samples per message.")] = 1,
-    packed: Annotated[bool, typer.Option("--packed", help="Packed float32 instead of JSON.")] = False,
-    csv: Annotated[Path | None, typer.Option("--csv", help="Write the estimates to this file.")] = None,
-    as_json: AsJson = False,
-    server: Annotated[str, typer.Option("--server", help="The service.")] = "http://127.0.0.1:8000",
-    token: Token = None,
-) -> None:
-    """Replay a recording in real time to a service that estimates its centre of mass online."""
-    from stridelab.cli_estimate import EstimateRequest
-    from stridelab.cli_stream import Replay
-    from stridelab.cli_stream import stream as run
-
-    request = EstimateRequest(
-        file=file,
-        height_m=height_m,
-        mass_kg=mass_kg,
-        sex=sex,
-        age_years=age_years,
-        latency=latency,
-        cutoffs=cutoffs,
-        static=static,
-        markers=tuple(marker or ()),
-        without_plates=tuple(without_plate or ()),
-    )
-    replay = Replay(method=method, ahead=ahead, speed=speed, block=block, packed=packed, csv=csv)
-    run(request, replay, as_json=as_json, server=server, token=token)
+app.command()(stream)
+app.command(name="fit-cycloid")(fit_cycloid)
+app.command(name="study-population")(study_population)
 
 
 @app.command()
@@ -275,72 +237,9 @@ def simulate(
     run(fields, noise=tuple(noise or ()), out_dir=out_dir, force=force, as_json=as_json)
 
 
-@app.command()
-def plan(
-    scenario: Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: six-stairs.")],
-    no_whole_body: Annotated[
-        bool, typer.Option("--no-whole-body", help="Only the plan of the centre of mass and the contact forces.")
-    ] = False,
-    replay: Annotated[
-        bool | None,
-        typer.Option("--replay/--no-replay", help="Replay the motion in physics; done unless --no-whole-body."),
-    ] = None,
-    measure: Annotated[
-        PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")
-    ] = None,
-    out_dir: OutFolder = None,
-    force: Force = False,
-    as_json: AsJson = False,
-    server: Server = None,
-    token: Token = None,
-) -> None:
-    """Plan how a robot carries out a contact scenario, check the motion and replay it; needs no server."""
-    from stridelab.cli_plan import PlanRequest
-    from stridelab.cli_plan import plan as run
-
-    request = PlanRequest(scenario, whole_body=not no_whole_body, replay=replay, measure=measure)
-    run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
-
-
-@app.command("plan-contacts")
-def plan_contacts(
-    task: Annotated[
-        str, typer.Argument(help="A JSON file with terrain, start and goal, or a scenario: its ends are taken.")
-    ],
-    out_dir: OutFolder = None,
-    force: Force = False,
-    as_json: AsJson = False,
-    server: Server = None,
-    token: Token = None,
-) -> None:
-    """Find a sequence of contacts over a terrain, from a stance to a goal stance; needs no server."""
-    from stridelab.cli_contacts import plan_contacts as run
-
-    run(task, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
-
-
-@app.command("learn-reachability")
-def learn_reachability(
-    robot: Annotated[str, typer.Argument(help="A robot by name: talos, hrp2, g1.")],
-    measure: Annotated[
-        PostureMeasure, typer.Option("--measure", help="How postures are drawn: in all, or of a robot that stands.")
-    ] = "uniform",
-    samples: Annotated[int | None, typer.Option("--samples", help="Postures to keep, 500 to 200000.")] = None,
-    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the postures and of the fits.")] = None,
-    effector: Annotated[
-        list[str] | None, typer.Option("--effector", help="Learn this effector only; may be repeated.")
-    ] = None,
-    out_dir: OutFolder = None,
-    force: Force = False,
-    as_json: AsJson = False,
-    server: Server = None,
-    token: Token = None,
-) -> None:
-    """Learn where a robot's centre of mass can be, seen from its effectors; needs no server."""
-    from stridelab.cli_learn import learn_reachability as run
-
-    asked = {"robot": robot, "measure": measure, "samples": samples, "seed": seed, "effectors": effector or None}
-    run(asked, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+app.command()(plan)
+app.command(name="plan-contacts")(plan_contacts)
+app.command(name="learn-reachability")(learn_reachability)
 
 
 @app.command()
@@ -386,10 +285,6 @@ def doctor(
 def version() -> None:
     """Print the version."""
     out.print(__version__)
-
-
-app.command(name="fit-cycloid")(fit_cycloid)
-app.command(name="study-population")(study_population)
 
 
 def main() -> None:

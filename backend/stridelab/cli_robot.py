@@ -1,0 +1,72 @@
+"""The commands of the robots as they are typed; what they do is in ``cli_plan``, ``cli_contacts`` and ``cli_learn``."""
+
+from typing import Annotated
+
+import typer
+
+from stridelab.cli_options import AsJson, Force, OutFolder, PostureMeasure, Server, Token
+
+
+def plan(
+    scenario: Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: six-stairs.")],
+    no_whole_body: Annotated[
+        bool, typer.Option("--no-whole-body", help="Only the plan of the centre of mass and the contact forces.")
+    ] = False,
+    replay: Annotated[
+        bool | None,
+        typer.Option("--replay/--no-replay", help="Replay the motion in physics; done unless --no-whole-body."),
+    ] = None,
+    measure: Annotated[
+        PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")
+    ] = None,
+    out_dir: OutFolder = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    server: Server = None,
+    token: Token = None,
+) -> None:
+    """Plan how a robot carries out a contact scenario, check the motion and replay it; needs no server."""
+    from stridelab.cli_plan import PlanRequest
+    from stridelab.cli_plan import plan as run
+
+    request = PlanRequest(scenario, whole_body=not no_whole_body, replay=replay, measure=measure)
+    run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+
+
+def plan_contacts(
+    task: Annotated[
+        str, typer.Argument(help="A JSON file with terrain, start and goal, or a scenario: its ends are taken.")
+    ],
+    out_dir: OutFolder = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    server: Server = None,
+    token: Token = None,
+) -> None:
+    """Find a sequence of contacts over a terrain, from a stance to a goal stance; needs no server."""
+    from stridelab.cli_contacts import plan_contacts as run
+
+    run(task, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+
+
+def learn_reachability(
+    robot: Annotated[str, typer.Argument(help="A robot by name: talos, hrp2, g1.")],
+    measure: Annotated[
+        PostureMeasure, typer.Option("--measure", help="How postures are drawn: in all, or of a robot that stands.")
+    ] = "uniform",
+    samples: Annotated[int | None, typer.Option("--samples", help="Postures to keep, 500 to 200000.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the postures and of the fits.")] = None,
+    effector: Annotated[
+        list[str] | None, typer.Option("--effector", help="Learn this effector only; may be repeated.")
+    ] = None,
+    out_dir: OutFolder = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    server: Server = None,
+    token: Token = None,
+) -> None:
+    """Learn where a robot's centre of mass can be, seen from its effectors; needs no server."""
+    from stridelab.cli_learn import learn_reachability as run
+
+    asked = {"robot": robot, "measure": measure, "samples": samples, "seed": seed, "effectors": effector or None}
+    run(asked, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
