@@ -42,7 +42,7 @@ from stridelab.cli_options import (
     WithoutLearning,
     WithoutPlates,
 )
-from stridelab.cli_robot import learn_reachability, plan, plan_contacts
+from stridelab.cli_robot import export_contacts, import_contacts, learn_reachability, plan, plan_contacts
 from stridelab.cli_study import study_population
 from stridelab.errors import StridelabError
 
@@ -239,6 +239,8 @@ def simulate(
 
 app.command()(plan)
 app.command(name="plan-contacts")(plan_contacts)
+app.command(name="export-contacts")(export_contacts)
+app.command(name="import-contacts")(import_contacts)
 app.command(name="learn-reachability")(learn_reachability)
 
 

@@ -7,8 +7,8 @@ from rich.markup import escape
 
 from stridelab.cli_console import out, progress_bar
 from stridelab.cli_output import refuse_to_overwrite, result_folder
-from stridelab.cli_result import show_files, show_json, show_remarks, validated, write_result
-from stridelab.cli_scenario import read_document
+from stridelab.cli_result import show_files, show_json, show_remarks, write_result
+from stridelab.cli_scenario import read_document, understood
 from stridelab.errors import InvalidInput
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import PlanContactsInput, PlanContactsSummary
@@ -16,6 +16,9 @@ from stridelab.service.jobs.kinds.tasks import PlanContactsTask
 
 ENDS: Final = {"start": 0, "goal": -1}
 """Phases of a scenario that are the ends of a task."""
+
+ONLY_SCENARIO: Final = ("description", "start_com_height_m")
+"""Fields of a scenario that a task does not have."""
 
 
 def plan_contacts(
@@ -41,14 +44,14 @@ def plan_contacts(
 def task_of(document: Any, name: str) -> PlanContactsInput:
     """The task of a file: a task as in the HTTP contract, or a scenario, of which only the ends are taken.
 
-    Raises ``InvalidInput`` (``option-invalid``) naming the fields that make no sense.
+    Raises ``InvalidInput`` (``task-invalid``) naming the fields that make no sense.
     """
     fields = dict(document) if isinstance(document, dict) else {}
     phases = fields.pop("phases", None)
     if isinstance(phases, list) and phases and all(isinstance(phase, dict) for phase in phases):
         fields |= {end: {"contacts": phases[k].get("contacts")} for end, k in ENDS.items()}
-        fields.pop("description", None)
-    return validated(PlanContactsInput, {"name": name, **fields})
+        fields = {key: value for key, value in fields.items() if key not in ONLY_SCENARIO}
+    return understood(PlanContactsInput, {"name": name, **fields}, name, "task")
 
 
 def plan_here(input_: PlanContactsInput, title: str, folder: Path) -> JobResult:

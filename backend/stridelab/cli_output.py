@@ -1,4 +1,4 @@
-"""A result folder that appears whole or not at all."""
+"""A result folder, or a single file, that appears whole or not at all."""
 
 import os
 import shutil
@@ -49,6 +49,22 @@ def refuse_to_overwrite(target: Path, *, force: bool) -> None:
         raise Conflict("output-not-a-result", f"{target} is not an earlier result, so --force does not replace it.")
 
 
+def write_file(target: Path, text: str, *, force: bool, option: str) -> None:
+    """Write a text file. Raises ``Conflict`` (``output-exists``), ``InvalidInput`` (``output-not-writable``)."""
+    target = target.expanduser().absolute()
+    if target.is_symlink() or (target.exists() and not (force and target.is_file())):
+        advice = f"choose another {option} or pass --force to replace it" if target.is_file() else "it is no plain file"
+        raise Conflict("output-exists", f"{target} exists; {advice}.")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{target.name}.part-", dir=target.parent) as folder:
+            part = Path(folder) / target.name
+            part.write_text(text, encoding="utf-8")
+            part.replace(target)
+    except OSError as error:
+        raise _cannot_write(target, error, option) from error
+
+
 def _take_the_name(part: Path, target: Path) -> None:
     if not target.exists():
         part.replace(target)
@@ -70,6 +86,6 @@ def _umask() -> int:
     return mask
 
 
-def _cannot_write(target: Path, error: OSError) -> InvalidInput:
+def _cannot_write(target: Path, error: OSError, option: str = "--out") -> InvalidInput:
     reason = error.strerror or type(error).__name__
-    return InvalidInput("output-not-writable", f"Cannot write to {target}: {reason}.", [Fault("--out", reason)])
+    return InvalidInput("output-not-writable", f"Cannot write to {target}: {reason}.", [Fault(option, reason)])

@@ -1,10 +1,17 @@
-"""The commands of the robots as they are typed; what they do is in ``cli_plan``, ``cli_contacts`` and ``cli_learn``."""
+"""The commands of the robots as they are typed.
 
+What they do is in ``cli_plan``, ``cli_contacts``, ``cli_interchange`` and ``cli_learn``.
+"""
+
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from stridelab.cli_options import AsJson, Force, OutFolder, PostureMeasure, Server, Token
+
+OutFile = Annotated[Path | None, typer.Option("--out-file", help="The file to write; must not exist yet.")]
+ForceFile = Annotated[bool, typer.Option("--force", help="Replace that file.")]
 
 
 def plan(
@@ -47,6 +54,32 @@ def plan_contacts(
     from stridelab.cli_contacts import plan_contacts as run
 
     run(task, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+
+
+def export_contacts(
+    scenario: Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: six-stairs.")],
+    out_file: OutFile = None,
+    force: ForceFile = False,
+) -> None:
+    """Write a scenario's contacts as JSON with multicontact-api's field names."""
+    from stridelab.cli_interchange import export_contacts as run
+
+    run(scenario, out_file=out_file, force=force)
+
+
+def import_contacts(
+    file: Annotated[Path, typer.Argument(help="JSON with multicontact-api's field names.")],
+    beside: Annotated[
+        str | None,
+        typer.Option("--beside", help="A scenario, or its name: robot, terrain and friction where FILE has none."),
+    ] = None,
+    out_file: OutFile = None,
+    force: ForceFile = False,
+) -> None:
+    """Write the scenario of such JSON, if the robot can do it."""
+    from stridelab.cli_interchange import import_contacts as run
+
+    run(file, beside=beside, out_file=out_file, force=force)
 
 
 def learn_reachability(

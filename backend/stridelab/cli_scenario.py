@@ -3,13 +3,16 @@
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 from pydantic import ValidationError
 
 from stridelab.errors import Fault, InvalidInput, NotFound, TooLarge, UnreadableFile
 from stridelab.resources import models_dir
+from stridelab.schemas.base import Contract
 from stridelab.schemas.scenarios import Scenario
+
+T = TypeVar("T", bound=Contract)
 
 LARGEST_BYTES: Final = 1_000_000
 """Largest scenario file; the service takes no larger one either."""
@@ -34,7 +37,7 @@ def read_scenario(typed: str) -> Scenario:
     ``not-json``), ``TooLarge`` (``file-too-large``), and ``InvalidInput`` (``scenario-invalid``) naming every field
     that is wrong.
     """
-    return _validated(typed, read_document(typed))
+    return understood(Scenario, read_document(typed), typed, "scenario")
 
 
 def read_document(typed: str) -> Any:
@@ -45,13 +48,14 @@ def read_document(typed: str) -> Any:
         raise NotFound(
             "scenario-not-found", f"There is no file {typed} and no bundled scenario {typed}; there are {known}."
         )
-    return _document(path)
+    return read_json(path, LARGEST_BYTES)
 
 
-def _document(path: Path) -> Any:
+def read_json(path: Path, largest_bytes: int) -> Any:
+    """What a file of JSON holds. Raises ``UnreadableFile`` (``file-not-readable``, ``not-json``), ``TooLarge``."""
     try:
-        if path.stat().st_size > LARGEST_BYTES:
-            raise TooLarge("file-too-large", f"{path} is larger than {LARGEST_BYTES} bytes, too large for a scenario.")
+        if path.stat().st_size > largest_bytes:
+            raise TooLarge("file-too-large", f"{path} is larger than {largest_bytes} bytes, too large for a scenario.")
         return json.loads(path.read_bytes().decode("utf-8"))
     except OSError as error:
         reason = error.strerror or "it cannot be opened"
@@ -67,14 +71,18 @@ def _document(path: Path) -> Any:
         ) from error
 
 
-def _validated(typed: str, document: Any) -> Scenario:
+def understood(model: type[T], document: Any, typed: str, what: str) -> T:
+    """A document as a model of the contract.
+
+    Raises ``InvalidInput`` (``<what>-invalid``) naming every field that is wrong, as people write it.
+    """
     try:
-        return Scenario.model_validate(document)
+        return model.model_validate(document)
     except ValidationError as error:
         faults = [Fault(place(item["loc"], document), item["msg"]) for item in error.errors(include_url=False)]
         more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
-        message = f"{typed} is not a scenario: {faults[0].where}: {faults[0].message}{more}."
-        raise InvalidInput("scenario-invalid", message, faults) from error
+        message = f"{typed} is not a {what}: {faults[0].where}: {faults[0].message}{more}."
+        raise InvalidInput(f"{what}-invalid", message, faults) from error
 
 
 def place(path: Sequence[int | str], document: Any) -> str:

@@ -8,6 +8,7 @@ from typer.testing import CliRunner
 
 from stridelab.cli import app
 from stridelab.cli_contacts import task_of
+from stridelab.cli_scenario import bundled_names, read_document, read_scenario
 from stridelab.errors import InvalidInput
 from stridelab.schemas.jobs import JobResult
 from support.contact_terrains import box, planks, task
@@ -32,6 +33,23 @@ def test_a_task_becomes_a_folder_with_a_scenario(tmp_path: Path) -> None:
     scenarios = [json.loads((tmp_path / name / "scenario.json").read_text()) for name in ("out", "again")]
     assert scenarios[0]["name"] == "door"
     assert scenarios[0]["phases"] == scenarios[1]["phases"]
+
+
+@pytest.mark.parametrize("name", bundled_names())
+def test_every_bundled_scenario_is_a_task(name: str) -> None:
+    scenario = read_scenario(name)
+    made = task_of(read_document(name), name)
+    assert (made.robot, made.terrain) == (scenario.robot, scenario.terrain)
+    assert (made.start.contacts, made.goal.contacts) == (scenario.phases[0].contacts, scenario.phases[-1].contacts)
+
+
+def test_a_wrong_field_is_named_as_people_write_it() -> None:
+    wrong = task([box("floor", (-1.0, 2.0), 0.0)], 0.6, 0.0)
+    wrong["goal"]["contacts"][1]["position_m"][2] = "high"
+    with pytest.raises(InvalidInput) as refusal:
+        task_of(wrong, "x")
+    effector = wrong["goal"]["contacts"][1]["effector"]
+    assert [fault.where for fault in refusal.value.faults] == [f"goal.contacts[{effector}].position_m[2]"]
 
 
 def test_no_way_is_explained_and_leaves_nothing(tmp_path: Path) -> None:

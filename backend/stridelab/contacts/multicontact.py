@@ -23,6 +23,8 @@ GAP_S: Final = 1e-6
 """Phases whose ends differ by less meet."""
 ROTATION_TOLERANCE: Final = 1e-3
 """Largest entry of ``R^T R - 1`` of a rotation that is read."""
+LONGEST_NAME: Final = 60
+"""Longer names of effectors are cut, as no robot has them."""
 TYPES: Final = {"surface": "CONTACT_PLANAR", "point": "CONTACT_POINT"}
 
 
@@ -97,7 +99,7 @@ def _times_s(
     where = f"phases[{k}]"
     try:
         start, end = (float(entry[key]) for key in ("t_init", "t_final"))
-    except (KeyError, TypeError, ValueError):
+    except (KeyError, TypeError, ValueError, OverflowError):
         faults.append(Fault(where, "t_init and t_final must be numbers"))
         return None
     if not (math.isfinite(start) and math.isfinite(end)):
@@ -115,7 +117,10 @@ def _times_s(
 def _contacts(k: int, entry: Mapping[str, Any], faults: list[Fault]) -> list[dict[str, Any]]:
     patches = _mapping(entry.get("contact_patches"))
     named = entry.get("effector_in_contact", list(patches))
-    names = [str(name) for name in named] if isinstance(named, Sequence) and not isinstance(named, str) else []
+    if not isinstance(named, Sequence) or isinstance(named, str):
+        faults.append(Fault(f"phases[{k}].effector_in_contact", "it is not a list of effectors"))
+        return []
+    names = [str(name)[:LONGEST_NAME] for name in named]
     found = []
     for i, name in enumerate(names):
         if name in names[:i]:
@@ -125,7 +130,7 @@ def _contacts(k: int, entry: Mapping[str, Any], faults: list[Fault]) -> list[dic
             found.append(_contact(name, patches[name]["placement"]))
         except (KeyError, TypeError):
             faults.append(Fault(contact_field(k, name), "it is in contact, but has no patch with a placement"))
-        except ValueError as error:
+        except (ValueError, OverflowError) as error:
             faults.append(Fault(contact_field(k, name), str(error)))
     return found
 
