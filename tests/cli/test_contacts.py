@@ -7,6 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from stridelab.cli import app
+from stridelab.cli_console import EXIT_CODES
 from stridelab.cli_contacts import task_of
 from stridelab.cli_scenario import bundled_names, read_document, read_scenario
 from stridelab.errors import InvalidInput
@@ -50,6 +51,17 @@ def test_a_wrong_field_is_named_as_people_write_it() -> None:
         task_of(wrong, "x")
     effector = wrong["goal"]["contacts"][1]["effector"]
     assert [fault.where for fault in refusal.value.faults] == [f"goal.contacts[{effector}].position_m[2]"]
+
+
+def test_an_end_that_cannot_be_held_is_named_and_leaves_nothing(tmp_path: Path) -> None:
+    wrong = task([box("floor", (-1.0, 2.0), 0.0)], 0.6, 0.0)
+    wrong["goal"]["contacts"][0]["position_m"][2] = 0.2
+    file = tmp_path / "door.json"
+    file.write_text(json.dumps(wrong))
+    code, shown = typed(str(file), "--out", str(tmp_path / "out"))
+    assert code == EXIT_CODES[InvalidInput]
+    assert f"goal.contacts[{wrong['goal']['contacts'][0]['effector']}]" in shown
+    assert not (tmp_path / "out").exists()
 
 
 def test_no_way_is_explained_and_leaves_nothing(tmp_path: Path) -> None:

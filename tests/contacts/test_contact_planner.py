@@ -178,6 +178,14 @@ def test_ends_that_cannot_be_are_named(change: dict[str, Any], where: str) -> No
     assert where in {fault.where for fault in refusal.value.faults}
 
 
+def test_a_foot_that_cannot_be_read_is_not_said_to_be_missing() -> None:
+    wrong = feet(0.5, 0.0)
+    wrong[0]["position_m"] = [0.5, 0.09]
+    with pytest.raises(InvalidInput) as refusal:
+        PLANNER.prepared(task([box("ground", (-1.0, 1.0), 0.0)], 0.5, 0.0) | {"goal": {"contacts": wrong}})
+    assert [fault.where for fault in refusal.value.faults] == ["goal.contacts[left_foot]"]
+
+
 def test_a_goal_too_far_is_refused_at_once() -> None:
     with pytest.raises(NotEstimable) as refusal:
         PLANNER.plan(task([box("ground", (-1.0, 60.0), 0.0)], 50.0, 0.0))

@@ -14,7 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from stridelab.contacts.reading import DURATION_S, Draft, read
+from stridelab.contacts.reading import DURATION_S, Draft
 from stridelab.contacts.shapes import EffectorShape
 from stridelab.contacts.standing_room import Region, regions
 from stridelab.contacts.step_limits import RobotLimits, heading_frame
@@ -22,10 +22,11 @@ from stridelab.contacts.step_program import Placed, StepProgram
 from stridelab.contacts.step_pruning import first_gap, pruned
 from stridelab.contacts.step_schedule import SAME_M, Ends, Rooms, Schedule, schedule
 from stridelab.contacts.swing import LEVEL_M
+from stridelab.contacts.task_ends import TaskEnds, surroundings, task_ends
 from stridelab.contacts.touching import touch_all
 from stridelab.contacts.validation import check
 from stridelab.dynamics.placement import Placement
-from stridelab.errors import Fault, InvalidInput, NotEstimable
+from stridelab.errors import Fault, NotEstimable
 
 STEPS_MAX: Final = 60
 """Longest plan, in steps."""
@@ -65,8 +66,9 @@ class ContactPlanner:
         much it misses), ``contacts-too-far`` (more than 60 steps), ``contact-plan-timeout``.
         """
         began = time.process_time()
-        ends, rooms, least = self.prepared(task)
-        draft = self._draft(task)
+        known = task_ends(task, self.effectors)
+        ends, rooms, least = self._prepared(known)
+        draft = known.draft
         if least > STEPS_MAX:
             message = f"The goal is at least {least} steps away; at most {STEPS_MAX} are planned at once."
             raise NotEstimable("contacts-too-far", message, [Fault("goal", f"{least} steps away")])
@@ -90,8 +92,11 @@ class ContactPlanner:
 
     def prepared(self, task: Mapping[str, Any]) -> tuple[Ends, Rooms, int]:
         """The ends, where there is room to stand, and the fewest steps; raises ``InvalidInput`` as ``plan``."""
-        ends = self._ends(task)
-        return ends, self._rooms(self._draft(task)), _least_steps(ends, self.limits)
+        return self._prepared(task_ends(task, self.effectors))
+
+    def _prepared(self, known: TaskEnds) -> tuple[Ends, Rooms, int]:
+        ends = Ends.of(known.start, known.goal, self.limits.feet)
+        return ends, self._rooms(known.draft), _least_steps(ends, self.limits)
 
     def _schedules(self, ends: Ends, rooms: Rooms, least: int) -> Iterator[Schedule]:
         """Those that may have a solution, the fewest steps first."""
@@ -107,30 +112,6 @@ class ContactPlanner:
                 if found is not None:
                     last = min(last, steps + self.extra_steps)
                     yield found
-
-    def _ends(self, task: Mapping[str, Any]) -> Ends:
-        stances: dict[str, Mapping[str, Placement]] = {}
-        faults: list[Fault] = []
-        for end in ("start", "goal"):
-            stance = task[end]
-            alone = {**_bare(task), "phases": [{"duration_s": 1.0, "contacts": stance["contacts"]}]}
-            draft = read(alone, self.effectors)
-            faults += [
-                Fault(fault.where.replace("phases[0]", end), fault.message)
-                for fault in check(alone, self.effectors).faults
-            ]
-            stances[end] = draft.phases[0].contacts
-            for foot in set(self.limits.feet) - stances[end].keys():
-                faults.append(Fault(f"{end}.contacts", f"{foot} must stand there"))
-        if faults:
-            unique = tuple(dict.fromkeys(faults))
-            message = f"The robot cannot stand like this: {unique[0].where}: {unique[0].message}."
-            raise InvalidInput("stance-invalid", message, unique)
-        return Ends.of(stances["start"], stances["goal"], self.limits.feet)
-
-    def _draft(self, task: Mapping[str, Any]) -> Draft:
-        phases = [{"duration_s": 1.0, "contacts": task[end]["contacts"]} for end in ("start", "goal")]
-        return read({**_bare(task), "phases": phases}, self.effectors)
 
     def _rooms(self, draft: Draft) -> Rooms:
         """Regions of an effector at a heading; headings within a microradian share theirs."""
@@ -148,7 +129,7 @@ class ContactPlanner:
 
     def _judged(self, task: Mapping[str, Any], draft: Draft, plan: Schedule, placed: Placed) -> dict[str, Any]:
         """The scenario; what the judge refuses is not returned."""
-        scenario = {**_bare(task), "friction": draft.friction, "phases": _phases(plan, placed, self.limits)}
+        scenario = {**surroundings(task), "friction": draft.friction, "phases": _phases(plan, placed, self.limits)}
         report = check(scenario, self.effectors)
         if not report.valid:
             first = report.faults[0]
@@ -198,17 +179,6 @@ def _least_steps(ends: Ends, limits: RobotLimits) -> int:
     length = max(float(np.hypot(local[0], local[1])), abs(float(local[2])))
     walk = math.ceil(length / limits.defaults.step_m - 1e-6) + (count == 2)
     return max(count, walk, math.ceil(abs(ends.turn_rad) / TURN_MAX_RAD))
-
-
-def _bare(task: Mapping[str, Any]) -> dict[str, Any]:
-    """What a task and its scenario share."""
-    return {
-        "name": task.get("name") or "Planned contacts",
-        "description": "Found by the contact planner.",
-        "robot": task["robot"],
-        "friction": task.get("friction", 0.3),
-        "terrain": task["terrain"],
-    }
 
 
 def _phases(plan: Schedule, placed: Placed, limits: RobotLimits) -> list[dict[str, Any]]:

@@ -104,6 +104,38 @@ def test_contacts_are_planned_without_a_stored_scenario(http: httpx.Client) -> N
     assert (answer.json()["kind"], answer.json()["scenario_id"]) == ("plan-contacts", None)
 
 
+def stance(effector: str = "right_foot", **change: object) -> dict[str, object]:
+    """The start with one contact changed."""
+    contacts = [{**c, **(change if c["effector"] == effector else {})} for c in STANDING["contacts"]]
+    return {"contacts": contacts}
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
+@pytest.mark.parametrize(
+    ("wrong", "where", "word"),
+    [
+        (stance(position_m=[0.0, -0.09, 0.3]), ".contacts[right_foot]", "above"),
+        (stance(position_m=[0.0, -0.09, -0.1]), ".contacts[right_foot]", ""),
+        (stance(position_m=[0.0, 0.09, 0.0]), ".contacts[right_foot]", "left_foot"),
+        (stance(effector="left_foot", position_m=[0.0, 9.0, 0.0]), ".contacts[left_foot]", ""),
+        (stance(effector="right_foot", orientation_wxyz=[0.0, 0.0, 0.0, 0.0]), ".contacts[right_foot]", "zero"),
+        ({"contacts": [*STANDING["contacts"], STANDING["contacts"][0]]}, ".contacts[left_foot]", "twice"),
+        ({"contacts": STANDING["contacts"][:1]}, ".contacts", "right_foot must stand"),
+    ],
+)
+def test_ends_that_the_robot_cannot_hold_are_no_job(
+    http: httpx.Client, end: str, wrong: dict[str, object], where: str, word: str
+) -> None:
+    before = http.get(JOBS, params={"kind": "plan-contacts"}).json()
+    answer = http.post(f"{JOBS}/plan-contacts", json={**CONTACTS, end: wrong})
+    assert refusal(answer) == (422, "stance-invalid")
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert f"{end}{where}" in places(answer)
+    assert any(word in fault["message"] for fault in answer.json()["errors"])
+    assert end in answer.json()["detail"]
+    assert http.get(JOBS, params={"kind": "plan-contacts"}).json() == before
+
+
 def test_reachability_is_learned_for_a_known_robot(http: httpx.Client) -> None:
     answer = http.post(f"{JOBS}/learn-reachability", json={"robot": "talos", "effectors": ["left_foot"]})
     assert answer.status_code == 202, answer.text

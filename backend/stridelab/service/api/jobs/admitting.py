@@ -3,6 +3,8 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import anyio
+
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.robots.card import EffectorCard, robot_card
 from stridelab.schemas.base import Contract
@@ -25,13 +27,15 @@ async def admit(parts: Parts, request: Contract) -> Subject:
     """What ``request`` refers to.
 
     Raises ``NotFound`` (``recording-not-found``, ``scenario-not-found``) for what cannot be an id, and
-    ``InvalidInput``: ``scenario-invalid`` for a scenario that the robot cannot do, ``invalid-request`` for a robot or
-    an effector that there is not, ``recording-twice`` in a population.
+    ``InvalidInput``: ``scenario-invalid`` for a scenario that the robot cannot do, ``stance-invalid`` for a start or a
+    goal where it cannot stand, ``invalid-request`` for a robot or an effector that there is not, ``recording-twice`` in
+    a population.
     """
     if isinstance(request, PlanMotionInput) and request.scenario is not None:
         await refuse_invalid(request.scenario, parts.judges)
     if isinstance(request, PlanContactsInput):
         _effectors(request.robot)
+        await anyio.to_thread.run_sync(_refuse_invalid_ends, request, limiter=parts.judges)
     if isinstance(request, LearnReachabilityInput):
         _refuse_unknown_effectors(request)
     if isinstance(request, StudyPopulationInput):
@@ -52,6 +56,14 @@ def _effectors(robot: str) -> Mapping[str, EffectorCard]:
         return robot_card(robot).effectors
     except NotFound as error:
         raise InvalidInput("invalid-request", error.message, [Fault("robot", "unknown")]) from error
+
+
+def _refuse_invalid_ends(request: PlanContactsInput) -> None:
+    # Imported with the first question, as in scenarios.judging: the service starts without numpy.
+    from stridelab.contacts.shapes import effector_shapes
+    from stridelab.contacts.task_ends import task_ends
+
+    task_ends(request.model_dump(mode="json"), effector_shapes(request.robot))
 
 
 def _refuse_unknown_effectors(request: LearnReachabilityInput) -> None:
