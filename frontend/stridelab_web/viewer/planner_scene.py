@@ -53,10 +53,15 @@ def build(
     for arrow in frames.arrows:
         add_arrow(scene, arrow, FORCE)
     add_path(scene, "/paths/com", frames.track("/paths/com"), COM_COLOUR, PATH_RADIUS_M)
-    dark, light = shapes.octants(COM_RADIUS_M)
-    add_mesh(scene, COM, dark, COM_COLOUR, side="front")
-    add_mesh(scene, f"{COM}/light", light, COM_LIGHT, side="front")
+    add_com(scene, COM)
     place_camera(server, sights_m(scenario), turned(scenario, RIGHT_FRONT))
+
+
+def add_com(scene: viser.SceneApi, name: str) -> None:
+    """The usual sign of a centre of mass: a ball in two halves, of which the light one is a node below ``name``."""
+    dark, light = shapes.octants(COM_RADIUS_M)
+    add_mesh(scene, name, dark, COM_COLOUR, side="front")
+    add_mesh(scene, f"{name}/light", light, COM_LIGHT, side="front")
 
 
 def _add_reach(scene: viser.SceneApi, scenario: Scenario, reach: RobotReachability | None) -> None:

@@ -22,6 +22,7 @@ from stridelab_web.viewer.marks import add_marks, place
 from stridelab_web.viewer.parts import NARROW, place_camera, prepare
 from stridelab_web.viewer.planner_scene import AMBIENT, BODY_M, sights_m, turned, way
 from stridelab_web.viewer.standing import Posed, add_standing, first_place, stand
+from stridelab_web.viewer.support_marks import add_support
 from stridelab_web.viewer.terrain import add_terrain
 from stridelab_web.viewer.treads import Guide, guide_of
 
@@ -58,6 +59,7 @@ class ScenarioScene:
         prepare(scene, AMBIENT)
         add_terrain(scene, stored)
         self._marks = add_marks(scene, stored, sizes, touching=False)
+        add_support(scene)
         self._turn = scene.add_frame(TURN, show_axes=False)
         self._robot = add_standing(scene, posed)
         stand(self._robot, first_place(stored, sizes))

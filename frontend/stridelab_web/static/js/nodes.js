@@ -28,6 +28,7 @@ export class Nodes {
     this.hidden = new Set();
     this.viser = null;
     this.own = new WeakMap();
+    this.colours = new WeakMap();
     this.seen = new Map();
   }
 
@@ -95,6 +96,32 @@ export class Nodes {
       part.material.depthWrite = false;
       part.renderOrder = turn;
     });
+  }
+
+  // The meshes of a node itself, without those of the nodes below it.
+  meshes(name) {
+    return this.viser.nodeRefFromName[name]?.children.filter((part) => part.isMesh) ?? [];
+  }
+
+  // Gives the vertices of a node's mesh other places, as many as it has.
+  reshape(name, points) {
+    for (const { geometry } of this.meshes(name)) {
+      const { position } = geometry.attributes;
+      for (const [k, point] of points.entries()) position.setXYZ(k, ...point);
+      position.needsUpdate = true;
+      geometry.computeBoundingSphere(); // what is out of sight by its old places would not be drawn
+    }
+  }
+
+  // Colours a node's mesh, or gives it back its own colour with null.
+  paint(name, rgb, opacity) {
+    for (const { material } of this.meshes(name)) {
+      if (!this.colours.has(material)) this.colours.set(material, material.color.clone());
+      if (rgb) material.color.setStyle(`rgb(${rgb})`);
+      else material.color.copy(this.colours.get(material));
+      material.opacity = opacity;
+      material.transparent = opacity < 1;
+    }
   }
 
   isHidden(name) {

@@ -1,5 +1,5 @@
-// Plans a scenario's motion and follows the job: pages that offer "Plan" share this.
-import { ApiError, call, followJob, headline, sentence, startJob } from "./api.js";
+// Starts a job at the press of a button and follows it: what "Plan" and "Find contacts" share.
+import { call, followJob, headline, sentence, startJob } from "./api.js";
 
 export const viewerOf = (jobId) => `/view/?plan=${encodeURIComponent(jobId)}`;
 
@@ -15,10 +15,16 @@ export function whyNot(job, lastMessage = "") {
   return lastMessage && job.state === "timed_out" ? `${why} It was at: ${lastMessage}.` : why;
 }
 
-// Wires `[data-plan]` (button), `[data-plan-cancel]` (button), `[data-plan-live]` (shown while the job runs, with a
-// <progress> and `[data-plan-message]`) and `[data-plan-said]` (problems) inside `root`.
-export function offerPlan(root, scenarioId, { before = async () => {}, then = (job) => location.assign(viewerOf(job.id)) } = {}) {
-  const part = (name) => root.querySelector(`[data-plan${name}]`);
+// Plans the scenario and opens the plan.
+export function offerPlan(root, scenarioId, before) {
+  offerJob(root, "plan", { start: () => startPlan(scenarioId), before, then: (job) => location.assign(viewerOf(job.id)) });
+}
+
+// Wires `[data-NAME]` (button), `[data-NAME-cancel]` (button), `[data-NAME-live]` (shown while the job runs, with a
+// <progress> and `[data-NAME-message]`) and `[data-NAME-said]` (problems) inside `root`. What `then` does with a job that
+// succeeded leads away.
+export function offerJob(root, name, { start, before, then }) {
+  const part = (ending) => root.querySelector(`[data-${name}${ending}]`);
   const [button, cancel, live, message, said] = ["", "-cancel", "-live", "-message", "-said"].map(part);
   const bar = live.querySelector("progress");
   let job = null;
@@ -28,7 +34,7 @@ export function offerPlan(root, scenarioId, { before = async () => {}, then = (j
     said.textContent = "";
     try {
       await before();
-      job = await startPlan(scenarioId);
+      job = await start();
       show(job);
       live.hidden = cancel.disabled = false;
       let last = "";
@@ -36,10 +42,10 @@ export function offerPlan(root, scenarioId, { before = async () => {}, then = (j
         last = now.progress.message || last;
         show(now);
       });
-      if (ended.state === "succeeded") return void then(ended);
+      if (ended.state === "succeeded") return void (await then(ended));
       said.textContent = whyNot(ended, last);
     } catch (error) {
-      said.textContent = error instanceof ApiError ? error.message : String(error);
+      said.textContent = error.message;
     }
     live.hidden = true;
     button.disabled = false;

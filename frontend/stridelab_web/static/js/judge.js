@@ -1,0 +1,30 @@
+// Asks the service what it thinks of a scenario that is being changed: one question at a time, and the latest wins.
+import { call } from "./api.js";
+
+const EVERY_MS = 120;
+
+export class Judge {
+  // `tell(check, body)` gets every answer with what was asked; where there was none, `fail(sentence)`.
+  constructor(tell, fail) {
+    Object.assign(this, { tell, fail, next: null, busy: false });
+  }
+
+  ask(body) {
+    this.next = body;
+    if (!this.busy) this.work();
+  }
+
+  async work() {
+    this.busy = true;
+    while (this.next) {
+      const body = this.next;
+      this.next = null;
+      const pause = new Promise((done) => setTimeout(done, EVERY_MS));
+      const answer = await call("POST", "/scenarios/check", body).catch((error) => error);
+      if (answer instanceof Error) this.fail(answer.message);
+      else this.tell(answer, body);
+      await pause;
+    }
+    this.busy = false;
+  }
+}

@@ -1,0 +1,64 @@
+// The list of a scenario's touches: one row each, which opens to numbers and margins.
+import { named } from "./verdict.js";
+
+export class Rows {
+  // `on` hears of what happens to a row: choose(number), nudge(event, number), preview and typed(number, input).
+  constructor(root, own, on) {
+    Object.assign(this, { list: root.querySelector("[data-touches]"), model: root.querySelector("template[data-row]"), own, on });
+    this.byNumber = new Map();
+  }
+
+  get size() {
+    return this.byNumber.size;
+  }
+
+  add(touch) {
+    const row = this.model.content.firstElementChild.cloneNode(true);
+    const find = (name) => row.querySelector(`[data-${name}]`);
+    find("dot").classList.add(touch.side);
+    find("number").textContent = touch.number;
+    find("name").textContent = named(touch.effector);
+    find("yaw").hidden = !touch.surface;
+    const [first, last] = touch.phases;
+    find("when").textContent = `${first === last ? `Phase ${first}` : `Phases ${first} to ${last}`}, ${touch.start_s.toFixed(2)} s to ${touch.end_s.toFixed(2)} s`;
+    const button = row.querySelector("button");
+    button.addEventListener("click", () => this.on.choose(touch.number));
+    button.addEventListener("keydown", (event) => this.on.nudge(event, touch.number));
+    for (const input of row.querySelectorAll("input")) {
+      input.disabled = !this.own;
+      input.addEventListener("input", () => this.on.preview(touch.number, input));
+      input.addEventListener("change", () => this.on.typed(touch.number, input));
+    }
+    this.byNumber.set(touch.number, row);
+    this.list.append(row);
+  }
+
+  // Opens one row and closes the others; null closes all.
+  open(number) {
+    for (const [other, row] of this.byNumber) {
+      row.querySelector("button").setAttribute("aria-expanded", String(other === number));
+      row.querySelector(".numbers").hidden = other !== number;
+    }
+    if (number !== null) this.byNumber.get(number).scrollIntoView({ block: "nearest" });
+  }
+
+  // Writes a place into a row; a number that is being typed stays.
+  write(touch, position) {
+    const row = this.byNumber.get(touch.number);
+    row.querySelector("[data-place]").textContent = position.map((v) => v.toFixed(3)).join(", ");
+    const values = { x: position[0], y: position[1], z: position[2], yaw: touch.yaw_deg };
+    for (const input of row.querySelectorAll("input")) {
+      const text = String(Number(values[input.name].toFixed(input.name === "yaw" ? 1 : 4)));
+      if (document.activeElement !== input && input.value !== text) input.value = text;
+    }
+  }
+
+  // How far a touch is from being refused: [what, sentence] pairs.
+  margins(number, lines) {
+    const list = this.byNumber.get(number).querySelector("[data-margins]");
+    const texts = lines.flat();
+    while (list.children.length < texts.length) list.append(document.createElement(list.children.length % 2 ? "dd" : "dt"));
+    while (list.children.length > texts.length) list.lastElementChild.remove();
+    for (const [k, text] of texts.entries()) if (list.children[k].textContent !== text) list.children[k].textContent = text;
+  }
+}

@@ -1,0 +1,72 @@
+// What the service's judge says of a scenario, in words.
+const PLACE = /^phases\[(\d+)\](?:\.contacts\[(\w+)\])?/;
+const LEVEL_M = 5e-4; // closer than this to its surface, a contact is on it
+
+export const cm = (length_m) => `${(100 * Math.abs(length_m)).toFixed(1)} cm`;
+export const named = (effector) => effector.replaceAll("_", " ");
+
+// The phase and the effector that an error names; null where it is about the whole scenario.
+export function placeOf(error) {
+  const found = PLACE.exec(error.where);
+  return found && { phase: Number(found[1]), effector: found[2] ?? null };
+}
+
+export function sentenceOf(error) {
+  const place = placeOf(error);
+  const where = place ? `Phase ${place.phase}${place.effector ? `, ${named(place.effector)}` : ""}` : error.where;
+  return `${where}: ${error.message}`;
+}
+
+// Of each phase of `body`: how it is held ("rest", "motion", "unknown" or "invalid"), where, and with how much to spare.
+export function phasesOf(check, body) {
+  const wrong = new Set(check.errors.flatMap((error) => phasesWith(placeOf(error), body)));
+  return body.phases.map((phase, k) => {
+    const { margin_m, com_m } = check.support[k] ?? { margin_m: null, com_m: null };
+    const region_m = check.support_region_m[k] ?? [];
+    const held = margin_m === null ? (region_m.length ? "unknown" : "motion") : margin_m >= 0 ? "rest" : "motion";
+    return { ...phase, kind: wrong.has(k) ? "invalid" : held, margin_m, com_m, region_m };
+  });
+}
+
+// The phases that an error spoils. What is wrong with a contact is said once, in the first phase in which it is there.
+function phasesWith(place, body) {
+  if (!place) return [];
+  const found = [place.phase];
+  const at = (k) => JSON.stringify(body.phases[k]?.contacts.find((contact) => contact.effector === place.effector));
+  if (place.effector !== null) while (at(found.at(-1)) !== undefined && at(found.at(-1) + 1) === at(place.phase)) found.push(found.at(-1) + 1);
+  return found;
+}
+
+export function sentenceOfPhase(phase, k) {
+  const who = phase.contacts.map((contact) => named(contact.effector)).join(", ") || "nothing touches";
+  return `Phase ${k}: ${who}. ${heldBy(phase)}`;
+}
+
+function heldBy({ kind, margin_m, region_m }) {
+  const wrong = kind === "invalid" ? "Not valid. " : "";
+  if (margin_m === null && !region_m.length) return `${wrong}Only passed in motion: nowhere could the CoM rest.`;
+  if (margin_m === null) return `${wrong}How much the CoM could have to spare is not known.`;
+  if (margin_m >= 0) return `${wrong}The CoM can rest here with ${cm(margin_m)} to spare.`;
+  return `${wrong}Only passed in motion: to rest, the CoM would have to be ${cm(margin_m)} farther than it reaches.`;
+}
+
+// Of phases with these numbers, the one that is held worst: an invalid one before all others.
+export function tightest(phases, numbers) {
+  const spare = ({ kind, margin_m, region_m }) => (kind === "invalid" ? -Infinity : (margin_m ?? (region_m.length ? Infinity : -1e3)));
+  return numbers.reduce((worst, k) => (spare(phases[k]) < spare(phases[worst]) ? k : worst), numbers[0]);
+}
+
+// How far a touch is from being refused, as [what, sentence] pairs.
+export function marginsOf(check, touch) {
+  const [first, last] = touch.phases;
+  const own = check.margins.filter((margin) => margin.effector === touch.effector && margin.phase >= first && margin.phase <= last);
+  if (!own.length) return [];
+  const { surface, edge_m, height_m } = own[0];
+  const reached = own.filter((margin) => margin.reach_m !== null);
+  const far = reached.reduce((worst, margin) => (margin.reach_m < worst.reach_m ? margin : worst), reached[0]);
+  const lines = [];
+  if (edge_m !== null) lines.push(["Edge", edge_m >= 0 ? `${cm(edge_m)} inside the edge of ${surface}` : `${cm(edge_m)} beyond the edge of ${surface}`]);
+  if (height_m !== null) lines.push(["Height", Math.abs(height_m) < LEVEL_M ? "on the surface" : `${cm(height_m)} ${height_m > 0 ? "above" : "inside"} the surface`]);
+  if (far) lines.push(["Reach", `${far.reach_m >= 0 ? `${cm(far.reach_m)} to spare` : `${cm(far.reach_m)} too far`}${first === last ? "" : `, tightest in phase ${far.phase}`}`]);
+  return lines;
+}
