@@ -1,9 +1,11 @@
-"""The margin of a wrench, against closed forms and a cutting-plane method on linear programmes."""
+"""The margin of a wrench, against closed forms, a conic solver, and a cutting-plane method on linear programmes."""
 
 import math
 
+import clarabel
 import numpy as np
 import pytest
+from scipy import sparse
 from scipy.optimize import linprog
 
 from stridelab.contacts.point_contacts import PointContacts
@@ -55,6 +57,35 @@ def by_cutting_planes(contacts: PointContacts, wrench: np.ndarray) -> float:
     return t * size
 
 
+def by_clarabel(contacts: PointContacts, wrench: np.ndarray) -> float | None:
+    """The same programme by an interior-point solver for cones, which keeps the sum of the forces as equations.
+
+    None where it finds no forces: lengths are divided by the contacts' spread, forces by that of the wrench.
+    """
+    n, center = len(contacts.position_m), contacts.position_m.mean(axis=0)
+    size = float(np.linalg.norm(wrench[:3]))
+    spread = float(np.abs(contacts.position_m - center).max())
+    scale = np.repeat([1.0, 1.0 / spread], 3)
+    moment = wrench[3:] - np.cross(center, wrench[:3])
+    rows, right = np.zeros((6 + 3 * n, 3 * n + 1)), np.zeros(6 + 3 * n)
+    rows[:6, :-1] = scale[:, np.newaxis] * contacts.grasp(center)
+    right[:6] = scale * np.concatenate([wrench[:3], moment]) / size
+    for i in range(n):
+        x, y, normal = contacts.rotation[i].T
+        # (mu f_n - t, f_x, f_y) lies in the second-order cone; the solver wants right - rows (f, t) in it
+        rows[6 + 3 * i : 9 + 3 * i, 3 * i : 3 * i + 3] = -np.array([contacts.friction[i] * normal, x, y])
+        rows[6 + 3 * i, -1] = 1.0
+    settings = clarabel.DefaultSettings()
+    settings.verbose = False
+    settings.tol_gap_abs = settings.tol_gap_rel = settings.tol_feas = 1e-11
+    cones = [clarabel.ZeroConeT(6), *[clarabel.SecondOrderConeT(3)] * n]
+    nothing = sparse.csc_matrix((3 * n + 1, 3 * n + 1))
+    objective = np.append(np.zeros(3 * n), -1.0)
+    found = clarabel.DefaultSolver(nothing, objective, sparse.csc_matrix(rows), right, cones, settings).solve()
+    solved = found.status in (clarabel.SolverStatus.Solved, clarabel.SolverStatus.AlmostSolved)
+    return float(found.x[-1]) * size if solved else None
+
+
 @pytest.mark.parametrize(
     ("force", "margin"), [([0, 0, 100], 50), ([30, 40, 200], 50), ([30, 40, 90], -5), ([6, 8, 0], -10)]
 )
@@ -64,6 +95,23 @@ def test_one_hand_in_closed_form(force: list[float], margin: float) -> None:
     np.testing.assert_allclose(held.forces_n, [force], atol=1e-9)
     pyramid = linear_margin(HAND, at_the_hand(force), 400).margin_n
     assert pyramid == pytest.approx(margin, abs=0.01)
+
+
+def test_a_thousand_wrenches_agree_with_a_conic_solver() -> None:
+    """To a micronewton for wrenches of a kilonewton; where there are no forces, the solver finds none either."""
+    rng = np.random.default_rng(0)
+    apart_n, not_held = [], []
+    for k in range(1000):
+        contacts = random_contacts(rng, 2 + k % 3)
+        wrench = random_wrench(rng, contacts)
+        margin_n, theirs_n = conic_margin(contacts, wrench).margin_n, by_clarabel(contacts, wrench)
+        if math.isfinite(margin_n) and theirs_n is not None:
+            apart_n.append(abs(margin_n - theirs_n))
+        else:
+            assert (margin_n, theirs_n) == (-math.inf, None)
+            not_held.append(len(contacts.position_m))
+    assert (len(apart_n), not_held) == (977, [2] * 23)  # two hands cannot turn a body about the line through them
+    assert max(apart_n) < 1e-6
 
 
 def test_it_agrees_with_an_independent_method() -> None:
