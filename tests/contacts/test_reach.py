@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog, minimize
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.contacts.reach import ACCURACY_M, ReachSet, slacks
+from stridelab.contacts.central_path import ACCURACY_M
+from stridelab.contacts.reach import ReachSet, slacks
 from stridelab.contacts.shapes import EffectorReach
 from stridelab.dynamics.placement import Placement
 

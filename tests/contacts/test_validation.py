@@ -243,16 +243,18 @@ def test_a_hand_in_a_box_beside_its_rail() -> None:
 
 def test_margins_and_support_regions() -> None:
     report = check(six_stairs(), SHAPES)
-    assert len(report.support_region_m) == 25
+    assert len(report.rests) == 25
     first = report.margins[0]
     assert (first.phase, first.effector, first.surface) == (0, "left_foot", "ground")
     assert first.height_m == pytest.approx(0.0, abs=1e-9)
     assert {round(m.edge_m or 0.0, 3) for m in report.margins if m.surface == "stair 2"} == {0.04}
     corners = [(-0.1, 0.03), (-0.1, 0.15), (0.1, 0.03), (0.1, 0.15)]
-    np.testing.assert_allclose(sorted(report.support_region_m[1]), corners, atol=1e-12)
-    polygon = np.array(report.support_region_m[0])
+    np.testing.assert_allclose(sorted(report.rests[1].region_m), corners, atol=1e-12)
+    polygon = np.array(report.rests[0].region_m)
     area = 0.5 * np.sum(polygon[:, 0] * np.roll(polygon[:, 1], -1) - polygon[:, 1] * np.roll(polygon[:, 0], -1))
     assert area == pytest.approx(0.2 * 0.3)
+    assert report.rests[0].margin_m == pytest.approx(0.1, abs=1e-3)  # half a sole's length
+    assert report.rests[1].margin_m == pytest.approx(0.06, abs=1e-3)  # half its width
     assert report.duration_s == pytest.approx(24.0)
 
 
@@ -317,7 +319,11 @@ def answered(report: CheckReport) -> ScenarioCheck:
         errors=[{"where": fault.where, "message": fault.message} for fault in report.faults],
         warnings=[{"code": remark.code, "message": remark.message} for remark in report.remarks],
         margins=[vars(margin) for margin in report.margins],
-        support_region_m=[list(region) for region in report.support_region_m],
+        support_region_m=[list(rest.region_m) for rest in report.rests],
+        support=[
+            {"phase": k, "margin_m": rest.margin_m, "com_m": None if rest.com_m is None else rest.com_m.tolist()}
+            for k, rest in enumerate(report.rests)
+        ],
         duration_s=report.duration_s,
     )
 
@@ -328,7 +334,7 @@ def test_no_scenario_makes_the_judge_fall_over(scenario: Made) -> None:
     whole = Scenario.model_validate(scenario)
     report = check(whole.model_dump(mode="json"), SHAPES)
     assert answered(report).valid is not bool(report.faults)
-    assert len(report.support_region_m) == len(whole.phases)
+    assert len(report.rests) == len(whole.phases)
 
 
 @settings(max_examples=40, deadline=None)

@@ -29,6 +29,8 @@ from stridelab.schemas.plans import (
 from stridelab.schemas.robots import LinkPose, Measure, RobotEffector, RobotFacts, RobotSummary
 from stridelab.schemas.scenarios import (
     BoxSurface,
+    ContactMargin,
+    PhaseSupport,
     RailSurface,
     Scenario,
     ScenarioCheck,
@@ -270,14 +272,34 @@ def refusal(given: Scenario) -> list[tuple[str, str]]:
     ]
 
 
+def support(k: int, phase: ScenarioPhase) -> PhaseSupport:
+    """How the fake judge says that a phase is held: not at rest on the right foot alone."""
+    feet = [contact for contact in phase.contacts if "foot" in contact.effector]
+    alone = [foot.effector for foot in feet] == ["right_foot"]
+    x, y, z = feet[0].position_m
+    return PhaseSupport(phase=k, margin_m=-0.02 if alone else 0.06, com_m=(x, y, z + 0.9))
+
+
+def region(phase: ScenarioPhase) -> list[tuple[float, float]]:
+    """A rectangle around the first foot."""
+    x, y, _ = next(contact.position_m for contact in phase.contacts if "foot" in contact.effector)
+    return [(x + u * HALF_M[0], y + v * HALF_M[1]) for u, v in ((-1, -1), (1, -1), (1, 1), (-1, 1))]
+
+
 def check(given: Scenario) -> ScenarioCheck:
     """What the fake judge says."""
     wrong = refusal(given)
+    margins = [
+        ContactMargin(phase=k, effector=c.effector, surface="ground", height_m=0.0, edge_m=0.04, reach_m=0.25)
+        for k, phase in enumerate(given.phases)
+        for c in phase.contacts
+    ]
     return ScenarioCheck(
         valid=not wrong,
         errors=[FaultItem(where=where, message=message) for where, message in wrong],
         warnings=[Remark(code="swing-obstructed", message="The right foot passes through step 1.")],
-        margins=[],
-        support_region_m=[],
+        margins=margins,
+        support_region_m=[region(phase) for phase in given.phases],
+        support=[support(k, phase) for k, phase in enumerate(given.phases)],
         duration_s=duration_s(given),
     )

@@ -26,21 +26,21 @@ PULL_MIN: Final = 0.02
 
 @dataclass(frozen=True, eq=False)
 class Closeness:
-    """Slack (m) of the reach limits per phase, None without limits, and the faults."""
+    """Slack of the reach limits per phase, None without limits, and the faults."""
 
-    slack_m: tuple[float | None, ...]
+    slacks: tuple[Slack | None, ...]
     faults: tuple[Fault, ...]
 
 
 def closeness(stances: tuple[Stance, ...]) -> Closeness:
     """Check all phases and all changes; equal sets of contacts are solved once."""
-    moments = [(k, _limited(stance)) for k, stance in enumerate(stances)]
+    moments = [(k, limited(stance)) for k, stance in enumerate(stances)]
     for k in range(1, len(stances)):
-        both = _limited(_merged(stances[k - 1], stances[k]))
+        both = limited(_merged(stances[k - 1], stances[k]))
         if len(both) > max(len(moments[k - 1][1]), len(moments[k][1])):
             moments.append((k, both))
     unique = {_key(touches): touches for _, touches in moments if touches}
-    found = dict(zip(unique, slacks([_reach(touches) for touches in unique.values()]), strict=True))
+    found = dict(zip(unique, slacks([reach_set(touches) for touches in unique.values()]), strict=True))
     faults: list[Fault] = []
     told: set[frozenset[int]] = set()
     for k, touches in sorted(moments, key=lambda moment: moment[0]):
@@ -52,11 +52,10 @@ def closeness(stances: tuple[Stance, ...]) -> Closeness:
         if key not in told:
             told.add(key)
             faults.append(_fault(k, touches, conflict, slack, stances[k - 1] if k else {}))
-    per_phase = [found.get(_key(touches)) for _, touches in moments[: len(stances)]]
-    return Closeness(tuple(None if slack is None else slack.slack_m for slack in per_phase), tuple(faults))
+    return Closeness(tuple(found.get(_key(touches)) for _, touches in moments[: len(stances)]), tuple(faults))
 
 
-def _limited(stance: Stance) -> list[Touch]:
+def limited(stance: Stance) -> list[Touch]:
     """Contacts with known limits, in a fixed order."""
     return [touch for _, touch in sorted(stance.items()) if touch.shape.reach is not None]
 
@@ -70,7 +69,8 @@ def _key(touches: Sequence[Touch]) -> tuple[int, ...]:
     return tuple(id(touch) for touch in touches)
 
 
-def _reach(touches: Sequence[Touch], shifts: dict[int, Vector3] | None = None) -> ReachSet:
+def reach_set(touches: Sequence[Touch], shifts: dict[int, Vector3] | None = None) -> ReachSet:
+    """The limits of some contacts, shifted by number."""
     moved = shifts or {}
     return [
         (Placement(t.placement.position_m + moved.get(i, 0.0), t.placement.rotation), t.shape.reach)
@@ -107,5 +107,5 @@ def _missing_m(touches: list[Touch], blamed: int, slack: Slack) -> Vector3:
         if slack.slack_m >= -REACH_TOLERANCE_M or strength < PULL_MIN:
             break
         total = total - slack.slack_m / strength**2 * pull
-        (slack,) = slacks([_reach(touches, {blamed: total})])
+        (slack,) = slacks([reach_set(touches, {blamed: total})])
     return total

@@ -1,16 +1,14 @@
-"""What carries the robot: the support polygon of a phase, and whether friction can hold it."""
+"""What carries the robot: the soles of a phase, whether friction can hold them, and whether they overlap."""
 
 from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
 from scipy.optimize import nnls
-from scipy.spatial import ConvexHull, QhullError
 
+from stridelab.contacts.point_contacts import PointContacts
 from stridelab.contacts.touching import Stance, Touch
-from stridelab.conventions import Points, Vector3
 
-Polygon = tuple[tuple[float, float], ...]
 CONE_EDGES: Final = 16
 """Edges of the pyramid that stands in for a friction cone, from the inside."""
 RESIDUAL: Final = 1e-6
@@ -22,19 +20,6 @@ def soles(stance: Stance) -> list[Touch]:
     return [touch for touch in stance.values() if touch.shape.kind == "surface"]
 
 
-def support_region_m(stance: Stance) -> Polygon:
-    """Convex hull of the soles' corners seen from above, counter-clockwise; empty without soles."""
-    corners = [touch.corners_m[:, :2] for touch in soles(stance)]
-    if not corners:
-        return ()
-    points = np.vstack(corners)
-    try:
-        hull = points[ConvexHull(points).vertices]
-    except QhullError:
-        return ()
-    return tuple((float(x), float(y)) for x, y in hull)
-
-
 def slipping(stance: Stance) -> Touch | None:
     """The steepest sole of a phase whose friction cones cannot carry a weight, None where they can.
 
@@ -43,8 +28,8 @@ def slipping(stance: Stance) -> Touch | None:
     steep = [(steepness(touch), touch) for touch in soles(stance)]
     if not steep or min(angle for angle, _ in steep) <= 0.0:
         return None
-    edges = np.vstack([_cone(touch.placement.rotation[:, 2], touch.friction) for _, touch in steep])
-    _, residual = nnls(edges.T, np.array([0.0, 0.0, 1.0]))
+    at = PointContacts.of([(touch.placement, None, touch.friction) for _, touch in steep])
+    _, residual = nnls(at.forces(CONE_EDGES).reshape(-1, 3).T, np.array([0.0, 0.0, 1.0]))
     return None if residual < RESIDUAL else max(steep, key=lambda found: found[0])[1]
 
 
@@ -70,10 +55,3 @@ def overlap(one: Touch, other: Touch) -> bool:
 def pairs(touches: Sequence[Touch]) -> list[tuple[Touch, Touch]]:
     """All pairs."""
     return [(a, b) for i, a in enumerate(touches) for b in touches[i + 1 :]]
-
-
-def _cone(normal: Vector3, friction: float) -> Points:
-    """Edges of a pyramid inside the friction cone."""
-    along = np.linalg.svd(normal[np.newaxis])[2][1:]
-    angle = 2.0 * np.pi * np.arange(CONE_EDGES)[:, np.newaxis] / CONE_EDGES
-    return np.asarray(normal + friction * (np.cos(angle) * along[0] + np.sin(angle) * along[1]))

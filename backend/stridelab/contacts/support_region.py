@@ -10,6 +10,15 @@ matters. With pyramids inside the friction cones the polygon lies in the region 
 around them it holds it. Of level soles it is the hull seen from above, unless one is so far above another that
 they lie in each other's friction cones; hands and slopes change it. (Bretl & Lall 2008 project by
 linear programmes; the tests do.)
+
+At rest the hull of the points that could bear the weight alone always lies in the region. Whether it is all of it,
+with circular cones, a certificate decides without projecting: for the edge from ``p_1`` to ``p_2`` with the unit vector
+``d`` outwards and ``nu = -(z_2 - z_1) / |p_2 - p_1|`` (seen from above), no CoM is held beyond the edge if
+
+    a_i f <= 0  for all f in the cone of point i,   a_i = (nu (p_i - p_1)^perp - (z_i - z_1) d,  d (p_i - p_1)).
+
+For then ``d c - d p_1 = sum a_i f_i`` minus terms that the balance of forces and of the moment about the vertical make
+zero. It is all that linear duality allows for an edge between two soles, so nothing is given away.
 """
 
 from dataclasses import dataclass
@@ -17,9 +26,10 @@ from typing import Final
 
 import numpy as np
 from jaxtyping import Float
+from scipy.spatial import ConvexHull, QhullError
 
 from stridelab.contacts.point_contacts import PointContacts, Side
-from stridelab.contacts.wrench_cone import LinearCone
+from stridelab.contacts.wrench_cone import N_RAYS, LinearCone
 from stridelab.conventions import Vector3, g
 
 FAR_M: Final = 10.0
@@ -53,6 +63,15 @@ def support_region(
         com_region_m(contacts, n_rays, side, acceleration_m_s2, height_m) for side in ("inside", "around")
     )
     return SupportRegion(inside, around)
+
+
+def rest_region_m(contacts: PointContacts) -> Outline:
+    """Where the CoM can rest: exact where the hull is certified, else from pyramids inside the friction cones.
+
+    Raises as ``support_region``.
+    """
+    hull = certified_hull_m(contacts)
+    return com_region_m(contacts, N_RAYS) if hull is None else hull
 
 
 def com_region_m(
@@ -90,6 +109,29 @@ def intersection(normals: Float[np.ndarray, "n 2"], offsets: Float[np.ndarray, "
             return polygon
         polygon = _cut(polygon, beyond[:, worst])
     return np.zeros((0, 2))
+
+
+def certified_hull_m(contacts: PointContacts) -> Outline | None:
+    """The hull of the points that could bear the weight alone, None where more might be held (see above)."""
+    p, normals = contacts.position_m, contacts.rotation[:, :, 2]
+    bearing = p[np.hypot(normals[:, 0], normals[:, 1]) <= contacts.friction * normals[:, 2]]
+    if len(bearing) < 3:
+        return None
+    try:
+        hull = ConvexHull(bearing[:, :2])
+    except QhullError:
+        return None
+    first = bearing[hull.vertices]
+    edge = np.roll(first, -1, axis=0) - first
+    length = np.hypot(edge[:, 0], edge[:, 1])
+    d = np.stack([edge[:, 1], -edge[:, 0]], axis=1) / length[:, np.newaxis]
+    away = p - first[:, np.newaxis]  # (edges, points, 3)
+    turned = np.stack([-away[..., 1], away[..., 0]], axis=2)
+    across = (-edge[:, 2] / length)[:, np.newaxis, np.newaxis] * turned - away[..., 2:] * d[:, np.newaxis]
+    a = np.concatenate([across, np.einsum("enk,ek->en", away[..., :2], d)[..., np.newaxis]], axis=2)
+    local = np.einsum("enk,nkj->enj", a, contacts.rotation)
+    most = local[..., 2] + contacts.friction * np.hypot(local[..., 0], local[..., 1])
+    return first[:, :2] if most.max() <= SHARP_M else None
 
 
 def area_m2(polygon: Outline) -> float:

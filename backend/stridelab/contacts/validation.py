@@ -12,9 +12,9 @@ from typing import Any
 from stridelab.contacts.closeness import closeness
 from stridelab.contacts.obstruction import obstructed
 from stridelab.contacts.reading import Draft, contact_field, read
+from stridelab.contacts.resting import Rest, rests
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.shapes import EffectorShape
-from stridelab.contacts.support import Polygon, support_region_m
 from stridelab.contacts.timeline import (
     colliding,
     out_of_nowhere,
@@ -54,13 +54,13 @@ class Margin:
 class CheckReport:
     """What is wrong with a scenario, what is worth knowing, and its margins.
 
-    ``faults`` come in the order of the phases. ``support_region_m`` holds one polygon per phase, seen from above.
+    ``faults`` come in the order of the phases; ``rests`` tells of each phase where its contacts hold the CoM still.
     """
 
     faults: tuple[Fault, ...]
     remarks: tuple[Remark, ...]
     margins: tuple[Margin, ...]
-    support_region_m: tuple[Polygon, ...]
+    rests: tuple[Rest, ...]
     duration_s: float
 
     @property
@@ -82,7 +82,7 @@ def judge(
     duration_s = float(sum(phase.duration_s or 0.0 for phase in draft.phases))
     outsized = tuple(too_large(draft))
     if outsized:
-        return CheckReport((*outsized, *draft.faults), (), (), ((),) * len(draft.phases), duration_s), None
+        return CheckReport((*outsized, *draft.faults), (), (), (Rest(()),) * len(draft.phases), duration_s), None
     stances = touch_all(draft, effectors)
     reach = closeness(stances)
     faults = [
@@ -100,11 +100,11 @@ def judge(
         faults=tuple(sorted(faults, key=_phase_of)),
         remarks=tuple(_remarks(draft, stances, effectors)),
         margins=tuple(
-            Margin(k, name, touch.surface, touch.height_m, touch.edge_m, reach.slack_m[k])
-            for k, stance in enumerate(stances)
+            Margin(k, name, touch.surface, touch.height_m, touch.edge_m, None if slack is None else slack.slack_m)
+            for k, (stance, slack) in enumerate(zip(stances, reach.slacks, strict=True))
             for name, touch in stance.items()
         ),
-        support_region_m=tuple(support_region_m(stance) for stance in stances),
+        rests=rests(stances, reach.slacks),
         duration_s=duration_s,
     )
     return report, _sequence(draft, stances) if report.valid else None

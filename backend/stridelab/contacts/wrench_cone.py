@@ -116,8 +116,9 @@ class LinearCone:
     def of(contacts: PointContacts, n_rays: int = N_RAYS, side: Side = "inside") -> "LinearCone":
         """From the pyramids of the contacts; facets by qhull.
 
-        Raises ``NotEstimable`` ("wrench-cone-not-pointed") where forces of the contacts can cancel each other (a grip
-        from opposite sides): such a cone has no bounded section.
+        Raises ``NotEstimable``: "wrench-cone-not-pointed" where forces of the contacts can cancel each other (a grip
+        from opposite sides): such a cone has no bounded section; "wrench-cone-flat" where friction or the distances
+        are so small that rounding leaves no section to speak of.
         """
         center = contacts.position_m.mean(axis=0)
         spread = float(np.sqrt(((contacts.position_m - center) ** 2).sum(axis=1).mean()))
@@ -129,6 +130,8 @@ class LinearCone:
         middle = points.mean(axis=0)
         _, spreads, axes = np.linalg.svd(points - middle)
         k = int((spreads > FLAT * spreads[0]).sum())
+        if k < 2 or spreads[0] < FLAT:
+            raise _flat()
         whiten = axes[:k] * (math.sqrt(len(points)) / spreads[:k, np.newaxis])
         x = (points - middle) @ whiten.T
         normals, offsets, volume = _facets(x)
@@ -193,9 +196,16 @@ def _facets(points: Cloud) -> tuple[Matrix, Vector, float]:
     try:
         hull, digits, inwards = ConvexHull(points, qhull_options="Qt Qx" if points.shape[1] > 4 else "Qt"), 9, 0.0
     except QhullError:
-        hull, digits, inwards = ConvexHull(points, qhull_options="QJ"), 7, JOGGLE
+        try:
+            hull, digits, inwards = ConvexHull(points, qhull_options="QJ"), 7, JOGGLE
+        except QhullError as error:
+            raise _flat() from error
     equations = hull.equations[np.unique(hull.equations.round(digits), axis=0, return_index=True)[1]]
     return equations[:, :-1].copy(), -equations[:, -1] - inwards, float(hull.volume)
+
+
+def _flat() -> NotEstimable:
+    return NotEstimable("wrench-cone-flat", "the wrenches of these contacts differ too little to be told apart")
 
 
 def _across(whiten: Float[np.ndarray, "d 6"], middle: Float[np.ndarray, "6"]) -> Float[np.ndarray, "rest 6"]:

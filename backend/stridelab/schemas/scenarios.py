@@ -99,12 +99,27 @@ class ContactMargin(Contract):
     reach_m: float | None = Field(description="slack of the reach limits that the contacts of the phase share")
 
 
+class PhaseSupport(Contract):
+    """Whether the contacts of a phase hold the robot still."""
+
+    phase: int
+    margin_m: float | None = Field(
+        description="how far the CoM, where the robot's reach lets it be, can stay from the border of the support "
+        "region; negative: the phase can only be passed in motion; null without a region or a known reach"
+    )
+    com_m: Position | None = Field(description="the place of the CoM at which it does")
+
+
 class ScenarioCheck(Contract):
-    """Answer of ``POST /scenarios/check``; ``support_region_m`` holds, per phase, a polygon seen from above."""
+    """Answer of ``POST /scenarios/check``.
+
+    ``support_region_m`` holds, per phase, the polygon above which the CoM can rest; ``support`` how well it can.
+    """
 
     valid: bool
     errors: list[FaultItem]
     warnings: list[Remark]
     margins: list[ContactMargin]
     support_region_m: list[list[tuple[float, float]]]
+    support: list[PhaseSupport]
     duration_s: float

@@ -99,7 +99,10 @@ def test_bundled_scenarios_are_valid_and_read_only(seeded: Served, http: httpx.C
     assert before["bundled"] is True
     check = http.post(CHECK, json=body).json()
     assert (check["valid"], check["errors"]) == (True, [])
-    assert len(check["support_region_m"]) == len(body["phases"])
+    assert len(check["support_region_m"]) == len(check["support"]) == len(body["phases"])
+    assert min(each["margin_m"] for each in check["support"]) > 0.05, (
+        "slow walking and climbing: it could stop anywhere"
+    )
     assert check["duration_s"] == pytest.approx(sum(phase["duration_s"] for phase in body["phases"]))
     assert refusal(http.delete(path)) == (409, "scenario-read-only")
     assert refusal(http.put(path, json=one_step())) == (409, "scenario-read-only")
@@ -153,6 +156,9 @@ def test_a_check_tells_margins_and_support(http: httpx.Client) -> None:
     assert all(each["surface"] == "floor" and abs(each["height_m"]) < 1e-9 for each in check["margins"])
     # the left sole reaches to y = 0.09 + 0.06, and the floor to y = 1
     assert check["margins"][0]["edge_m"] == pytest.approx(0.85)
+    level, one_foot, astride = (each["margin_m"] for each in check["support"])
+    assert (level, one_foot) == (pytest.approx(0.1, abs=1e-3), pytest.approx(0.06, abs=1e-3))
+    assert astride > level
     double, single = check["support_region_m"][0], check["support_region_m"][1]
     assert {(abs(round(x, 6)), abs(round(y, 6))) for x, y in double} == {(0.1, 0.15)}
     assert {(round(x, 6), round(y, 6)) for x, y in single} == {(s * 0.1, t) for s in (1, -1) for t in (-0.15, -0.03)}

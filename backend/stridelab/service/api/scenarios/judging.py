@@ -5,13 +5,17 @@ service starts without it; pinocchio and CasADi are never imported here.
 """
 
 import math
+from typing import TYPE_CHECKING
 
 import anyio
 
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.schemas.base import FaultItem, Remark
-from stridelab.schemas.scenarios import ContactMargin, Scenario, ScenarioCheck
+from stridelab.schemas.scenarios import ContactMargin, PhaseSupport, Scenario, ScenarioCheck
 from stridelab.service.api.problems import SHOWN_FAULTS
+
+if TYPE_CHECKING:
+    from stridelab.contacts.resting import Rest
 
 
 async def judge(scenario: Scenario, limiter: anyio.CapacityLimiter) -> ScenarioCheck:
@@ -57,9 +61,17 @@ def check(scenario: Scenario) -> ScenarioCheck:
             )
             for margin in report.margins
         ],
-        support_region_m=[[(float(x), float(y)) for x, y in region] for region in report.support_region_m],
+        support_region_m=[list(rest.region_m) for rest in report.rests],
+        support=[_support(k, rest) for k, rest in enumerate(report.rests)],
         duration_s=report.duration_s,
     )
+
+
+def _support(k: int, rest: "Rest") -> PhaseSupport:
+    if rest.com_m is None:
+        return PhaseSupport(phase=k, margin_m=None, com_m=None)
+    x, y, z = rest.com_m.tolist()
+    return PhaseSupport(phase=k, margin_m=rest.margin_m, com_m=(x, y, z))
 
 
 def _refused(scenario: Scenario, fault: FaultItem) -> ScenarioCheck:
@@ -69,5 +81,6 @@ def _refused(scenario: Scenario, fault: FaultItem) -> ScenarioCheck:
         warnings=[],
         margins=[],
         support_region_m=[[] for _ in scenario.phases],
+        support=[PhaseSupport(phase=k, margin_m=None, com_m=None) for k in range(len(scenario.phases))],
         duration_s=math.fsum(phase.duration_s for phase in scenario.phases),
     )
