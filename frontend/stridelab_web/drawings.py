@@ -3,7 +3,7 @@
 The picture is a sketch to recognise a scenario by: a footprint is drawn 0.20 m by 0.12 m whatever the robot.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final, Literal
 
@@ -45,8 +45,11 @@ class Drawing:
     said: str
 
 
-def draw(scenario: Scenario, view: View) -> Drawing | None:
-    """The scenario seen from its right side, or from above; None where nothing touches anything."""
+def draw(scenario: Scenario, view: View, region_m: Sequence[tuple[float, float]] = ()) -> Drawing | None:
+    """The scenario seen from its right side, or from above with ``region_m`` over it.
+
+    None where nothing touches anything.
+    """
     found = touches(scenario)
     if not found:
         return None
@@ -74,6 +77,8 @@ def draw(scenario: Scenario, view: View) -> Drawing | None:
     shapes = [_polygon(to_px(_outline(cloud)), f"box {view}") for cloud in boxes]
     shapes += [_polygon(to_px(_bar(rail)), "rail") for rail in rails]
     shapes += [_footprint(touch, view, axes, to_px) for touch in found]
+    if len(region_m) > 2:
+        shapes.append(_polygon(to_px(np.array(region_m)), "support"))
     width, height = (high - low) * PX_PER_M
     said = f"{scenario.name} {'from the side' if view == 'side' else 'from above'}: {len(found)} touches"
     return Drawing(round(float(width), 1), round(float(height), 1), tuple(shapes), said)

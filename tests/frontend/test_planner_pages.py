@@ -53,6 +53,16 @@ def test_scenario_page_shows_pictures_check_and_plans(fake: FakeService, browse:
     assert "right foot touches 0.00 s to 1.00 s; 1.80 s to" in page
 
 
+def test_scenario_page_says_how_well_each_phase_is_held(fake: FakeService, browse: Browse) -> None:
+    page = browse(f"/scenarios/{fake.add_scenario().id}").text
+    said = texts(page)
+    assert "The robot could stop and rest in 7 of 9 phases. It has the least room in phase 3: 2.0 cm short." in said
+    assert "3 2.00 s 2.80 s right foot, right hand only passed in motion -2.0 cm 4.0 cm 25.0 cm" in said
+    assert "0 0.00 s 1.00 s left foot, right foot yes 6.0 cm 4.0 cm 25.0 cm" in said
+    assert '<polygon class="support"' in page
+    assert "where the CoM can rest in phase 3, the tightest" in said
+
+
 def test_a_sample_cannot_be_deleted_and_an_impossible_one_not_planned(fake: FakeService, browse: Browse) -> None:
     assert 'data-delete="' not in browse(f"/scenarios/{fake.add_scenario(bundled=True).id}").text
     good = fake_planner.scenario()

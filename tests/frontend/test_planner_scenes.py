@@ -3,6 +3,7 @@
 import asyncio
 import math
 from collections.abc import Callable, Iterator
+from importlib.resources import files
 from types import SimpleNamespace
 from typing import Any
 
@@ -23,6 +24,7 @@ from stridelab_web.viewer.parts import FOV_RAD, WIDE, camera
 from stridelab_web.viewer.robot_links import add_robot, pieces, read_links, shade
 from stridelab_web.viewer.scenario_scene import ScenarioScene
 from stridelab_web.viewer.standing import Posed, first_place
+from stridelab_web.viewer.support_marks import COM, CORNERS, EDGE, PLUMB, REGION
 from stridelab_web.viewer.terrain import faces_m
 from support import fake_planner
 from support.fake_service import FakeService
@@ -239,6 +241,20 @@ def test_a_scene_follows_what_others_store(fake: FakeService, library: Library) 
         changed.model_copy(update={"terrain": changed.terrain[:3]}), key=kept.id
     )
     assert library.open(Document("scenario", kept.id)) is not first
+
+
+def test_what_the_page_shapes_has_room_for_what_it_draws(start: Start) -> None:
+    """Numbers of vertices that static/js/support_view.js relies on, and names of nodes."""
+    script = (files("stridelab_web") / "static/js/support_view.js").read_text()
+    mark: Any = start(fake_planner.stored(fake_planner.scenario()), None)._marks[1]
+    handles = mark._impl.api._handle_from_node_name
+    assert f"CORNERS = {CORNERS};" in script
+    assert len(handles[REGION].vertices) == CORNERS
+    assert len(handles[EDGE].vertices) == 2 * CORNERS
+    for node in (REGION, EDGE, PLUMB, COM):
+        assert node in handles
+        assert f'"{node.removeprefix("/support/")}"' in script
+    assert f"{COM}/light" in handles
 
 
 def test_the_robot_stands_where_the_scenario_begins(fake: FakeService, library: Library) -> None:

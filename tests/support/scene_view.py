@@ -59,6 +59,12 @@ def nodes(page: Page, *names: str) -> dict[str, Any]:
 
 def drag(page: Page, node: str, to_m: tuple[float, float, float]) -> None:
     """Take hold of a mark in its middle and let go of it where ``to_m`` is in the picture."""
+    hold(page, node, to_m)
+    page.mouse.up()
+
+
+def hold(page: Page, node: str, to_m: tuple[float, float, float]) -> None:
+    """Take hold of a mark in its middle and move it to where ``to_m`` is in the picture, without letting go."""
     x, y = page.evaluate(ON_SCREEN, node)
     u, v = page.evaluate(ON_SCREEN, list(to_m))
     page.mouse.move(x, y)
@@ -66,4 +72,3 @@ def drag(page: Page, node: str, to_m: tuple[float, float, float]) -> None:
     for k in range(1, 9):
         page.mouse.move(x + (u - x) * k / 8, y + (v - y) * k / 8)
         page.wait_for_timeout(40)
-    page.mouse.up()

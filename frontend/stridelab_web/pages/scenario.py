@@ -6,6 +6,7 @@ from starlette.responses import Response
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab_web import strips
 from stridelab_web.drawings import draw
+from stridelab_web.holding import held, holding_bars, summary, tightest
 from stridelab_web.pages.render import page
 from stridelab_web.service import client_of
 from stridelab_web.touches import Touch, touches
@@ -28,6 +29,8 @@ async def scenario(request: Request) -> Response:
     plans = await client.jobs(scenario_id=found.id, kind="plan-motion")
     placed = touches(bare)
     duration_s = sum(phase.duration_s for phase in found.phases)
+    phases = held(bare, check)
+    least = tightest(phases)
     return page(
         request,
         "scenario.html",
@@ -38,7 +41,11 @@ async def scenario(request: Request) -> Response:
         touches=placed,
         duration_s=duration_s,
         side=draw(bare, "side"),
-        above=draw(bare, "above"),
+        above=draw(bare, "above", least.region_m if least else ()),
+        phases=phases,
+        least=least,
+        summary=summary(phases),
+        holding=holding_bars(phases, duration_s),
         strip=contact_bars(placed, duration_s),
         ticks=strips.ticks(duration_s),
     )

@@ -19,21 +19,24 @@ export function sentenceOf(error) {
 
 // Of each phase of `body`: how it is held ("rest", "motion", "unknown" or "invalid"), where, and with how much to spare.
 export function phasesOf(check, body) {
-  const wrong = new Set(check.errors.flatMap((error) => phasesWith(placeOf(error), body)));
+  const wrong = new Set(check.errors.flatMap((error) => phasesWith(placeOf(error), check, body)));
   return body.phases.map((phase, k) => {
-    const { margin_m, com_m } = check.support[k] ?? { margin_m: null, com_m: null };
-    const region_m = check.support_region_m[k] ?? [];
+    const { margin_m, com_m } = check.support[k];
+    const region_m = check.support_region_m[k];
     const held = margin_m === null ? (region_m.length ? "unknown" : "motion") : margin_m >= 0 ? "rest" : "motion";
     return { ...phase, kind: wrong.has(k) ? "invalid" : held, margin_m, com_m, region_m };
   });
 }
 
-// The phases that an error spoils. What is wrong with a contact is said once, in the first phase in which it is there.
-function phasesWith(place, body) {
+// The phases that an error spoils. What is wrong with a contact's own place is said once, in the first phase in which it
+// is there; what is out of reach, in each phase.
+function phasesWith(place, check, body) {
   if (!place) return [];
   const found = [place.phase];
   const at = (k) => JSON.stringify(body.phases[k]?.contacts.find((contact) => contact.effector === place.effector));
-  if (place.effector !== null) while (at(found.at(-1)) !== undefined && at(found.at(-1) + 1) === at(place.phase)) found.push(found.at(-1) + 1);
+  const margin = check.margins.find((one) => one.phase === place.phase && one.effector === place.effector);
+  if (!margin || margin.reach_m < 0) return found;
+  for (let k = place.phase + 1; at(k) === at(place.phase); k += 1) found.push(k);
   return found;
 }
 
@@ -67,6 +70,9 @@ export function marginsOf(check, touch) {
   const lines = [];
   if (edge_m !== null) lines.push(["Edge", edge_m >= 0 ? `${cm(edge_m)} inside the edge of ${surface}` : `${cm(edge_m)} beyond the edge of ${surface}`]);
   if (height_m !== null) lines.push(["Height", Math.abs(height_m) < LEVEL_M ? "on the surface" : `${cm(height_m)} ${height_m > 0 ? "above" : "inside"} the surface`]);
-  if (far) lines.push(["Reach", `${far.reach_m >= 0 ? `${cm(far.reach_m)} to spare` : `${cm(far.reach_m)} too far`}${first === last ? "" : `, tightest in phase ${far.phase}`}`]);
+  if (far) {
+    const least = first === last ? "" : `, least in phase ${far.phase}`;
+    lines.push(["Reach", far.reach_m >= 0 ? `${cm(far.reach_m)} to spare${least}` : `${cm(far.reach_m)} too short for each contact of phase ${far.phase}`]);
+  }
   return lines;
 }

@@ -1,0 +1,177 @@
+"""The editor of scenarios on the real service: what moves is judged at once, and contacts are found from end to end."""
+
+import math
+import re
+
+import numpy as np
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from stridelab.schemas.scenarios import BoxSurface, Scenario, ScenarioCheck, ScenarioContact, ScenarioPhase
+from stridelab_web.touches import touches
+from support.scene_view import hold, nodes, opened, until
+from support.tab import Service, Tab
+
+FOUND_WITHIN_MS = 120_000
+WARNING = [176, 0, 32]
+LOOK = """(name) => {
+    const viser = document.querySelector("iframe").contentWindow.__viserMutable;
+    const mesh = viser.nodeRefFromName[name].children.find((part) => part.isMesh);
+    const { color, opacity } = mesh.material;
+    const { array } = mesh.geometry.attributes.position;
+    const rgb = color.getStyle().match(/\\d+/g).map(Number);
+    return { rgb, opacity, vertices: Array.from(array) };
+}"""
+
+
+def bare(service: Service, scenario_id: str, **changed: object) -> Scenario:
+    stored = service.client.scenario(scenario_id)
+    return Scenario(**{**{name: getattr(stored, name) for name in Scenario.model_fields}, **changed})
+
+
+def bars(page: Page) -> Locator:
+    return page.locator("[data-phases] button")
+
+
+def chosen(page: Page) -> int:
+    return int(page.locator("[data-phases] [aria-pressed=true]").inner_text())
+
+
+def refused(tab: Tab) -> None:
+    """The browser reports an answer of 422 as an error, which here is what was to come."""
+    tab.missteps = [m for m in tab.missteps if "422" not in m]
+
+
+def test_a_contact_is_judged_while_it_is_held(tab: Tab, service: Service) -> None:
+    kept = service.client.add_scenario(bare(service, "flat-walk", name="dragged"))
+    third = touches(kept)[2]
+    x, y, z = third.contact.position_m
+    page = opened(tab, f"/view/?scenario={kept.id}")
+    editor, verdict = page.locator("[data-editor]"), page.locator("[data-verdict]")
+    expect(editor).to_have_attribute("data-judged", "valid")
+
+    hold(page, "/contacts/3", (x + 1.65, y, z))  # two steps beyond the next foothold
+    expect(editor).to_have_attribute("data-judged", "invalid")
+    expect(verdict).to_contain_text(re.compile(r"^Phase \d+"))
+    assert service.client.scenario(kept.id).phases == kept.phases, "nothing is stored while it is held"
+    until(page, lambda: page.evaluate(LOOK, "/contacts/3")["rgb"] == WARNING)
+    row = page.locator("li", has=page.get_by_role("button", name="3 right foot"))
+    expect(row.locator("[data-margins]")).to_contain_text("too short")
+    expect(bars(page).nth(third.first_phase)).to_have_attribute("data-kind", "invalid")
+    expect(bars(page).nth(0)).to_have_attribute("data-kind", "rest")
+
+    page.mouse.up()
+    expect(page.locator("[data-said]")).to_contain_text("The robot cannot do this")
+    expect(editor).to_have_attribute("data-judged", "valid")
+    expect(row.locator("[data-margins]")).to_contain_text("to spare")
+    until(page, lambda: page.evaluate(LOOK, "/contacts/3")["rgb"] != WARNING)
+    assert service.client.scenario(kept.id).phases == kept.phases
+    refused(tab)
+
+
+def test_numbers_are_judged_while_they_are_typed(tab: Tab, service: Service) -> None:
+    kept = service.client.add_scenario(bare(service, "six-stairs", name="typed"))
+    page = opened(tab, f"/view/?scenario={kept.id}")
+    contact = page.get_by_role("button", name="5 right foot")
+    contact.click()
+    height = page.locator("li", has=contact).get_by_label("z")
+    height.fill("0.3")
+    expect(page.locator("[data-verdict]")).to_contain_text("right foot: is in the air")
+    expect(page.locator("[data-margins]").nth(4)).to_contain_text("10.0 cm above the surface")
+    for k in range(touches(kept)[4].first_phase, touches(kept)[4].last_phase + 1):
+        expect(bars(page).nth(k)).to_have_attribute("data-kind", "invalid")
+    assert service.client.scenario(kept.id).phases == kept.phases
+    height.fill("0.2")
+    expect(page.locator("[data-editor]")).to_have_attribute("data-judged", "valid")
+
+
+def test_phases_are_gone_through_by_keyboard(tab: Tab, service: Service) -> None:
+    """What is drawn is what the judge says of the phase; a sample, which cannot be changed, is looked at like any."""
+    scenario = bare(service, "stairs-with-rail")
+    check = service.client.check_scenario(scenario)
+    page = opened(tab, "/view/?scenario=stairs-with-rail")
+    expect(bars(page)).to_have_count(len(scenario.phases))
+    tightest = min(check.support, key=lambda support: support.margin_m or math.inf)
+    assert chosen(page) == tightest.phase
+
+    page.locator("[data-phases] [aria-pressed=true]").focus()
+    page.keyboard.press("Home")
+    shows(page, check, 0)
+    expect(page.locator("[data-phase-said]")).to_have_text(
+        re.compile(r"^Phase 0: left foot, right foot, right hand\. The CoM can rest here with \d+\.\d cm to spare\.$")
+    )
+    page.keyboard.press("ArrowRight")
+    shows(page, check, 1)
+    page.keyboard.press("End")
+    shows(page, check, len(scenario.phases) - 1)
+    page.keyboard.press("ArrowLeft")
+    shows(page, check, len(scenario.phases) - 2)
+    assert page.evaluate("() => document.activeElement.textContent") == str(len(scenario.phases) - 2)
+    assert page.locator("[data-phases] [tabindex='0']").count() == 1, "one stop for the tab key"
+
+    fifth = touches(scenario)[4]
+    page.get_by_role("button", name="5 right foot").click()
+    own = check.support[fifth.first_phase : fifth.last_phase + 1]
+    shows(page, check, min(own, key=lambda support: support.margin_m or math.inf).phase)
+    until(page, lambda: page.evaluate(LOOK, "/contacts/5")["opacity"] > page.evaluate(LOOK, "/contacts/15")["opacity"])
+
+
+def shows(page: Page, check: ScenarioCheck, phase: int) -> None:
+    """The chosen phase, its region and the best place of the CoM."""
+    expect(bars(page).nth(phase)).to_have_attribute("aria-pressed", "true")
+    com_m = check.support[phase].com_m
+    assert com_m is not None
+    until(page, lambda: np.abs(np.array(nodes(page, "/support/com")["/support/com"]["position"]) - com_m).max() < 1e-6)
+    corners = np.array(page.evaluate(LOOK, "/support/region")["vertices"]).reshape(-1, 3)[:, :2]
+    region = np.array(check.support_region_m[phase])
+    apart = np.linalg.norm(corners[:, None] - region[None], axis=2)
+    assert apart.min(axis=0).max() < 1e-5, "every corner of the region is drawn"
+    assert apart.min(axis=1).max() < 1e-5, "and nothing else"
+
+
+def test_contacts_are_found_between_the_ends(tab: Tab, service: Service) -> None:
+    page = opened(tab, "/view/?scenario=flat-walk")
+    page.get_by_role("button", name="Find contacts").click()
+    page.wait_for_url(lambda url: "scenario=" in url and "flat-walk" not in url, timeout=FOUND_WITHIN_MS)
+    page.wait_for_selector("[data-ready]", timeout=60_000)
+    asked, found = service.client.scenario("flat-walk"), service.client.scenario(page.url.rpartition("=")[2])
+    assert found.name == "Flat walk: contacts found"
+    assert not found.bundled
+    for k in (0, -1):
+        assert places(found.phases[k]) == pytest.approx(places(asked.phases[k]))
+    assert len(found.phases) > 2
+    expect(page.locator("[data-editor]")).to_have_attribute("data-judged", "valid")
+
+
+def places(phase: ScenarioPhase) -> dict[str, float]:
+    return {
+        f"{contact.effector} {axis}": value
+        for contact in phase.contacts
+        for axis, value in zip("xyz", contact.position_m, strict=True)
+    }
+
+
+def test_why_no_contacts_are_found_is_said(tab: Tab, service: Service) -> None:
+    """A step of 19 cm, which the judge lets pass and the planner does not take; and a goal on one foot."""
+    walk = bare(service, "flat-walk", name="high step")
+    ground = next(surface for surface in walk.terrain if isinstance(surface, BoxSurface))
+    step = BoxSurface(name="step", kind="box", center_m=(0.75, 0.0, 0.095), size_m=(1.0, 1.0, 0.19))
+
+    def foot(side: str, x: float, z: float) -> ScenarioContact:
+        return ScenarioContact(effector=f"{side}_foot", position_m=(x, 0.09 if side == "left" else -0.09, z))
+
+    low, high = [foot("left", 0.0, 0.0), foot("right", 0.0, 0.0)], [foot("left", 0.4, 0.19), foot("right", 0.4, 0.19)]
+    stances = [low, low[:1], [low[0], high[1]], high[1:], high]
+    phases = [ScenarioPhase(duration_s=2.0, contacts=contacts) for contacts in stances]
+    climb = walk.model_copy(update={"terrain": [ground, step], "phases": phases})
+    page = opened(tab, f"/view/?scenario={service.client.add_scenario(climb).id}")
+    page.get_by_role("button", name="Find contacts").click()
+    expect(page.get_by_role("alert").filter(has_text="step")).to_be_visible(timeout=FOUND_WITHIN_MS)
+    expect(page.get_by_role("button", name="Find contacts")).to_be_enabled()
+
+    one_foot = climb.model_copy(update={"phases": phases[:4]})
+    page = opened(tab, f"/view/?scenario={service.client.add_scenario(one_foot).id}")
+    page.get_by_role("button", name="Find contacts").click()
+    expect(page.get_by_role("alert").filter(has_text="A goal needs both feet")).to_have_text(
+        "A goal needs both feet, and the last phase lacks the left foot."
+    )
