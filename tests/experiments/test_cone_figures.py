@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from stridelab.contacts.support_region import area_m2
-from stridelab.experiments.cone_validation import check_cones, summary
+from stridelab.contacts.wrench_cone import LinearCone
+from stridelab.experiments.cone_validation import check_cones, summary, thesis_cone
 from stridelab.experiments.contact_sets import stair_sets
 from stridelab.experiments.reproduction import fig_4_6, fig_4_7
 from stridelab.experiments.reproduction.registry import ITEMS, reproduce
@@ -43,6 +44,13 @@ def test_the_table_of_alphas(sets) -> None:
         assert row.kept_ours > 2.5 * row.kept_03
     columns = fig_4_6.table(rows)
     assert list(columns["contacts"]) == ["2 contacts", "3 contacts", "4 contacts"]
+
+
+@pytest.mark.parametrize(("robot", "alphas"), [("hrp2", (0.319, 0.280, 0.296)), ("talos", (0.316, 0.283, 0.278))])
+def test_which_alpha_is_safe_on_the_stair(robot: str, alphas: tuple[float, ...]) -> None:
+    """As docs/theory/wrench-cones.md says: a fifth is, 0.3 for two feet only."""
+    found = [LinearCone.of(c, 4).alpha_max(thesis_cone(c)) for c in stair_sets(robot).values()]
+    assert found == pytest.approx(list(alphas), abs=0.001)
 
 
 def test_promises_on_random_sets() -> None:
