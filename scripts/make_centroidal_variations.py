@@ -1,0 +1,20 @@
+#!/usr/bin/env python
+"""Writes what docs/theory/centroidal-variations.md says of random variations: ``make_centroidal_variations.py [N]``.
+
+Every variation that did not converge is named with its reason as it comes.
+"""
+
+import json
+import sys
+
+from stridelab.experiments.centroidal_variations import Outcome, attempts, summary, variations
+
+
+def tell(outcome: Outcome) -> None:
+    """Of those that did not converge."""
+    if outcome.ending != "converged":
+        sys.stderr.write(f"{outcome.ending}: {outcome.variation}: {outcome.reason}\n")
+
+
+number = int(sys.argv[1]) if len(sys.argv) > 1 else 300
+sys.stdout.write(json.dumps(dict(summary(attempts(variations(number), tell))), indent=1) + "\n")
