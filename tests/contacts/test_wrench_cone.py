@@ -35,7 +35,7 @@ def test_pyramids_lie_inside_and_around_the_circle(n_rays: int) -> None:
 
 def test_four_rays_are_those_of_the_solver() -> None:
     ours = PointContacts.of([(LEVEL, None, 0.7)]).forces()[0]
-    theirs = pyramid(0.7).T
+    theirs = pyramid(0.7, 4).T
     assert {tuple(row) for row in ours.round(12)} == {tuple(row) for row in theirs.round(12)}
 
 

@@ -1,4 +1,10 @@
-"""Where things stand in the vector of variables."""
+"""Where things stand in the vectors of variables and of rows.
+
+    w = x_0, u_0, (F, T)_0,  x_1, u_1, (F, T)_1,  ...  x_N,  then displacements of contacts and durations of phases
+    g = gap_0, x_0 = .., wrench_0, cones_0,  gap_1, wrench_1, cones_1,  ..  at rest_N-1,  x_N = ..,  total duration
+
+which is the order that solvers want who go from stage to stage.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -6,35 +12,106 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Int
 
-from stridelab.centroidal.cone import N_RAYS
 from stridelab.centroidal.dynamics import N_STATE, N_WRENCH
-from stridelab.centroidal.problem import CentroidalProblem, Grid
+from stridelab.centroidal.structure import Group, Structure
+
+
+@dataclass(frozen=True)
+class Use:
+    """A group of u in an interval ``k`` of ``phase``: its first variable, and the row of its first cone."""
+
+    group: Group
+    k: int
+    phase: int
+    start: int
+    row: int
 
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """Interval by interval: state ``x_k``, ray lengths ``lambda_k``, wrench ``(F, T)_k``; ``x_N`` at the end.
+    """First indices: ``state`` per node, ``wrench``, ``gap`` and ``tie`` (rows of the wrench) per interval.
 
-    ``n`` variables; ``state`` ``(nodes,)`` and ``wrench`` ``(intervals,)`` are first indices; ``ray[effector]`` maps an
-    interval in which it touches to the first of its ``N_RAYS`` lengths per point.
+    ``durations`` per phase and ``shifts`` per displacement (none where they are not free); ``start``, ``rest``, ``end``
+    and ``total`` are single rows' firsts. ``stage_rows`` counts per node the rows that do not lead to the next.
     """
 
     n: int
+    n_rows: int
     state: Int[np.ndarray, "nodes"]
     wrench: Int[np.ndarray, "intervals"]
-    ray: Mapping[str, Mapping[int, int]]
+    uses: tuple[Use, ...]
+    durations: Int[np.ndarray, "phases"]
+    shifts: Int[np.ndarray, "shifts"]
+    gap: Int[np.ndarray, "intervals"]
+    tie: Int[np.ndarray, "intervals"]
+    start: int
+    rest: int
+    end: int
+    total: int
+    stage_rows: tuple[int, ...]
+
+    def uses_of(self, phase: int) -> Mapping[str, list[Use]]:
+        """The groups of a phase, interval by interval."""
+        found: dict[str, list[Use]] = {}
+        for use in self.uses:
+            if use.phase == phase:
+                found.setdefault(use.group.name, []).append(use)
+        return found
 
 
-def lay_out(problem: CentroidalProblem, grid: Grid) -> Layout:
-    """The layout of a problem on its grid."""
-    n, state, wrench = 0, [], []
-    ray: dict[str, dict[int, int]] = {name: {} for name in problem.sequence.effectors}
-    for k, phase in enumerate(grid.phase):
+def n_cones(group: Group) -> int:
+    """Rows that the cones of a group take."""
+    return group.size // (group.lorentz + 1) if group.lorentz else 0
+
+
+def lay_out(structure: Structure) -> Layout:
+    """The layout of a structure."""
+    n = row = 0
+    state, wrench, gap, tie, stage_rows = [], [], [], [], []
+    uses: list[Use] = []
+    start = rest = 0
+    phase_of = structure.phase_of
+    for k, phase in enumerate(phase_of):
         state.append(n)
         n += N_STATE
-        for name in problem.sequence.phases[int(phase)].contacts:
-            ray[name][k] = n
-            n += N_RAYS * len(problem.points_m(name))
+        gap.append(row)
+        row += N_STATE
+        first = row
+        if k == 0:
+            start, row = row, row + N_STATE
+        tie.append(row)
+        row += N_WRENCH
+        for group in structure.phases[phase].groups:
+            uses.append(Use(group, k, phase, n, row))
+            n += group.size
+            row += n_cones(group)
         wrench.append(n)
         n += N_WRENCH
-    return Layout(n + N_STATE, np.array([*state, n]), np.array(wrench), ray)
+        if k + 1 == len(phase_of):
+            rest, row = row, row + 3
+        stage_rows.append(row - first)
+    state.append(n)
+    n += N_STATE
+    end, row = row, row + N_STATE
+    stage_rows.append(N_STATE)
+    shifts = n + 2 * np.arange(structure.n_shifts)
+    n += 2 * structure.n_shifts
+    durations = n + np.arange(len(structure.phases) if structure.free_durations else 0)
+    n += len(durations)
+    total, row = row, row + (1 if structure.free_durations and structure.fixed_total else 0)
+    return Layout(
+        n=n,
+        n_rows=row,
+        state=np.array(state),
+        wrench=np.array(wrench),
+        uses=tuple(uses),
+        durations=durations,
+        shifts=shifts,
+        gap=np.array(gap),
+        tie=np.array(tie),
+        start=start,
+        rest=rest,
+        end=end,
+        total=total,
+        stage_rows=tuple(stage_rows),
+    )

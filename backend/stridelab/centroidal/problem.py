@@ -16,6 +16,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from stridelab.centroidal.control import Control, Touch
+from stridelab.centroidal.freedom import FreeDurations, FreePlacements
+from stridelab.centroidal.point_forces import PYRAMIDS
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.conventions import GRAVITY_M_S2, Points, Series, Vector3
 from stridelab.errors import Fault, InvalidInput
@@ -67,6 +70,9 @@ class CentroidalProblem:
     weights: Weights = Weights()
     node_rate_hz: float = 20.0
     contact_margin_m: tuple[float, float] = (0.02, 0.015)
+    control: Control = PYRAMIDS
+    durations: FreeDurations | None = None
+    placements: FreePlacements | None = None
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.sequence.effectors if name not in self.effectors]
@@ -99,6 +105,14 @@ class CentroidalProblem:
     def force_weight(self, effector: str) -> float:
         """Weight on ``sum |f / (m g)|^2`` of this effector's points."""
         return self.weights.point_force if self.effectors[effector].kind == "point" else self.weights.surface_force
+
+    def touches(self, phase: int, origin_m: Vector3) -> tuple[Touch, ...]:
+        """What touches in a phase, seen from ``origin_m``."""
+        found = []
+        for name, contact in self.sequence.phases[phase].contacts.items():
+            points_m = contact.placement.act(self.points_m(name)) - origin_m
+            found.append(Touch(name, points_m, contact.placement.rotation, contact.friction, self.force_weight(name)))
+        return tuple(found)
 
     def grid(self) -> Grid:
         """``node_rate_hz`` nodes per second of every phase, at least two intervals each, evenly spaced within."""

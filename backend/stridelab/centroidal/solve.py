@@ -5,7 +5,6 @@ from typing import Literal
 
 import numpy as np
 
-from stridelab.centroidal.cone import N_RAYS, rays
 from stridelab.centroidal.cost import cost_terms, objective
 from stridelab.centroidal.plan import CentroidalPlan, Verification
 from stridelab.centroidal.problem import CentroidalProblem
@@ -64,20 +63,21 @@ def solve(
 
 def read(programme: Transcription, w: Series) -> Motion:
     """States in SI units about the CoM and world-frame forces from the programme's variables."""
-    problem, layout = programme.problem, programme.layout
+    problem, layout, grid = programme.problem, programme.layout, programme.grid
     x = programme.states(w)
     c, v = x[:, 0:3] + programme.origin_m, x[:, 3:6]
     L = problem.weight_n * x[:, 6:9] - problem.mass_kg * np.cross(x[:, 0:3], v)
-    forces, points = {}, {}
-    for name, starts in layout.ray.items():
-        points[name] = problem.points_m(name)
-        count = len(points[name])
-        forces[name] = np.zeros((len(programme.grid.phase), count, 3))
-        for k, start in starts.items():
-            contact = problem.contact(name, int(programme.grid.phase[k]))
-            lengths = w[start : start + N_RAYS * count].reshape(count, N_RAYS)
-            forces[name][k] = problem.weight_n * lengths @ (contact.placement.rotation @ rays(contact.friction)).T
-    return Motion(programme.grid.time_s, programme.grid.phase, c, v, L, forces, points)
+    points = {name: problem.points_m(name) for name in problem.sequence.effectors}
+    forces = {name: np.zeros((len(grid.phase), len(of), 3)) for name, of in points.items()}
+    for i in range(len(problem.sequence.phases)):
+        values = {
+            name: np.array([w[use.start : use.start + use.group.size] for use in uses])
+            for name, uses in layout.uses_of(i).items()
+        }
+        found = problem.control.forces(problem.touches(i, programme.origin_m), values)
+        for name, f in found.items():
+            forces[name][grid.phase == i] = problem.weight_n * f
+    return Motion(grid.time_s, grid.phase, c, v, L, forces, points)
 
 
 def _sentence(runs: list[tuple[SolverName, Run]], converged: bool, verification: Verification) -> str:

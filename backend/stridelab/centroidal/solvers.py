@@ -15,7 +15,9 @@ import casadi as ca
 import numpy as np
 
 from stridelab.centroidal.dynamics import N_STATE
-from stridelab.centroidal.sparse import constant
+from stridelab.centroidal.layout import n_cones
+from stridelab.centroidal.parts import Programme
+from stridelab.centroidal.programme import Compiled
 from stridelab.centroidal.transcription import Transcription
 from stridelab.conventions import Series
 
@@ -54,12 +56,21 @@ def run(name: SolverName, programme: Transcription, limits: Limits) -> Run:
     """Solve from the programme's guess; a failure of any kind is a ``Run`` without success. Times are CPU times."""
     started = time.process_time()
     built = started
-    if not np.isfinite(float(programme.objective.value(programme.guess))):  # fatrop would search its line for ever
+    if not np.isfinite(
+        float(programme.compiled.programme.value(programme.guess, programme.p))
+    ):  # fatrop would search its line for ever
         return Run(programme.guess, False, False, "the cost is not a number at the start", 0, 0.0, 0.0)
     try:
-        solver = _SETUP[name](programme, limits)
+        solver = _SETUP[name](programme.compiled, limits)
         built = time.process_time()
-        found = solver(x0=programme.guess, lbx=programme.lower, ubx=np.inf, lbg=programme.b, ubg=programme.b)
+        found = solver(
+            x0=programme.guess,
+            p=programme.p,
+            lbx=programme.lower,
+            ubx=programme.upper,
+            lbg=programme.row_lower,
+            ubg=programme.row_upper,
+        )
     except RuntimeError as failure:  # all that CasADi raises
         words = str(failure).strip().splitlines()[-1]
         return Run(programme.guess, False, False, words, 0, built - started, time.process_time() - built)
@@ -80,51 +91,56 @@ def run(name: SolverName, programme: Transcription, limits: Limits) -> Run:
 
 @dataclass(frozen=True, eq=False)
 class _Expressions:
-    """The programme in CasADi's symbols: variables, multipliers, objective, rows and their derivatives."""
+    """A compiled programme under the names that CasADi looks for."""
 
-    w: ca.MX
+    programme: Programme
+    x: ca.MX
     p: ca.MX
     lam_f: ca.MX
     lam_g: ca.MX
-    f: ca.MX
-    g: ca.MX
-    gradient: ca.MX
-    A: ca.DM
-    curvature: ca.MX
+
+    @staticmethod
+    def of(programme: Programme) -> "_Expressions":
+        x, p = ca.MX.sym("x", programme.n), ca.MX.sym("p", programme.n_p)
+        return _Expressions(programme, x, p, ca.MX.sym("lam_f"), ca.MX.sym("lam_g", programme.n_rows))
 
     @property
     def nlp(self) -> dict[str, ca.MX]:
-        return {"x": self.w, "f": self.f, "g": self.g}
+        return {"x": self.x, "p": self.p, "f": self.f, "g": self.g}
+
+    @property
+    def f(self) -> ca.MX:
+        return self.programme.value(self.x, self.p)
+
+    @property
+    def g(self) -> ca.MX:
+        return self.programme.rows(self.x, self.p)
+
+    @property
+    def gradient(self) -> ca.MX:
+        return self.programme.gradient(self.x, self.p)
+
+    @property
+    def jacobian(self) -> ca.MX:
+        return self.programme.jacobian(self.x, self.p)
+
+    def hessian(self, theta: float) -> ca.MX:
+        return self.programme.hessian(self.x, self.p, self.lam_f, self.lam_g, theta)
 
     def function(self, name: str, outputs: Mapping[str, ca.MX | ca.DM], multipliers: bool = False) -> ca.Function:
         """A derivative by the names that CasADi looks for."""
-        inputs = {"x": self.w, "p": self.p} | ({"lam_f": self.lam_f, "lam_g": self.lam_g} if multipliers else {})
+        inputs = {"x": self.x, "p": self.p} | ({"lam_f": self.lam_f, "lam_g": self.lam_g} if multipliers else {})
         return ca.Function(name, [*inputs.values()], [*outputs.values()], [*inputs], [*outputs])
 
 
-def _expressions(programme: Transcription, theta: float) -> _Expressions:
-    w, objective = ca.MX.sym("w", programme.layout.n), programme.objective
-    A = constant(programme.A)
-    return _Expressions(
-        w=w,
-        p=ca.MX.sym("p", 0),
-        lam_f=ca.MX.sym("lam_f"),
-        lam_g=ca.MX.sym("lam_g", A.size1()),
-        f=objective.value(w),
-        g=A @ w,
-        gradient=objective.gradient(w),
-        A=A,
-        curvature=objective.curvature(w, theta),
-    )
-
-
-def _ipopt(programme: Transcription, limits: Limits) -> ca.Function:
-    e = _expressions(programme, theta=1.0)
+def _ipopt(of: Compiled, limits: Limits) -> ca.Function:
+    e = _Expressions.of(of.programme)
     options: dict[str, Any] = {
         "grad_f": e.function("nlp_grad_f", {"f": e.f, "grad_f_x": e.gradient}),
-        "jac_g": e.function("nlp_jac_g", {"g": e.g, "jac_g_x": e.A}),
-        "hess_lag": e.function("nlp_hess_l", {"triu_hess_gamma_x_x": e.lam_f * e.curvature}, multipliers=True),
+        "jac_g": e.function("nlp_jac_g", {"g": e.g, "jac_g_x": e.jacobian}),
+        "hess_lag": e.function("nlp_hess_l", {"triu_hess_gamma_x_x": e.hessian(theta=1.0)}, multipliers=True),
         "no_nlp_grad": True,
+        "calc_lam_p": False,
         "print_time": False,
         "ipopt.print_level": 0,
         "ipopt.sb": "yes",
@@ -133,7 +149,6 @@ def _ipopt(programme: Transcription, limits: Limits) -> ca.Function:
         "ipopt.mu_strategy": "adaptive",
         "ipopt.mu_min": 1e-9,  # costs 0.003 of the objective and saves the last creep along the cones
         "ipopt.nlp_scaling_method": "none",
-        "ipopt.jac_c_constant": "yes",
         "ipopt.bound_relax_factor": 0.0,  # the cones hold exactly
         "ipopt.max_iter": limits.iterations,
         "ipopt.max_wall_time": limits.wall_s,
@@ -141,29 +156,36 @@ def _ipopt(programme: Transcription, limits: Limits) -> ca.Function:
     return ca.nlpsol("centroidal", "ipopt", e.nlp, options)
 
 
-def _fatrop(programme: Transcription, limits: Limits) -> ca.Function:
+def _fatrop(of: Compiled, limits: Limits) -> ca.Function:
     """The stages are named, and the functions handed over as CasADi's cache: its fatrop has no options for them."""
-    e = _expressions(programme, theta=0.0)
-    slope = e.lam_f * e.gradient + e.A.T @ e.lam_g
-    symmetric = ca.triu2symm(e.curvature)
+    e, layout = _Expressions.of(of.programme), of.layout
+    slope = e.lam_f * e.gradient + e.jacobian.T @ e.lam_g
     known = [
         e.function("nlp_grad_f", {"grad_f_x": e.gradient}),
-        e.function("nlp_jac_g", {"g": e.g, "jac_g_x": e.A}),
+        e.function("nlp_jac_g", {"g": e.g, "jac_g_x": e.jacobian}),
         e.function(
-            "nlp_grad", {"f": e.f, "g": e.g, "grad_gamma_x": slope, "grad_gamma_p": ca.MX(0, 1)}, multipliers=True
+            "nlp_grad",
+            {"f": e.f, "g": e.g, "grad_gamma_x": slope, "grad_gamma_p": ca.MX(of.programme.n_p, 1)},
+            multipliers=True,
         ),
-        e.function("nlp_hess_l", {"grad_gamma_x": slope, "hess_gamma_x_x": e.lam_f * symmetric}, multipliers=True),
+        e.function(
+            "nlp_hess_l",
+            {"grad_gamma_x": slope, "hess_gamma_x_x": ca.triu2symm(e.hessian(theta=0.0))},
+            multipliers=True,
+        ),
     ]
-    layout = programme.layout
     n_intervals = len(layout.wrench)
+    equality = np.ones(layout.n_rows, dtype=bool)
+    for use in layout.uses:
+        equality[use.row : use.row + n_cones(use.group)] = False
     options: dict[str, Any] = {
         "cache": {function.name(): function for function in known},
         "structure_detection": "manual",
         "N": n_intervals,
         "nx": [N_STATE] * (n_intervals + 1),
         "nu": [*(np.diff(layout.state) - N_STATE).tolist(), 0],
-        "ng": list(programme.stage_rows),
-        "equality": [True] * len(programme.b),
+        "ng": list(layout.stage_rows),
+        "equality": equality.tolist(),
         "print_time": False,
         "calc_lam_p": False,
         "fatrop.print_level": 0,
@@ -173,4 +195,4 @@ def _fatrop(programme: Transcription, limits: Limits) -> ca.Function:
     return ca.nlpsol("centroidal", "fatrop", e.nlp, options)
 
 
-_SETUP: dict[SolverName, Callable[[Transcription, Limits], ca.Function]] = {"ipopt": _ipopt, "fatrop": _fatrop}
+_SETUP: dict[SolverName, Callable[[Compiled, Limits], ca.Function]] = {"ipopt": _ipopt, "fatrop": _fatrop}

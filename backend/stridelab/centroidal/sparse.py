@@ -1,33 +1,10 @@
-"""Sparse matrices put together block by block, and handed to CasADi."""
+"""Sparse matrices put together from many small ones, for CasADi."""
 
 from dataclasses import dataclass, field
 
 import casadi as ca
 import numpy as np
 import scipy.sparse as sp
-
-
-@dataclass(frozen=True)
-class Blocks:
-    """A sparse matrix under construction; entries that meet are added."""
-
-    rows: list[np.ndarray] = field(default_factory=list)
-    columns: list[np.ndarray] = field(default_factory=list)
-    values: list[np.ndarray] = field(default_factory=list)
-
-    def add(self, row: int, column: int, M: np.ndarray) -> None:
-        """Put ``M`` with its upper left corner at ``(row, column)``."""
-        i, j = np.nonzero(M)
-        self.rows.append(row + i)
-        self.columns.append(column + j)
-        self.values.append(M[i, j])
-
-    def matrix(self, shape: tuple[int, int]) -> sp.csc_matrix:
-        """The finished matrix."""
-        if not self.rows:
-            return sp.csc_matrix(shape)
-        places = np.concatenate(self.rows), np.concatenate(self.columns)
-        return sp.csc_matrix((np.concatenate(self.values), places), shape=shape)
 
 
 def constant(M: sp.csc_matrix) -> ca.DM:
@@ -44,32 +21,28 @@ def scatter(indices: np.ndarray, n: int) -> ca.DM:
 
 
 @dataclass(frozen=True)
-class Triangle:
-    """The upper triangle of a sparse symmetric matrix whose values are expressions."""
+class Pattern:
+    """A sparse matrix under construction, its values expressions; entries that meet are added."""
 
     rows: list[np.ndarray] = field(default_factory=list)
     columns: list[np.ndarray] = field(default_factory=list)
     values: list[ca.MX] = field(default_factory=list)
 
-    def add_constant(self, M: sp.csc_matrix) -> None:
-        """Add the upper triangle of a constant matrix."""
-        upper = sp.triu(M).tocoo()
-        self.rows.append(upper.row)
-        self.columns.append(upper.col)
-        self.values.append(ca.MX(ca.DM(upper.data)))
+    def add(self, of_row: np.ndarray, of_column: np.ndarray, function: ca.Function, values: ca.MX) -> None:
+        """Add the nonzeros of ``function``'s matrix, use after use: ``(uses, rows)`` and ``(uses, columns)``.
 
-    def add_blocks(self, indices: np.ndarray, blocks: ca.MX) -> None:
-        """Add symmetric ``m x m`` blocks that stand side by side, one for each row of ``indices`` ``(n, m)``."""
-        m = indices.shape[1]
-        i, j = np.triu_indices(m)
-        self.rows.append(indices[:, i].ravel())
-        self.columns.append(indices[:, j].ravel())
-        at = (np.arange(len(indices))[:, None] * m + j) * m + i
-        self.values.append(ca.vec(blocks)[at.ravel().tolist()])
+        An upper triangle stays one where the indices of every use ascend.
+        """
+        i, j = (np.array(x, dtype=int) for x in function.sparsity_out(0).get_triplet())
+        self.rows.append(of_row[:, i].ravel())
+        self.columns.append(of_column[:, j].ravel())
+        self.values.append(ca.vec(values))
 
-    def matrix(self, n: int) -> ca.MX:
-        """The finished ``n x n`` upper triangle."""
-        key = np.concatenate(self.columns) * np.int64(n) + np.concatenate(self.rows)
+    def matrix(self, n_rows: int, n_columns: int) -> ca.MX:
+        """The finished matrix."""
+        if not self.values:
+            return ca.MX(n_rows, n_columns)
+        key = np.concatenate(self.columns) * np.int64(n_rows) + np.concatenate(self.rows)
         places, where = np.unique(key, return_inverse=True)
-        pattern = ca.Sparsity.triplet(n, n, (places % n).tolist(), (places // n).tolist())
+        pattern = ca.Sparsity.triplet(n_rows, n_columns, (places % n_rows).tolist(), (places // n_rows).tolist())
         return ca.MX(pattern, scatter(where, len(places)) @ ca.vertcat(*self.values))

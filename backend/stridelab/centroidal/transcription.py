@@ -1,49 +1,59 @@
-"""The problem as a nonlinear programme in which only the objective is not linear.
+"""The numbers that a problem puts into the programme of its structure: parameters, bounds and the first guess.
 
-The variables are those of ``layout``. Rows, all of them equalities ``A w = b``, interval by interval:
+Rows are equalities, interval by interval
 
-    x_{k+1} - A x_k - B (F, T)_k = b                                 (4.8) by the exact step of ``dynamics``
-    (F, T)_k - sum over points of (V lambda, p x V lambda) = 0       (4.2)
+    x_{k+1} - A x_k - B (F, T)_k = b                 (4.8) by the exact step of ``dynamics``
+    (F, T)_k - sum of G u = 0                        (4.2), u_f or u_c
 
-then the boundary values; ``lambda >= 0`` is the friction cone. The wrench as a variable of its own keeps the curvature
-of the objective, which knows forces by their wrench only, to 12 x 12 per interval whatever the number of points.
+and the boundary values; the cones are bounds on u, and where they are Lorentz cones one inequality each. All but
+those are linear unless durations or contacts are free. The wrench as a variable of its own keeps the curvature of the
+objective to 12 x 12 per interval whatever the number of points.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from hashlib import blake2b
 
 import numpy as np
-import scipy.sparse as sp
 from jaxtyping import Float
 
-from stridelab.centroidal.cone import N_RAYS, rays
-from stridelab.centroidal.dynamics import DOWN, N_STATE, N_WRENCH, skew, step
-from stridelab.centroidal.layout import Layout, lay_out
-from stridelab.centroidal.objective import Objective, objective
+from stridelab.centroidal.control import Generators
+from stridelab.centroidal.dynamics import DOWN, N_STATE, N_WRENCH
+from stridelab.centroidal.freedom import Stay, movable
+from stridelab.centroidal.layout import Layout
 from stridelab.centroidal.problem import CentroidalProblem, Grid
-from stridelab.centroidal.sparse import Blocks
-from stridelab.contacts.sequence import Contact
+from stridelab.centroidal.programme import Compiled, compiled
+from stridelab.centroidal.structure import Group, PhaseStructure, Structure, Visited
 from stridelab.conventions import Series, Vector3
+from stridelab.reachability.mixture import Mixture
+
+PhaseGenerators = Mapping[str, Generators]
 
 
 @dataclass(frozen=True, eq=False)
 class Transcription:
-    """``min objective(w)  s.t.  A w = b,  w >= lower``.
+    """``min f(w, p)  s.t.  row_lower <= g(w, p) <= row_upper,  lower <= w <= upper``.
 
     Positions inside are relative to ``origin_m``, the CoM at the start; forces are in units of m |g|. ``guess`` is the
-    thesis' own start: a straight CoM path, at rest everywhere, the weight shared equally by the points. ``stage_rows``
-    counts the rows of every node that do not lead to the next one.
+    thesis' own start: a straight CoM path, at rest everywhere, the weight shared equally by the points.
     """
 
     problem: CentroidalProblem
     grid: Grid
-    layout: Layout
+    compiled: Compiled
     origin_m: Vector3
-    A: sp.csc_matrix
-    b: Float[np.ndarray, "rows"]
+    movable: tuple[Stay, ...]
+    p: Float[np.ndarray, "parameters"]
     lower: Series
+    upper: Series
+    row_lower: Float[np.ndarray, "rows"]
+    row_upper: Float[np.ndarray, "rows"]
     guess: Series
-    stage_rows: tuple[int, ...]
-    objective: Objective
+
+    @property
+    def layout(self) -> Layout:
+        """Where things stand."""
+        return self.compiled.layout
 
     def states(self, w: Series) -> Float[np.ndarray, "nodes 9"]:
         """``x_k`` of all nodes."""
@@ -51,91 +61,167 @@ class Transcription:
 
 
 def transcribe(problem: CentroidalProblem) -> Transcription:
-    """Build the programme."""
-    grid = problem.grid()
-    layout = lay_out(problem, grid)
-    origin = problem.com_start_m
-    wrenches = {
-        (i, name): wrench_of_rays(problem, contact, origin)
-        for i, phase in enumerate(problem.sequence.phases)
-        for name, contact in phase.contacts.items()
-    }
-    A, b, stage_rows = _rows(problem, grid, layout, wrenches)
-    lower = np.full(layout.n, -np.inf)
-    for effector, starts in layout.ray.items():
-        size = N_RAYS * len(problem.points_m(effector))
-        for start in starts.values():
-            lower[start : start + size] = 0.0
+    """Fill in the programme of the problem's structure, which is compiled where it is new."""
+    grid, origin = problem.grid(), problem.com_start_m
+    stays = tuple(movable(problem.sequence)) if problem.placements else ()
+    generators = [problem.control.generators(problem.touches(i, origin)) for i in range(len(problem.sequence.phases))]
+    mixtures = {name: problem.proxies[name].mixture for name in problem.sequence.effectors if name in problem.proxies}
+    found = compiled(_structure(problem, grid, generators, stays, mixtures), mixtures)
+    numbers = _numbers(problem, grid, generators, found)
+    blocks = [numbers[name].ravel() for name, _ in found.programme.parameters]
+    lower, upper = _bounds(problem, found.layout, stays)
+    row_lower, row_upper = _row_bounds(problem, found.layout)
     return Transcription(
         problem=problem,
         grid=grid,
-        layout=layout,
+        compiled=found,
         origin_m=origin,
-        A=A,
-        b=b,
+        movable=stays,
+        p=np.concatenate(blocks),
         lower=lower,
-        guess=_guess(problem, grid, layout, wrenches),
-        stage_rows=stage_rows,
-        objective=objective(problem, grid, layout, origin),
+        upper=upper,
+        row_lower=row_lower,
+        row_upper=row_upper,
+        guess=_guess(problem, grid, generators, found.layout),
     )
 
 
-Wrenches = dict[tuple[int, str], np.ndarray]
+def _structure(
+    problem: CentroidalProblem,
+    grid: Grid,
+    generators: list[PhaseGenerators],
+    stays: tuple[Stay, ...],
+    mixtures: Mapping[str, Mixture],
+) -> Structure:
+    counts = np.bincount(grid.phase, minlength=len(generators))
+    phases = []
+    for i, groups in enumerate(generators):
+        shift = {stay.contact.effector: s for s, stay in enumerate(stays) if stay.first <= i <= stay.last}
+        touching = problem.sequence.phases[i].contacts
+        phases.append(
+            PhaseStructure(
+                int(counts[i]),
+                tuple(
+                    Group(
+                        name,
+                        g.wrench.shape[1],
+                        g.lorentz,
+                        len(g.regulariser) if g.regulariser.any() else 0,
+                        shift.get(name),
+                    )
+                    for name, g in groups.items()
+                ),
+                tuple(Visited(name, shift.get(name)) for name in touching if name in mixtures),
+            )
+        )
+    return Structure(
+        phases=tuple(phases),
+        densities=tuple((name, _digest(mixture)) for name, mixture in mixtures.items()),
+        free_durations=problem.durations is not None,
+        fixed_total=problem.durations is not None and problem.durations.fixed_total,
+        n_shifts=len(stays),
+    )
 
 
-def wrench_of_rays(problem: CentroidalProblem, contact: Contact, origin_m: Vector3) -> Float[np.ndarray, "6 m"]:
-    """``(F, T)`` about the origin per unit length of every ray of a contact, all points one after the other."""
-    R, p = contact.placement.rotation, contact.placement.position_m - origin_m
-    V = R @ rays(contact.friction)
-    points = p + problem.points_m(contact.effector) @ R.T
-    return np.hstack([np.vstack([V, skew(q) @ V]) for q in points])
+def _digest(mixture: Mixture) -> bytes:
+    parts = (mixture.weights, mixture.means_m, mixture.covariances_m2)
+    return blake2b(b"".join(np.ascontiguousarray(part).tobytes() for part in parts), digest_size=16).digest()
 
 
-def _rows(
-    problem: CentroidalProblem, grid: Grid, layout: Layout, wrenches: Wrenches
-) -> tuple[sp.csc_matrix, Series, tuple[int, ...]]:
-    """All equalities in the order that stage-wise solvers expect: per interval gap, boundary, wrench."""
-    A, b, row = Blocks(), [], 0
-    stage_rows: list[int] = []
-    last = len(grid.step_s) - 1
-    for k, h in enumerate(grid.step_s):
-        s, phase = step(float(h)), int(grid.phase[k])
-        x, w = int(layout.state[k]), int(layout.wrench[k])
-        A.add(row, int(layout.state[k + 1]), np.eye(N_STATE))
-        A.add(row, x, -s.A)
-        A.add(row, w, -s.B)
-        b.append(s.b)
-        row += N_STATE
-        first = row
-        if k == 0:
-            A.add(row, x, np.eye(N_STATE))
-            b.append(np.zeros(N_STATE))
-            row += N_STATE
-        A.add(row, w, np.eye(N_WRENCH))
-        for name in problem.sequence.phases[phase].contacts:
-            A.add(row, layout.ray[name][k], -wrenches[phase, name])
-        b.append(np.zeros(N_WRENCH))
-        row += N_WRENCH
-        if k == last:  # rest that stays rest
-            A.add(row, w, np.eye(3))
-            b.append(-DOWN)
-            row += 3
-        stage_rows.append(row - first)
-    A.add(row, int(layout.state[-1]), np.eye(N_STATE))
-    b.append(np.concatenate([problem.com_end_m - problem.com_start_m, np.zeros(6)]))
-    row += N_STATE
-    return A.matrix((row, layout.n)), np.concatenate(b), (*stage_rows, N_STATE)
+def _numbers(
+    problem: CentroidalProblem, grid: Grid, generators: list[PhaseGenerators], found: Compiled
+) -> dict[str, Float[np.ndarray, "uses q"]]:
+    """The parameters of every part, one row per use."""
+    weights, sequence = problem.weights, problem.sequence
+    counts = np.bincount(grid.phase)
+    lengths = 1.0 / counts if problem.durations else np.array([p.duration_s for p in sequence.phases]) / counts
+    h = lengths[grid.phase]
+    nothing = np.zeros((0, 0))
+    numbers = {
+        "squares": np.column_stack(
+            [h, np.full_like(h, weights.com_acceleration), np.full_like(h, weights.momentum_rate * problem.weight_n**2)]
+        ),
+        "gap": h[:, None],
+    }
+    for name, uses in found.ties.items():
+        rows = []
+        for use in uses:
+            row = generators[use.phase][use.group.name].wrench.ravel(order="F")
+            rows.append(row if use.group.shift is None else np.append(row, _axes(problem, use.group.name, use.phase)))
+        numbers[name] = np.array(rows)
+    for name, uses in found.efforts.items():
+        numbers[name] = np.array(
+            [
+                np.append(lengths[use.phase], generators[use.phase][use.group.name].regulariser.ravel())
+                for use in uses
+                for _ in range(0, use.group.size, use.group.block)
+            ]
+        )
+    for name, (effector, visits) in found.visits.items():
+        moving = name.endswith(" moving")
+        rows = []
+        frames = {i: _frame(problem, effector, i) for i in {visit.phase for visit in visits}}
+        for visit in visits:
+            share = weights.likelihood * visit.share * lengths[visit.phase]
+            row = np.append(share, frames[visit.phase])
+            rows.append(np.append(row, _axes(problem, effector, visit.phase)) if moving else row)
+        numbers[name] = np.array(rows)
+    if problem.durations:
+        numbers["price"] = np.full((len(sequence.phases), 1), problem.durations.price_per_s)
+    for name, _ in found.programme.parameters:
+        numbers.setdefault(name, nothing)
+    return numbers
 
 
-def _guess(problem: CentroidalProblem, grid: Grid, layout: Layout, wrenches: Wrenches) -> Series:
+def _axes(problem: CentroidalProblem, effector: str, phase: int) -> Float[np.ndarray, "6"]:
+    """The directions in which a contact may move, one after the other."""
+    return problem.contact(effector, phase).placement.rotation[:, :2].ravel(order="F")
+
+
+def _frame(problem: CentroidalProblem, effector: str, phase: int) -> Float[np.ndarray, "12"]:
+    """Place and axes of an effector's density."""
+    contact, heading_rad = problem.contact(effector, phase), float(problem.sequence.headings_rad[phase])
+    frame = problem.proxies[effector].placement(contact.placement, heading_rad)
+    return np.append(frame.position_m - problem.com_start_m, frame.rotation.ravel(order="F"))
+
+
+def _bounds(problem: CentroidalProblem, layout: Layout, stays: tuple[Stay, ...]) -> tuple[Series, Series]:
+    lower, upper = np.full(layout.n, -np.inf), np.full(layout.n, np.inf)
+    for use in layout.uses:
+        group = use.group
+        lower[use.start + group.lorentz : use.start + group.size : group.lorentz + 1] = 0.0
+    if problem.durations:
+        T = np.array([phase.duration_s for phase in problem.sequence.phases])
+        lower[layout.durations] = problem.durations.shortest * T
+        upper[layout.durations] = problem.durations.longest * T
+    if problem.placements:
+        reach = np.array(problem.placements.reach_m)
+        at = layout.shifts[:, None] + np.arange(2)
+        lower[at], upper[at] = -reach, reach
+    return lower, upper
+
+
+def _row_bounds(problem: CentroidalProblem, layout: Layout) -> tuple[Series, Series]:
+    lower = np.zeros(layout.n_rows)
+    lower[layout.rest : layout.rest + 3] = -DOWN
+    lower[layout.end : layout.end + 3] = problem.com_end_m - problem.com_start_m
+    if problem.durations and problem.durations.fixed_total:
+        lower[layout.total] = problem.sequence.duration_s
+    upper = lower.copy()
+    for use in layout.uses:
+        if use.group.lorentz:
+            upper[use.row : use.row + use.group.size // (use.group.lorentz + 1)] = np.inf
+    return lower, upper
+
+
+def _guess(problem: CentroidalProblem, grid: Grid, generators: list[PhaseGenerators], layout: Layout) -> Series:
     w = np.zeros(layout.n)
     share = grid.time_s / grid.time_s[-1]
     w[layout.state[:, None] + np.arange(3)] = share[:, None] * (problem.com_end_m - problem.com_start_m)
-    for k, phase in enumerate(grid.phase):
-        contacts = problem.sequence.phases[int(phase)].contacts
-        n_rays = sum(wrenches[int(phase), name].shape[1] for name in contacts)
-        for name in contacts:
-            M, start = wrenches[int(phase), name], layout.ray[name][k]
-            w[start : start + M.shape[1]] = 1.0 / n_rays
-            w[layout.wrench[k] + np.arange(N_WRENCH)] += M.sum(axis=1) / n_rays
+    for use in layout.uses:
+        G = generators[use.phase][use.group.name]
+        w[use.start : use.start + use.group.size] = G.rest
+        w[layout.wrench[use.k] + np.arange(N_WRENCH)] += G.wrench @ G.rest
+    if problem.durations:
+        w[layout.durations] = [phase.duration_s for phase in problem.sequence.phases]
     return w

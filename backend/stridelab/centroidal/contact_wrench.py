@@ -1,0 +1,144 @@
+"""u_c: the contact wrench itself as control (4.5), in a Lorentz cone in place of the wrench cone of the contacts (4.6).
+
+    (F, T) = M^-1 (tau, eta),   |tau| <= eta
+
+with M of a ``LorentzCone``: the largest one inside the pyramids, or the thesis' cone shrunk by alpha, which may leave
+them (docs/theory/wrench-cones.md). Point forces follow afterwards: of all that give the wrench, those with the least
+
+    sum over points of weight |f|^2,     f in pyramids with the edges of the linear cone's and more,
+
+the cost that u_f has, so that hands are spared as there. Where the Lorentz cone is inside the pyramids there are such
+forces; where it is not and there are none, those of least cost without cones stand, and verification says what lacks.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar, Final, Literal
+
+import daqp
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.centroidal.control import Control, Forces, Generators, Touch, Values
+from stridelab.contacts.point_contacts import PointContacts
+from stridelab.contacts.thesis_cone import outer_cone
+from stridelab.contacts.wrench_cone import N_RAYS, LinearCone, LorentzCone
+from stridelab.errors import InvalidInput
+
+WRENCH: Final = "wrench"
+"""Name of the one group."""
+THESIS_RAYS: Final = 4
+"""Per point, of the thesis' cone."""
+N_FACES: Final = 3 * N_RAYS
+"""Of the pyramids for point forces: an odd multiple, so that they hold those of the linear cone."""
+PRIMAL_TOLERANCE: Final = 1e-10
+
+
+@dataclass(frozen=True)
+class ContactWrench(Control):
+    """The wrench as control, in the largest ``inscribed`` cone or in the ``thesis``' cone shrunk by ``alpha``.
+
+    Raises ``InvalidInput`` ("alpha-out-of-range") unless ``0 < alpha <= 1``.
+    """
+
+    cone: Literal["inscribed", "thesis"] = "inscribed"
+    alpha: float = 0.2
+    shifts_with_its_contacts: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.alpha <= 1.0:
+            raise InvalidInput("alpha-out-of-range", f"The shrink factor must be in (0, 1], not {self.alpha}.")
+
+    def generators(self, touches: tuple[Touch, ...]) -> Mapping[str, Generators]:
+        """One group, none in flight. Raises ``NotEstimable`` where the contacts have no such cone."""
+        if not touches:
+            return {}
+        cone = self._lorentz(touches)
+        k = cone.dimension
+        onto = np.linalg.inv(cone.to_standard)[:, : k + 1]
+        upright = np.zeros(k + 1)
+        upright[k] = 1.0 / onto[2, k]
+        return {WRENCH: Generators(onto, k, np.zeros((k + 1, k + 1)), upright)}
+
+    def _lorentz(self, touches: tuple[Touch, ...]) -> LorentzCone:
+        points = point_contacts(touches)
+        if self.cone == "inscribed":
+            return LinearCone.of(points).largest_lorentz()
+        return outer_cone(points.rays(THESIS_RAYS)).shrunk(self.alpha)
+
+    def forces(self, touches: tuple[Touch, ...], values: Values) -> Forces:
+        """Forces of least cost for each wrench."""
+        if not touches:
+            return {}
+        sharing, onto = Sharing(touches), self.generators(touches)[WRENCH].wrench
+        f = np.array([sharing.forces(onto @ u) for u in values[WRENCH]])
+        parts = np.split(f, np.cumsum([len(touch.points_m) for touch in touches])[:-1], axis=1)
+        return {touch.effector: part for touch, part in zip(touches, parts, strict=True)}
+
+
+@dataclass(frozen=True, eq=False)
+class Sharing:
+    """Which forces of the points of ``touches`` give a wrench: ``f = W^-1/2 (f0 + N z)``, z free."""
+
+    touches: tuple[Touch, ...]
+
+    @cached_property
+    def _ease(self) -> Float[np.ndarray, "forces"]:
+        """``W^-1/2``."""
+        return np.concatenate([np.full(3 * len(t.points_m), t.force_weight**-0.5) for t in self.touches])
+
+    @cached_property
+    def _from_wrench(self) -> Float[np.ndarray, "forces 6"]:
+        return np.linalg.pinv(point_contacts(self.touches).grasp() * self._ease)
+
+    @cached_property
+    def _null(self) -> Float[np.ndarray, "forces d"]:
+        G = point_contacts(self.touches).grasp() * self._ease
+        _, S, Vt = np.linalg.svd(G)
+        return np.asarray(Vt[int((1e-9 * S[0] < S).sum()) :].T)
+
+    @cached_property
+    def _faces(self) -> Float[np.ndarray, "faces forces"]:
+        """Rows that are not positive in the pyramids, of ``W^1/2 f``."""
+        angle = 2.0 * np.pi * np.arange(N_FACES) / N_FACES
+        blocks = []
+        for touch in self.touches:
+            height = np.full(N_FACES, -touch.friction * np.cos(np.pi / N_FACES))
+            own = np.stack([np.cos(angle), np.sin(angle), height], axis=1) @ touch.rotation.T
+            blocks += [own] * len(touch.points_m)
+        rows = np.zeros((N_FACES * len(blocks), 3 * len(blocks)))
+        for i, own in enumerate(blocks):
+            rows[N_FACES * i : N_FACES * (i + 1), 3 * i : 3 * i + 3] = own
+        return np.asarray(rows * self._ease)
+
+    @cached_property
+    def _reduced(self) -> Float[np.ndarray, "faces d"]:
+        return np.ascontiguousarray(self._faces @ self._null)
+
+    def forces(self, wrench: Float[np.ndarray, "6"]) -> Float[np.ndarray, "points 3"]:
+        """Of least cost in the pyramids, or without them where there are none."""
+        eased = self._from_wrench @ wrench
+        limits, d = -self._faces @ eased, self._null.shape[1]
+        if d and limits.min() < 0.0:
+            z, _, flag, _ = daqp.solve(
+                np.eye(d),
+                np.zeros(d),
+                self._reduced,
+                limits,
+                np.full(len(limits), -1e30),
+                np.zeros(len(limits), np.int32),
+                primal_tol=PRIMAL_TOLERANCE,
+            )
+            if flag > 0:
+                eased = eased + self._null @ z
+        return np.asarray((self._ease * eased).reshape(-1, 3))
+
+
+def point_contacts(touches: tuple[Touch, ...]) -> PointContacts:
+    """The points of all contacts as the wrench cones want them."""
+    return PointContacts(
+        np.vstack([t.points_m for t in touches]),
+        np.array([t.rotation for t in touches for _ in t.points_m]),
+        np.array([t.friction for t in touches for _ in t.points_m]),
+    )

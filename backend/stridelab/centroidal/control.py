@@ -1,0 +1,71 @@
+"""The control u of (4.8) as data: what acts on the body in a phase, and the cone in which it must stay.
+
+Every choice of u is a linear image of variables in standard cones, phase by phase and group by group,
+
+    (F, T) = sum over groups of G u,      u >= 0            rays of pyramids             (``lorentz`` = 0)
+                                      or  u = (tau, eta) one after the other, |tau| <= eta,  tau of ``lorentz`` entries
+
+so that one transcription serves u_f (4.4) and u_c (4.5) alike; only G and the cones differ.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Points, Rotation
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """An effector's contact in a phase: its points ``(k, 3)`` and frame in the world, relative to some origin.
+
+    ``force_weight`` weighs ``|f / (m g)|^2`` of its points per second.
+    """
+
+    effector: str
+    points_m: Points
+    rotation: Rotation
+    friction: float
+    force_weight: float
+
+
+@dataclass(frozen=True, eq=False)
+class Generators:
+    """A group of ``m`` variables u: ``wrench`` is G, in units of m |g| and m |g| times a metre about the origin.
+
+    ``lorentz``: 0, or the entries of tau in each block ``(tau, eta)``. ``regulariser`` Q puts ``v^T Q v / 2`` per
+    second into the cost for each block v of as many variables, one after the other; zeros: none. ``rest`` is the u of a
+    share of the weight carried without effort, from which the solver starts.
+    """
+
+    wrench: Float[np.ndarray, "6 m"]
+    lorentz: int
+    regulariser: Float[np.ndarray, "j j"]
+    rest: Float[np.ndarray, "m"]
+
+
+Values = Mapping[str, Float[np.ndarray, "n m"]]
+"""Variables of the groups of a phase in its ``n`` intervals."""
+Forces = Mapping[str, Float[np.ndarray, "n points 3"]]
+"""World-frame forces on the points of every effector that touches, in the same intervals and in units of m |g|."""
+
+
+class Control(ABC):
+    """A choice of u; equal and hashable by its settings.
+
+    ``shifts_with_its_contacts``: whether a contact that moves without turning keeps its cones and its forces.
+    """
+
+    shifts_with_its_contacts: ClassVar[bool]
+
+    @abstractmethod
+    def generators(self, touches: tuple[Touch, ...]) -> Mapping[str, Generators]:
+        """The groups of a phase by name."""
+
+    @abstractmethod
+    def forces(self, touches: tuple[Touch, ...], values: Values) -> Forces:
+        """The forces of the points that the groups of a phase stand for."""

@@ -1,0 +1,74 @@
+"""What the solver may choose beyond the motion: the durations of phases, the places of contacts on their surfaces."""
+
+from dataclasses import dataclass
+
+from stridelab.contacts.sequence import Contact, ContactSequence
+from stridelab.errors import InvalidInput
+
+
+@dataclass(frozen=True)
+class FreeDurations:
+    """Every phase lasts between ``shortest`` and ``longest`` times what the sequence says.
+
+    The whole motion keeps its length, or, with ``fixed_total`` False, each second costs ``price_per_s``. Raises
+    ``InvalidInput`` ("durations-out-of-range") unless ``0 < shortest <= 1 <= longest`` and the price is not negative.
+    """
+
+    shortest: float = 0.6
+    longest: float = 1.6
+    fixed_total: bool = True
+    price_per_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.shortest <= 1.0 <= self.longest < float("inf")):
+            raise InvalidInput(
+                "durations-out-of-range",
+                f"Phases may last from {self.shortest} to {self.longest} times their duration: 1 must lie between.",
+            )
+        if not 0.0 <= self.price_per_s < float("inf"):
+            raise InvalidInput("durations-out-of-range", f"A second cannot cost {self.price_per_s}.")
+
+
+@dataclass(frozen=True)
+class FreePlacements:
+    """Every contact that begins and ends within the motion may move by ``reach_m`` along x and y of its own frame.
+
+    Those of the first and of the last phase stay: there the motion begins and ends. Raises ``InvalidInput``
+    ("placements-out-of-range") for a reach that is negative or not finite.
+    """
+
+    reach_m: tuple[float, float] = (0.03, 0.02)
+
+    def __post_init__(self) -> None:
+        if not all(0.0 <= reach < float("inf") for reach in self.reach_m):
+            raise InvalidInput("placements-out-of-range", f"A contact cannot move by {self.reach_m} m.")
+
+
+@dataclass(frozen=True, eq=False)
+class Stay:
+    """One contact for as long as it lasts: phases ``first`` to ``last``."""
+
+    contact: Contact
+    first: int
+    last: int
+
+
+def stays(sequence: ContactSequence) -> list[Stay]:
+    """All contacts of a sequence, each from its touch-down to its lift-off."""
+    found: list[Stay] = []
+    for name in sequence.effectors:
+        first = None
+        for i, phase in enumerate(sequence.phases):
+            touches = name in phase.contacts
+            if touches and first is None:
+                first = i
+            ends = i + 1 == len(sequence.phases) or name not in sequence.phases[i + 1].contacts
+            if touches and ends and first is not None:
+                found.append(Stay(phase.contacts[name], first, i))
+                first = None
+    return found
+
+
+def movable(sequence: ContactSequence) -> list[Stay]:
+    """The stays that begin after the first phase and end before the last."""
+    return [stay for stay in stays(sequence) if stay.first > 0 and stay.last < len(sequence.phases) - 1]

@@ -1,0 +1,112 @@
+"""u_f in pyramids, u_f in circular cones and u_c: the same equations, three ways to keep the cones."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stridelab.centroidal.contact_wrench import ContactWrench, Sharing, point_contacts
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.point_forces import CircularCones, Pyramids
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.solve import solve
+from stridelab.contacts.wrench_margin import conic_margin
+from stridelab.errors import InvalidInput
+from support.centroidal_problems import rest_to_rest
+from support.sequences import foot, phase, sequence
+
+BODY_WEIGHT = 1e-6
+"""Of it a force may lie outside its cone."""
+
+
+@pytest.fixture(scope="module")
+def by_wrench(problem: CentroidalProblem) -> CentroidalPlan:
+    return solve(replace(problem, control=ContactWrench()))
+
+
+def test_a_plan_by_the_wrench_converges_and_has_point_forces_in_their_cones(
+    problem: CentroidalProblem, by_wrench: CentroidalPlan
+) -> None:
+    assert by_wrench.converged, by_wrench.status
+    check = by_wrench.verification
+    assert check.dynamics_gap < 1e-8
+    assert check.terminal_gap < 1e-6
+    assert check.cone_margin_n > -BODY_WEIGHT * problem.weight_n
+    assert set(by_wrench.forces_n) == set(problem.sequence.effectors)
+
+
+def test_no_plan_by_the_wrench_is_better_than_that_by_forces(plan: CentroidalPlan, by_wrench: CentroidalPlan) -> None:
+    """Its cone is inside theirs. What the forces are weighed with, it does not see."""
+    squares = ("com_acceleration", "momentum_rate")
+    seen = [sum(v for k, v in p.cost_terms.items() if k in squares or k.startswith("log")) for p in (plan, by_wrench)]
+    efforts = plan.cost_terms["surface_force"] + plan.cost_terms["point_force"]
+    assert seen[1] > seen[0] - efforts
+
+
+def test_circular_cones_give_what_many_rays_give(problem: CentroidalProblem, plan: CentroidalPlan) -> None:
+    """And rays, being inside, cost more than the circle."""
+    total = {}
+    for control in (CircularCones(), Pyramids(24)):
+        found = solve(replace(problem, control=control))
+        assert found.converged, found.status
+        total[control] = sum(found.cost_terms.values())
+    eight = sum(plan.cost_terms.values())
+    circle, many = total.values()
+    assert circle <= many + 1e-5 <= eight + 2e-5
+    assert many == pytest.approx(circle, abs=2e-3)
+
+
+def test_in_flight_the_wrench_is_zero() -> None:
+    left, right = foot("left", 0.0), foot("right", 0.0)
+    hop = sequence(phase(0.6, left, right), phase(0.1), phase(0.6, left, right))
+    plan = solve(rest_to_rest(hop, control=ContactWrench()))
+    assert plan.converged, plan.status
+    assert plan.com_a_m_s2[plan.phase == 1] == pytest.approx(np.tile([0.0, 0.0, -9.81], (2, 1)), abs=1e-6)
+
+
+def test_sharing_gives_the_wrench_within_the_cones_wherever_there_are_forces(problem: CentroidalProblem) -> None:
+    touches = problem.touches(3, problem.com_start_m)
+    contacts, sharing, rng = point_contacts(touches), Sharing(touches), np.random.default_rng(4)
+    held = 0
+    for wrench in rng.normal([0.0, 0.0, 1.0, 0.0, 0.0, 0.0], [0.1, 0.1, 0.1, 0.05, 0.05, 0.05], (100, 6)):
+        f = sharing.forces(wrench)
+        assert contacts.grasp() @ f.ravel() == pytest.approx(wrench, abs=1e-12)
+        local = np.einsum("nk,nkj->nj", f, contacts.rotation)
+        least = (contacts.friction * local[:, 2] - np.hypot(local[:, 0], local[:, 1])).min()
+        if conic_margin(contacts, wrench).margin_n > 0.01:  # more than what the pyramids lack
+            held += 1
+            assert least >= -1e-9
+    assert held > 10
+
+
+def test_sharing_spares_the_hand(problem: CentroidalProblem, by_wrench: CentroidalPlan) -> None:
+    """Against any other forces that give the same wrench and lie in the cones: those of the largest margin."""
+    touches = problem.touches(3, problem.com_start_m)
+    weights = np.concatenate([np.full(len(t.points_m), t.force_weight) for t in touches])
+    k = int(np.flatnonzero(by_wrench.phase == 3)[0])
+    forces = np.vstack([by_wrench.forces_n[t.effector][k] for t in touches])
+    contacts = point_contacts(touches)
+    other = conic_margin(contacts, contacts.grasp() @ forces.ravel()).forces_n
+    assert weights @ (forces**2).sum(axis=1) < weights @ (other**2).sum(axis=1)
+
+
+def test_the_thesis_cone_shrunk_to_a_fifth_is_more_cautious_than_ours() -> None:
+    walk = sequence(phase(1.0, foot("left", 0.0), foot("right", 0.0)), phase(1.5, foot("left", 0.0)))
+    problem = replace(rest_to_rest(walk), com_end_m=np.array([0.0, 0.09, 0.82]))
+    ours, theirs = (solve(replace(problem, control=c)) for c in (ContactWrench(), ContactWrench("thesis", 0.2)))
+    assert ours.converged
+    assert theirs.converged, theirs.status
+    assert ours.objective < theirs.objective
+
+
+@pytest.mark.parametrize("alpha", [0.0, -0.1, 1.1, float("nan")])
+def test_a_shrink_factor_shrinks(alpha: float) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        ContactWrench("thesis", alpha)
+    assert caught.value.code == "alpha-out-of-range"
+
+
+def test_fewer_than_eight_rays_are_too_few() -> None:
+    with pytest.raises(InvalidInput) as caught:
+        Pyramids(7)
+    assert caught.value.code == "rays-too-few"
