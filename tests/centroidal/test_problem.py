@@ -15,10 +15,10 @@ def test_the_weights_are_those_of_the_thesis() -> None:
     assert (Weights().com_acceleration, Weights().momentum_rate, Weights().likelihood) == (10.0, 10.0, 1.0)
 
 
-def test_the_grid_has_twenty_nodes_per_second_and_its_nodes_on_every_switch() -> None:
+def test_the_grid_has_ten_nodes_per_second_and_its_nodes_on_every_switch() -> None:
     walk = two_steps()
     grid = rest_to_rest(walk).grid()
-    assert np.unique(grid.phase, return_counts=True)[1].tolist() == [12, 16, 6, 16, 18]
+    assert np.unique(grid.phase, return_counts=True)[1].tolist() == [6, 8, 3, 8, 9]
     assert all(np.abs(grid.time_s - end).min() < 1e-12 for end in walk.ends_s)
     assert np.diff(grid.time_s) == pytest.approx(grid.step_s)
 
@@ -26,7 +26,7 @@ def test_the_grid_has_twenty_nodes_per_second_and_its_nodes_on_every_switch() ->
 def test_a_short_phase_still_gets_two_intervals() -> None:
     walk = sequence(phase(1.0, foot("left", 0.0)), phase(0.02, foot("left", 0.0), foot("right", 0.0)))
     counts = np.unique(rest_to_rest(walk).grid().phase, return_counts=True)[1]
-    assert counts.tolist() == [20, NODES_PER_PHASE_MIN]
+    assert counts.tolist() == [10, NODES_PER_PHASE_MIN]
 
 
 def test_soles_are_shrunk_and_points_stay_points(problem: CentroidalProblem) -> None:

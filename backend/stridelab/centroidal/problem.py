@@ -68,7 +68,7 @@ class CentroidalProblem:
     com_start_m: Vector3
     com_end_m: Vector3
     weights: Weights = Weights()
-    node_rate_hz: float = 20.0
+    node_rate_hz: float = 10.0
     contact_margin_m: tuple[float, float] = (0.02, 0.015)
     control: Control = PYRAMIDS
     durations: FreeDurations | None = None

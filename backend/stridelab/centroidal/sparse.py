@@ -11,7 +11,7 @@ def constant(M: sp.csc_matrix) -> ca.DM:
     """The same matrix as CasADi's."""
     M.sort_indices()
     rows, columns = int(M.shape[0]), int(M.shape[1])
-    return ca.DM(ca.Sparsity(rows, columns, M.indptr.astype(int), M.indices.astype(int)), M.data)
+    return ca.DM(ca.Sparsity(rows, columns, M.indptr.tolist(), M.indices.tolist()), M.data)
 
 
 def scatter(indices: np.ndarray, n: int) -> ca.DM:
