@@ -13,7 +13,7 @@ from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.problem import CentroidalProblem, Weights
 from stridelab.centroidal.programme import SCALE
 from stridelab.centroidal.solve import read
-from stridelab.centroidal.solvers import DEFAULT_LIMITS, run
+from stridelab.centroidal.solvers import run
 from stridelab.centroidal.transcription import Transcription, transcribe
 from support.centroidal_problems import rest_to_rest
 from support.sequences import foot, phase, sequence
@@ -115,8 +115,8 @@ def test_with_the_majoriser_the_curvature_is_positive_semidefinite() -> None:
 
 def test_the_objective_is_the_sum_of_the_cost_terms_of_any_motion(programme: Transcription) -> None:
     other = transcribe(replace(programme.problem, weights=Weights(likelihood=0.1, point_force=30.0)))
-    w = run("ipopt", other, DEFAULT_LIMITS).w
-    terms = cost_terms(programme.problem, read(programme, w))
+    w = run("ipopt", other).point.w
+    terms = cost_terms(programme.problem, read(programme, programme.problem.sequence, w))
     assert value(programme, w) == pytest.approx(SCALE * sum(terms.values()), rel=1e-9)
     assert objective(terms) == pytest.approx(sum(terms.values()) - terms["surface_force"] - terms["point_force"])
 
@@ -131,7 +131,7 @@ def test_problems_alike_in_structure_share_what_was_compiled(programme: Transcri
 
 def test_the_guess_is_the_thesis_start(programme: Transcription) -> None:
     problem = programme.problem
-    motion = read(programme, programme.guess)
+    motion = read(programme, problem.sequence, programme.guess)
     share = motion.time_s / motion.time_s[-1]
     line = problem.com_start_m + share[:, None] * (problem.com_end_m - problem.com_start_m)
     assert motion.com_m == pytest.approx(line)

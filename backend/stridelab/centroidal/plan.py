@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from stridelab.centroidal.solution import Solution
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Vector3
 
@@ -43,7 +44,8 @@ class CentroidalPlan:
 
     ``forces_n`` gives, per effector, the world-frame force on every contact point ``(m, k, 3)``, zero where it does
     not touch; ``points_m`` the points ``(k, 3)`` in the contact frame at which they act. ``phase`` is the contact
-    phase of each interval. ``objective`` is (4.20a) without regularisers, all terms are in ``cost_terms``.
+    phase of each interval. ``objective`` is (4.20a) without regularisers, all terms are in ``cost_terms``. Where
+    durations or contacts were free, ``sequence`` is what was chosen. ``solution`` tells how it was found.
     """
 
     sequence: ContactSequence
@@ -65,6 +67,7 @@ class CentroidalPlan:
     solve_time_s: float
     build_time_s: float
     verification: Verification
+    solution: Solution | None = None
 
     def at(self, time_s: float) -> Reference:
         """Reference at ``time_s``.

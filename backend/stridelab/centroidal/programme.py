@@ -3,8 +3,8 @@
 Problems alike in structure differ in the parameters of the same compiled programme, which is therefore kept.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
@@ -38,7 +38,8 @@ class Visit:
 class Compiled:
     """A structure's programme with what its numbers must be filled into.
 
-    ``ties`` and ``efforts`` are the uses of groups by the name of their part, ``visits`` those of a density.
+    ``ties`` and ``efforts`` are the uses of groups by the name of their part, ``visits`` those of a density;
+    ``solvers`` keeps what was set up for it.
     """
 
     structure: Structure
@@ -47,6 +48,7 @@ class Compiled:
     ties: Mapping[str, list[Use]]
     efforts: Mapping[str, list[Use]]
     visits: Mapping[str, tuple[str, list[Visit]]]
+    solvers: dict[Hashable, object] = field(default_factory=dict)
 
 
 _kept: dict[Structure, Compiled] = {}

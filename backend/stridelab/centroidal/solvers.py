@@ -1,28 +1,36 @@
 """The programme handed to ipopt or fatrop through CasADi, quietly and within limits; nothing here raises.
 
-Both get the same functions and the constant rows, so that CasADi differentiates nothing. ipopt (adaptive barrier,
-MUMPS) corrects an indefinite curvature itself and gets the true one of the log-densities: about 20 iterations on
-stairs. fatrop, which goes through the stages, gets the majoriser; it needs three to ten times as many iterations, and
-its set-up grows faster than the number of stages (figures in docs/theory/centroidal-problem.md).
+Both get the same functions, so that CasADi differentiates nothing, and both are kept with the compiled programme: the
+next problem of the same structure brings its parameters only. ipopt (adaptive barrier, MUMPS) corrects an indefinite
+curvature itself and gets the true one of the log-densities: about 20 iterations on stairs. fatrop, which goes through
+the stages, gets the majoriser; with u_f it needs three to ten times as many iterations, and its set-up grows faster
+than the number of stages (figures in docs/theory/centroidal-problem.md).
 """
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
 import casadi as ca
 import numpy as np
+from jaxtyping import Float
 
 from stridelab.centroidal.dynamics import N_STATE
 from stridelab.centroidal.layout import n_cones
 from stridelab.centroidal.parts import Programme
-from stridelab.centroidal.programme import Compiled
+from stridelab.centroidal.programme import SCALE, Compiled
+from stridelab.centroidal.solution import IterationLog, Point
 from stridelab.centroidal.transcription import Transcription
-from stridelab.conventions import Series
 
 SolverName = Literal["ipopt", "fatrop"]
 TOLERANCE = 1e-6
+FATROP_TOLERANCE = 1e-8
+"""At 1e-6 the barrier is still felt: the objective of u_f is 3e-4 from that of ipopt."""
+FATROP_ACCEPTABLE = 1e-5
+"""Of several iterations in a row: with u_f its dual infeasibility creeps from there on."""
+WARM_BARRIER = 1e-5
+"""Barrier parameter of a warm start: that of a solution, loosened."""
 
 
 @dataclass(frozen=True)
@@ -34,59 +42,130 @@ class Limits:
 
 
 DEFAULT_LIMITS = Limits()
+Tell = Callable[[int, float], None]
+"""Called after every iteration of ipopt with its number and the objective with its regularisers."""
 
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Where a solver stopped: the variables, whether it calls that a solution, its own words, its effort.
+    """Where a solver stopped, whether it calls that a solution, its own words, its effort in CPU seconds.
 
-    ``infeasible``: it says that the constraints, which are all linear, have no solution.
+    ``infeasible``: it says that the constraints have no solution, which it can prove where all of them are linear.
     """
 
-    w: Series
+    point: Point
     success: bool
     infeasible: bool
     status: str
     iterations: int
     build_s: float
     solve_s: float
+    log: IterationLog
 
 
-def run(name: SolverName, programme: Transcription, limits: Limits) -> Run:
-    """Solve from the programme's guess; a failure of any kind is a ``Run`` without success. Times are CPU times."""
+def run(
+    name: SolverName,
+    programme: Transcription,
+    limits: Limits = DEFAULT_LIMITS,
+    start: Point | None = None,
+    tell: Tell | None = None,
+) -> Run:
+    """Solve from the programme's guess, or from ``start``; a failure of any kind is a ``Run`` without success.
+
+    A start of another structure counts for nothing. Its multipliers count for ipopt only.
+    """
+    of = programme.compiled
+    warm = start if start is not None and start.structure == of.structure else None
+    first = warm or Point(of.structure, programme.guess, np.zeros(of.layout.n), np.zeros(of.layout.n_rows))
     started = time.process_time()
     built = started
-    if not np.isfinite(
-        float(programme.compiled.programme.value(programme.guess, programme.p))
-    ):  # fatrop would search its line for ever
-        return Run(programme.guess, False, False, "the cost is not a number at the start", 0, 0.0, 0.0)
+    if not np.isfinite(float(of.programme.value(first.w, programme.p))):  # fatrop would search its line for ever
+        return Run(first, False, False, "the cost is not a number at the start", 0, 0.0, 0.0, _log({}))
     try:
-        solver = _SETUP[name](programme.compiled, limits)
+        solver = _solver(name, of, limits, warm is not None)
         built = time.process_time()
-        found = solver(
-            x0=programme.guess,
+        solver.listener.listen(tell)
+        found = solver.function(
+            x0=first.w,
+            lam_x0=first.lambda_w,
+            lam_g0=first.lambda_g,
             p=programme.p,
-            lbx=programme.lower,
-            ubx=programme.upper,
-            lbg=programme.row_lower,
-            ubg=programme.row_upper,
+            lbx=programme.box.lower,
+            ubx=programme.box.upper,
+            lbg=programme.box.row_lower,
+            ubg=programme.box.row_upper,
         )
     except RuntimeError as failure:  # all that CasADi raises
         words = str(failure).strip().splitlines()[-1]
-        return Run(programme.guess, False, False, words, 0, built - started, time.process_time() - built)
+        return Run(first, False, False, words, 0, built - started, time.process_time() - built, _log({}))
     solve_s = time.process_time() - built
-    stats, w = solver.stats(), found["x"].full().ravel()
-    finite = bool(np.isfinite(w).all())
+    stats = solver.function.stats()
+    reached = [found[key].full().ravel() for key in ("x", "lam_x", "lam_g")]
+    finite = all(np.isfinite(x).all() for x in reached)
     said = str(stats["return_status"] if name == "ipopt" else stats["unified_return_status"])
     return Run(
-        w=w if finite else programme.guess,
+        point=Point(of.structure, *reached) if finite else first,
         success=bool(stats["success"]) and finite,
         infeasible=said == "Infeasible_Problem_Detected",
         status=said.replace("_", " ").lower(),
         iterations=int(stats["iter_count"]),
         build_s=built - started,
         solve_s=solve_s,
+        log=_log(stats.get("iterations", {}) if name == "ipopt" else {}),
     )
+
+
+def _log(iterations: Mapping[str, list[float]]) -> IterationLog:
+    def column(name: str) -> Float[np.ndarray, "n"]:
+        return np.array(iterations.get(name, []), dtype=float)
+
+    return IterationLog(column("obj") / SCALE, column("inf_pr"), column("inf_du"), column("mu"))
+
+
+class _Listener(ca.Callback):
+    """What ipopt calls after every iteration; it goes on for ever."""
+
+    def __init__(self, programme: Programme) -> None:
+        ca.Callback.__init__(self)
+        self.listen(None)
+        sizes = {"x": programme.n, "lam_x": programme.n, "g": programme.n_rows, "lam_g": programme.n_rows, "f": 1}
+        self._sizes = sizes | {"lam_p": programme.n_p}
+        self.construct("listener", {})
+
+    def listen(self, tell: Tell | None) -> None:
+        """Another run begins."""
+        self._tell, self._count = tell, 0
+
+    def get_n_in(self) -> int:
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)])
+
+    def eval(self, arg: Sequence[ca.DM]) -> list[float]:
+        if self._tell is not None:
+            self._tell(self._count, float(arg[1]) / SCALE)
+        self._count += 1
+        return [0.0]
+
+
+@dataclass(frozen=True, eq=False)
+class _Solver:
+    function: ca.Function
+    listener: _Listener
+
+
+def _solver(name: SolverName, of: Compiled, limits: Limits, warm: bool) -> _Solver:
+    key = (name, limits, warm)
+    if key not in of.solvers:
+        listener = _Listener(of.programme)
+        of.solvers[key] = _Solver(_SETUP[name](of, limits, warm, listener), listener)
+    found = of.solvers[key]
+    assert isinstance(found, _Solver)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +212,7 @@ class _Expressions:
         return ca.Function(name, [*inputs.values()], [*outputs.values()], [*inputs], [*outputs])
 
 
-def _ipopt(of: Compiled, limits: Limits) -> ca.Function:
+def _ipopt(of: Compiled, limits: Limits, warm: bool, listener: _Listener) -> ca.Function:
     e = _Expressions.of(of.programme)
     options: dict[str, Any] = {
         "grad_f": e.function("nlp_grad_f", {"f": e.f, "grad_f_x": e.gradient}),
@@ -152,11 +231,20 @@ def _ipopt(of: Compiled, limits: Limits) -> ca.Function:
         "ipopt.bound_relax_factor": 0.0,  # the cones hold exactly
         "ipopt.max_iter": limits.iterations,
         "ipopt.max_wall_time": limits.wall_s,
+        "iteration_callback": listener,
     }
+    if warm:
+        options |= {
+            "ipopt.warm_start_init_point": "yes",
+            "ipopt.mu_init": WARM_BARRIER,
+            "ipopt.warm_start_bound_push": WARM_BARRIER,
+            "ipopt.warm_start_slack_bound_push": WARM_BARRIER,
+            "ipopt.warm_start_mult_bound_push": WARM_BARRIER,
+        }
     return ca.nlpsol("centroidal", "ipopt", e.nlp, options)
 
 
-def _fatrop(of: Compiled, limits: Limits) -> ca.Function:
+def _fatrop(of: Compiled, limits: Limits, warm: bool, listener: _Listener) -> ca.Function:
     """The stages are named, and the functions handed over as CasADi's cache: its fatrop has no options for them."""
     e, layout = _Expressions.of(of.programme), of.layout
     slope = e.lam_f * e.gradient + e.jacobian.T @ e.lam_g
@@ -189,10 +277,17 @@ def _fatrop(of: Compiled, limits: Limits) -> ca.Function:
         "print_time": False,
         "calc_lam_p": False,
         "fatrop.print_level": 0,
-        "fatrop.tol": TOLERANCE,
+        "fatrop.tol": FATROP_TOLERANCE,
+        "fatrop.tol_acceptable": FATROP_ACCEPTABLE,
+        "fatrop.mu_init": 1e-2,
+        "fatrop.barrier_tol_factor": 1e3,  # the next barrier parameter before the dual infeasibility creeps
+        "fatrop.mu_superlinear_decrease_power": 1.2,
         "fatrop.max_iter": limits.iterations,
     }
     return ca.nlpsol("centroidal", "fatrop", e.nlp, options)
 
 
-_SETUP: dict[SolverName, Callable[[Compiled, Limits], ca.Function]] = {"ipopt": _ipopt, "fatrop": _fatrop}
+_SETUP: dict[SolverName, Callable[[Compiled, Limits, bool, _Listener], ca.Function]] = {
+    "ipopt": _ipopt,
+    "fatrop": _fatrop,
+}

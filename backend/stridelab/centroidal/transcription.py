@@ -23,6 +23,7 @@ from stridelab.centroidal.freedom import Stay, movable
 from stridelab.centroidal.layout import Layout
 from stridelab.centroidal.problem import CentroidalProblem, Grid
 from stridelab.centroidal.programme import Compiled, compiled
+from stridelab.centroidal.solution import Box
 from stridelab.centroidal.structure import Group, PhaseStructure, Structure, Visited
 from stridelab.conventions import Series, Vector3
 from stridelab.reachability.mixture import Mixture
@@ -44,10 +45,7 @@ class Transcription:
     origin_m: Vector3
     movable: tuple[Stay, ...]
     p: Float[np.ndarray, "parameters"]
-    lower: Series
-    upper: Series
-    row_lower: Float[np.ndarray, "rows"]
-    row_upper: Float[np.ndarray, "rows"]
+    box: Box
     guess: Series
 
     @property
@@ -69,8 +67,6 @@ def transcribe(problem: CentroidalProblem) -> Transcription:
     found = compiled(_structure(problem, grid, generators, stays, mixtures), mixtures)
     numbers = _numbers(problem, grid, generators, found)
     blocks = [numbers[name].ravel() for name, _ in found.programme.parameters]
-    lower, upper = _bounds(problem, found.layout, stays)
-    row_lower, row_upper = _row_bounds(problem, found.layout)
     return Transcription(
         problem=problem,
         grid=grid,
@@ -78,10 +74,7 @@ def transcribe(problem: CentroidalProblem) -> Transcription:
         origin_m=origin,
         movable=stays,
         p=np.concatenate(blocks),
-        lower=lower,
-        upper=upper,
-        row_lower=row_lower,
-        row_upper=row_upper,
+        box=Box(*_bounds(problem, found.layout), *_row_bounds(problem, found.layout)),
         guess=_guess(problem, grid, generators, found.layout),
     )
 
@@ -185,7 +178,7 @@ def _frame(problem: CentroidalProblem, effector: str, phase: int) -> Float[np.nd
     return np.append(frame.position_m - problem.com_start_m, frame.rotation.ravel(order="F"))
 
 
-def _bounds(problem: CentroidalProblem, layout: Layout, stays: tuple[Stay, ...]) -> tuple[Series, Series]:
+def _bounds(problem: CentroidalProblem, layout: Layout) -> tuple[Series, Series]:
     lower, upper = np.full(layout.n, -np.inf), np.full(layout.n, np.inf)
     for use in layout.uses:
         group = use.group

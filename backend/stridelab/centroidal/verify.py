@@ -12,14 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from stridelab.centroidal.plan import Verification
+from stridelab.centroidal.plan import CentroidalPlan, Verification
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Points, Vector3, g
 
-GAP_MAX = 1e-6
-"""Largest gap (m, m/s, Nms) of a plan that may call itself converged."""
-CONE_SLACK_N = 1e-6
-"""How far outside a friction cone a force may lie: rounding, a ten-millionth of a per cent of the weight."""
+DYNAMICS_GAP_MAX = 1e-8
+"""Largest gap (m, m/s, Nms) between intervals of a plan that may call itself converged."""
+TERMINAL_GAP_MAX = 1e-6
+"""The same at the end."""
+CONE_SLACK_N = 3e-4
+"""How far outside a friction cone a force may lie: a millionth of the weight of the lightest robot."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,11 +77,16 @@ def verify(
     )
 
 
+def motion_of(plan: CentroidalPlan) -> Motion:
+    """What a plan says that happens, without how it was found: ``verify`` it, however old it is."""
+    return Motion(plan.time_s, plan.phase, plan.com_m, plan.com_v_m_s, plan.l_nms, plan.forces_n, plan.points_m)
+
+
 def holds(verification: Verification) -> bool:
     """Whether a plan with these figures is a solution; NaN is not."""
     return (
-        verification.dynamics_gap <= GAP_MAX
-        and verification.terminal_gap <= GAP_MAX
+        verification.dynamics_gap <= DYNAMICS_GAP_MAX
+        and verification.terminal_gap <= TERMINAL_GAP_MAX
         and verification.cone_margin_n >= -CONE_SLACK_N
         and verification.normal_force_min_n >= -CONE_SLACK_N
     )
