@@ -22,6 +22,7 @@ from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.plans import (
     CertificateCheck,
     CertificateSummary,
+    CostWeights,
     PlanMotionSummary,
     PlanVerification,
     ReplaySummary,
@@ -51,6 +52,11 @@ HALF_M = (0.10, 0.06)
 DISPLAY_HZ, NODES_HZ = 50.0, 20.0
 REFUSED_BEYOND_M = 0.4
 """The fake judge refuses every foot that stands farther to the side."""
+COST_TERMS = {
+    "point_force": 0.75, "log_density_right_foot": -11.0, "com_acceleration": 4.0, "surface_force": 1.5,
+    "log_density_left_foot": -9.467, "momentum_rate": 2.0,
+}  # fmt: skip
+WEIGHTS = CostWeights(com_acceleration=10, momentum_rate=10, likelihood=1, surface_force=1, point_force=300)
 _NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
 
 
@@ -219,7 +225,7 @@ def plan_summary(*, whole_body: bool) -> PlanMotionSummary:
     )  # fmt: skip
     return PlanMotionSummary(
         scenario_name="Two steps", robot="boxes", duration_s=5.0, n_phases=9, converged=True, solver="ipopt",
-        objective=-14.467, cost_terms={}, iterations=18, solve_time_s=0.55, build_time_s=0.32,
+        objective=-14.467, cost_terms=COST_TERMS, weights=WEIGHTS, iterations=18, solve_time_s=0.55, build_time_s=0.32,
         verification=PlanVerification(dynamics_gap=0, terminal_gap=0, cone_margin_n=1, normal_force_min_n=1),
         stage_times_s={"export": 1.0, "check": 0.5, "centroidal": 2.5},
         certificate=CertificateSummary(passed=False, checks=checks) if whole_body else None,

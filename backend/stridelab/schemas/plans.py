@@ -71,6 +71,21 @@ class ReplaySummary(Contract):
     real_time_factor: float
 
 
+class CostWeights(Contract):
+    """Weights of the terms of the cost, each of which then counts seconds.
+
+    ``com_acceleration`` is in s⁴/m² and ``momentum_rate`` in 1/(N m)²; ``likelihood`` weighs minus the natural
+    logarithm of densities in 1/m³. ``surface_force`` and ``point_force`` weigh the squares of the forces of soles and
+    of hands, in body weights: they are no part of the objective.
+    """
+
+    com_acceleration: float
+    momentum_rate: float
+    likelihood: float
+    surface_force: float
+    point_force: float
+
+
 class PlanVerification(Contract):
     """The centroidal solution checked by plain arithmetic."""
 
@@ -81,7 +96,12 @@ class PlanVerification(Contract):
 
 
 class PlanMotionSummary(Contract):
-    """Summary of ``plan-motion``."""
+    """Summary of ``plan-motion``.
+
+    ``objective`` is the sum of ``cost_terms`` without ``surface_force`` and ``point_force``. These two are part of what
+    the solver minimises with the contact forces as control; with the wrench they say what the forces cost that were
+    found for it afterwards. ``weights`` is null in results of versions that did not tell it.
+    """
 
     scenario_name: str
     robot: str
@@ -91,6 +111,7 @@ class PlanMotionSummary(Contract):
     solver: str
     objective: float
     cost_terms: dict[str, float]
+    weights: CostWeights | None = None
     iterations: int
     solve_time_s: float
     build_time_s: float

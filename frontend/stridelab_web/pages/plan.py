@@ -12,6 +12,7 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.job import took_s
 from stridelab_web.pages.render import page
+from stridelab_web.plan_costs import NOT_MINIMISED, WRENCH, cost_rows
 from stridelab_web.plan_plots import CENTROIDAL_TABLE, plan_curves
 from stridelab_web.service import client_of
 from stridelab_web.tables import read_columns
@@ -44,6 +45,8 @@ async def plan(request: Request) -> Response:
         viewer_url=watch if moves else None,
         then=f"{watch}&play=1" if "watch" in request.query_params else None,
         stages=_stages(summary),
+        costs_of=cost_rows(summary) if summary else [],
+        not_minimised=NOT_MINIMISED if result and result.input.get("formulation") == WRENCH else "",
     )
 
 

@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -11,6 +11,7 @@ import pinocchio as pin
 import pyarrow.parquet as pq
 import pytest
 
+from stridelab.centroidal.problem import Weights
 from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.validation import judge
 from stridelab.conventions import g
@@ -19,7 +20,7 @@ from stridelab.reachability.card import ReachabilityCard
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.resources import models_dir
 from stridelab.robots.loader import load_robot
-from stridelab.schemas.plans import CertificateSummary, PlanMotionSummary
+from stridelab.schemas.plans import CertificateSummary, CostWeights, PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.errand import located
 from stridelab.service.jobs.isolated import IsolatedPool
@@ -73,6 +74,9 @@ def test_the_summary_says_what_every_stage_found(walked: Planned) -> None:
     assert (summary.converged, summary.robot, summary.n_phases) == (True, "talos", len(short_walk().phases))
     assert summary.duration_s == pytest.approx(sum(phase.duration_s for phase in short_walk().phases))
     assert list(summary.stage_times_s) == STAGES
+    assert summary.weights == CostWeights(**asdict(Weights()))
+    beside = {"surface_force", "point_force"}
+    assert summary.objective == pytest.approx(sum(v for name, v in summary.cost_terms.items() if name not in beside))
     assert summary.certificate is not None
     assert summary.certificate.passed, [check for check in summary.certificate.checks if not check.passed]
     assert summary.replay is not None

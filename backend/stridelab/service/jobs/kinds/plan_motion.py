@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.resting import from_rest_to_rest
 from stridelab.centroidal.solve import solve
 from stridelab.contacts.sequence import ContactSequence
@@ -68,7 +69,8 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     with stages.at(REACHABILITY, "reading the learned densities"):
         proxies = _densities(robot, request.measure or DEFAULT_MEASURE)
     with stages.at(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s"):
-        plan = _planned(robot, sequence, proxies)
+        problem = from_rest_to_rest(robot, sequence, proxies)
+        plan = _planned(problem)
 
     motion, certificate, replay, replayed = None, None, None, None
     if request.whole_body:
@@ -91,7 +93,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
             artifacts.append(write_replay(folder, replay))
 
     warnings = (*noted, *remarks(plan, motion, certificate, replayed))
-    found = summary(plan, certificate, replayed, stages.times_s, warnings)
+    found = summary(plan, problem.weights, certificate, replayed, stages.times_s, warnings)
     progress(1.0, "done")
     return Outcome(found.model_dump(mode="json"), _references(plan, request), tuple(artifacts))
 
@@ -131,12 +133,12 @@ def _densities(robot: Robot, measure: Measure) -> Mapping[str, Proxy]:
     return load_proxies(robot.name, measure)
 
 
-def _planned(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Proxy]) -> CentroidalPlan:
-    plan = solve(from_rest_to_rest(robot, sequence, proxies))
+def _planned(problem: CentroidalProblem) -> CentroidalPlan:
+    plan = solve(problem)
     if not plan.converged:
         raise NotEstimable(
             "plan-not-converged",
-            f"The centroidal plan of {sequence.name!r} did not converge: {plan.status} after {plan.iterations} "
+            f"The centroidal plan of {problem.sequence.name!r} did not converge: {plan.status} after {plan.iterations} "
             "iterations. Longer phases or contacts nearer to each other may help.",
             [Fault("solver", f"{plan.solver}: {plan.status}")],
         )

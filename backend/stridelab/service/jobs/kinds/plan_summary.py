@@ -1,14 +1,16 @@
 """The summary of ``plan-motion``: what the stages found, as numbers and as remarks for whoever reads them."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Final
 
 from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.problem import Weights
 from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import (
     CertificateCheck,
     CertificateSummary,
+    CostWeights,
     PlanMotionSummary,
     PlanVerification,
     ReplaySummary,
@@ -25,6 +27,7 @@ MANY_ITERATIONS: Final = 50
 
 def summary(
     plan: CentroidalPlan,
+    weights: Weights,
     certificate: CertificateSummary | None,
     replay: ReplaySummary | None,
     stage_times_s: Mapping[str, float],
@@ -41,6 +44,7 @@ def summary(
         solver=plan.solver,
         objective=plan.objective,
         cost_terms=dict(plan.cost_terms),
+        weights=CostWeights(**asdict(weights)),
         iterations=plan.iterations,
         solve_time_s=plan.solve_time_s,
         build_time_s=plan.build_time_s,
