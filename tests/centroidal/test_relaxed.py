@@ -1,21 +1,34 @@
 """The constraints relaxed, against statics and the laws of motion."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.relaxed import N_RAYS, cone_margins_n, end_miss, held
+from stridelab.centroidal.reach_box import reach_box
+from stridelab.centroidal.relaxed import HARD, N_RAYS, EndMiss, Where, held, relax
 from stridelab.contacts.sequence import Contact
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.placement import Placement
-from stridelab.errors import NotEstimable
 from support.centroidal_problems import rest_to_rest
 from support.sequences import COM_HEIGHT_M, MASS_KG, foot, hand, phase, sequence, two_steps
 
 WEIGHT_N = MASS_KG * GRAVITY_M_S2
 FACE = np.cos(np.pi / N_RAYS)
+
+
+def cone_margins_n(problem: CentroidalProblem) -> Mapping[Where, float]:
+    found = relax(problem, cones=1.0)
+    assert found is not None
+    return found.margins_n
+
+
+def end_miss(problem: CentroidalProblem) -> EndMiss:
+    found = relax(problem, end=1.0)
+    assert found is not None
+    return found.miss
 
 
 def push(duration_s: float, distance_m: float, friction: float = 0.3) -> CentroidalProblem:
@@ -68,6 +81,34 @@ def test_enough_friction_holds_the_slope() -> None:
     assert held(problem)
 
 
+def test_the_contact_in_the_way_is_named() -> None:
+    """Both feet stand well, then the right one alone on a steep, slippery place; the body is hard, so nobody flies."""
+    left, right, steep = foot("left", 0.0), foot("right", 0.0), on_slope("right", 0.6, 0.1)
+    walk = sequence(phase(1.0, left, right), phase(0.5, left), phase(3.0, steep), phase(1.0, left, right))
+    found = relax(rest_to_rest(walk), cones=1.0, body=HARD)
+    assert found is not None
+    assert [at for at, margin in found.margins_n.items() if margin < 0.0] == [(2, "right_foot")]
+    assert held(rest_to_rest(walk)), "with a jump of many metres it can be done"
+
+
+def test_out_of_reach_is_named_with_its_metres() -> None:
+    """Feet farther apart than the boxes of their densities: what is missing is the gap between the boxes."""
+    far_m = 2.6
+    walk = sequence(phase(1.0, foot("left", 0.0)), phase(1.0, foot("left", 0.0), foot("right", far_m)))
+    problem = rest_to_rest(walk)
+    found = relax(problem, body=1.0)
+    assert found is not None
+    boxes = {name: reach_box(problem.proxies[name].mixture) for name in ("left_foot", "right_foot")}
+    gap_m = far_m + boxes["right_foot"].low_m[0] - boxes["left_foot"].high_m[0]
+    assert gap_m > 0.0
+    assert found.beyond_m[1, "left_foot"] + found.beyond_m[1, "right_foot"] >= gap_m - 1e-6
+    assert not found.held
+    assert relax(problem, body=HARD) is None
+    near = relax(rest_to_rest(two_steps()), body=HARD)
+    assert near is not None
+    assert near.held
+
+
 def test_on_a_hand_alone_nobody_stays_where_he_is() -> None:
     """The CoM would have to get to the hand, half a metre away, and back; given time, it can (and turns over)."""
     start = np.array([0.0, 0.0, COM_HEIGHT_M])
@@ -85,9 +126,7 @@ def test_with_nothing_to_stand_on_it_falls_by_the_law() -> None:
     T = 0.5
     problem = replace(rest_to_rest(two_steps()), sequence=sequence(phase(T)))
     assert not held(problem)
-    with pytest.raises(NotEstimable) as refusal:
-        cone_margins_n(problem)
-    assert refusal.value.code == "relaxed-problem-unsolved"
+    assert relax(problem, cones=1.0) is None
     miss = end_miss(problem)
     drop = problem.com_start_m - problem.com_end_m + [0.0, 0.0, -GRAVITY_M_S2 * T**2 / 2]
     assert miss.com_m == pytest.approx(drop, abs=1e-9)

@@ -9,6 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from stridelab.centroidal.diagnosis import diagnose
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.resting import from_rest_to_rest
@@ -136,11 +137,15 @@ def _densities(robot: Robot, measure: Measure) -> Mapping[str, Proxy]:
 def _planned(problem: CentroidalProblem) -> CentroidalPlan:
     plan = solve(problem)
     if not plan.converged:
+        diagnosis = diagnose(problem, plan)
         raise NotEstimable(
             "plan-not-converged",
             f"The centroidal plan of {problem.sequence.name!r} did not converge: {plan.status} after {plan.iterations} "
-            "iterations. Longer phases or contacts nearer to each other may help.",
-            [Fault("solver", f"{plan.solver}: {plan.status}")],
+            f"iterations. {diagnosis.sentence}",
+            [
+                *(Fault(finding.where, finding.says) for finding in diagnosis.findings),
+                Fault("solver", f"{plan.solver}: {plan.status}"),
+            ],
         )
     return plan
 
