@@ -5,10 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stridelab.centroidal.contact_wrench import ContactWrench
+from stridelab.centroidal.freedom import FreePlacements
 from stridelab.centroidal.problem import NODES_PER_PHASE_MIN, CentroidalProblem, Weights, standing_com_m
 from stridelab.errors import InvalidInput
 from support.centroidal_problems import rest_to_rest
-from support.sequences import EFFECTORS, foot, hand, phase, sequence, two_steps
+from support.sequences import EFFECTORS, PROXIES, foot, hand, phase, sequence, two_steps
 
 
 def test_the_weights_are_those_of_the_thesis() -> None:
@@ -51,6 +53,46 @@ def test_an_effector_that_the_robot_lacks_is_named(problem: CentroidalProblem) -
         replace(problem, effectors={"left_foot": EFFECTORS["left_foot"]})
     assert caught.value.code == "effector-unknown"
     assert {fault.where for fault in caught.value.faults} == {"right_foot", "right_hand"}
+
+
+@pytest.mark.parametrize("weight", ["com_acceleration", "momentum_rate", "likelihood", "surface_force", "point_force"])
+@pytest.mark.parametrize("value", [-1.0, float("nan"), float("inf")])
+def test_a_weight_of_the_wrong_sign_is_named(weight: str, value: float) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        Weights(**{weight: value})
+    assert caught.value.code == "weight-out-of-range"
+    assert [fault.where for fault in caught.value.faults] == [f"weights.{weight}"]
+
+
+def test_a_missing_proxy_is_named_but_none_at_all_is_a_choice(problem: CentroidalProblem) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        replace(problem, proxies={"left_foot": PROXIES["left_foot"]})
+    assert caught.value.code == "proxy-missing"
+    assert {fault.where for fault in caught.value.faults} == {"right_foot", "right_hand"}
+    assert not replace(problem, proxies={}).proxies
+
+
+@pytest.mark.parametrize("duration_s", [0.0, -1.0, float("nan"), float("inf")])
+def test_phases_that_take_no_time_are_named(duration_s: float) -> None:
+    left, right = foot("left", 0.0), foot("right", 0.0)
+    walk = sequence(phase(1.0, left, right), phase(duration_s, left), phase(1.0, left, right))
+    with pytest.raises(InvalidInput) as caught:
+        rest_to_rest(walk)
+    assert caught.value.code == "phase-without-duration"
+    assert [fault.where for fault in caught.value.faults] == ["phases[1].duration_s"]
+
+
+@pytest.mark.parametrize("rate_hz", [0.0, -10.0, float("nan")])
+def test_there_must_be_nodes(problem: CentroidalProblem, rate_hz: float) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        replace(problem, node_rate_hz=rate_hz)
+    assert caught.value.code == "node-rate-out-of-range"
+
+
+def test_with_the_wrench_as_control_contacts_stay(problem: CentroidalProblem) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        replace(problem, control=ContactWrench(), placements=FreePlacements())
+    assert caught.value.code == "placements-need-forces"
 
 
 @pytest.mark.parametrize("mass_kg", [0.0, -1.0, float("nan"), float("inf")])

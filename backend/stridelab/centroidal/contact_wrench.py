@@ -33,6 +33,8 @@ THESIS_RAYS: Final = 4
 N_FACES: Final = 3 * N_RAYS
 """Of the pyramids for point forces: an odd multiple, so that they hold those of the linear cone."""
 PRIMAL_TOLERANCE: Final = 1e-10
+WEIGHT_MIN: Final = 1e-6
+"""Forces that cost nothing are shared as if they cost this."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +88,9 @@ class Sharing:
     @cached_property
     def _ease(self) -> Float[np.ndarray, "forces"]:
         """``W^-1/2``."""
-        return np.concatenate([np.full(3 * len(t.points_m), t.force_weight**-0.5) for t in self.touches])
+        weights = [max(t.force_weight, WEIGHT_MIN) for t in self.touches]
+        sizes = [3 * len(t.points_m) for t in self.touches]
+        return np.repeat(np.array(weights) ** -0.5, sizes)
 
     @cached_property
     def _from_wrench(self) -> Float[np.ndarray, "forces 6"]:

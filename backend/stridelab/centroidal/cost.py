@@ -8,7 +8,7 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.verify import Motion, total_force_n
 from stridelab.conventions import g
 
-REGULARISERS = ("surface_force", "point_force")
+REGULARISERS = ("surface_force", "point_force", "duration")
 
 
 def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float]:
@@ -21,8 +21,11 @@ def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float
         "com_acceleration": weights.com_acceleration * float(h @ (a**2).sum(axis=1)),
         "momentum_rate": weights.momentum_rate * float(h @ (l_rate**2).sum(axis=1)),
         **{f"log_density_{name}": weights.likelihood * value for name, value in _densities(problem, motion).items()},
-        **dict.fromkeys(REGULARISERS, 0.0),
+        "surface_force": 0.0,
+        "point_force": 0.0,
     }
+    if problem.durations is not None and problem.durations.price_per_s:
+        terms["duration"] = problem.durations.price_per_s * float(h.sum())
     for name, f in motion.forces_n.items():
         kind = "surface_force" if problem.effectors[name].kind == "surface" else "point_force"
         squares = ((f / problem.weight_n) ** 2).sum(axis=(1, 2))

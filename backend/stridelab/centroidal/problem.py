@@ -33,7 +33,8 @@ class Weights:
     """Weights of the cost: ``com_acceleration`` in 1 / (m/s^2)^2, ``momentum_rate`` in 1 / (Nm)^2, as in 4.5.1.
 
     ``surface_force`` and ``point_force`` weigh ``sum |f / (m g)|^2`` over the points of surfaces (soles) and of point
-    effectors (hands); ``likelihood`` the log-density term, 1 in the thesis.
+    effectors (hands); ``likelihood`` the log-density term, 1 in the thesis. Raises ``InvalidInput``
+    ("weight-out-of-range"), naming them, for weights that are negative or not finite.
     """
 
     com_acceleration: float = 10.0
@@ -41,6 +42,16 @@ class Weights:
     likelihood: float = 1.0
     surface_force: float = 1.0
     point_force: float = 300.0
+
+    def __post_init__(self) -> None:
+        faults = [
+            Fault(f"weights.{name}", f"must be zero or positive, not {value}")
+            for name, value in vars(self).items()
+            if not 0.0 <= value < np.inf
+        ]
+        if faults:
+            named = ", ".join(fault.where for fault in faults)
+            raise InvalidInput("weight-out-of-range", f"These weights must be zero or positive: {named}.", faults)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,9 +67,14 @@ class Grid:
 class CentroidalProblem:
     """One motion to plan, from rest at ``com_start_m`` to rest at ``com_end_m``.
 
-    ``effectors`` and ``proxies`` are looked up by the names that the sequence uses; an effector without a proxy has no
-    likelihood term. Surfaces are shrunk by ``contact_margin_m`` (x, y) on every side. Raises ``InvalidInput``
-    ("effector-unknown", "mass-out-of-range", "com-not-finite") for what cannot be a problem at all.
+    ``effectors`` and ``proxies`` are looked up by the names that the sequence uses; without any proxies there is no
+    likelihood term, and with some every effector that touches needs one. Surfaces are shrunk by ``contact_margin_m``
+    (x, y) on every side. ``control`` is u: forces (``Pyramids``, ``CircularCones``) or the wrench (``ContactWrench``).
+    ``durations`` and ``placements`` are given, unless the solver may choose them.
+
+    Raises ``InvalidInput`` for what cannot be a problem at all: "effector-unknown", "proxy-missing",
+    "phase-without-duration", "mass-out-of-range", "node-rate-out-of-range", "com-not-finite", and
+    "placements-need-forces" where contacts are to move and the control's cones would have to follow.
     """
 
     sequence: ContactSequence
@@ -79,10 +95,29 @@ class CentroidalProblem:
         if unknown:
             faults = [Fault(name, f"the robot has no effector {name!r}") for name in unknown]
             raise InvalidInput("effector-unknown", f"The contact sequence uses {', '.join(unknown)}.", faults)
+        missing = [name for name in self.sequence.effectors if self.proxies and name not in self.proxies]
+        if missing:
+            faults = [Fault(name, f"there is no reachability density of {name!r}") for name in missing]
+            raise InvalidInput("proxy-missing", f"No reachability density was given for {', '.join(missing)}.", faults)
+        faults = [
+            Fault(f"phases[{i}].duration_s", f"must be positive and finite, not {phase.duration_s}")
+            for i, phase in enumerate(self.sequence.phases)
+            if not 0.0 < phase.duration_s < np.inf
+        ]
+        if faults:
+            named = ", ".join(fault.where for fault in faults)
+            raise InvalidInput("phase-without-duration", f"Every phase must take some time: {named}.", faults)
         if not 0.0 < self.mass_kg < np.inf:
             raise InvalidInput("mass-out-of-range", f"The robot's mass must be positive, not {self.mass_kg} kg.")
         if not np.isfinite([self.com_start_m, self.com_end_m]).all():
             raise InvalidInput("com-not-finite", "The centre of mass at the start and at the end must be numbers.")
+        if not 0.0 < self.node_rate_hz < np.inf:
+            raise InvalidInput("node-rate-out-of-range", f"There cannot be {self.node_rate_hz} nodes per second.")
+        if self.placements is not None and not self.control.shifts_with_its_contacts:
+            raise InvalidInput(
+                "placements-need-forces",
+                "Contacts can be moved with forces as control only: the cone of the wrench is that of given contacts.",
+            )
 
     @property
     def weight_n(self) -> float:

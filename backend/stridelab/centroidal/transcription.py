@@ -23,6 +23,7 @@ from stridelab.centroidal.freedom import Stay, movable
 from stridelab.centroidal.layout import Layout
 from stridelab.centroidal.problem import CentroidalProblem, Grid
 from stridelab.centroidal.programme import Compiled, compiled
+from stridelab.centroidal.room import room_m
 from stridelab.centroidal.solution import Box
 from stridelab.centroidal.structure import Group, PhaseStructure, Structure, Visited
 from stridelab.conventions import Series, Vector3
@@ -74,7 +75,7 @@ def transcribe(problem: CentroidalProblem) -> Transcription:
         origin_m=origin,
         movable=stays,
         p=np.concatenate(blocks),
-        box=Box(*_bounds(problem, found.layout), *_row_bounds(problem, found.layout)),
+        box=Box(*_bounds(problem, found.layout, stays), *_row_bounds(problem, found.layout)),
         guess=_guess(problem, grid, generators, found.layout),
     )
 
@@ -178,7 +179,7 @@ def _frame(problem: CentroidalProblem, effector: str, phase: int) -> Float[np.nd
     return np.append(frame.position_m - problem.com_start_m, frame.rotation.ravel(order="F"))
 
 
-def _bounds(problem: CentroidalProblem, layout: Layout) -> tuple[Series, Series]:
+def _bounds(problem: CentroidalProblem, layout: Layout, stays: tuple[Stay, ...]) -> tuple[Series, Series]:
     lower, upper = np.full(layout.n, -np.inf), np.full(layout.n, np.inf)
     for use in layout.uses:
         group = use.group
@@ -188,9 +189,10 @@ def _bounds(problem: CentroidalProblem, layout: Layout) -> tuple[Series, Series]
         lower[layout.durations] = problem.durations.shortest * T
         upper[layout.durations] = problem.durations.longest * T
     if problem.placements:
-        reach = np.array(problem.placements.reach_m)
-        at = layout.shifts[:, None] + np.arange(2)
-        lower[at], upper[at] = -reach, reach
+        for stay, at in zip(stays, layout.shifts, strict=True):
+            corners_m = problem.effectors[stay.contact.effector].points_m()
+            room = room_m(stay.contact, corners_m, problem.sequence.terrain, problem.placements.reach_m)
+            lower[at : at + 2], upper[at : at + 2] = room
     return lower, upper
 
 
