@@ -7,6 +7,7 @@ from typing import Final
 from stridelab.schemas.plans import CostWeights, PlanMotionSummary
 from stridelab_web.words import words
 
+SMALL_S: Final = 0.01
 REGULARISERS: Final = ("surface_force", "point_force")
 """Terms beside the objective."""
 DENSITY: Final = "log_density_"
@@ -46,7 +47,7 @@ class CostRow:
     sign: str
     integral: str
     weight: str
-    value: float
+    cost: str
     x: float
     width: float
     regulariser: bool
@@ -64,7 +65,7 @@ def cost_rows(summary: PlanMotionSummary) -> list[CostRow]:
             sign=_kind(key).sign,
             integral=_integral(key, value, summary.weights),
             weight=_weight(key, summary.weights),
-            value=value,
+            cost=seconds(value),
             x=round(scale * (min(value, 0.0) - low), 2),
             width=round(scale * abs(value), 2),
             regulariser=key in REGULARISERS,
@@ -82,6 +83,11 @@ def in_order(terms: Mapping[str, float]) -> dict[str, float]:
 def term_name(key: str) -> str:
     """Name of a term of the cost."""
     return _kind(key).name
+
+
+def seconds(value: float, sign: str = "-") -> str:
+    """A cost, to the four decimals to which solvers agree; a small one to three digits. ``sign`` as in formats."""
+    return f"{value:{sign}.3g} s" if 0 < abs(value) < SMALL_S else f"{value:{sign}z.4f} s"
 
 
 def weight_of(key: str, weights: CostWeights | None) -> float | None:

@@ -1,11 +1,12 @@
-"""The curves of a plan: centre of mass, angular momentum and the force on each effector."""
+"""The curves of a plan, or of two: centre of mass, angular momentum and the force on each effector."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 
 from stridelab.schemas.scenarios import Scenario
+from stridelab_web.plan_frames import com_m
 from stridelab_web.plots import Reading, Row, Style, Trace, drawing, three
 from stridelab_web.tables import Columns
 
@@ -14,6 +15,12 @@ CENTROIDAL_TABLE: Final = "centroidal.parquet"
 _COM = ("com_x_m", "com_y_m", "com_z_m")
 _VELOCITY = ("com_vx_m_s", "com_vy_m_s", "com_vz_m_s")
 _MOMENTUM = ("l_x_nms", "l_y_nms", "l_z_nms")
+
+OTHER: Final = "other_"
+"""Before the names of the second plan's columns."""
+_FULL: Final[Sequence[Style]] = ("full1", "full2", "full3", "full4")
+_DASHED: Final[Sequence[Style]] = ("dashed1", "dashed2", "dashed3", "dashed4")
+_SAME_S: Final = 1e-9
 
 
 def plan_curves(columns: Columns, scenario: Scenario) -> dict[str, Any]:
@@ -35,6 +42,54 @@ def plan_curves(columns: Columns, scenario: Scenario) -> dict[str, Any]:
     readings = [Reading(axis, key, "m", 4) for axis, key in zip("xyz", _COM, strict=True)]
     readings += [Reading(name.replace("_", " "), f"{name}_fz_n", "N", 0) for name in forces]
     return drawing(shown, decimals, rows, readings, in_the_air_s(scenario))
+
+
+def pair_curves(first: Columns, second: Columns, scenario: Scenario) -> dict[str, Any]:
+    """The same of two plans: full the ``first``, whose phases are shaded, dashed the ``second``.
+
+    Both are drawn at the nodes of both, each between its own nodes as the plan means it and only while it lasts.
+    """
+    time_s = np.unique(np.concatenate([first["time_s"], second["time_s"]]).round(9))
+    shown: dict[str, np.ndarray] = {"time_s": time_s}
+    for before, columns in (("", first), (OTHER, second)):
+        shown |= {f"{before}{name}": values for name, values in _at(columns, time_s).items()}
+    forces = list(dict.fromkeys(name for each in (first, second) for name in vertical_forces(each)))
+    decimals = dict.fromkeys(_COM, 5) | dict.fromkeys(_VELOCITY, 4) | dict.fromkeys(_MOMENTUM, 3)
+    decimals |= {f"{name}_fz_n": 1 for name in forces}
+    rows = [
+        *(_pairs(f"CoM {axis} [m]", {axis: key}, legend=False) for axis, key in zip("xyz", _COM, strict=True)),
+        _pairs("Velocity [m/s]", dict(zip("xyz", _VELOCITY, strict=True))),
+        _pairs("Angular momentum [N m s]", dict(zip("xyz", _MOMENTUM, strict=True))),
+        _pairs("Vertical force [N]", {name.replace("_", " "): f"{name}_fz_n" for name in forces}),
+    ]
+    readings = [Reading(axis, key, "m", 4, more=(OTHER + key,)) for axis, key in zip("xyz", _COM, strict=True)]
+    readings += [
+        Reading(name.replace("_", " "), f"{name}_fz_n", "N", 0, more=(f"{OTHER}{name}_fz_n",)) for name in forces
+    ]
+    both = decimals | {OTHER + name: digits for name, digits in decimals.items()}
+    return drawing(shown, both, rows, readings, in_the_air_s(scenario))
+
+
+def _pairs(title: str, named: Mapping[str, str], *, legend: bool = True) -> Row:
+    """Curves of the first plan with their names, and of the second in the same colours."""
+    traces: list[Trace] = []
+    for k, (name, key) in enumerate(named.items()):
+        full, dashed = _FULL[k % len(_FULL)], _DASHED[k % len(_DASHED)]
+        traces += [Trace(key, name, full), Trace(OTHER + key, f"{name}, other plan", dashed, listed=False)]
+    return Row(title, tuple(traces), legend=legend)
+
+
+def _at(columns: Columns, time_s: np.ndarray) -> dict[str, np.ndarray]:
+    """What is drawn of a plan at ``time_s``, NaN after its end: forces hold from a node to the next."""
+    nodes_s = columns["time_s"]
+    gone = time_s > nodes_s[-1] + _SAME_S
+    found = dict(zip(_COM, com_m(columns, time_s).T, strict=True))
+    for key in (*_VELOCITY, *_MOMENTUM):
+        if key in columns:
+            found[key] = np.interp(time_s, nodes_s, columns[key])
+    k = np.clip(np.searchsorted(nodes_s, time_s + _SAME_S, side="right") - 1, 0, len(nodes_s) - 1)
+    found |= {f"{name}_fz_n": force[k] for name, force in vertical_forces(columns).items()}
+    return {key: np.where(gone, np.nan, values) for key, values in found.items()}
 
 
 def vertical_forces(columns: Columns) -> Mapping[str, np.ndarray]:

@@ -14,19 +14,25 @@ SAMPLES_AT_MOST = 6000
 Style = Literal[
     "main", "second", "third", "x", "y", "z", "left", "right", "hand",
     "line1", "line2", "line3", "line4", "line5", "line6", "line7", "line8",
+    "full1", "full2", "full3", "full4", "dashed1", "dashed2", "dashed3", "dashed4",
 ]  # fmt: skip
-"""How a curve is drawn (static/js/plots.js); the numbered ones tell up to eight curves apart by colour and dash."""
+"""How a curve is drawn (static/js/plots.js); the numbered ones tell up to eight curves apart by colour and dash, or
+four, each full and dashed."""
 
 
 @dataclass(frozen=True)
 class Trace:
-    """One curve: its column, ``sd``, the column of its standard deviation where it has a band, and its switch."""
+    """One curve: its column, ``sd``, the column of its standard deviation where it has a band, and its switch.
+
+    A curve that is not ``listed`` has no name in its row's legend.
+    """
 
     key: str
     name: str
     style: Style
     sd: str | None = None
     group: str | None = None
+    listed: bool = True
 
 
 @dataclass(frozen=True)

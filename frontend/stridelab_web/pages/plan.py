@@ -1,6 +1,7 @@
 """The page of one plan: how far it is, and then its certificate, its replay and its curves."""
 
 from typing import Any
+from urllib.parse import urlencode
 
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
@@ -11,24 +12,31 @@ from stridelab.schemas.plans import PLAN_STAGES, PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.job import took_s
+from stridelab_web.pages.plan_pair import KIND, against, curves_of, other_plan
 from stridelab_web.pages.render import page
-from stridelab_web.plan_costs import NOT_MINIMISED, WRENCH, cost_rows
-from stridelab_web.plan_plots import CENTROIDAL_TABLE, plan_curves
+from stridelab_web.plan_costs import NOT_MINIMISED, cost_rows, seconds
+from stridelab_web.plan_pair import PlanFacts
+from stridelab_web.plan_plots import CENTROIDAL_TABLE, pair_curves, plan_curves
 from stridelab_web.service import client_of
-from stridelab_web.tables import read_columns
 
-KIND = "plan-motion"
 SCENARIO_FILE = "scenario.json"
 
 
 async def plan(request: Request) -> Response:
-    """``GET /plans/{id}``; with ``watch`` the page goes on to the viewer as soon as the plan is there."""
+    """``GET /plans/{id}``; with ``watch`` the page goes on to the viewer as soon as the plan is there.
+
+    ``with`` names another plan, which is then shown beside this one.
+    """
     client = client_of(request)
     found = await client.job(request.path_params["id"])
     if found.kind != KIND:
         return RedirectResponse(f"/jobs/{found.id}", status_code=303)
     result = await client.result(found.id) if found.state == "succeeded" else None
     summary = PlanMotionSummary.model_validate(result.summary) if result else None
+    other_id = request.query_params.get("with", "")
+    facts = PlanFacts(result.input, summary) if result and summary else None
+    pair = await against(client, found, facts, other_id) if facts else None
+    beside = f"?{urlencode({'with': other_id})}" if pair and pair.other else ""
     watch = f"/view/?plan={found.id}"
     moves = summary is not None and summary.certificate is not None
     return page(
@@ -40,26 +48,32 @@ async def plan(request: Request) -> Response:
         result=result,
         summary=summary,
         plots=result is not None,
-        plots_url=f"/plans/{found.id}/plots.json",
+        plots_url=f"/plans/{found.id}/plots.json{beside}",
         plotly_style_ids=plotly_style_ids() if result else (),
         viewer_url=watch if moves else None,
         then=f"{watch}&play=1" if "watch" in request.query_params else None,
         stages=_stages(summary),
         costs_of=cost_rows(summary) if summary else [],
-        not_minimised=NOT_MINIMISED if result and result.input.get("formulation") == WRENCH else "",
+        objective=seconds(summary.objective) if summary else "",
+        not_minimised=NOT_MINIMISED if facts and facts.wrench else "",
+        pair=pair,
     )
 
 
 async def plots(request: Request) -> Response:
-    """``GET /plans/{id}/plots.json``: the curves of the plan, for its page."""
+    """``GET /plans/{id}/plots.json``: the curves of the plan, for its page; those of another one ``with`` them."""
     client = client_of(request)
     job_id = request.path_params["id"]
     result = await client.result(job_id)
     if all(item.name != CENTROIDAL_TABLE for item in result.artifacts):
         raise HTTPException(404, "This job has no curves.")
-    content = await client.read_artifact(job_id, CENTROIDAL_TABLE)
+    own = await curves_of(client, job_id)
     scenario = Scenario.model_validate_json(await client.read_artifact(job_id, SCENARIO_FILE))
-    drawn = await run_in_threadpool(lambda: plan_curves(read_columns(content), scenario))
+    if other_id := request.query_params.get("with"):
+        _, other = await other_plan(client, job_id, other_id)
+        drawn = await run_in_threadpool(pair_curves, own, other, scenario)
+    else:
+        drawn = await run_in_threadpool(plan_curves, own, scenario)
     return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})
 
 

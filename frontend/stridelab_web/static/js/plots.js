@@ -10,6 +10,10 @@ const STYLES = {
   line4: { color: "#00795c", width: 1.6 }, line5: { color: "#00795c", width: 1.6, dash: "dash" }, line6: { color: "#a3478c", width: 1.6, dash: "dashdot" },
   line7: { color: GREY, width: 1.6, dash: "dot" }, line8: { color: "#1c2733", width: 1.2, dash: "longdash" },
 };
+for (const [k, color] of [BLUE, ORANGE, GREY, "#a3478c"].entries()) {
+  STYLES[`full${k + 1}`] = { color, width: 1.8 };
+  STYLES[`dashed${k + 1}`] = { color, width: 1.8, dash: "dash" };
+}
 const SAMPLE_OF_DASH = { solid: "━━", dash: "╍╍", dot: "┈┈" };
 const ROUND = [-2, -1, 0, 1, 2].flatMap((power) => [1, 2, 5].map((digit) => digit * 10 ** power));
 const ROW_PX = 170, GAP_PX = 26, TOP_PX = 10, BOTTOM_PX = 46, LETTER_PX = 8, SAMPLE_PX = 44;
@@ -89,7 +93,7 @@ function addSwitches(switches, read) {
 // Names of the curves above the right end of their row, each with a sample of its line.
 function legend(row, top) {
   let right = 0;
-  return [...row.traces].reverse().map((trace) => {
+  return row.traces.filter((trace) => trace.listed).reverse().map((trace) => {
     const { color, dash } = STYLES[trace.style];
     const entry = {
       xref: "paper", yref: "paper", x: 1, y: top, xanchor: "right", yanchor: "bottom", xshift: -right, showarrow: false,
