@@ -1,6 +1,7 @@
 """u_f in pyramids, u_f in circular cones and u_c: the same equations, three ways to keep the cones."""
 
 from dataclasses import replace
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -93,16 +94,37 @@ def test_sharing_spares_the_hand(problem: CentroidalProblem, by_wrench: Centroid
 def test_the_thesis_cone_shrunk_to_a_fifth_is_more_cautious_than_ours() -> None:
     walk = sequence(phase(1.0, foot("left", 0.0), foot("right", 0.0)), phase(1.5, foot("left", 0.0)))
     problem = replace(rest_to_rest(walk), com_end_m=np.array([0.0, 0.09, 0.82]))
-    ours, theirs = (solve(replace(problem, control=c)) for c in (ContactWrench(), ContactWrench("thesis", 0.2)))
+    ours, theirs = (solve(replace(problem, control=c)) for c in (ContactWrench(), ContactWrench("thesis", alpha=0.2)))
     assert ours.converged
     assert theirs.converged, theirs.status
     assert ours.objective < theirs.objective
 
 
+def test_a_cone_of_all_contacts_leans_on_the_hand(problem: CentroidalProblem, by_wrench: CentroidalPlan) -> None:
+    leaning = solve(replace(problem, control=ContactWrench(contacts="all")))
+    assert leaning.converged, leaning.status
+    most = [np.linalg.norm(p.forces_n["right_hand"], axis=2).max() for p in (leaning, by_wrench)]
+    assert most[0] > 2.0 * most[1]
+
+
+@pytest.mark.parametrize("contacts", ["soles", "all"])
+def test_the_cone_of_the_wrench_is_inside_that_of_the_contacts_wherever_they_are(
+    problem: CentroidalProblem, contacts: Literal["soles", "all"]
+) -> None:
+    rng = np.random.default_rng(6)
+    for origin_m in (problem.com_start_m, np.array([40.0, -7.0, 3.0])):
+        touches = problem.touches(3, origin_m)
+        group = ContactWrench(contacts=contacts).generators(touches)["wrench"]
+        tau = rng.normal(size=(20, group.lorentz))
+        tau /= np.linalg.norm(tau, axis=1, keepdims=True)
+        for wrench in np.hstack([0.999 * tau, np.ones((20, 1))]) @ group.wrench.T:
+            assert conic_margin(point_contacts(touches), wrench).margin_n > 0.0
+
+
 @pytest.mark.parametrize("alpha", [0.0, -0.1, 1.1, float("nan")])
 def test_a_shrink_factor_shrinks(alpha: float) -> None:
     with pytest.raises(InvalidInput) as caught:
-        ContactWrench("thesis", alpha)
+        ContactWrench("thesis", alpha=alpha)
     assert caught.value.code == "alpha-out-of-range"
 
 

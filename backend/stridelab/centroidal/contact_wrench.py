@@ -13,7 +13,7 @@ forces; where it is not and there are none, those of least cost without cones st
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import ClassVar, Final, Literal
 
 import daqp
@@ -21,7 +21,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.centroidal.control import Control, Forces, Generators, Touch, Values
-from stridelab.contacts.point_contacts import PointContacts
+from stridelab.contacts.point_contacts import PointContacts, change_of_frame
 from stridelab.contacts.thesis_cone import outer_cone
 from stridelab.contacts.wrench_cone import N_RAYS, LinearCone, LorentzCone
 from stridelab.errors import InvalidInput
@@ -32,6 +32,8 @@ THESIS_RAYS: Final = 4
 """Per point, of the thesis' cone."""
 N_FACES: Final = 3 * N_RAYS
 """Of the pyramids for point forces: an odd multiple, so that they hold those of the linear cone."""
+ROUNDED: Final = 12
+"""Digits of contacts that are the same but for rounding."""
 PRIMAL_TOLERANCE: Final = 1e-10
 WEIGHT_MIN: Final = 1e-6
 """Forces that cost nothing are shared as if they cost this."""
@@ -41,10 +43,13 @@ WEIGHT_MIN: Final = 1e-6
 class ContactWrench(Control):
     """The wrench as control, in the largest ``inscribed`` cone or in the ``thesis``' cone shrunk by ``alpha``.
 
+    The cone is that of the ``soles``, which is inside that of ``all`` contacts: the largest cone of a foot and a hand
+    has its axis between them, where the hand would have to carry what no arm carries. Without a sole it is that of all.
     Raises ``InvalidInput`` ("alpha-out-of-range") unless ``0 < alpha <= 1``.
     """
 
     cone: Literal["inscribed", "thesis"] = "inscribed"
+    contacts: Literal["soles", "all"] = "soles"
     alpha: float = 0.2
     shifts_with_its_contacts: ClassVar[bool] = False
 
@@ -64,10 +69,14 @@ class ContactWrench(Control):
         return {WRENCH: Generators(onto, k, np.zeros((k + 1, k + 1)), upright)}
 
     def _lorentz(self, touches: tuple[Touch, ...]) -> LorentzCone:
-        points = point_contacts(touches)
-        if self.cone == "inscribed":
-            return LinearCone.of(points).largest_lorentz()
-        return outer_cone(points.rays(THESIS_RAYS)).shrunk(self.alpha)
+        """The cone about the origin from the one about the contacts' mean, which stairs repeat from step to step."""
+        soles = tuple(touch for touch in touches if touch.kind == "surface")
+        contacts = point_contacts(soles if soles and self.contacts == "soles" else touches)
+        middle = contacts.position_m.mean(axis=0)
+        own = contacts.moved(-middle)
+        parts = (own.position_m, own.rotation, own.friction)
+        key = [np.round(part, ROUNDED).tobytes() for part in parts]
+        return _cone(self.cone, self.alpha, *key).in_frame(change_of_frame(-middle))
 
     def forces(self, touches: tuple[Touch, ...], values: Values) -> Forces:
         """Forces of least cost for each wrench."""
@@ -137,6 +146,17 @@ class Sharing:
             if flag > 0:
                 eased = eased + self._null @ z
         return np.asarray((self._ease * eased).reshape(-1, 3))
+
+
+@lru_cache(maxsize=256)
+def _cone(
+    kind: Literal["inscribed", "thesis"], alpha: float, position_m: bytes, rotation: bytes, friction: bytes
+) -> LorentzCone:
+    points, axes, mu = (np.frombuffer(part) for part in (position_m, rotation, friction))
+    contacts = PointContacts(points.reshape(-1, 3), axes.reshape(-1, 3, 3), mu)
+    if kind == "inscribed":
+        return LinearCone.of(contacts).largest_lorentz()
+    return outer_cone(contacts.rays(THESIS_RAYS)).shrunk(alpha)
 
 
 def point_contacts(touches: tuple[Touch, ...]) -> PointContacts:

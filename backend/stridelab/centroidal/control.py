@@ -11,7 +11,7 @@ so that one transcription serves u_f (4.4) and u_c (4.5) alike; only G and the c
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import numpy as np
 from jaxtyping import Float
@@ -23,10 +23,12 @@ from stridelab.conventions import Points, Rotation
 class Touch:
     """An effector's contact in a phase: its points ``(k, 3)`` and frame in the world, relative to some origin.
 
-    ``force_weight`` weighs ``|f / (m g)|^2`` of its points per second.
+    ``kind`` tells soles (``surface``) from hands (``point``); ``force_weight`` weighs ``|f / (m g)|^2`` of its points
+    per second.
     """
 
     effector: str
+    kind: Literal["surface", "point"]
     points_m: Points
     rotation: Rotation
     friction: float

@@ -145,8 +145,9 @@ class CentroidalProblem:
         """What touches in a phase, seen from ``origin_m``."""
         found = []
         for name, contact in self.sequence.phases[phase].contacts.items():
-            points_m = contact.placement.act(self.points_m(name)) - origin_m
-            found.append(Touch(name, points_m, contact.placement.rotation, contact.friction, self.force_weight(name)))
+            at, kind = contact.placement, self.effectors[name].kind
+            points_m = at.act(self.points_m(name)) - origin_m
+            found.append(Touch(name, kind, points_m, at.rotation, contact.friction, self.force_weight(name)))
         return tuple(found)
 
     def grid(self) -> Grid:
