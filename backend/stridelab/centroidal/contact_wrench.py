@@ -52,6 +52,7 @@ class ContactWrench(Control):
     contacts: Literal["soles", "all"] = "soles"
     alpha: float = 0.2
     shifts_with_its_contacts: ClassVar[bool] = False
+    has_point_forces: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
         if not 0.0 < self.alpha <= 1.0:
@@ -66,7 +67,7 @@ class ContactWrench(Control):
         onto = np.linalg.inv(cone.to_standard)[:, : k + 1]
         upright = np.zeros(k + 1)
         upright[k] = 1.0 / onto[2, k]
-        return {WRENCH: Generators(onto, k, np.zeros((k + 1, k + 1)), upright)}
+        return {WRENCH: Generators(onto, k, np.zeros((k + 1, k + 1)), upright, None)}
 
     def _lorentz(self, touches: tuple[Touch, ...]) -> LorentzCone:
         """The cone about the origin from the one about the contacts' mean, which stairs repeat from step to step."""

@@ -41,13 +41,14 @@ class Generators:
 
     ``lorentz``: 0, or the entries of tau in each block ``(tau, eta)``. ``regulariser`` Q puts ``v^T Q v / 2`` per
     second into the cost for each block v of as many variables, one after the other; zeros: none. ``rest`` is the u of a
-    share of the weight carried without effort, from which the solver starts.
+    share of the weight carried without effort, from which the solver starts; ``normal`` v is a point's normal force.
     """
 
     wrench: Float[np.ndarray, "6 m"]
     lorentz: int
     regulariser: Float[np.ndarray, "j j"]
     rest: Float[np.ndarray, "m"]
+    normal: Float[np.ndarray, "j"] | None
 
 
 Values = Mapping[str, Float[np.ndarray, "n m"]]
@@ -59,10 +60,12 @@ Forces = Mapping[str, Float[np.ndarray, "n points 3"]]
 class Control(ABC):
     """A choice of u; equal and hashable by its settings.
 
-    ``shifts_with_its_contacts``: whether a contact that moves without turning keeps its cones and its forces.
+    ``shifts_with_its_contacts``: whether a contact that moves without turning keeps its cones and its forces;
+    ``has_point_forces``: whether they can be bounded.
     """
 
     shifts_with_its_contacts: ClassVar[bool]
+    has_point_forces: ClassVar[bool]
 
     @abstractmethod
     def generators(self, touches: tuple[Touch, ...]) -> Mapping[str, Generators]:

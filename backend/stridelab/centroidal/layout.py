@@ -8,12 +8,16 @@ which is the order that solvers want who go from stage to stage.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from jaxtyping import Int
 
 from stridelab.centroidal.dynamics import N_STATE, N_WRENCH
 from stridelab.centroidal.structure import Group, Structure
+
+N_CAPTURABLE: Final = 5
+"""Rows at a capturable end before those of the capture point: height, vertical velocity, angular momentum."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,11 @@ def n_cones(group: Group) -> int:
     return group.size // (group.lorentz + 1) if group.lorentz else 0
 
 
+def n_limits(group: Group) -> int:
+    """Rows that bound the normal forces of a group, after its cones."""
+    return group.size // group.block if group.limited else 0
+
+
 def lay_out(structure: Structure) -> Layout:
     """The layout of a structure."""
     n = row = 0
@@ -84,16 +93,17 @@ def lay_out(structure: Structure) -> Layout:
         for group in structure.phases[phase].groups:
             uses.append(Use(group, k, phase, n, row))
             n += group.size
-            row += n_cones(group)
+            row += n_cones(group) + n_limits(group)
         wrench.append(n)
         n += N_WRENCH
-        if k + 1 == len(phase_of):
+        if k + 1 == len(phase_of) and not structure.capture_planes:
             rest, row = row, row + 3
         stage_rows.append(row - first)
     state.append(n)
     n += N_STATE
-    end, row = row, row + N_STATE
-    stage_rows.append(N_STATE)
+    n_end = N_CAPTURABLE + structure.capture_planes if structure.capture_planes else N_STATE
+    end, row = row, row + n_end
+    stage_rows.append(n_end)
     shifts = n + 2 * np.arange(structure.n_shifts)
     n += 2 * structure.n_shifts
     durations = n + np.arange(len(structure.phases) if structure.free_durations else 0)

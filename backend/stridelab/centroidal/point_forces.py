@@ -28,6 +28,7 @@ class _PointForces(Control):
     """What pyramids and cones have in common: ``S`` decides."""
 
     shifts_with_its_contacts: ClassVar[bool] = True
+    has_point_forces: ClassVar[bool] = True
     lorentz: ClassVar[int]
 
     @abstractmethod
@@ -49,6 +50,7 @@ class _PointForces(Control):
                 lorentz=self.lorentz,
                 regulariser=2.0 * touch.force_weight * S.T @ S,
                 rest=np.tile(self.upright(), k) / n_points,
+                normal=touch.rotation[:, 2] @ S,
             )
         return found
 

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from stridelab.centroidal.conditions import AT_REST, UNBOUNDED, PathBounds, Start, Terminal
 from stridelab.centroidal.control import Control, Touch
 from stridelab.centroidal.freedom import FreeDurations, FreePlacements
 from stridelab.centroidal.point_forces import PYRAMIDS
@@ -65,16 +66,18 @@ class Grid:
 
 @dataclass(frozen=True, eq=False)
 class CentroidalProblem:
-    """One motion to plan, from rest at ``com_start_m`` to rest at ``com_end_m``.
+    """One motion to plan, from ``com_start_m`` to ``com_end_m``, from rest to rest unless said otherwise.
 
     ``effectors`` and ``proxies`` are looked up by the names that the sequence uses; without any proxies there is no
     likelihood term, and with some every effector that touches needs one. Surfaces are shrunk by ``contact_margin_m``
     (x, y) on every side. ``control`` is u: forces (``Pyramids``, ``CircularCones``) or the wrench (``ContactWrench``).
-    ``durations`` and ``placements`` are given, unless the solver may choose them.
+    ``durations`` and ``placements`` are given, unless the solver may choose them. The motion begins as ``start`` says
+    and ends at rest or ``capturable``, within ``bounds``.
 
     Raises ``InvalidInput`` for what cannot be a problem at all: "effector-unknown", "proxy-missing",
     "phase-without-duration", "mass-out-of-range", "node-rate-out-of-range", "com-not-finite", and
-    "placements-need-forces" where contacts are to move and the control's cones would have to follow.
+    "placements-need-forces" where contacts are to move and the control's cones would have to follow,
+    "bounds-need-forces" where forces are bounded and the control has none.
     """
 
     sequence: ContactSequence
@@ -87,6 +90,9 @@ class CentroidalProblem:
     node_rate_hz: float = 10.0
     contact_margin_m: tuple[float, float] = (0.02, 0.015)
     control: Control = PYRAMIDS
+    start: Start = AT_REST
+    terminal: Terminal = "rest"
+    bounds: PathBounds = UNBOUNDED
     durations: FreeDurations | None = None
     placements: FreePlacements | None = None
 
@@ -113,6 +119,10 @@ class CentroidalProblem:
             raise InvalidInput("com-not-finite", "The centre of mass at the start and at the end must be numbers.")
         if not 0.0 < self.node_rate_hz < np.inf:
             raise InvalidInput("node-rate-out-of-range", f"There cannot be {self.node_rate_hz} nodes per second.")
+        if self.bounds.normal_force_max_n and not self.control.has_point_forces:
+            raise InvalidInput(
+                "bounds-need-forces", "Normal forces can be bounded with forces as control only, not with the wrench."
+            )
         if self.placements is not None and not self.control.shifts_with_its_contacts:
             raise InvalidInput(
                 "placements-need-forces",

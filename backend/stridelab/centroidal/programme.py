@@ -12,7 +12,7 @@ from jaxtyping import Int
 
 from stridelab.centroidal import stage
 from stridelab.centroidal.dynamics import N_STATE, N_WRENCH
-from stridelab.centroidal.layout import Layout, Use, lay_out, n_cones
+from stridelab.centroidal.layout import N_CAPTURABLE, Layout, Use, lay_out, n_cones, n_limits
 from stridelab.centroidal.likelihood import likelihood
 from stridelab.centroidal.parts import Cost, Programme, Rows, assemble
 from stridelab.centroidal.stage import CostFunctions, RowFunctions
@@ -21,6 +21,8 @@ from stridelab.reachability.mixture import Mixture
 
 SCALE: Final = 1e-2
 """Brings the objective's gradient near that of the constraints."""
+CAPTURE: Final = "capture"
+"""Name of the rows of the capture point."""
 KEPT: Final = 8
 """Compiled programmes that stay in memory."""
 
@@ -38,7 +40,7 @@ class Visit:
 class Compiled:
     """A structure's programme with what its numbers must be filled into.
 
-    ``ties`` and ``efforts`` are the uses of groups by the name of their part, ``visits`` those of a density;
+    ``ties``, ``efforts`` and ``limits`` are uses of groups by the name of their part, ``visits`` those of a density;
     ``solvers`` keeps what was set up for it.
     """
 
@@ -47,6 +49,7 @@ class Compiled:
     programme: Programme
     ties: Mapping[str, list[Use]]
     efforts: Mapping[str, list[Use]]
+    limits: Mapping[str, list[Use]]
     visits: Mapping[str, tuple[str, list[Visit]]]
     solvers: dict[Hashable, object] = field(default_factory=dict)
 
@@ -86,11 +89,18 @@ def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
     across = np.hstack([_run(x[:-1], N_STATE), _run(F, N_WRENCH), _run(x[1:], N_STATE)])
     row("gap", timed(across, phase_of), _run(layout.gap, N_STATE), stage.gap(free))
     row("start", _run(x[:1], N_STATE), _run(np.array([layout.start]), N_STATE), stage.same(N_STATE))
-    row("end", _run(x[-1:], N_STATE), _run(np.array([layout.end]), N_STATE), stage.same(N_STATE))
-    row("rest", _run(F[-1:], 3), _run(np.array([layout.rest]), 3), stage.same(3))
+    end = np.array([layout.end])
+    if structure.capture_planes:
+        row("end height", x[-1:, None] + np.array([2, 5]), _run(end, 2), stage.same(2))
+        row("end momentum", _run(x[-1:], N_STATE), _run(end + 2, 3), stage.momentum())
+        planes = N_CAPTURABLE + end + np.arange(structure.capture_planes)[:, None]
+        row(CAPTURE, np.repeat(x[-1:, None] + np.array([0, 1, 3, 4]), len(planes), axis=0), planes, stage.dot(4))
+    else:
+        row("end", _run(x[-1:], N_STATE), _run(end, N_STATE), stage.same(N_STATE))
+        row("rest", _run(F[-1:], 3), _run(np.array([layout.rest]), 3), stage.same(3))
     row("wrench", _run(F, N_WRENCH), _run(layout.tie, N_WRENCH), stage.same(N_WRENCH))
 
-    ties, efforts = _grouped(layout.uses)
+    ties, efforts, limits = _grouped(layout.uses)
     for name, uses in ties.items():
         group = uses[0].group
         of_y = _run(np.array([use.start for use in uses]), group.size)
@@ -107,6 +117,16 @@ def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
         starts = np.array([use.start + i for use in uses for i in range(0, use.group.size, size)])
         phases = np.array([use.phase for use in uses for _ in range(0, use.group.size, size)])
         cost(name, timed(_run(starts, size), phases), stage.effort(size, free))
+    for name, uses in limits.items():
+        size = uses[0].group.block
+        of_y, of_row = np.array(
+            [
+                (use.start + i * size, use.row + n_cones(use.group) + i)
+                for use in uses
+                for i in range(n_limits(use.group))
+            ]
+        ).T
+        row(name, _run(of_y, size), of_row[:, None], stage.dot(size))
     for size in sorted({use.group.lorentz for use in layout.uses} - {0}):
         cones = [
             (use.start + i * (size + 1), use.row + i)
@@ -136,7 +156,7 @@ def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
         if structure.fixed_total:
             row("total", of_y, np.full_like(of_y, layout.total), stage.same(1))
     programme = assemble(layout.n, layout.n_rows, costs, rows, SCALE)
-    return Compiled(structure, layout, programme, ties, efforts, visits)
+    return Compiled(structure, layout, programme, ties, efforts, limits, visits)
 
 
 def _run(starts: Int[np.ndarray, "uses"], size: int) -> Int[np.ndarray, "uses size"]:
@@ -147,16 +167,22 @@ def _shifts(uses: list[Use]) -> list[int]:
     return [use.group.shift for use in uses if use.group.shift is not None]
 
 
-def _grouped(uses: tuple[Use, ...]) -> tuple[dict[str, list[Use]], dict[str, list[Use]]]:
-    """Uses that share a function, for the wrench and for the regulariser."""
+Uses = dict[str, list[Use]]
+
+
+def _grouped(uses: tuple[Use, ...]) -> tuple[Uses, Uses, Uses]:
+    """Uses that share a function, for the wrench, for the regulariser and for bounds on normal forces."""
     ties: dict[str, list[Use]] = {}
     efforts: dict[str, list[Use]] = {}
+    limits: dict[str, list[Use]] = {}
     for use in uses:
         group = use.group
         ties.setdefault(f"tie {group.size}{'' if group.shift is None else ' moving'}", []).append(use)
-        if group.block:
+        if group.weighed:
             efforts.setdefault(f"effort {group.block}", []).append(use)
-    return ties, efforts
+        if group.limited:
+            limits.setdefault(f"limit {group.block}", []).append(use)
+    return ties, efforts, limits
 
 
 def _visits(structure: Structure, effector: str, moving: bool) -> tuple[list[Visit], list[int]]:

@@ -46,7 +46,15 @@ def solve(
         attempts.append(_attempt(name, programme, found))
         sequence = chosen(programme, found.point.w)
         motion = read(programme, sequence, found.point.w)
-        verification = verify(sequence, problem.mass_kg, motion, problem.com_start_m, problem.com_end_m)
+        verification = verify(
+            sequence,
+            problem.mass_kg,
+            motion,
+            problem.com_start_m,
+            problem.com_end_m,
+            problem.start,
+            problem.terminal,
+        )
         converged = _solved(attempts[-1]) and holds(verification)
         if converged or (found.infeasible and not (problem.durations or problem.placements)):
             break

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.centroidal.dynamics import N_STATE
-from stridelab.centroidal.layout import n_cones
+from stridelab.centroidal.layout import N_CAPTURABLE, n_cones, n_limits
 from stridelab.centroidal.parts import Programme
 from stridelab.centroidal.programme import SCALE, Compiled
 from stridelab.centroidal.solution import IterationLog, Point
@@ -265,7 +265,9 @@ def _fatrop(of: Compiled, limits: Limits, warm: bool, listener: _Listener) -> ca
     n_intervals = len(layout.wrench)
     equality = np.ones(layout.n_rows, dtype=bool)
     for use in layout.uses:
-        equality[use.row : use.row + n_cones(use.group)] = False
+        equality[use.row : use.row + n_cones(use.group) + n_limits(use.group)] = False
+    if of.structure.capture_planes:
+        equality[layout.end + N_CAPTURABLE : layout.end + N_CAPTURABLE + of.structure.capture_planes] = False
     options: dict[str, Any] = {
         "cache": {function.name(): function for function in known},
         "structure_detection": "manual",

@@ -96,6 +96,20 @@ def same(size: int) -> RowFunctions:
 
 
 @cache
+def dot(size: int) -> RowFunctions:
+    """``q y``."""
+    y, q = ca.SX.sym("y", size), ca.SX.sym("q", size)
+    return _rows(ca.dot(q, y), y, q)
+
+
+@cache
+def momentum() -> RowFunctions:
+    """``L_c`` of ``y = (c, c', K)``, in units of m |g|."""
+    y = ca.SX.sym("y", N_STATE)
+    return _rows(y[6:9] - ca.cross(y[0:3], y[3:6]) / GRAVITY_M_S2, y, ca.SX.sym("q", 0))
+
+
+@cache
 def cone(size: int) -> RowFunctions:
     """``(eta^2 - |tau|^2) / 2`` of ``y = (tau, eta)`` with ``size`` entries of tau."""
     y = ca.SX.sym("y", size + 1)

@@ -10,15 +10,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Group:
-    """``size`` variables of u; ``block``: how many of them the regulariser couples (0: there is none).
+    """``size`` variables of u in blocks of ``block``, one for each point; ``lorentz`` as in ``Generators``.
 
-    ``shift``: which contact displacement moves its points, None where they stay.
+    ``weighed``: whether effort costs; ``limited``: whether normal forces are bounded; ``shift``: which contact
+    displacement moves its points, None where they stay.
     """
 
     name: str
     size: int
     lorentz: int
     block: int
+    weighed: bool
+    limited: bool
     shift: int | None
 
 
@@ -41,13 +44,17 @@ class PhaseStructure:
 
 @dataclass(frozen=True)
 class Structure:
-    """Equal and hashable by its contents; ``densities`` pairs effectors with the digest of their mixture."""
+    """Equal and hashable by its contents; ``densities`` pairs effectors with the digest of their mixture.
+
+    ``capture_planes``: half-planes for the capture point at the end; 0: the motion ends at rest.
+    """
 
     phases: tuple[PhaseStructure, ...]
     densities: tuple[tuple[str, bytes], ...]
     free_durations: bool
     fixed_total: bool
     n_shifts: int
+    capture_planes: int
 
     @property
     def n_intervals(self) -> int:

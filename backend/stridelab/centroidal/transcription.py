@@ -17,16 +17,18 @@ from hashlib import blake2b
 import numpy as np
 from jaxtyping import Float
 
+from stridelab.centroidal.conditions import Capture, capture
 from stridelab.centroidal.control import Generators
 from stridelab.centroidal.dynamics import DOWN, N_STATE, N_WRENCH
 from stridelab.centroidal.freedom import Stay, movable
-from stridelab.centroidal.layout import Layout
+from stridelab.centroidal.layout import N_CAPTURABLE, Layout, n_cones, n_limits
 from stridelab.centroidal.problem import CentroidalProblem, Grid
-from stridelab.centroidal.programme import Compiled, compiled
+from stridelab.centroidal.programme import CAPTURE, Compiled, compiled
 from stridelab.centroidal.room import room_m
 from stridelab.centroidal.solution import Box
 from stridelab.centroidal.structure import Group, PhaseStructure, Structure, Visited
 from stridelab.conventions import Series, Vector3
+from stridelab.errors import InvalidInput
 from stridelab.reachability.mixture import Mixture
 
 PhaseGenerators = Mapping[str, Generators]
@@ -65,8 +67,9 @@ def transcribe(problem: CentroidalProblem) -> Transcription:
     stays = tuple(movable(problem.sequence)) if problem.placements else ()
     generators = [problem.control.generators(problem.touches(i, origin)) for i in range(len(problem.sequence.phases))]
     mixtures = {name: problem.proxies[name].mixture for name in problem.sequence.effectors if name in problem.proxies}
-    found = compiled(_structure(problem, grid, generators, stays, mixtures), mixtures)
-    numbers = _numbers(problem, grid, generators, found)
+    end = _capture(problem)
+    found = compiled(_structure(problem, grid, generators, stays, mixtures, end), mixtures)
+    numbers = _numbers(problem, grid, generators, found, end)
     blocks = [numbers[name].ravel() for name, _ in found.programme.parameters]
     return Transcription(
         problem=problem,
@@ -75,7 +78,7 @@ def transcribe(problem: CentroidalProblem) -> Transcription:
         origin_m=origin,
         movable=stays,
         p=np.concatenate(blocks),
-        box=Box(*_bounds(problem, found.layout, stays), *_row_bounds(problem, found.layout)),
+        box=Box(*_bounds(problem, grid, found.layout, stays), *_row_bounds(problem, found.layout, end)),
         guess=_guess(problem, grid, generators, found.layout),
     )
 
@@ -86,6 +89,7 @@ def _structure(
     generators: list[PhaseGenerators],
     stays: tuple[Stay, ...],
     mixtures: Mapping[str, Mixture],
+    end: Capture | None,
 ) -> Structure:
     counts = np.bincount(grid.phase, minlength=len(generators))
     phases = []
@@ -97,11 +101,13 @@ def _structure(
                 int(counts[i]),
                 tuple(
                     Group(
-                        name,
-                        g.wrench.shape[1],
-                        g.lorentz,
-                        len(g.regulariser) if g.regulariser.any() else 0,
-                        shift.get(name),
+                        name=name,
+                        size=g.wrench.shape[1],
+                        lorentz=g.lorentz,
+                        block=len(g.regulariser),
+                        weighed=bool(g.regulariser.any()),
+                        limited=name in problem.bounds.normal_force_max_n,
+                        shift=shift.get(name),
                     )
                     for name, g in groups.items()
                 ),
@@ -114,6 +120,7 @@ def _structure(
         free_durations=problem.durations is not None,
         fixed_total=problem.durations is not None and problem.durations.fixed_total,
         n_shifts=len(stays),
+        capture_planes=0 if end is None else len(end.offsets),
     )
 
 
@@ -123,7 +130,11 @@ def _digest(mixture: Mixture) -> bytes:
 
 
 def _numbers(
-    problem: CentroidalProblem, grid: Grid, generators: list[PhaseGenerators], found: Compiled
+    problem: CentroidalProblem,
+    grid: Grid,
+    generators: list[PhaseGenerators],
+    found: Compiled,
+    end: Capture | None,
 ) -> dict[str, Float[np.ndarray, "uses q"]]:
     """The parameters of every part, one row per use."""
     weights, sequence = problem.weights, problem.sequence
@@ -151,6 +162,12 @@ def _numbers(
                 for _ in range(0, use.group.size, use.group.block)
             ]
         )
+    for name, uses in found.limits.items():
+        numbers[name] = np.array(
+            [generators[use.phase][use.group.name].normal for use in uses for _ in range(n_limits(use.group))]
+        )
+    if end is not None:
+        numbers[CAPTURE] = np.hstack([end.normals, end.normals / end.omega_1_s])
     for name, (effector, visits) in found.visits.items():
         moving = name.endswith(" moving")
         rows = []
@@ -179,7 +196,7 @@ def _frame(problem: CentroidalProblem, effector: str, phase: int) -> Float[np.nd
     return np.append(frame.position_m - problem.com_start_m, frame.rotation.ravel(order="F"))
 
 
-def _bounds(problem: CentroidalProblem, layout: Layout, stays: tuple[Stay, ...]) -> tuple[Series, Series]:
+def _bounds(problem: CentroidalProblem, grid: Grid, layout: Layout, stays: tuple[Stay, ...]) -> tuple[Series, Series]:
     lower, upper = np.full(layout.n, -np.inf), np.full(layout.n, np.inf)
     for use in layout.uses:
         group = use.group
@@ -188,6 +205,11 @@ def _bounds(problem: CentroidalProblem, layout: Layout, stays: tuple[Stay, ...])
         T = np.array([phase.duration_s for phase in problem.sequence.phases])
         lower[layout.durations] = problem.durations.shortest * T
         upper[layout.durations] = problem.durations.longest * T
+    if problem.bounds.com_height_m is not None:
+        least, most = problem.bounds.com_height_m
+        for k, phase in list(enumerate(grid.phase))[1:]:
+            ground_m = _ground_m(problem, int(phase)) - problem.com_start_m[2]
+            lower[layout.state[k] + 2], upper[layout.state[k] + 2] = ground_m + least, ground_m + most
     if problem.placements:
         for stay, at in zip(stays, layout.shifts, strict=True):
             corners_m = problem.effectors[stay.contact.effector].points_m()
@@ -196,17 +218,52 @@ def _bounds(problem: CentroidalProblem, layout: Layout, stays: tuple[Stay, ...])
     return lower, upper
 
 
-def _row_bounds(problem: CentroidalProblem, layout: Layout) -> tuple[Series, Series]:
+def _ground_m(problem: CentroidalProblem, phase: int) -> float:
+    """Mean height of the soles, each where it is in a phase or was last."""
+    contacts = [problem.sequence.last_contact(name, phase) for name in problem.sequence.effectors]
+    soles = [c for c in contacts if c is not None and problem.effectors[c.effector].kind == "surface"]
+    if not soles:
+        raise InvalidInput("no-surface-contact", "The height of the CoM is bounded above soles, and none has touched.")
+    return float(np.mean([c.placement.position_m[2] for c in soles]))
+
+
+def _row_bounds(
+    problem: CentroidalProblem, layout: Layout, end: Capture | None
+) -> tuple[Float[np.ndarray, "rows"], Float[np.ndarray, "rows"]]:
     lower = np.zeros(layout.n_rows)
-    lower[layout.rest : layout.rest + 3] = -DOWN
-    lower[layout.end : layout.end + 3] = problem.com_end_m - problem.com_start_m
+    goal_m = problem.com_end_m - problem.com_start_m
+    lower[layout.start + 3 : layout.start + N_STATE] = np.append(
+        problem.start.com_v_m_s, problem.start.l_nms / problem.weight_n
+    )
+    if end is None:
+        lower[layout.rest : layout.rest + 3] = -DOWN
+        lower[layout.end : layout.end + 3] = goal_m
+    else:
+        lower[layout.end] = goal_m[2]
     if problem.durations and problem.durations.fixed_total:
         lower[layout.total] = problem.sequence.duration_s
     upper = lower.copy()
+    if end is not None:
+        first = layout.end + N_CAPTURABLE
+        lower[first : first + len(end.offsets)] = -np.inf
+        upper[first : first + len(end.offsets)] = end.offsets
     for use in layout.uses:
-        if use.group.lorentz:
-            upper[use.row : use.row + use.group.size // (use.group.lorentz + 1)] = np.inf
+        limits = use.row + n_cones(use.group)
+        upper[use.row : limits] = np.inf
+        if use.group.limited:
+            lower[limits : limits + n_limits(use.group)] = -np.inf
+            upper[limits : limits + n_limits(use.group)] = (
+                problem.bounds.normal_force_max_n[use.group.name] / problem.weight_n
+            )
     return lower, upper
+
+
+def _capture(problem: CentroidalProblem) -> Capture | None:
+    """Relative to the origin; None where the motion ends at rest."""
+    if problem.terminal == "rest":
+        return None
+    last = problem.touches(len(problem.sequence.phases) - 1, problem.com_start_m)
+    return capture([touch.points_m for touch in last], problem.com_end_m - problem.com_start_m)
 
 
 def _guess(problem: CentroidalProblem, grid: Grid, generators: list[PhaseGenerators], layout: Layout) -> Series:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from stridelab.centroidal.conditions import AT_REST, Start, Terminal, capture
 from stridelab.centroidal.plan import CentroidalPlan, Verification
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Points, Vector3, g
@@ -55,9 +56,18 @@ def moment_nm(sequence: ContactSequence, motion: Motion) -> Points:
 
 
 def verify(
-    sequence: ContactSequence, mass_kg: float, motion: Motion, com_start_m: Vector3, com_end_m: Vector3
+    sequence: ContactSequence,
+    mass_kg: float,
+    motion: Motion,
+    com_start_m: Vector3,
+    com_end_m: Vector3,
+    start: Start = AT_REST,
+    terminal: Terminal = "rest",
 ) -> Verification:
-    """Integrate the forces and look at every cone; forces of effectors that do not touch count as outside."""
+    """Integrate the forces and look at every cone; forces of effectors that do not touch count as outside.
+
+    A capturable end may miss the goal's place, but neither its height nor the hull of the last contact points.
+    """
     h = np.diff(motion.time_s)[:, None]
     c, v, L = motion.com_m, motion.com_v_m_s, motion.l_nms
     f = total_force_n(motion)
@@ -66,8 +76,20 @@ def verify(
     c_next = c[:-1] + h * v[:-1] + h**2 / 2 * a
     v_next = v[:-1] + h * a
     L_next = L[:-1] + h * moment_nm(sequence, motion) - np.cross(swept, f)
-    gaps = [c[1:] - c_next, v[1:] - v_next, L[1:] - L_next, c[0] - com_start_m, v[0], L[0]]
+    gaps = [
+        c[1:] - c_next,
+        v[1:] - v_next,
+        L[1:] - L_next,
+        c[0] - com_start_m,
+        v[0] - start.com_v_m_s,
+        L[0] - start.l_nms,
+    ]
     ends = [c[-1] - com_end_m, v[-1], L[-1]]
+    if terminal == "capturable":
+        last = sequence.phases[-1].contacts
+        support = capture([at.placement.act(motion.points_m[name]) for name, at in last.items()], com_end_m)
+        outside = support.excess_m(c[-1], v[-1])
+        ends = [np.array([c[-1, 2] - com_end_m[2], v[-1, 2], outside]), L[-1]]
     cone_margin_n, normal_force_min_n = _cones(sequence, motion)
     return Verification(
         dynamics_gap=float(max(np.abs(gap).max() for gap in gaps)),
