@@ -34,7 +34,7 @@ def end_miss(problem: CentroidalProblem) -> EndMiss:
 def push(duration_s: float, distance_m: float, friction: float = 0.3) -> CentroidalProblem:
     """Both feet stay; the CoM goes ``distance_m`` ahead."""
     standing = sequence(phase(duration_s, foot("left", 0.0, friction=friction), foot("right", 0.0, friction=friction)))
-    return replace(rest_to_rest(standing), com_end_m=np.array([distance_m, 0.0, COM_HEIGHT_M]))
+    return replace(rest_to_rest(standing, node_rate_hz=20.0), com_end_m=np.array([distance_m, 0.0, COM_HEIGHT_M]))
 
 
 def on_slope(side: str, angle_rad: float, friction: float) -> Contact:
