@@ -6,6 +6,7 @@ from typing import Final
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.frames import Frames
+from stridelab_web.friction_cones import Cone, cones
 from stridelab_web.plan_frames import plan_frames, read_motion
 from stridelab_web.tables import read_columns
 
@@ -13,16 +14,26 @@ SCENARIO: Final = "scenario.json"
 CENTROIDAL: Final = "centroidal.parquet"
 MOTION: Final = ("poses.json", "poses.f32", "forces.f32")
 """Only where the whole body was planned."""
+FOLLOWED: Final = "motion.parquet"
+"""How the motion follows the plan."""
 
 
 def needed(result: JobResult) -> tuple[str, ...]:
     """Names of the files to read."""
     there = {artifact.name for artifact in result.artifacts}
-    return (SCENARIO, CENTROIDAL, *(MOTION if there.issuperset(MOTION) else ()))
+    if not there.issuperset(MOTION):
+        return SCENARIO, CENTROIDAL
+    return (SCENARIO, CENTROIDAL, *MOTION, *((FOLLOWED,) if FOLLOWED in there else ()))
 
 
 def read_plan(files: Mapping[str, bytes]) -> tuple[Scenario, Frames]:
     """The scenario that was planned, and the frames of its plan, from the files that were ``needed``."""
     scenario = Scenario.model_validate_json(files[SCENARIO])
     motion = read_motion(*(files[name] for name in MOTION)) if MOTION[0] in files else None
-    return scenario, plan_frames(scenario, read_columns(files[CENTROIDAL]), motion)
+    followed = read_columns(files[FOLLOWED]) if FOLLOWED in files else None
+    return scenario, plan_frames(scenario, read_columns(files[CENTROIDAL]), motion, followed)
+
+
+def read_cones(files: Mapping[str, bytes]) -> tuple[Cone, ...]:
+    """The friction cones of the plan, from the same files."""
+    return cones(Scenario.model_validate_json(files[SCENARIO]), read_columns(files[CENTROIDAL]))

@@ -1,19 +1,24 @@
-"""A plan as frames: the robot's links, the forces on its effectors, the centre of mass, and when what touches."""
+"""A plan as frames: links, forces with their cones, centre of mass, angular momentum, and when what touches."""
 
 import json
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.footholds import node
-from stridelab_web.frames import Arrow, Body, Frames, Point, Sheet, Span, Track
+from stridelab_web.frames import ARROW_M_PER_N, Arrow, Body, Frames, Point, Sheet, Span, Track, resample
+from stridelab_web.friction_cones import cones
 from stridelab_web.reach_places import reach_places
 from stridelab_web.tables import Columns, triple
 from stridelab_web.touches import touches
 
 POSE, FORCE = 7, 6
 COM = "/com/plan"
+MOMENTUM: Final = "/momentum/"
+MOMENTUM_M_PER_NMS: Final = 0.1
+"""Length of the arrow of the angular momentum; it is a few newton metre seconds where a robot walks."""
 
 
 @dataclass(frozen=True)
@@ -44,12 +49,24 @@ def read_motion(about: bytes, poses: bytes, forces: bytes) -> Motion:
     )
 
 
-def plan_frames(scenario: Scenario, centroidal: Columns, motion: Motion | None) -> Frames:
-    """Frames of a plan; without a whole-body motion those of the centroidal plan alone, at its nodes."""
+def plan_frames(
+    scenario: Scenario, centroidal: Columns, motion: Motion | None, followed: Columns | None = None
+) -> Frames:
+    """Frames of a plan; without a whole-body motion those of the centroidal plan alone, at its nodes.
+
+    ``followed`` is the table of that motion, whose angular momentum is shown in place of the planned one. A cone stands
+    where the force on its effector acts, so that it needs no numbers of its own.
+    """
     time_s = centroidal["time_s"] if motion is None else motion.time_s
     sheet = Sheet()
+    momentum = momentum_nms(centroidal if followed is None else followed, time_s)
     com_at = sheet.add(com_m(centroidal, time_s))
-    bodies, arrows = [], []
+    bodies: list[Body] = []
+    arrows: list[Arrow] = []
+    at_of: dict[str, int] = {}
+    if momentum is not None:
+        sheet.add(MOMENTUM_M_PER_NMS / ARROW_M_PER_N * momentum)
+        arrows.append(Arrow(f"{MOMENTUM}com_shaft", f"{MOMENTUM}com_head", com_at, "angular momentum about the CoM"))
     if motion is not None:
         for k, link in enumerate(motion.links):
             bodies.append(Body(f"/robot/{link}", sheet.add(motion.poses[:, k])))
@@ -58,23 +75,35 @@ def plan_frames(scenario: Scenario, centroidal: Columns, motion: Motion | None) 
         forces = centroidal_forces(scenario, centroidal)
     for effector, force in forces.items():
         name = f"/forces/{effector}"
-        arrows.append(Arrow(f"{name}_shaft", f"{name}_head", sheet.add(force), f"force on {effector}"))
+        at_of[effector] = sheet.add(force)
+        arrows.append(Arrow(f"{name}_shaft", f"{name}_head", at_of[effector], f"force on {effector}"))
     ends_s = np.cumsum([phase.duration_s for phase in scenario.phases])
     placed = touches(scenario)
+    coned = [(cone.name, cone.touch) for cone in cones(scenario, centroidal) if cone.touch.effector in at_of]
     return Frames(
         time_s,
         sheet.values(len(time_s)),
-        points=(Point(COM, com_at, "centre of mass"),),
+        points=(
+            Point(COM, com_at, "centre of mass"),
+            *(Point(name, at_of[touch.effector], f"friction cone of {touch.effector}") for name, touch in coned),
+        ),
         bodies=tuple(bodies),
         arrows=tuple(arrows),
         spans=(
             *(Span(f"{node(touch)}/touching", touch.start_s, touch.end_s) for touch in placed),
+            *(Span(name, touch.start_s, touch.end_s) for name, touch in coned),
             *(Span(place.name, place.start_s, place.end_s) for place in reach_places(scenario)),
         ),
         tracks=(Track("/paths/com", com_at),),
         still=tuple(node(touch) for touch in placed),
         phase_starts_s=(0.0, *(float(end) for end in ends_s[:-1])),
     )
+
+
+def momentum_nms(columns: Columns, time_s: np.ndarray) -> np.ndarray | None:
+    """Angular momentum about the CoM ``(n, 3)`` at ``time_s``, linear between rows; None where the table has none."""
+    rows = triple(columns, "l_", "_nms")
+    return None if rows is None else resample(time_s, columns["time_s"], rows)
 
 
 def com_m(centroidal: Columns, time_s: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from stridelab_web.words import check_name, measured
 DASH: Final = "–"
 SAME_S: Final = 1e-6
 OTHER_WEIGHTS: Final = "with another weight"
-AFTERWARDS: Final = "minimised with the forces as control, found afterwards with the wrench"
+AFTERWARDS: Final = "minimised in one only"
 
 
 @dataclass(frozen=True)

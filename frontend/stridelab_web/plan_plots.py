@@ -27,12 +27,12 @@ def plan_curves(columns: Columns, scenario: Scenario) -> dict[str, Any]:
     """What the plots need of a ``centroidal`` table; phases with a foot in the air are shaded."""
     forces = vertical_forces(columns)
     shown: dict[str, np.ndarray] = {**columns, **{f"{name}_fz_n": force for name, force in forces.items()}}
-    decimals = dict.fromkeys(_COM, 5) | dict.fromkeys(_VELOCITY, 4) | dict.fromkeys(_MOMENTUM, 3)
+    decimals = dict.fromkeys(_COM, 5) | dict.fromkeys(_VELOCITY, 4) | dict.fromkeys(_MOMENTUM, 6)
     decimals |= {f"{name}_fz_n": 1 for name in forces}
     rows = [
         *(Row(f"CoM {axis} [m]", (Trace(key, "plan", "main"),)) for axis, key in zip("xyz", _COM, strict=True)),
         three("Velocity [m/s]", _VELOCITY),
-        three("Angular momentum [N m s]", _MOMENTUM),
+        three("Momentum L [N m s]", _MOMENTUM),
         Row(
             "Vertical force [N]",
             tuple(Trace(f"{name}_fz_n", name.replace("_", " "), _style(name)) for name in forces),
@@ -54,12 +54,12 @@ def pair_curves(first: Columns, second: Columns, scenario: Scenario) -> dict[str
     for before, columns in (("", first), (OTHER, second)):
         shown |= {f"{before}{name}": values for name, values in _at(columns, time_s).items()}
     forces = list(dict.fromkeys(name for each in (first, second) for name in vertical_forces(each)))
-    decimals = dict.fromkeys(_COM, 5) | dict.fromkeys(_VELOCITY, 4) | dict.fromkeys(_MOMENTUM, 3)
+    decimals = dict.fromkeys(_COM, 5) | dict.fromkeys(_VELOCITY, 4) | dict.fromkeys(_MOMENTUM, 6)
     decimals |= {f"{name}_fz_n": 1 for name in forces}
     rows = [
         *(_pairs(f"CoM {axis} [m]", {axis: key}, legend=False) for axis, key in zip("xyz", _COM, strict=True)),
         _pairs("Velocity [m/s]", dict(zip("xyz", _VELOCITY, strict=True))),
-        _pairs("Angular momentum [N m s]", dict(zip("xyz", _MOMENTUM, strict=True))),
+        _pairs("Momentum L [N m s]", dict(zip("xyz", _MOMENTUM, strict=True))),
         _pairs("Vertical force [N]", {name.replace("_", " "): f"{name}_fz_n" for name in forces}),
     ]
     readings = [Reading(axis, key, "m", 4, more=(OTHER + key,)) for axis, key in zip("xyz", _COM, strict=True)]

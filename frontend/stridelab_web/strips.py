@@ -39,11 +39,12 @@ class Row:
 
 @dataclass(frozen=True)
 class Layer:
-    """Nodes of a scene that can be hidden: all whose names begin with ``prefix``."""
+    """Nodes of a scene that can be hidden: all whose names begin with ``prefix``; ``said`` explains them."""
 
     prefix: str
     label: str
     shown: bool = True
+    said: str = ""
 
 
 @dataclass(frozen=True)

@@ -99,6 +99,39 @@ def test_contacts_and_forces_are_there_while_the_effector_touches(tab: Tab, lab:
     until(page, lambda: not any(there()))
 
 
+def test_cones_follow_the_forces_of_loaded_contacts_when_switched_on(tab: Tab, lab: Lab) -> None:
+    job = lab.fake.add_plan()
+    page = opened(tab, f"/view/?plan={job.id}&t=1.5")
+    asked: list[str] = []
+    names = ("/cones/1", "/cones/2", "/cones/3", "/momentum/com_head")
+
+    def there() -> list[bool]:
+        shown = nodes(page, *names)
+        return [max(shown[name]["scale"]) > 1e-3 for name in names]
+
+    assert there() == [False] * 4
+    page.get_by_label("Cones").check()
+    until(page, lambda: there() == [True, False, True, False])  # left foot and right hand
+    page.get_by_label("Angular momentum").check()
+    until(page, lambda: there() == [True, False, True, True])
+    force = nodes(page, "/cones/3", "/forces/right_hand_shaft")
+    assert force["/cones/3"]["position"] == pytest.approx(force["/forces/right_hand_shaft"]["position"])
+    assert page.evaluate(DRAWN_OVER, ["/cones/1"]) == [True]
+    page.get_by_label("See through").uncheck()
+    assert page.evaluate(CLEAR, "/cones/1"), "what can be seen through stays so"
+    page.on("request", lambda request: asked.append(request.url))
+    page.get_by_role("slider", name="Time").fill("25")  # 0.5 s: both feet
+    until(page, lambda: there() == [True, True, False, True])
+    assert [url for url in asked if "/view/scene/" in url] == []
+
+
+CLEAR = """(name) => {
+    let material = null;
+    document.querySelector("iframe").contentWindow.__viserMutable.nodeRefFromName[name].traverse((part) => {
+        material ??= part.material ?? null;
+    });
+    return material.transparent && material.opacity < 1;
+}"""
 DRAWN_OVER = """(names) => names.map((name) => {
     let material = null;
     document.querySelector("iframe").contentWindow.__viserMutable.nodeRefFromName[name].traverse((part) => {

@@ -6,8 +6,12 @@ import httpx
 import numpy as np
 import pytest
 
+from stridelab_web.frames import ARROW_M_PER_N
+from stridelab_web.friction_cones import GROUP, cones
 from stridelab_web.plan_files import read_plan
-from stridelab_web.plan_frames import COM, com_m, read_motion
+from stridelab_web.plan_frames import COM, MOMENTUM, MOMENTUM_M_PER_NMS, com_m, plan_frames, read_motion
+from stridelab_web.touches import touches
+from stridelab_web.viewer import shapes
 from support import fake_planner
 from support.fake_service import FakeService
 
@@ -20,8 +24,10 @@ def test_every_link_and_force_is_as_in_its_file() -> None:
     assert [body.name for body in frames.bodies] == [f"/robot/{link}" for link in fake_planner.LINKS]
     for k, body in enumerate(frames.bodies):
         np.testing.assert_array_equal(frames.values[:, body.at : body.at + 7], poses[:, k])
-    assert [arrow.label for arrow in frames.arrows] == [f"force on {name}" for name in fake_planner.EFFECTORS]
-    for k, arrow in enumerate(frames.arrows):
+    momentum, *arrows = frames.arrows
+    assert momentum.shaft.startswith(MOMENTUM)
+    assert [arrow.label for arrow in arrows] == [f"force on {name}" for name in fake_planner.EFFECTORS]
+    for k, arrow in enumerate(arrows):
         np.testing.assert_array_equal(frames.values[:, arrow.at : arrow.at + 6], forces[:, k])
 
 
@@ -43,6 +49,48 @@ def test_centre_of_mass_needs_its_columns() -> None:
     del columns["com_az_m_s2"]
     with pytest.raises(ValueError, match="centre of mass"):
         com_m(columns, np.array([0.0]))
+
+
+def test_the_momentum_stands_at_the_centre_of_mass_in_metres_per_newton_metre_second() -> None:
+    _, frames = read_plan(fake_planner.plan_files(SCENARIO))
+    arrow = frames.arrows[0]
+    assert arrow.at == frames.points[0].at
+    shown_m = ARROW_M_PER_N * frames.values[:, arrow.at + 3 : arrow.at + 6]
+    assert np.allclose(shown_m[:, 1], MOMENTUM_M_PER_NMS * np.sin(frames.time_s), atol=1e-4)
+    assert not shown_m[:, [0, 2]].any()
+
+
+def test_the_momentum_is_that_of_the_motion_where_there_is_one() -> None:
+    columns = fake_planner.centroidal(SCENARIO)
+    motion = {"time_s": columns["time_s"], **{f"l_{axis}_nms": columns["time_s"] for axis in "xyz"}}
+    frames = plan_frames(SCENARIO, columns, None, motion)
+    assert np.allclose(ARROW_M_PER_N * frames.values[:, 3], MOMENTUM_M_PER_NMS * frames.time_s, atol=1e-5)
+    bare = {name: values for name, values in columns.items() if not name.startswith("l_")}
+    assert len(plan_frames(SCENARIO, bare, None).arrows) == len(fake_planner.EFFECTORS)
+
+
+def test_a_cone_stands_where_the_force_acts_while_its_contact_is_loaded() -> None:
+    _, frames = read_plan(fake_planner.plan_files(SCENARIO))
+    at = {arrow.label: arrow.at for arrow in frames.arrows}
+    shown = {point.name: point.at for point in frames.points if point.name.startswith(GROUP)}
+    placed = touches(SCENARIO)
+    assert shown == {f"{GROUP}{touch.number}": at[f"force on {touch.effector}"] for touch in placed}
+    spans = {span.name: (span.start_s, span.end_s) for span in frames.spans}
+    assert {spans[f"{GROUP}{touch.number}"] == (touch.start_s, touch.end_s) for touch in placed} == {True}
+    without = {k: v for k, v in fake_planner.centroidal(SCENARIO).items() if not k.startswith("friction_")}
+    assert cones(SCENARIO, without) == ()
+    coned = plan_frames(SCENARIO, fake_planner.centroidal(SCENARIO), None)
+    assert plan_frames(SCENARIO, without, None).values.shape == coned.values.shape, "cones need no numbers of their own"
+
+
+def test_a_cone_is_as_wide_as_its_friction() -> None:
+    found = cones(SCENARIO, fake_planner.centroidal(SCENARIO))
+    assert {cone.touch.effector: cone.friction for cone in found} == fake_planner.FRICTION
+    vertices, faces = shapes.funnel(0.5, 0.4)
+    assert np.hypot(*vertices[: shapes.RIM_STEPS, :2].T) == pytest.approx(0.5 * 0.4)
+    assert vertices[: shapes.RIM_STEPS, 2] == pytest.approx(0.4)
+    assert not vertices[shapes.RIM_STEPS].any()
+    assert faces.max() < len(vertices)
 
 
 def test_a_contact_is_there_in_its_phases() -> None:

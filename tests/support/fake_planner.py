@@ -48,6 +48,7 @@ REFERENCE: list[LinkPose] = [
 ]  # fmt: skip
 """Where the links are in the reference posture, in the order of ``LINKS``."""
 EFFECTORS = fake_reach.EFFECTORS
+FRICTION = {effector: 0.3 if "foot" in effector else 0.7 for effector in EFFECTORS}
 HALF_M = (0.10, 0.06)
 DISPLAY_HZ, NODES_HZ = 50.0, 20.0
 REFUSED_BEYOND_M = 0.4
@@ -169,7 +170,11 @@ def centroidal(given: Scenario) -> dict[str, np.ndarray]:
     for effector in EFFECTORS:
         for k in range(1 if effector == "right_hand" else 4):
             columns |= {f"f_{effector}_{k}_{axis}_n": zero + (100.0 if axis == "z" else 0.0) for axis in "xyz"}
-    return columns
+    touching = [{contact.effector for contact in phase.contacts} for phase in given.phases]
+    for effector in EFFECTORS:
+        there = np.array([effector in touching[int(k)] for k in columns["phase"]])
+        columns[f"friction_{effector}"] = np.where(there, FRICTION[effector], 0.0)
+    return columns | {"l_x_nms": zero, "l_y_nms": np.sin(t), "l_z_nms": zero}
 
 
 def plan_files(given: Scenario, *, whole_body: bool = True) -> dict[str, bytes]:

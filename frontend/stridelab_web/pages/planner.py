@@ -13,8 +13,10 @@ from stridelab_web import strips
 from stridelab_web.documents import Document
 from stridelab_web.footholds import facts, half_sizes, side
 from stridelab_web.frames import Frames
+from stridelab_web.friction_cones import GROUP as CONES
 from stridelab_web.pages.render import page
 from stridelab_web.plan_files import SCENARIO, needed, read_plan
+from stridelab_web.plan_frames import MOMENTUM, MOMENTUM_M_PER_NMS
 from stridelab_web.reach_places import GROUP, SHOWN_MASS
 from stridelab_web.service import client_of
 from stridelab_web.strips import Bar, Layer, Row
@@ -36,7 +38,13 @@ async def plan(request: Request, job_id: str) -> Response:
         raise HTTPException(409, f"This plan is {words(job.state)}: there is nothing to show yet.")
     result = await client.result(job.id)
     scenario = Scenario.model_validate_json(await client.read_artifact(job.id, SCENARIO))
-    layers = [Layer("/forces/", "Forces"), Layer("/contacts/", "Contacts"), Layer("/paths/", "Path")]
+    layers = [
+        Layer("/forces/", "Forces"),
+        Layer(CONES, "Cones", False, "Friction cones of the contacts that are loaded: a force must lie inside"),
+        Layer("/contacts/", "Contacts"),
+        Layer("/paths/", "Path"),
+        Layer(MOMENTUM, "Angular momentum", False, f"About the centre of mass; {MOMENTUM_M_PER_NMS} m per N m s"),
+    ]
     if "poses.f32" in needed(result):
         layers.insert(0, Layer("/robot/", "Robot"))
     if await _learned(client, scenario.robot):

@@ -16,7 +16,7 @@ from stridelab.schemas.robots import Measure, RobotFacts
 from stridelab_web.documents import Document, DocumentKind
 from stridelab_web.footholds import HalfSizes, half_sizes
 from stridelab_web.frames import Frames
-from stridelab_web.plan_files import needed, read_plan
+from stridelab_web.plan_files import needed, read_cones, read_plan
 from stridelab_web.result_tables import frames_of, shown_in_scene
 from stridelab_web.viewer import gait_scene, planner_scene, robot_scene
 from stridelab_web.viewer.robot_links import read_links
@@ -72,10 +72,11 @@ def kinds(client: Client) -> Mapping[DocumentKind, Kind]:
         gait_scene.build(server, recording, _recording_frames(client, document, recording))
 
     def build_plan(server: viser.ViserServer, document: Document, result: Any) -> None:
-        scenario, frames = read_plan({name: client.read_artifact(document.id, name) for name in needed(result)})
+        files = {name: client.read_artifact(document.id, name) for name in needed(result)}
+        scenario, frames = read_plan(files)
         meshes = links(scenario.robot) if frames.bodies else {}
         seen = reach(scenario.robot, result.input.get("measure"))
-        planner_scene.build(server, scenario, sizes(scenario.robot), frames, meshes, seen)
+        planner_scene.build(server, scenario, sizes(scenario.robot), frames, read_cones(files), meshes, seen)
 
     def build_scenario(server: viser.ViserServer, _: Document, stored: Any) -> Live:
         facts = robot(stored.robot)

@@ -1,6 +1,6 @@
 """The scene of a plan: terrain, robot, contacts, forces, and the path of the centre of mass."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import trimesh
@@ -10,7 +10,8 @@ from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.scenarios import RailSurface, Scenario
 from stridelab_web.footholds import HalfSizes, side
 from stridelab_web.frames import Frames
-from stridelab_web.plan_frames import COM
+from stridelab_web.friction_cones import Cone
+from stridelab_web.plan_frames import COM, MOMENTUM
 from stridelab_web.reach_places import reach_places, surfaces
 from stridelab_web.touches import box_corners_m, touches
 from stridelab_web.viewer import shapes
@@ -21,11 +22,14 @@ from stridelab_web.viewer.terrain import add_terrain, is_ground
 
 COM_COLOUR: Colour = (20, 30, 40)
 FORCE: Colour = (170, 51, 119)
+MOMENTUM_COLOUR: Colour = (0, 121, 92)
 COM_LIGHT: Colour = (255, 255, 255)
 COM_RADIUS_M, PATH_RADIUS_M = 0.05, 0.006
 """The ball bears the usual sign of a centre of mass; the page draws both over the body (static/js/scene.js)."""
 AMBIENT = 1.1
 REACH_OPACITY = 0.2
+CONE_OPACITY, CONE_M = 0.35, 0.45
+"""A cone ends below the tip of the arrow of a force that carries the body."""
 RIGHT_FRONT = np.array([0.3, -1.0, 0.42])
 """Where a robot that walks along x is looked at from."""
 BODY_M = (0.45, 0.45, 1.75)
@@ -40,6 +44,7 @@ def build(
     scenario: Scenario,
     sizes: HalfSizes,
     frames: Frames,
+    cones: Iterable[Cone],
     meshes: Mapping[str, trimesh.Trimesh],
     reach: RobotReachability | None,
 ) -> None:
@@ -51,7 +56,8 @@ def build(
     _add_reach(scene, scenario, reach)
     add_robot(scene, [body.name.removeprefix("/robot/") for body in frames.bodies], meshes)
     for arrow in frames.arrows:
-        add_arrow(scene, arrow, FORCE)
+        add_arrow(scene, arrow, MOMENTUM_COLOUR if arrow.shaft.startswith(MOMENTUM) else FORCE)
+    _add_cones(scene, cones)
     add_path(scene, "/paths/com", frames.track("/paths/com"), COM_COLOUR, PATH_RADIUS_M)
     add_com(scene, COM)
     place_camera(server, sights_m(scenario), turned(scenario, RIGHT_FRONT))
@@ -62,6 +68,15 @@ def add_com(scene: viser.SceneApi, name: str) -> None:
     dark, light = shapes.octants(COM_RADIUS_M)
     add_mesh(scene, name, dark, COM_COLOUR, side="front")
     add_mesh(scene, f"{name}/light", light, COM_LIGHT, side="front")
+
+
+def _add_cones(scene: viser.SceneApi, cones: Iterable[Cone]) -> None:
+    """Each with its tip in the contact, turned as its surface; the page moves the tip to where the force acts."""
+    for cone in cones:
+        contact = cone.touch.contact
+        mesh = shapes.funnel(cone.friction, CONE_M)
+        handle = add_mesh(scene, cone.name, mesh, COLOURS[side(contact.effector)], opacity=CONE_OPACITY)
+        handle.position, handle.wxyz = contact.position_m, contact.orientation_wxyz
 
 
 def _add_reach(scene: viser.SceneApi, scenario: Scenario, reach: RobotReachability | None) -> None:

@@ -8,6 +8,8 @@ import trimesh
 SIDES = 10
 TUBE_SIDES = 6
 RIM_STEPS = 48
+RIM_SHARE = 0.01
+"""Thickness of a funnel's rim over its height."""
 OCTANT_STEPS = 6
 """Patches along each edge of an eighth of a sphere."""
 Mesh = tuple[np.ndarray, np.ndarray]
@@ -31,6 +33,15 @@ def cone(radius_m: float, height_m: float) -> Mesh:
     sides = np.column_stack([k, after, np.full(SIDES, SIDES)])
     bottom = np.column_stack([after, k, np.full(SIDES, SIDES + 1)])
     return vertices.astype(np.float32), np.concatenate([sides, bottom]).astype(np.uint32)
+
+
+def funnel(slope: float, height_m: float) -> Mesh:
+    """An open cone with its tip in the origin, ``slope`` times as wide as high around the z axis, and its rim."""
+    rim = np.column_stack([slope * height_m * _ring(RIM_STEPS), np.full(RIM_STEPS, height_m)])
+    k = np.arange(RIM_STEPS)
+    sides = np.column_stack([k, (k + 1) % RIM_STEPS, np.full(RIM_STEPS, RIM_STEPS)])
+    wall = np.concatenate([rim, np.zeros((1, 3))]).astype(np.float32), sides.astype(np.uint32)
+    return together([wall, tube(np.concatenate([rim, rim[:1]]), RIM_SHARE * height_m)])
 
 
 def tube(path_m: np.ndarray, radius_m: float, sides: int = TUBE_SIDES) -> Mesh:

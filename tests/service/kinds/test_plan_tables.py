@@ -22,6 +22,7 @@ def test_centroidal_has_the_contracts_columns_and_units(tmp_path: Path) -> None:
     expected = ["time_s", "phase", *(f"com_{a}_m" for a in AXES), *(f"com_v{a}_m_s" for a in AXES)]
     expected += [*(f"com_a{a}_m_s2" for a in AXES), *(f"l_{a}_nms" for a in AXES)]
     expected += [f"f_{foot}_{k}_{a}_n" for foot in ("left_foot", "right_foot") for k in range(4) for a in AXES]
+    expected += ["friction_left_foot", "friction_right_foot"]
     assert table.column_names == expected
     units = read_about(tmp_path / "centroidal.parquet")["units"]
     told = {"com_x_m": "m", "com_vx_m_s": "m/s", "com_ax_m_s2": "m/s^2", "l_x_nms": "N m s", "f_left_foot_0_x_n": "N"}
@@ -42,6 +43,8 @@ def test_what_is_constant_over_an_interval_stands_at_its_start_and_the_last_row_
     # the force changes at the node at which the foot leaves: corner 3 carries 4 of 10 parts of half the weight
     right = columns["f_right_foot_3_z_n"]
     assert right[at - 1 : at + 1] == pytest.approx([880.0 * 0.5 * 0.4, 0.0])
+    friction = plan.sequence.phases[0].contacts["right_foot"].friction
+    assert columns["friction_right_foot"][at - 1 : at + 1].tolist() == [friction, 0.0]
     for name in ("phase", "com_ax_m_s2", "f_left_foot_0_y_n"):
         assert columns[name][-1] == columns[name][-2]
     assert columns["com_x_m"][-1] == plan.com_m[-1, 0]

@@ -29,6 +29,7 @@ export class Nodes {
     this.viser = null;
     this.own = new WeakMap();
     this.colours = new WeakMap();
+    this.clear = new WeakMap();
     this.seen = new Map();
   }
 
@@ -77,7 +78,8 @@ export class Nodes {
     this.viser.nodeRefFromName[name]?.traverse((part) => {
       if (!part.material) return;
       part.material.depthTest = turn === 0;
-      part.material.transparent = turn > 0; // three.js draws these after the opaque ones, and by their turn
+      if (!this.clear.has(part.material)) this.clear.set(part.material, part.material.transparent);
+      part.material.transparent = turn > 0 || this.clear.get(part.material); // drawn after the opaque ones, by their turn
       part.renderOrder = turn;
     });
   }

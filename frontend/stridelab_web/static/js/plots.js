@@ -9,11 +9,9 @@ const STYLES = {
   line1: { color: BLUE, width: 2 }, line2: { color: ORANGE, width: 1.6 }, line3: { color: ORANGE, width: 1.6, dash: "dash" },
   line4: { color: "#00795c", width: 1.6 }, line5: { color: "#00795c", width: 1.6, dash: "dash" }, line6: { color: "#a3478c", width: 1.6, dash: "dashdot" },
   line7: { color: GREY, width: 1.6, dash: "dot" }, line8: { color: "#1c2733", width: 1.2, dash: "longdash" },
+  full1: { color: BLUE, width: 1.8 }, full2: { color: ORANGE, width: 1.8 }, full3: { color: GREY, width: 1.8 }, full4: { color: "#a3478c", width: 1.8 },
+  dashed1: { color: BLUE, width: 1.8, dash: "dash" }, dashed2: { color: ORANGE, width: 1.8, dash: "dash" }, dashed3: { color: GREY, width: 1.8, dash: "dash" }, dashed4: { color: "#a3478c", width: 1.8, dash: "dash" },
 };
-for (const [k, color] of [BLUE, ORANGE, GREY, "#a3478c"].entries()) {
-  STYLES[`full${k + 1}`] = { color, width: 1.8 };
-  STYLES[`dashed${k + 1}`] = { color, width: 1.8, dash: "dash" };
-}
 const SAMPLE_OF_DASH = { solid: "━━", dash: "╍╍", dot: "┈┈" };
 const ROUND = [-2, -1, 0, 1, 2].flatMap((power) => [1, 2, 5].map((digit) => digit * 10 ** power));
 const ROW_PX = 170, GAP_PX = 26, TOP_PX = 10, BOTTOM_PX = 46, LETTER_PX = 8, SAMPLE_PX = 44;

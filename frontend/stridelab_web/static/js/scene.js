@@ -8,7 +8,8 @@ export class Scene {
     this.layout = layout;
     this.values = values;
     // What a robot's body would hide, and whether it is drawn over the body.
-    const within = [...layout.arrows.flatMap(([shaft, head]) => [shaft, head]), ...layout.still.filter((name) => name.startsWith("/paths/")), ...COM];
+    const cones = layout.points.map(([name]) => name).filter((name) => name.startsWith("/cones/"));
+    const within = [...cones, ...layout.arrows.flatMap(([shaft, head]) => [shaft, head]), ...layout.still.filter((name) => name.startsWith("/paths/")), ...COM];
     this.inside = layout.bodies.length ? within : [];
     this.through = true;
     this.magnified = 1;

@@ -17,7 +17,8 @@ def centroidal_columns(plan: CentroidalPlan) -> Columns:
     """Columns of ``centroidal``, one row per node.
 
     What is constant over an interval (phase, acceleration, forces) stands in the row of the node at which the interval
-    begins; the last node repeats the last interval. Forces are zero where a point does not touch.
+    begins; the last node repeats the last interval. Forces, and ``friction_<effector>``, the coefficient of
+    the surface, are zero where an effector does not touch.
     """
     columns: Columns = {"time_s": plan.time_s, "phase": _at_nodes(plan.phase)}
     columns |= _xyz("com_{}_m", plan.com_m)
@@ -27,6 +28,8 @@ def centroidal_columns(plan: CentroidalPlan) -> Columns:
     for effector, forces in plan.forces_n.items():
         for k in range(forces.shape[1]):
             columns |= _xyz(f"f_{effector}_{k}_{{}}_n", _at_nodes(forces[:, k]))
+    for effector in plan.forces_n:
+        columns[f"friction_{effector}"] = _at_nodes(_friction(plan, effector))
     return columns
 
 
@@ -53,6 +56,14 @@ def phases(sequence: ContactSequence, time_s: Series) -> Int[np.ndarray, "n"]:
     """Contact phase at every instant; a boundary belongs to the phase that begins there."""
     found = np.searchsorted(sequence.ends_s, time_s + _SAME_INSTANT_S, side="right")
     return np.minimum(found, len(sequence.phases) - 1)
+
+
+def _friction(plan: CentroidalPlan, effector: str) -> Series:
+    """Coefficient per interval."""
+    of_phase = [
+        phase.contacts[effector].friction if effector in phase.contacts else 0.0 for phase in plan.sequence.phases
+    ]
+    return np.asarray(np.array(of_phase)[plan.phase])
 
 
 def _at_nodes(per_interval: np.ndarray) -> np.ndarray:
