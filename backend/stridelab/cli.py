@@ -247,7 +247,7 @@ app.command(name="learn-reachability")(learn_reachability)
 @app.command()
 def reproduce(
     item: Annotated[
-        str, typer.Argument(help="A figure: fig-2.2, fig-2.5 to fig-2.9, fig-3.4 to fig-3.10, fig-4.2 to fig-4.7.")
+        str, typer.Argument(help="fig-2.2, fig-2.5 to fig-2.9, fig-3.4 to fig-3.10, fig-4.2 to fig-4.9, table-4.1.")
     ],
     seeds: Annotated[int | None, typer.Option("--seeds", help="Simulated walks to repeat it on, 1 to 200.")] = None,
     out_dir: OutFolder = None,

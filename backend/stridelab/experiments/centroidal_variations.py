@@ -29,7 +29,6 @@ from stridelab.contacts.stairs import (
     CLIMBING,
     HOLDING_ON,
     STRIDING,
-    HandRail,
     Stairs,
     climb,
     long_stride,
@@ -39,6 +38,7 @@ from stridelab.contacts.terrain import Terrain
 from stridelab.contacts.validation import check
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import StridelabError
+from stridelab.experiments.thesis_experiments import RAILS
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
 
@@ -46,9 +46,6 @@ Experiment = Literal["stride", "stairs", "rail"]
 EXPERIMENTS: Final[tuple[Experiment, ...]] = ("stride", "stairs", "rail")
 Ending = Literal["converged", "infeasible", "stuck", "broken"]
 WALKERS: Final = (TALOS, HRP2)
-RAILS: Final = {"talos": HandRail(), "hrp2": HandRail(ahead_m=0.22, height_m=0.60, y_m=-0.45)}
-"""Within reach of either arm."""
-
 STRIDE: Final = (0.6, 1.05)
 PACE: Final = (0.75, 1.3)
 HEIGHT_M: Final = (0.0, 0.18)

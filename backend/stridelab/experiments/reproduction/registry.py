@@ -27,9 +27,12 @@ from stridelab.experiments.reproduction import (
     fig_4_5,
     fig_4_6,
     fig_4_7,
+    fig_4_8,
+    fig_4_9,
     flight,
     lag,
     partial_force,
+    table_4_1,
 )
 from stridelab.experiments.reproduction.item import Item, Reproduction, Tell
 
@@ -53,6 +56,9 @@ _FIGURES: Final = (
     fig_4_5,
     fig_4_6,
     fig_4_7,
+    fig_4_8,
+    fig_4_9,
+    table_4_1,
 )
 _TABLES: Final = (errors, lag, coverage, partial_force, flight)
 ITEMS: Final[Mapping[str, Item]] = MappingProxyType({m.ITEM.name: m.ITEM for m in (*_FIGURES, *_TABLES)})
