@@ -2,18 +2,26 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 from rich.markup import escape
 
 from stridelab.cli_console import out, progress_bar
+from stridelab.cli_options import PlanSolver, PostureMeasure
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_playback import PAGE_FILE, write_page
 from stridelab.cli_result import show_files, show_json, show_remarks, write_result
 from stridelab.cli_scenario import read_scenario
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.schemas.jobs import JobResult
-from stridelab.schemas.plans import PLAN_STAGES, CertificateCheck, PlanMotionInput, PlanMotionSummary, ReplaySummary
+from stridelab.schemas.plans import (
+    PLAN_STAGES,
+    TIME_LIMIT_S,
+    CertificateCheck,
+    Formulation,
+    PlanMotionInput,
+    PlanMotionSummary,
+    ReplaySummary,
+)
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.tasks import PlanMotionTask
 
@@ -25,12 +33,22 @@ class PlanRequest:
     scenario: str
     whole_body: bool = True
     replay: bool | None = None
-    measure: Literal["uniform", "conditioned"] | None = None
+    measure: PostureMeasure | None = None
+    formulation: Formulation = "forces"
+    solver: PlanSolver = "auto"
+    node_rate_hz: float = 10.0
+    time_limit_s: float | None = None
 
     def __post_init__(self) -> None:
         if self.replay and not self.whole_body:
             fault = Fault("--replay", "contradicts --no-whole-body")
             raise InvalidInput("option-invalid", "Only a motion of the whole body can be replayed.", [fault])
+        if self.time_limit_s is not None and not 0.0 < self.time_limit_s <= TIME_LIMIT_S:
+            fault = Fault("--time-limit", f"must be above 0 and at most {TIME_LIMIT_S:.0f} s")
+            raise InvalidInput("option-invalid", f"A solver cannot be given {self.time_limit_s:g} s.", [fault])
+        if self.time_limit_s is not None and self.solver == "fatrop":
+            fault = Fault("--time-limit", "is for ipopt")
+            raise InvalidInput("option-invalid", "fatrop counts iterations and has no time limit.", [fault])
 
     @property
     def title(self) -> str:
@@ -41,7 +59,16 @@ class PlanRequest:
         """Input of the job, for a scenario or, without one, for that of this id."""
         source = {"scenario_id": self.scenario} if scenario is None else {"scenario": scenario}
         replay = self.whole_body if self.replay is None else self.replay
-        return PlanMotionInput(**source, whole_body=self.whole_body, replay=replay, measure=self.measure)
+        return PlanMotionInput(
+            **source,
+            whole_body=self.whole_body,
+            replay=replay,
+            measure=self.measure,
+            formulation=self.formulation,
+            solver=self.solver,
+            node_rate_hz=self.node_rate_hz,
+            time_limit_s=self.time_limit_s,
+        )
 
 
 def plan(

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from stridelab.cli_options import AsJson, Force, OutFolder, PostureMeasure, Server, Token
+from stridelab.cli_options import AsJson, Force, OutFolder, PlanSolver, PostureMeasure, Server, Token
+from stridelab.schemas.plans import NODE_RATE_HZ, Formulation
 
 OutFile = Annotated[Path | None, typer.Option("--out-file", help="The file to write; must not exist yet.")]
 ForceFile = Annotated[bool, typer.Option("--force", help="Replace that file.")]
@@ -26,6 +27,18 @@ def plan(
     measure: Annotated[
         PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")
     ] = None,
+    formulation: Annotated[
+        Formulation, typer.Option("--formulation", help="The control: forces in pyramids or in cones, or the wrench.")
+    ] = "forces",
+    solver: Annotated[
+        PlanSolver, typer.Option("--solver", help="The solver; auto asks fatrop where ipopt fails.")
+    ] = "auto",
+    node_rate: Annotated[
+        float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
+    ] = 10.0,
+    time_limit: Annotated[
+        float | None, typer.Option("--time-limit", help="Seconds after which ipopt gives up, at most 300.")
+    ] = None,
     out_dir: OutFolder = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -36,7 +49,16 @@ def plan(
     from stridelab.cli_plan import PlanRequest
     from stridelab.cli_plan import plan as run
 
-    request = PlanRequest(scenario, whole_body=not no_whole_body, replay=replay, measure=measure)
+    request = PlanRequest(
+        scenario,
+        whole_body=not no_whole_body,
+        replay=replay,
+        measure=measure,
+        formulation=formulation,
+        solver=solver,
+        node_rate_hz=node_rate,
+        time_limit_s=time_limit,
+    )
     run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
 
 

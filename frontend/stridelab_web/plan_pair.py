@@ -10,7 +10,7 @@ from stridelab.schemas.plans import CertificateSummary, PlanMotionSummary, Repla
 from stridelab_web.plan_costs import REGULARISERS, WRENCH, in_order, seconds, term_name, weight_of
 from stridelab_web.plan_frames import com_m
 from stridelab_web.tables import Columns
-from stridelab_web.words import check_name, measured
+from stridelab_web.words import check_name, measured, words
 
 DASH: Final = "–"
 SAME_S: Final = 1e-6
@@ -28,17 +28,17 @@ class PlanFacts:
     @property
     def wrench(self) -> bool:
         """Whether the wrench was its control."""
-        return bool(self.input.get("formulation") == WRENCH)
+        return self.summary.formulation == WRENCH
 
     @property
     def control(self) -> str:
         """Name of its control."""
-        return "wrench" if self.wrench else "forces"
+        return words(self.summary.formulation or "forces")
 
     @property
     def measure(self) -> str:
         """Which densities it used."""
-        return str(self.input.get("measure") or "default")
+        return self.summary.measure or str(self.input.get("measure") or "default")
 
 
 @dataclass(frozen=True)
@@ -71,11 +71,13 @@ def pair_remarks(first: PlanFacts, second: PlanFacts) -> list[str]:
             f"The densities differ ({first.measure} and {second.measure}): likelihoods, and with them the objective, "
             "cannot be compared."
         )
-    if first.wrench != second.wrench:
+    if first.control != second.control:
         found.append(
-            "The controls differ. The objective (4.20a) is the same formula for both, but the wrench must stay in a "
-            "smaller cone, and only the plan with the forces as control had their weight in what it minimised."
+            f"The controls differ ({first.control} and {second.control}): the objective (4.20a) is the same formula "
+            "for both, but each keeps the forces in cones of its own, so that the optima need not agree."
         )
+    if first.wrench != second.wrench:
+        found.append("What the forces weigh was minimised with the forces as control only, not with the wrench.")
     return found
 
 
@@ -89,10 +91,12 @@ def pair_rows(first: PlanFacts, second: PlanFacts) -> list[PairRow]:
         rows.append(_cost(key, term_name(key), a.cost_terms.get(key), b.cost_terms.get(key), note))
     rows += [
         _words("control", "Control", first.control, second.control),
+        _row("node_rate_hz", "Nodes per second", a.node_rate_hz, b.node_rate_hz, ""),
         _words("solver", "Solver", a.solver, b.solver),
         _row("iterations", "Iterations", a.iterations, b.iterations, ""),
         _row("solve_time_s", "Solved in", a.solve_time_s, b.solve_time_s, "s"),
         _row("build_time_s", "Built in", a.build_time_s, b.build_time_s, "s"),
+        _row("kkt_error", "First-order conditions, violated by", a.kkt_error, b.kkt_error, ""),
         _row("duration_s", "Motion", a.duration_s, b.duration_s, "s"),
     ]
     return [*rows, *_certificates(a, b), *_replays(a, b)]

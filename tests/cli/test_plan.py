@@ -1,18 +1,21 @@
 """``stridelab plan`` and ``demo``: what a run here writes and shows, and what is asked of a service."""
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from stridelab import cli_demo, cli_remote
+from stridelab.cli import app
 from stridelab.cli_plan import PlanRequest, plan, show_plan
 from stridelab.cli_playback import write_page
 from stridelab.client import ProblemError
 from stridelab.errors import Conflict, InvalidInput, NotEstimable
 from stridelab.schemas.jobs import JobResult
-from stridelab.schemas.plans import PlanMotionSummary
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary
 from stridelab.service.jobs.kinds import plan_motion
 from support.planning import changed, plan_task, short_walk
 from support.quiet import quiet
@@ -65,6 +68,33 @@ def test_a_replay_goes_with_the_whole_body() -> None:
     with pytest.raises(InvalidInput) as refusal:
         PlanRequest("x", whole_body=False, replay=True)
     assert refusal.value.faults[0].where == "--replay"
+
+
+def test_options_of_the_solver_are_those_of_the_job() -> None:
+    options = {"formulation": "wrench", "solver": "ipopt", "node_rate_hz": 20.0, "time_limit_s": 5.0}
+    made = PlanRequest("x", **options).of(short_walk())  # type: ignore[arg-type]
+    assert {name: getattr(made, name) for name in options} == options
+    plain = PlanRequest("x").of(short_walk())
+    assert plain == PlanMotionInput(scenario=short_walk(), replay=True)
+
+
+@pytest.mark.parametrize(
+    "options", [{"time_limit_s": 0.0}, {"time_limit_s": 1e4}, {"time_limit_s": 5.0, "solver": "fatrop"}]
+)
+def test_a_time_limit_that_cannot_be_is_named(options: dict[str, Any]) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        PlanRequest("x", **options)
+    assert refusal.value.faults[0].where == "--time-limit"
+
+
+@pytest.mark.parametrize(
+    ("option", "value"),
+    [("--formulation", "moments"), ("--solver", "native"), ("--node-rate", "0.5"), ("--node-rate", "nan")],
+)
+def test_an_unknown_value_is_named_on_the_command_line(walk: str, option: str, value: str) -> None:
+    answer = CliRunner().invoke(app, ["plan", walk, option, value])
+    assert answer.exit_code == 2
+    assert option in re.sub(r"\x1b\[[0-9;]*m", "", answer.output)
 
 
 def test_a_scenario_that_cannot_be_leaves_nothing(tmp_path: Path) -> None:

@@ -17,8 +17,8 @@ from support.fake_service import FakeService
 Browse = Callable[[str], httpx.Response]
 
 
-def facts(given: dict[str, Any] | None = None, *, whole_body: bool = True, **changes: Any) -> PlanFacts:
-    return PlanFacts(given or {}, fake_planner.plan_summary(whole_body=whole_body).model_copy(update=changes))
+def facts(*, whole_body: bool = True, **changes: Any) -> PlanFacts:
+    return PlanFacts({}, fake_planner.plan_summary(whole_body=whole_body).model_copy(update=changes))
 
 
 def rows(first: PlanFacts, second: PlanFacts) -> dict[str, PairRow]:
@@ -64,19 +64,20 @@ def test_what_only_one_plan_has_is_not_compared() -> None:
         (facts(duration_s=6.0), set(), {"objective", "com_acceleration", "point_force"}, "5.00 s and 6.00 s"),
         (facts(robot="rare"), set(), {"objective", "com_acceleration"}, "The robots differ"),
         (
-            facts({"measure": "uniform"}), {"com_acceleration", "surface_force"},
+            facts(measure="uniform"), {"com_acceleration", "surface_force"},
             {"objective", "log_density_left_foot"}, "The densities differ",
         ),
         (
-            facts({"formulation": "wrench"}), {"objective", "log_density_left_foot"},
-            {"point_force", "surface_force"}, "The controls differ",
+            facts(formulation="wrench"), {"objective", "log_density_left_foot"},
+            {"point_force", "surface_force"}, "The controls differ (forces and wrench)",
         ),
+        (facts(formulation="circular-cones"), {"objective", "point_force"}, set(), "(forces and circular cones)"),
         (
             facts(weights=fake_planner.WEIGHTS.model_copy(update={"momentum_rate": 1.0})), {"com_acceleration"},
             {"objective", "momentum_rate"}, "",
         ),
     ],
-    ids=["time", "robot", "densities", "control", "weights"],
+    ids=["time", "robot", "densities", "control", "cones", "weights"],
 )  # fmt: skip
 def test_figures_that_cannot_be_compared_have_no_difference(
     other: PlanFacts, kept: set[str], not_compared: set[str], said: str

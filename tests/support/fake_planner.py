@@ -207,7 +207,8 @@ def plan_result(given: dict[str, Any], files: dict[str, bytes]) -> JobResult:
         input=given,
         versions={},
         references=[],
-        summary=plan_summary(whole_body="poses.json" in files).model_dump(mode="json"),
+        summary=plan_summary(whole_body="poses.json" in files).model_dump(mode="json")
+        | {"formulation": given.get("formulation", "forces")},
         artifacts=artifacts,
     )
 
@@ -230,7 +231,8 @@ def plan_summary(*, whole_body: bool) -> PlanMotionSummary:
     )  # fmt: skip
     return PlanMotionSummary(
         scenario_name="Two steps", robot="boxes", duration_s=5.0, n_phases=9, converged=True, solver="ipopt",
-        objective=-14.467, cost_terms=COST_TERMS, weights=WEIGHTS, iterations=18, solve_time_s=0.55, build_time_s=0.32,
+        objective=-14.467, cost_terms=COST_TERMS, weights=WEIGHTS, formulation="forces",
+        measure="conditioned", node_rate_hz=10.0, kkt_error=3.2e-7, iterations=18, solve_time_s=0.55, build_time_s=0.32,
         verification=PlanVerification(dynamics_gap=0, terminal_gap=0, cone_margin_n=1, normal_force_min_n=1),
         stage_times_s={"export": 1.0, "check": 0.5, "centroidal": 2.5},
         certificate=CertificateSummary(passed=False, checks=checks) if whole_body else None,

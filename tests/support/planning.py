@@ -33,5 +33,5 @@ def plan_with_a_hanging_solver(task: dict[str, Any], folder: Path, progress: Any
     """``plan-motion`` in a child whose solver is a native call that never returns."""
     from stridelab.service.jobs.kinds import plan_motion
 
-    plan_motion.solve = lambda _problem: ctypes.PyDLL(None).sleep(600)
+    plan_motion.solve = lambda *_args, **_options: ctypes.PyDLL(None).sleep(600)
     return plan_motion.run_in_child(task, folder, progress)

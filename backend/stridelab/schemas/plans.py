@@ -10,17 +10,29 @@ from stridelab.schemas.scenarios import Friction, OneLine, Scenario, ScenarioCon
 PLAN_STAGES: Final = ("check", "reachability", "centroidal", "whole body", "certificate", "replay", "export")
 """Stages of ``plan-motion`` in their order: keys of ``stage_times_s``, first words of its progress messages."""
 
+Formulation = Literal["forces", "circular-cones", "wrench"]
+NODE_RATE_HZ: Final = (2.0, 50.0)
+"""Fewest and most nodes per second that can be asked for."""
+TIME_LIMIT_S: Final = 300.0
+"""Longest time that a solver can be given; the job itself ends after ten minutes."""
+
 
 class PlanMotionInput(Contract):
     """Input of ``plan-motion``: a stored scenario or a whole one, never both.
 
-    ``measure`` chooses among the bundled reachability densities; null takes the default one.
+    ``formulation`` is the control: ``forces`` of the contact points in pyramids, the same in ``circular-cones``, or the
+    ``wrench`` of all contacts in one cone. ``solver``: ``auto`` asks ipopt, and fatrop where that fails; ``casadi``
+    means the same. ``node_rate_hz`` are the nodes per second of every phase. ``time_limit_s`` (wall time) ends ipopt
+    in place of a minute; fatrop has no such limit and is then not asked. ``measure`` chooses among the bundled
+    reachability densities; null takes the default one.
     """
 
     scenario_id: str | None = None
     scenario: Scenario | None = None
-    formulation: Literal["forces", "wrench"] = "forces"
-    solver: Literal["auto", "native", "casadi"] = "auto"
+    formulation: Formulation = "forces"
+    solver: Literal["auto", "native", "casadi", "ipopt", "fatrop"] = "auto"
+    node_rate_hz: Annotated[float, Field(ge=NODE_RATE_HZ[0], le=NODE_RATE_HZ[1])] = 10.0
+    time_limit_s: Annotated[float, Field(gt=0.0, le=TIME_LIMIT_S)] | None = None
     free_durations: bool = False
     measure: Literal["uniform", "conditioned"] | None = None
     whole_body: bool = True
@@ -32,6 +44,8 @@ class PlanMotionInput(Contract):
             raise ValueError("give either scenario_id or scenario")
         if self.replay and not self.whole_body:
             raise ValueError("a replay needs whole_body")
+        if self.time_limit_s is not None and self.solver == "fatrop":
+            raise ValueError("time_limit_s: fatrop counts iterations only; ask ipopt")
         return self
 
 
@@ -100,7 +114,9 @@ class PlanMotionSummary(Contract):
 
     ``objective`` is the sum of ``cost_terms`` without ``surface_force`` and ``point_force``. These two are part of what
     the solver minimises with the contact forces as control; with the wrench they say what the forces cost that were
-    found for it afterwards. ``weights`` is null in results of versions that did not tell it.
+    found for it afterwards. ``formulation``, ``measure``, ``node_rate_hz``, ``weights`` and ``kkt_error`` (the largest
+    violation of the first-order conditions, in units of the solver) are null where the version of the result did not
+    tell them.
     """
 
     scenario_name: str
@@ -112,6 +128,10 @@ class PlanMotionSummary(Contract):
     objective: float
     cost_terms: dict[str, float]
     weights: CostWeights | None = None
+    formulation: Formulation | None = None
+    measure: Literal["uniform", "conditioned"] | None = None
+    node_rate_hz: float | None = None
+    kkt_error: float | None = None
     iterations: int
     solve_time_s: float
     build_time_s: float

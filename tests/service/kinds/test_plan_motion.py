@@ -10,8 +10,15 @@ import numpy as np
 import pinocchio as pin
 import pyarrow.parquet as pq
 import pytest
+from pydantic import ValidationError
 
-from stridelab.centroidal.problem import Weights
+from stridelab.centroidal.contact_wrench import ContactWrench
+from stridelab.centroidal.control import Control
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
+from stridelab.centroidal.problem import CentroidalProblem, Weights
+from stridelab.centroidal.solve import KKT_ERROR_MAX
+from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Tell
 from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.validation import judge
 from stridelab.conventions import g
@@ -74,6 +81,9 @@ def test_the_summary_says_what_every_stage_found(walked: Planned) -> None:
     assert (summary.converged, summary.robot, summary.n_phases) == (True, "talos", len(short_walk().phases))
     assert summary.duration_s == pytest.approx(sum(phase.duration_s for phase in short_walk().phases))
     assert list(summary.stage_times_s) == STAGES
+    assert (summary.formulation, summary.measure, summary.node_rate_hz) == ("forces", DEFAULT_MEASURE, 10.0)
+    assert summary.kkt_error is not None
+    assert summary.kkt_error <= KKT_ERROR_MAX
     assert summary.weights == CostWeights(**asdict(Weights()))
     beside = {"surface_force", "point_force"}
     assert summary.objective == pytest.approx(sum(v for name, v in summary.cost_terms.items() if name not in beside))
@@ -240,7 +250,6 @@ def refused(folder: Path, kind: type[StridelabError], scenario: Scenario | None 
 @pytest.mark.parametrize(
     ("asked", "code"),
     [
-        ({"formulation": "wrench"}, "formulation-unavailable"),
         ({"solver": "native"}, "solver-unavailable"),
         ({"free_durations": True}, "free-durations-unavailable"),
     ],
@@ -251,6 +260,68 @@ def test_what_this_version_has_not_is_refused_before_any_work(tmp_path: Path, as
         plan_motion.run(plan_task(**asked), tmp_path, told)
     assert failure.value.code == code
     assert told.messages == []
+
+
+@pytest.mark.parametrize(
+    ("asked", "control", "solver", "wall_s"),
+    [
+        ({}, PYRAMIDS, "auto", DEFAULT_LIMITS.wall_s),
+        ({"formulation": "circular-cones", "solver": "casadi"}, CircularCones(), "auto", DEFAULT_LIMITS.wall_s),
+        ({"formulation": "wrench", "solver": "fatrop"}, ContactWrench(), "fatrop", DEFAULT_LIMITS.wall_s),
+        ({"time_limit_s": 7.0}, PYRAMIDS, "ipopt", 7.0),
+    ],
+)
+def test_options_reach_the_solver(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: dict[str, Any], control: Control, solver: str, wall_s: float
+) -> None:
+    seen: list[Any] = []
+
+    def stopped(problem: CentroidalProblem, name: str, limits: Limits, *, tell: Tell) -> CentroidalPlan:
+        seen.extend((problem.control, problem.node_rate_hz, name, limits.wall_s))
+        tell(3, -1.25)
+        raise NotEstimable("stopped", "far enough")
+
+    monkeypatch.setattr(plan_motion, "solve", stopped)
+    told = Told()
+    with pytest.raises(NotEstimable, match="far enough"):
+        plan_motion.run(plan_task(node_rate_hz=12.5, **asked), tmp_path, told)
+    assert seen == [control, 12.5, solver, wall_s]
+    assert told.messages[-1] == "centroidal: iteration 3, cost -1.25"
+
+
+@pytest.mark.parametrize("asked", [{"formulation": "wrench"}, {"formulation": "circular-cones", "node_rate_hz": 20.0}])
+def test_every_control_plans(tmp_path: Path, asked: dict[str, Any]) -> None:
+    done = run(tmp_path, short_walk(), whole_body=False, **asked)
+    assert done.summary.converged
+    assert done.summary.formulation == asked["formulation"]
+    nodes = len(pq.read_table(tmp_path / "centroidal.parquet"))
+    assert nodes == 1 + round(done.summary.duration_s * asked.get("node_rate_hz", 10.0))
+    ticking = [m for m in done.told.messages if m.startswith("centroidal: iteration")]
+    assert len(ticking) >= done.summary.iterations
+
+
+def test_a_time_limit_ends_the_solver_and_says_so(tmp_path: Path) -> None:
+    error = refused(tmp_path, NotEstimable, whole_body=False, time_limit_s=1e-6)
+    assert error.code == "plan-not-converged"
+    assert "time" in error.message
+    assert error.faults[-1].where == "stage: centroidal"
+
+
+@pytest.mark.parametrize(
+    ("asked", "named"),
+    [
+        ({"formulation": "moments"}, "formulation"),
+        ({"solver": "magic"}, "solver"),
+        ({"node_rate_hz": 1.0}, "node_rate_hz"),
+        ({"node_rate_hz": float("nan")}, "node_rate_hz"),
+        ({"time_limit_s": 0.0}, "time_limit_s"),
+        ({"time_limit_s": 301.0}, "time_limit_s"),
+        ({"time_limit_s": 10.0, "solver": "fatrop"}, "time_limit_s"),
+    ],
+)
+def test_options_out_of_range_are_named(asked: dict[str, Any], named: str) -> None:
+    with pytest.raises(ValidationError, match=named):
+        plan_task(**asked)
 
 
 BAD = {
@@ -314,10 +385,10 @@ def test_the_measure_that_is_asked_for_is_taken(
 def test_a_solver_that_does_not_converge_is_said_with_status_and_iterations(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def solve(problem: Any) -> Any:
+    def solve(*args: Any, **options: Any) -> Any:
         from stridelab.centroidal.solve import solve as genuine
 
-        return replace(genuine(problem), converged=False, status="Maximum_Iterations_Exceeded", iterations=200)
+        return replace(genuine(*args, **options), converged=False, status="Maximum_Iterations_Exceeded", iterations=200)
 
     monkeypatch.setattr(plan_motion, "solve", solve)
     error = refused(tmp_path, NotEstimable)

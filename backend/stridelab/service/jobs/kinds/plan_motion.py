@@ -6,6 +6,7 @@ Every stage has its share of the progress bar and its time in the summary, and e
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -29,6 +30,7 @@ from stridelab.schemas.plans import PLAN_STAGES, PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.plan_artifacts import write_json, write_motion, write_plan, write_replay
+from stridelab.service.jobs.kinds.plan_options import CONTROLS, iterations_to, limits_of, solver_of
 from stridelab.service.jobs.kinds.plan_requirements import require_plan
 from stridelab.service.jobs.kinds.plan_summary import certificate_of, remarks, replay_of, summary
 from stridelab.service.jobs.kinds.stages import Stages
@@ -69,9 +71,10 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         robot = load_robot(sequence.robot)
     with stages.at(REACHABILITY, "reading the learned densities"):
         proxies = _densities(robot, request.measure or DEFAULT_MEASURE)
-    with stages.at(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s"):
-        problem = from_rest_to_rest(robot, sequence, proxies)
-        plan = _planned(problem)
+    with stages.at(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s") as tell:
+        posed = from_rest_to_rest(robot, sequence, proxies)
+        problem = replace(posed, control=CONTROLS[request.formulation], node_rate_hz=request.node_rate_hz)
+        plan = _planned(problem, request, tell)
 
     motion, certificate, replay, replayed = None, None, None, None
     if request.whole_body:
@@ -94,7 +97,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
             artifacts.append(write_replay(folder, replay))
 
     warnings = (*noted, *remarks(plan, motion, certificate, replayed))
-    found = summary(plan, problem.weights, certificate, replayed, stages.times_s, warnings)
+    found = summary(plan, problem, request, certificate, replayed, stages.times_s, warnings)
     progress(1.0, "done")
     return Outcome(found.model_dump(mode="json"), _references(plan, request), tuple(artifacts))
 
@@ -134,8 +137,8 @@ def _densities(robot: Robot, measure: Measure) -> Mapping[str, Proxy]:
     return load_proxies(robot.name, measure)
 
 
-def _planned(problem: CentroidalProblem) -> CentroidalPlan:
-    plan = solve(problem)
+def _planned(problem: CentroidalProblem, request: PlanMotionInput, tell: ProgressCallback) -> CentroidalPlan:
+    plan = solve(problem, solver_of(request), limits_of(request), tell=iterations_to(tell))
     if not plan.converged:
         diagnosis = diagnose(problem, plan)
         raise NotEstimable(

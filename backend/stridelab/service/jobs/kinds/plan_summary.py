@@ -5,12 +5,14 @@ from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Final
 
 from stridelab.centroidal.plan import CentroidalPlan
-from stridelab.centroidal.problem import Weights
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import (
     CertificateCheck,
     CertificateSummary,
     CostWeights,
+    PlanMotionInput,
     PlanMotionSummary,
     PlanVerification,
     ReplaySummary,
@@ -27,7 +29,8 @@ MANY_ITERATIONS: Final = 50
 
 def summary(
     plan: CentroidalPlan,
-    weights: Weights,
+    problem: CentroidalProblem,
+    request: PlanMotionInput,
     certificate: CertificateSummary | None,
     replay: ReplaySummary | None,
     stage_times_s: Mapping[str, float],
@@ -44,7 +47,11 @@ def summary(
         solver=plan.solver,
         objective=plan.objective,
         cost_terms=dict(plan.cost_terms),
-        weights=CostWeights(**asdict(weights)),
+        weights=CostWeights(**asdict(problem.weights)),
+        formulation=request.formulation,
+        measure=request.measure or DEFAULT_MEASURE,
+        node_rate_hz=problem.node_rate_hz,
+        kkt_error=_kkt_error(plan),
         iterations=plan.iterations,
         solve_time_s=plan.solve_time_s,
         build_time_s=plan.build_time_s,
@@ -54,6 +61,12 @@ def summary(
         replay=replay,
         warnings=list(warnings),
     )
+
+
+def _kkt_error(plan: CentroidalPlan) -> float | None:
+    """Of the attempt that was taken, where it came far enough to be looked at."""
+    last = plan.solution.attempts[-1] if plan.solution is not None else None
+    return last.residuals.kkt_error if last is not None and last.residuals is not None else None
 
 
 def certificate_of(certificate: Certificate) -> CertificateSummary:
