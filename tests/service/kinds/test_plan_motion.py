@@ -10,15 +10,9 @@ import numpy as np
 import pinocchio as pin
 import pyarrow.parquet as pq
 import pytest
-from pydantic import ValidationError
 
-from stridelab.centroidal.contact_wrench import ContactWrench
-from stridelab.centroidal.control import Control
-from stridelab.centroidal.plan import CentroidalPlan
-from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
-from stridelab.centroidal.problem import CentroidalProblem, Weights
+from stridelab.centroidal.problem import Weights
 from stridelab.centroidal.solve import KKT_ERROR_MAX
-from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Tell
 from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.validation import judge
 from stridelab.conventions import g
@@ -260,68 +254,6 @@ def test_what_this_version_has_not_is_refused_before_any_work(tmp_path: Path, as
         plan_motion.run(plan_task(**asked), tmp_path, told)
     assert failure.value.code == code
     assert told.messages == []
-
-
-@pytest.mark.parametrize(
-    ("asked", "control", "solver", "wall_s"),
-    [
-        ({}, PYRAMIDS, "auto", DEFAULT_LIMITS.wall_s),
-        ({"formulation": "circular-cones", "solver": "casadi"}, CircularCones(), "auto", DEFAULT_LIMITS.wall_s),
-        ({"formulation": "wrench", "solver": "fatrop"}, ContactWrench(), "fatrop", DEFAULT_LIMITS.wall_s),
-        ({"time_limit_s": 7.0}, PYRAMIDS, "ipopt", 7.0),
-    ],
-)
-def test_options_reach_the_solver(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: dict[str, Any], control: Control, solver: str, wall_s: float
-) -> None:
-    seen: list[Any] = []
-
-    def stopped(problem: CentroidalProblem, name: str, limits: Limits, *, tell: Tell) -> CentroidalPlan:
-        seen.extend((problem.control, problem.node_rate_hz, name, limits.wall_s))
-        tell(3, -1.25)
-        raise NotEstimable("stopped", "far enough")
-
-    monkeypatch.setattr(plan_motion, "solve", stopped)
-    told = Told()
-    with pytest.raises(NotEstimable, match="far enough"):
-        plan_motion.run(plan_task(node_rate_hz=12.5, **asked), tmp_path, told)
-    assert seen == [control, 12.5, solver, wall_s]
-    assert told.messages[-1] == "centroidal: iteration 3, cost -1.25"
-
-
-@pytest.mark.parametrize("asked", [{"formulation": "wrench"}, {"formulation": "circular-cones", "node_rate_hz": 20.0}])
-def test_every_control_plans(tmp_path: Path, asked: dict[str, Any]) -> None:
-    done = run(tmp_path, short_walk(), whole_body=False, **asked)
-    assert done.summary.converged
-    assert done.summary.formulation == asked["formulation"]
-    nodes = len(pq.read_table(tmp_path / "centroidal.parquet"))
-    assert nodes == 1 + round(done.summary.duration_s * asked.get("node_rate_hz", 10.0))
-    ticking = [m for m in done.told.messages if m.startswith("centroidal: iteration")]
-    assert len(ticking) >= done.summary.iterations
-
-
-def test_a_time_limit_ends_the_solver_and_says_so(tmp_path: Path) -> None:
-    error = refused(tmp_path, NotEstimable, whole_body=False, time_limit_s=1e-6)
-    assert error.code == "plan-not-converged"
-    assert "time" in error.message
-    assert error.faults[-1].where == "stage: centroidal"
-
-
-@pytest.mark.parametrize(
-    ("asked", "named"),
-    [
-        ({"formulation": "moments"}, "formulation"),
-        ({"solver": "magic"}, "solver"),
-        ({"node_rate_hz": 1.0}, "node_rate_hz"),
-        ({"node_rate_hz": float("nan")}, "node_rate_hz"),
-        ({"time_limit_s": 0.0}, "time_limit_s"),
-        ({"time_limit_s": 301.0}, "time_limit_s"),
-        ({"time_limit_s": 10.0, "solver": "fatrop"}, "time_limit_s"),
-    ],
-)
-def test_options_out_of_range_are_named(asked: dict[str, Any], named: str) -> None:
-    with pytest.raises(ValidationError, match=named):
-        plan_task(**asked)
 
 
 BAD = {
