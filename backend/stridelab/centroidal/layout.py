@@ -8,6 +8,7 @@ which is the order that solvers want who go from stage to stage.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -53,6 +54,14 @@ class Layout:
     end: int
     total: int
     stage_rows: tuple[int, ...]
+
+    @cached_property
+    def uses_in(self) -> list[list[Use]]:
+        """The groups of every interval."""
+        found: list[list[Use]] = [[] for _ in self.wrench]
+        for use in self.uses:
+            found[use.k].append(use)
+        return found
 
     def uses_of(self, phase: int) -> Mapping[str, list[Use]]:
         """The groups of a phase, interval by interval."""

@@ -30,7 +30,7 @@ def solve(
     start: Point | None = None,
     tell: Tell | None = None,
 ) -> CentroidalPlan:
-    """Solve (4.20), cold, or from ``start``, the ``solution.point`` of a plan whose problem had the same structure.
+    """Solve (4.20), cold, or from ``start``: a plan's ``solution.point``, or what ``carried`` makes of another plan.
 
     The plan of a failed solve says so: ``converged`` False and why in ``status``. "auto" tries the next solver where
     one does not converge, unless that proved that there is no solution at all; times and iterations are then the sums.
