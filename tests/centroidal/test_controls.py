@@ -11,10 +11,12 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solve import solve
+from stridelab.contacts.sequence import Contact
 from stridelab.contacts.wrench_margin import conic_margin
-from stridelab.errors import InvalidInput
+from stridelab.dynamics.placement import Placement
+from stridelab.errors import InvalidInput, NotEstimable
 from support.centroidal_problems import rest_to_rest
-from support.sequences import foot, phase, sequence
+from support.sequences import EFFECTORS, foot, hand, phase, sequence
 
 BODY_WEIGHT = 1e-6
 """Of it a force may lie outside its cone."""
@@ -132,3 +134,29 @@ def test_fewer_than_eight_rays_are_too_few() -> None:
     with pytest.raises(InvalidInput) as caught:
         Pyramids(7)
     assert caught.value.code == "rays-too-few"
+
+
+def test_a_phase_on_one_hand_has_a_cone_of_three_dimensions() -> None:
+    left, right, rail = foot("left", 0.0), foot("right", 0.0), hand(0.0, 0.9, friction=0.6)
+    swing = sequence(phase(0.6, left, right, rail), phase(0.1, rail), phase(0.6, left, right, rail))
+    problem = rest_to_rest(swing, control=ContactWrench())
+    assert problem.control.generators(problem.touches(1, problem.com_start_m))["wrench"].lorentz == 2
+    plan = solve(problem)
+    assert plan.converged, plan.status
+    assert plan.forces_n["right_hand"][plan.phase == 1].any()
+
+
+def test_hands_that_can_squeeze_each_other_have_no_cone() -> None:
+    sides = [Placement.of((0.0, y, 1.0), (np.cos(a), np.sin(a), 0.0, 0.0)) for y, a in ((-0.5, -0.785), (0.5, 0.785))]
+    gripping = sequence(
+        phase(1.0, foot("left", 0.0), foot("right", 0.0)),
+        phase(
+            0.2, *(Contact(name, at, "wall", 0.6) for name, at in zip(("right_hand", "left_hand"), sides, strict=True))
+        ),
+    )
+    hands = {**EFFECTORS, "left_hand": replace(EFFECTORS["right_hand"], name="left_hand")}
+    standing = rest_to_rest(sequence(gripping.phases[0]), proxies={})
+    problem = replace(standing, sequence=gripping, effectors=hands, control=ContactWrench())
+    with pytest.raises(NotEstimable) as caught:
+        solve(problem)
+    assert caught.value.code == "wrench-cone-not-pointed"
