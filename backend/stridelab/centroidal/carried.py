@@ -54,12 +54,13 @@ def carried(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0)
 
 
 def _states(plan: CentroidalPlan, programme: Transcription, after_s: float) -> Float[np.ndarray, "nodes 9"]:
-    problem, at_s = programme.problem, _in_the_plan(programme.grid.time_s, plan, programme, after_s)
-    c, v, L = (
-        np.stack([np.interp(at_s, plan.time_s, x) for x in series.T], axis=1)
-        for series in (plan.com_m - problem.com_start_m, plan.com_v_m_s, plan.l_nms)
-    )
-    return np.hstack([c, v, L / problem.weight_n + np.cross(c, v) / GRAVITY_M_S2])
+    problem, found = programme.problem, []
+    for at_s in _in_the_plan(programme.grid.time_s, plan, programme, after_s):
+        there = plan.at(float(at_s))
+        c = there.com_m - problem.com_start_m
+        v = there.com_v_m_s if at_s <= plan.time_s[-1] else np.zeros(3)
+        found.append(np.concatenate([c, v, there.l_nms / problem.weight_n + np.cross(c, v) / GRAVITY_M_S2]))
+    return np.array(found)
 
 
 def _in_the_plan(time_s: Series, plan: CentroidalPlan, programme: Transcription, after_s: float) -> Series:
