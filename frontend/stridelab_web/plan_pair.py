@@ -1,5 +1,6 @@
 """Two plans held against each other: their numbers side by side, and what of these cannot be compared."""
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
@@ -14,6 +15,7 @@ from stridelab_web.words import check_name, measured, words
 
 DASH: Final = "–"
 SAME_S: Final = 1e-6
+ROUNDING: Final = 1e-12
 OTHER_WEIGHTS: Final = "with another weight"
 AFTERWARDS: Final = "minimised in one only"
 
@@ -37,8 +39,12 @@ class PlanFacts:
 
     @property
     def measure(self) -> str:
-        """Which densities it used."""
-        return self.summary.measure or str(self.input.get("measure") or "default")
+        """Which densities it used; empty where that is not known."""
+        return self.summary.measure or str(self.input.get("measure") or "")
+
+    def measures_differ(self, other: "PlanFacts") -> bool:
+        """Whether both tell their densities, and these are not the same."""
+        return bool(self.measure and other.measure) and self.measure != other.measure
 
 
 @dataclass(frozen=True)
@@ -66,7 +72,7 @@ def pair_remarks(first: PlanFacts, second: PlanFacts) -> list[str]:
             f"The motions last {a.duration_s:.2f} s and {b.duration_s:.2f} s: costs are sums over time and cannot be "
             "compared, and the curves of the shorter one end earlier."
         )
-    if first.measure != second.measure:
+    if first.measures_differ(second):
         found.append(
             f"The densities differ ({first.measure} and {second.measure}): likelihoods, and with them the objective, "
             "cannot be compared."
@@ -125,7 +131,7 @@ def _densities(first: PlanFacts, second: PlanFacts) -> str:
     weighed = (key for key in ("com_acceleration", "momentum_rate", "likelihood") if a and b)
     if any(getattr(a, key) != getattr(b, key) for key in weighed):
         return OTHER_WEIGHTS
-    return "of other densities" if first.measure != second.measure else ""
+    return "of other densities" if first.measures_differ(second) else ""
 
 
 def _of_term(key: str, first: PlanFacts, second: PlanFacts) -> str:
@@ -136,7 +142,7 @@ def _of_term(key: str, first: PlanFacts, second: PlanFacts) -> str:
         return AFTERWARDS if first.wrench != second.wrench else ""
     if key in ("com_acceleration", "momentum_rate"):
         return ""
-    return "of other densities" if first.measure != second.measure else ""
+    return "of other densities" if first.measures_differ(second) else ""
 
 
 def _certificates(a: PlanMotionSummary, b: PlanMotionSummary) -> Iterator[PairRow]:
@@ -196,7 +202,7 @@ def _row(key: str, name: str, a: float | None, b: float | None, unit: str) -> Pa
     less = "0"
     if a is None or b is None:
         less = DASH
-    elif a != b:
+    elif not math.isclose(a, b, rel_tol=ROUNDING):
         less = f"{'+' if a > b else ''}{said(a - b)}"
     return PairRow(key, name, _or_dash(a, said), _or_dash(b, said), less)
 

@@ -38,6 +38,12 @@ def test_equal_plans_differ_by_nothing() -> None:
     assert pair_remarks(facts(), facts()) == []
 
 
+def test_rounding_is_no_difference_and_unknown_densities_are_not_said_to_differ() -> None:
+    mine, theirs = (facts(solve_time_s=value, measure=None) for value in (0.99, 0.99 - 2e-15))
+    assert rows(mine, theirs)["solve_time_s"].difference == "0"
+    assert pair_remarks(mine, facts()) == []
+
+
 def test_differences_are_the_first_less_the_second() -> None:
     found = rows(facts(iterations=30, objective=-14.0), facts(solve_time_s=0.5))
     assert (found["iterations"].first, found["iterations"].second, found["iterations"].difference) == (
