@@ -87,8 +87,9 @@ def test_a_start_of_another_structure_counts_for_nothing(problem: CentroidalProb
 
 
 def test_a_solver_out_of_time_stops(problem: CentroidalProblem) -> None:
-    plan = solve(problem, "ipopt", Limits(wall_s=1e-3))
+    plan = solve(problem, limits=Limits(wall_s=1e-3))
     assert not plan.converged
+    assert plan.solver == "ipopt"  # and no other is asked
     assert "maximum walltime exceeded" in plan.status
     assert plan.iterations < 10
 

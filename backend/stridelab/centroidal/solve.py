@@ -33,11 +33,12 @@ def solve(
     """Solve (4.20), cold, or from ``start``: a plan's ``solution.point``, or what ``carried`` makes of another plan.
 
     The plan of a failed solve says so: ``converged`` False and why in ``status``. "auto" tries the next solver where
-    one does not converge, unless that proved that there is no solution at all; times and iterations are then the sums.
+    one does not converge, unless that proved that there is no solution at all or the time is up; times and iterations
+    are then the sums.
     A plan is converged only if the solver, or our look at its first-order conditions, says so *and* ``verify`` agrees.
     Raises ``NotEstimable`` where the contacts have no cone for the problem's control (u_c only), nothing else.
     """
-    started = time.process_time()
+    began, started = time.monotonic(), time.process_time()
     programme = transcribe(problem)
     transcribe_s = time.process_time() - started
     attempts: list[Attempt] = []
@@ -56,7 +57,8 @@ def solve(
             problem.terminal,
         )
         converged = _solved(attempts[-1]) and holds(verification)
-        if converged or (found.infeasible and not (problem.durations or problem.placements)):
+        proved = found.infeasible and not (problem.durations or problem.placements)
+        if converged or proved or time.monotonic() - began > limits.wall_s:
             break
     terms = cost_terms(replace(problem, sequence=sequence), motion)
     return CentroidalPlan(
