@@ -58,7 +58,7 @@ _kept: dict[Structure, Compiled] = {}
 
 
 def compiled(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
-    """The programme of ``structure``, compiled at its first use; the last ``KEPT`` stay."""
+    """The programme of ``structure``, compiled at its first use; the last ``KEPT`` stay. Not for two threads at once."""
     if structure in _kept:
         _kept[structure] = _kept.pop(structure)
     else:
