@@ -63,8 +63,8 @@ def test_every_control_plans(tmp_path: Path, asked: dict[str, Any]) -> None:
 def test_a_time_limit_ends_the_solver_and_says_so(tmp_path: Path) -> None:
     with pytest.raises(NotEstimable) as failure:
         plan_motion.run(plan_task(whole_body=False, time_limit_s=1e-6), tmp_path, Told())
-    assert failure.value.code == "plan-not-converged"
-    assert "time" in failure.value.message
+    assert failure.value.code == "plan-time-limit"
+    assert failure.value.faults[0].where == "time_limit_s"
     assert failure.value.faults[-1].where == "stage: centroidal"
     assert list(tmp_path.iterdir()) == []
 

@@ -30,7 +30,7 @@ from stridelab.schemas.plans import PLAN_STAGES, PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.plan_artifacts import write_json, write_motion, write_plan, write_replay
-from stridelab.service.jobs.kinds.plan_options import CONTROLS, iterations_to, limits_of, solver_of
+from stridelab.service.jobs.kinds.plan_options import CONTROLS, iterations_to, limits_of, require_time, solver_of
 from stridelab.service.jobs.kinds.plan_requirements import require_plan
 from stridelab.service.jobs.kinds.plan_summary import certificate_of, remarks, replay_of, summary
 from stridelab.service.jobs.kinds.stages import Stages
@@ -59,7 +59,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     Raises ``NotEstimable`` for what this version has not (``...-unavailable``), before any work. After that every
     error names its stage in its last fault: ``InvalidInput`` (``scenario-invalid``), ``NotFound``
     (``robot-not-found``), ``Unavailable`` (``reachability-of-another-robot``), ``NotEstimable``
-    (``plan-not-converged``, ``whole-body-failed``) and what else the stages raise.
+    (``plan-time-limit``, ``plan-not-converged``, ``whole-body-failed``) and what else the stages raise.
     """
     request = task.input
     require_plan(request)
@@ -140,6 +140,7 @@ def _densities(robot: Robot, measure: Measure) -> Mapping[str, Proxy]:
 def _planned(problem: CentroidalProblem, request: PlanMotionInput, tell: ProgressCallback) -> CentroidalPlan:
     plan = solve(problem, solver_of(request), limits_of(request), tell=iterations_to(tell))
     if not plan.converged:
+        require_time(request, plan)
         diagnosis = diagnose(problem, plan)
         raise NotEstimable(
             "plan-not-converged",

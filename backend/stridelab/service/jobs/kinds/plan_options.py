@@ -5,8 +5,10 @@ from typing import Final, Literal
 
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
+from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
 from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Tell
+from stridelab.errors import Fault, NotEstimable
 from stridelab.schemas.plans import PlanMotionInput
 from stridelab.service.jobs.kinds.kind import ProgressCallback
 
@@ -16,6 +18,8 @@ CONTROLS: Final[Mapping[str, Control]] = {
     "wrench": ContactWrench(),
 }
 """By the names of ``formulation``."""
+OUT_OF_TIME: Final = "walltime exceeded"
+"""In the words of ipopt."""
 USUAL_ITERATIONS: Final = 20.0
 """Half of the bar, which never comes to its end before the solver does."""
 
@@ -30,6 +34,19 @@ def solver_of(request: PlanMotionInput) -> Literal["auto", "ipopt", "fatrop"]:
 def limits_of(request: PlanMotionInput) -> Limits:
     """When the solver gives up."""
     return DEFAULT_LIMITS if request.time_limit_s is None else Limits(DEFAULT_LIMITS.iterations, request.time_limit_s)
+
+
+def require_time(request: PlanMotionInput, plan: CentroidalPlan) -> None:
+    """Raise ``NotEstimable`` ("plan-time-limit") where a time that was asked for ended the solver."""
+    last = plan.solution.attempts[-1] if plan.solution is not None else None
+    if request.time_limit_s is None or last is None or OUT_OF_TIME not in last.status:
+        return
+    raise NotEstimable(
+        "plan-time-limit",
+        f"{last.solver} had no motion after the {request.time_limit_s:g} s that it was given ({last.iterations} "
+        "iterations). Give it more time, or fewer nodes per second.",
+        [Fault("time_limit_s", f"{request.time_limit_s:g} s were not enough")],
+    )
 
 
 def iterations_to(tell: ProgressCallback) -> Tell:
