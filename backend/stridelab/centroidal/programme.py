@@ -58,7 +58,7 @@ _kept: dict[Structure, Compiled] = {}
 
 
 def compiled(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
-    """The programme of ``structure``, compiled at its first use; the last ``KEPT`` stay. Not for two threads at once."""
+    """The programme of ``structure``, compiled at its first use, for one thread; the last ``KEPT`` stay."""
     if structure in _kept:
         _kept[structure] = _kept.pop(structure)
     else:
