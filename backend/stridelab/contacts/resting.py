@@ -7,7 +7,7 @@ The CoM can rest above the support region, as far as the robot's reach lets it g
 is the distance that it can keep from the border. If it is negative, the phase can only be passed in motion.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
@@ -23,7 +23,7 @@ from stridelab.contacts.support import soles
 from stridelab.contacts.support_region import rest_region_m
 from stridelab.contacts.touching import Stance, Touch
 from stridelab.conventions import Vector3
-from stridelab.errors import NotEstimable
+from stridelab.errors import Fault, NotEstimable
 
 Polygon = tuple[tuple[float, float], ...]
 ROOM_M: Final = 1e-3
@@ -59,6 +59,24 @@ def rests(stances: Sequence[Stance], slacks: Sequence[Slack | None]) -> tuple[Re
     }
     found = dict(zip(asked, _margins([regions[key] for key in asked], list(asked.values())), strict=True))
     return tuple(found.get(_key(stance), Rest(regions[_key(stance)])) for stance in stances)
+
+
+def restless(found: Sequence[Rest]) -> Iterator[Fault]:
+    """The first and the last phase, in which the robot stands still, where its CoM cannot come to rest."""
+    for k, when in dict.fromkeys([(0, "begins"), (len(found) - 1, "ends")] if found else []):
+        margin = found[k].margin_m
+        if margin is not None and margin < -ROOM_M:
+            yield Fault(
+                f"phases[{k}]",
+                f"the motion {when} here at rest, but the CoM stays {-margin:.2g} m short of where these contacts hold "
+                "it still: put another contact, or this one nearer",
+            )
+
+
+def passed_in_motion(found: Sequence[Rest]) -> list[int]:
+    """Phases between in which the CoM cannot rest."""
+    inner = range(1, len(found) - 1)
+    return [k for k in inner if (margin := found[k].margin_m) is not None and margin < -ROOM_M]
 
 
 def _key(stance: Stance) -> frozenset[int]:
