@@ -136,13 +136,15 @@ def _outline(touches: Sequence[Touch]) -> Polygon:
     at = PointContacts.of([(touch.placement, touch.shape.half_size_m, touch.friction) for touch in touches])
     x, y, _ = at.position_m[0]
     seen = (at.position_m - at.position_m[0]).round(SAME_DIGITS)
-    region = _remembered(seen.tobytes(), at.rotation.round(SAME_DIGITS).tobytes(), at.friction.tobytes())
+    region = region_seen_from_first_point(
+        seen.tobytes(), at.rotation.round(SAME_DIGITS).tobytes(), at.friction.tobytes()
+    )
     return tuple((float(x + dx), float(y + dy)) for dx, dy in region)
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _remembered(position: bytes, rotation: bytes, friction: bytes) -> Polygon:
-    """Seen from the first point: on stairs the same stance returns from step to step."""
+def region_seen_from_first_point(position: bytes, rotation: bytes, friction: bytes) -> Polygon:
+    """The region of points given by the bytes of their arrays: on stairs the same stance returns from step to step."""
     contacts = PointContacts(
         np.frombuffer(position).reshape(-1, 3), np.frombuffer(rotation).reshape(-1, 3, 3), np.frombuffer(friction)
     )
