@@ -76,6 +76,8 @@ def test_a_motion_neither_begins_nor_ends_where_nothing_holds_it_still() -> None
     assert [(remark.code, "phase 1" in remark.message) for remark in between.remarks] == [("passed-in-motion", True)]
     assert [fault.where for fault in report([left, right], [left]).faults] == ["phases[1]"]
     assert next(fault.where for fault in report([left], [left, right]).faults) == "phases[0]"
+    (alone,) = report([left]).faults
+    assert "begins and ends here at rest" in alone.message
 
 
 def test_without_a_known_reach_there_is_a_region_alone() -> None:

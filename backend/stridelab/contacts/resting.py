@@ -63,7 +63,9 @@ def rests(stances: Sequence[Stance], slacks: Sequence[Slack | None]) -> tuple[Re
 
 def restless(found: Sequence[Rest]) -> Iterator[Fault]:
     """The first and the last phase, in which the robot stands still, where its CoM cannot come to rest."""
-    for k, when in dict.fromkeys([(0, "begins"), (len(found) - 1, "ends")] if found else []):
+    last = len(found) - 1
+    ends = {0: "begins", last: "ends"} if last > 0 else {0: "begins and ends"} if found else {}
+    for k, when in ends.items():
         margin = found[k].margin_m
         if margin is not None and margin < -ROOM_M:
             yield Fault(
