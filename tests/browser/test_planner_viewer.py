@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Route, expect
 
 from stridelab.schemas.base import FaultItem, Problem
 from support import fake_planner
@@ -246,6 +246,18 @@ def test_a_phase_that_is_only_passed_in_motion_says_so(tab: Tab, lab: Lab) -> No
     row = page.locator("li", has=page.get_by_role("button", name="4 right foot"))
     expect(row.locator("[data-margins]")).to_contain_text("4.0 cm inside the edge of ground")
     expect(row.locator("[data-margins]")).to_contain_text("25.0 cm to spare, least in phase 2")
+
+
+def test_the_scene_keeps_its_place_while_the_judge_thinks(tab: Tab, lab: Lab) -> None:
+    """What is taken hold of must not move away under the pointer once the first answer comes."""
+    held: list[Route] = []
+    tab.page.route("**/api/v1/scenarios/check", held.append)
+    page = opened(tab, f"/view/?scenario={lab.fake.add_scenario().id}")
+    before = page.locator("iframe").bounding_box()
+    until(page, lambda: len(held) == 1)
+    held[0].continue_()
+    expect(page.locator("[data-phases] button")).to_have_count(9)
+    assert page.locator("iframe").bounding_box() == before
 
 
 def test_samples_are_copied_before_they_are_changed(tab: Tab, lab: Lab) -> None:
