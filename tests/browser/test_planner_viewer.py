@@ -251,7 +251,7 @@ def test_a_phase_that_is_only_passed_in_motion_says_so(tab: Tab, lab: Lab) -> No
 def test_the_scene_keeps_its_place_while_the_judge_thinks(tab: Tab, lab: Lab) -> None:
     """What is taken hold of must not move away under the pointer once the first answer comes."""
     held: list[Route] = []
-    tab.page.route("**/api/v1/scenarios/check", held.append)
+    tab.page.route("**/api/v1/scenarios/check", lambda route: held.append(route))
     page = opened(tab, f"/view/?scenario={lab.fake.add_scenario().id}")
     before = page.locator("iframe").bounding_box()
     until(page, lambda: len(held) == 1)
