@@ -154,6 +154,14 @@ def test_contacts_are_found_between_the_ends(tab: Tab, service: Service) -> None
     assert len(found.phases) > 2
     expect(page.locator("[data-editor]")).to_have_attribute("data-judged", "valid")
 
+    job = service.client.jobs(kind="plan-contacts").items[0]
+    page.goto(f"{service.url}/jobs/{job.id}")
+    page.get_by_role("button", name="Keep as a scenario").click()
+    page.wait_for_url(lambda url: "scenario=" in url)
+    again = service.client.scenario(page.url.rpartition("=")[2])
+    assert again.id != found.id
+    assert (again.name, again.phases) == (found.name, found.phases)
+
 
 def places(phase: ScenarioPhase) -> dict[str, float]:
     return {

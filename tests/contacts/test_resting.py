@@ -50,6 +50,19 @@ def test_one_foot_holds_half_its_width() -> None:
     assert rest.com_m[1] == pytest.approx(0.2, abs=1e-3)
 
 
+@pytest.mark.parametrize(("usual", "high"), [(0.8, 0.8), (1.5, 1.0), (-1.0, -0.1), (None, None)])
+def test_the_com_is_shown_as_high_as_robots_stand(usual: float | None, high: float | None) -> None:
+    """Within reach: from -0.1 to 1.0 m above the foot."""
+    shapes = {**SHAPES, "left_foot": replace(SHAPES["left_foot"], com_height_m=usual)}
+    (rest,) = rested(stood([foot("left_foot", 0.3, 0.2)], shapes))
+    (other,) = rested(stood([foot("left_foot", 0.3, 0.2)], dict(SHAPES)))
+    assert rest.com_m is not None
+    assert other.com_m is not None
+    assert rest.com_m[2] == pytest.approx(other.com_m[2] if high is None else high, abs=1e-9)
+    np.testing.assert_array_equal(rest.com_m[:2], other.com_m[:2])
+    assert rest.margin_m == other.margin_m
+
+
 def test_a_com_that_does_not_come_over_its_foot_only_passes() -> None:
     """The reach allows it no farther to the left than 0.1 m right of the foot, whose edge is at -0.06 m."""
     aside = replace(SHAPES["left_foot"], reach=EffectorReach((-0.5, -0.4, 0.6), (0.5, -0.1, 1.0), 2.0))

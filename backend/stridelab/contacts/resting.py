@@ -30,6 +30,8 @@ ROOM_M: Final = 1e-3
 """With less room in its reach limits than this, a stance is not asked where its CoM could rest."""
 AWAY: Final = 0.1
 """How far from the border the search begins, in units of the contacts' distance."""
+LEVEL: Final = 1e-9
+"""Axes of a contact frame that rise less than this are level."""
 SAME_DIGITS: Final = 9
 """Stances whose numbers agree to so many decimals are one."""
 REMEMBERED: Final = 4096
@@ -108,7 +110,36 @@ def _margins(regions: Sequence[Polygon], asked: Sequence[tuple[Stance, Slack | N
     )
     x, _ = limits.most(np.column_stack([begin, room - AWAY]))
     margins, com_m = reach.scale * x[:, 3], reach.world_m(x)
-    return [Rest(region, float(margin), c) for region, margin, c in zip(regions, margins, com_m, strict=True)]
+    return [
+        Rest(region, float(margin), _at_usual_height(c, stance))
+        for region, margin, c, (stance, _) in zip(regions, margins, com_m, asked, strict=True)
+    ]
+
+
+def _at_usual_height(com_m: Vector3, stance: Stance) -> Vector3:
+    """The same place seen from above, as high as robots stand over their soles: r* does not depend on the height.
+
+    No higher or lower than the reach goes at that place.
+    """
+    usual = [
+        t.placement.position_m[2] + t.shape.com_height_m for t in soles(stance) if t.shape.com_height_m is not None
+    ]
+    if not usual:
+        return com_m
+    z = com_m[2]
+    low, high = -np.inf, np.inf
+    for at, reach in reach_set(limited(stance)):
+        away, up = com_m - at.position_m, at.rotation[2]
+        here = away @ at.rotation
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = (np.array([reach.com_low_m, reach.com_high_m]) - here) / up
+        steep = np.abs(up) > LEVEL
+        low = max(low, float(ends[:, steep].min(axis=0).max(initial=-np.inf)))
+        high = min(high, float(ends[:, steep].max(axis=0).min(initial=np.inf)))
+        half = np.sqrt(max(reach.com_distance_max_m**2 - float(away[:2] @ away[:2]), 0.0))
+        low, high = max(low, -half - away[2]), min(high, half - away[2])
+    rise = np.clip(np.mean(usual) - z, min(low, 0.0), max(high, 0.0))
+    return np.asarray(com_m + np.array([0.0, 0.0, rise]))
 
 
 def _edges(corners_m: Float[np.ndarray, "s m 2"]) -> tuple[Float[np.ndarray, "s m 3"], Float[np.ndarray, "s m"]]:
