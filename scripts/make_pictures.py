@@ -33,6 +33,19 @@ def viewer(browser: Browser, base: str, what: str, picture: str) -> None:
     page.close()
 
 
+def editor(browser: Browser, base: str) -> None:
+    """A scenario in the editor, with a phase chosen in which one foot and the hand hold the robot."""
+    page = browser.new_page(viewport={"width": 1200, "height": 720})
+    page.goto(f"{base}/view/?scenario=stairs-with-rail")
+    page.wait_for_selector("[data-editor][data-judged=valid]", timeout=120_000)
+    for close in page.frame_locator("iframe").locator(".mantine-Notification-closeButton").all():
+        close.click()
+    page.locator("[data-phases] button").nth(9).click()
+    page.wait_for_timeout(6_000)
+    page.screenshot(path=PICTURES / "editor.png")
+    page.close()
+
+
 def planned(base: str) -> str:
     """A finished plan of the climb."""
     with Client(base) as client:
@@ -57,6 +70,7 @@ def main(base: str) -> None:
         browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
         viewer(browser, base, f"recording={SAMPLE}&t=2.3", "viewer.png")
         viewer(browser, base, f"plan={planned(base)}&t={CLIMBING_S}", "climb.png")
+        editor(browser, base)
         result(browser, base)
         browser.close()
 

@@ -17,6 +17,9 @@ T = TypeVar("T", bound=Contract)
 LARGEST_BYTES: Final = 1_000_000
 """Largest scenario file; the service takes no larger one either."""
 
+LONGEST_NAME: Final = 60
+"""Names from files are shown up to here."""
+
 _KIND_TAGS: Final = ("box", "rail")
 
 
@@ -52,11 +55,15 @@ def read_document(typed: str) -> Any:
 
 
 def read_json(path: Path, largest_bytes: int) -> Any:
-    """What a file of JSON holds. Raises ``UnreadableFile`` (``file-not-readable``, ``not-json``), ``TooLarge``."""
+    """What a file of JSON holds.
+
+    Raises ``UnreadableFile`` (``file-not-readable``, ``not-json``), ``TooLarge`` (``file-too-large``), and
+    ``InvalidInput`` (``name-twice``) where an object has two entries of one name: either might be meant.
+    """
     try:
         if path.stat().st_size > largest_bytes:
             raise TooLarge("file-too-large", f"{path} is larger than {largest_bytes} bytes, too large for a scenario.")
-        return json.loads(path.read_bytes().decode("utf-8"))
+        return json.loads(path.read_bytes().decode("utf-8"), object_pairs_hook=_each_once)
     except OSError as error:
         reason = error.strerror or "it cannot be opened"
         raise UnreadableFile("file-not-readable", f"Cannot read {path}: {reason}.") from error
@@ -69,6 +76,16 @@ def read_json(path: Path, largest_bytes: int) -> Any:
         raise UnreadableFile(
             "not-json", f"{path} is not JSON that can be read: nested too deep, or a number too long."
         ) from error
+
+
+def _each_once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, value in pairs:
+        if name in found:
+            fault = Fault(name[:LONGEST_NAME], "is there twice")
+            raise InvalidInput("name-twice", f"The file says {fault.where} twice in one place.", [fault])
+        found[name] = value
+    return found
 
 
 def understood(model: type[T], document: Any, typed: str, what: str) -> T:

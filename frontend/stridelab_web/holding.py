@@ -10,6 +10,8 @@ from stridelab_web.words import words
 
 Kind = Literal["rest", "motion", "unknown"]
 SAYS: dict[Kind, str] = {"rest": "yes", "motion": "only passed in motion", "unknown": "not known"}
+EQUAL_DIGITS = 4
+"""Margins in metres that do not differ in these are the same; so it is in static/js/verdict.js."""
 Worst = tuple[float, str]
 """The least margin in metres, and whose it is."""
 
@@ -60,9 +62,9 @@ def held(scenario: Scenario, check: ScenarioCheck) -> tuple[Held, ...]:
 
 
 def tightest(phases: Iterable[Held]) -> Held | None:
-    """The phase with the least room for the CoM; None where none is known."""
+    """The phase with the least room for the CoM, the first of equals; None where none is known."""
     known = [phase for phase in phases if phase.margin_m is not None]
-    return min(known, key=lambda phase: phase.margin_m or 0.0, default=None)
+    return min(known, key=lambda phase: round(phase.margin_m or 0.0, EQUAL_DIGITS), default=None)
 
 
 def summary(phases: tuple[Held, ...]) -> str:

@@ -1,13 +1,19 @@
 """The editor of scenarios on the real service: what moves is judged at once, and contacts are found from end to end."""
 
-import math
 import re
 
 import numpy as np
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from stridelab.schemas.scenarios import BoxSurface, Scenario, ScenarioCheck, ScenarioContact, ScenarioPhase
+from stridelab.schemas.scenarios import (
+    BoxSurface,
+    PhaseSupport,
+    Scenario,
+    ScenarioCheck,
+    ScenarioContact,
+    ScenarioPhase,
+)
 from stridelab_web.touches import touches
 from support.scene_view import hold, nodes, opened, until
 from support.tab import Service, Tab
@@ -91,7 +97,7 @@ def test_phases_are_gone_through_by_keyboard(tab: Tab, service: Service) -> None
     check = service.client.check_scenario(scenario)
     page = opened(tab, "/view/?scenario=stairs-with-rail")
     expect(bars(page)).to_have_count(len(scenario.phases))
-    tightest = min(check.support, key=lambda support: support.margin_m or math.inf)
+    tightest = min(check.support, key=spare)
     assert chosen(page) == tightest.phase
 
     page.locator("[data-phases] [aria-pressed=true]").focus()
@@ -112,8 +118,14 @@ def test_phases_are_gone_through_by_keyboard(tab: Tab, service: Service) -> None
     fifth = touches(scenario)[4]
     page.get_by_role("button", name="5 right foot").click()
     own = check.support[fifth.first_phase : fifth.last_phase + 1]
-    shows(page, check, min(own, key=lambda support: support.margin_m or math.inf).phase)
+    shows(page, check, min(own, key=spare).phase)
     until(page, lambda: page.evaluate(LOOK, "/contacts/5")["opacity"] > page.evaluate(LOOK, "/contacts/15")["opacity"])
+
+
+def spare(support: PhaseSupport) -> float:
+    """Room for the CoM, to a tenth of a millimetre: phases that have the same are there in their order."""
+    assert support.margin_m is not None
+    return round(support.margin_m, 4)
 
 
 def shows(page: Page, check: ScenarioCheck, phase: int) -> None:
@@ -141,6 +153,14 @@ def test_contacts_are_found_between_the_ends(tab: Tab, service: Service) -> None
         assert places(found.phases[k]) == pytest.approx(places(asked.phases[k]))
     assert len(found.phases) > 2
     expect(page.locator("[data-editor]")).to_have_attribute("data-judged", "valid")
+
+    job = service.client.jobs(kind="plan-contacts").items[0]
+    page.goto(f"{service.url}/jobs/{job.id}")
+    page.get_by_role("button", name="Keep as a scenario").click()
+    page.wait_for_url(lambda url: "scenario=" in url)
+    again = service.client.scenario(page.url.rpartition("=")[2])
+    assert again.id != found.id
+    assert (again.name, again.phases) == (found.name, found.phases)
 
 
 def places(phase: ScenarioPhase) -> dict[str, float]:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Route, expect
 
 from stridelab.schemas.base import FaultItem, Problem
 from support import fake_planner
@@ -259,6 +259,38 @@ def test_keys_and_numbers_move_what_the_mouse_moves(tab: Tab, lab: Lab) -> None:
     page.keyboard.press("Control+z")
     page.keyboard.press("Control+z")
     until(page, lambda: positions(lab, kept.id, "right_foot")[3] == pytest.approx((0.319, -0.1, 0.1)))
+
+
+def test_a_phase_that_is_only_passed_in_motion_says_so(tab: Tab, lab: Lab) -> None:
+    page = opened(tab, f"/view/?scenario={lab.fake.add_scenario().id}")
+    bars, said = page.locator("[data-phases] button"), page.locator("[data-phase-said]")
+    expect(bars.nth(3)).to_have_attribute("aria-pressed", "true")  # the tightest, before anything is chosen
+    expect(said).to_have_text(
+        "Phase 3: right foot, right hand. "
+        "Only passed in motion: to rest, the CoM would have to be 2.0 cm farther than it reaches."
+    )
+    assert [bars.nth(k).get_attribute("data-kind") for k in (2, 3, 4)] == ["rest", "motion", "rest"]
+    page.get_by_role("button", name="4 right foot").click()  # phases 2 to 4
+    expect(bars.nth(3)).to_have_attribute("aria-pressed", "true")
+    bars.nth(2).click()
+    expect(said).to_contain_text(
+        "Phase 2: left foot, right foot, right hand. The CoM can rest here with 6.0 cm to spare."
+    )
+    row = page.locator("li", has=page.get_by_role("button", name="4 right foot"))
+    expect(row.locator("[data-margins]")).to_contain_text("4.0 cm inside the edge of ground")
+    expect(row.locator("[data-margins]")).to_contain_text("25.0 cm to spare, least in phase 2")
+
+
+def test_the_scene_keeps_its_place_while_the_judge_thinks(tab: Tab, lab: Lab) -> None:
+    """What is taken hold of must not move away under the pointer once the first answer comes."""
+    held: list[Route] = []
+    tab.page.route("**/api/v1/scenarios/check", lambda route: held.append(route))
+    page = opened(tab, f"/view/?scenario={lab.fake.add_scenario().id}")
+    before = page.locator("iframe").bounding_box()
+    until(page, lambda: len(held) == 1)
+    held[0].continue_()
+    expect(page.locator("[data-phases] button")).to_have_count(9)
+    assert page.locator("iframe").bounding_box() == before
 
 
 def test_samples_are_copied_before_they_are_changed(tab: Tab, lab: Lab) -> None:

@@ -121,6 +121,13 @@ def test_what_is_no_document_is_said_in_one_line(content: bytes, kind: type[Stri
     refused(UnreadableFile, "import-contacts", "nowhere.json")
 
 
+def test_two_patches_of_one_effector_are_not_silently_one() -> None:
+    made = json.dumps(exported())
+    Path("bad.json").write_text(made.replace('"right_foot": {', '"left_foot": {', 1), encoding="utf-8")
+    told = refused(InvalidInput, "import-contacts", "bad.json")
+    assert "left_foot: is there twice" in told
+
+
 def phase(change: Document) -> Callable[[Document], None]:
     return lambda made: made["contact_phases"][2].update(change)
 
@@ -157,7 +164,7 @@ def many(made: Document) -> None:
         (place({"translation": [0.0, 0.0, 10**400]}), "phases[2].contacts[left_foot]", "large"),
         (place({"translation": [0.0, 0.09, 0.3]}), "phases[2].contacts[left_foot]", ""),
         (place({"translation": [0.0, 0.09, 1e6]}), "phases[2].contacts[left_foot]", "100"),
-        (around({"friction": 0.0}), "friction", "greater than 0"),
+        (around({"friction": 0.0}), "phases[0].contacts[left_foot]", "above 0"),
         (around({"robot": "nobody"}), "", "nobody"),
         (around({"terrain": "floor"}), "terrain", ""),
         (around({"wheels": 4}), "wheels", "not permitted"),

@@ -13,6 +13,7 @@ from stridelab.contacts.reading import read
 from stridelab.contacts.resting import Rest, rests
 from stridelab.contacts.shapes import EffectorReach, EffectorShape
 from stridelab.contacts.touching import Stance, touch_all
+from stridelab.contacts.validation import CheckReport, check
 from stridelab.resources import models_dir
 from support.shapes import FOOT_REACH, SHAPES, Made
 
@@ -49,6 +50,19 @@ def test_one_foot_holds_half_its_width() -> None:
     assert rest.com_m[1] == pytest.approx(0.2, abs=1e-3)
 
 
+@pytest.mark.parametrize(("usual", "high"), [(0.8, 0.8), (1.5, 1.0), (-1.0, -0.1), (None, None)])
+def test_the_com_is_shown_as_high_as_robots_stand(usual: float | None, high: float | None) -> None:
+    """Within reach: from -0.1 to 1.0 m above the foot."""
+    shapes = {**SHAPES, "left_foot": replace(SHAPES["left_foot"], com_height_m=usual)}
+    (rest,) = rested(stood([foot("left_foot", 0.3, 0.2)], shapes))
+    (other,) = rested(stood([foot("left_foot", 0.3, 0.2)], dict(SHAPES)))
+    assert rest.com_m is not None
+    assert other.com_m is not None
+    assert rest.com_m[2] == pytest.approx(other.com_m[2] if high is None else high, abs=1e-9)
+    np.testing.assert_array_equal(rest.com_m[:2], other.com_m[:2])
+    assert rest.margin_m == other.margin_m
+
+
 def test_a_com_that_does_not_come_over_its_foot_only_passes() -> None:
     """The reach allows it no farther to the left than 0.1 m right of the foot, whose edge is at -0.06 m."""
     aside = replace(SHAPES["left_foot"], reach=EffectorReach((-0.5, -0.4, 0.6), (0.5, -0.1, 1.0), 2.0))
@@ -56,6 +70,27 @@ def test_a_com_that_does_not_come_over_its_foot_only_passes() -> None:
     assert rest.margin_m == pytest.approx(-0.04, abs=ACCURACY_M)
     assert rest.com_m is not None
     assert rest.com_m[1] == pytest.approx(-0.1, abs=1e-3)
+
+
+def test_a_motion_neither_begins_nor_ends_where_nothing_holds_it_still() -> None:
+    """The left foot alone holds no CoM at rest: a fault at the ends, a remark between."""
+    aside = replace(SHAPES["left_foot"], reach=EffectorReach((-0.5, -0.4, 0.6), (0.5, -0.1, 1.0), 2.0))
+    shapes = {**SHAPES, "left_foot": aside}
+    left, right = foot("left_foot", 0.0, 0.1), foot("right_foot", 0.0, -0.1)
+
+    def report(*phases: list[Made]) -> CheckReport:
+        timed = [{"duration_s": 1.0, "contacts": contacts} for contacts in phases]
+        scenario = {"name": "any", "robot": "talos", "friction": 0.6, "terrain": [FLOOR], "phases": timed}
+        return check(scenario, shapes)
+
+    assert report([left, right], [right], [left, right]).valid
+    between = report([left, right], [left], [left, right])
+    assert between.valid
+    assert [(remark.code, "phase 1" in remark.message) for remark in between.remarks] == [("passed-in-motion", True)]
+    assert [fault.where for fault in report([left, right], [left]).faults] == ["phases[1]"]
+    assert next(fault.where for fault in report([left], [left, right]).faults) == "phases[0]"
+    (alone,) = report([left]).faults
+    assert "begins and ends here at rest" in alone.message
 
 
 def test_without_a_known_reach_there_is_a_region_alone() -> None:

@@ -7,7 +7,7 @@ The CoM can rest above the support region, as far as the robot's reach lets it g
 is the distance that it can keep from the border. If it is negative, the phase can only be passed in motion.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Final
@@ -23,13 +23,15 @@ from stridelab.contacts.support import soles
 from stridelab.contacts.support_region import rest_region_m
 from stridelab.contacts.touching import Stance, Touch
 from stridelab.conventions import Vector3
-from stridelab.errors import NotEstimable
+from stridelab.errors import Fault, NotEstimable
 
 Polygon = tuple[tuple[float, float], ...]
 ROOM_M: Final = 1e-3
 """With less room in its reach limits than this, a stance is not asked where its CoM could rest."""
 AWAY: Final = 0.1
 """How far from the border the search begins, in units of the contacts' distance."""
+LEVEL: Final = 1e-9
+"""Axes of a contact frame that rise less than this are level."""
 SAME_DIGITS: Final = 9
 """Stances whose numbers agree to so many decimals are one."""
 REMEMBERED: Final = 4096
@@ -61,6 +63,26 @@ def rests(stances: Sequence[Stance], slacks: Sequence[Slack | None]) -> tuple[Re
     return tuple(found.get(_key(stance), Rest(regions[_key(stance)])) for stance in stances)
 
 
+def restless(found: Sequence[Rest]) -> Iterator[Fault]:
+    """The first and the last phase, in which the robot stands still, where its CoM cannot come to rest."""
+    last = len(found) - 1
+    ends = {0: "begins", last: "ends"} if last > 0 else {0: "begins and ends"} if found else {}
+    for k, when in ends.items():
+        margin = found[k].margin_m
+        if margin is not None and margin < -ROOM_M:
+            yield Fault(
+                f"phases[{k}]",
+                f"the motion {when} here at rest, but the CoM stays {-margin:.2g} m short of where these contacts hold "
+                "it still: put another contact, or this one nearer",
+            )
+
+
+def passed_in_motion(found: Sequence[Rest]) -> list[int]:
+    """Phases between in which the CoM cannot rest."""
+    inner = range(1, len(found) - 1)
+    return [k for k in inner if (margin := found[k].margin_m) is not None and margin < -ROOM_M]
+
+
 def _key(stance: Stance) -> frozenset[int]:
     return frozenset(map(id, stance.values()))
 
@@ -88,7 +110,36 @@ def _margins(regions: Sequence[Polygon], asked: Sequence[tuple[Stance, Slack | N
     )
     x, _ = limits.most(np.column_stack([begin, room - AWAY]))
     margins, com_m = reach.scale * x[:, 3], reach.world_m(x)
-    return [Rest(region, float(margin), c) for region, margin, c in zip(regions, margins, com_m, strict=True)]
+    return [
+        Rest(region, float(margin), _at_usual_height(c, stance))
+        for region, margin, c, (stance, _) in zip(regions, margins, com_m, asked, strict=True)
+    ]
+
+
+def _at_usual_height(com_m: Vector3, stance: Stance) -> Vector3:
+    """The same place seen from above, as high as robots stand over their soles: r* does not depend on the height.
+
+    No higher or lower than the reach goes at that place.
+    """
+    usual = [
+        t.placement.position_m[2] + t.shape.com_height_m for t in soles(stance) if t.shape.com_height_m is not None
+    ]
+    if not usual:
+        return com_m
+    z = com_m[2]
+    low, high = -np.inf, np.inf
+    for at, reach in reach_set(limited(stance)):
+        away, up = com_m - at.position_m, at.rotation[2]
+        here = away @ at.rotation
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ends = (np.array([reach.com_low_m, reach.com_high_m]) - here) / up
+        steep = np.abs(up) > LEVEL
+        low = max(low, float(ends[:, steep].min(axis=0).max(initial=-np.inf)))
+        high = min(high, float(ends[:, steep].max(axis=0).min(initial=np.inf)))
+        half = np.sqrt(max(reach.com_distance_max_m**2 - float(away[:2] @ away[:2]), 0.0))
+        low, high = max(low, -half - away[2]), min(high, half - away[2])
+    rise = np.clip(np.mean(usual) - z, min(low, 0.0), max(high, 0.0))
+    return np.asarray(com_m + np.array([0.0, 0.0, rise]))
 
 
 def _edges(corners_m: Float[np.ndarray, "s m 2"]) -> tuple[Float[np.ndarray, "s m 3"], Float[np.ndarray, "s m"]]:
@@ -118,13 +169,15 @@ def _outline(touches: Sequence[Touch]) -> Polygon:
     at = PointContacts.of([(touch.placement, touch.shape.half_size_m, touch.friction) for touch in touches])
     x, y, _ = at.position_m[0]
     seen = (at.position_m - at.position_m[0]).round(SAME_DIGITS)
-    region = _remembered(seen.tobytes(), at.rotation.round(SAME_DIGITS).tobytes(), at.friction.tobytes())
+    region = region_seen_from_first_point(
+        seen.tobytes(), at.rotation.round(SAME_DIGITS).tobytes(), at.friction.tobytes()
+    )
     return tuple((float(x + dx), float(y + dy)) for dx, dy in region)
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _remembered(position: bytes, rotation: bytes, friction: bytes) -> Polygon:
-    """Seen from the first point: on stairs the same stance returns from step to step."""
+def region_seen_from_first_point(position: bytes, rotation: bytes, friction: bytes) -> Polygon:
+    """The region of points given by the bytes of their arrays: on stairs the same stance returns from step to step."""
     contacts = PointContacts(
         np.frombuffer(position).reshape(-1, 3), np.frombuffer(rotation).reshape(-1, 3, 3), np.frombuffer(friction)
     )

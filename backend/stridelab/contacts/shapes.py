@@ -32,11 +32,15 @@ class EffectorReach:
 
 @dataclass(frozen=True)
 class EffectorShape:
-    """A sole (``surface``, with the half edges of its rectangle) or a hand (``point``); ``reach`` where learned."""
+    """A sole (``surface``, with the half edges of its rectangle) or a hand (``point``); ``reach`` where learned.
+
+    ``com_height_m`` is the mean height of the CoM above a sole, learned of the robot as it stands.
+    """
 
     kind: Literal["surface", "point"]
     half_size_m: tuple[float, float] | None = None
     reach: EffectorReach | None = None
+    com_height_m: float | None = None
 
 
 def patch_m(half_size_m: tuple[float, float] | None) -> Points:
@@ -56,15 +60,18 @@ def effector_shapes(robot_name: str) -> Mapping[str, EffectorShape]:
     ("robot-card-invalid").
     """
     card = robot_card(robot_name)
-    learned = _learned(models_dir() / "reachability" / robot_name / "uniform.json")  # the widest measure
-    return MappingProxyType({name: _shape(entry, learned.get(name)) for name, entry in card.effectors.items()})
+    folder = models_dir() / "reachability" / robot_name
+    wide, standing = _learned(folder / "uniform.json"), _learned(folder / "conditioned.json")
+    return MappingProxyType(
+        {name: _shape(entry, wide.get(name), standing.get(name)) for name, entry in card.effectors.items()}
+    )
 
 
-def _learned(path: Path) -> dict[str, EffectorReach]:
+def _learned(path: Path) -> dict[str, Any]:
     if not path.is_file():
         return {}
-    effectors = json.loads(path.read_text(encoding="utf-8"))["effectors"]
-    return {name: _reach(entry["reach"]) for name, entry in effectors.items() if "reach" in entry}
+    effectors: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))["effectors"]
+    return effectors
 
 
 def _reach(entry: Mapping[str, Any]) -> EffectorReach:
@@ -72,8 +79,11 @@ def _reach(entry: Mapping[str, Any]) -> EffectorReach:
     return EffectorReach(low, high, float(entry["com_distance_max_m"]))
 
 
-def _shape(effector: EffectorCard, reach: EffectorReach | None) -> EffectorShape:
-    return EffectorShape(effector.kind, effector.contact_half_size_m, reach)
+def _shape(effector: EffectorCard, wide: Any, standing: Any) -> EffectorShape:
+    reach = _reach(wide["reach"]) if wide and "reach" in wide else None
+    sole = effector.kind == "surface" and standing
+    height = float(np.dot(standing["weights"], np.array(standing["means"])[:, 2])) if sole else None
+    return EffectorShape(effector.kind, effector.contact_half_size_m, reach, height)
 
 
 def _triple(values: Any) -> Triple:

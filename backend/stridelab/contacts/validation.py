@@ -12,7 +12,7 @@ from typing import Any
 from stridelab.contacts.closeness import closeness
 from stridelab.contacts.obstruction import obstructed
 from stridelab.contacts.reading import Draft, contact_field, read
-from stridelab.contacts.resting import Rest, rests
+from stridelab.contacts.resting import Rest, passed_in_motion, restless, rests
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.shapes import EffectorShape
 from stridelab.contacts.timeline import (
@@ -85,6 +85,7 @@ def judge(
         return CheckReport((*outsized, *draft.faults), (), (), (Rest(()),) * len(draft.phases), duration_s), None
     stances = touch_all(draft, effectors)
     reach = closeness(stances)
+    resting = rests(stances, reach.slacks)
     faults = [
         *draft.faults,
         *unsupported(draft, effectors),
@@ -95,16 +96,17 @@ def judge(
         *sliding_down(stances),
         *without_friction(draft, stances),
         *reach.faults,
+        *restless(resting),
     ]
     report = CheckReport(
         faults=tuple(sorted(faults, key=_phase_of)),
-        remarks=tuple(_remarks(draft, stances, effectors)),
+        remarks=(*_remarks(draft, stances, effectors), *_in_motion(resting)),
         margins=tuple(
             Margin(k, name, touch.surface, touch.height_m, touch.edge_m, None if slack is None else slack.slack_m)
             for k, (stance, slack) in enumerate(zip(stances, reach.slacks, strict=True))
             for name, touch in stance.items()
         ),
-        rests=rests(stances, reach.slacks),
+        rests=resting,
         duration_s=duration_s,
     )
     return report, _sequence(draft, stances) if report.valid else None
@@ -138,6 +140,14 @@ def _remarks(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, 
         )
         remarks.append(Remark("hand-comes-late", message))
     return remarks
+
+
+def _in_motion(resting: tuple[Rest, ...]) -> list[Remark]:
+    phases = passed_in_motion(resting)
+    if not phases:
+        return []
+    named = f"phase {phases[0]}" if len(phases) == 1 else f"phases {', '.join(map(str, phases))}"
+    return [Remark("passed-in-motion", f"the robot cannot stop in {named}: its contacts do not hold the CoM still")]
 
 
 def _phase_of(fault: Fault) -> int:

@@ -7,17 +7,18 @@ from pydantic import Field
 
 from stridelab.schemas.base import Contract, FaultItem, Remark
 
-Metres = Annotated[float, Field(ge=-100.0, le=100.0)]
+# What is only too large, or too small a friction, is left to the judge, who names phase and effector.
+Metres = Annotated[float, Field(ge=-1e6, le=1e6, description="metres, -100 to 100")]
 Position = tuple[Metres, Metres, Metres]
 QuaternionPart = Annotated[float, Field(ge=-10.0, le=10.0)]
 Quaternion = tuple[QuaternionPart, QuaternionPart, QuaternionPart, QuaternionPart]
-Friction = Annotated[float, Field(gt=0.0, le=2.0, description="coefficient of friction")]
+Friction = Annotated[float, Field(ge=-1e6, le=1e6, description="coefficient of friction, above 0 and at most 2")]
 SurfaceName = Annotated[str, Field(min_length=1, max_length=60, pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]*$")]
 UNPRINTABLE = r"\x00-\x08\x0b-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ufeff"
 """Control characters, and those that turn or hide text; a tab and a new line are for longer texts only."""
 OneLine = Annotated[str, Field(min_length=1, max_length=120, pattern=rf"^[^\t\n{UNPRINTABLE}]*$")]
 Prose = Annotated[str, Field(max_length=2000, pattern=rf"^[^{UNPRINTABLE}]*$")]
-Edge = Annotated[float, Field(gt=0.0, le=100.0)]
+Edge = Annotated[float, Field(gt=0.0, le=1e6, description="metres, at most 100")]
 
 
 ComHeight = Annotated[float, Field(gt=0.0, le=3.0)]

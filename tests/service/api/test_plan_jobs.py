@@ -78,13 +78,13 @@ def test_a_scenario_that_the_robot_cannot_do_is_refused_before_any_solver(http: 
         ("plan-motion", {"scenario_id": "flat-walk", "whole_body": False, "replay": True}, "body"),
         ("plan-motion", {"scenario_id": 7}, "scenario_id"),
         ("plan-motion", {"scenario_id": "flat-walk", "solver": "magic"}, "solver"),
-        ("plan-motion", {"scenario": {**one_step(), "friction": -1}}, "scenario.friction"),
+        ("plan-motion", {"scenario": {**one_step(), "friction": "-1"}}, "scenario.friction"),
         ("plan-motion", {"scenario_id": "flat-walk", "measure": "gaussian"}, "measure"),
         ("learn-reachability", {"robot": "nao"}, "robot"),
         ("plan-contacts", {**CONTACTS, "robot": "nao"}, "robot"),
         ("plan-contacts", {**CONTACTS, "terrain": []}, "terrain"),
         ("plan-contacts", {**CONTACTS, "goal": {"contacts": []}}, "goal.contacts"),
-        ("plan-contacts", {**CONTACTS, "friction": 0.0}, "friction"),
+        ("plan-contacts", {**CONTACTS, "friction": None}, "friction"),
         ("learn-reachability", {"robot": "../talos"}, "robot"),
         ("learn-reachability", {"robot": "talos", "effectors": ["left_foot", "tail"]}, "effectors.1"),
         ("learn-reachability", {"robot": "talos", "effectors": []}, "effectors"),
@@ -134,6 +134,15 @@ def test_ends_that_the_robot_cannot_hold_are_no_job(
     assert any(word in fault["message"] for fault in answer.json()["errors"])
     assert end in answer.json()["detail"]
     assert http.get(JOBS, params={"kind": "plan-contacts"}).json() == before
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
+def test_a_friction_that_holds_nothing_names_the_end(http: httpx.Client, end: str) -> None:
+    terrain = [{**surface, "friction": 0.0} for surface in ONE_STEP["terrain"]]
+    for change in ({"friction": -0.5}, {"terrain": terrain}):
+        answer = http.post(f"{JOBS}/plan-contacts", json={**CONTACTS, **change})
+        assert refusal(answer) == (422, "stance-invalid")
+        assert f"{end}.contacts[left_foot]" in places(answer)
 
 
 def test_reachability_is_learned_for_a_known_robot(http: httpx.Client) -> None:

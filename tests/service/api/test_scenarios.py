@@ -112,6 +112,9 @@ def test_bundled_scenarios_are_valid_and_read_only(seeded: Served, http: httpx.C
     assert copy.json()["bundled"] is False
 
 
+LEFT, FLOOR = one_step()["phases"][0]["contacts"][0], one_step()["terrain"][0]
+CRATE = {"name": "crate", "kind": "box", "center_m": [0.35, 0.09, 0.0], "size_m": [0.3, 0.3, 0.3]}
+PILLAR = {"name": "stair", "kind": "box", "center_m": [0.7, 0.09, 7.5], "size_m": [0.6, 0.3, 15.0]}
 BROKEN = {
     "in the air": (with_contact(0, 1, position_m=[0.0, -0.09, 0.3]), "phases[0].contacts[right_foot]"),
     "beside the floor": (with_contact(2, 0, position_m=[50.0, 0.09, 0.0]), "phases[2].contacts[left_foot]"),
@@ -125,6 +128,20 @@ BROKEN = {
     ),
     "no such robot": (one_step(robot="../../etc/passwd"), "robot"),
     "no quaternion": (with_contact(0, 0, orientation_wxyz=[0.0, 0.0, 0.0, 0.0]), "phases[0].contacts[left_foot]"),
+    "one effector twice": (
+        one_step(phases=[{"duration_s": 1.0, "contacts": [*one_step()["phases"][0]["contacts"], LEFT]}]),
+        "phases[0].contacts[left_foot]",
+    ),
+    "through a box": (one_step(terrain=[FLOOR, CRATE]), "phases[2].contacts[left_foot]"),
+    "no friction": (one_step(friction=0.0), "phases[0].contacts[left_foot]"),
+    "friction below 0": (one_step(friction=-0.3), "phases[0].contacts[left_foot]"),
+    "a surface without friction": (one_step(terrain=[{**FLOOR, "friction": 0.0}]), "phases[0].contacts[left_foot]"),
+    "a foot 150 m high": (with_contact(2, 0, position_m=[0.2, 0.09, 150.0]), "phases[2].contacts[left_foot]"),
+    "a stair 150 m high": (one_step(terrain=[FLOOR, {**CRATE, "size_m": [0.3, 0.3, 150.0]}]), "terrain[1]"),
+    "a stair of 15 cm in cm": (
+        {**with_contact(2, 0, position_m=[0.7, 0.09, 15.0]), "terrain": [FLOOR, PILLAR]},
+        "phases[2].contacts[left_foot]",
+    ),
 }
 
 
@@ -145,6 +162,32 @@ def test_what_the_robot_cannot_do_is_named_and_not_stored(http: httpx.Client, na
     assert http.get(f"{SCENARIOS}/{made['id']}").json() == made
     http.delete(f"{SCENARIOS}/{made['id']}")
     assert stored(http) == before
+
+
+def test_a_length_that_was_not_given_in_metres_is_asked_for(http: httpx.Client) -> None:
+    for name, words in (("a foot 150 m high", "lengths are in metres"), ("a stair of 15 cm in cm", "in metres?")):
+        faults = http.post(CHECK, json=BROKEN[name][0]).json()["errors"]
+        assert any(words in f["message"] for f in faults if f["where"] == BROKEN[name][1]), faults
+
+
+def test_what_is_no_number_names_phase_and_effector(http: httpx.Client) -> None:
+    nan, text_, far = [0.0, float("nan"), 0.0], [0.0, "x", 0.0], [0.0, 1e7, 0.0]
+    for position, code in ((nan, "not-json"), (text_, "invalid-request"), (far, "invalid-request")):
+        content = json.dumps(with_contact(2, 1, position_m=position))
+        answer = http.post(SCENARIOS, content=content, headers={"Content-Type": "application/json"})
+        assert refusal(answer)[1] == code
+        assert places(answer) == ["phases.2.contacts.1.position_m.1"]
+        assert answer.json()["errors"][0]["message"].startswith("right_foot: ")
+    answer = http.post(SCENARIOS, content='{"a": NaN, "a": 1}', headers={"Content-Type": "application/json"})
+    assert (refusal(answer), places(answer)) == ((400, "not-json"), ["body"])
+
+
+def test_too_many_phases_are_counted(http: httpx.Client) -> None:
+    answer = http.post(CHECK, json=one_step(phases=one_step()["phases"][:1] * 500))
+    assert refusal(answer) == (422, "invalid-request")
+    assert places(answer) == ["phases"]
+    assert "400" in answer.json()["errors"][0]["message"]
+    assert "500" in answer.json()["errors"][0]["message"]
 
 
 def test_a_check_tells_margins_and_support(http: httpx.Client) -> None:
@@ -178,7 +221,7 @@ def text(change: Callable[[str], str]) -> str:
 
 
 HOSTILE: dict[str, tuple[str, tuple[int, str], str | None]] = {
-    "NaN": (text(lambda t: t.replace("0.2,", "NaN,", 1)), (400, "not-json"), None),
+    "NaN": (text(lambda t: t.replace("0.2,", "NaN,", 1)), (400, "not-json"), "phases.2.contacts.0.position_m.0"),
     "Infinity": (text(lambda t: t.replace("0.5", "Infinity", 1)), (400, "not-json"), None),
     "1e308": (text(lambda t: t.replace('"position_m": [0.0,', '"position_m": [1e308,', 1)), (422, "invalid-request"),
               "phases.0.contacts.0.position_m.0"),
@@ -197,7 +240,6 @@ HOSTILE: dict[str, tuple[str, tuple[int, str], str | None]] = {
     "half": ('{"name": "x"', (400, "not-json"), None),
     "a number in quotes": (json.dumps(one_step(friction="0.3")), (422, "invalid-request"), "friction"),
     "true for a number": (json.dumps(one_step(friction=True)), (422, "invalid-request"), "friction"),
-    "no friction": (json.dumps(one_step(friction=0)), (422, "invalid-request"), "friction"),
     "an unknown field": (json.dumps(one_step(id="flat-walk")), (422, "invalid-request"), "id"),
     "an unknown field below": (json.dumps(with_contact(1, 0, force_n=7)), (422, "invalid-request"),
                                "phases.1.contacts.0.force_n"),

@@ -131,7 +131,7 @@ def claims(rows: list[Row], random: Mapping[str, int | float]) -> tuple[Claim, .
             "Share of random sets where the cone of alpha = 0.3 leaves the pyramids.",
         ),
         aimed("violations", "the largest cone inside: facets and boundary points violated",
-              random["facets_violated"] + random["points_outside"], "1", at_most=0.0),
+              float(random["facets_violated"] + random["points_outside"]), "1", at_most=0.0),
         aimed("kept", "its volume over that of alpha = 0.3, median of random sets",
               random["median_kept_over_thesis"], "1", at_least=2.5),
         aimed("change", "its change with another point and unit of length", random["largest_change"], "1",

@@ -5,7 +5,7 @@
 """
 
 import http
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import structlog
@@ -38,6 +38,7 @@ MEDIA_TYPE: Final = "application/problem+json"
 SHOWN_FAULTS: Final = 50
 """A request that is wrong everywhere is told so by its first faults."""
 _SHOWN_CHARACTERS: Final = 300
+_SHOWN_NAME: Final = 60
 
 STATUS: Final[Mapping[type[StridelabError], int]] = {
     UnreadableFile: 422,
@@ -107,15 +108,28 @@ def answer_error(error: StridelabError) -> Response:
     return answer(problem_of(error), headers)
 
 
-def faults_of(errors: list[Any]) -> list[FaultItem]:
-    """Pydantic's first errors as places and sentences; the refused values are not echoed."""
+def faults_of(errors: list[Any], document: Any = None) -> list[FaultItem]:
+    """Pydantic's first errors as places and sentences; of the refused values only an effector's name is echoed."""
     faults = []
     for item in errors[:SHOWN_FAULTS]:
-        path = [str(part) for part in item["loc"]]
+        path = list(item["loc"])
         if len(path) > 1 and path[0] in ("body", "query", "path", "header", "cookie"):
             path = path[1:]
-        faults.append(FaultItem(where=_short(".".join(path)) or "body", message=_short(str(item["msg"]))))
+        faults.append(fault_at(path, str(item["msg"]), document))
     return faults
+
+
+def fault_at(path: Sequence[str | int], message: str, document: Any) -> FaultItem:
+    """A fault of a document's field; where that belongs to a contact, the message begins with the effector's name."""
+    effector, value = "", document
+    for part in path:
+        try:
+            value = value[part]
+        except (KeyError, IndexError, TypeError):
+            break
+        if isinstance(value, dict) and isinstance(value.get("effector"), str):
+            effector = f"{value['effector'][:_SHOWN_NAME]}: "
+    return FaultItem(where=_short(".".join(map(str, path))) or "body", message=_short(effector + message))
 
 
 def _short(text: str) -> str:
@@ -133,7 +147,7 @@ def install(app: FastAPI) -> None:
     async def on_invalid(_: Request, error: Exception) -> Response:
         if not isinstance(error, RequestValidationError):
             raise error
-        faults = faults_of(list(error.errors()))
+        faults = faults_of(list(error.errors()), error.body)
         places = ", ".join(dict.fromkeys(fault.where for fault in faults))
         return answer(problem(422, "invalid-request", f"The request is not valid: see {places}.", faults))
 

@@ -4,7 +4,8 @@ Python's own reader also takes NaN and Infinity, and strings that no database co
 """
 
 import json
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Iterator
+from dataclasses import dataclass
 from typing import Any, Final, NoReturn
 
 from fastapi import Request
@@ -14,6 +15,7 @@ from pydantic import TypeAdapter, ValidationError
 from starlette.responses import Response
 
 from stridelab.errors import Fault, InvalidInput, TooLarge
+from stridelab.service.api.problems import fault_at
 
 JSON_LIMIT_BYTES: Final = 1_000_000
 """Largest JSON body."""
@@ -44,7 +46,8 @@ class StrictRoute(APIRoute):
                 # A number in quotes is no number, and true is not 1.
                 model.validate_json(strict.raw, strict=True)
             except ValidationError as error:
-                raise RequestValidationError(error.errors(include_url=False, include_input=False)) from error
+                refused = error.errors(include_url=False, include_input=False)
+                raise RequestValidationError(refused, body=strict.document) from error
             return await handler(strict)
 
         return read_strictly
@@ -80,8 +83,14 @@ async def read_limited(request: Request, limit_bytes: int) -> bytes:
 
 def parse_json(raw: bytes) -> Any:
     """The JSON document in ``raw``. Raises ``InvalidInput`` (``not-json``, ``invalid-text``)."""
+    constants: list[_Constant] = []
+
+    def constant(name: str) -> _Constant:
+        constants.append(_Constant(name))
+        return constants[-1]
+
     try:
-        document = json.loads(raw.decode("utf-8"), parse_constant=_refuse_constant)
+        document = json.loads(raw.decode("utf-8"), parse_constant=constant)
     except UnicodeDecodeError as error:
         raise InvalidInput("not-json", "The body is not JSON: it is not UTF-8 text.") from error
     except json.JSONDecodeError as error:
@@ -96,12 +105,49 @@ def parse_json(raw: bytes) -> Any:
         ) from error
     except ValueError as error:
         raise InvalidInput("not-json", "The body is not JSON: a number in it has too many digits.") from error
+    if constants:
+        _refuse_constant(constants[0], document)
     _refuse_unstorable(document)
     return document
 
 
-def _refuse_constant(name: str) -> NoReturn:
-    raise InvalidInput("not-json", f"The body is not JSON: {name} is not a JSON number.")
+@dataclass(frozen=True)
+class _Constant:
+    """What Python's reader takes for a number and JSON does not: NaN, Infinity."""
+
+    name: str
+
+
+def _refuse_constant(first: _Constant, document: Any) -> NoReturn:
+    path = _path_of(first, document)
+    fault = fault_at(path, f"{first.name} is not a JSON number", document)
+    message = f"The body is not JSON: {first.name} is not a JSON number (in {fault.where})."
+    raise InvalidInput("not-json", message, [Fault(fault.where, fault.message)])
+
+
+def _path_of(wanted: _Constant, document: Any) -> list[str | int]:
+    """Where ``wanted`` is in the document, without recursion; empty where a later key took its place."""
+    path: list[str | int] = []
+    pending = [_items(document)]
+    while pending:
+        for part, value in pending[-1]:
+            if value is wanted:
+                return [*path, part]
+            if isinstance(value, dict | list):
+                path.append(part)
+                pending.append(_items(value))
+                break
+        else:
+            pending.pop()
+            del path[-1:]
+    return []
+
+
+def _items(value: Any) -> Iterator[tuple[str | int, Any]]:
+    if isinstance(value, dict):
+        yield from value.items()
+    elif isinstance(value, list):
+        yield from enumerate(value)
 
 
 def storable(text: str) -> bool:

@@ -19,7 +19,7 @@ const [stage, said, undo] = ["stage", "said", "undo"].map(part);
 const frame = stage.querySelector("iframe");
 const scene = stage.dataset.scene, id = root.dataset.scenario, own = root.dataset.own === "true";
 const toggle = (number) => choose(chosen === number ? null : number);
-const rows = new Rows(root, own, { choose: toggle, nudge, preview, typed });
+const rows = new Rows(root, own, { choose: toggle, nudge, preview, typed, left });
 const judged = new Judged(root, rows);
 const past = [];
 
@@ -160,7 +160,13 @@ function preview(number, input) {
 function typed(number, input) {
   const place = placed(number, input);
   if (!place) return show();
+  if (draft) draft.typing = false;
   work = work.then(() => store(number, ...place));
+}
+
+// A number that was typed and taken back is no change.
+function left() {
+  if (draft?.typing) show();
 }
 
 // The mark moves with each press; what it comes to is stored once the keys rest.

@@ -1,9 +1,9 @@
 // "Find contacts": from the stance of a scenario's first phase to that of its last, as a new scenario.
 import { call, startJob } from "./api.js";
 import { offerJob } from "./plan.js";
-import { openNew } from "./scenario_body.js";
+import { FOUND, openNew } from "./scenario_body.js";
 
-const FEET = ["left_foot", "right_foot"], ENDING = ": contacts found";
+const FEET = ["left_foot", "right_foot"];
 
 export function offerContacts(root, scenarioId, before) {
   let name = "";
@@ -14,7 +14,7 @@ export function offerContacts(root, scenarioId, before) {
   };
   const then = async (job) => {
     const result = await call("GET", `/jobs/${job.id}/result`);
-    await openNew({ ...result.summary.scenario, name }, ENDING);
+    await openNew({ ...result.summary.scenario, name }, FOUND);
   };
   offerJob(root, "find", { start, before, then });
 }

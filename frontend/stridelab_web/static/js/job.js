@@ -1,5 +1,6 @@
 // One job, live: server-sent events, which the browser resumes by itself after a lost connection.
 import { call, followJob, headline, showState } from "./api.js";
+import { FOUND, openNew } from "./scenario_body.js";
 
 const card = document.querySelector("[data-live]");
 const cancel = document.querySelector("[data-cancel]");
@@ -28,5 +29,17 @@ cancel?.addEventListener("click", async () => {
   } catch (error) {
     card.querySelector("[data-message]").textContent = error.message;
     cancel.disabled = false;
+  }
+});
+
+// The contacts that were found become a scenario of one's own, in the editor.
+document.querySelector("[data-keep]")?.addEventListener("click", async (event) => {
+  const button = event.currentTarget;
+  button.disabled = true;
+  try {
+    await openNew((await call("GET", `/jobs/${id}/result`)).summary.scenario, FOUND);
+  } catch (error) {
+    document.querySelector("[data-said-keep]").textContent = error.message;
+    button.disabled = false;
   }
 });

@@ -2,7 +2,7 @@
 import { named } from "./verdict.js";
 
 export class Rows {
-  // `on` hears of what happens to a row: choose(number), nudge(event, number), preview and typed(number, input).
+  // `on` hears of what happens to a row: choose(number), nudge(event, number), preview and typed(number, input), left().
   constructor(root, own, on) {
     Object.assign(this, { list: root.querySelector("[data-touches]"), model: root.querySelector("template[data-row]"), own, on });
     this.byNumber = new Map();
@@ -28,6 +28,7 @@ export class Rows {
       input.disabled = !this.own;
       input.addEventListener("input", () => this.on.preview(touch.number, input));
       input.addEventListener("change", () => this.on.typed(touch.number, input));
+      input.addEventListener("blur", () => this.on.left());
     }
     this.byNumber.set(touch.number, row);
     this.list.append(row);

@@ -3,6 +3,7 @@ import { call } from "./api.js";
 
 const NAMES = ["name", "description", "robot", "friction", "start_com_height_m", "terrain", "phases"];
 const NAME_AT_MOST = 120;
+export const FOUND = ": contacts found"; // ends the name of what the contact planner made
 
 // Without what the service itself adds.
 export const bodyOf = (stored) => Object.fromEntries(NAMES.map((name) => [name, stored[name]]));

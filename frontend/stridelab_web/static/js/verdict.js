@@ -1,5 +1,6 @@
 // What the service's judge says of a scenario, in words.
 const PLACE = /^phases\[(\d+)\](?:\.contacts\[(\w+)\])?/;
+const EQUAL_M = 1e-4; // margins that differ by less are the same
 const LEVEL_M = 5e-4; // closer than this to its surface, a contact is on it
 
 export const cm = (length_m) => `${(100 * Math.abs(length_m)).toFixed(1)} cm`;
@@ -53,9 +54,13 @@ function heldBy({ kind, margin_m, region_m }) {
   return `${wrong}Only passed in motion: to rest, the CoM would have to be ${cm(margin_m)} farther than it reaches.`;
 }
 
-// Of phases with these numbers, the one that is held worst: an invalid one before all others.
+// Of phases with these numbers, the one that is held worst, the first of equals: an invalid one before all others.
 export function tightest(phases, numbers) {
-  const spare = ({ kind, margin_m, region_m }) => (kind === "invalid" ? -Infinity : (margin_m ?? (region_m.length ? Infinity : -1e3)));
+  const spare = ({ kind, margin_m, region_m }) => {
+    if (kind === "invalid") return -Infinity;
+    if (margin_m === null) return region_m.length ? Infinity : -Number.MAX_VALUE;
+    return Math.round(margin_m / EQUAL_M);
+  };
   return numbers.reduce((worst, k) => (spare(phases[k]) < spare(phases[worst]) ? k : worst), numbers[0]);
 }
 
