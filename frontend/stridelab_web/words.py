@@ -112,6 +112,7 @@ _KINDS = {
     "simulate-recording": "Simulated recording",
     "plan-contacts": "Contact plan",
     "plan-motion": "Motion plan",
+    "plan-receding": "Receding horizon",
     "learn-reachability": "Reachability",
     "fit-cycloid": "Rolling wheel",
     "study-population": "Population",

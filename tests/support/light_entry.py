@@ -16,6 +16,7 @@ CALLS = [
     ("POST", "scenarios", ONE_STEP),
     ("POST", "jobs/plan-motion", {"scenario": ONE_STEP}),
     ("POST", "jobs/plan-motion", {"scenario_id": "flat-walk"}),
+    ("POST", "jobs/plan-receding", {"scenario": ONE_STEP}),
     ("POST", "jobs/learn-reachability", {"robot": "talos"}),
     (
         "POST",

@@ -15,6 +15,7 @@ from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
+from stridelab.schemas.receding import PlanRecedingInput
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
 from stridelab.service.api.scenarios.examples import ONE_STEP, STANDING, STANDING_AHEAD
 from stridelab.service.jobs.kinds import rows
@@ -25,6 +26,7 @@ from stridelab.service.jobs.kinds.tasks import (
     LearnReachabilityTask,
     PlanContactsTask,
     PlanMotionTask,
+    PlanRecedingTask,
     SimulateRecordingTask,
 )
 from stridelab.service.storage.blobs import BlobStore
@@ -235,6 +237,13 @@ def test_a_scenario_deleted_meanwhile_is_named(database_url: str, blobs: BlobSto
         within(database_url, act)
     assert refusal.value.code == "scenario-not-found"
     assert [fault.where for fault in refusal.value.faults] == ["scenario_id"]
+
+
+def test_a_receding_horizon_takes_the_scenario_as_it_is_now(database_url: str, blobs: BlobStore, folder: Path) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        return await rows.stage_plan_receding(connection, blobs, PlanRecedingInput(scenario=short_walk()), folder)
+
+    assert PlanRecedingTask.model_validate(within(database_url, act)).scenario == short_walk()
 
 
 def test_planning_contacts_stages_nothing(database_url: str, blobs: BlobStore, folder: Path) -> None:

@@ -100,6 +100,12 @@ _EXAMPLES: Final[dict[str, Any]] = {
             "value": {"scenario": ONE_STEP, "whole_body": False},
         },
     },
+    "plan-receding": {
+        "pushed": {
+            "summary": "Pushed to the left after two seconds",
+            "value": {"scenario_id": EXAMPLE_ID, "pushes": [{"time_s": 2.0, "velocity_m_s": [0.0, 0.1, 0.0]}]},
+        },
+    },
     "reproduce": {
         "bode": {"summary": "The gains of the three filters", "value": {"item": "fig-2.5"}},
         "comparison": {

@@ -5,7 +5,6 @@
 Every stage has its share of the progress bar and its time in the summary, and every failure names its stage.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -16,21 +15,16 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.resting import from_rest_to_rest
 from stridelab.centroidal.solve import solve
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.contacts.shapes import effector_shapes
-from stridelab.contacts.validation import judge
-from stridelab.errors import Fault, InvalidInput, NotEstimable
-from stridelab.reachability.card import Measure
-from stridelab.reachability.proxy import Proxy
-from stridelab.reachability.store import DEFAULT_MEASURE, load_card, load_proxies, require_same_robot
+from stridelab.errors import Fault, NotEstimable
+from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
-from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import PLAN_STAGES, PlanMotionInput
-from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.plan_artifacts import write_json, write_motion, write_plan, write_replay
 from stridelab.service.jobs.kinds.plan_options import CONTROLS, iterations_to, limits_of, require_time, solver_of
+from stridelab.service.jobs.kinds.plan_posing import checked, densities
 from stridelab.service.jobs.kinds.plan_requirements import require_plan
 from stridelab.service.jobs.kinds.plan_summary import certificate_of, remarks, replay_of, summary
 from stridelab.service.jobs.kinds.stages import Stages
@@ -67,10 +61,10 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     artifacts: list[ArtifactFile] = []
 
     with stages.at(CHECK, "looking at the scenario"):
-        sequence, noted = _checked(task.scenario)
+        sequence, noted = checked(task.scenario)
         robot = load_robot(sequence.robot)
     with stages.at(REACHABILITY, "reading the learned densities"):
-        proxies = _densities(robot, request.measure or DEFAULT_MEASURE)
+        proxies = densities(robot, request.measure or DEFAULT_MEASURE)
     with stages.at(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s") as tell:
         posed = from_rest_to_rest(robot, sequence, proxies)
         problem = replace(posed, control=CONTROLS[request.formulation], node_rate_hz=request.node_rate_hz)
@@ -119,22 +113,6 @@ def _clock(tell: ProgressCallback, duration_s: float) -> ProgressCallback:
         tell(fraction, f"{fraction * duration_s:.1f} of {duration_s:.1f} s")
 
     return on
-
-
-def _checked(scenario: Scenario) -> tuple[ContactSequence, tuple[Remark, ...]]:
-    report, sequence = judge(scenario.model_dump(mode="json"), effector_shapes(scenario.robot))
-    if sequence is None:
-        first = report.faults[0]
-        more = f" and {len(report.faults) - 1} more" if len(report.faults) > 1 else ""
-        message = f"The robot cannot do this: {first.where}: {first.message}{more}."
-        raise InvalidInput("scenario-invalid", message, report.faults)
-    return sequence, tuple(Remark(code=r.code, message=r.message) for r in report.remarks)
-
-
-def _densities(robot: Robot, measure: Measure) -> Mapping[str, Proxy]:
-    """The learned densities, which must be those of this very robot."""
-    require_same_robot(load_card(robot.name, measure), robot)
-    return load_proxies(robot.name, measure)
 
 
 def _planned(problem: CentroidalProblem, request: PlanMotionInput, tell: ProgressCallback) -> CentroidalPlan:

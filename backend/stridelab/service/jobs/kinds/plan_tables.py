@@ -21,13 +21,13 @@ def centroidal_columns(plan: CentroidalPlan) -> Columns:
     the surface, are zero where an effector does not touch.
     """
     columns: Columns = {"time_s": plan.time_s, "phase": _at_nodes(plan.phase)}
-    columns |= _xyz("com_{}_m", plan.com_m)
-    columns |= _xyz("com_v{}_m_s", plan.com_v_m_s)
-    columns |= _xyz("com_a{}_m_s2", _at_nodes(plan.com_a_m_s2))
-    columns |= _xyz("l_{}_nms", plan.l_nms)
+    columns |= track_columns("com_{}_m", plan.com_m)
+    columns |= track_columns("com_v{}_m_s", plan.com_v_m_s)
+    columns |= track_columns("com_a{}_m_s2", _at_nodes(plan.com_a_m_s2))
+    columns |= track_columns("l_{}_nms", plan.l_nms)
     for effector, forces in plan.forces_n.items():
         for k in range(forces.shape[1]):
-            columns |= _xyz(f"f_{effector}_{k}_{{}}_n", _at_nodes(forces[:, k]))
+            columns |= track_columns(f"f_{effector}_{k}_{{}}_n", _at_nodes(forces[:, k]))
     for effector in plan.forces_n:
         columns[f"friction_{effector}"] = _at_nodes(_friction(plan, effector))
     return columns
@@ -40,14 +40,14 @@ def motion_columns(motion: WholeBodyMotion, torque_limits_nm: Float[np.ndarray, 
     the largest ``|tau| / limit`` of all joints.
     """
     columns: Columns = {"time_s": motion.time_s, "phase": phases(motion.sequence, motion.time_s)}
-    columns |= _xyz("com_{}_m", motion.com_m)
-    columns |= _xyz("com_reference_{}_m", motion.com_reference_m)
+    columns |= track_columns("com_{}_m", motion.com_m)
+    columns |= track_columns("com_reference_{}_m", motion.com_reference_m)
     columns["com_error_m"] = np.linalg.norm(motion.com_m - motion.com_reference_m, axis=1)
-    columns |= _xyz("com_v{}_m_s", motion.com_v_m_s)
-    columns |= _xyz("l_{}_nms", motion.l_nms)
-    columns |= _xyz("l_reference_{}_nms", motion.l_reference_nms)
+    columns |= track_columns("com_v{}_m_s", motion.com_v_m_s)
+    columns |= track_columns("l_{}_nms", motion.l_nms)
+    columns |= track_columns("l_reference_{}_nms", motion.l_reference_nms)
     for effector, forces in motion.forces_n.items():
-        columns |= _xyz(f"f_{effector}_{{}}_n", forces.sum(axis=1))
+        columns |= track_columns(f"f_{effector}_{{}}_n", forces.sum(axis=1))
     columns["torque_ratio"] = (np.abs(motion.tau_nm) / torque_limits_nm).max(axis=1)
     return columns
 
@@ -70,5 +70,6 @@ def _at_nodes(per_interval: np.ndarray) -> np.ndarray:
     return np.concatenate([per_interval, per_interval[-1:]])
 
 
-def _xyz(name: str, track: Float[np.ndarray, "n 3"]) -> Columns:
+def track_columns(name: str, track: Float[np.ndarray, "n 3"]) -> Columns:
+    """A track along x, y and z; ``name`` has a place for the axis."""
     return {name.format(axis): track[:, i] for i, axis in enumerate(AXES)}

@@ -20,6 +20,7 @@ from stridelab.schemas.plans import (
     PlanMotionSummary,
 )
 from stridelab.schemas.population import StudyPopulationInput, StudyPopulationSummary
+from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingSummary
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
 from stridelab.service.jobs.kinds import population_stage, rows
 from stridelab.service.jobs.kinds.kind import JobKind
@@ -86,6 +87,16 @@ PLAN_MOTION = JobKind(
     memory_mb=4096,
     lane="long",
 )
+PLAN_RECEDING = JobKind(
+    name="plan-receding",
+    input_model=PlanRecedingInput,
+    summary_model=PlanRecedingSummary,
+    run="stridelab.service.jobs.kinds.plan_receding:run_in_child",
+    stage=rows.stage_plan_receding,
+    timeout_s=600.0,
+    memory_mb=4096,
+    lane="long",
+)
 LEARN_REACHABILITY = JobKind(
     name="learn-reachability",
     input_model=LearnReachabilityInput,
@@ -119,6 +130,7 @@ KINDS: Mapping[str, JobKind] = MappingProxyType(
             SIMULATE_RECORDING,
             PLAN_CONTACTS,
             PLAN_MOTION,
+            PLAN_RECEDING,
             LEARN_REACHABILITY,
             REPRODUCE,
         )

@@ -18,6 +18,7 @@ from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
+from stridelab.schemas.receding import PlanRecedingInput
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
 from stridelab.schemas.reproduction import ReproduceInput
 from stridelab.schemas.scenarios import Scenario
@@ -29,6 +30,7 @@ from stridelab.service.jobs.kinds.tasks import (
     LearnReachabilityTask,
     PlanContactsTask,
     PlanMotionTask,
+    PlanRecedingTask,
     RecordingSource,
     ReproduceTask,
     SimulateRecordingTask,
@@ -101,6 +103,13 @@ async def stage_plan_motion(connection: AsyncConnection, blobs: Blobs, input: Co
     request = PlanMotionInput.model_validate(input.model_dump())
     body = request.scenario or await _scenario_body(connection, str(request.scenario_id))
     return PlanMotionTask(scenario=body, input=request).model_dump(mode="json")
+
+
+async def stage_plan_receding(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """As for ``plan-motion``."""
+    request = PlanRecedingInput.model_validate(input.model_dump())
+    body = request.scenario or await _scenario_body(connection, str(request.scenario_id))
+    return PlanRecedingTask(scenario=body, input=request).model_dump(mode="json")
 
 
 async def stage_plan_contacts(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002

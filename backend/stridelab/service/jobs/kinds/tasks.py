@@ -8,6 +8,7 @@ from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
 from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
 from stridelab.schemas.population import PersonFields
+from stridelab.schemas.receding import PlanRecedingInput
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.reproduction import ReproduceInput
 from stridelab.schemas.scenarios import Scenario
@@ -78,6 +79,13 @@ class PlanMotionTask(Contract):
 
     scenario: Scenario
     input: PlanMotionInput
+
+
+class PlanRecedingTask(Contract):
+    """Task of ``plan-receding``: the scenario itself, wherever it came from."""
+
+    scenario: Scenario
+    input: PlanRecedingInput
 
 
 class PlanContactsTask(Contract):

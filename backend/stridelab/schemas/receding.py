@@ -1,0 +1,66 @@
+"""Input and summary of ``plan-receding``: the centroidal problem solved anew while the motion goes on."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field, model_validator
+
+from stridelab.schemas.base import Contract, Remark
+from stridelab.schemas.plans import NODE_RATE_HZ, Formulation
+from stridelab.schemas.scenarios import Scenario
+
+PushSpeed = Annotated[float, Field(ge=-2.0, le=2.0)]
+
+
+class Push(Contract):
+    """What changes the velocity of the CoM by ``velocity_m_s`` at the end of the period that ``time_s`` is in."""
+
+    time_s: Annotated[float, Field(ge=0.0, le=600.0)]
+    velocity_m_s: tuple[PushSpeed, PushSpeed, PushSpeed]
+
+
+class PlanRecedingInput(Contract):
+    """Input of ``plan-receding``: a stored scenario or a whole one, never both.
+
+    Every ``period_s`` the motion of the next ``horizon_s`` is planned anew from where the CoM is, and carried out for a
+    period. ``formulation``, ``node_rate_hz`` and ``measure`` are those of ``plan-motion``; ``warm`` starts each
+    solution from the one before.
+    """
+
+    scenario_id: str | None = None
+    scenario: Scenario | None = None
+    horizon_s: Annotated[float, Field(ge=0.5, le=10.0)] = 2.5
+    period_s: Annotated[float, Field(ge=0.02, le=1.0)] = 0.1
+    pushes: list[Push] = Field(default_factory=list, max_length=50)
+    warm: bool = True
+    formulation: Formulation = "forces"
+    node_rate_hz: Annotated[float, Field(ge=NODE_RATE_HZ[0], le=NODE_RATE_HZ[1])] = 10.0
+    measure: Literal["uniform", "conditioned"] | None = None
+
+    @model_validator(mode="after")
+    def _one_scenario(self) -> "PlanRecedingInput":
+        if (self.scenario_id is None) == (self.scenario is None):
+            raise ValueError("give either scenario_id or scenario")
+        if self.period_s >= self.horizon_s:
+            raise ValueError("period_s must be shorter than horizon_s")
+        return self
+
+
+class PlanRecedingSummary(Contract):
+    """Summary of ``plan-receding``; times are processor times of one replan: building, solving and checking.
+
+    ``carried_on`` counts periods in which no solution was found and the last plan went on; ``goal_gap_m`` is how far
+    from its place of rest the CoM ends.
+    """
+
+    scenario_name: str
+    robot: str
+    duration_s: float
+    replans: int
+    carried_on: int
+    iterations_median: float
+    iterations_max: int
+    replan_median_ms: float
+    replan_p99_ms: float
+    replan_max_ms: float
+    goal_gap_m: float
+    warnings: list[Remark]

@@ -1,0 +1,79 @@
+"""``plan-receding``: a walk carried out period by period, pushed on the way, as a table and a summary."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+from pydantic import ValidationError
+
+from stridelab.centroidal.horizon import State
+from stridelab.errors import InvalidInput
+from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingSummary, Push
+from stridelab.schemas.scenarios import Scenario
+from stridelab.service.jobs.kinds.plan_receding import pushed, run_in_child
+from stridelab.service.jobs.kinds.registry import KINDS
+from support.planning import changed, short_walk
+from support.quiet import Told
+
+PERIOD_S = 0.2
+
+
+def carried_out(folder: Path, scenario: Scenario, **asked: Any) -> tuple[PlanRecedingSummary, Any]:
+    input_ = PlanRecedingInput(scenario=scenario, period_s=PERIOD_S, **asked)
+    task = {"scenario": scenario.model_dump(mode="json"), "input": input_.model_dump(mode="json")}
+    folder.mkdir(exist_ok=True)
+    told = Told()
+    outcome = run_in_child(task, folder, told)
+    assert told.fractions[-1] == 1.0
+    assert {item["name"] for item in outcome["artifacts"]} == {"receding.parquet", "receding.csv"}
+    return PlanRecedingSummary.model_validate(outcome["summary"]), pq.read_table(folder / "receding.parquet")
+
+
+def test_the_registry_names_it() -> None:
+    assert KINDS["plan-receding"].run == f"{run_in_child.__module__}:{run_in_child.__name__}"
+
+
+def test_a_push_is_felt_and_overcome(tmp_path: Path) -> None:
+    """The velocity jumps by the push, and the motion ends where it would have without it."""
+    walk = short_walk()
+    calm, table = carried_out(tmp_path / "calm", walk)
+    push = {"time_s": 1.1, "velocity_m_s": (0.0, 0.06, 0.0)}
+    summary, other = carried_out(tmp_path / "pushed", walk, pushes=[push])
+    time_s = table["time_s"].to_numpy()
+    assert summary.replans == calm.replans == len(time_s) - 1
+    assert (summary.carried_on, calm.carried_on) == (0, 0)
+    assert max(summary.goal_gap_m, calm.goal_gap_m) < 1e-3
+    apart = other["com_vy_m_s"].to_numpy() - table["com_vy_m_s"].to_numpy()
+    at = int(np.searchsorted(time_s, 1.1))
+    assert time_s[at] == pytest.approx(1.2)
+    assert np.abs(apart[:at]).max() < 1e-6
+    assert apart[at] == pytest.approx(0.06, abs=1e-6)
+    assert abs(apart[-1]) < 1e-3
+    assert summary.replan_median_ms <= summary.replan_p99_ms <= summary.replan_max_ms
+    assert np.nanmedian(other["iterations"].to_numpy()) == summary.iterations_median
+
+
+def test_pushes_belong_to_the_period_that_they_are_in() -> None:
+    state = State(np.zeros(3), np.zeros(3), np.zeros(3))
+    disturb = pushed([Push(time_s=t, velocity_m_s=(1.0, 0.0, 0.0)) for t in (0.0, 0.2, 0.25, 0.9)], PERIOD_S)
+    felt = [float(disturb(k * PERIOD_S, state).com_v_m_s[0]) for k in range(1, 6)]
+    assert sum(felt) == 4.0
+    assert felt == [1.0, 2.0, 0.0, 0.0, 1.0]
+
+
+def test_a_scenario_that_cannot_be_done_leaves_nothing(tmp_path: Path) -> None:
+    lifted = changed(short_walk(), lambda s: s["phases"][0]["contacts"][0].update(position_m=[0.0, 0.09, 0.3]))
+    with pytest.raises(InvalidInput, match=r"phases\[0\]"):
+        carried_out(tmp_path, lifted)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [{"period_s": 2.5}, {"horizon_s": 0.1}, {"pushes": [{"time_s": -1.0, "velocity_m_s": (0.0, 0.0, 0.0)}]}, {}],
+)
+def test_what_is_no_horizon_is_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(ValidationError):
+        PlanRecedingInput.model_validate({"scenario_id": "flat-walk", **wrong} if wrong else {})
