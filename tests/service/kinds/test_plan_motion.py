@@ -364,10 +364,10 @@ def test_a_solver_that_hangs_is_ended_and_its_stage_is_known(tmp_path: Path, mon
 
 
 def test_a_suspicious_plan_is_remarked_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def solve(problem: Any) -> Any:
+    def solve(*args: Any, **options: Any) -> Any:
         from stridelab.centroidal.solve import solve as genuine
 
-        return replace(genuine(problem), iterations=51)
+        return replace(genuine(*args, **options), iterations=51)
 
     monkeypatch.setattr(plan_motion, "solve", solve)
     summary = run(tmp_path, short_walk(), whole_body=False).summary
