@@ -2,7 +2,7 @@
 
 Every period the problem is solved anew from where the CoM is, over the next ``horizon_s`` of the sequence, and the
 first period of its solution is carried out. A horizon that ends before the sequence asks for viability (4.9f) in place
-of rest: a CoM whose capture point lies in the last contacts (``conditions``). Each solution, moved along in time, starts
+of rest: a CoM whose capture point lies in the last contacts (``conditions``). Each solution, moved along, starts
 the next.
 
 Where a problem has no solution the last plan that had one goes on: it leads to a state that can be stopped.
