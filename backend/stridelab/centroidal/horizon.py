@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stridelab.centroidal.carried import carried
 from stridelab.centroidal.conditions import Start
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
-from stridelab.centroidal.shifted import shifted
 from stridelab.centroidal.solve import solve
 from stridelab.centroidal.solvers import Limits
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
@@ -134,7 +134,7 @@ class RecedingHorizon:
         asked = self.horizon(time_s, state)
         start = None
         if self.warm and last is not None and not last.carried_on:
-            start = shifted(last.plan, last.problem, asked, time_s - last.time_s)
+            start = carried(last.plan, asked, time_s - last.time_s)
         plan = solve(asked, "ipopt", self.limits, start)
         iterations, warm = plan.iterations, start is not None
         if not plan.converged and warm:
