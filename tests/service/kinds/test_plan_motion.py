@@ -32,7 +32,7 @@ from stridelab.service.jobs.kinds.tables_io import read_about
 from support.planning import changed, plan_task, short_walk
 from support.quiet import Told, quiet
 
-CENTROIDAL_FILES = {"centroidal.parquet", "centroidal.csv", "scenario.json"}
+CENTROIDAL_FILES = {"centroidal.parquet", "centroidal.csv", "iterations.parquet", "iterations.csv", "scenario.json"}
 MOTION_FILES = {"motion.npz", "motion.parquet", "motion.csv", "poses.f32", "poses.json", "forces.f32", "motion.viser"}
 ALL_FILES = CENTROIDAL_FILES | MOTION_FILES | {"certificate.json", "replay.npz"}
 STAGES = ["check", "reachability", "centroidal", "whole body", "certificate", "replay", "export"]
