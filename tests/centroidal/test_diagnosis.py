@@ -12,6 +12,7 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solve import solve
 from stridelab.centroidal.solvers import Limits
 from stridelab.contacts.sequence import Contact, ContactSequence
+from stridelab.contacts.terrain import Box, Terrain
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.placement import Placement
 from support.centroidal_problems import rest_to_rest
@@ -126,3 +127,17 @@ def test_a_solver_that_stopped_early_is_stuck(problem: CentroidalProblem) -> Non
     assert diagnosis.verdict == "stuck"
     assert "the solver found none" in diagnosis.sentence
     assert diagnose(problem).verdict == "stuck", "without a plan too"
+
+
+def test_a_foothold_stays_on_its_stone() -> None:
+    """As far out as above, on a stone 10 cm longer and wider than the sole: it cannot come near enough."""
+    left, right = foot("left", 0.0), foot("right", 0.0)
+    far = Contact("right_foot", Placement.of((0.2, -1.3, 0.0)), "stone", 0.3)
+    stone = Box("stone", Placement.of((0.2, -1.3, -0.05)), np.array([0.3, 0.22, 0.1]))
+    alone = phase(0.6, left)
+    walk = sequence(phase(0.8, left, right), alone, phase(0.6, left, far), alone, phase(0.8, left, right))
+    found = nearest(rest_to_rest(replace(walk, terrain=Terrain((stone,)))), "placements")
+    assert found is not None
+    assert not found.held
+    corners = found.sequence.phases[2].contacts["right_foot"].placement.position_m
+    assert np.abs(corners - far.placement.position_m).max() <= 0.08

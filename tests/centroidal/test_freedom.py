@@ -69,6 +69,25 @@ def test_the_durations_chosen_are_the_best_of_their_kind(walk: CentroidalProblem
     assert given(0.9 * chosen + 0.1 * asked) > given(chosen) + 1e-3
 
 
+def test_free_durations_begin_where_the_given_ones_lead(walk: CentroidalProblem, fixed: CentroidalPlan) -> None:
+    plan = solve(replace(walk, durations=FreeDurations()), "ipopt")
+    assert plan.solution is not None
+    first, second = plan.solution.attempts
+    assert first.iterations == fixed.iterations
+    assert plan.iterations == first.iterations + second.iterations
+    assert plan.solve_time_s == pytest.approx(first.solve_s + second.solve_s)
+
+
+def test_too_little_time_is_made_enough_where_it_may_be() -> None:
+    """On both feet by 0.2 m in 0.3 s: friction allows no more than 0.13 m."""
+    standing = rest_to_rest(sequence(phase(0.3, foot("left", 0.0), foot("right", 0.0))), proxies={})
+    hurried = replace(standing, com_end_m=standing.com_end_m + np.array([0.2, 0.0, 0.0]), node_rate_hz=20.0)
+    assert not solve(hurried, "ipopt").converged
+    plan = solve(replace(hurried, durations=FreeDurations(1.0, 6.0, fixed_total=False, price_per_s=1.0)))
+    assert plan.converged, plan.status
+    assert plan.sequence.duration_s > 0.35
+
+
 def test_a_price_on_time_makes_haste(walk: CentroidalProblem) -> None:
     cheap, dear = (
         solve(replace(walk, durations=FreeDurations(fixed_total=False, price_per_s=price))) for price in (0.0, 50.0)

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from stridelab.centroidal import horizon as module
+from stridelab.centroidal.carried import carried
 from stridelab.centroidal.conditions import Start
 from stridelab.centroidal.horizon import RecedingHorizon, State, window
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.shifted import shifted
 from stridelab.centroidal.solve import solve
 from stridelab.errors import InvalidInput, NotEstimable
 from support.centroidal_problems import rest_to_rest
@@ -46,7 +46,7 @@ def test_the_rest_of_an_optimal_motion_is_optimal_and_found_at_once_from_it(
 ) -> None:
     for time_s in (0.3, 1.0, 1.5):
         problem = rest_of(walk, whole, time_s)
-        start = shifted(whole, walk, problem, time_s)
+        start = carried(whole, problem, time_s)
         warm, cold = solve(problem, start=start), solve(problem)
         assert warm.converged
         assert warm.objective == pytest.approx(cold.objective, abs=1e-3 * abs(cold.objective))
@@ -57,12 +57,10 @@ def test_the_rest_of_an_optimal_motion_is_optimal_and_found_at_once_from_it(
 
 def test_a_solution_moved_by_nothing_is_itself(walk: CentroidalProblem, whole: CentroidalPlan) -> None:
     assert whole.solution is not None
-    same = shifted(whole, walk, walk, 0.0)
-    assert same is not None
+    same = carried(whole, walk)
     assert same.w == pytest.approx(whole.solution.point.w, abs=1e-9)
     layout_free = np.flatnonzero(same.lambda_w)
     assert same.lambda_w[layout_free] == pytest.approx(whole.solution.point.lambda_w[layout_free])
-    assert shifted(replace(whole, solution=None), walk, walk, 0.0) is None
 
 
 def test_with_the_whole_motion_in_sight_the_plan_is_carried_out(walk: CentroidalProblem, whole: CentroidalPlan) -> None:

@@ -6,9 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stridelab.centroidal.conditions import PathBounds, Start
+from stridelab.centroidal.constraint_rows import N_RAYS, Where
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.reach_box import reach_box
-from stridelab.centroidal.relaxed import HARD, N_RAYS, EndMiss, Where, held, relax
+from stridelab.centroidal.relaxed import HARD, EndMiss, held, relax
+from stridelab.centroidal.solve import solve
 from stridelab.contacts.sequence import Contact
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.placement import Placement
@@ -133,3 +136,33 @@ def test_with_nothing_to_stand_on_it_falls_by_the_law() -> None:
     assert miss.velocity_m_s == pytest.approx([0.0, 0.0, -GRAVITY_M_S2 * T], abs=1e-9)
     assert miss.acceleration_m_s2 == pytest.approx([0.0, 0.0, -GRAVITY_M_S2], abs=1e-9)
     assert miss.momentum_nms == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+def test_a_motion_that_goes_on_and_can_be_stopped(problem: CentroidalProblem) -> None:
+    """Begun with 0.3 m/s over two feet it ends where its capture point is; begun with 3 m/s it cannot."""
+    standing = rest_to_rest(sequence(phase(0.4, foot("left", 0.0), foot("right", 0.0))))
+
+    def begun(speed_m_s: float) -> CentroidalProblem:
+        return replace(standing, start=Start(np.array([speed_m_s, 0.0, 0.0])), terminal="capturable")
+
+    assert held(begun(0.1))
+    fast = begun(3.0)
+    assert not held(fast)
+    missed = end_miss(fast)
+    assert not missed.met
+    assert missed.com_m[0] > 0.1
+    plans = [solve(begun(speed)) for speed in (0.1, 3.0)]
+    assert [plan.converged for plan in plans] == [True, False]
+    assert held(replace(standing, start=Start(np.array([0.1, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))))
+
+
+def test_bounds_of_the_problem_are_limits_of_the_body() -> None:
+    walk = rest_to_rest(two_steps())
+    low = replace(walk, bounds=PathBounds(com_height_m=(0.3, 0.7)))
+    found = relax(low, body=1.0)
+    assert found is not None
+    assert found.beyond_m[0, "left_foot"] + found.beyond_m[0, "right_foot"] >= COM_HEIGHT_M - 0.7 - 1e-6
+    weak = replace(walk, bounds=PathBounds(normal_force_max_n={"left_foot": 100.0}))
+    bearing = relax(weak, body=1.0, end=1.0)
+    assert bearing is not None
+    assert max(bearing.loads_n.values()) > 400.0

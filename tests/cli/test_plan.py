@@ -21,7 +21,15 @@ from support.planning import changed, plan_task, short_walk
 from support.quiet import quiet
 from support.scripted_service import ScriptedService, problem
 
-PLAN_FILES = {"centroidal.parquet", "centroidal.csv", "scenario.json", "result.json", "references.bib"}
+PLAN_FILES = {
+    "centroidal.parquet",
+    "centroidal.csv",
+    "iterations.parquet",
+    "iterations.csv",
+    "scenario.json",
+    "result.json",
+    "references.bib",
+}
 
 
 @pytest.fixture

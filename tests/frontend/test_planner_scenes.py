@@ -21,6 +21,7 @@ from stridelab_web.viewer.guard import start_guarded_server
 from stridelab_web.viewer.kinds import kinds
 from stridelab_web.viewer.library import Library, OpenScene
 from stridelab_web.viewer.parts import FOV_RAD, WIDE, camera
+from stridelab_web.viewer.planner_scene import RIGHT_FRONT, hidden
 from stridelab_web.viewer.robot_links import add_robot, pieces, read_links, shade
 from stridelab_web.viewer.scenario_scene import ScenarioScene
 from stridelab_web.viewer.standing import Posed, first_place
@@ -144,6 +145,21 @@ def test_the_camera_has_everything_in_sight_and_no_more_than_needed() -> None:
     wide = (corners - eye) @ right / depth / np.tan(FOV_RAD / 2) / WIDE
     assert max(np.abs(tall).max(), np.abs(wide).max()) <= 1.0
     assert max(np.abs(tall).max(), np.abs(wide).max()) > 0.85
+
+
+def test_a_wall_beside_the_way_is_not_looked_at_from_behind() -> None:
+    given = fake_planner.scenario()
+    assert not hidden(given, RIGHT_FRONT)
+    wall = BoxSurface(name="wall", kind="box", center_m=(0.3, -0.7, 0.8), size_m=(1.5, 0.1, 1.6), yaw_rad=0.0)
+
+    def beside(**changes: Any) -> Scenario:
+        return given.model_copy(update={"terrain": [*given.terrain, wall.model_copy(update=changes)]})
+
+    assert hidden(beside(), RIGHT_FRONT)
+    assert not hidden(beside(), RIGHT_FRONT * [1, -1, 1])
+    assert not hidden(beside(center_m=(0.3, -0.7, 0.4), size_m=(1.5, 0.1, 0.8)), RIGHT_FRONT), "it is low"
+    assert not hidden(beside(center_m=(6.0, -0.7, 0.8)), RIGHT_FRONT), "it is elsewhere"
+    assert not hidden(beside(yaw_rad=np.pi / 2, center_m=(2.5, -0.7, 0.8)), RIGHT_FRONT), "it is across the way"
 
 
 class Drag:

@@ -50,6 +50,9 @@ def carried(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0)
         lambda_g[new.gap[k] + np.arange(N_STATE)] = np.concatenate([of_c, of_v, of_K])
         of_F, of_T = point.lambda_g[old.tie[i] + np.arange(N_WRENCH)].reshape(2, 3)
         lambda_g[new.tie[k] + np.arange(N_WRENCH)] = np.append(of_F + np.cross(of_T, D), of_T)
+    if point.structure.n_shifts == programme.compiled.structure.n_shifts:
+        moved, move = (layout.shifts[:, None] + np.arange(2) for layout in (old, new))
+        w[move], lambda_w[move] = point.w[moved], point.lambda_w[moved]
     return Point(programme.compiled.structure, w, lambda_w, lambda_g)
 
 

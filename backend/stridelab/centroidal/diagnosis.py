@@ -17,11 +17,12 @@ from typing import Literal
 
 import numpy as np
 
+from stridelab.centroidal.bodily import SPIN_M2_S
 from stridelab.centroidal.nearest import PENALTY, Nearest, coarse_grid, nearest
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.reach_box import usual_share
-from stridelab.centroidal.relaxed import SPIN_M2_S, EndMiss, Relaxed, held, relax
+from stridelab.centroidal.relaxed import EndMiss, Relaxed, held, relax
 from stridelab.contacts.sequence import ContactPhase
 
 Verdict = Literal["impossible", "unbearable", "unusual", "stuck", "found"]

@@ -2,8 +2,8 @@
 
 Every period the problem is solved anew from where the CoM is, over the next ``horizon_s`` of the sequence, and the
 first period of its solution is carried out. A horizon that ends before the sequence asks for viability (4.9f) in place
-of rest: a CoM whose capture point lies in the last contacts (``conditions``). Each solution, moved along in time,
-starts the next.
+of rest: a CoM whose capture point lies in the last contacts (``conditions``). Each solution, moved along, starts
+the next.
 
 Where a problem has no solution the last plan that had one goes on: it leads to a state that can be stopped.
 """
@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from stridelab.centroidal.carried import carried
 from stridelab.centroidal.conditions import Start
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
-from stridelab.centroidal.shifted import shifted
 from stridelab.centroidal.solve import solve
 from stridelab.centroidal.solvers import Limits
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
@@ -134,7 +134,7 @@ class RecedingHorizon:
         asked = self.horizon(time_s, state)
         start = None
         if self.warm and last is not None and not last.carried_on:
-            start = shifted(last.plan, last.problem, asked, time_s - last.time_s)
+            start = carried(last.plan, asked, time_s - last.time_s)
         plan = solve(asked, "ipopt", self.limits, start)
         iterations, warm = plan.iterations, start is not None
         if not plan.converged and warm:

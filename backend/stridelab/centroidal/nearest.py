@@ -18,22 +18,13 @@ import scipy.sparse as sp
 from jaxtyping import Int
 
 from stridelab.centroidal.blocks import Blocks
+from stridelab.centroidal.bodily import bodily
+from stridelab.centroidal.constraint_rows import Rows, Vector, Where, missing, rows, sticking
 from stridelab.centroidal.dynamics import DOWN, N_STATE, Step, skew, step
 from stridelab.centroidal.freedom import Stay, movable
 from stridelab.centroidal.problem import CentroidalProblem, Grid
-from stridelab.centroidal.relaxed import (
-    N_END,
-    Relaxed,
-    Rows,
-    Vector,
-    Where,
-    bodily,
-    least,
-    missing,
-    relax,
-    rows,
-    sticking,
-)
+from stridelab.centroidal.relaxed import Relaxed, least, relax
+from stridelab.centroidal.room import room_m
 from stridelab.contacts.sequence import ContactPhase, ContactSequence
 from stridelab.conventions import GRAVITY_M_S2, Vector3
 
@@ -49,6 +40,8 @@ COARSE, FINE = 3, 5
 """Least number of intervals of a phase in the search, and where its answer is confirmed, twice as many per second."""
 SHORTEST_S = 0.05
 DECIMETRE_M = 0.1
+FARTHEST_M = 2.0
+"""Farther no contact is moved."""
 ROUNDS = 25
 FIRST_REGION = 0.4
 LAST_REGION = 1e-3
@@ -73,6 +66,7 @@ def nearest(problem: CentroidalProblem, what: What) -> Nearest | None:
     counts = _counts(problem, RATE_HZ, COARSE)
     stays = movable(problem.sequence) if what == "placements" else []
     size = len(problem.sequence.phases) if what == "durations" else 2 * len(stays)
+    limits = _limits(problem, what, stays)
     theta, region = np.zeros(size), FIRST_REGION
     now = _judged(problem, what, stays, theta, counts)
     if not size or now is None:
@@ -80,7 +74,7 @@ def nearest(problem: CentroidalProblem, what: What) -> Nearest | None:
     for _ in range(ROUNDS):
         if now.price < LAST_REGION and region < FIRST_REGION and np.abs(theta).sum() < LAST_REGION:
             break
-        found = _linear(problem, what, stays, theta, now, region, counts)
+        found = _linear(problem, what, stays, theta, now, _Region(theta, region, limits), counts)
         after = None if found is None else _judged(problem, what, stays, found, counts)
         if found is None or after is None or _merit(found, after) > _merit(theta, now) - LAST_REGION / 10.0:
             region /= 3.0
@@ -94,7 +88,7 @@ def nearest(problem: CentroidalProblem, what: What) -> Nearest | None:
 def _spared(problem: CentroidalProblem, what: What, stays: list[Stay], theta: Vector) -> Nearest:
     """With the least of ``SPARES`` that holds on a grid twice as fine; the last one where none does."""
     before = np.array([phase.duration_s for phase in problem.sequence.phases])
-    for spare in SPARES:
+    for spare in SPARES if what == "durations" else SPARES[:1]:
         more = (1.0 + spare) * np.where(np.abs(theta) > LAST_REGION, theta, 0.0)
         spared = _changed(problem, what, stays, more)
         fine = grid_of(spared, _counts(spared, 2.0 * RATE_HZ, FINE))
@@ -112,6 +106,37 @@ def _spared(problem: CentroidalProblem, what: What, stays: list[Stay], theta: Ve
             if more[2 * j : 2 * j + 2].any()
         },
     )
+
+
+@dataclass(frozen=True, eq=False)
+class _Region:
+    """Where theta may go in one step: so far about where it is, within its limits."""
+
+    at: Vector
+    radius: float
+    limits: tuple[Vector, Vector]
+
+    @property
+    def low(self) -> Vector:
+        return np.asarray(np.maximum(self.at - self.radius, self.limits[0]))
+
+    @property
+    def high(self) -> Vector:
+        return np.asarray(np.minimum(self.at + self.radius, self.limits[1]))
+
+
+def _limits(problem: CentroidalProblem, what: What, stays: list[Stay]) -> tuple[Vector, Vector]:
+    """Phases keep ``SHORTEST_S``; contacts stay on their surfaces, clear of what rises beside, with their spare."""
+    if what == "durations":
+        lasts = np.array([phase.duration_s for phase in problem.sequence.phases])
+        return np.minimum(0.0, SHORTEST_S - lasts), np.full(len(lasts), np.inf)
+    rooms = []
+    for stay in stays:
+        points_m = problem.points_m(stay.contact.effector)
+        rooms.append(room_m(stay.contact, points_m, problem.sequence.terrain, (FARTHEST_M, FARTHEST_M)))
+    low, high = (np.concatenate([np.zeros(0), *(room[side] for room in rooms)]) for side in (0, 1))
+    spared = (1.0 + SPARES[0]) * DECIMETRE_M
+    return low / spared, high / spared
 
 
 def _merit(theta: Vector, relaxed: Relaxed) -> float:
@@ -165,7 +190,7 @@ def _linear(
     stays: list[Stay],
     theta: Vector,
     now: Relaxed,
-    region: float,
+    region: "_Region",
     counts: Counts,
 ) -> Vector | None:
     """The theta of the linear programme at the solution ``now``."""
@@ -180,14 +205,11 @@ def _linear(
         else _by_places(programme, changed, now, stays, G.shape[0])
     )
     lasts = np.array([phase.duration_s for phase in changed.sequence.phases])
-    slacks = PENALTY * np.concatenate([seconds, seconds, seconds, lasts, np.ones(2 * N_END)])
+    slacks = PENALTY * np.concatenate([seconds, seconds, seconds, lasts, np.ones(2 * programme.n_end)])
     size, count = len(theta), len(slacks)
     E, zero = sp.identity(size), sp.csc_matrix((size, n + count))
-    low = theta - region
-    if what == "durations":
-        low = np.maximum(low, SHORTEST_S - (lasts - theta))
     unasked = sp.csc_matrix((m, 2 * len(seconds) + len(lasts)))
-    miss = missing(m)
+    miss, n_end = missing(programme), programme.n_end
     found = least(
         np.concatenate([np.zeros(n), slacks, np.zeros(size), np.ones(size)]),
         (
@@ -197,7 +219,7 @@ def _linear(
         (
             sp.vstack(
                 [
-                    sp.hstack([G, sp.csc_matrix((G.shape[0], 2 * N_END)), H, sp.csc_matrix(H.shape)]),
+                    sp.hstack([G, sp.csc_matrix((G.shape[0], 2 * n_end)), H, sp.csc_matrix(H.shape)]),
                     sp.hstack([zero, E, -E]),
                     sp.hstack([zero, -E, -E]),
                 ],
@@ -207,8 +229,8 @@ def _linear(
         ),
         np.column_stack(
             [
-                np.concatenate([programme.lower, np.zeros(count), low, np.zeros(size)]),
-                np.concatenate([np.full(n + count, np.inf), theta + region, np.full(size, np.inf)]),
+                np.concatenate([programme.lower, np.zeros(count), region.low, np.zeros(size)]),
+                np.concatenate([np.full(n + count, np.inf), region.high, np.full(size, np.inf)]),
             ]
         ),
     )

@@ -6,6 +6,7 @@ from typing import Final, Literal
 
 import numpy as np
 
+from stridelab.centroidal.carried import carried
 from stridelab.centroidal.chosen import chosen
 from stridelab.centroidal.cost import cost_terms, objective
 from stridelab.centroidal.plan import CentroidalPlan, Verification
@@ -33,15 +34,21 @@ def solve(
     """Solve (4.20), cold, or from ``start``: a plan's ``solution.point``, or what ``carried`` makes of another plan.
 
     The plan of a failed solve says so: ``converged`` False and why in ``status``. "auto" tries the next solver where
-    one does not converge, unless that proved that there is no solution at all or the time is up; times and iterations
-    are then the sums.
-    A plan is converged only if the solver, or our look at its first-order conditions, says so *and* ``verify`` agrees.
-    Raises ``NotEstimable`` where the contacts have no cone for the problem's control (u_c only), nothing else.
+    one does not converge, unless that proved that there is no solution at all or the time is up. Free durations begin
+    where the given ones lead, if they lead anywhere. Times and iterations are sums over all attempts. A plan is
+    converged only if the solver, or our look at its first-order conditions, says so *and* ``verify`` agrees. Raises
+    ``NotEstimable`` where the contacts have no cone for the problem's control (u_c only), nothing else.
     """
     began, started = time.monotonic(), time.process_time()
     programme = transcribe(problem)
     transcribe_s = time.process_time() - started
     attempts: list[Attempt] = []
+    if problem.durations and start is None:
+        given = solve(replace(problem, durations=None), "ipopt", limits)
+        transcribe_s += given.build_time_s
+        if given.solution is not None:
+            attempts += [replace(attempt, build_s=0.0) for attempt in given.solution.attempts]
+        start = carried(given, problem) if given.converged else None
     for name in _solvers(problem, solver):
         found = run(name, programme, limits, start, tell)
         attempts.append(_attempt(name, programme, found))

@@ -7,13 +7,13 @@ import trimesh
 import viser
 
 from stridelab.schemas.reachability import RobotReachability
-from stridelab.schemas.scenarios import RailSurface, Scenario
+from stridelab.schemas.scenarios import BoxSurface, RailSurface, Scenario
 from stridelab_web.footholds import HalfSizes, side
 from stridelab_web.frames import Frames
 from stridelab_web.friction_cones import Cone
 from stridelab_web.plan_frames import COM, MOMENTUM
 from stridelab_web.reach_places import reach_places, surfaces
-from stridelab_web.touches import box_corners_m, touches
+from stridelab_web.touches import box_corners_m, box_rotation, touches
 from stridelab_web.viewer import shapes
 from stridelab_web.viewer.marks import COLOURS, add_marks
 from stridelab_web.viewer.parts import Colour, add_arrow, add_mesh, add_path, place_camera, prepare
@@ -34,7 +34,10 @@ RIGHT_FRONT = np.array([0.3, -1.0, 0.42])
 """Where a robot that walks along x is looked at from."""
 BODY_M = (0.45, 0.45, 1.75)
 """Room that a robot takes around and above its footholds."""
+HIPS_M = 0.9
 APART_M = 0.3
+ALONG = 1e-9
+"""A ray is never quite parallel to a face."""
 NEAR_M = 1.0
 """Boxes matter for the picture up to this far from the nearest touch."""
 
@@ -60,7 +63,10 @@ def build(
     _add_cones(scene, cones)
     add_path(scene, "/paths/com", frames.track("/paths/com"), COM_COLOUR, PATH_RADIUS_M)
     add_com(scene, COM)
-    place_camera(server, sights_m(scenario), turned(scenario, RIGHT_FRONT))
+    towards_camera = turned(scenario, RIGHT_FRONT)
+    if hidden(scenario, towards_camera):
+        towards_camera = turned(scenario, RIGHT_FRONT * [1, -1, 1])
+    place_camera(server, sights_m(scenario), towards_camera)
 
 
 def add_com(scene: viser.SceneApi, name: str) -> None:
@@ -106,6 +112,27 @@ def way(scenario: Scenario) -> tuple[float, float]:
     along = (placed[-1] - placed[0])[:2] if placed else np.zeros(2)
     length = float(np.linalg.norm(along))
     return (float(along[0]) / length, float(along[1]) / length) if length > APART_M else (1.0, 0.0)
+
+
+def hidden(scenario: Scenario, towards_camera: np.ndarray) -> bool:
+    """Whether a box of the terrain, a wall, stands between the camera and the robot's hips over any foothold."""
+    feet = [t.contact.position_m for t in touches(scenario) if "foot" in t.effector]
+    hips_m = np.array(feet).reshape(-1, 3) + np.array([0.0, 0.0, HIPS_M])
+    return any(
+        _meets(box, hips_m, towards_camera)
+        for box in scenario.terrain
+        if isinstance(box, BoxSurface) and not is_ground(box)
+    )
+
+
+def _meets(box: BoxSurface, from_m: np.ndarray, direction: np.ndarray) -> bool:
+    """Whether a ray from one of the points ``(n, 3)`` runs into the box: it does between its three pairs of faces."""
+    R, half = box_rotation(box), np.array(box.size_m) / 2
+    start, along = (from_m - box.center_m) @ R, direction @ R
+    along = np.where(np.abs(along) < ALONG, ALONG, along)
+    ends = np.stack([(-half - start) / along, (half - start) / along])
+    enters, leaves = ends.min(axis=0).max(axis=1), ends.max(axis=0).min(axis=1)
+    return bool((np.maximum(enters, 0.0) < leaves).any())
 
 
 def sights_m(scenario: Scenario, height_m: float = BODY_M[2]) -> np.ndarray:

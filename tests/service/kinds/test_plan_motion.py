@@ -32,7 +32,7 @@ from stridelab.service.jobs.kinds.tables_io import read_about
 from support.planning import changed, plan_task, short_walk
 from support.quiet import Told, quiet
 
-CENTROIDAL_FILES = {"centroidal.parquet", "centroidal.csv", "scenario.json"}
+CENTROIDAL_FILES = {"centroidal.parquet", "centroidal.csv", "iterations.parquet", "iterations.csv", "scenario.json"}
 MOTION_FILES = {"motion.npz", "motion.parquet", "motion.csv", "poses.f32", "poses.json", "forces.f32", "motion.viser"}
 ALL_FILES = CENTROIDAL_FILES | MOTION_FILES | {"certificate.json", "replay.npz"}
 STAGES = ["check", "reachability", "centroidal", "whole body", "certificate", "replay", "export"]
@@ -364,10 +364,10 @@ def test_a_solver_that_hangs_is_ended_and_its_stage_is_known(tmp_path: Path, mon
 
 
 def test_a_suspicious_plan_is_remarked_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def solve(problem: Any) -> Any:
+    def solve(*args: Any, **options: Any) -> Any:
         from stridelab.centroidal.solve import solve as genuine
 
-        return replace(genuine(problem), iterations=51)
+        return replace(genuine(*args, **options), iterations=51)
 
     monkeypatch.setattr(plan_motion, "solve", solve)
     summary = run(tmp_path, short_walk(), whole_body=False).summary

@@ -7,8 +7,9 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 import pytest
 
+from stridelab.centroidal.solution import Attempt, IterationLog
 from stridelab.service.jobs.kinds.plan_artifacts import write_plan
-from stridelab.service.jobs.kinds.plan_tables import centroidal_columns, motion_columns, phases
+from stridelab.service.jobs.kinds.plan_tables import centroidal_columns, iteration_columns, motion_columns, phases
 from stridelab.service.jobs.kinds.tables_io import read_about
 from support.plans import made_up_motion, made_up_plan, one_step, talos
 
@@ -27,6 +28,7 @@ def test_centroidal_has_the_contracts_columns_and_units(tmp_path: Path) -> None:
     units = read_about(tmp_path / "centroidal.parquet")["units"]
     told = {"com_x_m": "m", "com_vx_m_s": "m/s", "com_ax_m_s2": "m/s^2", "l_x_nms": "N m s", "f_left_foot_0_x_n": "N"}
     assert {name: units[name] for name in told} == told
+    assert read_about(tmp_path / "iterations.parquet")["units"]["cost_s"] == "s"
     twin = pyarrow.csv.read_csv(tmp_path / "centroidal.csv")
     assert twin.column_names == expected
     for name in expected:
@@ -49,6 +51,19 @@ def test_what_is_constant_over_an_interval_stands_at_its_start_and_the_last_row_
         assert columns[name][-1] == columns[name][-2]
     assert columns["com_x_m"][-1] == plan.com_m[-1, 0]
     assert np.isfinite(np.column_stack(list(columns.values()))).all(), "there is nothing that is not known"
+
+
+def test_iterations_of_all_attempts_stand_one_after_the_other() -> None:
+    def attempt(n: int) -> Attempt:
+        log = IterationLog(*(np.arange(n) + k for k in (-10.0, 0.5, 0.25, 0.125)))
+        return Attempt("ipopt", "stopped", False, max(n - 1, 0), 0.0, 0.0, None, log)
+
+    columns = iteration_columns([attempt(3), attempt(0), attempt(2)])
+    assert columns["attempt"].tolist() == [0, 0, 0, 2, 2]
+    assert columns["iteration"].tolist() == [0, 1, 2, 0, 1]
+    assert columns["cost_s"].tolist() == [-10.0, -9.0, -8.0, -10.0, -9.0]
+    assert columns["primal_infeasibility"][-1] == 1.5
+    assert {len(column) for column in iteration_columns([]).values()} == {0}
 
 
 def test_the_motion_stands_beside_its_reference() -> None:

@@ -20,7 +20,7 @@ from stridelab.service.jobs.kinds.plan_display import (
     write_display,
 )
 from stridelab.service.jobs.kinds.plan_recording import RECORDING_HZ, record
-from stridelab.service.jobs.kinds.plan_tables import centroidal_columns, motion_columns
+from stridelab.service.jobs.kinds.plan_tables import centroidal_columns, iteration_columns, motion_columns
 from stridelab.service.jobs.kinds.tables_io import atomically, write_table
 from stridelab.wholebody.motion import WholeBodyMotion
 
@@ -31,9 +31,11 @@ NPZ = "application/x-npz"
 
 
 def write_plan(folder: Path, plan: CentroidalPlan) -> tuple[ArtifactFile, ...]:
-    """``centroidal.parquet`` and its CSV twin."""
+    """``centroidal.parquet`` and ``iterations.parquet`` with their CSV twins."""
     about = _about(plan.sequence.name, plan.sequence.robot) | {"solver": plan.solver, "mass_kg": plan.mass_kg}
-    return write_table(folder, "centroidal", centroidal_columns(plan), about)
+    attempts = plan.solution.attempts if plan.solution is not None else ()
+    nodes = write_table(folder, "centroidal", centroidal_columns(plan), about)
+    return *nodes, *write_table(folder, "iterations", iteration_columns(attempts), about)
 
 
 def write_motion(

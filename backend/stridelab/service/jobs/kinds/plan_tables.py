@@ -1,9 +1,12 @@
-"""Tables of ``plan-motion``: the centroidal plan at its nodes, and how the whole-body motion follows it."""
+"""Tables of ``plan-motion``: the centroidal plan, how its solver came to it, and how the whole body follows it."""
+
+from collections.abc import Iterable
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.solution import Attempt
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Series
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -31,6 +34,23 @@ def centroidal_columns(plan: CentroidalPlan) -> Columns:
     for effector in plan.forces_n:
         columns[f"friction_{effector}"] = _at_nodes(_friction(plan, effector))
     return columns
+
+
+def iteration_columns(attempts: Iterable[Attempt]) -> Columns:
+    """Columns of ``iterations``, one row per iteration, the start first; none of an attempt whose solver told none.
+
+    ``cost_s`` is (4.20a) with regularisers; infeasibilities and barrier parameter are the solver's own measures.
+    """
+    logs = [attempt.log for attempt in attempts]
+    counts = [len(log.objective) for log in logs]
+    return {
+        "attempt": np.repeat(np.arange(len(logs)), counts),
+        "iteration": np.concatenate([np.arange(0), *(np.arange(count) for count in counts)]),
+        "cost_s": np.concatenate([[], *(log.objective for log in logs)]),
+        "primal_infeasibility": np.concatenate([[], *(log.primal for log in logs)]),
+        "dual_infeasibility": np.concatenate([[], *(log.dual for log in logs)]),
+        "barrier": np.concatenate([[], *(log.barrier for log in logs)]),
+    }
 
 
 def motion_columns(motion: WholeBodyMotion, torque_limits_nm: Float[np.ndarray, "na"]) -> Columns:
