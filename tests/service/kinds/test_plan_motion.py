@@ -25,7 +25,7 @@ from stridelab.schemas.plans import CertificateSummary, CostWeights, PlanMotionS
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.errand import located
 from stridelab.service.jobs.isolated import IsolatedPool
-from stridelab.service.jobs.kinds import plan_motion
+from stridelab.service.jobs.kinds import plan_motion, plan_posing
 from stridelab.service.jobs.kinds.kind import Outcome
 from stridelab.service.jobs.kinds.provenance import known_references
 from stridelab.service.jobs.kinds.tables_io import read_about
@@ -308,7 +308,7 @@ def test_the_measure_that_is_asked_for_is_taken(
         looked.append(measure)
         raise NotFound("reachability-not-learned", "not in this test")
 
-    monkeypatch.setattr(plan_motion, "load_card", stand_in)
+    monkeypatch.setattr(plan_posing, "load_card", stand_in)
     with pytest.raises(NotFound):
         run(tmp_path, short_walk(), whole_body=False, measure=asked)
     assert looked == [taken]
