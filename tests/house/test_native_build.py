@@ -28,9 +28,7 @@ def says_one_line(done: subprocess.CompletedProcess[str], words: str) -> None:
     assert "CasADi solves in its place" in done.stderr
 
 
-@pytest.mark.skipif(
-    not (ROOT / ".venv" / "bin" / "python").exists(), reason="the script builds for the Python in .venv"
-)
+@pytest.mark.skipif(not (ROOT / ".venv" / "bin" / "python").exists(), reason="the script builds for .venv")
 class TestScript:
     def test_without_a_compiler_one_line(self, tmp_path: Path) -> None:
         tools = tmp_path / "bin"
