@@ -26,16 +26,16 @@ KKT_ERROR_MAX: Final = 2e-5
 
 def solve(
     problem: CentroidalProblem,
-    solver: Literal["auto", "ipopt", "fatrop"] = "auto",
+    solver: Literal["auto", "casadi", "ipopt", "fatrop"] = "auto",
     limits: Limits = DEFAULT_LIMITS,
     start: Point | None = None,
     tell: Tell | None = None,
 ) -> CentroidalPlan:
     """Solve (4.20), cold, or from ``start``: a plan's ``solution.point``, or what ``carried`` makes of another plan.
 
-    The plan of a failed solve says so: ``converged`` False and why in ``status``. "auto" tries the next solver where
-    one does not converge, unless that proved that there is no solution at all or the time is up. Free durations begin
-    where the given ones lead, if they lead anywhere. Times and iterations are sums over all attempts. A plan is
+    The plan of a failed solve says so: ``converged`` False and why in ``status``. "casadi" ("auto") tries the next
+    solver where one does not converge, unless that proved that there is no solution or the time is up. Free durations
+    begin where the given ones lead, if they lead anywhere. Times and iterations are sums over all attempts. A plan is
     converged only if the solver, or our look at its first-order conditions, says so *and* ``verify`` agrees. Raises
     ``NotEstimable`` where the contacts have no cone for the problem's control (u_c only), nothing else.
     """
@@ -92,9 +92,9 @@ def solve(
     )
 
 
-def _solvers(problem: CentroidalProblem, asked: Literal["auto", "ipopt", "fatrop"]) -> tuple[SolverName, ...]:
+def _solvers(problem: CentroidalProblem, asked: Literal["auto", "casadi", "ipopt", "fatrop"]) -> tuple[SolverName, ...]:
     """What is free belongs to many stages: fatrop, which goes from one to the next, is not asked."""
-    if asked != "auto":
+    if asked == "ipopt" or asked == "fatrop":
         return (asked,)
     return AUTO[:1] if problem.durations or problem.placements else AUTO
 

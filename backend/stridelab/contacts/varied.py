@@ -130,7 +130,7 @@ def _ways_m(scenario: Mapping[str, Any]) -> list[Vector3]:
 
 
 def _origin_m(scenario: Mapping[str, Any]) -> Vector3:
-    return np.mean([own[0] for own in _places_m(scenario).values()], axis=0)
+    return np.asarray(np.mean([own[0] for own in _places_m(scenario).values()], axis=0))
 
 
 def _along(scenario: Mapping[str, Any]) -> Vector3:
