@@ -18,22 +18,28 @@ from jaxtyping import Float
 
 from stridelab.centroidal.dynamics import N_STATE, N_WRENCH
 from stridelab.centroidal.layout import Layout, Use, lay_out, n_cones, n_limits
+from stridelab.centroidal.native_start import native_start
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.solution import Point
+from stridelab.centroidal.solution import NativePoint, Point
 from stridelab.centroidal.transcription import Transcription, transcribe
 from stridelab.conventions import GRAVITY_M_S2, Series
 from stridelab.errors import InvalidInput
 
 
-def carried(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0) -> Point:
+def carried(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0) -> Point | NativePoint:
     """The start of ``onto``, whose time 0 is ``after_s`` of the plan; phases may be other ones, the robot not.
+
+    It is for the solvers of the plan's kind.
 
     Raises ``InvalidInput`` ("plan-without-solution") for a plan that was not solved but read.
     """
     if plan.solution is None:
         raise InvalidInput("plan-without-solution", "This plan does not tell at which point its solver stopped.")
-    programme, point = transcribe(onto), plan.solution.point
+    point = plan.solution.point
+    if isinstance(point, NativePoint):
+        return native_start(plan, onto, after_s)
+    programme = transcribe(onto)
     old, new = lay_out(point.structure), programme.layout
     D = onto.com_start_m - plan.com_m[0]
     w, lambda_w, lambda_g = programme.guess.copy(), np.zeros(new.n), np.zeros(new.n_rows)
