@@ -1,6 +1,6 @@
 """The commands of the robots as they are typed.
 
-What they do is in ``cli_plan``, ``cli_contacts``, ``cli_interchange`` and ``cli_learn``.
+What they do is in ``cli_plan``, ``cli_sweep``, ``cli_contacts``, ``cli_interchange`` and ``cli_learn``.
 """
 
 from pathlib import Path
@@ -28,16 +28,16 @@ def plan(
         PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")
     ] = None,
     formulation: Annotated[
-        Formulation, typer.Option("--formulation", help="The control: forces in pyramids or in cones, or the wrench.")
+        Formulation, typer.Option("--formulation", help="The control: contact forces, in exact cones, or the wrench.")
     ] = "forces",
     solver: Annotated[
-        PlanSolver, typer.Option("--solver", help="The solver; auto asks fatrop where ipopt fails.")
+        PlanSolver, typer.Option("--solver", help="auto: the C++ solver where it is there, else CasADi's.")
     ] = "auto",
     node_rate: Annotated[
         float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
     ] = 10.0,
     time_limit: Annotated[
-        float | None, typer.Option("--time-limit", help="Seconds after which ipopt gives up, at most 300.")
+        float | None, typer.Option("--time-limit", help="Seconds after which the solver gives up, at most 300.")
     ] = None,
     out_dir: OutFolder = None,
     force: Force = False,
@@ -59,6 +59,43 @@ def plan(
         node_rate_hz=node_rate,
         time_limit_s=time_limit,
     )
+    run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+
+
+def sweep(
+    scenario: Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: long-stride.")],
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            "--vary", help="FIELD=FROM:TO:NUMBER, up to three times; stride, height (metres), timing, friction."
+        ),
+    ],
+    formulation: Annotated[
+        Formulation, typer.Option("--formulation", help="The control: contact forces, in exact cones, or the wrench.")
+    ] = "forces",
+    solver: Annotated[
+        PlanSolver, typer.Option("--solver", help="auto: the C++ solver where it is there, else CasADi's.")
+    ] = "auto",
+    node_rate: Annotated[
+        float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
+    ] = 10.0,
+    measure: Annotated[
+        PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")
+    ] = None,
+    processes: Annotated[
+        int | None, typer.Option("--processes", min=1, help="Scenarios at a time; all cores by default.")
+    ] = None,
+    out_dir: OutFolder = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    server: Server = None,
+    token: Token = None,
+) -> None:
+    """Find out at which strides, heights, paces and frictions a scenario has a motion; needs no server."""
+    from stridelab.cli_sweep import SweepRequest
+    from stridelab.cli_sweep import sweep as run
+
+    request = SweepRequest(scenario, tuple(vary), formulation, solver, node_rate, measure, processes)
     run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
 
 

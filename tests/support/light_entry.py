@@ -17,6 +17,9 @@ CALLS = [
     ("POST", "jobs/plan-motion", {"scenario": ONE_STEP}),
     ("POST", "jobs/plan-motion", {"scenario_id": "flat-walk"}),
     ("POST", "jobs/plan-receding", {"scenario": ONE_STEP}),
+    ("POST", "jobs/sweep", {"scenario": ONE_STEP, "vary": {"stride": [0.1, 0.3, 3]}}),
+    ("GET", "solvers", None),
+    ("POST", "plans/preview", {"scenario": IN_THE_AIR}),
     ("POST", "jobs/learn-reachability", {"robot": "talos"}),
     (
         "POST",

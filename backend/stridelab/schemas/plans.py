@@ -20,11 +20,12 @@ TIME_LIMIT_S: Final = 300.0
 class PlanMotionInput(Contract):
     """Input of ``plan-motion``: a stored scenario or a whole one, never both.
 
-    ``formulation`` is the control: ``forces`` of the contact points in pyramids, the same in ``circular-cones``, or the
-    ``wrench`` of all contacts in one cone. ``solver``: ``auto`` asks ipopt, and fatrop where that fails; ``casadi``
-    means the same. ``node_rate_hz`` are the nodes per second of every phase. ``time_limit_s`` (wall time) ends ipopt
-    in place of a minute; fatrop has no such limit and is then not asked. ``measure`` chooses among the bundled
-    reachability densities; null takes the default one.
+    ``formulation`` is the control: ``forces`` of the contact points, the same in ``circular-cones`` with every solver,
+    or the ``wrench`` of all contacts in one cone. ``solver``: ``auto`` asks ``native``, the C++ solver, where it is
+    there and can do what is asked, else ``casadi``: ipopt, and fatrop where that fails. ``native`` takes the cones of
+    ``forces`` as they are, CasADi's solvers pyramids within them; the summary says which. ``node_rate_hz`` are the
+    nodes per second of every phase. ``time_limit_s`` (wall time) ends a solver in place of a minute; fatrop has no such
+    limit and is then not asked. ``measure`` chooses among the bundled reachability densities; null takes the default.
     """
 
     scenario_id: str | None = None
@@ -116,7 +117,7 @@ class PlanMotionSummary(Contract):
     the solver minimises with the contact forces as control; with the wrench they say what the forces cost that were
     found for it afterwards. ``formulation``, ``measure``, ``node_rate_hz``, ``weights`` and ``kkt_error`` (the largest
     violation of the first-order conditions, in units of the solver) are null where the version of the result did not
-    tell them.
+    tell them. ``solver_because`` is why the C++ solver did not serve, null where it did.
     """
 
     scenario_name: str
@@ -125,6 +126,7 @@ class PlanMotionSummary(Contract):
     n_phases: int
     converged: bool
     solver: str
+    solver_because: str | None = None
     objective: float
     cost_terms: dict[str, float]
     weights: CostWeights | None = None

@@ -10,7 +10,7 @@ from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.recordings import Recording
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.com_plots import COM_TABLE, com_curves
-from stridelab_web.pages import comparison, cycloid, learned, population, reproduction
+from stridelab_web.pages import comparison, cycloid, learned, population, reproduction, sweep
 from stridelab_web.pages.facts import facts_of, sentences_of
 from stridelab_web.pages.render import page
 from stridelab_web.result_tables import SCENE_TABLES
@@ -37,6 +37,9 @@ async def job(request: Request) -> Response:
     reach = None
     if result is not None and found.kind == learned.KIND:
         reach = await learned.learned_of(client, found.id, result)
+    swept = None
+    if result is not None and found.kind == sweep.KIND:
+        swept = await sweep.sweep_of(client, found.id, result)
     facts = facts_of(result) if result else []
     present = {item.name for item in result.artifacts} if result is not None else set()
     curves = COM_TABLE in present and rolled is None
@@ -56,6 +59,7 @@ async def job(request: Request) -> Response:
         comparison=compared,
         cycloid=rolled,
         learned=reach,
+        sweep=swept,
         reproduction=reproduction.reproduction_of(result) if result and found.kind == reproduction.KIND else None,
         plotly_style_ids=plotly_style_ids() if plots or reach else (),
         viewer_url=f"/view/?recording={recording.id}&job={found.id}" if recording and present & SCENE_TABLES else None,

@@ -15,23 +15,36 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Tell
 from stridelab.errors import NotEstimable
 from stridelab.schemas.plans import PlanMotionSummary
-from stridelab.service.jobs.kinds import plan_motion
+from stridelab.service.jobs.kinds import plan_motion, plan_options
 from support.planning import plan_task
 from support.quiet import Told
 
+NOT_BUILT = "It was not built."
+
 
 @pytest.mark.parametrize(
-    ("asked", "control", "solver", "wall_s"),
+    ("asked", "missing", "control", "solver", "wall_s"),
     [
-        ({}, PYRAMIDS, "auto", DEFAULT_LIMITS.wall_s),
-        ({"formulation": "circular-cones", "solver": "casadi"}, CircularCones(), "auto", DEFAULT_LIMITS.wall_s),
-        ({"formulation": "wrench", "solver": "fatrop"}, ContactWrench(), "fatrop", DEFAULT_LIMITS.wall_s),
-        ({"time_limit_s": 7.0}, PYRAMIDS, "ipopt", 7.0),
+        ({}, NOT_BUILT, PYRAMIDS, "casadi", DEFAULT_LIMITS.wall_s),
+        ({}, None, CircularCones(), "auto", DEFAULT_LIMITS.wall_s),
+        ({"solver": "native"}, None, CircularCones(), "native", DEFAULT_LIMITS.wall_s),
+        ({"solver": "casadi"}, None, PYRAMIDS, "casadi", DEFAULT_LIMITS.wall_s),
+        ({"formulation": "circular-cones", "solver": "casadi"}, None, CircularCones(), "casadi", DEFAULT_LIMITS.wall_s),
+        ({"formulation": "wrench", "solver": "fatrop"}, None, ContactWrench(), "fatrop", DEFAULT_LIMITS.wall_s),
+        ({"time_limit_s": 7.0}, NOT_BUILT, PYRAMIDS, "ipopt", 7.0),
+        ({"time_limit_s": 7.0}, None, CircularCones(), "auto", 7.0),
     ],
 )
 def test_options_reach_the_solver(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: dict[str, Any], control: Control, solver: str, wall_s: float
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    asked: dict[str, Any],
+    missing: str | None,
+    control: Control,
+    solver: str,
+    wall_s: float,
 ) -> None:
+    monkeypatch.setattr(plan_options, "native_missing", lambda: missing)
     seen: list[Any] = []
 
     def stopped(problem: CentroidalProblem, name: str, limits: Limits, *, tell: Tell) -> CentroidalPlan:
@@ -54,6 +67,7 @@ def test_every_control_plans(tmp_path: Path, asked: dict[str, Any]) -> None:
     summary = PlanMotionSummary.model_validate(outcome.summary)
     assert summary.converged
     assert summary.formulation == asked["formulation"]
+    assert (summary.solver == "native") == (summary.solver_because is None)
     nodes = len(pq.read_table(tmp_path / "centroidal.parquet"))
     assert nodes == 1 + round(summary.duration_s * asked.get("node_rate_hz", 10.0))
     ticking = [m for m in told.messages if m.startswith("centroidal: iteration")]
@@ -62,7 +76,7 @@ def test_every_control_plans(tmp_path: Path, asked: dict[str, Any]) -> None:
 
 def test_a_time_limit_ends_the_solver_and_says_so(tmp_path: Path) -> None:
     with pytest.raises(NotEstimable) as failure:
-        plan_motion.run(plan_task(whole_body=False, time_limit_s=1e-6), tmp_path, Told())
+        plan_motion.run(plan_task(whole_body=False, time_limit_s=1e-6, solver="ipopt"), tmp_path, Told())
     assert failure.value.code == "plan-time-limit"
     assert failure.value.faults[0].where == "time_limit_s"
     assert failure.value.faults[-1].where == "stage: centroidal"

@@ -22,6 +22,8 @@ from stridelab.service.api.edge import Edge
 from stridelab.service.api.jobs import endpoints as jobs
 from stridelab.service.api.linger import Linger
 from stridelab.service.api.parts import Parts
+from stridelab.service.api.plans import endpoints as plans
+from stridelab.service.api.plans.resident import Resident
 from stridelab.service.api.recordings import endpoints as recordings
 from stridelab.service.api.robots import endpoints as robots
 from stridelab.service.api.robots.shelf import RobotShelf
@@ -75,7 +77,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     problems.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")
-    for part in (health, recordings, subjects, robots, scenarios, jobs, stream):
+    for part in (health, recordings, subjects, robots, scenarios, plans, jobs, stream):
         api.include_router(part.router)
     app.include_router(api)
     app.include_router(metrics.router)
@@ -112,6 +114,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
         async with (
             JobBoard(url) as board,
             IsolatedPool(spares=1) as pool,
+            Resident() as resident,
             aclosing(RobotShelf(pool, blobs, spool, settings.job_memory_mb)) as shelf,
         ):
             yield Parts(
@@ -125,6 +128,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 parsers=anyio.CapacityLimiter(PARSERS),
                 judges=anyio.CapacityLimiter(JUDGES),
                 robots=shelf,
+                resident=resident,
                 streams=StreamPlaces(settings.stream_limit),
                 started_at_s=time.monotonic(),
                 closing=asyncio.Event(),

@@ -23,7 +23,7 @@ from stridelab.robots.robot import Robot
 from stridelab.schemas.plans import PLAN_STAGES, PlanMotionInput
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.plan_artifacts import write_json, write_motion, write_plan, write_replay
-from stridelab.service.jobs.kinds.plan_options import CONTROLS, iterations_to, limits_of, require_time, solver_of
+from stridelab.service.jobs.kinds.plan_options import control_of, iterations_to, limits_of, require_time, solver_of
 from stridelab.service.jobs.kinds.plan_posing import checked, densities
 from stridelab.service.jobs.kinds.plan_requirements import require_plan
 from stridelab.service.jobs.kinds.plan_summary import certificate_of, remarks, replay_of, summary
@@ -67,7 +67,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         proxies = densities(robot, request.measure or DEFAULT_MEASURE)
     with stages.at(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s") as tell:
         posed = from_rest_to_rest(robot, sequence, proxies)
-        problem = replace(posed, control=CONTROLS[request.formulation], node_rate_hz=request.node_rate_hz)
+        problem = replace(posed, control=control_of(request), node_rate_hz=request.node_rate_hz)
         plan = _planned(problem, request, tell)
 
     motion, certificate, replay, replayed = None, None, None, None

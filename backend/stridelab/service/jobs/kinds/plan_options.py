@@ -1,15 +1,17 @@
 """Options of ``plan-motion`` in the planner's own terms: the control, the solver and its limits."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Final, Literal
 
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
+from stridelab.centroidal.native import Missing, availability
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
 from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Tell
 from stridelab.errors import Fault, NotEstimable
-from stridelab.schemas.plans import PlanMotionInput
+from stridelab.schemas.plans import Formulation, PlanMotionInput
+from stridelab.schemas.sweeps import SweepInput
 from stridelab.service.jobs.kinds.kind import ProgressCallback
 
 CONTROLS: Final[Mapping[str, Control]] = {
@@ -24,16 +26,62 @@ USUAL_ITERATIONS: Final = 20.0
 """Half of the bar, which never comes to its end before the solver does."""
 
 
-def solver_of(request: PlanMotionInput) -> Literal["auto", "ipopt", "fatrop"]:
-    """The solver to ask: "casadi" has both. Under a time limit, which fatrop has not, "auto" is ipopt alone."""
-    if request.solver in ("ipopt", "fatrop"):
+def native_missing() -> str | None:
+    """Why the C++ solver is not there, as a sentence; None where it is."""
+    found = availability()
+    return found.reason[:1].upper() + found.reason[1:] if isinstance(found, Missing) else None
+
+
+def formulation_of(request: PlanMotionInput | SweepInput) -> Formulation:
+    """The control that is taken: the C++ solver has the cones as they are, where CasADi's solvers get pyramids."""
+    if request.formulation == "forces" and request.solver in ("auto", "native") and native_missing() is None:
+        return "circular-cones"
+    return request.formulation
+
+
+def control_of(request: PlanMotionInput | SweepInput) -> Control:
+    """``formulation_of`` in the planner's own terms."""
+    return CONTROLS[formulation_of(request)]
+
+
+def solver_of(request: PlanMotionInput | SweepInput) -> Literal["auto", "native", "casadi", "ipopt", "fatrop"]:
+    """The solver to ask: "auto" the C++ one first where it is there, "casadi" never.
+
+    Under a time limit, which fatrop has not, CasADi's is ipopt alone.
+    """
+    if request.solver in ("native", "ipopt", "fatrop"):
         return request.solver
-    return "auto" if request.time_limit_s is None else "ipopt"
+    limited = isinstance(request, PlanMotionInput) and request.time_limit_s is not None
+    if request.solver == "auto" and native_missing() is None:
+        return "auto"
+    return "ipopt" if limited else "casadi"
 
 
-def limits_of(request: PlanMotionInput) -> Limits:
+def limits_of(request: PlanMotionInput | SweepInput) -> Limits:
     """When the solver gives up."""
-    return DEFAULT_LIMITS if request.time_limit_s is None else Limits(DEFAULT_LIMITS.iterations, request.time_limit_s)
+    wall_s = request.time_limit_s if isinstance(request, PlanMotionInput) else None
+    return DEFAULT_LIMITS if wall_s is None else Limits(DEFAULT_LIMITS.iterations, wall_s)
+
+
+def because(asked: str, served: Collection[str], lacked: str | None) -> str | None:
+    """Why the C++ solver did not serve, as a sentence; None where it did. ``lacked``: what it does not do of it."""
+    if set(served) == {"native"}:
+        return None
+    if asked not in ("auto", "native"):
+        return f"{asked} was asked for."
+    missing = native_missing()
+    if missing is not None:
+        return missing
+    if lacked is not None:
+        return f"The C++ solver does not do {lacked}."
+    return "The C++ solver did not find every motion; CasADi was asked then."
+
+
+def require_solver(name: str) -> None:
+    """Raise ``NotEstimable`` ("solver-unavailable") where the C++ solver is asked for and is not there."""
+    missing = native_missing() if name == "native" else None
+    if missing is not None:
+        raise NotEstimable("solver-unavailable", missing, [Fault("solver", "native is not available")])
 
 
 def require_time(request: PlanMotionInput, plan: CentroidalPlan) -> None:

@@ -1,11 +1,8 @@
 """What of the contract's ``plan-motion`` this version has, and the sentence for the rest."""
 
-from typing import Final
-
 from stridelab.errors import Fault, NotEstimable
 from stridelab.schemas.plans import PlanMotionInput
-
-SOLVERS: Final = ("auto", "casadi", "ipopt", "fatrop")
+from stridelab.service.jobs.kinds.plan_options import require_solver
 
 
 def require_plan(request: PlanMotionInput) -> None:
@@ -13,12 +10,7 @@ def require_plan(request: PlanMotionInput) -> None:
 
     Codes are ``solver-unavailable`` and ``free-durations-unavailable``.
     """
-    if request.solver not in SOLVERS:
-        raise NotEstimable(
-            "solver-unavailable",
-            f"This version has no solver {request.solver!r}; it has: {', '.join(SOLVERS)}.",
-            [Fault("solver", f"{request.solver} is not available")],
-        )
+    require_solver(request.solver)
     if request.free_durations:
         raise NotEstimable(
             "free-durations-unavailable",
