@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "stridelab_native/dynamics.hpp"
+#include "stridelab_native/ending.hpp"
 
 namespace stridelab {
 namespace {
@@ -66,6 +67,21 @@ double squares(const Problem& problem, Stage& s) {
   return 0.5 * (wc * (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]) + wl * (l[0] * l[0] + l[1] * l[1] + l[2] * l[2]));
 }
 
+// What the bounds miss by.
+void bounds(const Problem& problem, Iterate& it) {
+  for (Touch& t : it.touches) {
+    if (t.load >= 0) it.loads[static_cast<std::size_t>(t.load)].r = t.at.u[2] + it.loads[static_cast<std::size_t>(t.load)].s - t.block->normal_max;
+  }
+  for (Stage& s : it.stages) {
+    if (!s.bounded) continue;
+    s.low.r = s.phase->height[0] - s.x[2] + s.low.s;
+    s.high.r = s.x[2] + s.high.s - s.phase->height[1];
+  }
+  for (std::size_t a = 0; a < it.planes.size(); ++a) {
+    it.planes[a].r = capture(problem.planes[a], it.stages.back().x) + it.planes[a].s - problem.planes[a].offset;
+  }
+}
+
 }  // namespace
 
 double evaluate(const Problem& problem, Iterate& it) {
@@ -87,6 +103,7 @@ double evaluate(const Problem& problem, Iterate& it) {
     if (s.phase != nullptr) cost += densities(problem, *s.phase, first ? 0.5 * s.h : s.h, s);
     for (int i = 0; i < 3; ++i) s.q[i] += s.bend.gradient[i];
   }
+  bounds(problem, it);
   return cost;
 }
 
@@ -97,27 +114,24 @@ double complementarity(const Iterate& it, int& cones) {
     total += product(t.at.u, t.at.z) * t.block->real;
     cones += t.block->points;
   }
-  return sum(total);
-}
-
-void misses(const Problem& problem, const Iterate& it, double* end, double* rest) {
-  const std::size_t n = it.stages.size() - 1;
-  for (int i = 0; i < nx; ++i) end[i] = it.stages[n].x[i] - problem.goal[static_cast<std::size_t>(i)];
-  for (int i = 0; i < 3; ++i) rest[i] = it.stages[n - 1].w[i] - (i == 2 ? 1.0 : 0.0);
+  double all = sum(total);
+  each_slack(it, [&](const auto& slack, auto real) {
+    all += sum(slack.s * slack.zeta * real);
+    cones += static_cast<int>(sum(real));
+  });
+  return all;
 }
 
 Conditions conditions(const Problem& problem, const Iterate& it) {
   Conditions c{};
   const std::size_t n = it.stages.size() - 1;
-  double end[nx];
-  double rest[3];
-  misses(problem, it, end, rest);
-  for (double e : end) c.feasibility = std::max(c.feasibility, std::fabs(e));
-  for (double e : rest) c.feasibility = std::max(c.feasibility, std::fabs(e));
+  const Ending end = ending(problem, it);
+  for (double e : end.miss) c.feasibility = std::max(c.feasibility, std::fabs(e));
+  for (double e : end.rest) c.feasibility = std::max(c.feasibility, std::fabs(e));
   double costate[nx];
-  std::copy(it.nu, it.nu + nx, costate);
+  end_costate(problem, it, end, costate);
   v4 worst = {};
-  v4 slack = {};
+  v4 most = {};
   v4 total = {};
   for (std::size_t k = n; k-- > 0;) {
     const Stage& s = it.stages[k];
@@ -125,13 +139,14 @@ Conditions conditions(const Problem& problem, const Iterate& it) {
     double y[nw];
     pull_back(s.h, costate, to_x, y);
     for (int i = 0; i < nw; ++i) y[i] += s.r[i];
-    if (k + 1 == n) {
+    if (k + 1 == n && end.rests) {
       for (int i = 0; i < 3; ++i) y[i] += it.nu_rest[i];
     }
     for (int i = 0; i < nx; ++i) {
       costate[i] = s.q[i] + to_x[i];
       c.feasibility = std::max(c.feasibility, std::fabs(s.gap[i]));
     }
+    if (s.bounded) costate[2] += s.high.zeta - s.low.zeta;
     for (int b = 0; b < s.touches; ++b) {
       const Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
       const Block& block = *t.block;
@@ -140,18 +155,24 @@ Conditions conditions(const Problem& problem, const Iterate& it) {
       for (int i = 0; i < 3; ++i) {
         v4 slope = block.S[i] * e[0] + block.S[3 + i] * e[1] + block.S[6 + i] * e[2];
         slope += s.h * block.effort[i == 2] * t.at.u[i] - t.at.z[i];
+        if (i == 2 && t.load >= 0) slope += it.loads[static_cast<std::size_t>(t.load)].zeta;
         worst = larger(worst, larger(slope, -slope) * block.real);
       }
       const v4 uz = product(t.at.u, t.at.z) * block.real;
-      slack = larger(slack, uz);
+      most = larger(most, uz);
       total += uz;
     }
   }
   for (int i = 0; i < 4; ++i) {
     c.stationarity = std::max(c.stationarity, worst[i]);
-    c.complementarity = std::max(c.complementarity, slack[i]);
+    c.complementarity = std::max(c.complementarity, most[i]);
   }
   c.gap = sum(total);
+  each_slack(it, [&](const auto& slack, auto real) {
+    for (double missed : parts(slack.r * real)) c.feasibility = std::max(c.feasibility, std::fabs(missed));
+    for (double left : parts(slack.s * slack.zeta * real)) c.complementarity = std::max(c.complementarity, left);
+    c.gap += sum(slack.s * slack.zeta * real);
+  });
   return c;
 }
 

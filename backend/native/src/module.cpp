@@ -87,7 +87,8 @@ struct Held {
 std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Reals1& goal, const nb::list& densities,
                             const Ints1& visit_density, const Reals2& visit_place, const Reals3& visit_axes,
                             const Reals3& block_S, const Reals3& block_points, const Ints1& block_count,
-                            const Reals2& block_effort, const Ints2& phase_layout, const Reals1& phase_h) {
+                            const Reals2& block_effort, const Reals1& block_most, const Ints2& phase_layout, const Reals1& phase_h,
+                            const Reals2& phase_height, bool capturable, const Reals2& planes) {
   auto held = std::make_unique<Held>();
   Problem& p = held->problem;
   require(weights.size() == 3, "weights are those of acceleration, momentum rate and likelihood");
@@ -129,6 +130,7 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
               block_points.shape(0) == n_blocks && block_points.shape(1) == 4 && block_points.shape(2) == 3 &&
               block_effort.shape(0) == n_blocks && block_effort.shape(1) == 2,
           "blocks have S (3, 3), points (4, 3) and two weights");
+  require(block_most.size() == n_blocks, "blocks have a bound on their normal forces");
   finite(block_S, "frames of contacts");
   finite(block_points, "contact points");
   finite(block_effort, "weights of forces");
@@ -143,11 +145,20 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
     for (int j = 0; j < 4; ++j) b.real[j] = j < b.points ? 1.0 : 0.0;
     b.effort[0] = block_effort(i, 0);
     b.effort[1] = block_effort(i, 1);
+    b.normal_max = block_most(i);
+    require(b.normal_max > 0.0, "bounds on normal forces are positive");
     p.blocks.push_back(b);
   }
   require(phase_layout.shape(0) == phase_h.size() && phase_layout.shape(1) == 5 && phase_h.size() > 0,
           "phases have (intervals, first block, blocks, first visit, visits) and a length of interval");
   finite(phase_h, "lengths of intervals");
+  require(phase_height.shape(0) == phase_h.size() && phase_height.shape(1) == 2, "phases have bounds on the height");
+  require(planes.shape(1) == 5, "planes have a normal (4) and an offset");
+  finite(planes, "planes");
+  p.end = capturable ? End::capturable : End::rest;
+  for (std::size_t i = 0; i < planes.shape(0); ++i) {
+    p.planes.push_back({{planes(i, 0), planes(i, 1), planes(i, 2), planes(i, 3)}, planes(i, 4)});
+  }
   for (std::size_t i = 0; i < phase_h.size(); ++i) {
     Phase f{};
     f.intervals = phase_layout(i, 0);
@@ -156,6 +167,9 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
     f.first_visit = phase_layout(i, 3);
     f.visits = phase_layout(i, 4);
     f.h = phase_h(i);
+    f.height[0] = phase_height(i, 0);
+    f.height[1] = phase_height(i, 1);
+    require(f.height[0] < f.height[1], "bounds on heights leave something");
     require(f.intervals > 0 && f.h > 0.0, "every phase takes some time");
     require(f.first_block >= 0 && f.blocks >= 0 && static_cast<std::size_t>(f.first_block + f.blocks) <= n_blocks,
             "blocks of a phase exist");

@@ -67,6 +67,7 @@ void pulled(const Iterate& it, const Stage& s, double t[nw]) {
     v4 g[3];
     v4 d[3];
     for (int i = 0; i < 3; ++i) g[i] = s.h * block.effort[i == 2] * touch.at.u[i] - touch.target[i];
+    if (touch.load >= 0) g[2] += it.loads[static_cast<std::size_t>(touch.load)].pull();
     times(touch.D_inverse, g, d);
     v4 f[3];
     for (int i = 0; i < 3; ++i) {
@@ -210,6 +211,7 @@ bool eliminate(const Problem& problem, Stage& s, double theta, double rest, doub
       P[3 + i][3 + j] += 0.25 * h * h * cc[i][j];
     }
   }
+  if (s.bounded) P[2][2] += s.low.weight() + s.high.weight();
   for (int k = 0; k < nw; ++k) {
     for (int i = 0; i < nx; ++i) {
       for (int j = 0; j < nx; ++j) P[i][j] -= s.Y[k][i] * s.Y[k][j];
@@ -233,6 +235,7 @@ void scale_cones(Iterate& it) {
       D[0] += s.h * t.block->effort[0];
       D[3] += s.h * t.block->effort[0];
       D[5] += s.h * t.block->effort[1];
+      if (t.load >= 0) D[5] += it.loads[static_cast<std::size_t>(t.load)].weight();
       invert(D, t.D_inverse);
     }
   }
@@ -240,26 +243,25 @@ void scale_cones(Iterate& it) {
 
 bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, double theta) {
   const std::size_t n = it.stages.size() - 1;
-  double P[nx][nx] = {};
-  for (int i = 0; i < nx; ++i) P[i][i] = penalty.end;
+  const Ending end = ending(problem, it);
+  double P[nx][nx];
+  end_hessian(problem, it, end, penalty, P);
   for (std::size_t k = n; k-- > 0;) {
     Stage& s = it.stages[k];
     double S[nw][8];
     condense(it, s, S);
     for (int i = 0; i < nw; ++i) s.L[i][6] = s.L[i][7] = 0.0;
     semidefinite_root(S, s.L, s.L_inverse);
-    if (!eliminate(problem, s, theta, k + 1 == n ? penalty.rest : 0.0, P)) return false;
+    if (!eliminate(problem, s, theta, k + 1 == n && end.rests ? penalty.rest : 0.0, P)) return false;
   }
   return true;
 }
 
 void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
   const std::size_t n = it.stages.size() - 1;
-  double end[nx];
-  double rest[3];
-  misses(problem, it, end, rest);
+  const Ending end = ending(problem, it);
   double p[nx];
-  for (int i = 0; i < nx; ++i) p[i] = it.nu[i] + penalty.end * end[i];
+  end_gradient(problem, it, end, penalty, p);
   for (std::size_t k = n; k-- > 0;) {
     Stage& s = it.stages[k];
     for (int i = 0; i < nx; ++i) p[i] += s.P_gap[i];
@@ -267,8 +269,8 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
     double r[nw];
     pull_back(s.h, p, to_x, r);
     for (int i = 0; i < nw; ++i) r[i] += s.r[i];
-    if (k + 1 == n) {
-      for (int i = 0; i < 3; ++i) r[i] += it.nu_rest[i] + penalty.rest * rest[i];
+    if (k + 1 == n && end.rests) {
+      for (int i = 0; i < 3; ++i) r[i] += it.nu_rest[i] + penalty.rest * end.rest[i];
     }
     pulled(it, s, s.tau);
     solve_lower(s.L, s.L_inverse, s.tau);
@@ -282,6 +284,7 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
       for (int i = 0; i < nw; ++i) t -= s.Y[i][j] * s.kappa[i];
       p[j] = t;
     }
+    if (s.bounded) p[2] += s.high.pull() - s.low.pull();
   }
   std::fill(it.stages[0].dx, it.stages[0].dx + nx, 0.0);
   for (std::size_t k = 0; k < n; ++k) {
@@ -300,6 +303,10 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
     double* next = it.stages[k + 1].dx;
     advance_linear(s.h, s.dx, s.dw, next);
     for (int i = 0; i < nx; ++i) next[i] += s.gap[i];
+    if (s.bounded) {
+      s.low.follow(-s.dx[2]);
+      s.high.follow(s.dx[2]);
+    }
     double y[nw];
     for (int i = 0; i < nw; ++i) y[i] = omega[i] + s.tau[i];
     solve_upper(s.L, s.L_inverse, y);
@@ -313,13 +320,16 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
         g[i] = block.S[i] * e[0] + block.S[3 + i] * e[1] + block.S[6 + i] * e[2];
         g[i] += t.target[i] - s.h * block.effort[i == 2] * t.at.u[i];
       }
+      if (t.load >= 0) g[2] -= it.loads[static_cast<std::size_t>(t.load)].pull();
       times(t.D_inverse, g, t.du);
+      if (t.load >= 0) it.loads[static_cast<std::size_t>(t.load)].follow(t.du[2]);
       v4 E[6];
       inverse_square(t.scaling, E);
       times(E, t.du, t.dz);
       for (int i = 0; i < 3; ++i) t.dz[i] = t.target[i] - t.at.z[i] - t.dz[i];
     }
   }
+  end_steps(problem, it);
 }
 
 }  // namespace stridelab

@@ -1,5 +1,6 @@
 #include "stridelab_native/steps.hpp"
 
+#include <algorithm>
 #include <cmath>
 
 #include "stridelab_native/evaluate.hpp"
@@ -22,7 +23,20 @@ void aim(Iterate& it, double mu, bool corrected) {
     divide(t.scaling.lambda, rc, x);
     unscale(t.scaling, x, t.target);
   }
+  each_slack(it, [&](auto& slack, auto) {
+    slack.target = mu + 0.0 * slack.s;
+    if (corrected) slack.target -= slack.ds * slack.dzeta;
+  });
 }
+
+namespace {
+
+template <typename T>
+T longest_of(T s, T ds) {
+  return ds < 0.0 ? -s / ds : 1e9 + 0.0 * s;
+}
+
+}  // namespace
 
 Steps longest_steps(const Iterate& it) {
   const v4 far = splat4(1e9);
@@ -36,7 +50,12 @@ Steps longest_steps(const Iterate& it) {
     primal = smaller(primal, t.block->real > 0.0 ? longest(t.scaling.lambda, a) : far);
     dual = smaller(dual, t.block->real > 0.0 ? longest(t.scaling.lambda, b) : far);
   }
-  return {least(primal), least(dual)};
+  Steps by{least(primal), least(dual)};
+  each_slack(it, [&](const auto& slack, auto real) {
+    by.primal = std::min(by.primal, least(real > 0.0 ? longest_of(slack.s, slack.ds) : 1e9 + 0.0 * slack.s));
+    by.dual = std::min(by.dual, least(real > 0.0 ? longest_of(slack.zeta, slack.dzeta) : 1e9 + 0.0 * slack.s));
+  });
+  return by;
 }
 
 double complementarity_after(const Iterate& it, Steps by) {
@@ -50,7 +69,11 @@ double complementarity_after(const Iterate& it, Steps by) {
     }
     total += product(u, z) * t.block->real;
   }
-  return sum(total);
+  double all = sum(total);
+  each_slack(it, [&](const auto& slack, auto real) {
+    all += sum((slack.s + by.primal * slack.ds) * (slack.zeta + by.dual * slack.dzeta) * real);
+  });
+  return all;
 }
 
 void move(Iterate& it, Steps by) {
@@ -63,15 +86,10 @@ void move(Iterate& it, Steps by) {
       t.at.z[i] += by.dual * t.dz[i] * t.block->real;
     }
   }
-}
-
-void move_multipliers(const Problem& problem, Iterate& it, const Penalty& penalty, double share) {
-  double end[nx];
-  double rest[3];
-  misses(problem, it, end, rest);
-  const std::size_t n = it.stages.size() - 1;
-  for (int i = 0; i < nx; ++i) it.nu[i] += share * penalty.end * (end[i] + it.stages[n].dx[i]);
-  for (int i = 0; i < 3; ++i) it.nu_rest[i] += share * penalty.rest * (rest[i] + it.stages[n - 1].dw[i]);
+  each_slack(it, [&](auto& slack, auto real) {
+    slack.s += by.primal * slack.ds * real;
+    slack.zeta += by.dual * slack.dzeta * real;
+  });
 }
 
 Merit merit(const Problem& problem, const Iterate& it, double cost, double mu) {
@@ -93,11 +111,14 @@ Merit merit(const Problem& problem, const Iterate& it, double cost, double mu) {
       for (int j = 0; j < t.block->points; ++j) m.barrier -= 0.5 * mu * std::log(det[j]);
     }
   }
-  double end[nx];
-  double rest[3];
-  misses(problem, it, end, rest);
-  for (double e : end) m.violation += std::fabs(e);
-  for (double e : rest) m.violation += std::fabs(e);
+  each_slack(it, [&](const auto& slack, auto real) {
+    m.slope -= sum(mu / slack.s * slack.ds * real);
+    for (double s : parts(real > 0.0 ? slack.s : 1.0 + 0.0 * slack.s)) m.barrier -= mu * std::log(s);
+    for (double r : parts(slack.r * real)) m.violation += std::fabs(r);
+  });
+  const Ending end = ending(problem, it);
+  for (double e : end.miss) m.violation += std::fabs(e);
+  for (double e : end.rest) m.violation += std::fabs(e);
   return m;
 }
 

@@ -11,14 +11,16 @@ Where a problem has no solution the last plan that had one goes on: it leads to 
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
 from stridelab.centroidal.carried import carried
 from stridelab.centroidal.conditions import Start
+from stridelab.centroidal.native import serves
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
-from stridelab.centroidal.solve import solve
+from stridelab.centroidal.solve import Asked, solve
 from stridelab.centroidal.solvers import Limits
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.conventions import Points, Series, Vector3
@@ -135,10 +137,11 @@ class RecedingHorizon:
         start = None
         if self.warm and last is not None and not last.carried_on:
             start = carried(last.plan, asked, time_s - last.time_s)
-        plan = solve(asked, "ipopt", self.limits, start)
+        solver: Final[Asked] = "native" if serves(asked) else "ipopt"
+        plan = solve(asked, solver, self.limits, start)
         iterations, warm = plan.iterations, start is not None
         if not plan.converged and warm:
-            plan, warm = solve(asked, "ipopt", self.limits), False
+            plan, warm = solve(asked, solver, self.limits), False
             iterations += plan.iterations
         took_s = time.process_time() - started
         if plan.converged:

@@ -60,9 +60,6 @@ def lacks(problem: CentroidalProblem) -> str | None:
         ("pyramids or wrench cones in place of friction cones", not isinstance(problem.control, CircularCones)),
         ("free durations", problem.durations is not None),
         ("free placements", problem.placements is not None),
-        ("a capturable end", problem.terminal != "rest"),
-        ("bounds on the height of the centre of mass", problem.bounds.com_height_m is not None),
-        ("bounds on normal forces", bool(problem.bounds.normal_force_max_n)),
     ]
     missing = [words for words, wanted in wants if wanted]
     return ", ".join(missing) or None

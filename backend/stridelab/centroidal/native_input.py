@@ -8,6 +8,7 @@ from jaxtyping import Float, Int
 
 from stridelab.centroidal.control import Touch
 from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.transcription import capture_of, ground_m
 from stridelab.dynamics.placement import Placement
 from stridelab.reachability.mixture import Mixture
 
@@ -41,8 +42,12 @@ class NativeInput:
     block_points: Float[np.ndarray, "blocks 4 3"]
     block_count: Int[np.ndarray, "blocks"]
     block_effort: Float[np.ndarray, "blocks 2"]
+    block_most: Float[np.ndarray, "blocks"]
     phase_layout: Int[np.ndarray, "phases 5"]
     phase_step_s: Float[np.ndarray, "phases"]
+    phase_height: Float[np.ndarray, "phases 2"]
+    capturable: bool
+    planes: Float[np.ndarray, "planes 5"]
     slots: tuple[tuple[Slot, ...], ...]
 
     def arguments(self) -> list[object]:
@@ -91,10 +96,33 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
         block_effort=np.array(
             [[2.0 * t.force_weight * t.friction**2, 2.0 * t.force_weight] for t, _ in blocks], dtype=float
         ).reshape(-1, 2),
+        block_most=np.array(
+            [problem.bounds.normal_force_max_n.get(t.effector, np.inf) / problem.weight_n for t, _ in blocks], dtype=float
+        ),
         phase_layout=np.array(layout, dtype=np.int32),
         phase_step_s=np.array([p.duration_s / n for p, n in zip(sequence.phases, intervals, strict=True)], dtype=float),
+        phase_height=_heights(problem),
+        capturable=problem.terminal == "capturable",
+        planes=_planes(problem),
         slots=tuple(slots),
     )
+
+
+def _heights(problem: CentroidalProblem) -> Float[np.ndarray, "phases 2"]:
+    """Bounds on the height of the CoM, phase by phase."""
+    phases = len(problem.sequence.phases)
+    if problem.bounds.com_height_m is None:
+        return np.tile(np.array([-np.inf, np.inf]), (phases, 1))
+    above_m = np.array(problem.bounds.com_height_m) - problem.com_start_m[2]
+    return np.array([ground_m(problem, i) + above_m for i in range(phases)])
+
+
+def _planes(problem: CentroidalProblem) -> Float[np.ndarray, "planes 5"]:
+    """Where the capture point of a capturable end must be; none at rest."""
+    end = capture_of(problem)
+    if end is None:
+        return np.zeros((0, 5))
+    return np.column_stack([end.normals, end.normals / end.omega_1_s, end.offsets])
 
 
 def _mixture(mixture: Mixture) -> MixtureArrays:

@@ -67,7 +67,7 @@ def transcribe(problem: CentroidalProblem) -> Transcription:
     stays = tuple(movable(problem.sequence)) if problem.placements else ()
     generators = [problem.control.generators(problem.touches(i, origin)) for i in range(len(problem.sequence.phases))]
     mixtures = {name: problem.proxies[name].mixture for name in problem.sequence.effectors if name in problem.proxies}
-    end = _capture(problem)
+    end = capture_of(problem)
     found = compiled(_structure(problem, grid, generators, stays, mixtures, end), mixtures)
     numbers = _numbers(problem, grid, generators, found, end)
     blocks = [numbers[name].ravel() for name, _ in found.programme.parameters]
@@ -208,8 +208,8 @@ def _bounds(problem: CentroidalProblem, grid: Grid, layout: Layout, stays: tuple
     if problem.bounds.com_height_m is not None:
         least, most = problem.bounds.com_height_m
         for k, phase in list(enumerate(grid.phase))[1:]:
-            ground_m = _ground_m(problem, int(phase)) - problem.com_start_m[2]
-            lower[layout.state[k] + 2], upper[layout.state[k] + 2] = ground_m + least, ground_m + most
+            soles_m = ground_m(problem, int(phase)) - problem.com_start_m[2]
+            lower[layout.state[k] + 2], upper[layout.state[k] + 2] = soles_m + least, soles_m + most
     if problem.placements:
         for stay, at in zip(stays, layout.shifts, strict=True):
             corners_m = problem.effectors[stay.contact.effector].points_m()
@@ -218,7 +218,7 @@ def _bounds(problem: CentroidalProblem, grid: Grid, layout: Layout, stays: tuple
     return lower, upper
 
 
-def _ground_m(problem: CentroidalProblem, phase: int) -> float:
+def ground_m(problem: CentroidalProblem, phase: int) -> float:
     """Mean height of the soles, each where it is in a phase or was last."""
     contacts = [problem.sequence.last_contact(name, phase) for name in problem.sequence.effectors]
     soles = [c for c in contacts if c is not None and problem.effectors[c.effector].kind == "surface"]
@@ -258,7 +258,7 @@ def _row_bounds(
     return lower, upper
 
 
-def _capture(problem: CentroidalProblem) -> Capture | None:
+def capture_of(problem: CentroidalProblem) -> Capture | None:
     """Relative to the origin; None where the motion ends at rest."""
     if problem.terminal == "rest":
         return None

@@ -12,7 +12,7 @@ inline void semidefinite_root(const double S[nw][8], double L[nw][8], double inv
     double d = S[j][j];
     for (int k = 0; k < j; ++k) d -= L[j][k] * L[j][k];
     for (int i = 0; i < j; ++i) L[i][j] = 0.0;
-    if (!(d > 1e-13 * S[j][j]) || d < 1e-200) {
+    if (!(d > 1e-14 * S[j][j]) || d < 1e-200) {
       inverse[j] = 0.0;
       for (int i = j; i < nw; ++i) L[i][j] = 0.0;
       continue;

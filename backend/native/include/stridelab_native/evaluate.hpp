@@ -20,7 +20,4 @@ Conditions conditions(const Problem& problem, const Iterate& it);
 // Sum of u^T z, and how many cones there are.
 double complementarity(const Iterate& it, int& cones);
 
-// x_N - goal, and F - (0, 0, 1) in the last interval.
-void misses(const Problem& problem, const Iterate& it, double* end, double* rest);
-
 }  // namespace stridelab

@@ -10,6 +10,7 @@ namespace stridelab {
 //   M^T l in K* at every point,   l^T (what the end misses by without forces) > 0,
 //
 // with M what the forces do to the end, so that l^T (miss) > 0 whatever the forces; `stage` is where l pulls hardest.
+// Bounds take part with their own multipliers.
 Report feasibility(const Problem& problem, Iterate& it, const Settings& settings);
 
 }  // namespace stridelab

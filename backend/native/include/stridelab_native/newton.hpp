@@ -7,14 +7,9 @@
 //
 // of six entries whatever the number of points; where nothing touches L is zero, and so on.
 #pragma once
-#include "stridelab_native/iterate.hpp"
+#include "stridelab_native/ending.hpp"
 
 namespace stridelab {
-
-struct Penalty {
-  double end;   // proximal weights of the equations at the end; their multipliers are it.nu, it.nu_rest
-  double rest;
-};
 
 // Scaling of all cones, and D^-1.
 void scale_cones(Iterate& it);

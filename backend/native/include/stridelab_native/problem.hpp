@@ -38,7 +38,7 @@ struct Block {
   v4 real;  // 1 for a point, 0 for padding
   int points;
   double effort[2];   // h/2 (effort[0] |u_t|^2 + effort[1] u_n^2) is the cost of a point
-  double normal_max;  // on u_n
+  double normal_max;  // on u_n; infinite: none
 };
 
 struct Phase {
@@ -46,10 +46,18 @@ struct Phase {
   double h;
   int first_block, blocks;
   int first_visit, visits;
-  double height[2];  // bounds on c_z at the nodes that end its intervals
+  double height[2];  // bounds on c_z at the nodes that begin its intervals, but the first of all; infinite: none
 };
 
+// At rest: x_N = goal and F = (0, 0, 1) in the last interval. Capturable: height and vertical velocity of the goal, no
+// angular momentum, and the capture point on the near side of every plane.
 enum class End { rest, capturable };
+
+// normal (c_x, c_y, c'_x, c'_y) <= offset.
+struct Plane {
+  double normal[4];
+  double offset;
+};
 
 struct Problem {
   double w_acceleration = 10.0;   // w_c
@@ -61,6 +69,7 @@ struct Problem {
   std::vector<Visit> visits;
   std::vector<Block> blocks;
   std::vector<Phase> phases;
+  std::vector<Plane> planes;
 };
 
 }  // namespace stridelab

@@ -19,9 +19,6 @@ double complementarity_after(const Iterate& it, Steps by);
 // x, u by the primal step, z by the dual one.
 void move(Iterate& it, Steps by);
 
-// nu += share * penalty * (what the end will miss by).
-void move_multipliers(const Problem& problem, Iterate& it, const Penalty& penalty, double share);
-
 // M = cost - mu / 2 sum log det u + weight |c|_1 with c the gaps and the misses of the end.
 struct Merit {
   double barrier;     // cost - mu / 2 sum log det u

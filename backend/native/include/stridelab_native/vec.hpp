@@ -1,5 +1,6 @@
 // Short vectors of doubles: four cones, or eight components of a mixture, at a time.
 #pragma once
+#include <array>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -14,6 +15,7 @@ typedef std::int64_t i8 __attribute__((vector_size(64)));
 
 inline v4 splat4(double x) { return v4{x, x, x, x}; }
 inline v8 splat8(double x) { return v8{x, x, x, x, x, x, x, x}; }
+inline double sum(double a) { return a; }
 inline double sum(v4 a) { return (a[0] + a[2]) + (a[1] + a[3]); }
 inline double sum(v8 a) {
   return ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7]));
@@ -25,6 +27,10 @@ inline v4 root(v4 a) {
   return r;
 }
 
+inline std::array<double, 1> parts(double a) { return {a}; }
+inline std::array<double, 4> parts(v4 a) { return {a[0], a[1], a[2], a[3]}; }
+
+inline double least(double a) { return a; }
 inline double least(v4 a) {
   const double x = a[0] < a[1] ? a[0] : a[1];
   const double y = a[2] < a[3] ? a[2] : a[3];
