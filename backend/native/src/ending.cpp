@@ -44,13 +44,22 @@ Ending ending(const Problem& problem, const Iterate& it) {
   return e;
 }
 
-void end_hessian(const Problem& problem, const Iterate& it, const Ending& end, const Penalty& penalty,
+void end_hessian(const Problem& problem, const Iterate& it, const Ending& end, const Penalty& penalty, bool bends,
                  double P[nx][nx]) {
   for (int i = 0; i < nx; ++i) {
     for (int j = 0; j < nx; ++j) {
       P[i][j] = 0.0;
       for (int r = 0; r < end.rows; ++r) P[i][j] += penalty.end * end.J[r][i] * end.J[r][j];
     }
+  }
+  for (int i = 0; bends && !end.rests && i < 3; ++i) {  // -nu . (c x c') / g
+    const int j = (i + 1) % 3;
+    const int k = (i + 2) % 3;
+    const double curve = it.nu[2 + i] / gravity;
+    P[j][3 + k] -= curve;
+    P[3 + k][j] -= curve;
+    P[k][3 + j] += curve;
+    P[3 + j][k] += curve;
   }
   for (std::size_t a = 0; a < it.planes.size(); ++a) {
     const double* normal = problem.planes[a].normal;

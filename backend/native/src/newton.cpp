@@ -245,7 +245,7 @@ bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, double 
   const std::size_t n = it.stages.size() - 1;
   const Ending end = ending(problem, it);
   double P[nx][nx];
-  end_hessian(problem, it, end, penalty, P);
+  end_hessian(problem, it, end, penalty, theta >= 1.0, P);
   for (std::size_t k = n; k-- > 0;) {
     Stage& s = it.stages[k];
     double S[nw][8];

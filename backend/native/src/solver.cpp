@@ -16,6 +16,7 @@ constexpr int doubtful = 60;         // iterations after which it is asked wheth
 constexpr int memory = 5;            // iterations over which the conditions must make progress
 constexpr double progress = 0.999;
 constexpr double armijo = 1e-4;
+constexpr double met = 5e-4;  // of the tolerance: equations are linear and cost nothing; momenta are in units of m |g|
 constexpr double acceptable = 20.0;  // times the tolerance, after `memory` iterations in which all else holds
 constexpr int halvings_max = 30;
 constexpr Penalty stiff{1e8, 1e6};
@@ -71,7 +72,7 @@ class Run {
   }
 
   bool solved(const Conditions& c) {
-    if (c.feasibility > settings_.tolerance || c.complementarity * objective_scale > settings_.tolerance ||
+    if (c.feasibility > met * settings_.tolerance || c.complementarity * objective_scale > settings_.tolerance ||
         c.gap > gap_asked()) {
       return false;
     }

@@ -20,8 +20,9 @@ struct Ending {
 
 Ending ending(const Problem& problem, const Iterate& it);
 
-// P_N, and p_N for the present targets.
-void end_hessian(const Problem& problem, const Iterate& it, const Ending& end, const Penalty& penalty, double P[nx][nx]);
+// P_N, with the true curvature of c x c' where `bends`, and p_N for the present targets.
+void end_hessian(const Problem& problem, const Iterate& it, const Ending& end, const Penalty& penalty, bool bends,
+                 double P[nx][nx]);
 void end_gradient(const Problem& problem, const Iterate& it, const Ending& end, const Penalty& penalty, double p[nx]);
 
 // J^T nu + planes^T zeta: the costate of the end.
