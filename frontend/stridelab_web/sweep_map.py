@@ -63,8 +63,10 @@ class Swept:
             there = [value for k, value in enumerate(first.values) if self.outcome[(k, *index)] == "feasible"]
             at = ", ".join(said(axis, axis.values[i]) for axis, i in zip(others, index, strict=True))
             unit = f" {first.unit}" if first.unit else ""
-            between = f"{min(there):.4g} to {max(there):.4g}{unit}, {len(there)} of {len(first.values)}"
-            found.append((at or first.field, between if there else "nowhere"))
+            between = "nowhere"
+            if there:
+                between = f"{min(there):.4g} to {max(there):.4g}{unit}, {len(there)} of {len(first.values)}"
+            found.append((at or first.field, between))
         return found
 
     def _curve(self) -> Chart:

@@ -1,5 +1,5 @@
 // Scenario pages: plan, import, copy, delete.
-import { call, onSubmit } from "./api.js";
+import { call, onSubmit, startJob } from "./api.js";
 import { startPlan } from "./plan.js";
 
 for (const form of document.querySelectorAll("form[data-plan]")) {
@@ -11,6 +11,18 @@ for (const form of document.querySelectorAll("form[data-plan]")) {
   onSubmit(form, async () => {
     const job = await startPlan(form.dataset.plan, whole ? { whole_body: whole.checked, replay: replay.checked } : {});
     location.assign(`/plans/${job.id}?watch=1`);
+    return "started";
+  });
+}
+
+for (const form of document.querySelectorAll("form[data-sweep]")) {
+  onSubmit(form, async (fields) => {
+    const vary = {};
+    for (const k of ["1", "2"]) {
+      if (fields.get(`field${k}`)) vary[fields.get(`field${k}`)] = ["from", "to", "number"].map((name) => Number(fields.get(`${name}${k}`)));
+    }
+    const job = await startJob("sweep", { scenario_id: form.dataset.sweep, vary });
+    location.assign(`/jobs/${job.id}`);
     return "started";
   });
 }

@@ -21,7 +21,7 @@ from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, PreviewMotion, PreviewPush, SolverFacts, Solvers
 from stridelab.service.jobs.kinds.plan_options import native_missing
-from stridelab.service.jobs.kinds.plan_posing import checked, densities
+from stridelab.service.jobs.kinds.plan_posing import densities, outlined
 
 Json = dict[str, Any]
 
@@ -50,7 +50,7 @@ def preview(request: PlanPreviewInput) -> PlanPreview:
     """The motion of a scenario, and the one after the push.
 
     Raises ``NotEstimable`` (``solver-unavailable``), ``InvalidInput`` (``scenario-invalid``, ``push-too-late``) and
-    what ``checked``, ``load_robot`` and ``densities`` raise.
+    what ``outlined``, ``load_robot`` and ``densities`` raise.
     """
     missing = native_missing()
     if missing is not None:
@@ -59,7 +59,7 @@ def preview(request: PlanPreviewInput) -> PlanPreview:
     if request.scenario is None:
         raise ValueError("the endpoint sends the scenario itself")
     started = time.process_time()
-    sequence, _ = checked(request.scenario)
+    sequence = outlined(request.scenario)
     if request.push is not None:
         _require_time(request.push, sequence.duration_s)
     posed = from_rest_to_rest(load_robot(sequence.robot), sequence, _densities(sequence.robot))
