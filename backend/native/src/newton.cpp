@@ -9,7 +9,7 @@
 namespace stridelab {
 namespace {
 
-// S = sum G D^-1 G^T over the points of an interval, lower triangle.
+// S = sum G D^-1 G^T over the points of an interval, moments about m; lower triangle.
 void condense(Iterate& it, const Stage& s, double S[nw][8]) {
   v4 sums[21] = {};
   for (int b = 0; b < s.touches; ++b) {
@@ -30,7 +30,7 @@ void condense(Iterate& it, const Stage& s, double S[nw][8]) {
         M[j][i] = M[i][j];
       }
     }
-    const v4* p = block.p;
+    const v4 p[3] = {block.p[0] - s.m[0], block.p[1] - s.m[1], block.p[2] - s.m[2]};
     v4 C[3][3];  // [p]x M
     for (int j = 0; j < 3; ++j) {
       C[0][j] = p[1] * M[2][j] - p[2] * M[1][j];
@@ -252,6 +252,12 @@ bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, double 
     condense(it, s, S);
     for (int i = 0; i < nw; ++i) s.L[i][6] = s.L[i][7] = 0.0;
     semidefinite_root(S, s.L, s.L_inverse);
+    // Moments about the origin again: T + m x F. About a point far away, small pivots would be lost among large ones.
+    for (int j = 0; j < 3; ++j) {
+      s.L[3][j] += s.m[1] * s.L[2][j] - s.m[2] * s.L[1][j];
+      s.L[4][j] += s.m[2] * s.L[0][j] - s.m[0] * s.L[2][j];
+      s.L[5][j] += s.m[0] * s.L[1][j] - s.m[1] * s.L[0][j];
+    }
     if (!eliminate(problem, s, theta, k + 1 == n && end.rests ? penalty.rest : 0.0, P)) return false;
   }
   return true;
