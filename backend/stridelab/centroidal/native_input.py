@@ -14,7 +14,7 @@ from stridelab.reachability.mixture import Mixture
 
 POINTS: Final = 4
 """Of a contact that share a block; more points take more blocks."""
-MixtureArrays = tuple[Float[np.ndarray, "k"], Float[np.ndarray, "k 3"], Float[np.ndarray, "k 3 3"]]
+MixtureArrays = tuple[Float[np.ndarray, "_"], Float[np.ndarray, "_ 3"], Float[np.ndarray, "_ 3 3"]]
 """Constants, means and whitenings: ``log w_j N(y; mu_j, S_j) = constant_j - |W_j (y - mu_j)|^2 / 2``."""
 
 
@@ -97,7 +97,8 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
             [[2.0 * t.force_weight * t.friction**2, 2.0 * t.force_weight] for t, _ in blocks], dtype=float
         ).reshape(-1, 2),
         block_most=np.array(
-            [problem.bounds.normal_force_max_n.get(t.effector, np.inf) / problem.weight_n for t, _ in blocks], dtype=float
+            [problem.bounds.normal_force_max_n.get(t.effector, np.inf) / problem.weight_n for t, _ in blocks],
+            dtype=float,
         ),
         phase_layout=np.array(layout, dtype=np.int32),
         phase_step_s=np.array([p.duration_s / n for p, n in zip(sequence.phases, intervals, strict=True)], dtype=float),
