@@ -49,9 +49,11 @@ def total_force_n(motion: Motion) -> Points:
 def moment_nm(sequence: ContactSequence, motion: Motion) -> Points:
     """``sum p x f`` about the world origin, per interval ``(m, 3)``."""
     total = np.zeros((len(motion.phase), 3))
-    for k, phase in enumerate(motion.phase):
-        for name, contact in sequence.phases[phase].contacts.items():
-            total[k] += np.cross(contact.placement.act(motion.points_m[name]), motion.forces_n[name][k]).sum(axis=0)
+    for i, phase in enumerate(sequence.phases):
+        during = motion.phase == i
+        for name, contact in phase.contacts.items():
+            points_m = contact.placement.act(motion.points_m[name])
+            total[during] += np.cross(points_m, motion.forces_n[name][during]).sum(axis=1)
     return total
 
 
@@ -118,13 +120,15 @@ def _cones(sequence: ContactSequence, motion: Motion) -> tuple[float, float]:
     """Smallest ``mu f_n - |f_t|`` and smallest ``f_n`` of all points that touch; a force where nothing does is -|f|."""
     margins, normals = [np.inf], [np.inf]
     for name, forces in motion.forces_n.items():
-        for k, phase in enumerate(motion.phase):
-            contact = sequence.phases[phase].contacts.get(name)
+        for i, phase in enumerate(sequence.phases):
+            during = forces[motion.phase == i]
+            contact = phase.contacts.get(name)
             if contact is not None:
-                local = forces[k] @ contact.placement.rotation
-                margins.append(float((contact.friction * local[:, 2] - np.linalg.norm(local[:, :2], axis=1)).min()))
-                normals.append(float(local[:, 2].min()))
-            elif forces[k].any():
-                margins.append(-float(np.linalg.norm(forces[k])))
+                local = during @ contact.placement.rotation
+                margin = contact.friction * local[..., 2] - np.linalg.norm(local[..., :2], axis=-1)
+                margins.append(float(margin.min(initial=np.inf)))
+                normals.append(float(local[..., 2].min(initial=np.inf)))
+            elif during.any():
+                margins.append(-float(np.linalg.norm(during, axis=(1, 2)).max()))
                 normals.append(margins[-1])
     return min(margins), min(normals)
