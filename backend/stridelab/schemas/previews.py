@@ -4,7 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, model_validator
 
-from stridelab.schemas.base import Contract
+from stridelab.schemas.base import Contract, FaultItem
 from stridelab.schemas.plans import NODE_RATE_HZ
 from stridelab.schemas.receding import PushSpeed
 from stridelab.schemas.scenarios import Position, Scenario
@@ -60,12 +60,14 @@ class PreviewMotion(Contract):
 class PlanPreview(Contract):
     """Answer of ``POST /plans/preview``; ``took_s`` is all of the processor time, the judge's included.
 
-    With a push, ``recovered`` is the motion from its end on; null where the motion itself has not been found.
+    ``errors`` is what the judge refuses, as in ``POST /scenarios/check``; there is no motion then. With a push,
+    ``recovered`` is the motion from its end on; null where the motion itself has not been found.
     """
 
     solver: str
     duration_s: float
     took_s: float
+    errors: list[FaultItem]
     motion: PreviewMotion
     recovered: PreviewMotion | None = None
 

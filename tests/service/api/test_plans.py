@@ -109,10 +109,17 @@ class TestPreview:
         assert refusal(answer) == (422, "push-too-late")
         assert places(answer) == ["push.time_s"]
 
-    def test_what_the_robot_cannot_do_is_refused_by_name(self, http: httpx.Client) -> None:
+    def test_what_the_robot_cannot_do_is_a_good_question(self, http: httpx.Client) -> None:
         answer = http.post(PREVIEW, json={"scenario": with_contact(0, 1, position_m=[0.0, -0.09, 0.3])})
-        assert refusal(answer) == (422, "scenario-invalid")
-        assert places(answer)[0].startswith("phases[0].contacts[right_foot]")
+        said = answer.json()
+        assert (answer.status_code, said["motion"]["converged"], said["motion"]["com_m"]) == (200, False, [])
+        assert said["errors"][0]["where"].startswith("phases[0].contacts[right_foot]")
+        assert "right_foot" in said["motion"]["status"]
+
+    def test_a_motion_that_there_is_not_says_why(self, http: httpx.Client) -> None:
+        said = http.post(PREVIEW, json={"scenario": one_step(friction=0.003)}).json()
+        assert (said["errors"], said["motion"]["converged"], said["motion"]["objective"]) == ([], False, None)
+        assert said["motion"]["status"]
 
 
 @pytest.mark.anyio

@@ -29,6 +29,7 @@ export class Live {
   // Asks which solvers there are; without the C++ one the page says so, and plans by the button alone.
   async start(nodes) {
     this.nodes = nodes;
+    this.say("Starting the planner…");
     const known = await call("GET", "/solvers").catch((error) => error);
     const native = known instanceof Error ? null : known.solvers.find((solver) => solver.name === "native");
     this.there = Boolean(native?.available);
@@ -79,14 +80,15 @@ export class Live {
     this.root.dataset.lived = String(Number(this.root.dataset.lived ?? 0) + 1); // what tests wait for
     if (refused) {
       if (answer.problem?.code === NO_SOLVER) this.there = false;
-      // What the judge refuses is said below the scene already.
-      this.say(answer.problem?.code === "scenario-invalid" ? "No plan: the contacts are not valid." : answer.message);
+      this.say(answer.message);
       this.pushSaid.textContent = "";
       return;
     }
     const { motion, recovered } = answer;
     const effort = (one) => `cost ${one.objective.toFixed(2)}, ${one.iterations} iterations, solved in ${(1e3 * one.solve_time_s).toFixed(1)} ms`;
-    this.say(motion.converged ? `${effort(motion)}; answered in ${took_ms.toFixed(0)} ms` : `No motion: ${motion.status}`);
+    // What the judge refuses is said below the scene already.
+    if (answer.errors.length) this.say("No plan: the contacts are not valid.");
+    else this.say(motion.converged ? `${effort(motion)}; answered in ${took_ms.toFixed(0)} ms` : `No motion: ${motion.status}`);
     if (!recovered) this.pushSaid.textContent = push && !motion.converged ? "There is no motion to push." : "";
     else this.pushSaid.textContent = recovered.converged ? `It recovers: ${effort(recovered)}.` : `It does not recover: ${recovered.status}`;
   }

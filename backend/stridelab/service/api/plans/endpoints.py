@@ -33,8 +33,8 @@ async def solvers(parts: AppParts) -> Solvers:
     summary="Plan at once",
     responses=failures(
         s404="No scenario with this id (`scenario-not-found`).",
-        s422="The C++ solver is not on this machine (`solver-unavailable`); no scenario, or one that the robot cannot "
-        "do (`scenario-invalid`); a push after its end (`push-too-late`).",
+        s422="It is no scenario (`invalid-request`), the C++ solver is not on this machine (`solver-unavailable`), or "
+        "the push comes after the end (`push-too-late`).",
         s429="Too many wait (`preview-busy`); `Retry-After` says when to come back.",
         s503="The planner failed and was started anew (`preview-failed`, `preview-stuck`).",
     ),
@@ -43,7 +43,8 @@ async def preview(parts: AppParts, body: Annotated[PlanPreviewInput, Body(openap
     """The centroidal motion of a scenario, in milliseconds by the C++ solver; nothing is stored.
 
     The control are the contact forces in their exact cones. With a push, the motion is planned anew from the state that
-    it leaves. A motion that was not found is answered with `converged` false and why.
+    it leaves. What the robot cannot do is
+    answered with `errors`, a motion that was not found with `converged` false and why.
     """
     scenario = body.scenario
     if scenario is None:

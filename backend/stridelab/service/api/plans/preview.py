@@ -1,5 +1,6 @@
 """The answers of the resident planner: the solvers, and a motion with its push (in the child only: it computes)."""
 
+import math
 import time
 from collections.abc import Mapping
 from dataclasses import replace
@@ -19,7 +20,9 @@ from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.reachability.proxy import Proxy
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.loader import load_robot
+from stridelab.schemas.base import FaultItem
 from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, PreviewMotion, PreviewPush, SolverFacts, Solvers
+from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.plan_options import native_missing
 from stridelab.service.jobs.kinds.plan_posing import densities, outlined
 
@@ -27,6 +30,7 @@ Json = dict[str, Any]
 
 LIMITS: Final = Limits(iterations=100, wall_s=2.0)
 """Whoever drags would rather hear that nothing was found."""
+SHOWN_FAULTS: Final = 50
 LEAST_S: Final = 0.2
 """A push that ends less than this before the end of the motion leaves nothing to plan."""
 
@@ -49,8 +53,8 @@ def solvers() -> Solvers:
 def preview(request: PlanPreviewInput) -> PlanPreview:
     """The motion of a scenario, and the one after the push.
 
-    Raises ``NotEstimable`` (``solver-unavailable``), ``InvalidInput`` (``scenario-invalid``, ``push-too-late``) and
-    what ``outlined``, ``load_robot`` and ``densities`` raise.
+    Raises ``NotEstimable`` (``solver-unavailable``), ``InvalidInput`` (``push-too-late``) and what ``load_robot`` and
+    ``densities`` raise.
     """
     missing = native_missing()
     if missing is not None:
@@ -59,7 +63,10 @@ def preview(request: PlanPreviewInput) -> PlanPreview:
     if request.scenario is None:
         raise ValueError("the endpoint sends the scenario itself")
     started = time.process_time()
-    sequence = outlined(request.scenario)
+    try:
+        sequence = outlined(request.scenario)
+    except InvalidInput as refusal:
+        return _refused(request.scenario, refusal, time.process_time() - started)
     if request.push is not None:
         _require_time(request.push, sequence.duration_s)
     posed = from_rest_to_rest(load_robot(sequence.robot), sequence, _densities(sequence.robot))
@@ -72,6 +79,7 @@ def preview(request: PlanPreviewInput) -> PlanPreview:
         solver=plan.solver,
         duration_s=sequence.duration_s,
         took_s=time.process_time() - started,
+        errors=[],
         motion=_motion(plan, 0.0),
         recovered=recovered,
     )
@@ -94,6 +102,26 @@ def pushed(plan: CentroidalPlan, push: PreviewPush) -> tuple[State, float]:
     a = np.array(push.force_n) / plan.mass_kg
     state = State(there.com_m + a * push.duration_s**2 / 2, there.com_v_m_s + a * push.duration_s, there.l_nms)
     return state, ends_s
+
+
+def _refused(scenario: Scenario, refusal: InvalidInput, took_s: float) -> PlanPreview:
+    """Whether the robot can do it is a good question while somebody drags, and this an answer."""
+    nothing = PreviewMotion(
+        converged=False,
+        status=refusal.message,
+        objective=None,
+        iterations=0,
+        solve_time_s=0.0,
+        time_s=[],
+        com_m=[],
+    )
+    return PlanPreview(
+        solver="native",
+        duration_s=math.fsum(phase.duration_s for phase in scenario.phases),
+        took_s=took_s,
+        errors=[FaultItem(where=fault.where, message=fault.message) for fault in refusal.faults[:SHOWN_FAULTS]],
+        motion=nothing,
+    )
 
 
 def _require_time(push: PreviewPush, duration_s: float) -> None:
