@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stridelab.centroidal.iterates import Iterate
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.programme import SCALE
@@ -49,14 +50,27 @@ def test_every_iteration_is_in_the_log_and_the_last_is_the_plan(plan: Centroidal
 
 
 def test_iterations_are_told_while_they_run(problem: CentroidalProblem) -> None:
-    told: list[tuple[int, float]] = []
-    plan = solve(problem, "ipopt", tell=lambda k, value: told.append((k, value)))
+    told: list[Iterate] = []
+    plan = solve(problem, "ipopt", tell=told.append)
     assert plan.solution is not None
-    assert [k for k, _ in told] == list(range(plan.iterations + 1))
-    assert [value for _, value in told] == pytest.approx(plan.solution.attempts[0].log.objective.tolist())
-    again: list[int] = []
-    solve(problem, "ipopt", tell=lambda k, _: again.append(k))
-    assert again[0] == 0
+    log = plan.solution.attempts[0].log
+    assert [at.number for at in told] == list(range(plan.iterations + 1))
+    assert [at.objective for at in told] == pytest.approx(log.objective.tolist())
+    assert told[0].infeasibility == pytest.approx(log.primal[0], rel=1e-9)
+    assert told[-1].infeasibility < 1e-10
+    again: list[Iterate] = []
+    solve(problem, "ipopt", tell=again.append)
+    assert again == told
+
+
+def test_fatrop_tells_too(problem: CentroidalProblem) -> None:
+    told: list[Iterate] = []
+    plan = solve(problem, "fatrop", tell=told.append)
+    assert plan.converged
+    assert [at.number for at in told] == list(range(len(told)))
+    assert abs(len(told) - plan.iterations) <= 1
+    assert told[-1].objective == pytest.approx(sum(plan.cost_terms.values()), rel=1e-3)
+    assert told[-1].infeasibility < 1e-6 < told[0].infeasibility
 
 
 def test_a_plan_is_checked_again_without_its_solver(problem: CentroidalProblem, plan: CentroidalPlan) -> None:

@@ -9,10 +9,11 @@ import numpy as np
 from stridelab.centroidal.carried import carried
 from stridelab.centroidal.chosen import chosen
 from stridelab.centroidal.cost import cost_terms, objective
+from stridelab.centroidal.iterates import Tell
 from stridelab.centroidal.plan import CentroidalPlan, Verification
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solution import Attempt, Point, Solution, residuals
-from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Run, SolverName, Tell, run
+from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Run, SolverName, run
 from stridelab.centroidal.transcription import Transcription, transcribe
 from stridelab.centroidal.verify import Motion, holds, total_force_n, verify
 from stridelab.contacts.sequence import ContactSequence

@@ -9,10 +9,11 @@ from pydantic import ValidationError
 
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
+from stridelab.centroidal.iterates import Iterate, Tell
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Tell
+from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits
 from stridelab.errors import NotEstimable
 from stridelab.schemas.plans import PlanMotionSummary
 from stridelab.service.jobs.kinds import plan_motion
@@ -36,7 +37,7 @@ def test_options_reach_the_solver(
 
     def stopped(problem: CentroidalProblem, name: str, limits: Limits, *, tell: Tell) -> CentroidalPlan:
         seen.extend((problem.control, problem.node_rate_hz, name, limits.wall_s))
-        tell(3, -1.25)
+        tell(Iterate(3, -1.25, 0.0021))
         raise NotEstimable("stopped", "far enough")
 
     monkeypatch.setattr(plan_motion, "solve", stopped)
@@ -44,7 +45,7 @@ def test_options_reach_the_solver(
     with pytest.raises(NotEstimable, match="far enough"):
         plan_motion.run(plan_task(node_rate_hz=12.5, **asked), tmp_path, told)
     assert seen == [control, 12.5, solver, wall_s]
-    assert told.messages[-1] == "centroidal: iteration 3, cost -1.25"
+    assert told.messages[-1] == "centroidal: iteration 3, cost -1.25, infeasibility 2.1e-03"
 
 
 @pytest.mark.parametrize("asked", [{"formulation": "wrench"}, {"formulation": "circular-cones", "node_rate_hz": 20.0}])

@@ -5,9 +5,10 @@ from typing import Final, Literal
 
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
+from stridelab.centroidal.iterates import Iterate, Tell
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
-from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Tell
+from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits
 from stridelab.errors import Fault, NotEstimable
 from stridelab.schemas.plans import PlanMotionInput
 from stridelab.service.jobs.kinds.kind import ProgressCallback
@@ -52,7 +53,10 @@ def require_time(request: PlanMotionInput, plan: CentroidalPlan) -> None:
 def iterations_to(tell: ProgressCallback) -> Tell:
     """What a solver calls after each iteration; nobody knows how many there will be."""
 
-    def on(iteration: int, objective: float) -> None:
-        tell(iteration / (iteration + USUAL_ITERATIONS), f"iteration {iteration}, cost {objective:.4g}")
+    def on(at: Iterate) -> None:
+        tell(
+            at.number / (at.number + USUAL_ITERATIONS),
+            f"iteration {at.number}, cost {at.objective:.4g}, infeasibility {at.infeasibility:.1e}",
+        )
 
     return on
