@@ -81,7 +81,8 @@ Disturb = Callable[[float, State], State]
 class RecedingHorizon:
     """``problem`` from its start to its end in periods.
 
-    Raises ``InvalidInput`` ("horizon-invalid") unless ``0 < period_s < horizon_s``.
+    Raises ``InvalidInput``: "horizon-invalid" unless ``0 < period_s < horizon_s``, "horizon-needs-constants" for splines,
+    which would jump at every replan.
     """
 
     problem: CentroidalProblem
@@ -94,6 +95,9 @@ class RecedingHorizon:
         if not 0.0 < self.period_s < self.horizon_s < np.inf:
             message = f"A horizon of {self.horizon_s:g} s cannot be solved anew every {self.period_s:g} s."
             raise InvalidInput("horizon-invalid", message, [Fault("horizon_s", message)])
+        if self.problem.shape == "cubic":
+            message = "A horizon that recedes begins anew with every plan: its forces are constant between nodes."
+            raise InvalidInput("horizon-needs-constants", message, [Fault("shape", message)])
 
     def run(self, disturb: Disturb | None = None) -> Receding:
         """Carry the problem out; ``disturb`` may move the state after every period.

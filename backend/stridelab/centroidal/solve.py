@@ -14,10 +14,12 @@ from stridelab.centroidal.plan import CentroidalPlan, Verification
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solution import Attempt, Point, Solution, residuals
 from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Run, SolverName, run
+from stridelab.centroidal.spline import INNER, control_points
 from stridelab.centroidal.transcription import Transcription, transcribe
 from stridelab.centroidal.verify import Motion, holds, total_force_n, verify
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Series, g
+from stridelab.errors import Fault, InvalidInput
 
 AUTO: tuple[SolverName, ...] = ("ipopt", "fatrop")
 """Solvers in the order in which "auto" tries them: ipopt was faster and surer in every measurement."""
@@ -38,7 +40,8 @@ def solve(
     one does not converge, unless that proved that there is no solution at all or the time is up. Free durations begin
     where the given ones lead, if they lead anywhere. Times and iterations are sums over all attempts. A plan is
     converged only if the solver, or our look at its first-order conditions, says so *and* ``verify`` agrees. Raises
-    ``NotEstimable`` where the contacts have no cone for the problem's control (u_c only), nothing else.
+    ``NotEstimable`` where the contacts have no cone for the problem's control (u_c only), and ``InvalidInput``
+    ("shape-needs-ipopt") where fatrop is asked for splines; nothing else.
     """
     began, started = time.monotonic(), time.process_time()
     programme = transcribe(problem)
@@ -90,14 +93,18 @@ def solve(
         build_time_s=transcribe_s + sum(a.build_s for a in attempts),
         verification=verification,
         solution=Solution(tuple(attempts), found.point),
+        curves_n=motion.curves_n,
     )
 
 
 def _solvers(problem: CentroidalProblem, asked: Literal["auto", "ipopt", "fatrop"]) -> tuple[SolverName, ...]:
-    """What is free belongs to many stages: fatrop, which goes from one to the next, is not asked."""
+    """What is free, and a spline, belongs to many stages: fatrop, which goes from one to the next, is not asked."""
+    if asked == "fatrop" and problem.shape == "cubic":
+        message = "fatrop goes from stage to stage, and continuous controls belong to several: ask for ipopt."
+        raise InvalidInput("shape-needs-ipopt", message, [Fault("solver", message)])
     if asked != "auto":
         return (asked,)
-    return AUTO[:1] if problem.durations or problem.placements else AUTO
+    return AUTO[:1] if problem.durations or problem.placements or problem.shape == "cubic" else AUTO
 
 
 def _attempt(name: SolverName, programme: Transcription, found: Run) -> Attempt:
@@ -123,7 +130,8 @@ def read(programme: Transcription, sequence: ContactSequence, w: Series) -> Moti
     c, v = x[:, 0:3] + programme.origin_m, x[:, 3:6]
     L = problem.weight_n * x[:, 6:9] - problem.mass_kg * np.cross(x[:, 0:3], v)
     points = {name: problem.points_m(name) for name in sequence.effectors}
-    forces = {name: np.zeros((len(phase), len(of), 3)) for name, of in points.items()}
+    inner = INNER[problem.shape]
+    forces = {name: np.zeros((len(phase), inner, len(of), 3)) for name, of in points.items()}
     for i in range(len(sequence.phases)):
         values = {
             name: np.array([w[use.start : use.start + use.group.size] for use in uses])
@@ -131,8 +139,11 @@ def read(programme: Transcription, sequence: ContactSequence, w: Series) -> Moti
         }
         found = problem.control.forces(problem.touches(i, programme.origin_m), values)
         for name, f in found.items():
-            forces[name][phase == i] = problem.weight_n * f
-    return Motion(time_s, phase, c, v, L, forces, points)
+            forces[name][phase == i] = problem.weight_n * f.reshape(-1, inner, *f.shape[1:])
+    if inner == 1:
+        return Motion(time_s, phase, c, v, L, {name: f[:, 0] for name, f in forces.items()}, points)
+    curves = {name: control_points(f, np.diff(time_s)) for name, f in forces.items()}
+    return Motion(time_s, phase, c, v, L, {name: f.mean(axis=1) for name, f in curves.items()}, points, curves)
 
 
 def _sentence(attempts: list[Attempt], last: Run, converged: bool, verification: Verification) -> str:
