@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from stridelab.cli_options import AsJson, Force, OutFolder, PlanSolver, PostureMeasure, Server, Token
-from stridelab.schemas.plans import NODE_RATE_HZ, Formulation
+from stridelab.schemas.plans import DURATION_RANGE, NODE_RATE_HZ, Formulation
 
 OutFile = Annotated[Path | None, typer.Option("--out-file", help="The file to write; must not exist yet.")]
 ForceFile = Annotated[bool, typer.Option("--force", help="Replace that file.")]
@@ -39,6 +39,12 @@ def plan(
     time_limit: Annotated[
         float | None, typer.Option("--time-limit", help="Seconds after which ipopt gives up, at most 300.")
     ] = None,
+    free_durations: Annotated[
+        bool, typer.Option("--free-durations", help="Let the solver choose how long each phase lasts.")
+    ] = False,
+    duration_range: Annotated[
+        tuple[float, float], typer.Option("--duration-range", help="Between how many times what the scenario says.")
+    ] = DURATION_RANGE,
     out_dir: OutFolder = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -58,6 +64,8 @@ def plan(
         solver=solver,
         node_rate_hz=node_rate,
         time_limit_s=time_limit,
+        free_durations=free_durations,
+        duration_range=duration_range,
     )
     run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
 

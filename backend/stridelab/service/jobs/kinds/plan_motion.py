@@ -23,6 +23,7 @@ from stridelab.robots.robot import Robot
 from stridelab.schemas.plans import PLAN_STAGES, PlanMotionInput
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.plan_artifacts import write_json, write_motion, write_plan, write_replay
+from stridelab.service.jobs.kinds.plan_durations import as_planned, freedom
 from stridelab.service.jobs.kinds.plan_options import CONTROLS, iterations_to, limits_of, require_time, solver_of
 from stridelab.service.jobs.kinds.plan_posing import checked, densities
 from stridelab.service.jobs.kinds.plan_requirements import require_plan
@@ -67,8 +68,14 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         proxies = densities(robot, request.measure or DEFAULT_MEASURE)
     with stages.at(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s") as tell:
         posed = from_rest_to_rest(robot, sequence, proxies)
-        problem = replace(posed, control=CONTROLS[request.formulation], node_rate_hz=request.node_rate_hz)
+        problem = replace(
+            posed,
+            control=CONTROLS[request.formulation],
+            node_rate_hz=request.node_rate_hz,
+            durations=freedom(request, sequence),
+        )
         plan = _planned(problem, request, tell)
+        sequence = plan.sequence
 
     motion, certificate, replay, replayed = None, None, None, None
     if request.whole_body:
@@ -81,7 +88,8 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
                 replay = _replayed(robot, sequence, motion, _clock(tell, sequence.duration_s))
                 replayed = replay_of(replay)
     with stages.at(EXPORT, "writing the plan") as tell:
-        artifacts += [*write_plan(folder, plan), write_json(folder, "scenario.json", task.scenario)]
+        scenario = as_planned(task.scenario, sequence)
+        artifacts += [*write_plan(folder, plan), write_json(folder, "scenario.json", scenario)]
         if motion is not None and certificate is not None:
             artifacts += [
                 *write_motion(folder, robot, motion, tell),

@@ -9,19 +9,10 @@ SOLVERS: Final = ("auto", "casadi", "ipopt", "fatrop")
 
 
 def require_plan(request: PlanMotionInput) -> None:
-    """Raise ``NotEstimable`` for what is not there.
-
-    Codes are ``solver-unavailable`` and ``free-durations-unavailable``.
-    """
+    """Raise ``NotEstimable`` (``solver-unavailable``) for what is not there."""
     if request.solver not in SOLVERS:
         raise NotEstimable(
             "solver-unavailable",
             f"This version has no solver {request.solver!r}; it has: {', '.join(SOLVERS)}.",
             [Fault("solver", f"{request.solver} is not available")],
-        )
-    if request.free_durations:
-        raise NotEstimable(
-            "free-durations-unavailable",
-            "This version plans with the durations that the scenario gives.",
-            [Fault("free_durations", "not available")],
         )

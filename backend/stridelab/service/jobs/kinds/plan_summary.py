@@ -17,6 +17,7 @@ from stridelab.schemas.plans import (
     PlanVerification,
     ReplaySummary,
 )
+from stridelab.service.jobs.kinds.plan_durations import phase_durations
 from stridelab.wholebody.certificate import Certificate, Check
 from stridelab.wholebody.motion import WholeBodyMotion
 
@@ -38,6 +39,7 @@ def summary(
 ) -> PlanMotionSummary:
     """All of it in the form of the contract."""
     sequence, found = plan.sequence, plan.verification
+    chosen = phase_durations(problem.sequence, sequence) if problem.durations is not None else None
     return PlanMotionSummary(
         scenario_name=sequence.name,
         robot=sequence.robot,
@@ -52,6 +54,7 @@ def summary(
         measure=request.measure or DEFAULT_MEASURE,
         node_rate_hz=problem.node_rate_hz,
         kkt_error=_kkt_error(plan),
+        phase_durations=chosen,
         iterations=plan.iterations,
         solve_time_s=plan.solve_time_s,
         build_time_s=plan.build_time_s,
