@@ -11,7 +11,7 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.programme import SCALE
 from stridelab.centroidal.solution import Solution, residuals
 from stridelab.centroidal.solve import solve
-from stridelab.centroidal.solvers import Limits
+from stridelab.centroidal.solvers import TIME_IS_UP, Limits
 from stridelab.centroidal.transcription import transcribe
 from stridelab.centroidal.verify import motion_of, verify
 
@@ -101,11 +101,18 @@ def test_a_start_of_another_structure_counts_for_nothing(problem: CentroidalProb
 
 
 def test_a_solver_out_of_time_stops(problem: CentroidalProblem) -> None:
-    plan = solve(problem, limits=Limits(wall_s=1e-3))
+    plan = solve(problem, limits=Limits(cpu_s=1e-3))
     assert not plan.converged
     assert plan.solver == "ipopt"  # and no other is asked
-    assert "maximum walltime exceeded" in plan.status
+    assert TIME_IS_UP in plan.status
     assert plan.iterations < 10
+
+
+def test_fatrop_gets_as_many_iterations_as_fit_its_time(problem: CentroidalProblem) -> None:
+    plan = solve(problem, "fatrop", Limits(cpu_s=0.05))
+    assert not plan.converged
+    assert plan.iterations < 20
+    assert TIME_IS_UP in plan.status
 
 
 def test_the_scale_is_that_of_the_log(problem: CentroidalProblem, solution: Solution) -> None:

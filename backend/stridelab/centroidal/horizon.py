@@ -24,7 +24,7 @@ from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.conventions import Points, Series, Vector3
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 
-SHORT = Limits(iterations=100, wall_s=10.0)
+SHORT = Limits(iterations=100, cpu_s=10.0)
 """Limits of one solve."""
 SLIVER_S = 1e-6
 """Rests of phases that are shorter are none."""
@@ -81,8 +81,8 @@ Disturb = Callable[[float, State], State]
 class RecedingHorizon:
     """``problem`` from its start to its end in periods.
 
-    Raises ``InvalidInput``: "horizon-invalid" unless ``0 < period_s < horizon_s``, "horizon-needs-constants" for splines,
-    which would jump at every replan.
+    Raises ``InvalidInput``: "horizon-invalid" unless ``0 < period_s < horizon_s``, "horizon-needs-constants" for
+    splines, which would jump at every replan.
     """
 
     problem: CentroidalProblem

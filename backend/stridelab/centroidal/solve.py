@@ -37,13 +37,13 @@ def solve(
     """Solve (4.20), cold, or from ``start``: a plan's ``solution.point``, or what ``carried`` makes of another plan.
 
     The plan of a failed solve says so: ``converged`` False and why in ``status``. "auto" tries the next solver where
-    one does not converge, unless that proved that there is no solution at all or the time is up. Free durations begin
+    one does not converge, unless that proved that there is no solution at all or its time is up. Free durations begin
     where the given ones lead, if they lead anywhere. Times and iterations are sums over all attempts. A plan is
     converged only if the solver, or our look at its first-order conditions, says so *and* ``verify`` agrees. Raises
     ``NotEstimable`` where the contacts have no cone for the problem's control (u_c only), and ``InvalidInput``
     ("shape-needs-ipopt") where fatrop is asked for splines; nothing else.
     """
-    began, started = time.monotonic(), time.process_time()
+    started = time.process_time()
     programme = transcribe(problem)
     transcribe_s = time.process_time() - started
     attempts: list[Attempt] = []
@@ -69,7 +69,7 @@ def solve(
         )
         converged = _solved(attempts[-1]) and holds(verification)
         proved = found.infeasible and not (problem.durations or problem.placements)
-        if converged or proved or time.monotonic() - began > limits.wall_s:
+        if converged or proved or time.process_time() - started > limits.cpu_s:
             break
     terms = cost_terms(replace(problem, sequence=sequence), motion)
     return CentroidalPlan(

@@ -30,11 +30,11 @@ class PlanMotionInput(Contract):
 
     ``formulation`` is the control: ``forces`` of the contact points in pyramids, the same in ``circular-cones``, or the
     ``wrench`` of all contacts in one cone. ``solver``: ``auto`` asks ipopt, and fatrop where that fails; ``casadi``
-    means the same. ``node_rate_hz`` are the nodes per second of every phase. ``time_limit_s`` (wall time) ends ipopt
-    in place of a minute; fatrop has no such limit and is then not asked. With ``free_durations`` the solver (ipopt)
-    chooses how long each phase lasts, between the two multiples of ``duration_range`` of what the scenario says; the
-    whole motion keeps its length. ``measure`` chooses among the bundled reachability densities; null takes the default
-    one.
+    means the same. ``node_rate_hz`` are the nodes per second of every phase. ``time_limit_s`` (processor time) ends
+    ipopt in place of a minute; fatrop cannot be interrupted and is then not asked by ``auto``. With ``free_durations``
+    the solver (ipopt) chooses how long each phase lasts, between the two multiples of ``duration_range`` of what the
+    scenario says; the whole motion keeps its length. ``measure`` chooses among the bundled reachability densities; null
+    takes the default one.
     """
 
     scenario_id: str | None = None

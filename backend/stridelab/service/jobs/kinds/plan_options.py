@@ -8,7 +8,7 @@ from stridelab.centroidal.control import Control
 from stridelab.centroidal.iterates import Iterate, Tell
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
-from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits
+from stridelab.centroidal.solvers import DEFAULT_LIMITS, TIME_IS_UP, Limits
 from stridelab.errors import Fault, NotEstimable
 from stridelab.schemas.plans import PlanMotionInput
 from stridelab.service.jobs.kinds.kind import ProgressCallback
@@ -19,8 +19,6 @@ CONTROLS: Final[Mapping[str, Control]] = {
     "wrench": ContactWrench(),
 }
 """By the names of ``formulation``."""
-OUT_OF_TIME: Final = "walltime exceeded"
-"""In the words of ipopt."""
 USUAL_ITERATIONS: Final = 20.0
 """Half of the bar, which never comes to its end before the solver does."""
 
@@ -40,7 +38,7 @@ def limits_of(request: PlanMotionInput) -> Limits:
 def require_time(request: PlanMotionInput, plan: CentroidalPlan) -> None:
     """Raise ``NotEstimable`` ("plan-time-limit") where a time that was asked for ended the solver."""
     last = plan.solution.attempts[-1] if plan.solution is not None else None
-    if request.time_limit_s is None or last is None or OUT_OF_TIME not in last.status:
+    if request.time_limit_s is None or last is None or TIME_IS_UP not in last.status:
         return
     raise NotEstimable(
         "plan-time-limit",

@@ -20,8 +20,8 @@ def centroidal_columns(plan: CentroidalPlan) -> Columns:
     """Columns of ``centroidal``, one row per node.
 
     What is constant over an interval (phase; acceleration and forces, unless they are splines) stands in the row of the
-    node at which the interval begins; the last node repeats the last interval. Forces, and ``friction_<effector>``, the coefficient of
-    the surface, are zero where an effector does not touch.
+    node at which the interval begins; the last node repeats the last interval. Forces, and ``friction_<effector>``, the
+    coefficient of the surface, are zero where an effector does not touch.
     """
     columns: Columns = {"time_s": plan.time_s, "phase": _at_nodes(plan.phase)}
     columns |= track_columns("com_{}_m", plan.com_m)
