@@ -37,7 +37,7 @@ def plan(
         float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
     ] = 10.0,
     time_limit: Annotated[
-        float | None, typer.Option("--time-limit", help="Seconds after which ipopt gives up, at most 300.")
+        float | None, typer.Option("--time-limit", help="Seconds of processor time for the solver, at most 300.")
     ] = None,
     free_durations: Annotated[
         bool, typer.Option("--free-durations", help="Let the solver choose how long each phase lasts.")

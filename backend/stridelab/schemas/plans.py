@@ -31,7 +31,8 @@ class PlanMotionInput(Contract):
     ``formulation`` is the control: ``forces`` of the contact points in pyramids, the same in ``circular-cones``, or the
     ``wrench`` of all contacts in one cone. ``solver``: ``auto`` asks ipopt, and fatrop where that fails; ``casadi``
     means the same. ``node_rate_hz`` are the nodes per second of every phase. ``time_limit_s`` (processor time) ends
-    ipopt in place of a minute; fatrop cannot be interrupted and is then not asked by ``auto``. With ``free_durations``
+    ipopt in place of a minute; fatrop, which cannot be interrupted, gets as many iterations as are taken to fit, and is
+    then not asked by ``auto``. With ``free_durations``
     the solver (ipopt) chooses how long each phase lasts, between the two multiples of ``duration_range`` of what the
     scenario says; the whole motion keeps its length. ``measure`` chooses among the bundled reachability densities; null
     takes the default one.
@@ -57,8 +58,6 @@ class PlanMotionInput(Contract):
             raise ValueError("give either scenario_id or scenario")
         if self.replay and not self.whole_body:
             raise ValueError("a replay needs whole_body")
-        if self.time_limit_s is not None and self.solver == "fatrop":
-            raise ValueError("time_limit_s: fatrop counts iterations only; ask ipopt")
         if self.free_durations and self.solver == "fatrop":
             raise ValueError("free_durations: they belong to many stages, and fatrop solves one by one; ask ipopt")
         if self.free_durations and self.formulation == "circular-cones":

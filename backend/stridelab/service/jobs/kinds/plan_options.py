@@ -24,7 +24,7 @@ USUAL_ITERATIONS: Final = 20.0
 
 
 def solver_of(request: PlanMotionInput) -> Literal["auto", "ipopt", "fatrop"]:
-    """The solver to ask: "casadi" has both. Under a time limit, which fatrop has not, "auto" is ipopt alone."""
+    """The solver to ask: "casadi" has both. Under a time limit "auto" is ipopt alone: fatrop only guesses at it."""
     if request.solver in ("ipopt", "fatrop"):
         return request.solver
     return "auto" if request.time_limit_s is None else "ipopt"
