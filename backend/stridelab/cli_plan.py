@@ -24,6 +24,7 @@ from stridelab.schemas.plans import (
     PlanMotionInput,
     PlanMotionSummary,
     ReplaySummary,
+    Shape,
 )
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.tasks import PlanMotionTask
@@ -40,6 +41,7 @@ class PlanRequest:
     formulation: Formulation = "forces"
     solver: PlanSolver = "auto"
     node_rate_hz: float = 10.0
+    shape: Shape = "constant"
     time_limit_s: float | None = None
     free_durations: bool = False
     duration_range: tuple[float, float] = DURATION_RANGE
@@ -55,6 +57,9 @@ class PlanRequest:
             fault = Fault("--free-durations", "is for ipopt, with forces or wrench")
             named = "fatrop" if self.solver == "fatrop" else "circular cones"
             raise InvalidInput("option-invalid", f"Durations cannot be chosen with {named}.", [fault])
+        if self.shape == "cubic" and (self.formulation == "wrench" or self.free_durations):
+            fault = Fault("--shape", "cubic is for forces, with the durations as they are given")
+            raise InvalidInput("option-invalid", "Forces cannot be splines here.", [fault])
         least, most = self.duration_range
         if not (LEAST_SHARE <= least <= 1.0 <= most <= MOST_SHARE):
             fault = Fault("--duration-range", f"from {LEAST_SHARE:g} to 1, and from 1 to {MOST_SHARE:g}")
@@ -78,6 +83,7 @@ class PlanRequest:
             formulation=self.formulation,
             solver=self.solver,
             node_rate_hz=self.node_rate_hz,
+            shape=self.shape,
             time_limit_s=self.time_limit_s,
             free_durations=self.free_durations,
             duration_range=self.duration_range,

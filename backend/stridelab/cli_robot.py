@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from stridelab.cli_options import AsJson, Force, OutFolder, PlanSolver, PostureMeasure, Server, Token
-from stridelab.schemas.plans import DURATION_RANGE, NODE_RATE_HZ, Formulation
+from stridelab.schemas.plans import DURATION_RANGE, NODE_RATE_HZ, Formulation, Shape
 
 OutFile = Annotated[Path | None, typer.Option("--out-file", help="The file to write; must not exist yet.")]
 ForceFile = Annotated[bool, typer.Option("--force", help="Replace that file.")]
@@ -36,6 +36,9 @@ def plan(
     node_rate: Annotated[
         float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
     ] = 10.0,
+    shape: Annotated[
+        Shape, typer.Option("--shape", help="Forces between nodes: constant, or cubic splines without a jump.")
+    ] = "constant",
     time_limit: Annotated[
         float | None, typer.Option("--time-limit", help="Seconds of processor time for the solver, at most 300.")
     ] = None,
@@ -63,6 +66,7 @@ def plan(
         formulation=formulation,
         solver=solver,
         node_rate_hz=node_rate,
+        shape=shape,
         time_limit_s=time_limit,
         free_durations=free_durations,
         duration_range=duration_range,

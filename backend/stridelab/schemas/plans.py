@@ -11,6 +11,7 @@ PLAN_STAGES: Final = ("check", "reachability", "centroidal", "whole body", "cert
 """Stages of ``plan-motion`` in their order: keys of ``stage_times_s``, first words of its progress messages."""
 
 Formulation = Literal["forces", "circular-cones", "wrench"]
+Shape = Literal["constant", "cubic"]
 NODE_RATE_HZ: Final = (2.0, 50.0)
 """Fewest and most nodes per second that can be asked for."""
 TIME_LIMIT_S: Final = 300.0
@@ -30,7 +31,8 @@ class PlanMotionInput(Contract):
 
     ``formulation`` is the control: ``forces`` of the contact points in pyramids, the same in ``circular-cones``, or the
     ``wrench`` of all contacts in one cone. ``solver``: ``auto`` asks ipopt, and fatrop where that fails; ``casadi``
-    means the same. ``node_rate_hz`` are the nodes per second of every phase. ``time_limit_s`` (processor time) ends
+    means the same. ``node_rate_hz`` are the nodes per second of every phase; forces between them are
+    ``constant``, or with ``shape`` ``cubic`` one spline each, without a jump. ``time_limit_s`` (processor time) ends
     ipopt in place of a minute; fatrop, which cannot be interrupted, gets as many iterations as are taken to fit, and is
     then not asked by ``auto``. With ``free_durations``
     the solver (ipopt) chooses how long each phase lasts, between the two multiples of ``duration_range`` of what the
@@ -43,6 +45,7 @@ class PlanMotionInput(Contract):
     formulation: Formulation = "forces"
     solver: Literal["auto", "native", "casadi", "ipopt", "fatrop"] = "auto"
     node_rate_hz: Annotated[float, Field(ge=NODE_RATE_HZ[0], le=NODE_RATE_HZ[1])] = 10.0
+    shape: Shape = "constant"
     time_limit_s: Annotated[float, Field(gt=0.0, le=TIME_LIMIT_S)] | None = None
     free_durations: bool = False
     duration_range: tuple[
@@ -60,6 +63,8 @@ class PlanMotionInput(Contract):
             raise ValueError("a replay needs whole_body")
         if self.free_durations and self.solver == "fatrop":
             raise ValueError("free_durations: they belong to many stages, and fatrop solves one by one; ask ipopt")
+        if self.shape == "cubic" and (self.formulation == "wrench" or self.free_durations):
+            raise ValueError("shape: cubic is for forces, with the durations as they are given")
         if self.free_durations and self.formulation == "circular-cones":
             raise ValueError("free_durations: does not converge with circular-cones; ask for forces or wrench")
         return self
@@ -137,9 +142,9 @@ class PlanMotionSummary(Contract):
 
     ``objective`` is the sum of ``cost_terms`` without ``surface_force`` and ``point_force``. These two are part of what
     the solver minimises with the contact forces as control; with the wrench they say what the forces cost that were
-    found for it afterwards. ``formulation``, ``measure``, ``node_rate_hz``, ``weights`` and ``kkt_error`` (the largest
-    violation of the first-order conditions, in units of the solver) are null where the version of the result did not
-    tell them. ``phase_durations`` is null where the scenario's durations were kept.
+    found for it afterwards. ``formulation``, ``shape``, ``measure``, ``node_rate_hz``, ``weights`` and
+    ``kkt_error`` (the largest violation of the first-order conditions, in units of the solver) are null where the
+    version of the result did not tell them. ``phase_durations`` is null where the scenario's durations were kept.
     """
 
     scenario_name: str
@@ -153,6 +158,7 @@ class PlanMotionSummary(Contract):
     weights: CostWeights | None = None
     formulation: Formulation | None = None
     measure: Literal["uniform", "conditioned"] | None = None
+    shape: Shape | None = None
     node_rate_hz: float | None = None
     kkt_error: float | None = None
     phase_durations: list[PhaseDuration] | None = None

@@ -49,13 +49,16 @@ def test_options_reach_the_solver(
     assert told.messages[-1] == "centroidal: iteration 3, cost -1.25, infeasibility 2.1e-03"
 
 
-@pytest.mark.parametrize("asked", [{"formulation": "wrench"}, {"formulation": "circular-cones", "node_rate_hz": 20.0}])
+@pytest.mark.parametrize(
+    "asked", [{"formulation": "wrench"}, {"shape": "cubic"}, {"formulation": "circular-cones", "node_rate_hz": 20.0}]
+)
 def test_every_control_plans(tmp_path: Path, asked: dict[str, Any]) -> None:
     told = Told()
     outcome = plan_motion.run(plan_task(whole_body=False, **asked), tmp_path, told)
     summary = PlanMotionSummary.model_validate(outcome.summary)
     assert summary.converged
-    assert summary.formulation == asked["formulation"]
+    assert summary.formulation == asked.get("formulation", "forces")
+    assert summary.shape == asked.get("shape", "constant")
     nodes = len(pq.read_table(tmp_path / "centroidal.parquet"))
     assert nodes == 1 + round(summary.duration_s * asked.get("node_rate_hz", 10.0))
     ticking = [m for m in told.messages if m.startswith("centroidal: iteration")]
@@ -79,6 +82,9 @@ def test_a_time_limit_ends_the_solver_and_says_so(tmp_path: Path, solver: str) -
         ({"solver": "magic"}, "solver"),
         ({"node_rate_hz": 1.0}, "node_rate_hz"),
         ({"node_rate_hz": float("nan")}, "node_rate_hz"),
+        ({"shape": "cubic", "formulation": "wrench"}, "shape"),
+        ({"shape": "cubic", "free_durations": True}, "shape"),
+        ({"shape": "linear"}, "shape"),
         ({"time_limit_s": 0.0}, "time_limit_s"),
         ({"time_limit_s": 301.0}, "time_limit_s"),
     ],

@@ -71,6 +71,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         problem = replace(
             posed,
             control=CONTROLS[request.formulation],
+            shape=request.shape,
             node_rate_hz=request.node_rate_hz,
             durations=freedom(request, sequence),
         )

@@ -51,6 +51,7 @@ def summary(
         cost_terms=dict(plan.cost_terms),
         weights=CostWeights(**asdict(problem.weights)),
         formulation=request.formulation,
+        shape=request.shape,
         measure=request.measure or DEFAULT_MEASURE,
         node_rate_hz=problem.node_rate_hz,
         kkt_error=_kkt_error(plan),
