@@ -9,6 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from stridelab.centroidal.arms import hand_bounds_n
+from stridelab.centroidal.conditions import PathBounds
 from stridelab.centroidal.diagnosis import diagnose
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
@@ -67,11 +69,12 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     with stages.at(REACHABILITY, "reading the learned densities"):
         proxies = densities(robot, request.measure or DEFAULT_MEASURE)
     with stages.at(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s") as tell:
-        posed = from_rest_to_rest(robot, sequence, proxies)
+        posed, control = from_rest_to_rest(robot, sequence, proxies), CONTROLS[request.formulation]
         problem = replace(
             posed,
-            control=CONTROLS[request.formulation],
+            control=control,
             shape=request.shape,
+            bounds=PathBounds(None, hand_bounds_n(robot, sequence) if control.has_point_forces else {}),
             node_rate_hz=request.node_rate_hz,
             durations=freedom(request, sequence),
         )
