@@ -145,6 +145,7 @@ class PlanMotionSummary(Contract):
     found for it afterwards. ``formulation``, ``shape``, ``measure``, ``node_rate_hz``, ``weights`` and
     ``kkt_error`` (the largest violation of the first-order conditions, in units of the solver) are null where the
     version of the result did not tell them. ``phase_durations`` is null where the scenario's durations were kept.
+    ``normal_force_max_n`` bounds the hands by what their arms can carry; empty with the wrench as control.
     """
 
     scenario_name: str
@@ -162,6 +163,7 @@ class PlanMotionSummary(Contract):
     node_rate_hz: float | None = None
     kkt_error: float | None = None
     phase_durations: list[PhaseDuration] | None = None
+    normal_force_max_n: dict[str, float] = Field(default_factory=dict)
     iterations: int
     solve_time_s: float
     build_time_s: float

@@ -14,8 +14,10 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits
+from stridelab.contacts.bundled import BUNDLED
 from stridelab.errors import NotEstimable
 from stridelab.schemas.plans import PlanMotionSummary
+from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds import plan_motion
 from support.planning import plan_task
 from support.quiet import Told
@@ -47,6 +49,25 @@ def test_options_reach_the_solver(
         plan_motion.run(plan_task(node_rate_hz=12.5, **asked), tmp_path, told)
     assert seen == [control, 12.5, solver, cpu_s]
     assert told.messages[-1] == "centroidal: iteration 3, cost -1.25, infeasibility 2.1e-03"
+
+
+def test_hands_are_bounded_by_their_arms_unless_the_wrench_is_the_control(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bounds: list[Any] = []
+
+    def stopped(problem: CentroidalProblem, *_: Any, tell: Tell) -> CentroidalPlan:
+        bounds.append(problem.bounds.normal_force_max_n)
+        raise NotEstimable("stopped", "far enough")
+
+    monkeypatch.setattr(plan_motion, "solve", stopped)
+    rail = Scenario.model_validate(BUNDLED["stairs-with-rail-hrp2"]())
+    for formulation in ("forces", "circular-cones", "wrench"):
+        with pytest.raises(NotEstimable, match="far enough"):
+            plan_motion.run(plan_task(rail, formulation=formulation), tmp_path, Told())
+    assert set(bounds[0]) == {"right_hand"}
+    assert 20.0 < bounds[0]["right_hand"] < 150.0
+    assert bounds[1:] == [bounds[0], {}]
 
 
 @pytest.mark.parametrize(

@@ -56,6 +56,7 @@ def summary(
         node_rate_hz=problem.node_rate_hz,
         kkt_error=_kkt_error(plan),
         phase_durations=chosen,
+        normal_force_max_n=dict(problem.bounds.normal_force_max_n),
         iterations=plan.iterations,
         solve_time_s=plan.solve_time_s,
         build_time_s=plan.build_time_s,
