@@ -135,7 +135,7 @@ def diagnose(problem: CentroidalProblem, plan: CentroidalPlan | None = None, sea
     """What stands in the way of ``problem``; with its plan, whose failure is to be explained or whose CoM to be judged.
 
     Takes up to some tens of solutions of linear programmes, of which those that seek help stop after ``search_s``
-    seconds of processor time: a minute at most for half a minute of motion.
+    seconds of processor time: about 50 s were seen for half a minute of motion.
     """
     solved = plan is not None and plan.converged
     if not solved and not held(problem):
