@@ -307,19 +307,6 @@ def test_the_measure_that_is_asked_for_is_taken(
     assert looked == [taken]
 
 
-def test_densities_that_lack_an_effector_are_named_before_any_solver(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def lacking(robot_name: str, measure: str) -> Any:
-        return {name: proxy for name, proxy in load_proxies(robot_name, measure).items() if name != "right_foot"}
-
-    monkeypatch.setattr(plan_posing, "load_proxies", lacking)
-    monkeypatch.setattr(plan_motion, "solve", lambda *_args, **_options: pytest.fail("a solver was asked"))
-    error = refused(tmp_path, InvalidInput, whole_body=False)
-    assert error.code == "proxy-missing"
-    assert [fault.where for fault in error.faults] == ["right_foot", "stage: centroidal"]
-
-
 def test_a_solver_that_does_not_converge_is_said_with_status_and_iterations(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
