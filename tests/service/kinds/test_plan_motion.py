@@ -18,7 +18,7 @@ from stridelab.contacts.validation import judge
 from stridelab.conventions import g
 from stridelab.errors import Fault, InvalidInput, NotEstimable, NotFound, StridelabError
 from stridelab.reachability.card import ReachabilityCard
-from stridelab.reachability.store import DEFAULT_MEASURE, load_proxies
+from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.resources import models_dir
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.plans import CertificateSummary, CostWeights, PlanMotionSummary
