@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from stridelab.cli_options import AsJson, Force, OutFolder, PlanSolver, PostureMeasure, Server, Token
-from stridelab.schemas.plans import NODE_RATE_HZ, Formulation
+from stridelab.schemas.plans import DURATION_RANGE, NODE_RATE_HZ, Formulation, Shape
 
 OutFile = Annotated[Path | None, typer.Option("--out-file", help="The file to write; must not exist yet.")]
 ForceFile = Annotated[bool, typer.Option("--force", help="Replace that file.")]
@@ -36,9 +36,18 @@ def plan(
     node_rate: Annotated[
         float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
     ] = 10.0,
+    shape: Annotated[
+        Shape, typer.Option("--shape", help="Forces between nodes: constant, or cubic splines without a jump.")
+    ] = "constant",
     time_limit: Annotated[
-        float | None, typer.Option("--time-limit", help="Seconds after which the solver gives up, at most 300.")
+        float | None, typer.Option("--time-limit", help="Seconds of processor time for the solver, at most 300.")
     ] = None,
+    free_durations: Annotated[
+        bool, typer.Option("--free-durations", help="Let the solver choose how long each phase lasts.")
+    ] = False,
+    duration_range: Annotated[
+        tuple[float, float], typer.Option("--duration-range", help="Between how many times what the scenario says.")
+    ] = DURATION_RANGE,
     out_dir: OutFolder = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -57,7 +66,10 @@ def plan(
         formulation=formulation,
         solver=solver,
         node_rate_hz=node_rate,
+        shape=shape,
         time_limit_s=time_limit,
+        free_durations=free_durations,
+        duration_range=duration_range,
     )
     run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
 

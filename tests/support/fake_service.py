@@ -116,6 +116,13 @@ class FakeService:
         self.inputs[job.id] = {"scenario_id": scenario_id}
         return job
 
+    def add_receding(self, pushes: list[dict[str, Any]]) -> Job:
+        """A finished walk with a receding horizon."""
+        job = self.add_job("plan-receding", "succeeded")
+        self.plans[job.id] = fake_planner.receding_files()
+        self.inputs[job.id] = {"scenario_id": "flat-walk", "pushes": pushes}
+        return job
+
     def add_comparison(self, *, with_truth: bool = True) -> Job:
         """A finished comparison of estimators."""
         job = self.add_job(fake_comparison.KIND, "succeeded")
@@ -144,10 +151,12 @@ class FakeService:
         """The result of a succeeded job."""
         job = self.jobs[job_id]
         given = self.inputs.get(job_id, {"recording_id": job.recording_id})
-        if job_id in self.plans:
-            return fake_planner.plan_result(given, self.plans[job_id])
         if job_id in self.results:
             return self.results[job_id]
+        if job_id in self.plans:
+            receding = self.jobs[job_id].kind == "plan-receding"
+            made = fake_planner.receding_result if receding else fake_planner.plan_result
+            return made(given, self.plans[job_id])
         if job_id in self.comparisons:
             with_truth, files = self.comparisons[job_id]
             return fake_comparison.result(given, files, with_truth=with_truth)

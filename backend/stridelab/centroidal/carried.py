@@ -49,13 +49,15 @@ def carried(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0)
             here, there = slice(at.start, at.start + at.group.size), slice(of.start, of.start + of.group.size)
             w[here], lambda_w[here] = point.w[there], point.lambda_w[there]
             lambda_g[_rows(at)] = point.lambda_g[_rows(of)]
-        F, T = point.w[old.wrench[i] + np.arange(N_WRENCH)].reshape(2, 3)
-        w[new.wrench[k] + np.arange(N_WRENCH)] = np.append(F, T - np.cross(D, F))
+        for at, of in zip(new.wrench[k], old.wrench[i], strict=True):
+            F, T = point.w[of + np.arange(N_WRENCH)].reshape(2, 3)
+            w[at + np.arange(N_WRENCH)] = np.append(F, T - np.cross(D, F))
         of_c, of_v, of_K = point.lambda_g[old.gap[i] + np.arange(N_STATE)].reshape(3, 3)
         of_v = of_v + np.cross(of_K, D) / GRAVITY_M_S2
         lambda_g[new.gap[k] + np.arange(N_STATE)] = np.concatenate([of_c, of_v, of_K])
-        of_F, of_T = point.lambda_g[old.tie[i] + np.arange(N_WRENCH)].reshape(2, 3)
-        lambda_g[new.tie[k] + np.arange(N_WRENCH)] = np.append(of_F + np.cross(of_T, D), of_T)
+        for at, of in zip(new.tie[k], old.tie[i], strict=True):
+            of_F, of_T = point.lambda_g[of + np.arange(N_WRENCH)].reshape(2, 3)
+            lambda_g[at + np.arange(N_WRENCH)] = np.append(of_F + np.cross(of_T, D), of_T)
     if point.structure.n_shifts == programme.compiled.structure.n_shifts:
         moved, move = (layout.shifts[:, None] + np.arange(2) for layout in (old, new))
         w[move], lambda_w[move] = point.w[moved], point.lambda_w[moved]
@@ -85,6 +87,8 @@ def _counterparts(
 ) -> Iterator[tuple[int, int]]:
     """Intervals of the new problem with those of the plan at the same time in which the same groups act."""
     grid = programme.grid
+    if old.wrench.shape[1] != programme.layout.wrench.shape[1]:
+        return
     middle_s = 0.5 * (grid.time_s[:-1] + grid.time_s[1:])
     found = np.searchsorted(plan.time_s, _in_the_plan(middle_s, plan, programme, after_s), side="right") - 1
     for k, i in enumerate(found.tolist()):
@@ -94,8 +98,8 @@ def _counterparts(
                 yield k, i
 
 
-def _shape(use: Use) -> tuple[str, int, int, bool]:
-    return use.group.name, use.group.size, use.group.lorentz, use.group.limited
+def _shape(use: Use) -> tuple[str, int, int, int, bool]:
+    return use.group.name, use.inner, use.group.size, use.group.lorentz, use.group.limited
 
 
 def _rows(use: Use) -> slice:

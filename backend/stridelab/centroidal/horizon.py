@@ -26,7 +26,7 @@ from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.conventions import Points, Series, Vector3
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 
-SHORT = Limits(iterations=100, wall_s=10.0)
+SHORT = Limits(iterations=100, cpu_s=10.0)
 """Limits of one solve."""
 SLIVER_S = 1e-6
 """Rests of phases that are shorter are none."""
@@ -83,7 +83,8 @@ Disturb = Callable[[float, State], State]
 class RecedingHorizon:
     """``problem`` from its start to its end in periods.
 
-    Raises ``InvalidInput`` ("horizon-invalid") unless ``0 < period_s < horizon_s``.
+    Raises ``InvalidInput``: "horizon-invalid" unless ``0 < period_s < horizon_s``, "horizon-needs-constants" for
+    splines, which would jump at every replan.
     """
 
     problem: CentroidalProblem
@@ -96,6 +97,9 @@ class RecedingHorizon:
         if not 0.0 < self.period_s < self.horizon_s < np.inf:
             message = f"A horizon of {self.horizon_s:g} s cannot be solved anew every {self.period_s:g} s."
             raise InvalidInput("horizon-invalid", message, [Fault("horizon_s", message)])
+        if self.problem.shape == "cubic":
+            message = "A horizon that recedes begins anew with every plan: its forces are constant between nodes."
+            raise InvalidInput("horizon-needs-constants", message, [Fault("shape", message)])
 
     def run(self, disturb: Disturb | None = None) -> Receding:
         """Carry the problem out; ``disturb`` may move the state after every period.

@@ -58,6 +58,7 @@ def lacks(problem: CentroidalProblem) -> str | None:
     """What of a problem the C++ solver does not do, as a phrase; None where it does all of it."""
     wants = [
         ("pyramids or wrench cones in place of friction cones", not isinstance(problem.control, CircularCones)),
+        ("continuous forces", problem.shape != "constant"),
         ("free durations", problem.durations is not None),
         ("free placements", problem.placements is not None),
     ]

@@ -6,11 +6,12 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.centroidal.iterates import Iterate, Tell
 from stridelab.centroidal.native import Missing, availability, lacks
 from stridelab.centroidal.native_input import NativeInput, native_input
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solution import Attempt, IterationLog, NativePoint, Residuals
-from stridelab.centroidal.solvers import Limits, Tell
+from stridelab.centroidal.solvers import TIME_IS_UP, Limits
 from stridelab.centroidal.verify import Motion
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 
@@ -24,7 +25,7 @@ SOLVED: Final = 0
 WORDS: Final = (
     "solved",
     "maximum of iterations exceeded",
-    "walltime exceeded",
+    TIME_IS_UP,
     "the cost is not a number",
     "no step leads on",
     "infeasible",
@@ -69,11 +70,11 @@ def solve_native(
     posed = found.module.problem(*flat.arguments())
     warm = start is not None and posed.begin(start.x, start.u, start.z)
     build_s = time.process_time() - began
-    said = posed.solve(limits.iterations, limits.wall_s, TOLERANCE, GAP, warm)
+    said = posed.solve(limits.iterations, limits.cpu_s, TOLERANCE, GAP, warm)
     log = said["log"]
     if tell is not None:
-        for i, cost in enumerate(log[:, 0].tolist()):
-            tell(i, cost)
+        for i, (cost, infeasibility) in enumerate(log[:, :2].tolist()):
+            tell(Iterate(i, cost, infeasibility))
     infeasible = WORDS[said["verdict"]] == "infeasible"
     words = WORDS[said["verdict"]]
     if infeasible:

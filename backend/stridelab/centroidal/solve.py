@@ -10,16 +10,19 @@ import numpy as np
 from stridelab.centroidal.carried import carried
 from stridelab.centroidal.chosen import chosen
 from stridelab.centroidal.cost import cost_terms, objective
+from stridelab.centroidal.iterates import Tell
 from stridelab.centroidal.native import serves
 from stridelab.centroidal.native_solve import solve_native
 from stridelab.centroidal.plan import CentroidalPlan, Verification
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solution import Attempt, NativePoint, Point, Solution, residuals
-from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Run, SolverName, Tell, run
+from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Run, SolverName, run
+from stridelab.centroidal.spline import INNER, control_points
 from stridelab.centroidal.transcription import Transcription, transcribe
 from stridelab.centroidal.verify import Motion, holds, total_force_n, verify
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Series, g
+from stridelab.errors import Fault, InvalidInput
 
 AUTO: tuple[SolverName, ...] = ("ipopt", "fatrop")
 """Solvers of CasADi in the order in which they are tried: ipopt was faster and surer in every measurement."""
@@ -52,9 +55,10 @@ def solve(
     that there is no solution at all or the time is up. Free durations begin where the given ones lead, if they lead
     anywhere. Times and iterations are sums over all attempts. A plan is converged only if the solver, or our look at
     its first-order conditions, says so *and* ``verify`` agrees. Raises ``NotEstimable`` where the contacts have no cone
-    for the problem's control (u_c only), and as ``require_native`` does where "native" is asked for.
+    for the problem's control (u_c only), as ``require_native`` does where "native" is asked for,
+    and ``InvalidInput`` ("shape-needs-ipopt") where fatrop is asked for splines.
     """
-    began = time.monotonic()
+    started = time.process_time()
     attempts: list[Attempt] = []
     verification = None
     for found in _attempts(problem, solver, limits, start, tell, attempts):
@@ -70,7 +74,7 @@ def solve(
         )
         converged = _solved(found.attempt) and holds(verification)
         proved = found.infeasible and not (problem.durations or problem.placements)
-        if converged or proved or time.monotonic() - began > limits.wall_s:
+        if converged or proved or time.process_time() - started > limits.cpu_s:
             break
     assert verification is not None
     motion = found.motion
@@ -96,6 +100,7 @@ def solve(
         build_time_s=sum(a.build_s for a in attempts),
         verification=verification,
         solution=Solution(tuple(attempts), found.point),
+        curves_n=motion.curves_n,
     )
 
 
@@ -136,10 +141,13 @@ def _attempts(
 
 
 def _solvers(problem: CentroidalProblem, asked: Asked) -> tuple[SolverName, ...]:
-    """What is free belongs to many stages: fatrop, which goes from one to the next, is not asked."""
+    """What is free, and a spline, belongs to many stages: fatrop, which goes from one to the next, is not asked."""
+    if asked == "fatrop" and problem.shape == "cubic":
+        message = "fatrop goes from stage to stage, and continuous controls belong to several: ask for ipopt."
+        raise InvalidInput("shape-needs-ipopt", message, [Fault("solver", message)])
     if asked == "ipopt" or asked == "fatrop":
         return (asked,)
-    return AUTO[:1] if problem.durations or problem.placements else AUTO
+    return AUTO[:1] if problem.durations or problem.placements or problem.shape == "cubic" else AUTO
 
 
 def _attempt(name: SolverName, programme: Transcription, found: Run) -> Attempt:
@@ -165,7 +173,8 @@ def read(programme: Transcription, sequence: ContactSequence, w: Series) -> Moti
     c, v = x[:, 0:3] + programme.origin_m, x[:, 3:6]
     L = problem.weight_n * x[:, 6:9] - problem.mass_kg * np.cross(x[:, 0:3], v)
     points = {name: problem.points_m(name) for name in sequence.effectors}
-    forces = {name: np.zeros((len(phase), len(of), 3)) for name, of in points.items()}
+    inner = INNER[problem.shape]
+    forces = {name: np.zeros((len(phase), inner, len(of), 3)) for name, of in points.items()}
     for i in range(len(sequence.phases)):
         values = {
             name: np.array([w[use.start : use.start + use.group.size] for use in uses])
@@ -173,8 +182,11 @@ def read(programme: Transcription, sequence: ContactSequence, w: Series) -> Moti
         }
         found = problem.control.forces(problem.touches(i, programme.origin_m), values)
         for name, f in found.items():
-            forces[name][phase == i] = problem.weight_n * f
-    return Motion(time_s, phase, c, v, L, forces, points)
+            forces[name][phase == i] = problem.weight_n * f.reshape(-1, inner, *f.shape[1:])
+    if inner == 1:
+        return Motion(time_s, phase, c, v, L, {name: f[:, 0] for name, f in forces.items()}, points)
+    curves = {name: control_points(f, np.diff(time_s)) for name, f in forces.items()}
+    return Motion(time_s, phase, c, v, L, {name: f.mean(axis=1) for name, f in curves.items()}, points, curves)
 
 
 def _sentence(attempts: list[Attempt], infeasible: bool, converged: bool, verification: Verification) -> str:

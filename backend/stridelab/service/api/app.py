@@ -3,12 +3,12 @@
 import asyncio
 import shutil
 import time
-from collections.abc import AsyncIterator
-from contextlib import aclosing, asynccontextmanager
+from collections.abc import AsyncIterator, Coroutine
+from contextlib import aclosing, asynccontextmanager, suppress
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import anyio
 from fastapi import APIRouter, FastAPI
@@ -60,7 +60,9 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
             if with_sample:
                 await bundled.seed(parts.engine, parts.blobs)
                 await bundled_scenarios.seed(parts.engine)
-            yield
+            # whoever looks first does not wait for meshes to be made
+            async with _beside(parts.robots.warm(bundled_scenarios.robots() if with_sample else [])):
+                yield
 
     app = FastAPI(
         title="stridelab",
@@ -87,6 +89,18 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     app.add_middleware(Linger)
     app.add_middleware(Edge)
     return app
+
+
+@asynccontextmanager
+async def _beside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
+    """``work`` goes on while the context lasts, no longer."""
+    task = asyncio.create_task(work)
+    try:
+        yield
+    finally:
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
 
 
 def _mount_pages(app: FastAPI, settings: Settings) -> None:

@@ -3,13 +3,14 @@ import { call, onSubmit, startJob } from "./api.js";
 import { startPlan } from "./plan.js";
 
 for (const form of document.querySelectorAll("form[data-plan]")) {
-  const whole = form.elements.whole_body, replay = form.elements.replay;
+  const whole = form.elements.whole_body, replay = form.elements.replay, free = form.elements.free_durations;
   whole?.addEventListener("change", () => {
     replay.disabled = !whole.checked;
     if (!whole.checked) replay.checked = false;
   });
   onSubmit(form, async () => {
-    const job = await startPlan(form.dataset.plan, whole ? { whole_body: whole.checked, replay: replay.checked } : {});
+    const options = whole ? { whole_body: whole.checked, replay: replay.checked, free_durations: free.checked } : {};
+    const job = await startPlan(form.dataset.plan, options);
     location.assign(`/plans/${job.id}?watch=1`);
     return "started";
   });

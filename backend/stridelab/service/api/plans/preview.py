@@ -28,7 +28,7 @@ from stridelab.service.jobs.kinds.plan_posing import densities, outlined
 
 Json = dict[str, Any]
 
-LIMITS: Final = Limits(iterations=100, wall_s=2.0)
+LIMITS: Final = Limits(iterations=100, cpu_s=2.0)
 """Whoever drags would rather hear that nothing was found."""
 SHOWN_FAULTS: Final = 50
 LEAST_S: Final = 0.2

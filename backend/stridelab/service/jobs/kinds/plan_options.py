@@ -5,10 +5,11 @@ from typing import Final, Literal
 
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
+from stridelab.centroidal.iterates import Iterate, Tell
 from stridelab.centroidal.native import Missing, availability
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
-from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Tell
+from stridelab.centroidal.solvers import DEFAULT_LIMITS, TIME_IS_UP, Limits
 from stridelab.errors import Fault, NotEstimable
 from stridelab.schemas.plans import Formulation, PlanMotionInput
 from stridelab.schemas.sweeps import SweepInput
@@ -20,8 +21,6 @@ CONTROLS: Final[Mapping[str, Control]] = {
     "wrench": ContactWrench(),
 }
 """By the names of ``formulation``."""
-OUT_OF_TIME: Final = "walltime exceeded"
-"""In the words of ipopt."""
 USUAL_ITERATIONS: Final = 20.0
 """Half of the bar, which never comes to its end before the solver does."""
 
@@ -34,9 +33,9 @@ def native_missing() -> str | None:
 
 def formulation_of(request: PlanMotionInput | SweepInput) -> Formulation:
     """The control that is taken: the C++ solver has the cones as they are, where CasADi's solvers get pyramids."""
-    if request.formulation == "forces" and request.solver in ("auto", "native") and native_missing() is None:
-        return "circular-cones"
-    return request.formulation
+    more = isinstance(request, PlanMotionInput) and (request.free_durations or request.shape == "cubic")
+    exact = request.formulation == "forces" and request.solver in ("auto", "native") and not more
+    return "circular-cones" if exact and native_missing() is None else request.formulation
 
 
 def control_of(request: PlanMotionInput | SweepInput) -> Control:
@@ -47,7 +46,7 @@ def control_of(request: PlanMotionInput | SweepInput) -> Control:
 def solver_of(request: PlanMotionInput | SweepInput) -> Literal["auto", "native", "casadi", "ipopt", "fatrop"]:
     """The solver to ask: "auto" the C++ one first where it is there, "casadi" never.
 
-    Under a time limit, which fatrop has not, CasADi's is ipopt alone.
+    Under a time limit, at which fatrop only guesses, CasADi's is ipopt alone.
     """
     if request.solver in ("native", "ipopt", "fatrop"):
         return request.solver
@@ -59,8 +58,8 @@ def solver_of(request: PlanMotionInput | SweepInput) -> Literal["auto", "native"
 
 def limits_of(request: PlanMotionInput | SweepInput) -> Limits:
     """When the solver gives up."""
-    wall_s = request.time_limit_s if isinstance(request, PlanMotionInput) else None
-    return DEFAULT_LIMITS if wall_s is None else Limits(DEFAULT_LIMITS.iterations, wall_s)
+    cpu_s = request.time_limit_s if isinstance(request, PlanMotionInput) else None
+    return DEFAULT_LIMITS if cpu_s is None else Limits(DEFAULT_LIMITS.iterations, cpu_s)
 
 
 def because(asked: str, served: Collection[str], lacked: str | None) -> str | None:
@@ -87,7 +86,7 @@ def require_solver(name: str) -> None:
 def require_time(request: PlanMotionInput, plan: CentroidalPlan) -> None:
     """Raise ``NotEstimable`` ("plan-time-limit") where a time that was asked for ended the solver."""
     last = plan.solution.attempts[-1] if plan.solution is not None else None
-    if request.time_limit_s is None or last is None or OUT_OF_TIME not in last.status:
+    if request.time_limit_s is None or last is None or TIME_IS_UP not in last.status:
         return
     raise NotEstimable(
         "plan-time-limit",
@@ -100,7 +99,10 @@ def require_time(request: PlanMotionInput, plan: CentroidalPlan) -> None:
 def iterations_to(tell: ProgressCallback) -> Tell:
     """What a solver calls after each iteration; nobody knows how many there will be."""
 
-    def on(iteration: int, objective: float) -> None:
-        tell(iteration / (iteration + USUAL_ITERATIONS), f"iteration {iteration}, cost {objective:.4g}")
+    def on(at: Iterate) -> None:
+        tell(
+            at.number / (at.number + USUAL_ITERATIONS),
+            f"iteration {at.number}, cost {at.objective:.4g}, infeasibility {at.infeasibility:.1e}",
+        )
 
     return on

@@ -18,6 +18,7 @@ from stridelab.schemas.plans import (
     PlanVerification,
     ReplaySummary,
 )
+from stridelab.service.jobs.kinds.plan_durations import phase_durations
 from stridelab.service.jobs.kinds.plan_options import because, formulation_of
 from stridelab.wholebody.certificate import Certificate, Check
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -40,6 +41,7 @@ def summary(
 ) -> PlanMotionSummary:
     """All of it in the form of the contract."""
     sequence, found = plan.sequence, plan.verification
+    chosen = phase_durations(problem.sequence, sequence) if problem.durations is not None else None
     return PlanMotionSummary(
         scenario_name=sequence.name,
         robot=sequence.robot,
@@ -52,9 +54,12 @@ def summary(
         cost_terms=dict(plan.cost_terms),
         weights=CostWeights(**asdict(problem.weights)),
         formulation=formulation_of(request),
+        shape=request.shape,
         measure=request.measure or DEFAULT_MEASURE,
         node_rate_hz=problem.node_rate_hz,
         kkt_error=_kkt_error(plan),
+        phase_durations=chosen,
+        normal_force_max_n=dict(problem.bounds.normal_force_max_n),
         iterations=plan.iterations,
         solve_time_s=plan.solve_time_s,
         build_time_s=plan.build_time_s,
