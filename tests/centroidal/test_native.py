@@ -180,7 +180,7 @@ def test_a_horizon_recovers_from_a_push() -> None:
 
 def test_iterations_are_told(problem: CentroidalProblem) -> None:
     told: list[int] = []
-    plan = solve(replace(problem, control=CONES), "native", tell=lambda i, cost: told.append(i))
+    plan = solve(replace(problem, control=CONES), "native", tell=lambda at: told.append(at.number))
     assert told == list(range(plan.iterations + 1))
 
 
