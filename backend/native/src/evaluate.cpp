@@ -70,7 +70,9 @@ double squares(const Problem& problem, Stage& s) {
 // What the bounds miss by.
 void bounds(const Problem& problem, Iterate& it) {
   for (Touch& t : it.touches) {
-    if (t.load >= 0) it.loads[static_cast<std::size_t>(t.load)].r = t.at.u[2] + it.loads[static_cast<std::size_t>(t.load)].s - t.block->normal_max;
+    if (t.load < 0) continue;
+    Slack<v4>& load = it.loads[static_cast<std::size_t>(t.load)];
+    load.r = t.at.u[2] + load.s - t.block->normal_max;
   }
   for (Stage& s : it.stages) {
     if (!s.bounded) continue;

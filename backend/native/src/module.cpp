@@ -87,8 +87,8 @@ struct Held {
 std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Reals1& goal, const nb::list& densities,
                             const Ints1& visit_density, const Reals2& visit_place, const Reals3& visit_axes,
                             const Reals3& block_S, const Reals3& block_points, const Ints1& block_count,
-                            const Reals2& block_effort, const Reals1& block_most, const Ints2& phase_layout, const Reals1& phase_h,
-                            const Reals2& phase_height, bool capturable, const Reals2& planes) {
+                            const Reals2& block_effort, const Reals1& block_most, const Ints2& phase_layout,
+                            const Reals1& phase_h, const Reals2& phase_height, bool capturable, const Reals2& planes) {
   auto held = std::make_unique<Held>();
   Problem& p = held->problem;
   require(weights.size() == 3, "weights are those of acceleration, momentum rate and likelihood");
@@ -106,8 +106,7 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
   for (const auto& of : densities) {
     const auto parts = nb::cast<nb::tuple>(of);
     require(parts.size() == 3, "a mixture is (constants, means, whitenings)");
-    p.densities.push_back(
-        density(nb::cast<Reals1>(parts[0]), nb::cast<Reals2>(parts[1]), nb::cast<Reals3>(parts[2])));
+    p.densities.push_back(density(nb::cast<Reals1>(parts[0]), nb::cast<Reals2>(parts[1]), nb::cast<Reals3>(parts[2])));
   }
   const std::size_t n_visits = visit_density.size();
   require(visit_place.shape(0) == n_visits && visit_place.shape(1) == 3 && visit_axes.shape(0) == n_visits &&
@@ -140,7 +139,8 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
     require(b.points >= 1 && b.points <= 4, "a block has one to four points");
     for (std::size_t r = 0; r < 3; ++r) {
       for (std::size_t c = 0; c < 3; ++c) b.S[3 * r + c] = block_S(i, r, c);
-      for (std::size_t j = 0; j < 4; ++j) b.p[r][j] = j < static_cast<std::size_t>(b.points) ? block_points(i, j, r) : 0.0;
+      for (std::size_t j = 0; j < 4; ++j)
+        b.p[r][j] = j < static_cast<std::size_t>(b.points) ? block_points(i, j, r) : 0.0;
     }
     for (int j = 0; j < 4; ++j) b.real[j] = j < b.points ? 1.0 : 0.0;
     b.effort[0] = block_effort(i, 0);
@@ -238,7 +238,8 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
     }
   }
   for (const Entry& e : report.log) {
-    for (double value : {e.cost, e.feasibility, e.stationarity, e.mu, e.primal_step, e.dual_step, e.theta, e.guarded}) log.push_back(value);
+    for (double value : {e.cost, e.feasibility, e.stationarity, e.mu, e.primal_step, e.dual_step, e.theta, e.guarded})
+      log.push_back(value);
   }
   nb::dict d;
   d["verdict"] = static_cast<int>(report.verdict);

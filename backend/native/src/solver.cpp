@@ -34,8 +34,9 @@ double merit_of(const Conditions& c, double mu) {
 }
 
 class Run {
- public:
-  Run(const Problem& problem, Iterate& it, const Settings& settings) : problem_(problem), it_(it), settings_(settings) {}
+public:
+  Run(const Problem& problem, Iterate& it, const Settings& settings)
+      : problem_(problem), it_(it), settings_(settings) {}
 
   Report run() {
     const double began = seconds_now();
@@ -64,7 +65,7 @@ class Run {
     }
   }
 
- private:
+private:
   Report ended(Verdict verdict) {
     report_.verdict = verdict;
     report_.log.push_back(entry_);

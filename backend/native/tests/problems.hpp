@@ -68,7 +68,8 @@ inline Problem step(double air_s = 0.0) {
   p.w_momentum = 10.0 * 883.0 * 883.0;
   p.goal = {0.1, 0.0, 0.0, 0, 0, 0, 0, 0, 0};
   p.densities = {density()};
-  p.blocks = {sole(0.0, 0.09, 0.3), sole(0.0, -0.09, 0.3), sole(0.0, 0.09, 0.3), sole(0.0, 0.09, 0.3), sole(0.2, -0.09, 0.3)};
+  p.blocks = {sole(0.0, 0.09, 0.3), sole(0.0, -0.09, 0.3), sole(0.0, 0.09, 0.3), sole(0.0, 0.09, 0.3),
+              sole(0.2, -0.09, 0.3)};
   p.visits = {{0, {0.0, 0.0, 0.0}, {1, 0, 0, 0, 1, 0, 0, 0, 1}}, {0, {0.1, 0.0, 0.0}, {0, -1, 0, 1, 0, 0, 0, 0, 1}}};
   const auto phase = [](int intervals, int block, int blocks, int visit, int visits) {
     return Phase{intervals, 0.1, block, blocks, visit, visits, {-unbounded, unbounded}};

@@ -1,4 +1,5 @@
-// Whole solves: they converge, twice the same, within their bounds; what cannot be is told apart from what was not found.
+// Whole solves: they converge, twice the same, within their bounds; what cannot be is told apart from what was not
+// found.
 #include <cstring>
 
 #include "problems.hpp"
@@ -38,7 +39,10 @@ void captured() {
   Problem p = step();
   p.end = End::capturable;
   const double omega = std::sqrt(gravity / 0.8);
-  p.planes = {{{1, 0, 1 / omega, 0}, 0.25}, {{-1, 0, -1 / omega, 0}, 0.05}, {{0, 1, 0, 1 / omega}, 0.1}, {{0, -1, 0, -1 / omega}, 0.1}};
+  p.planes = {{{1, 0, 1 / omega, 0}, 0.25},
+              {{-1, 0, -1 / omega, 0}, 0.05},
+              {{0, 1, 0, 1 / omega}, 0.1},
+              {{0, -1, 0, -1 / omega}, 0.1}};
   p.start[3] = 0.3;
   Iterate it;
   solved(p, it, "a capturable end");

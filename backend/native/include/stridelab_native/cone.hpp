@@ -1,6 +1,7 @@
 // Four Lorentz cones |tau| <= eta at once, u = (tau_0, tau_1, eta), with their duals z and Nesterov-Todd scaling:
 //
-//   W z = W^-1 u = lambda,   W = beta [ w_0  w_1^T ; w_1  I + w_1 w_1^T / (1 + w_0) ],   W^-2 = (2 v v^T - J) / beta^2,  v = J w
+//   W z = W^-1 u = lambda,   W = beta [ w_0  w_1^T ; w_1  I + w_1 w_1^T / (1 + w_0) ],   W^-2 = (2 v v^T - J) / beta^2,
+//   v = J w
 #pragma once
 #include "stridelab_native/vec.hpp"
 
@@ -34,7 +35,7 @@ inline Scaling scaling(const Cones& c) {
   const v4 b[3] = {c.z[0] * iz, c.z[1] * iz, c.z[2] * iz};
   const v4 gamma = root(0.5 * (1.0 + product(a, b)));
   const v4 half = 0.5 / gamma;
-  Scaling r;
+  Scaling r{};
   r.w[0] = (a[0] - b[0]) * half;
   r.w[1] = (a[1] - b[1]) * half;
   r.w[2] = (a[2] + b[2]) * half;

@@ -5,7 +5,7 @@
 namespace stridelab {
 
 struct Penalty {
-  double end;   // proximal weights of the equations at the end; their multipliers are it.nu, it.nu_rest
+  double end;  // proximal weights of the equations at the end; their multipliers are it.nu, it.nu_rest
   double rest;
 };
 

@@ -1,4 +1,5 @@
-// Whether there are forces at all that lead to the end: the constraints are linear and conic, so that it can be decided.
+// Whether there are forces at all that lead to the end: the constraints are linear and conic, so that it can be
+// decided.
 #pragma once
 #include "stridelab_native/solver.hpp"
 

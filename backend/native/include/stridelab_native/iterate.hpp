@@ -66,8 +66,8 @@ struct Iterate {
   std::vector<Touch> touches;
   std::vector<Slack<v4>> loads;  // of u_n below its bound
   std::vector<Slack<double>> planes;
-  double nu[nx] = {};       // multipliers of the end
-  double nu_rest[3] = {};   // of F = (0, 0, 1) in the last interval
+  double nu[nx] = {};      // multipliers of the end
+  double nu_rest[3] = {};  // of F = (0, 0, 1) in the last interval
 };
 
 // f(slack, mask) for all slacks there are.

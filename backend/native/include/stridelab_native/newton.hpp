@@ -1,7 +1,7 @@
 // One Newton step: forces condensed to the wrench, stages eliminated backwards, the step rolled out forwards.
 //
-// With D = h Q + W^-2 for every point and S = sum G D^-1 G^T = L L^T, the forces of an interval cost |omega + tau|^2 / 2
-// for a change dw = L omega of the wrench, tau = L^-1 sum G D^-1 g. So the control of the Riccati recursion is omega,
+// With D = h Q + W^-2 for every point and S = sum G D^-1 G^T = L L^T, the forces of an interval cost |omega + tau|^2 /
+// 2 for a change dw = L omega of the wrench, tau = L^-1 sum G D^-1 g. So the control of the Riccati recursion is omega,
 //
 //   I + L^T (H_ww + B^T P B) L  >= I
 //

@@ -60,8 +60,8 @@ struct Plane {
 };
 
 struct Problem {
-  double w_acceleration = 10.0;   // w_c
-  double w_momentum = 10.0;       // w_L (m |g|)^2
+  double w_acceleration = 10.0;  // w_c
+  double w_momentum = 10.0;      // w_L (m |g|)^2
   double w_likelihood = 1.0;
   std::array<double, nx> start{}, goal{};
   End end = End::rest;

@@ -15,11 +15,11 @@ inline constexpr double objective_scale = 1e-2;  // that of the CasADi programme
 
 struct Settings {
   int iterations = 100;
-  double seconds = 10.0;     // of the process, looked at after every iteration
-  double tolerance = 1e-6;   // of the conditions, dual ones times `objective_scale`
-  double gap = 1e-6;         // of the objective, as a share of it
-  double barrier = 1.0;      // mu at a cold start
-  bool warm = false;         // begin where the iterate stands
+  double seconds = 10.0;    // of the process, looked at after every iteration
+  double tolerance = 1e-6;  // of the conditions, dual ones times `objective_scale`
+  double gap = 1e-6;        // of the objective, as a share of it
+  double barrier = 1.0;     // mu at a cold start
+  bool warm = false;        // begin where the iterate stands
 };
 
 struct Entry {

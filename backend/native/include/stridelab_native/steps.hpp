@@ -21,9 +21,9 @@ void move(Iterate& it, Steps by);
 
 // M = cost - mu / 2 sum log det u + weight |c|_1 with c the gaps and the misses of the end.
 struct Merit {
-  double barrier;     // cost - mu / 2 sum log det u
-  double violation;   // |c|_1
-  double slope;       // of the barrier part along the direction
+  double barrier;    // cost - mu / 2 sum log det u
+  double violation;  // |c|_1
+  double slope;      // of the barrier part along the direction
 };
 
 Merit merit(const Problem& problem, const Iterate& it, double cost, double mu);

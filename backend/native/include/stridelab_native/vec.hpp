@@ -17,9 +17,7 @@ inline v4 splat4(double x) { return v4{x, x, x, x}; }
 inline v8 splat8(double x) { return v8{x, x, x, x, x, x, x, x}; }
 inline double sum(double a) { return a; }
 inline double sum(v4 a) { return (a[0] + a[2]) + (a[1] + a[3]); }
-inline double sum(v8 a) {
-  return ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7]));
-}
+inline double sum(v8 a) { return ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7])); }
 
 inline v4 root(v4 a) {
   v4 r;
@@ -49,10 +47,20 @@ inline v8 exponential(v8 x) {
   const v8 shifted = x * splat8(1.4426950408889634) + magic;
   const v8 n = shifted - magic;
   const v8 r = (x - n * splat8(6.93147180369123816490e-01)) - n * splat8(1.90821492927058770002e-10);
-  constexpr double inverse_factorials[] = {1.0 / 6227020800.0, 1.0 / 479001600.0, 1.0 / 39916800.0, 1.0 / 3628800.0,
-                                           1.0 / 362880.0,     1.0 / 40320.0,     1.0 / 5040.0,     1.0 / 720.0,
-                                           1.0 / 120.0,        1.0 / 24.0,        1.0 / 6.0,        0.5,
-                                           1.0,                1.0};
+  constexpr double inverse_factorials[] = {1.0 / 6227020800.0,
+                                           1.0 / 479001600.0,
+                                           1.0 / 39916800.0,
+                                           1.0 / 3628800.0,
+                                           1.0 / 362880.0,
+                                           1.0 / 40320.0,
+                                           1.0 / 5040.0,
+                                           1.0 / 720.0,
+                                           1.0 / 120.0,
+                                           1.0 / 24.0,
+                                           1.0 / 6.0,
+                                           0.5,
+                                           1.0,
+                                           1.0};
   v8 p = splat8(inverse_factorials[0]);
   for (int i = 1; i < 14; ++i) p = p * r + splat8(inverse_factorials[i]);
   const i8 exponent = ((i8)shifted - (i8)magic) << 52;
