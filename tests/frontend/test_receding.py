@@ -55,6 +55,7 @@ def test_the_page_says_it_in_words_with_units(fake: FakeService, browse: Browse)
     assert "The centre of mass ends at its place of rest." in said
     assert "30 of 40 replans kept within the 50 ms that 20 Hz leave" in said
     assert "Replan, longest 120 ms" in said
+    assert "Solver CasADi with ipopt" in said
     assert "1.10 s: +0.06 m/s in y" in said
     assert f'href="/view/?plan={job.id}"' in page
     assert f'data-plots="/jobs/{job.id}/plots.json"' in page

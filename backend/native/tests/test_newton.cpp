@@ -81,8 +81,9 @@ void step_closes_the_gaps(const Problem& p) {
   evaluate(p, it);
   for (std::size_t k = 0; k + 1 < it.stages.size(); ++k) {
     for (int i = 0; i < nx; ++i) expect_near(it.stages[k].gap[i], 0.0, 1e-9, "gap after a full step");
-    for (int i = 0; i < nw; ++i)
+    for (int i = 0; i < nw; ++i) {
       expect_near(it.stages[k].w[i], wrenches[k * nw + static_cast<std::size_t>(i)], 1e-8, "wrench");
+    }
   }
   const Ending end = ending(p, it);
   for (double e : end.miss) expect_near(e, 0.0, 1e-3, "the end after a full step");

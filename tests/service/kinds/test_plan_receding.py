@@ -13,6 +13,7 @@ from stridelab.errors import InvalidInput
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingSummary, Push
 from stridelab.schemas.scenarios import Scenario
+from stridelab.service.jobs.kinds.plan_options import native_missing
 from stridelab.service.jobs.kinds.plan_receding import pushed, run_in_child
 from stridelab.service.jobs.kinds.registry import KINDS
 from support.planning import changed, short_walk
@@ -46,6 +47,7 @@ def test_a_push_is_felt_and_overcome(tmp_path: Path) -> None:
     time_s = table["time_s"].to_numpy()
     assert summary.replans == calm.replans == len(time_s) - 1
     assert (summary.carried_on, calm.carried_on) == (0, 0)
+    assert summary.solver == ("ipopt" if native_missing() else "native")
     assert max(summary.goal_gap_m, calm.goal_gap_m) < 1e-3
     apart = other["com_vy_m_s"].to_numpy() - table["com_vy_m_s"].to_numpy()
     at = int(np.searchsorted(time_s, 1.1))

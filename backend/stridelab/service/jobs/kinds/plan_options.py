@@ -31,11 +31,15 @@ def native_missing() -> str | None:
     return found.reason[:1].upper() + found.reason[1:] if isinstance(found, Missing) else None
 
 
+def taken(formulation: Formulation) -> Formulation:
+    """Where the C++ solver is there, which has the cones as they are, ``forces`` do without CasADi's pyramids."""
+    return "circular-cones" if formulation == "forces" and native_missing() is None else formulation
+
+
 def formulation_of(request: PlanMotionInput | SweepInput) -> Formulation:
-    """The control that is taken: the C++ solver has the cones as they are, where CasADi's solvers get pyramids."""
+    """The control that is taken, pyramids wherever one of CasADi's solvers is to serve."""
     more = isinstance(request, PlanMotionInput) and (request.free_durations or request.shape == "cubic")
-    exact = request.formulation == "forces" and request.solver in ("auto", "native") and not more
-    return "circular-cones" if exact and native_missing() is None else request.formulation
+    return taken(request.formulation) if request.solver in ("auto", "native") and not more else request.formulation
 
 
 def control_of(request: PlanMotionInput | SweepInput) -> Control:

@@ -5,6 +5,7 @@ as a plan has it, ``centroidal`` with ``scenario.json``, for whoever shows plans
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
@@ -20,13 +21,17 @@ from stridelab.schemas.base import Remark
 from stridelab.schemas.receding import PlanRecedingSummary, Push
 from stridelab.service.jobs.kinds.kind import Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.plan_artifacts import write_json
-from stridelab.service.jobs.kinds.plan_options import CONTROLS
+from stridelab.service.jobs.kinds.plan_options import CONTROLS, taken
 from stridelab.service.jobs.kinds.plan_posing import checked, densities
 from stridelab.service.jobs.kinds.receding_tables import carried_out_columns, period_columns
 from stridelab.service.jobs.kinds.tables_io import write_table
 from stridelab.service.jobs.kinds.tasks import PlanRecedingTask
 
-REFERENCES: Final = ("carpentier2017thesis", "andersson2019casadi", "wachter2006ipopt")
+REFERENCES: Final = ("carpentier2017thesis",)
+SOLVER_REFERENCES: Final[Mapping[str, tuple[str, ...]]] = {
+    "native": (),
+    "ipopt": ("andersson2019casadi", "wachter2006ipopt"),
+}
 ROUNDING: Final = 1e-9
 FELL_BEHIND: Final = "replans-failed"
 
@@ -47,7 +52,7 @@ def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Out
     sequence, noted = checked(task.scenario)
     robot = load_robot(sequence.robot)
     posed = from_rest_to_rest(robot, sequence, densities(robot, request.measure or DEFAULT_MEASURE))
-    problem = replace(posed, control=CONTROLS[request.formulation], node_rate_hz=request.node_rate_hz)
+    problem = replace(posed, control=CONTROLS[taken(request.formulation)], node_rate_hz=request.node_rate_hz)
     horizon = RecedingHorizon(
         problem=problem, horizon_s=request.horizon_s, period_s=request.period_s, warm=request.warm
     )
@@ -60,6 +65,7 @@ def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Out
     done = horizon.run(follow)
     took_ms = 1e3 * np.array([replan.took_s for replan in done.replans])
     iterations = np.array([replan.iterations for replan in done.replans])
+    (solver,) = {replan.plan.solver for replan in done.replans}
     carried_on = sum(replan.carried_on for replan in done.replans)
     if carried_on:
         message = f"in {carried_on} of {len(took_ms)} periods no solution was found, and the plan before went on"
@@ -68,6 +74,7 @@ def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Out
         scenario_name=sequence.name,
         robot=robot.name,
         duration_s=total_s,
+        solver=solver,
         replans=len(done.replans),
         carried_on=carried_on,
         iterations_median=float(np.median(iterations)),
@@ -85,7 +92,8 @@ def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Out
         write_json(folder, "scenario.json", task.scenario),
     )
     progress(1.0, "done")
-    return Outcome(summary.model_dump(mode="json"), (*REFERENCES, *robot_card(robot.name).references), files)
+    references = (*REFERENCES, *SOLVER_REFERENCES[solver], *robot_card(robot.name).references)
+    return Outcome(summary.model_dump(mode="json"), references, files)
 
 
 def pushed(pushes: list[Push], period_s: float) -> Disturb:
