@@ -262,8 +262,8 @@ def receding_result(given: dict[str, Any], files: dict[str, bytes]) -> JobResult
     """Result of a receding horizon with these files."""
     summary = PlanRecedingSummary(
         scenario_name="Two steps", robot="boxes", duration_s=5.0, solver="ipopt", replans=40, carried_on=1,
-        iterations_median=9.0,        iterations_max=9, replan_median_ms=40.0, replan_p99_ms=120.0, replan_max_ms=120.0, goal_gap_m=1e-19,
-        warnings=[],
+        iterations_median=9.0, iterations_max=9, replan_median_ms=40.0, replan_p99_ms=120.0, replan_max_ms=120.0,
+        goal_gap_m=1e-19, warnings=[],
     )  # fmt: skip
     artifacts = [Artifact(name=n, media_type="application/octet-stream", bytes=len(c)) for n, c in files.items()]
     return JobResult(
