@@ -18,6 +18,7 @@ from starlette.routing import Route
 from stridelab.client import Client
 from stridelab.schemas.base import Problem, Remark
 from stridelab.schemas.jobs import Artifact, Job, JobEvent, JobResult, Progress
+from stridelab.schemas.previews import SolverFacts, Solvers
 from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
 from stridelab.schemas.robots import Measure
 from stridelab.schemas.scenarios import Scenario, StoredScenario
@@ -202,6 +203,7 @@ class FakeService:
             Route(f"{api}/scenarios", self._scenarios, methods=["GET", "POST"]),
             Route(f"{api}/scenarios/check", self._check, methods=["POST"]),
             Route(f"{api}/scenarios/{{id}}", self._scenario, methods=["GET", "PUT"]),
+            Route(f"{api}/solvers", self._solvers),
             Route(f"{api}/robots", self._robots),
             Route(f"{api}/robots/{{name}}", self._robot),
             Route(f"{api}/robots/{{name}}/reachability", self._reachability),
@@ -318,6 +320,10 @@ class FakeService:
 
     async def _check(self, request: Request) -> Response:
         return _answer(fake_planner.check(Scenario.model_validate(await request.json())).model_dump(mode="json"))
+
+    async def _solvers(self, _: Request) -> Response:
+        native = SolverFacts(name="native", available=False, missing="The C++ solver has not been built here.")
+        return _answer(Solvers(auto="casadi", solvers=[native]).model_dump(mode="json"))
 
     async def _robots(self, _: Request) -> Response:
         found = fake_planner.robots(None if self.robot_refusal is None else self.robot_refusal[2])
