@@ -121,7 +121,7 @@ def test_a_time_limit_that_cannot_be_is_named(options: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize(
     ("option", "value"),
-    [("--formulation", "moments"), ("--solver", "native"), ("--node-rate", "0.5"), ("--node-rate", "nan")],
+    [("--formulation", "moments"), ("--solver", "snopt"), ("--node-rate", "0.5"), ("--node-rate", "nan")],
 )
 def test_an_unknown_value_is_named_on_the_command_line(walk: str, option: str, value: str) -> None:
     answer = CliRunner().invoke(app, ["plan", walk, option, value])
