@@ -5,6 +5,7 @@
 
 #include "stridelab_native/dynamics.hpp"
 #include "stridelab_native/ending.hpp"
+#include "stridelab_native/hold.hpp"
 
 namespace stridelab {
 namespace {
@@ -38,6 +39,11 @@ double wrench(const Iterate& it, Stage& s) {
     effort += sum((block.effort[0] * (u[0] * u[0] + u[1] * u[1]) + block.effort[1] * u[2] * u[2]) * block.real);
   }
   for (int i = 0; i < nw; ++i) s.w[i] = sum(sums[i]);
+  if (s.hold >= 0) {
+    const Hold& hold = it.holds[static_cast<std::size_t>(s.hold)];
+    effort += hold.cone->effort * product(hold.at.u, hold.at.u);
+    add_wrench(hold, hold.at.u, s.w);
+  }
   return 0.5 * s.h * effort;
 }
 
@@ -110,13 +116,12 @@ double evaluate(const Problem& problem, Iterate& it) {
 }
 
 double complementarity(const Iterate& it, int& cones) {
-  v4 total = {};
+  double all = 0.0;
   cones = 0;
-  for (const Touch& t : it.touches) {
-    total += product(t.at.u, t.at.z) * t.block->real;
-    cones += t.block->points;
-  }
-  double all = sum(total);
+  each_cone(it, [&](const auto& t) {
+    all += sum(product(t.at.u, t.at.z) * t.real());
+    cones += static_cast<int>(sum(t.real()));
+  });
   each_slack(it, [&](const auto& slack, auto real) {
     all += sum(slack.s * slack.zeta * real);
     cones += static_cast<int>(sum(real));
@@ -164,12 +169,24 @@ Conditions conditions(const Problem& problem, const Iterate& it) {
       most = larger(most, uz);
       total += uz;
     }
+    if (s.hold >= 0) {
+      const Hold& hold = it.holds[static_cast<std::size_t>(s.hold)];
+      double slope[nw];
+      pull_wrench(hold, y, slope);
+      for (int i = 0; i < nw; ++i) {
+        slope[i] += s.h * hold.cone->effort * hold.at.u[i] - hold.at.z[i];
+        c.stationarity = std::max(c.stationarity, std::fabs(slope[i]));
+      }
+      const double uz = product(hold.at.u, hold.at.z);
+      c.complementarity = std::max(c.complementarity, uz);
+      c.gap += uz;
+    }
   }
   for (int i = 0; i < 4; ++i) {
     c.stationarity = std::max(c.stationarity, worst[i]);
     c.complementarity = std::max(c.complementarity, most[i]);
   }
-  c.gap = sum(total);
+  c.gap += sum(total);
   each_slack(it, [&](const auto& slack, auto real) {
     for (double missed : parts(slack.r * real)) c.feasibility = std::max(c.feasibility, std::fabs(missed));
     for (double left : parts(slack.s * slack.zeta * real)) c.complementarity = std::max(c.complementarity, left);

@@ -5,12 +5,13 @@
 #include "stridelab_native/dense.hpp"
 #include "stridelab_native/dynamics.hpp"
 #include "stridelab_native/evaluate.hpp"
+#include "stridelab_native/hold.hpp"
 
 namespace stridelab {
 namespace {
 
 // S = sum G D^-1 G^T over the points of an interval, moments about m; lower triangle.
-void condense(Iterate& it, const Stage& s, double S[nw][8]) {
+void condense(const Iterate& it, const Stage& s, double S[nw][8]) {
   v4 sums[21] = {};
   for (int b = 0; b < s.touches; ++b) {
     const Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
@@ -55,6 +56,18 @@ void condense(Iterate& it, const Stage& s, double S[nw][8]) {
   int at = 0;
   for (int i = 0; i < nw; ++i) {
     for (int j = 0; j <= i; ++j) S[i][j] = sum(sums[at++]);
+  }
+}
+
+void root_of_forces(const Iterate& it, Stage& s) {
+  double S[nw][8];
+  condense(it, s, S);
+  semidefinite_root(S, s.L, s.L_inverse);
+  // Moments about the origin again: T + m x F. About a point far away, small pivots would be lost among large ones.
+  for (int j = 0; j < 3; ++j) {
+    s.L[3][j] += s.m[1] * s.L[2][j] - s.m[2] * s.L[1][j];
+    s.L[4][j] += s.m[2] * s.L[0][j] - s.m[0] * s.L[2][j];
+    s.L[5][j] += s.m[0] * s.L[1][j] - s.m[1] * s.L[0][j];
   }
 }
 
@@ -167,7 +180,7 @@ bool eliminate(const Problem& problem, Stage& s, double theta, double rest, doub
   }
   for (int i = 0; i < nw; ++i) {
     for (int j = 0; j < 8; ++j) s.R[i][j] = 0.0;
-    for (int k = i; k < nw; ++k) {
+    for (int k = s.hold < 0 ? i : 0; k < nw; ++k) {
       for (int j = 0; j < 8; ++j) s.R[i][j] += s.L[k][i] * RL[k][j];
     }
     s.R[i][i] += 1.0;
@@ -238,6 +251,7 @@ void scale_cones(Iterate& it) {
       if (t.load >= 0) D[5] += it.loads[static_cast<std::size_t>(t.load)].weight();
       invert(D, t.D_inverse);
     }
+    if (s.hold >= 0) scale(it.holds[static_cast<std::size_t>(s.hold)], s.h);
   }
 }
 
@@ -248,15 +262,11 @@ bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, double 
   end_hessian(problem, it, end, penalty, theta >= 1.0, P);
   for (std::size_t k = n; k-- > 0;) {
     Stage& s = it.stages[k];
-    double S[nw][8];
-    condense(it, s, S);
     for (int i = 0; i < nw; ++i) s.L[i][6] = s.L[i][7] = 0.0;
-    semidefinite_root(S, s.L, s.L_inverse);
-    // Moments about the origin again: T + m x F. About a point far away, small pivots would be lost among large ones.
-    for (int j = 0; j < 3; ++j) {
-      s.L[3][j] += s.m[1] * s.L[2][j] - s.m[2] * s.L[1][j];
-      s.L[4][j] += s.m[2] * s.L[0][j] - s.m[0] * s.L[2][j];
-      s.L[5][j] += s.m[0] * s.L[1][j] - s.m[1] * s.L[0][j];
+    if (s.hold >= 0) {
+      root_of(it.holds[static_cast<std::size_t>(s.hold)], s.L);
+    } else {
+      root_of_forces(it, s);
     }
     if (!eliminate(problem, s, theta, k + 1 == n && end.rests ? penalty.rest : 0.0, P)) return false;
   }
@@ -278,11 +288,15 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
     if (k + 1 == n && end.rests) {
       for (int i = 0; i < 3; ++i) r[i] += it.nu_rest[i] + penalty.rest * end.rest[i];
     }
-    pulled(it, s, s.tau);
-    solve_lower(s.L, s.L_inverse, s.tau);
+    if (s.hold >= 0) {
+      pulled(it.holds[static_cast<std::size_t>(s.hold)], s.h, s.tau);
+    } else {
+      pulled(it, s, s.tau);
+      solve_lower(s.L, s.L_inverse, s.tau);
+    }
     for (int i = 0; i < nw; ++i) {
       s.kappa[i] = s.tau[i];
-      for (int j = i; j < nw; ++j) s.kappa[i] += s.L[j][i] * r[j];
+      for (int j = s.hold < 0 ? i : 0; j < nw; ++j) s.kappa[i] += s.L[j][i] * r[j];
     }
     solve_lower(s.R, s.R_inverse, s.kappa);
     for (int j = 0; j < nx; ++j) {
@@ -304,7 +318,7 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
     solve_upper(s.R, s.R_inverse, omega);
     for (int i = 0; i < nw; ++i) {
       s.dw[i] = 0.0;
-      for (int j = 0; j <= i; ++j) s.dw[i] += s.L[i][j] * omega[j];
+      for (int j = 0; j < nw; ++j) s.dw[i] += s.L[i][j] * omega[j];
     }
     double* next = it.stages[k + 1].dx;
     advance_linear(s.h, s.dx, s.dw, next);
@@ -312,6 +326,10 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
     if (s.bounded) {
       s.low.follow(-s.dx[2]);
       s.high.follow(s.dx[2]);
+    }
+    if (s.hold >= 0) {
+      follow(it.holds[static_cast<std::size_t>(s.hold)], omega);
+      continue;
     }
     double y[nw];
     for (int i = 0; i < nw; ++i) y[i] = omega[i] + s.tau[i];

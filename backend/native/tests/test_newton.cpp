@@ -24,6 +24,10 @@ void stir(Iterate& it) {
       t.at.z[0][j] += 0.1 * any(random);
     }
   }
+  for (Hold& h : it.holds) {
+    for (int i = 0; i < nw; ++i) h.at.u[i] += 0.05 * any(random);
+    for (int i = 0; i < nw; ++i) h.at.z[i] += 0.1 * any(random);
+  }
 }
 
 void derivatives(const Problem& p) {
@@ -94,6 +98,7 @@ int main() {
   derivatives(step());
   step_closes_the_gaps(step());
   step_closes_the_gaps(step(0.1));
+  step_closes_the_gaps(wrench_step());
   Problem bounded = step();
   for (Phase& f : bounded.phases) {
     f.height[0] = -0.1;

@@ -71,6 +71,12 @@ int main() {
   expect(first.iterations <= 15, "a step is easy");
   Iterate it;
   solved(step(0.1), it, "a hop");
+  solved(wrench_step(), it, "a step by wrenches");
+  for (const Hold& h : it.holds) expect(root(across(h.at.u, h.at.u)) < h.at.u[nw - 1], "wrenches in their cones");
+  Problem far_away = wrench_step();
+  far_away.goal[0] = 30.0;
+  expect(solve(far_away, it, Settings{}).verdict == Verdict::infeasible,
+         "30 m in 2.5 s cannot be, by wrenches neither");
   bounds_hold();
   captured();
   warm_is_shorter();

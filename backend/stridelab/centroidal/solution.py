@@ -53,11 +53,16 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class NativePoint:
-    """Variables of the C++ solver: states ``x``, and u with its multipliers z of every block of points, in order."""
+    """Variables of the C++ solver: states ``x``, and u with its multipliers z of every block of points, in order.
+
+    Of the wrench as control: that of every interval with contacts.
+    """
 
     x: Float[np.ndarray, "nodes 9"]
     u: Float[np.ndarray, "slots 4 3"]
     z: Float[np.ndarray, "slots 4 3"]
+    wrench_u: Float[np.ndarray, "holds 6"]
+    wrench_z: Float[np.ndarray, "holds 6"]
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,16 +21,39 @@ struct Slack {
   }
 };
 
-// A block of points in one interval.
-struct Touch {
-  Cones at;
-  Scaling scaling;
+// What lies in cones in one interval, with its step.
+template <typename T, int n>
+struct Inside {
+  Cone<T, n> at;
+  Scaling<T, n> scaling;
+  T target[n];  // W^-1 (lambda \ (sigma mu e - correction)): the part of the new z that does not depend on du
+  T du[n];
+  T dz[n];
+};
+
+// D^-1/2 with D = W^-2 + e, whose eigenvectors are those of W: (d, 1) and (d, -1) over root two, and all across them.
+struct Spectrum {
+  double d[nw - 1];
+  double along, against, rest;
+};
+
+// A block of points.
+struct Touch : Inside<v4, 3> {
   v4 D_inverse[6];
-  v4 target[3];  // W^-1 (lambda \ (sigma mu e - correction)): the part of the new z that does not depend on du
-  v4 du[3];
-  v4 dz[3];
   const Block* block;
   int load;  // of it.loads; -1: none
+
+  v4 real() const { return block->real; }
+  double effort(int i) const { return block->effort[i == 2]; }
+};
+
+// A wrench in its own cone.
+struct Hold : Inside<double, nw> {
+  Spectrum D_root;
+  const WrenchCone* cone;
+
+  double real() const { return 1.0; }
+  double effort(int) const { return cone->effort; }
 };
 
 // Interval k, and the node that begins it.
@@ -39,6 +62,7 @@ struct Stage {
   const Phase* phase;
   double h;
   int first_touch, touches;
+  int hold = -1;  // of it.holds; -1: none
   // Variables and what follows from them.
   double x[nx];
   double w[nw];
@@ -64,11 +88,19 @@ struct Stage {
 struct Iterate {
   std::vector<Stage> stages;  // one more than intervals: the last is the end node
   std::vector<Touch> touches;
+  std::vector<Hold> holds;
   std::vector<Slack<v4>> loads;  // of u_n below its bound
   std::vector<Slack<double>> planes;
   double nu[nx] = {};      // multipliers of the end
   double nu_rest[3] = {};  // of F = (0, 0, 1) in the last interval
 };
+
+// f of all that lies in cones.
+template <typename It, typename F>
+void each_cone(It& it, F f) {
+  for (auto& t : it.touches) f(t);
+  for (auto& h : it.holds) f(h);
+}
 
 // f(slack, mask) for all slacks there are.
 template <typename It, typename F>

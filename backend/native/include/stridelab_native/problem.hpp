@@ -41,12 +41,20 @@ struct Block {
   double normal_max;  // on u_n; infinite: none
 };
 
+// The wrench as control, u_c: (F, T) = G u, u = (tau, eta) with eta = 1 for the weight; absent entries have zero
+// columns.
+struct WrenchCone {
+  double G[nw][nw];
+  double effort;  // h/2 effort |u|^2 is its cost
+};
+
 struct Phase {
   int intervals;
   double h;
   int first_block, blocks;
   int first_visit, visits;
   double height[2];  // bounds on c_z at the nodes that begin its intervals, but the first of all; infinite: none
+  int cone = -1;     // of the wrench cones; -1: none
 };
 
 // At rest: x_N = goal and F = (0, 0, 1) in the last interval. Capturable: height and vertical velocity of the goal, no
@@ -68,6 +76,7 @@ struct Problem {
   std::vector<Density> densities;
   std::vector<Visit> visits;
   std::vector<Block> blocks;
+  std::vector<WrenchCone> cones;
   std::vector<Phase> phases;
   std::vector<Plane> planes;
 };
