@@ -89,7 +89,7 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
                             const Reals3& block_S, const Reals3& block_points, const Ints1& block_count,
                             const Reals2& block_effort, const Reals1& block_most, const Ints2& phase_layout,
                             const Reals1& phase_h, const Reals2& phase_height, bool capturable, const Reals2& planes,
-                            const Reals3& wrench_cones, const Ints1& phase_cone) {
+                            const Reals3& wrench_cones, const Ints1& phase_cone, const Reals1& freedom) {
   auto held = std::make_unique<Held>();
   Problem& p = held->problem;
   require(weights.size() == 3, "weights are those of acceleration, momentum rate and likelihood");
@@ -150,6 +150,13 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
     require(b.normal_max > 0.0, "bounds on normal forces are positive");
     p.blocks.push_back(b);
   }
+  require(freedom.size() == 0 || freedom.size() == 4, "freedom is shortest, longest, total and price");
+  if (freedom.size() == 4) {
+    p.freedom = {true, freedom(0), freedom(1), freedom(2), freedom(3)};
+    require(freedom(0) > 0.0 && freedom(0) <= 1.0 && freedom(1) >= 1.0 && freedom(0) < freedom(1) &&
+                std::isfinite(freedom(1) + freedom(3)) && freedom(2) > 0.0 && freedom(3) >= 0.0,
+            "free lengths lie around those given");
+  }
   require(phase_layout.shape(0) == phase_h.size() && phase_layout.shape(1) == 5 && phase_h.size() > 0,
           "phases have (intervals, first block, blocks, first visit, visits) and a length of interval");
   finite(phase_h, "lengths of intervals");
@@ -209,12 +216,12 @@ void require_inside(double u_across, double u_head, double z_across, double z_he
 // A start: states, forces and multipliers in the order of the blocks, wrenches in that of the intervals; false, and
 // nothing taken, unless they fit.
 bool begin(Held& held, const Reals2& x, const Reals3& u, const Reals3& z, const Reals2& wrench_u,
-           const Reals2& wrench_z) {
+           const Reals2& wrench_z, const Reals1& phase_h) {
   Iterate& it = held.iterate;
   cold_start(held.problem, it, 1.0);
   if (!shaped(x, {it.stages.size(), nx}) || !shaped(u, {it.touches.size(), 4, 3}) ||
       !shaped(z, {it.touches.size(), 4, 3}) || !shaped(wrench_u, {it.holds.size(), nw}) ||
-      !shaped(wrench_z, {it.holds.size(), nw})) {
+      !shaped(wrench_z, {it.holds.size(), nw}) || phase_h.size() != held.problem.phases.size()) {
     return false;
   }
   finite(x, "states of a start");
@@ -222,6 +229,12 @@ bool begin(Held& held, const Reals2& x, const Reals3& u, const Reals3& z, const 
   finite(z, "multipliers of a start");
   finite(wrench_u, "wrenches of a start");
   finite(wrench_z, "multipliers of wrenches of a start");
+  finite(phase_h, "lengths of a start");
+  for (Stage& s : it.stages) {
+    if (s.phase == nullptr || !held.problem.freedom.lengths) continue;
+    s.h = phase_h(static_cast<std::size_t>(s.phase - held.problem.phases.data()));
+    require(s.h > 0.0, "lengths of a start are positive");
+  }
   for (std::size_t k = 1; k < it.stages.size(); ++k) {
     for (std::size_t i = 0; i < nx; ++i) it.stages[k].x[i] = x(k, i);
   }
@@ -264,7 +277,7 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
     cpu = static_cast<double>(b.tv_sec - a.tv_sec) + 1e-9 * static_cast<double>(b.tv_nsec - a.tv_nsec);
   }
   const Iterate& it = held.iterate;
-  std::vector<double> x, u, z, wrench_u, wrench_z, log;
+  std::vector<double> x, u, z, wrench_u, wrench_z, phase_h, log;
   for (const Stage& s : it.stages) x.insert(x.end(), s.x, s.x + nx);
   for (const auto& t : it.touches) {
     for (int j = 0; j < 4; ++j) {
@@ -274,6 +287,8 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
       }
     }
   }
+  for (const Phase& f : held.problem.phases) phase_h.push_back(f.h);
+  for (std::size_t i = 0; i < it.lengths.size(); ++i) phase_h[i] = it.lengths[i].h;
   for (const Hold& hold : it.holds) {
     wrench_u.insert(wrench_u.end(), hold.at.u, hold.at.u + nw);
     wrench_z.insert(wrench_z.end(), hold.at.z, hold.at.z + nw);
@@ -298,6 +313,7 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
   d["z"] = array(std::move(z), {m, 4, 3});
   d["wrench_u"] = array(std::move(wrench_u), {it.holds.size(), static_cast<std::size_t>(nw)});
   d["wrench_z"] = array(std::move(wrench_z), {it.holds.size(), static_cast<std::size_t>(nw)});
+  d["phase_h"] = array(std::move(phase_h), {held.problem.phases.size()});
   d["log"] = array(std::move(log), {l, 8});
   return d;
 }
@@ -308,7 +324,7 @@ NB_MODULE(_native, module) {
   module.attr("__version__") = "0.1.0";
   module.attr("INTERFACE") = 2;
   nb::class_<Held>(module, "Problem")
-      .def("begin", &begin, "x"_a, "u"_a, "z"_a, "wrench_u"_a, "wrench_z"_a)
+      .def("begin", &begin, "x"_a, "u"_a, "z"_a, "wrench_u"_a, "wrench_z"_a, "phase_h"_a)
       .def("solve", &run, "iterations"_a, "seconds"_a, "tolerance"_a, "gap"_a, "warm"_a);
   module.def("problem", &build);
 }

@@ -36,6 +36,8 @@ void cold_start(const Problem& problem, Iterate& it, double barrier) {
   int slot = 0;
   int loads = 0;
   it.holds.clear();
+  it.lengths.clear();
+  it.stretches.clear();
   double time = 0.0;
   for (const Phase& phase : problem.phases) {
     int points = 0;

@@ -5,6 +5,7 @@
 #include <type_traits>
 
 #include "stridelab_native/evaluate.hpp"
+#include "stridelab_native/lengths.hpp"
 
 namespace stridelab {
 
@@ -79,6 +80,10 @@ void move(Iterate& it, Steps by) {
   for (Stage& s : it.stages) {
     for (int i = 0; i < nx; ++i) s.x[i] += by.primal * s.dx[i];
   }
+  for (Length& l : it.lengths) {
+    l.h += by.primal * l.dh;
+    for (std::size_t k = l.first; k < l.first + l.intervals; ++k) it.stages[k].h = l.h;
+  }
   each_cone(it, [&](auto& t) {
     constexpr int n = std::extent_v<decltype(t.du)>;
     for (int i = 0; i < n; ++i) {
@@ -118,6 +123,11 @@ Merit merit(const Problem& problem, const Iterate& it, double cost, double mu) {
     for (double s : parts(real > 0.0 ? slack.s : 1.0 + 0.0 * slack.s)) m.barrier -= mu * std::log(s);
     for (double r : parts(slack.r * real)) m.violation += std::fabs(r);
   });
+  for (const Length& l : it.lengths) {
+    m.slope += l.slope * l.dh;
+    for (std::size_t k = l.first; k < l.first + l.intervals; ++k) m.slope += it.stretches[k].slope * l.dh;
+  }
+  m.violation += std::fabs(total_missed(problem, it));
   const Ending end = ending(problem, it);
   for (double e : end.miss) m.violation += std::fabs(e);
   for (double e : end.rest) m.violation += std::fabs(e);

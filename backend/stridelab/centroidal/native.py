@@ -59,7 +59,6 @@ def lacks(problem: CentroidalProblem) -> str | None:
     wants = [
         ("pyramids in place of friction cones", isinstance(problem.control, Pyramids)),
         ("continuous forces", problem.shape != "constant"),
-        ("free durations", problem.durations is not None),
         ("free placements", problem.placements is not None),
     ]
     missing = [words for words, wanted in wants if wanted]

@@ -50,6 +50,7 @@ class NativeInput:
     planes: Float[np.ndarray, "planes 5"]
     wrench_cones: Float[np.ndarray, "cones 6 6"]
     phase_cone: Int[np.ndarray, "phases"]
+    freedom: Float[np.ndarray, "_"]
     slots: tuple[tuple[Slot, ...], ...]
 
     def arguments(self) -> list[object]:
@@ -112,6 +113,7 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
         planes=_planes(problem),
         wrench_cones=wrench_cones,
         phase_cone=phase_cone,
+        freedom=_freedom(problem),
         slots=tuple(slots),
     )
 
@@ -130,7 +132,7 @@ def wrench_cone(problem: CentroidalProblem, phase: int) -> Float[np.ndarray, "6 
     G = np.zeros((6, 6))
     G[:, : group.lorentz] = group.wrench[:, :-1]
     G[:, -1] = group.wrench[:, -1]
-    return G * group.rest[-1]
+    return np.asarray(G * group.rest[-1])
 
 
 def _wrench_cones(problem: CentroidalProblem) -> tuple[Float[np.ndarray, "cones 6 6"], Int[np.ndarray, "phases"]]:
@@ -141,6 +143,15 @@ def _wrench_cones(problem: CentroidalProblem) -> tuple[Float[np.ndarray, "cones 
         which.append(-1 if found is None else len(cones))
         cones += [] if found is None else [found]
     return np.array(cones).reshape(-1, 6, 6), np.array(which, dtype=np.int32)
+
+
+def _freedom(problem: CentroidalProblem) -> Float[np.ndarray, "_"]:
+    """Shortest and longest durations as shares of the given ones, the total (s), the price of a second; or nothing."""
+    free = problem.durations
+    if free is None or free.shortest == free.longest:
+        return np.zeros(0)
+    total_s = problem.sequence.duration_s if free.fixed_total else np.inf
+    return np.array([free.shortest, free.longest, total_s, free.price_per_s])
 
 
 def _heights(problem: CentroidalProblem) -> Float[np.ndarray, "phases 2"]:

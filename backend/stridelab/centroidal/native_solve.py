@@ -1,7 +1,7 @@
 """A problem solved by the C++ solver: from flat arrays to a motion with what its solver says of it."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -15,6 +15,7 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solution import Attempt, IterationLog, NativePoint, Residuals
 from stridelab.centroidal.solvers import TIME_IS_UP, Limits
 from stridelab.centroidal.verify import Motion
+from stridelab.contacts.sequence import ContactSequence
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 
 TOLERANCE: Final = 1e-6
@@ -40,6 +41,7 @@ class NativeRun:
     """What the C++ solver found."""
 
     attempt: Attempt
+    sequence: ContactSequence
     motion: Motion
     point: NativePoint
     infeasible: bool
@@ -95,22 +97,33 @@ def solve_native(
         ),
         log=IterationLog(log[:, 0], log[:, 1], log[:, 2], log[:, 3]),
     )
-    point = NativePoint(*(said[name] for name in ("x", "u", "z", "wrench_u", "wrench_z")))
-    return NativeRun(attempt, _motion(problem, flat, point), point, infeasible)
+    point = NativePoint(*(said[name] for name in ("x", "u", "z", "wrench_u", "wrench_z", "phase_h")))
+    sequence = _chosen(problem.sequence, flat, point)
+    return NativeRun(attempt, sequence, _motion(problem, flat, point), point, infeasible)
 
 
 def _phase(flat: NativeInput, stage: int) -> int:
     return int(np.searchsorted(np.cumsum(flat.phase_layout[:, 0]), stage, side="right"))
 
 
+def _chosen(sequence: ContactSequence, flat: NativeInput, point: NativePoint) -> ContactSequence:
+    """With the durations that were found; the same where they are given."""
+    if not len(flat.freedom):
+        return sequence
+    durations_s = (flat.phase_layout[:, 0] * point.step_s).tolist()
+    phases = [replace(p, duration_s=s) for p, s in zip(sequence.phases, durations_s, strict=True)]
+    return replace(sequence, phases=tuple(phases))
+
+
 def _motion(problem: CentroidalProblem, flat: NativeInput, point: NativePoint) -> Motion:
     """States in SI units about the CoM, world-frame forces."""
-    grid = problem.grid()
+    phases = problem.grid().phase
+    time_s = np.concatenate([[0.0], np.cumsum(point.step_s[phases])])
     x = point.x
     c, v = x[:, 0:3] + problem.com_start_m, x[:, 3:6]
     L = problem.weight_n * x[:, 6:9] - problem.mass_kg * np.cross(x[:, 0:3], v)
     points = {name: problem.points_m(name) for name in problem.sequence.effectors}
-    forces = {name: np.zeros((len(grid.phase), len(of), 3)) for name, of in points.items()}
+    forces = {name: np.zeros((len(phases), len(of), 3)) for name, of in points.items()}
     slot = hold = k = 0
     for i, (intervals, first, blocks, _, _) in enumerate(flat.phase_layout.tolist()):
         u = point.u[slot : slot + intervals * blocks].reshape(intervals, blocks, 4, 3)
@@ -123,7 +136,7 @@ def _motion(problem: CentroidalProblem, flat: NativeInput, point: NativePoint) -
                 forces[name][k : k + intervals] = problem.weight_n * of_name
             hold += intervals
         slot, k = slot + intervals * blocks, k + intervals
-    return Motion(grid.time_s, grid.phase, c, v, L, forces, points)
+    return Motion(time_s, phases, c, v, L, forces, points)
 
 
 def _shared(problem: CentroidalProblem, phase: int, wrenches: Float[np.ndarray, "n 6"]) -> Forces:

@@ -62,7 +62,8 @@ def native_start(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float =
         u.append(np.stack(blocks, axis=1).reshape(-1, POINTS, 3) if blocks else np.zeros((0, POINTS, 3)))
     forces = np.ascontiguousarray(np.concatenate(u)) if u else np.zeros((0, POINTS, 3))
     held = np.concatenate(wrenches) if wrenches else np.zeros((0, 6))
-    return NativePoint(x, forces, _central(forces), held, _central(held))
+    step_s = grid.step_s[np.searchsorted(grid.phase, np.arange(len(onto.sequence.phases)))]
+    return NativePoint(x, forces, _central(forces), held, _central(held), step_s)
 
 
 def _wrenches(plan: CentroidalPlan, of: Int[np.ndarray, "n"], onto: CentroidalProblem) -> Float[np.ndarray, "n 6"]:
@@ -76,7 +77,7 @@ def _inside(G: Float[np.ndarray, "6 6"], wrenches: Float[np.ndarray, "n 6"]) -> 
     upright = np.eye(6)[-1]
     u = KEPT * np.linalg.lstsq(G, wrenches.T, rcond=None)[0].T + (1.0 - KEPT) * upright
     lies = np.linalg.norm(u[:, :-1], axis=1) < u[:, -1]
-    return np.where(lies[:, None], u, upright)
+    return np.asarray(np.where(lies[:, None], u, upright))
 
 
 def _central(u: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any"]:

@@ -56,6 +56,32 @@ struct Hold : Inside<double, nw> {
   double effort(int) const { return cone->effort; }
 };
 
+// Second derivatives in the length h of an interval: with (c, c'), with w, and of h alone.
+struct Bent {
+  double q[6], r[nw], curve;
+};
+
+// An interval whose length h is a variable.
+struct Stretch {
+  double f[nx];        // dx+ / dh
+  double slope;        // of the cost
+  Bent squared, more;  // of the Lagrangian: Gauss and Newton's part of the squares, and the rest
+  double tau[nw];      // of e Q u
+  double Y[nw][2];     // of h and of the time until the end of the phase
+  double pulled_by_gap[2];
+};
+
+// The length of the intervals of a phase.
+struct Length {
+  std::size_t first, intervals;
+  double given;
+  double h, dh;
+  double slope;    // of the cost, all but the intervals' own
+  double bend[3];  // and with c at the node that ends the phase
+  double E[nx], cross, pivot, pull;
+  Slack<double> low, high;  // of h / given
+};
+
 // Interval k, and the node that begins it.
 struct Stage {
   // Given.
@@ -68,7 +94,10 @@ struct Stage {
   double w[nw];
   double m[3];  // c + h/2 c' + h^2/6 g
   double gap[nx];
-  double q[nx];  // gradient of the cost
+  double costate[nx];        // of the node that ends it
+  double effort;             // per unit of h
+  double own[4], before[4];  // the log-densities of the phase and of the one before: cost and slope in c per unit of h
+  double q[nx];              // gradient of the cost
   double r[nw];
   Bend bend;
   // Factors.
@@ -91,6 +120,10 @@ struct Iterate {
   std::vector<Hold> holds;
   std::vector<Slack<v4>> loads;  // of u_n below its bound
   std::vector<Slack<double>> planes;
+  std::vector<Length> lengths;     // empty: all as given
+  std::vector<Stretch> stretches;  // as many as intervals where lengths are free
+  double effort_share = 1.0;       // e: the effort of forces bends as if e Q u were its slope in h
+  double nu_total = 0.0;
   double nu[nx] = {};      // multipliers of the end
   double nu_rest[3] = {};  // of F = (0, 0, 1) in the last interval
 };
@@ -114,6 +147,10 @@ void each_slack(It& it, F f) {
     f(s.high, 1.0);
   }
   for (auto& p : it.planes) f(p, 1.0);
+  for (auto& l : it.lengths) {
+    f(l.low, 1.0);
+    f(l.high, 1.0);
+  }
 }
 
 }  // namespace stridelab

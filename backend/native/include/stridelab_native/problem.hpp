@@ -67,6 +67,15 @@ struct Plane {
   double offset;
 };
 
+// Free lengths of intervals: all of a phase share one, between `shortest` and `longest` times that of the phase. Of all
+// together they are `total`, or cost `price` per second where that is infinite.
+struct Freedom {
+  bool lengths = false;
+  double shortest = 1.0, longest = 1.0;
+  double total = unbounded;
+  double price = 0.0;
+};
+
 struct Problem {
   double w_acceleration = 10.0;  // w_c
   double w_momentum = 10.0;      // w_L (m |g|)^2
@@ -79,6 +88,7 @@ struct Problem {
   std::vector<WrenchCone> cones;
   std::vector<Phase> phases;
   std::vector<Plane> planes;
+  Freedom freedom;
 };
 
 }  // namespace stridelab

@@ -33,8 +33,8 @@ def native_missing() -> str | None:
 
 def formulation_of(request: PlanMotionInput | SweepInput) -> Formulation:
     """The control that is taken: the C++ solver has the cones as they are, where CasADi's solvers get pyramids."""
-    more = isinstance(request, PlanMotionInput) and (request.free_durations or request.shape == "cubic")
-    exact = request.formulation == "forces" and request.solver in ("auto", "native") and not more
+    splines = isinstance(request, PlanMotionInput) and request.shape == "cubic"
+    exact = request.formulation == "forces" and request.solver in ("auto", "native") and not splines
     return "circular-cones" if exact and native_missing() is None else request.formulation
 
 
