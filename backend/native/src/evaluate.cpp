@@ -202,8 +202,9 @@ Conditions conditions(const Problem& problem, Iterate& it) {
   c.feasibility = std::max(c.feasibility, std::fabs(total_missed(problem, it)));
   for (const Length& l : it.lengths) {
     double slope = l.slope + (l.high.zeta - l.low.zeta) / l.given + it.nu_total * static_cast<double>(l.intervals);
-    for (std::size_t k = l.first; k < l.first + l.intervals; ++k)
+    for (std::size_t k = l.first; k < l.first + l.intervals; ++k) {
       slope += stretch(problem, it.stages[k], it.stretches[k]);
+    }
     c.stationarity = std::max(c.stationarity, l.given * std::fabs(slope));
   }
   for (int i = 0; i < 4; ++i) {

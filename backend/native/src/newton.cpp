@@ -163,12 +163,12 @@ void scale_cones(Iterate& it) {
   }
 }
 
-bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, double theta) {
+bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, Theta theta) {
   const std::size_t n = it.stages.size() - 1;
   const Ending end = ending(problem, it);
   double P[nx][nx];
-  end_hessian(problem, it, end, penalty, theta >= 1.0, P);
-  it.effort_share = 0.5 * (1.0 + theta);
+  end_hessian(problem, it, end, penalty, theta.densities >= 1.0, P);
+  it.effort_share = 0.5 * (1.0 + theta.lengths);
   Columns to = columns(problem, penalty);
   for (std::size_t k = n; k-- > 0;) {
     Stage& s = it.stages[k];
@@ -184,12 +184,12 @@ bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, double 
       if (k + 1 == length->first + length->intervals) enter(*length, to);
       approach(s, *stretched, P, to);
     }
-    if (!eliminate(problem, s, theta, k + 1 == n && end.rests ? penalty.rest : 0.0, P)) return false;
+    if (!eliminate(problem, s, theta.densities, k + 1 == n && end.rests ? penalty.rest : 0.0, P)) return false;
     if (stretched != nullptr) {
       double drag = pulled_by_effort(it, s, stretched->tau);
       for (double& t : stretched->tau) t *= it.effort_share;
       drag *= it.effort_share * it.effort_share;
-      pass(s, *stretched, theta, drag, to);
+      pass(s, *stretched, theta.lengths, drag, to);
       if (k == length->first && !leave(*length, to, P)) return false;
     }
   }

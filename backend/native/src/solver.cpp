@@ -117,13 +117,18 @@ private:
     at_ = (at_ + 1) % memory;
   }
 
-  // The true curvature of the densities where the reduced Hessian is positive definite with it, less of it otherwise.
+  // The true curvature where the reduced Hessian is positive definite with it, less of it otherwise; that of lengths
+  // goes first.
   bool factored() {
     for (const Penalty& penalty : {stiff, soft}) {
       penalty_ = penalty;
-      for (double theta : {1.0, 0.75, 0.5, 0.25, 0.0}) {
-        entry_.theta = theta;
-        if (factor(problem_, it_, penalty_, theta)) return true;
+      for (double share : {1.0, 0.75, 0.5, 0.25}) {
+        entry_.theta = 1.0;
+        if (!it_.lengths.empty() && factor(problem_, it_, penalty_, Theta{1.0, share})) return true;
+      }
+      for (double share : {1.0, 0.75, 0.5, 0.25, 0.0}) {
+        entry_.theta = share;
+        if (factor(problem_, it_, penalty_, Theta{share, 0.0})) return true;
       }
     }
     return false;
@@ -221,7 +226,7 @@ Report solve_given(const Problem& problem, Iterate& it, const Settings& settings
   if (!settings.warm) cold_start(problem, it, settings.barrier);
   Settings at_first = settings;
   at_first.iterations = std::min(settings.iterations, doubtful);
-  const Report first = Run(problem, it, at_first).run();
+  Report first = Run(problem, it, at_first).run();
   if (first.verdict == Verdict::solved || first.verdict == Verdict::out_of_time) return first;
   Report report = feasibility(problem, it, settings);
   if (report.verdict == Verdict::solved) {

@@ -29,6 +29,7 @@ void cold_start(const Problem& problem, Iterate& it, double barrier) {
     total += phase.intervals * phase.h;
   }
   it.stages.assign(n + 1, Stage{});
+  it.stages[n].hold = -1;
   it.touches.assign(touches, Touch{});
   std::fill(it.nu, it.nu + nx, 0.0);
   std::fill(it.nu_rest, it.nu_rest + 3, 0.0);

@@ -72,7 +72,7 @@ inline Problem step(double air_s = 0.0) {
               sole(0.2, -0.09, 0.3)};
   p.visits = {{0, {0.0, 0.0, 0.0}, {1, 0, 0, 0, 1, 0, 0, 0, 1}}, {0, {0.1, 0.0, 0.0}, {0, -1, 0, 1, 0, 0, 0, 0, 1}}};
   const auto phase = [](int intervals, int block, int blocks, int visit, int visits) {
-    return Phase{intervals, 0.1, block, blocks, visit, visits, {-unbounded, unbounded}};
+    return Phase{intervals, 0.1, block, blocks, visit, visits, {-unbounded, unbounded}, -1};
   };
   p.phases = {phase(7, 0, 2, 0, 1), phase(8, 2, 1, 0, 2), phase(10, 3, 2, 1, 1)};
   if (air_s > 0.0) {

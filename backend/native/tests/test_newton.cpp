@@ -75,7 +75,7 @@ void step_closes_the_gaps(const Problem& p) {
   evaluate(p, it);
   const Penalty penalty{1e8, 1e6};
   scale_cones(it);
-  expect(factor(p, it, penalty, 0.0), "the majoriser is convex");
+  expect(factor(p, it, penalty, Theta{0.0, 0.0}), "the majoriser is convex");
   aim(it, 0.5, false);
   direction(p, it, penalty);
   std::vector<double> wrenches;
@@ -86,8 +86,9 @@ void step_closes_the_gaps(const Problem& p) {
   evaluate(p, it);
   for (std::size_t k = 0; k + 1 < it.stages.size(); ++k) {
     for (int i = 0; i < nx; ++i) expect_near(it.stages[k].gap[i], 0.0, 1e-9, "gap after a full step");
-    for (int i = 0; i < nw; ++i)
+    for (int i = 0; i < nw; ++i) {
       expect_near(it.stages[k].w[i], wrenches[k * nw + static_cast<std::size_t>(i)], 1e-8, "wrench");
+    }
   }
   const Ending end = ending(p, it);
   for (double e : end.miss) expect_near(e, 0.0, 1e-3, "the end after a full step");
@@ -166,7 +167,7 @@ void lengths_step(const Problem& given) {
   conditions(p, it);
   const Penalty penalty{1e8, 1e6};
   scale_cones(it);
-  expect(factor(p, it, penalty, 0.0), "Gauss and Newton's part is convex");
+  expect(factor(p, it, penalty, Theta{0.0, 0.0}), "Gauss and Newton's part is convex");
   aim(it, 0.5, false);
   direction(p, it, penalty);
   std::vector<Stage> at = it.stages;
@@ -174,8 +175,9 @@ void lengths_step(const Problem& given) {
   move(it, {small, small});
   evaluate(p, it);
   for (std::size_t k = 0; k + 1 < it.stages.size(); ++k) {
-    for (int i = 0; i < nx; ++i)
+    for (int i = 0; i < nx; ++i) {
       expect_near(it.stages[k].gap[i], (1.0 - small) * at[k].gap[i], 1e-6, "gaps shrink as the step says");
+    }
     for (int i = 0; i < nw; ++i) expect_near(it.stages[k].w[i], at[k].w[i] + small * at[k].dw[i], 1e-9, "wrench");
   }
   double total = total_missed(p, it);

@@ -88,7 +88,7 @@ struct Stage {
   const Phase* phase;
   double h;
   int first_touch, touches;
-  int hold = -1;  // of it.holds; -1: none
+  int hold;  // of it.holds; -1: none
   // Variables and what follows from them.
   double x[nx];
   double w[nw];

@@ -54,7 +54,7 @@ struct Phase {
   int first_block, blocks;
   int first_visit, visits;
   double height[2];  // bounds on c_z at the nodes that begin its intervals, but the first of all; infinite: none
-  int cone = -1;     // of the wrench cones; -1: none
+  int cone;          // of the wrench cones; -1: none
 };
 
 // At rest: x_N = goal and F = (0, 0, 1) in the last interval. Capturable: height and vertical velocity of the goal, no
