@@ -122,10 +122,8 @@ private:
   bool factored() {
     for (const Penalty& penalty : {stiff, soft}) {
       penalty_ = penalty;
-      for (double share : {1.0, 0.75, 0.5, 0.25}) {
-        entry_.theta = 1.0;
-        if (!it_.lengths.empty() && factor(problem_, it_, penalty_, Theta{1.0, share})) return true;
-      }
+      entry_.theta = 1.0;
+      if (!it_.lengths.empty() && factor(problem_, it_, penalty_, Theta{1.0, 1.0})) return true;
       for (double share : {1.0, 0.75, 0.5, 0.25, 0.0}) {
         entry_.theta = share;
         if (factor(problem_, it_, penalty_, Theta{share, 0.0})) return true;
