@@ -116,6 +116,21 @@ def test_finds_the_durations_that_cost_least(durations: FreeDurations, control: 
     assert total(plan) < total(given) + durations.price_per_s * given.time_s[-1] - 1e-3
 
 
+@pytest.mark.parametrize(
+    "settings",
+    [{"terminal": "capturable"}, {"bounds": PathBounds(normal_force_max_n={"left_foot": 400.0})}],
+    ids=str,
+)
+def test_finds_the_durations_with_ends_and_bounds_of_every_kind(settings: dict[str, Any]) -> None:
+    assert_same(rest_to_rest(two_steps(0.4), control=CONES, durations=FreeDurations(0.8, 1.25), **settings))
+
+
+def test_a_flight_may_be_longer_or_shorter() -> None:
+    left, right = foot("left", 0.0), foot("right", 0.0)
+    hop = sequence(phase(0.7, left, right), phase(0.2), phase(1.0, left, right))
+    assert_same(rest_to_rest(hop, control=CONES, durations=FreeDurations(0.8, 1.25)))
+
+
 def test_finds_the_durations_of_the_long_stride() -> None:
     plan = assert_same(bundled("long-stride", control=CONES, durations=FreeDurations()))
     assert plan.iterations <= 60
