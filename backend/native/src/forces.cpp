@@ -92,13 +92,10 @@ void scale_forces(Iterate& it, const Stage& s) {
   for (int b = 0; b < s.touches; ++b) {
     Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
     t.scaling = scaling(t.at);
-    v4 D[6];
-    inverse_square(t.scaling, D);
-    D[0] += s.h * t.block->effort[0];
-    D[3] += s.h * t.block->effort[0];
-    D[5] += s.h * t.block->effort[1];
-    if (t.load >= 0) D[5] += it.loads[static_cast<std::size_t>(t.load)].weight();
-    invert(D, t.D_inverse);
+    const v4 along = splat4(s.h * t.block->effort[0]);
+    v4 normal = splat4(s.h * t.block->effort[1]);
+    if (t.load >= 0) normal += it.loads[static_cast<std::size_t>(t.load)].weight();
+    invert(t.scaling, along, normal, t.D_inverse);
   }
 }
 
@@ -145,6 +142,22 @@ void follow(Iterate& it, const Stage& s, double omega[nw], double dh) {
     inverse_square(t.scaling, E);
     times(E, t.du, t.dz);
     for (int i = 0; i < 3; ++i) t.dz[i] = t.target[i] - t.at.z[i] - t.dz[i];
+  }
+}
+
+void follow_slope(Iterate& it, const Stage& s, const double y[nw]) {
+  for (int b = 0; b < s.touches; ++b) {
+    Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
+    const Block& block = *t.block;
+    const v4 e[3] = {y[0] + y[4] * block.p[2] - y[5] * block.p[1], y[1] + y[5] * block.p[0] - y[3] * block.p[2],
+                     y[2] + y[3] * block.p[1] - y[4] * block.p[0]};
+    for (int i = 0; i < 3; ++i) {
+      t.dz[i] = block.S[i] * e[0] + block.S[3 + i] * e[1] + block.S[6 + i] * e[2];
+      t.dz[i] += s.h * t.effort(i) * (t.at.u[i] + t.du[i]) - t.at.z[i];
+    }
+    if (t.load < 0) continue;
+    const Slack<v4>& load = it.loads[static_cast<std::size_t>(t.load)];
+    t.dz[2] += load.zeta + load.dzeta;
   }
 }
 

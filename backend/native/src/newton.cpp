@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "stridelab_native/costates.hpp"
 #include "stridelab_native/dense.hpp"
 #include "stridelab_native/dynamics.hpp"
 #include "stridelab_native/evaluate.hpp"
@@ -168,6 +169,7 @@ bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, Theta t
   const Ending end = ending(problem, it);
   double P[nx][nx];
   end_hessian(problem, it, end, penalty, theta.densities >= 1.0, P);
+  it.theta = theta.densities;
   it.effort_share = 0.5 * (1.0 + theta.lengths);
   Columns to = columns(problem, penalty);
   for (std::size_t k = n; k-- > 0;) {
@@ -278,6 +280,7 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
     follow(it, s, omega, stretched == nullptr ? 0.0 : it.effort_share * length->dh);
   }
   end_steps(problem, it);
+  if (it.lengths.empty()) follow_costates(problem, it, end, penalty, it.theta);
 }
 
 }  // namespace stridelab

@@ -48,6 +48,36 @@ void of_six(std::mt19937& random) {
 
 }  // namespace
 
+// Of a cone that is closed but for 1e-10: with the same weight on all, D has the eigenvectors of W.
+void almost_closed() {
+  const v4 away = splat4(1e-10);
+  Cones c{};
+  c.u[0] = splat4(0.6);
+  c.u[1] = splat4(0.8);
+  c.u[2] = 1.0 + away;
+  c.z[0] = splat4(-60.0);
+  c.z[1] = splat4(-80.0);
+  c.z[2] = 100.0 + away;
+  const Scaling<v4, 3> s = scaling(c);
+  constexpr double e = 0.1;
+  v4 I[6];
+  invert(s, splat4(e), splat4(e), I);
+  const double f = s.inverse_beta[0] * s.inverse_beta[0];
+  const double size = std::hypot(s.w[0][0], s.w[1][0]);
+  const double stretch = (s.w[2][0] + size) * (s.w[2][0] + size);
+  const double along = 0.5 / (e + f / stretch);
+  const double against = 0.5 / (e + f * stretch);
+  const double d[2] = {s.w[0][0] / size, s.w[1][0] / size};
+  expect(stretch > 1e9, "a cone that is almost closed");
+  expect_near(I[5][0], along + against, 1e-6, "eta, eta");
+  expect_near(I[2][0], (along - against) * d[0], 1e-6, "tau, eta");
+  expect_near(I[4][0], (along - against) * d[1], 1e-6, "tau, eta");
+  for (int i = 0; i < 2; ++i) {
+    const double there = (along + against) * d[i] * d[i] + (1.0 - d[i] * d[i]) / (e + f);
+    expect_near(I[i == 0 ? 0 : 3][0], there, 1e-6, "tau, tau");
+  }
+}
+
 int main() {
   std::mt19937 random(1);
   for (int trial = 0; trial < 1000; ++trial) of_six(random);
@@ -83,7 +113,7 @@ int main() {
     E[0] += 0.1;
     E[3] += 0.1;
     E[5] += 0.2;
-    invert(E, inverse);
+    invert(s, splat4(0.1), splat4(0.2), inverse);
     times(E, a, once);
     times(inverse, once, back);
     for (int i = 0; i < 3; ++i) {
@@ -99,5 +129,6 @@ int main() {
       expect_near(u[2] - std::hypot(u[0], u[1]), 0.0, 1e-5 * (1.0 + far[j]), "the boundary");
     }
   }
+  almost_closed();
   return 0;
 }

@@ -128,22 +128,21 @@ inline void inverse_square(const Scaling<v4, 3>& s, v4* E) {
   E[5] = two * s.w[2] * s.w[2] - f;
 }
 
-// Inverse of a positive definite symmetric matrix by L D L^T.
-inline void invert(const v4* A, v4* I) {
-  const v4 d0 = 1.0 / A[0];
-  const v4 l1 = A[1] * d0;
-  const v4 l2 = A[2] * d0;
-  const v4 d1 = 1.0 / (A[3] - l1 * A[1]);
-  const v4 c = A[4] - l1 * A[2];
-  const v4 l3 = c * d1;
-  const v4 d2 = 1.0 / (A[5] - l2 * A[2] - l3 * c);
-  const v4 m = l1 * l3 - l2;  // L^-1 = [1; -l1 1; m -l3 1]
-  I[0] = d0 + l1 * l1 * d1 + m * m * d2;
-  I[1] = -l1 * d1 - m * l3 * d2;
-  I[2] = m * d2;
-  I[3] = d1 + l3 * l3 * d2;
-  I[4] = -l3 * d2;
-  I[5] = d2;
+// (diag(e, e, e_n) + W^-2)^-1: in the same order. With f = 1 / beta^2, along w_1 and eta its inverse is
+// [e + f + 2 f |w_1|^2, -2 f |w_1| w_0; ., e_n + f + 2 f |w_1|^2], whose determinant has no cancellation:
+//   (e + f) (e_n + f) + 2 f |w_1|^2 (e + e_n)
+inline void invert(const Scaling<v4, 3>& s, v4 e, v4 e_n, v4* I) {
+  const v4 f = s.inverse_beta * s.inverse_beta;
+  const v4 bent = 2.0 * f * across(s.w, s.w);
+  const v4 across_it = 1.0 / (e + f);
+  const v4 g = 2.0 * f / ((e + f) * (e_n + f) + bent * (e + e_n));
+  const v4 k = g * (f - e_n) * across_it;
+  I[0] = across_it + k * s.w[0] * s.w[0];
+  I[1] = k * s.w[0] * s.w[1];
+  I[2] = g * s.w[2] * s.w[0];
+  I[3] = across_it + k * s.w[1] * s.w[1];
+  I[4] = g * s.w[2] * s.w[1];
+  I[5] = g * (e + f + bent) / (2.0 * f);
 }
 
 inline void times(const v4* A, const v4* x, v4* y) {

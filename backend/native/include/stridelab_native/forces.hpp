@@ -17,4 +17,7 @@ double pulled_by_effort(const Iterate& it, const Stage& s, double tau[nw]);
 // du = D^-1 (G^T L^-T omega - g - dh Q u), and dz.
 void follow(Iterate& it, const Stage& s, double omega[nw], double dh);
 
+// dz = S^T y + h Q (u + du) - z for the slope y in the wrench that the step leads to, bounds at its end.
+void follow_slope(Iterate& it, const Stage& s, const double y[nw]);
+
 }  // namespace stridelab
