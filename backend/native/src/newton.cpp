@@ -14,7 +14,8 @@ namespace stridelab {
 namespace {
 
 // Gauss and Newton's H of h w_c |c''|^2 + h w_L |l|^2 in (c, w), l = T - m x F; v follows c with h/2.
-void curvature(const Problem& problem, const Stage& s, double cc[3][3], double cw[3][8], double ww[nw][8]) {
+void curvature(const Problem& problem, const Stage& s, double twist, double cc[3][3], double cw[3][8],
+               double ww[nw][8]) {
   const double wl = 2.0 * s.h * problem.w_momentum;
   const double wc = 2.0 * s.h * problem.w_acceleration * gravity * gravity;
   const double* F = s.w;
@@ -42,18 +43,25 @@ void curvature(const Problem& problem, const Stage& s, double cc[3][3], double c
     cw[i][6] = cw[i][7] = 0.0;
     ww[i][6] = ww[i][7] = ww[3 + i][6] = ww[3 + i][7] = 0.0;
   }
+  for (int i = 0; i < 3; ++i) {  // l . d2 l, d2 l = -dm x dF
+    const int j = (i + 1) % 3;
+    const int k = (i + 2) % 3;
+    const double l = twist * wl * (s.w[3 + i] - (m[j] * F[k] - m[k] * F[j]));
+    cw[j][k] -= l;
+    cw[k][j] += l;
+  }
 }
 
 constexpr int symmetric[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
 
-bool eliminate(const Problem& problem, Stage& s, double theta, double rest, double P[nx][nx]) {
+bool eliminate(const Problem& problem, Stage& s, double theta, double twist, double rest, double P[nx][nx]) {
   const double h = s.h;
   const double half = 0.5 * h * h;
   const double sixth = h * h * h / 6.0;
   double cc[3][3];
   double cw[3][8];
   double R[nw][8];
-  curvature(problem, s, cc, cw, R);
+  curvature(problem, s, twist, cc, cw, R);
   for (int i = 0; i < 3; ++i) R[i][i] += rest;
 
   for (int i = 0; i < nx; ++i) {
@@ -170,6 +178,7 @@ bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, Theta t
   double P[nx][nx];
   end_hessian(problem, it, end, penalty, theta.densities >= 1.0, P);
   it.theta = theta.densities;
+  it.twist = theta.twist;
   it.effort_share = 0.5 * (1.0 + theta.lengths);
   Columns to = columns(problem, penalty);
   for (std::size_t k = n; k-- > 0;) {
@@ -186,7 +195,8 @@ bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, Theta t
       if (k + 1 == length->first + length->intervals) enter(*length, to);
       approach(s, *stretched, P, to);
     }
-    if (!eliminate(problem, s, theta.densities, k + 1 == n && end.rests ? penalty.rest : 0.0, P)) return false;
+    if (!eliminate(problem, s, theta.densities, theta.twist, k + 1 == n && end.rests ? penalty.rest : 0.0, P))
+      return false;
     if (stretched != nullptr) {
       double drag = pulled_by_effort(it, s, stretched->tau);
       for (double& t : stretched->tau) t *= it.effort_share;
@@ -280,7 +290,7 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
     follow(it, s, omega, stretched == nullptr ? 0.0 : it.effort_share * length->dh);
   }
   end_steps(problem, it);
-  if (it.lengths.empty()) follow_costates(problem, it, end, penalty, it.theta);
+  if (it.lengths.empty()) follow_costates(problem, it, end, penalty);
 }
 
 }  // namespace stridelab

@@ -13,7 +13,9 @@ namespace {
 
 constexpr double to_the_boundary = 0.99;
 constexpr double short_step = 0.05;  // below it a corrected step was worth nothing
+constexpr int late = 15;             // iterations after which momenta bend with all their second derivatives
 constexpr int doubtful = 60;         // iterations after which it is asked whether there is a solution at all
+constexpr double reached = 1e-6;     // feasibility at which there is no doubt
 constexpr int memory = 5;            // iterations over which the conditions must make progress
 constexpr double progress = 0.999;
 constexpr double armijo = 1e-4;
@@ -118,15 +120,16 @@ private:
   }
 
   // The true curvature where the reduced Hessian is positive definite with it, less of it otherwise; that of lengths
-  // goes first.
+  // goes first, and that of momenta, which far from a solution leads astray.
   bool factored() {
     for (const Penalty& penalty : {stiff, soft}) {
       penalty_ = penalty;
       entry_.theta = 1.0;
-      if (!it_.lengths.empty() && factor(problem_, it_, penalty_, Theta{1.0, 1.0})) return true;
+      if (!it_.lengths.empty() && factor(problem_, it_, penalty_, Theta{1.0, 1.0, 0.0})) return true;
+      if (report_.iterations >= late && factor(problem_, it_, penalty_, Theta{1.0, 0.0, 1.0})) return true;
       for (double share : {1.0, 0.75, 0.5, 0.25, 0.0}) {
         entry_.theta = share;
-        if (factor(problem_, it_, penalty_, Theta{share, 0.0})) return true;
+        if (factor(problem_, it_, penalty_, Theta{share, 0.0, 0.0})) return true;
       }
     }
     return false;
@@ -226,6 +229,14 @@ Report solve_given(const Problem& problem, Iterate& it, const Settings& settings
   at_first.iterations = std::min(settings.iterations, doubtful);
   Report first = Run(problem, it, at_first).run();
   if (first.verdict == Verdict::solved || first.verdict == Verdict::out_of_time) return first;
+  if (first.verdict == Verdict::out_of_iterations && first.conditions.feasibility < reached) {
+    // It has a motion already, and all it needs is time.
+    Settings rest = settings;
+    rest.iterations = settings.iterations - first.iterations;
+    rest.warm = true;
+    first = joined(first, Run(problem, it, rest).run());
+    if (first.verdict == Verdict::solved || first.verdict == Verdict::out_of_time) return first;
+  }
   Report report = feasibility(problem, it, settings);
   if (report.verdict == Verdict::solved) {
     Settings rest = settings;

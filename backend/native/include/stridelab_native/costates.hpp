@@ -9,7 +9,7 @@
 
 namespace stridelab {
 
-// dz of all points, after dx, dw and du; theta as the factor had it.
-void follow_costates(const Problem& problem, Iterate& it, const Ending& end, const Penalty& penalty, double theta);
+// dz of all points, after dx, dw and du.
+void follow_costates(const Problem& problem, Iterate& it, const Ending& end, const Penalty& penalty);
 
 }  // namespace stridelab

@@ -122,7 +122,8 @@ struct Iterate {
   std::vector<Slack<double>> planes;
   std::vector<Length> lengths;     // empty: all as given
   std::vector<Stretch> stretches;  // as many as intervals where lengths are free
-  double theta = 1.0;              // share of the covariances that the factor has
+  double theta = 1.0;              // shares that the factor has: of the covariances,
+  double twist = 0.0;              // of the momentum's second derivative
   double effort_share = 1.0;       // e: the effort of forces bends as if e Q u were its slope in h
   double nu_total = 0.0;
   double nu[nx] = {};      // multipliers of the end

@@ -14,10 +14,10 @@ namespace stridelab {
 // Scaling of all cones, and D^-1.
 void scale_cones(Iterate& it);
 
-// Shares of the true curvature that may be negative: of the densities' covariances and what else is not squared, and of
-// that with free lengths.
+// Shares of the true curvature that may be negative: of the densities' covariances and what else is not squared, of
+// that with free lengths, and of the momentum's second derivative between c and F.
 struct Theta {
-  double densities, lengths;
+  double densities, lengths, twist;
 };
 
 // Backward recursion; false where it is not convex.
