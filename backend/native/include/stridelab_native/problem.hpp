@@ -39,6 +39,7 @@ struct Block {
   int points;
   double effort[2];   // h/2 (effort[0] |u_t|^2 + effort[1] u_n^2) is the cost of a point
   double normal_max;  // on u_n; infinite: none
+  bool comes, goes;   // of splines: without force at the first, at the last control point of the phase
 };
 
 // The wrench as control, u_c: (F, T) = G u, u = (tau, eta) with eta = 1 for the weight; absent entries have zero
@@ -48,6 +49,7 @@ struct WrenchCone {
   double effort;  // h/2 effort |u|^2 is its cost
 };
 
+// Of splines an interval here is one of the two free control points of an interval between nodes, and h half of it.
 struct Phase {
   int intervals;
   double h;
@@ -76,6 +78,9 @@ struct Freedom {
   double price = 0.0;
 };
 
+// Forces between nodes: constant, or cubic splines.
+enum class Shape { constant, cubic };
+
 struct Problem {
   double w_acceleration = 10.0;  // w_c
   double w_momentum = 10.0;      // w_L (m |g|)^2
@@ -89,6 +94,7 @@ struct Problem {
   std::vector<Phase> phases;
   std::vector<Plane> planes;
   Freedom freedom;
+  Shape shape = Shape::constant;
 };
 
 }  // namespace stridelab
