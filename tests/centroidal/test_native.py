@@ -17,6 +17,7 @@ from stridelab.centroidal.native_input import native_input
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.relaxed import held
 from stridelab.centroidal.solution import NativePoint
 from stridelab.centroidal.solve import solve
 from stridelab.errors import InvalidInput
@@ -207,6 +208,39 @@ def test_what_cannot_be_is_told_with_its_phase() -> None:
     assert plan.solver == "native"  # proved: nobody else is asked
     assert "infeasible" in plan.status
     assert "phase 2" in plan.status
+
+
+def captured_after(push_m_s: tuple[float, float, float], control: Control = CONES) -> CentroidalProblem:
+    """Two steps' first 0.6 s, to be captured, from a push."""
+    walk = RecedingHorizon(problem=rest_to_rest(two_steps(), control=control), horizon_s=0.6)
+    state = State(walk.problem.com_start_m, np.array(push_m_s), np.zeros(3))
+    return walk.horizon(0.0, state)
+
+
+@pytest.mark.parametrize("push_m_s", [(2.5, 0.0, 0.0), (-1.8, -1.8, 0.0)], ids=str)
+@pytest.mark.parametrize("control", [CONES, ContactWrench()], ids=["forces", "wrench"])
+def test_a_push_that_cannot_be_captured_is_proved_to_be(push_m_s: tuple[float, float, float], control: Control) -> None:
+    pushed = captured_after(push_m_s, control)
+    assert pushed.terminal == "capturable"
+    plan = solve(pushed, "native")
+    assert "infeasible" in plan.status
+    assert not held(replace(pushed, control=Pyramids()))
+
+
+def test_what_can_be_captured_is_not_said_to_be_impossible() -> None:
+    rng = np.random.default_rng(0)
+    proved = agreed = 0
+    for _ in range(20):
+        pushed = captured_after(tuple(rng.uniform(-1.5, 1.5, 3)))
+        plan = solve(pushed, "native")
+        possible = held(replace(pushed, control=Pyramids()))  # momentum aside, in smaller cones
+        proved += "infeasible" in plan.status
+        agreed += "infeasible" in plan.status and not possible
+        assert possible or not plan.converged
+        if "infeasible" in plan.status and possible:
+            assert not solve(pushed, "ipopt").converged
+    assert proved > 5
+    assert agreed > 3
 
 
 @pytest.mark.parametrize(

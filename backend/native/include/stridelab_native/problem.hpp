@@ -60,8 +60,9 @@ struct Phase {
 };
 
 // At rest: x_N = goal and F = (0, 0, 1) in the last interval. Capturable: height and vertical velocity of the goal, no
-// angular momentum, and the capture point on the near side of every plane.
-enum class End { rest, capturable };
+// angular momentum, and the capture point on the near side of every plane. Upright: the same without what is not linear,
+// the momentum about the vertical.
+enum class End { rest, capturable, upright };
 
 // normal (c_x, c_y, c'_x, c'_y) <= offset.
 struct Plane {
