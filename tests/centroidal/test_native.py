@@ -231,7 +231,8 @@ def test_what_can_be_captured_is_not_said_to_be_impossible() -> None:
     rng = np.random.default_rng(0)
     proved = agreed = 0
     for _ in range(20):
-        pushed = captured_after(tuple(rng.uniform(-1.5, 1.5, 3)))
+        x, y, z = rng.uniform(-1.5, 1.5, 3).tolist()
+        pushed = captured_after((x, y, z))
         plan = solve(pushed, "native")
         possible = held(replace(pushed, control=Pyramids()))  # momentum aside, in smaller cones
         proved += "infeasible" in plan.status
@@ -267,7 +268,7 @@ def test_auto_leaves_to_casadi_what_it_lacks(problem: CentroidalProblem) -> None
     assert solve(replace(problem, control=CONES)).solver == "native"
 
 
-SPLINES = {"control": CONES, "shape": "cubic"}
+SPLINES: dict[str, Any] = {"control": CONES, "shape": "cubic"}
 
 
 @pytest.mark.parametrize("scenario", ["flat-walk", "long-stride", "six-stairs"])

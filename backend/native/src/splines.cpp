@@ -52,13 +52,25 @@ double gauss_point(int g) { return points[g]; }
 double gauss_weight(int g) { return shares[g]; }
 
 Basis basis(const Spline& spline) {
-  Basis b;
+  Basis b{};
   for (int g = 0; g < n_gauss; ++g) {
     mix(table.at[g], spline.own, b.at[g]);
     mix(table.twice[g], spline.own, b.twice[g]);
   }
   for (int n = 0; n < 3; ++n) mix(table.ends[n], spline.own, b.ends[n]);
   return b;
+}
+
+Instant instant(const Basis& of, int g, double h, const double* x, const double* const (&v)[4]) {
+  Instant now{};
+  const double t = h * points[g];
+  for (int i = 0; i < 3; ++i) now.c[i] = x[i] + t * x[3 + i];
+  now.c[2] -= 0.5 * t * t * gravity;
+  for (int j = 0; j < 4; ++j) {
+    for (int i = 0; i < nw; ++i) now.w[i] += of.at[g][j] * v[j][i];
+    for (int i = 0; i < 3; ++i) now.c[i] += h * h * gravity * of.twice[g][j] * v[j][i];
+  }
+  return now;
 }
 
 void push(const Basis& of, int j, double h, const double* v, double* next) {
@@ -120,14 +132,9 @@ double curved_squares(const Problem& problem, Iterate& it) {
     }
     for (int g = 0; g < n_gauss; ++g) {
       const double at = points[g];
-      double w[nw] = {};
-      double c[3];
-      for (int i = 0; i < 3; ++i)
-        c[i] = s.x[i] + h * at * s.x[3 + i] - (i == 2 ? 0.5 * h * h * at * at * gravity : 0.0);
-      for (int j = 0; j < 4; ++j) {
-        for (int i = 0; i < nw; ++i) w[i] += of.at[g][j] * v[j][i];
-        for (int i = 0; i < 3; ++i) c[i] += h * h * gravity * of.twice[g][j] * v[j][i];
-      }
+      const Instant now = instant(of, g, h, s.x, v);
+      const double* w = now.w;
+      const double* c = now.c;
       const double* F = w;
       const double a[3] = {gravity * F[0], gravity * F[1], gravity * (F[2] - 1.0)};
       const double l[3] = {w[3] - (c[1] * F[2] - c[2] * F[1]), w[4] - (c[2] * F[0] - c[0] * F[2]),

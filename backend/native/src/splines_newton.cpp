@@ -16,8 +16,7 @@ constexpr int width = chosen + kept;
 constexpr int padded = 40;
 constexpr int at_x = chosen;
 constexpr int column[4] = {at_x + nx, at_x + nx + nw, 0, nw};
-constexpr int rows_of_squares = 2 * 3 * n_gauss;
-constexpr int rows_of_all = nx + rows_of_squares;
+constexpr int rows_of_all = nx + 3 * n_gauss;
 
 constexpr int symmetric[3][3] = {{0, 1, 2}, {1, 3, 4}, {2, 4, 5}};
 
@@ -34,7 +33,8 @@ void add(double* row, double a, const double* other, int first) {
   for (int j = first / 8 * 8; j < padded; j += 8) store(row + j, load(row + j) + a * load(other + j));
 }
 
-// The image of the columns in x+, and the squares' Jacobian J, both in omega: J^T J is their curvature.
+// The image of the columns in x+, and the Jacobian J of the momentum's squares, both in omega: J^T J is their
+// curvature.
 void image(const Basis& of, double h, const double* const (&L)[4], double (&G)[rows_of_all][padded]) {
   for (int i = 0; i < 3; ++i) {
     G[i][at_x + i] = G[3 + i][at_x + 3 + i] = G[6 + i][at_x + 6 + i] = 1.0;
@@ -62,25 +62,18 @@ void image(const Basis& of, double h, const double* const (&L)[4], double (&G)[r
   }
 }
 
-void squares(const Problem& problem, const Stage& s, const double* const (&v)[4], const Basis& of,
-             const double* const (&L)[4], double (&J)[rows_of_all][padded]) {
+void momentum(const Problem& problem, const Stage& s, const double* const (&v)[4], const Basis& of,
+              const double* const (&L)[4], double (&J)[rows_of_all][padded]) {
   const double h = 2.0 * s.h;
   for (int g = 0; g < n_gauss; ++g) {
     const double at = gauss_point(g);
-    const double wc = gravity * std::sqrt(2.0 * h * gauss_weight(g) * problem.w_acceleration);
     const double wl = std::sqrt(2.0 * h * gauss_weight(g) * problem.w_momentum);
-    double F[3] = {};
-    double c[3];
-    for (int i = 0; i < 3; ++i) c[i] = s.x[i] + h * at * s.x[3 + i] - (i == 2 ? 0.5 * h * h * at * at * gravity : 0.0);
-    for (int j = 0; j < 4; ++j) {
-      for (int i = 0; i < 3; ++i) {
-        F[i] += of.at[g][j] * v[j][i];
-        c[i] += h * h * gravity * of.twice[g][j] * v[j][i];
-      }
-    }
+    const Instant now = instant(of, g, h, s.x, v);
+    const double* F = now.w;
+    const double* c = now.c;
     const double Fx[3][3] = {{0, -F[2], F[1]}, {F[2], 0, -F[0]}, {-F[1], F[0], 0}};
     const double cx[3][3] = {{0, -c[2], c[1]}, {c[2], 0, -c[0]}, {-c[1], c[0], 0}};
-    double (*row)[padded] = J + nx + 6 * g;
+    double (*row)[padded] = J + nx + 3 * g;
     for (int i = 0; i < 3; ++i) {
       for (int b = 0; b < 3; ++b) {
         row[i][at_x + b] = wl * Fx[i][b];
@@ -94,7 +87,26 @@ void squares(const Problem& problem, const Stage& s, const double* const (&v)[4]
         for (int a = 0; a < nw; ++a) {
           row[i][column[j] + a] =
               to_F[0] * L[j][a] + to_F[1] * L[j][8 + a] + to_F[2] * L[j][16 + a] + phi * L[j][8 * (3 + i) + a];
-          row[3 + i][column[j] + a] = wc * of.at[g][j] * L[j][8 * i + a];
+        }
+      }
+    }
+  }
+}
+
+// Curvature of the squares of c'', which forces alone make.
+void acceleration(const Problem& problem, double h, const Basis& of, const double* const (&L)[4],
+                  double (&H)[padded][padded]) {
+  for (int j = 0; j < 4; ++j) {
+    for (int l = 0; l < 4; ++l) {
+      if (column[l] < column[j]) continue;
+      double weight = 0.0;
+      for (int g = 0; g < n_gauss; ++g) weight += gauss_weight(g) * of.at[g][j] * of.at[g][l];
+      weight *= 2.0 * h * problem.w_acceleration * gravity * gravity;
+      for (int a = 0; a < 3; ++a) {  // F is of the first three of omega
+        for (int b = 0; b < 3; ++b) {
+          double both = 0.0;
+          for (int i = 0; i < 3; ++i) both += L[j][8 * i + a] * L[l][8 * i + b];
+          H[column[j] + a][column[l] + b] += weight * both;
         }
       }
     }
@@ -106,7 +118,8 @@ template <int first>
 void product(const double (&G)[rows_of_all][padded], const double (&B)[rows_of_all][padded],
              double (&H)[padded][padded]) {
   constexpr int blocks = padded / 8 - first;
-  for (int i = 8 * first; i < 8 * first + 8 && i < width; i += 2) {
+  constexpr int end = first < 4 ? 8 * first + 8 : width;
+  for (int i = 8 * first; i < end; i += 2) {
     v8 one[blocks];
     v8 two[blocks];
     for (int b = 0; b < blocks; ++b) {
@@ -180,7 +193,8 @@ bool factor_splines(const Problem& problem, Iterate& it, const Penalty& penalty,
     alignas(64) double B[rows_of_all][padded];
     alignas(64) double H[padded][padded] = {};
     image(of, 2.0 * s.h, L, G);
-    squares(problem, s, v, of, L, G);
+    momentum(problem, s, v, of, L, G);
+    acceleration(problem, 2.0 * s.h, of, L, H);
     for (int r = nx; r < rows_of_all; ++r) std::copy(G[r], G[r] + padded, B[r]);
     // With P of (x+, chosen): G^T P_xx G, and G^T P_xc on either side.
     for (int i = 0; i < nx; ++i) {
@@ -188,7 +202,7 @@ bool factor_splines(const Problem& problem, Iterate& it, const Penalty& penalty,
       for (int r = 0; r < nx; ++r) add(B[i], P[i][r], G[r], 0);
     }
     for (int i = 0; i < chosen; ++i) {
-      for (int j = i; j < chosen; ++j) H[i][j] = P[nx + i][nx + j];
+      for (int j = i; j < chosen; ++j) H[i][j] += P[nx + i][nx + j];
       for (int r = 0; r < nx; ++r) add(H[i], P[r][nx + i], G[r], i);
       H[i][i] += 1.0;
     }

@@ -37,9 +37,9 @@ struct Block {
   v4 p[3];
   v4 real;  // 1 for a point, 0 for padding
   int points;
+  bool comes, goes;   // of splines: without force at the first, at the last control point of the phase
   double effort[2];   // h/2 (effort[0] |u_t|^2 + effort[1] u_n^2) is the cost of a point
   double normal_max;  // on u_n; infinite: none
-  bool comes, goes;   // of splines: without force at the first, at the last control point of the phase
 };
 
 // The wrench as control, u_c: (F, T) = G u, u = (tau, eta) with eta = 1 for the weight; absent entries have zero
@@ -60,8 +60,8 @@ struct Phase {
 };
 
 // At rest: x_N = goal and F = (0, 0, 1) in the last interval. Capturable: height and vertical velocity of the goal, no
-// angular momentum, and the capture point on the near side of every plane. Upright: the same without what is not linear,
-// the momentum about the vertical.
+// angular momentum, and the capture point on the near side of every plane. Upright: the same without what is not
+// linear, the momentum about the vertical.
 enum class End { rest, capturable, upright };
 
 // normal (c_x, c_y, c'_x, c'_y) <= offset.

@@ -24,6 +24,13 @@ double gauss_point(int g);
 double gauss_weight(int g);
 Basis basis(const Spline& spline);
 
+// Wrench and CoM at a point of Gauss of an interval that begins at x.
+struct Instant {
+  double w[nw], c[3];
+};
+
+Instant instant(const Basis& of, int g, double h, const double* x, const double* const (&v)[4]);
+
 // Adds B_j v to x+; A^T l to to_x is that of constants.
 void push(const Basis& of, int j, double h, const double* v, double* next);
 // Adds B_j^T l.
