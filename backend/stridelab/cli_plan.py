@@ -53,8 +53,9 @@ class PlanRequest:
         if self.time_limit_s is not None and not 0.0 < self.time_limit_s <= TIME_LIMIT_S:
             fault = Fault("--time-limit", f"must be above 0 and at most {TIME_LIMIT_S:.0f} s")
             raise InvalidInput("option-invalid", f"A solver cannot be given {self.time_limit_s:g} s.", [fault])
-        if self.free_durations and (self.solver == "fatrop" or self.formulation == "circular-cones"):
-            fault = Fault("--free-durations", "is for ipopt, with forces or wrench")
+        cones = self.formulation == "circular-cones" and self.solver not in ("auto", "native")
+        if self.free_durations and (self.solver == "fatrop" or cones):
+            fault = Fault("--free-durations", "is for the C++ solver, or for ipopt with forces or wrench")
             named = "fatrop" if self.solver == "fatrop" else "circular cones"
             raise InvalidInput("option-invalid", f"Durations cannot be chosen with {named}.", [fault])
         if self.shape == "cubic" and (self.formulation == "wrench" or self.free_durations):

@@ -17,6 +17,7 @@ from stridelab.centroidal.native_input import native_input
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.relaxed import held
 from stridelab.centroidal.solution import NativePoint
 from stridelab.centroidal.solve import solve
 from stridelab.errors import InvalidInput
@@ -209,11 +210,44 @@ def test_what_cannot_be_is_told_with_its_phase() -> None:
     assert "phase 2" in plan.status
 
 
+def captured_after(push_m_s: tuple[float, float, float], control: Control = CONES) -> CentroidalProblem:
+    """Two steps' first 0.6 s, to be captured, from a push."""
+    walk = RecedingHorizon(problem=rest_to_rest(two_steps(), control=control), horizon_s=0.6)
+    state = State(walk.problem.com_start_m, np.array(push_m_s), np.zeros(3))
+    return walk.horizon(0.0, state)
+
+
+@pytest.mark.parametrize("push_m_s", [(2.5, 0.0, 0.0), (-1.8, -1.8, 0.0)], ids=str)
+@pytest.mark.parametrize("control", [CONES, ContactWrench()], ids=["forces", "wrench"])
+def test_a_push_that_cannot_be_captured_is_proved_to_be(push_m_s: tuple[float, float, float], control: Control) -> None:
+    pushed = captured_after(push_m_s, control)
+    assert pushed.terminal == "capturable"
+    plan = solve(pushed, "native")
+    assert "infeasible" in plan.status
+    assert not held(replace(pushed, control=Pyramids()))
+
+
+def test_what_can_be_captured_is_not_said_to_be_impossible() -> None:
+    rng = np.random.default_rng(0)
+    proved = agreed = 0
+    for _ in range(20):
+        x, y, z = rng.uniform(-1.5, 1.5, 3).tolist()
+        pushed = captured_after((x, y, z))
+        plan = solve(pushed, "native")
+        possible = held(replace(pushed, control=Pyramids()))  # momentum aside, in smaller cones
+        proved += "infeasible" in plan.status
+        agreed += "infeasible" in plan.status and not possible
+        assert possible or not plan.converged
+        if "infeasible" in plan.status and possible:
+            assert not solve(pushed, "ipopt").converged
+    assert proved > 5
+    assert agreed > 3
+
+
 @pytest.mark.parametrize(
     ("settings", "named"),
     [
         ({"control": Pyramids()}, "pyramids"),
-        ({"control": CONES, "shape": "cubic"}, "continuous forces"),
         ({"control": CONES, "placements": FreePlacements()}, "free placements"),
     ],
     ids=str,
@@ -232,6 +266,58 @@ def test_what_it_lacks_is_refused_by_name_and_left_to_casadi(
 def test_auto_leaves_to_casadi_what_it_lacks(problem: CentroidalProblem) -> None:
     assert solve(problem).solver == "ipopt"
     assert solve(replace(problem, control=CONES)).solver == "native"
+
+
+SPLINES: dict[str, Any] = {"control": CONES, "shape": "cubic"}
+
+
+@pytest.mark.parametrize("scenario", ["flat-walk", "long-stride", "six-stairs"])
+def test_finds_the_splines_of_the_experiments(scenario: str) -> None:
+    plan = assert_same(bundled(scenario, **SPLINES))
+    assert plan.iterations <= 25
+    for curve in plan.curves_n.values():
+        assert curve[1:, 0] == pytest.approx(curve[:-1, 3], abs=1e-9)  # no force jumps
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"terminal": "capturable"},
+        {"bounds": PathBounds(com_height_m=(0.80, 0.864))},
+        {"bounds": PathBounds(normal_force_max_n={"right_hand": 15.0, "left_foot": 400.0})},
+        {"start": Start(np.array([0.1, 0.02, 0.0]), np.array([0.0, 1.0, 0.0]))},
+        {"node_rate_hz": 20.0},
+    ],
+    ids=str,
+)
+def test_finds_splines_with_a_hand_and_of_every_kind(problem: CentroidalProblem, settings: dict[str, Any]) -> None:
+    assert_same(replace(problem, **SPLINES, **settings))
+
+
+def test_splines_of_intervals_of_different_lengths() -> None:
+    left, right, ahead = foot("left", 0.0), foot("right", 0.0), foot("right", 0.25)
+    uneven = sequence(phase(0.53, left, right), phase(0.77, left), phase(0.61, left, ahead))
+    assert_same(rest_to_rest(uneven, **SPLINES))
+
+
+def test_splines_that_cannot_be_are_told() -> None:
+    near = phase(0.05, foot("left", 0.0), foot("right", 0.0))
+    far = phase(0.05, foot("left", 1.0), foot("right", 1.0))
+    plan = solve(rest_to_rest(sequence(near, far), **SPLINES), "native")
+    assert not plan.converged
+    assert "infeasible" in plan.status
+
+
+def test_splines_start_from_other_plans(problem: CentroidalProblem) -> None:
+    asked = replace(problem, **SPLINES)
+    cold = solve(asked, "native")
+    warm = solve(asked, "native", start=carried(cold, asked))
+    assert warm.converged
+    assert warm.iterations < cold.iterations
+    steps = solve(replace(problem, control=CONES), "native")
+    assert solve(asked, "native", start=carried(steps, asked)).converged
+    stepped = replace(asked, shape="constant")
+    assert solve(stepped, "native", start=carried(cold, stepped)).converged
 
 
 def test_a_start_near_the_solution_is_worth_iterations(problem: CentroidalProblem) -> None:

@@ -27,10 +27,20 @@ Ending ending(const Problem& problem, const Iterate& it) {
     for (int i = 0; i < 3; ++i) e.rest[i] = it.stages[n - 1].w[i] - (i == 2 ? 1.0 : 0.0);
     return e;
   }
-  e.rows = 5;
+  e.rows = problem.end == End::upright ? 4 : 5;
   e.miss[0] = x[2] - goal[2];
   e.miss[1] = x[5] - goal[5];
   e.J[0][2] = e.J[1][5] = 1.0;
+  if (problem.end == End::upright) {  // with c_z and c'_z of the goal, c x c' is linear across the vertical
+    e.miss[2] = x[6] - (x[1] * goal[5] - goal[2] * x[4]) / gravity;
+    e.miss[3] = x[7] - (goal[2] * x[3] - x[0] * goal[5]) / gravity;
+    e.J[2][6] = e.J[3][7] = 1.0;
+    e.J[2][4] = goal[2] / gravity;
+    e.J[3][3] = -goal[2] / gravity;
+    e.J[2][1] = -goal[5] / gravity;
+    e.J[3][0] = goal[5] / gravity;
+    return e;
+  }
   // L_c / (m g) = K - c x c' / g
   const double* c = x;
   const double* v = x + 3;
@@ -55,7 +65,7 @@ void end_hessian(const Problem& problem, const Iterate& it, const Ending& end, c
       for (int r = 0; r < end.rows; ++r) P[i][j] += penalty.end * end.J[r][i] * end.J[r][j];
     }
   }
-  for (int i = 0; bends && !end.rests && i < 3; ++i) {  // -nu . (c x c') / g
+  for (int i = 0; bends && problem.end == End::capturable && i < 3; ++i) {  // -nu . (c x c') / g
     const int j = (i + 1) % 3;
     const int k = (i + 2) % 3;
     const double curve = it.nu[2 + i] / gravity;

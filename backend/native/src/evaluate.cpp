@@ -7,6 +7,7 @@
 #include "stridelab_native/ending.hpp"
 #include "stridelab_native/hold.hpp"
 #include "stridelab_native/lengths.hpp"
+#include "stridelab_native/splines.hpp"
 
 namespace stridelab {
 namespace {
@@ -99,15 +100,36 @@ void bounds(const Problem& problem, Iterate& it) {
   }
 }
 
+// Slopes y and costates of all stages from the costate of the end.
+void pull_all(const Problem& problem, Iterate& it, double costate[nx]) {
+  if (problem.shape == Shape::cubic) return pull_splines(it, costate);
+  for (std::size_t k = it.stages.size() - 1; k-- > 0;) {
+    Stage& s = it.stages[k];
+    std::copy(costate, costate + nx, s.costate);
+    double to_x[nx];
+    pull_back(s.h, costate, to_x, s.y);
+    for (int i = 0; i < nw; ++i) s.y[i] += s.r[i];
+    for (int i = 0; i < nx; ++i) costate[i] = s.q[i] + to_x[i];
+    if (s.bounded) costate[2] += s.high.zeta - s.low.zeta;
+  }
+}
+
 }  // namespace
 
 double evaluate(const Problem& problem, Iterate& it) {
   double cost = 0.0;
   const std::size_t n = it.stages.size() - 1;
+  const bool curved = problem.shape == Shape::cubic;
+  const double nodes = curved ? 2.0 : 1.0;  // stages per node
   for (std::size_t k = 0; k <= n; ++k) {
     Stage& s = it.stages[k];
     s.bend = Bend{};
-    if (k < n) {
+    if (curved) {
+      if (k < n) cost += wrench(it, s);
+      std::fill(s.q, s.q + nx, 0.0);
+      std::fill(s.r, s.r + nw, 0.0);
+      if (k % 2 == 1) continue;
+    } else if (k < n) {
       cost += wrench(it, s) + squares(problem, s);
       advance(s.h, s.x, s.w, s.gap);
       for (int i = 0; i < nx; ++i) s.gap[i] -= it.stages[k + 1].x[i];
@@ -116,10 +138,11 @@ double evaluate(const Problem& problem, Iterate& it) {
     }
     const Phase* before = k > 0 ? it.stages[k - 1].phase : nullptr;
     const bool first = s.phase != before;
-    if (first && before != nullptr) cost += densities(problem, *before, 0.5, it.stages[k - 1].h, s, s.before);
-    if (s.phase != nullptr) cost += densities(problem, *s.phase, first ? 0.5 : 1.0, s.h, s, s.own);
+    if (first && before != nullptr) cost += densities(problem, *before, 0.5 * nodes, it.stages[k - 1].h, s, s.before);
+    if (s.phase != nullptr) cost += densities(problem, *s.phase, (first ? 0.5 : 1.0) * nodes, s.h, s, s.own);
     for (int i = 0; i < 3; ++i) s.q[i] += s.bend.gradient[i];
   }
+  if (curved) cost += curved_squares(problem, it);
   for (Length& l : it.lengths) {
     const double* per_h = it.stages[l.first + l.intervals].before;
     const auto all = static_cast<double>(l.intervals);
@@ -156,21 +179,12 @@ Conditions conditions(const Problem& problem, Iterate& it) {
   v4 worst = {};
   v4 most = {};
   v4 total = {};
+  pull_all(problem, it, costate);
+  for (int i = 0; end.rests && i < 3; ++i) it.stages[n - 1].y[i] += it.nu_rest[i];
   for (std::size_t k = n; k-- > 0;) {
     Stage& s = it.stages[k];
-    std::copy(costate, costate + nx, s.costate);
-    double to_x[nx];
-    double y[nw];
-    pull_back(s.h, costate, to_x, y);
-    for (int i = 0; i < nw; ++i) y[i] += s.r[i];
-    if (k + 1 == n && end.rests) {
-      for (int i = 0; i < 3; ++i) y[i] += it.nu_rest[i];
-    }
-    for (int i = 0; i < nx; ++i) {
-      costate[i] = s.q[i] + to_x[i];
-      c.feasibility = std::max(c.feasibility, std::fabs(s.gap[i]));
-    }
-    if (s.bounded) costate[2] += s.high.zeta - s.low.zeta;
+    const double* y = s.y;
+    for (double missed : s.gap) c.feasibility = std::max(c.feasibility, std::fabs(missed));
     for (int b = 0; b < s.touches; ++b) {
       const Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
       const Block& block = *t.block;

@@ -19,11 +19,13 @@ struct Proof {
   std::size_t stage;
 };
 
+// With y of all stages, the slopes along wrenches that `conditions` leaves: the problem has no cost.
 Proof proof(const Problem& problem, const Iterate& it) {
-  if (problem.end != End::rest) return {false, 0};  // its momentum is not linear
+  const Ending end = ending(problem, it);
   double size = 0.0;
   for (double v : it.nu) size += v * v;
   for (double v : it.nu_rest) size += v * v;
+  for (const auto& plane : it.planes) size += plane.zeta * plane.zeta;
   size = std::sqrt(size);
   if (!(size > 0.0)) return {false, 0};
   const std::size_t n = it.stages.size() - 1;
@@ -31,7 +33,7 @@ Proof proof(const Problem& problem, const Iterate& it) {
   double x[nx];
   double next[nx];
   const double none[nw] = {};
-  double value = -it.nu_rest[2] / size;
+  double value = end.rests ? -it.nu_rest[2] / size : 0.0;
   for (int i = 0; i < nx; ++i) x[i] = problem.start[static_cast<std::size_t>(i)];
   for (std::size_t k = 0; k < n; ++k) {
     const Stage& s = it.stages[k];
@@ -41,21 +43,22 @@ Proof proof(const Problem& problem, const Iterate& it) {
     advance(s.h, x, none, next);
     std::copy(next, next + nx, x);
   }
-  for (int i = 0; i < nx; ++i) value += it.nu[i] / size * (x[i] - problem.goal[static_cast<std::size_t>(i)]);
+  for (int r = 0; r < end.rows; ++r) {
+    double miss = end.miss[r];
+    for (int i = 0; i < nx; ++i) miss += end.J[r][i] * (x[i] - it.stages[n].x[i]);
+    value += it.nu[r] / size * miss;
+  }
+  for (std::size_t a = 0; a < it.planes.size(); ++a) {
+    value += it.planes[a].zeta / size * (capture(problem.planes[a], x) - problem.planes[a].offset);
+  }
   // What forces could do about it.
-  double l[nx];
-  for (int i = 0; i < nx; ++i) l[i] = it.nu[i] / size;
   double lost = 0.0;
   double hardest = 1e-6;
   std::size_t where = n - 1;
   for (std::size_t k = n; k-- > 0;) {
     const Stage& s = it.stages[k];
-    double to_x[nx];
     double y[nw];
-    pull_back(s.h, l, to_x, y);
-    if (k + 1 == n) {
-      for (int i = 0; i < 3; ++i) y[i] += it.nu_rest[i] / size;
-    }
+    for (int i = 0; i < nw; ++i) y[i] = s.y[i] / size;
     double pull = 0.0;
     for (int b = 0; b < s.touches; ++b) {
       const Block& block = *it.touches[static_cast<std::size_t>(s.first_touch + b)].block;
@@ -83,8 +86,6 @@ Proof proof(const Problem& problem, const Iterate& it) {
       hardest = pull;
       where = k;
     }
-    std::copy(to_x, to_x + nx, l);
-    if (s.bounded) l[2] += (s.high.zeta - s.low.zeta) / size;
   }
   return {value > 0.0 && lost < 0.5 * value, where};
 }
@@ -94,6 +95,7 @@ Proof proof(const Problem& problem, const Iterate& it) {
 Report feasibility(const Problem& problem, Iterate& it, const Settings& settings) {
   Problem least = problem;
   least.w_acceleration = least.w_momentum = least.w_likelihood = 0.0;
+  if (least.end == End::capturable) least.end = End::upright;
   for (Block& b : least.blocks) b.effort[0] = b.effort[1] = 2.0;
   for (WrenchCone& cone : least.cones) cone.effort = 2.0;
   cold_start(least, it, 1.0);
@@ -143,7 +145,7 @@ Report feasibility(const Problem& problem, Iterate& it, const Settings& settings
     direction(least, it, elastic);
     by = longest_steps(it);
     by = {std::min(1.0, 0.99 * by.primal), std::min(1.0, 0.99 * by.dual)};
-    move_multipliers(least, it, elastic, by.primal);
+    move_multipliers(least, it, elastic, by.dual);
     move(it, by);
   }
   // The start of the whole problem: its own blocks, multipliers of a barrier of one.

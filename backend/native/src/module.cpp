@@ -89,7 +89,8 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
                             const Reals3& block_S, const Reals3& block_points, const Ints1& block_count,
                             const Reals2& block_effort, const Reals1& block_most, const Ints2& phase_layout,
                             const Reals1& phase_h, const Reals2& phase_height, bool capturable, const Reals2& planes,
-                            const Reals3& wrench_cones, const Ints1& phase_cone, const Reals1& freedom) {
+                            const Reals3& wrench_cones, const Ints1& phase_cone, const Reals1& freedom,
+                            const Ints2& block_edges, bool cubic) {
   auto held = std::make_unique<Held>();
   Problem& p = held->problem;
   require(weights.size() == 3, "weights are those of acceleration, momentum rate and likelihood");
@@ -130,6 +131,7 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
               block_points.shape(0) == n_blocks && block_points.shape(1) == 4 && block_points.shape(2) == 3 &&
               block_effort.shape(0) == n_blocks && block_effort.shape(1) == 2,
           "blocks have S (3, 3), points (4, 3) and two weights");
+  require(block_edges.shape(0) == n_blocks && block_edges.shape(1) == 2, "blocks come and go, or stay");
   require(block_most.size() == n_blocks, "blocks have a bound on their normal forces");
   finite(block_S, "frames of contacts");
   finite(block_points, "contact points");
@@ -148,6 +150,8 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
     b.effort[1] = block_effort(i, 1);
     b.normal_max = block_most(i);
     require(b.normal_max > 0.0, "bounds on normal forces are positive");
+    b.comes = block_edges(i, 0) != 0;
+    b.goes = block_edges(i, 1) != 0;
     p.blocks.push_back(b);
   }
   require(freedom.size() == 0 || freedom.size() == 4, "freedom is shortest, longest, total and price");
@@ -157,6 +161,8 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
                 std::isfinite(freedom(1) + freedom(3)) && freedom(2) > 0.0 && freedom(3) >= 0.0,
             "free lengths lie around those given");
   }
+  p.shape = cubic ? Shape::cubic : Shape::constant;
+  require(!cubic || freedom.size() == 0, "of splines the lengths are given");
   require(phase_layout.shape(0) == phase_h.size() && phase_layout.shape(1) == 5 && phase_h.size() > 0,
           "phases have (intervals, first block, blocks, first visit, visits) and a length of interval");
   finite(phase_h, "lengths of intervals");
@@ -188,6 +194,7 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
     f.height[0] = phase_height(i, 0);
     f.height[1] = phase_height(i, 1);
     require(f.height[0] < f.height[1], "bounds on heights leave something");
+    require(!cubic || f.intervals % 2 == 0, "an interval has two control points of splines");
     require(f.intervals > 0 && f.h > 0.0, "every phase takes some time");
     require(f.first_block >= 0 && f.blocks >= 0 && static_cast<std::size_t>(f.first_block + f.blocks) <= n_blocks,
             "blocks of a phase exist");
@@ -195,6 +202,7 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
             "visits of a phase exist");
     f.cone = phase_cone(i);
     require(f.cone >= -1 && f.cone < static_cast<int>(p.cones.size()), "wrench cones of a phase exist");
+    require(!cubic || f.cone < 0, "splines are of forces");
     p.phases.push_back(f);
   }
   return held;
@@ -322,7 +330,7 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
 
 NB_MODULE(_native, module) {
   module.attr("__version__") = "0.1.0";
-  module.attr("INTERFACE") = 2;
+  module.attr("INTERFACE") = 3;
   nb::class_<Held>(module, "Problem")
       .def("begin", &begin, "x"_a, "u"_a, "z"_a, "wrench_u"_a, "wrench_z"_a, "phase_h"_a)
       .def("solve", &run, "iterations"_a, "seconds"_a, "tolerance"_a, "gap"_a, "warm"_a);

@@ -9,6 +9,7 @@
 #include "stridelab_native/forces.hpp"
 #include "stridelab_native/hold.hpp"
 #include "stridelab_native/lengths.hpp"
+#include "stridelab_native/splines.hpp"
 
 namespace stridelab {
 namespace {
@@ -173,6 +174,7 @@ void scale_cones(Iterate& it) {
 }
 
 bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, Theta theta) {
+  if (problem.shape == Shape::cubic) return factor_splines(problem, it, penalty, theta.densities);
   const std::size_t n = it.stages.size() - 1;
   const Ending end = ending(problem, it);
   double P[nx][nx];
@@ -209,6 +211,7 @@ bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, Theta t
 }
 
 void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
+  if (problem.shape == Shape::cubic) return direct_splines(problem, it, penalty);
   const std::size_t n = it.stages.size() - 1;
   const Ending end = ending(problem, it);
   double p[nx];

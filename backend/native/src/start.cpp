@@ -2,6 +2,7 @@
 #include <cmath>
 
 #include "stridelab_native/solver.hpp"
+#include "stridelab_native/splines.hpp"
 
 namespace stridelab {
 namespace {
@@ -50,22 +51,28 @@ void cold_start(const Problem& problem, Iterate& it, double barrier) {
       s.phase = &phase;
       s.h = phase.h;
       s.first_touch = slot;
-      s.touches = phase.blocks;
       s.hold = phase.cone < 0 ? -1 : static_cast<int>(it.holds.size());
       if (s.hold >= 0) it.holds.push_back(upright(problem.cones[static_cast<std::size_t>(phase.cone)], barrier));
-      s.bounded = k > 0 && (std::isfinite(phase.height[0]) || std::isfinite(phase.height[1]));
+      const bool node = problem.shape == Shape::constant || k % 2 == 0;
+      s.bounded = k > 0 && node && (std::isfinite(phase.height[0]) || std::isfinite(phase.height[1]));
       for (int c = 0; c < 3; ++c) s.x[c] = time / total * problem.goal[static_cast<std::size_t>(c)];
       time += phase.h;
-      for (int b = 0; b < phase.blocks; ++b, ++slot) {
-        Touch& t = it.touches[static_cast<std::size_t>(slot)];
-        t.block = &problem.blocks[static_cast<std::size_t>(phase.first_block + b)];
+      for (int b = 0; b < phase.blocks; ++b) {
+        const Block& block = problem.blocks[static_cast<std::size_t>(phase.first_block + b)];
+        if ((block.comes && i == 0) || (block.goes && i + 1 == phase.intervals)) continue;
+        Touch& t = it.touches[static_cast<std::size_t>(slot++)];
+        t.block = &block;
         const double share = 1.0 / points;
         t.at.u[2] = splat4(share);
         t.at.z[2] = splat4(barrier / share);
         t.load = std::isfinite(t.block->normal_max) ? loads++ : -1;
       }
+      s.touches = slot - s.first_touch;
     }
   }
+  it.touches.resize(static_cast<std::size_t>(slot));
+  it.splines.clear();
+  if (problem.shape == Shape::cubic) join(it);
   it.loads.assign(static_cast<std::size_t>(loads), Slack<v4>{});
   it.planes.assign(problem.planes.size(), Slack<double>{});
   for (int i = 0; i < nx; ++i) it.stages[n].x[i] = problem.goal[static_cast<std::size_t>(i)];

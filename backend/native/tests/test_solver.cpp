@@ -49,6 +49,14 @@ void captured() {
   const double* x = it.stages.back().x;
   expect_near(x[2], 0.0, 1e-9, "height of the end");
   expect_near(x[8], (x[0] * x[4] - x[1] * x[3]) / gravity, 1e-9, "momentum of the end");
+  p.start[3] = 40.0;
+  expect(solve(p, it, Settings{}).verdict == Verdict::infeasible, "40 m/s cannot be captured in 2.5 s");
+  for (Phase& f : p.phases) {
+    f.height[0] = -0.05;
+    f.height[1] = 0.05;
+  }
+  p.start[3] = 8.0;
+  expect(solve(p, it, Settings{}).verdict == Verdict::infeasible, "nor 8 m/s at this height");
 }
 
 void free_lengths_cost_less() {

@@ -19,7 +19,7 @@ from stridelab.centroidal.problem import CentroidalProblem
 MODULE: Final = "stridelab_native"
 FOLDER: Final = "STRIDELAB_NATIVE_PATH"
 """Environment variable that names the folder in which the package lies."""
-INTERFACE: Final = 2
+INTERFACE: Final = 3
 """What the module must say of itself; another number is another build's."""
 
 
@@ -58,7 +58,6 @@ def lacks(problem: CentroidalProblem) -> str | None:
     """What of a problem the C++ solver does not do, as a phrase; None where it does all of it."""
     wants = [
         ("pyramids in place of friction cones", isinstance(problem.control, Pyramids)),
-        ("continuous forces", problem.shape != "constant"),
         ("free placements", problem.placements is not None),
     ]
     missing = [words for words, wanted in wants if wanted]

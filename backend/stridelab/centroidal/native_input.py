@@ -4,10 +4,11 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from stridelab.centroidal.control import Touch
 from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.spline import INNER, comes_and_goes
 from stridelab.centroidal.transcription import capture_of, ground_m
 from stridelab.dynamics.placement import Placement
 from stridelab.reachability.mixture import Mixture
@@ -51,18 +52,29 @@ class NativeInput:
     wrench_cones: Float[np.ndarray, "cones 6 6"]
     phase_cone: Int[np.ndarray, "phases"]
     freedom: Float[np.ndarray, "_"]
+    block_edges: Int[np.ndarray, "blocks 2"]
+    cubic: bool
     slots: tuple[tuple[Slot, ...], ...]
 
     def arguments(self) -> list[object]:
         """As the module takes them."""
         return [value for name, value in vars(self).items() if name != "slots"]
 
+    def present(self, phase: int) -> Bool[np.ndarray, "controls blocks"]:
+        """Which blocks of a phase have forces, one control point after the other: one per interval, two of splines."""
+        controls, first, blocks = self.phase_layout[phase, :3].tolist()
+        there = np.ones((controls, blocks), dtype=bool)
+        edges = self.block_edges[first : first + blocks].astype(bool)
+        there[0, edges[:, 0]] = False
+        there[-1, edges[:, 1]] = False
+        return there
+
 
 def native_input(problem: CentroidalProblem) -> NativeInput:
     """The arrays of a problem."""
     grid, origin, sequence, weights = problem.grid(), problem.com_start_m, problem.sequence, problem.weights
     names = [name for name in sequence.effectors if name in problem.proxies]
-    intervals = np.bincount(grid.phase).tolist()
+    controls = (INNER[problem.shape] * np.bincount(grid.phase)).tolist()
     blocks: list[tuple[Touch, int]] = []
     slots: list[tuple[Slot, ...]] = []
     places: list[tuple[int, Placement]] = []
@@ -78,7 +90,7 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
             if name in phase.contacts:
                 at, heading_rad = phase.contacts[name].placement, float(sequence.headings_rad[i])
                 places.append((names.index(name), problem.proxies[name].placement(at, heading_rad)))
-        layout.append([intervals[i], first_block, len(of), first_visit, len(places) - first_visit])
+        layout.append([controls[i], first_block, len(of), first_visit, len(places) - first_visit])
     points = np.zeros((len(blocks), POINTS, 3))
     for b, (t, k) in enumerate(blocks):
         points[b, : len(t.points_m[k : k + POINTS])] = t.points_m[k : k + POINTS]
@@ -107,13 +119,15 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
             dtype=float,
         ),
         phase_layout=np.array(layout, dtype=np.int32),
-        phase_step_s=np.array([p.duration_s / n for p, n in zip(sequence.phases, intervals, strict=True)], dtype=float),
+        phase_step_s=np.array([p.duration_s / n for p, n in zip(sequence.phases, controls, strict=True)], dtype=float),
         phase_height=_heights(problem),
         capturable=problem.terminal == "capturable",
         planes=_planes(problem),
         wrench_cones=wrench_cones,
         phase_cone=phase_cone,
         freedom=_freedom(problem),
+        block_edges=_edges(problem, slots),
+        cubic=problem.shape == "cubic",
         slots=tuple(slots),
     )
 
@@ -152,6 +166,14 @@ def _freedom(problem: CentroidalProblem) -> Float[np.ndarray, "_"]:
         return np.zeros(0)
     total_s = problem.sequence.duration_s if free.fixed_total else np.inf
     return np.array([free.shortest, free.longest, total_s, free.price_per_s])
+
+
+def _edges(problem: CentroidalProblem, slots: list[tuple[Slot, ...]]) -> Int[np.ndarray, "blocks 2"]:
+    """Whether the contact of a block comes with its phase, and goes with it: splines begin and end without force."""
+    none: set[tuple[int, str]] = set()
+    comes, goes = comes_and_goes(problem.sequence) if problem.shape == "cubic" else (none, none)
+    found = [((i, slot.effector) in comes, (i, slot.effector) in goes) for i, of in enumerate(slots) for slot in of]
+    return np.array(found, dtype=np.int32).reshape(-1, 2)
 
 
 def _heights(problem: CentroidalProblem) -> Float[np.ndarray, "phases 2"]:

@@ -10,10 +10,11 @@ from jaxtyping import Float
 from stridelab.centroidal.control import Forces
 from stridelab.centroidal.iterates import Iterate, Tell
 from stridelab.centroidal.native import Missing, availability, lacks
-from stridelab.centroidal.native_input import NativeInput, native_input
+from stridelab.centroidal.native_input import POINTS, NativeInput, native_input
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solution import Attempt, IterationLog, NativePoint, Residuals
 from stridelab.centroidal.solvers import TIME_IS_UP, Limits
+from stridelab.centroidal.spline import INNER, control_points
 from stridelab.centroidal.verify import Motion
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.errors import Fault, InvalidInput, NotEstimable
@@ -117,16 +118,18 @@ def _chosen(sequence: ContactSequence, flat: NativeInput, point: NativePoint) ->
 
 def _motion(problem: CentroidalProblem, flat: NativeInput, point: NativePoint) -> Motion:
     """States in SI units about the CoM, world-frame forces."""
-    phases = problem.grid().phase
-    time_s = np.concatenate([[0.0], np.cumsum(point.step_s[phases])])
-    x = point.x
+    phases, inner = problem.grid().phase, INNER[problem.shape]
+    time_s = np.concatenate([[0.0], np.cumsum(inner * point.step_s[phases])])
+    x = point.x[::inner]
     c, v = x[:, 0:3] + problem.com_start_m, x[:, 3:6]
     L = problem.weight_n * x[:, 6:9] - problem.mass_kg * np.cross(x[:, 0:3], v)
     points = {name: problem.points_m(name) for name in problem.sequence.effectors}
-    forces = {name: np.zeros((len(phases), len(of), 3)) for name, of in points.items()}
+    forces = {name: np.zeros((inner * len(phases), len(of), 3)) for name, of in points.items()}
     slot = hold = k = 0
     for i, (intervals, first, blocks, _, _) in enumerate(flat.phase_layout.tolist()):
-        u = point.u[slot : slot + intervals * blocks].reshape(intervals, blocks, 4, 3)
+        there = flat.present(i)
+        u = np.zeros((intervals, blocks, POINTS, 3))
+        u[there] = point.u[slot : slot + there.sum()]
         for b, of in enumerate(flat.slots[i]):
             f = problem.weight_n * u[:, b, : of.points] @ flat.block_axes[first + b].T
             forces[of.effector][k : k + intervals, of.first : of.first + of.points] = f
@@ -135,8 +138,12 @@ def _motion(problem: CentroidalProblem, flat: NativeInput, point: NativePoint) -
             for name, of_name in _shared(problem, i, w).items():
                 forces[name][k : k + intervals] = problem.weight_n * of_name
             hold += intervals
-        slot, k = slot + intervals * blocks, k + intervals
-    return Motion(time_s, phases, c, v, L, forces, points)
+        slot, k = slot + int(there.sum()), k + intervals
+    if inner == 1:
+        return Motion(time_s, phases, c, v, L, forces, points)
+    step_s = np.diff(time_s)
+    curves = {name: control_points(f.reshape(-1, inner, *f.shape[1:]), step_s) for name, f in forces.items()}
+    return Motion(time_s, phases, c, v, L, {name: f.mean(axis=1) for name, f in curves.items()}, points, curves)
 
 
 def _shared(problem: CentroidalProblem, phase: int, wrenches: Float[np.ndarray, "n 6"]) -> Forces:

@@ -13,10 +13,11 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float, Int
 
-from stridelab.centroidal.native_input import POINTS, wrench_cone
+from stridelab.centroidal.native_input import POINTS, native_input, wrench_cone
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solution import NativePoint
+from stridelab.centroidal.spline import INNER
 from stridelab.centroidal.verify import motion_of, wrenches_of
 from stridelab.conventions import GRAVITY_M_S2
 
@@ -28,15 +29,17 @@ BARRIER: Final = 3e-3
 
 def native_start(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0) -> NativePoint:
     """The start of ``onto``, whose time 0 is ``after_s`` of the plan."""
-    grid = onto.grid()
-    x = np.empty((len(grid.time_s), 9))
-    for k, at_s in enumerate((grid.time_s + after_s).tolist()):
+    grid, inner = onto.grid(), INNER[onto.shape]
+    there_s = np.interp(np.arange(inner * len(grid.phase) + 1) / inner, np.arange(len(grid.time_s)), grid.time_s)
+    x = np.empty((len(there_s), 9))
+    for k, at_s in enumerate((there_s + after_s).tolist()):
         there = plan.at(at_s)
         c = there.com_m - onto.com_start_m
         v = there.com_v_m_s if at_s <= plan.time_s[-1] else np.zeros(3)
         x[k] = np.concatenate([c, v, there.l_nms / onto.weight_n + np.cross(c, v) / GRAVITY_M_S2])
     middle_s = 0.5 * (grid.time_s[:-1] + grid.time_s[1:]) + after_s
     at = np.clip(np.searchsorted(plan.time_s, middle_s, side="right") - 1, 0, len(plan.phase) - 1)
+    flat = native_input(onto) if inner > 1 else None  # of splines some control points have no forces
     u, wrenches = [], []
     for i in range(len(onto.sequence.phases)):
         of = at[grid.phase == i]
@@ -50,20 +53,33 @@ def native_start(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float =
         blocks = []
         for t in touches:
             planned = (
-                plan.forces_n[t.effector][of] / onto.weight_n @ t.rotation if t.effector in plan.forces_n else None
+                _controls(plan, t.effector, of, inner) / onto.weight_n @ t.rotation
+                if t.effector in plan.forces_n
+                else None
             )
             for first in range(0, len(t.points_m), POINTS):
                 n = len(t.points_m[first : first + POINTS])
-                block = np.tile(np.array([0.0, 0.0, share]), (len(of), POINTS, 1))
+                block = np.tile(np.array([0.0, 0.0, share]), (inner * len(of), POINTS, 1))
                 if planned is not None:
                     local = planned[:, first : first + n] / np.array([t.friction, t.friction, 1.0])
                     block[:, :n] = KEPT * local + (1.0 - KEPT) * block[:, :n]
                 blocks.append(block)
-        u.append(np.stack(blocks, axis=1).reshape(-1, POINTS, 3) if blocks else np.zeros((0, POINTS, 3)))
+        found = np.stack(blocks, axis=1) if blocks else np.zeros((0, 0, POINTS, 3))
+        u.append(found.reshape(-1, POINTS, 3) if flat is None else found[flat.present(i)])
     forces = np.ascontiguousarray(np.concatenate(u)) if u else np.zeros((0, POINTS, 3))
     held = np.concatenate(wrenches) if wrenches else np.zeros((0, 6))
     step_s = grid.step_s[np.searchsorted(grid.phase, np.arange(len(onto.sequence.phases)))]
-    return NativePoint(x, forces, _central(forces), held, _central(held), step_s)
+    return NativePoint(x, forces, _central(forces), held, _central(held), step_s / inner)
+
+
+def _controls(
+    plan: CentroidalPlan, effector: str, of: Int[np.ndarray, "n"], inner: int
+) -> Float[np.ndarray, "controls k 3"]:
+    """Forces (N) of an effector in a plan's intervals, at the free control points of splines where there are two."""
+    if inner > 1 and plan.curves_n:
+        curves = plan.curves_n[effector][of, 1:-1]
+        return np.asarray(curves.reshape(-1, *curves.shape[2:]))
+    return np.asarray(np.repeat(plan.forces_n[effector][of], inner, axis=0))
 
 
 def _wrenches(plan: CentroidalPlan, of: Int[np.ndarray, "n"], onto: CentroidalProblem) -> Float[np.ndarray, "n 6"]:

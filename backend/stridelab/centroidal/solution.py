@@ -56,6 +56,7 @@ class NativePoint:
     """Variables of the C++ solver: states ``x``, and u with its multipliers z of every block of points, in order.
 
     Of the wrench as control: that of every interval with contacts. ``step_s``: lengths of the intervals of every phase.
+    Of splines an interval is one of the two free control points of an interval between nodes, and half as long.
     """
 
     x: Float[np.ndarray, "nodes 9"]

@@ -9,6 +9,7 @@ import numpy as np
 
 from stridelab.centroidal.carried import carried
 from stridelab.centroidal.chosen import chosen
+from stridelab.centroidal.conditions import Terminal
 from stridelab.centroidal.cost import cost_terms, objective
 from stridelab.centroidal.iterates import Tell
 from stridelab.centroidal.native import serves
@@ -92,7 +93,7 @@ def solve(
         points_m=motion.points_m,
         solver=attempts[-1].solver,
         converged=converged,
-        status=_sentence(attempts, found.infeasible, converged, verification),
+        status=_sentence(attempts, found.infeasible, converged, verification, problem.terminal),
         iterations=sum(a.iterations for a in attempts),
         objective=objective(terms),
         cost_terms=terms,
@@ -189,7 +190,9 @@ def read(programme: Transcription, sequence: ContactSequence, w: Series) -> Moti
     return Motion(time_s, phase, c, v, L, {name: f.mean(axis=1) for name, f in curves.items()}, points, curves)
 
 
-def _sentence(attempts: list[Attempt], infeasible: bool, converged: bool, verification: Verification) -> str:
+def _sentence(
+    attempts: list[Attempt], infeasible: bool, converged: bool, verification: Verification, terminal: Terminal
+) -> str:
     """What happened, in words."""
     said = "; ".join(f"{a.solver}: {a.status} after {a.iterations} iterations" for a in attempts)
     if converged:
@@ -201,5 +204,6 @@ def _sentence(attempts: list[Attempt], infeasible: bool, converged: bool, verifi
             f"cone margin {verification.cone_margin_n:.1e} N."
         )
     if infeasible:
-        return f"No motion over these contacts ends at rest at the goal ({said})."
-    return f"No motion was found over these contacts ({said})."
+        ends = "at rest at the goal" if terminal == "rest" else "where it could be stopped"
+        return f"No motion over these contacts ends {ends} ({said})."
+    return f"No motion was found over these contacts, nor a proof that there is none ({said})."

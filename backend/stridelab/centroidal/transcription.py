@@ -79,7 +79,7 @@ def transcribe(problem: CentroidalProblem) -> Transcription:
         origin_m=origin,
         movable=stays,
         p=np.concatenate(blocks),
-        box=Box(*_bounds(problem, grid, found.layout, stays), *_row_bounds(problem, found.layout, end)),
+        box=Box(*_bounds(problem, grid, found.layout, stays), *_row_bounds(problem, grid, found.layout, end)),
         guess=_guess(problem, grid, generators, found.layout),
     )
 
@@ -246,7 +246,7 @@ def ground_m(problem: CentroidalProblem, phase: int) -> float:
 
 
 def _row_bounds(
-    problem: CentroidalProblem, layout: Layout, end: Capture | None
+    problem: CentroidalProblem, grid: Grid, layout: Layout, end: Capture | None
 ) -> tuple[Float[np.ndarray, "rows"], Float[np.ndarray, "rows"]]:
     lower = np.zeros(layout.n_rows)
     goal_m = problem.com_end_m - problem.com_start_m
@@ -273,6 +273,11 @@ def _row_bounds(
             upper[limits : limits + n_limits(use.group)] = (
                 problem.bounds.normal_force_max_n[use.group.name] / problem.weight_n
             )
+    if problem.shape == "cubic":
+        # Forces that are zero lie on the tip of their cone, where its row has no slope: a multiplier would grow and
+        # loosen all that ipopt measures by the size of multipliers.
+        for use in _at_rest(problem, grid, layout):
+            lower[use.row : use.row + n_cones(use.group)] = -np.inf
     return lower, upper
 
 

@@ -37,8 +37,8 @@ class PlanMotionInput(Contract):
     without a jump. ``time_limit_s`` (processor time) ends a solver in place of a minute; fatrop, which cannot be
     interrupted, gets as many iterations as are taken to fit, and is then not asked by ``auto``. With
     ``free_durations`` the solver chooses how long each phase lasts, between the two multiples of ``duration_range`` of
-    what the scenario says; the whole motion keeps its length. ``measure`` chooses among the bundled reachability
-    densities; null takes the default one.
+    what the scenario says; the whole motion keeps its length. In ``circular-cones`` only ``native`` can. ``measure``
+    chooses among the bundled reachability densities; null takes the default one.
     """
 
     scenario_id: str | None = None
@@ -66,8 +66,8 @@ class PlanMotionInput(Contract):
             raise ValueError("free_durations: they belong to many stages, and fatrop solves one by one; ask ipopt")
         if self.shape == "cubic" and (self.formulation == "wrench" or self.free_durations):
             raise ValueError("shape: cubic is for forces, with the durations as they are given")
-        if self.free_durations and self.formulation == "circular-cones":
-            raise ValueError("free_durations: does not converge with circular-cones; ask for forces or wrench")
+        if self.free_durations and self.formulation == "circular-cones" and self.solver not in ("auto", "native"):
+            raise ValueError("free_durations: CasADi does not converge with circular-cones; ask for forces or wrench")
         return self
 
 

@@ -8,12 +8,14 @@ import pyarrow.parquet as pq
 import pytest
 from pydantic import ValidationError
 
+from stridelab.centroidal.native import Missing, availability
 from stridelab.contacts.scenario_json import sequence_of
 from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.validation import judge
+from stridelab.errors import NotEstimable
 from stridelab.schemas.plans import PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
-from stridelab.service.jobs.kinds import plan_motion
+from stridelab.service.jobs.kinds import plan_motion, plan_options
 from stridelab.service.jobs.kinds.plan_durations import freedom
 from support.planning import changed, plan_task, short_walk
 from support.quiet import quiet
@@ -75,7 +77,8 @@ def test_no_phase_becomes_shorter_than_a_scenario_may_have_it() -> None:
     ("asked", "named"),
     [
         ({"solver": "fatrop"}, "free_durations"),
-        ({"formulation": "circular-cones"}, "free_durations"),
+        ({"formulation": "circular-cones", "solver": "casadi"}, "free_durations"),
+        ({"formulation": "circular-cones", "solver": "ipopt"}, "free_durations"),
         ({"duration_range": (1.2, 1.4)}, "duration_range"),
         ({"duration_range": (0.7, 0.9)}, "duration_range"),
         ({"duration_range": (0.0, 1.4)}, "duration_range"),
@@ -84,3 +87,21 @@ def test_no_phase_becomes_shorter_than_a_scenario_may_have_it() -> None:
 def test_what_cannot_be_chosen_is_named(asked: dict[str, Any], named: str) -> None:
     with pytest.raises(ValidationError, match=named):
         plan_task(free_durations=True, **asked)
+
+
+def test_circular_cones_want_the_native_solver(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked = plan_task(whole_body=False, free_durations=True, formulation="circular-cones")
+    monkeypatch.setattr(plan_options, "native_missing", lambda: "It was not built.")
+    with pytest.raises(NotEstimable) as refused:
+        plan_motion.run(asked, tmp_path, quiet)
+    assert refused.value.code == "solver-unavailable"
+    assert refused.value.faults[0].where == "free_durations"
+
+
+@pytest.mark.skipif(isinstance(availability(), Missing), reason="no native solver")
+def test_the_native_solver_chooses_them_in_circular_cones(tmp_path: Path) -> None:
+    asked = plan_task(short_walk(), whole_body=False, free_durations=True, formulation="circular-cones")
+    summary = PlanMotionSummary.model_validate(plan_motion.run(asked, tmp_path, quiet).summary)
+    assert summary.solver == "native"
+    assert summary.formulation == "circular-cones"
+    assert summary.phase_durations is not None

@@ -11,7 +11,8 @@ namespace stridelab {
 //   M^T l in K* at every point,   l^T (what the end misses by without forces) > 0,
 //
 // with M what the forces do to the end, so that l^T (miss) > 0 whatever the forces; `stage` is where l pulls hardest.
-// Bounds take part with their own multipliers.
+// Bounds and the planes of a capturable end take part with their own multipliers, its momentum about the vertical does
+// not: that is bilinear, and left out, so that what has no solution without it has none.
 Report feasibility(const Problem& problem, Iterate& it, const Settings& settings);
 
 }  // namespace stridelab

@@ -94,6 +94,7 @@ struct Stage {
   double w[nw];
   double m[3];  // c + h/2 c' + h^2/6 g
   double gap[nx];
+  double y[nw];              // slope of the Lagrangian in w
   double costate[nx];        // of the node that ends it
   double effort;             // per unit of h
   double own[4], before[4];  // the log-densities of the phase and of the one before: cost and slope in c per unit of h
@@ -114,6 +115,15 @@ struct Stage {
   bool bounded;
 };
 
+// An interval between two nodes whose forces are splines, of two stages: what `splines` keeps of it.
+struct Spline {
+  double own[2];        // weights of its own control points in its two ends
+  double rows[12][40];  // R and Y
+  double inverse[12];   // of R's diagonal
+  double P_gap[21];
+  double kappa[12];
+};
+
 struct Iterate {
   std::vector<Stage> stages;  // one more than intervals: the last is the end node
   std::vector<Touch> touches;
@@ -122,6 +132,7 @@ struct Iterate {
   std::vector<Slack<double>> planes;
   std::vector<Length> lengths;     // empty: all as given
   std::vector<Stretch> stretches;  // as many as intervals where lengths are free
+  std::vector<Spline> splines;     // empty where forces are constant
   double theta = 1.0;              // shares that the factor has: of the covariances,
   double twist = 0.0;              // of the momentum's second derivative
   double effort_share = 1.0;       // e: the effort of forces bends as if e Q u were its slope in h

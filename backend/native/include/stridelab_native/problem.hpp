@@ -37,6 +37,7 @@ struct Block {
   v4 p[3];
   v4 real;  // 1 for a point, 0 for padding
   int points;
+  bool comes, goes;   // of splines: without force at the first, at the last control point of the phase
   double effort[2];   // h/2 (effort[0] |u_t|^2 + effort[1] u_n^2) is the cost of a point
   double normal_max;  // on u_n; infinite: none
 };
@@ -48,6 +49,7 @@ struct WrenchCone {
   double effort;  // h/2 effort |u|^2 is its cost
 };
 
+// Of splines an interval here is one of the two free control points of an interval between nodes, and h half of it.
 struct Phase {
   int intervals;
   double h;
@@ -58,8 +60,9 @@ struct Phase {
 };
 
 // At rest: x_N = goal and F = (0, 0, 1) in the last interval. Capturable: height and vertical velocity of the goal, no
-// angular momentum, and the capture point on the near side of every plane.
-enum class End { rest, capturable };
+// angular momentum, and the capture point on the near side of every plane. Upright: the same without what is not
+// linear, the momentum about the vertical.
+enum class End { rest, capturable, upright };
 
 // normal (c_x, c_y, c'_x, c'_y) <= offset.
 struct Plane {
@@ -76,6 +79,9 @@ struct Freedom {
   double price = 0.0;
 };
 
+// Forces between nodes: constant, or cubic splines.
+enum class Shape { constant, cubic };
+
 struct Problem {
   double w_acceleration = 10.0;  // w_c
   double w_momentum = 10.0;      // w_L (m |g|)^2
@@ -89,6 +95,7 @@ struct Problem {
   std::vector<Phase> phases;
   std::vector<Plane> planes;
   Freedom freedom;
+  Shape shape = Shape::constant;
 };
 
 }  // namespace stridelab

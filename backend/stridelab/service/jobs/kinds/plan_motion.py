@@ -30,6 +30,7 @@ from stridelab.service.jobs.kinds.plan_options import (
     control_of,
     iterations_to,
     limits_of,
+    require_durations,
     require_solver,
     require_time,
     solver_of,
@@ -66,6 +67,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     """
     request = task.input
     require_solver(request.solver)
+    require_durations(request)
     stages = Stages(progress, _shares(request))
     artifacts: list[ArtifactFile] = []
 

@@ -38,8 +38,7 @@ def taken(formulation: Formulation) -> Formulation:
 
 def formulation_of(request: PlanMotionInput | SweepInput) -> Formulation:
     """The control that is taken, pyramids wherever one of CasADi's solvers is to serve."""
-    splines = isinstance(request, PlanMotionInput) and request.shape == "cubic"
-    return taken(request.formulation) if request.solver in ("auto", "native") and not splines else request.formulation
+    return taken(request.formulation) if request.solver in ("auto", "native") else request.formulation
 
 
 def control_of(request: PlanMotionInput | SweepInput) -> Control:
@@ -85,6 +84,17 @@ def require_solver(name: str) -> None:
     missing = native_missing() if name == "native" else None
     if missing is not None:
         raise NotEstimable("solver-unavailable", missing, [Fault("solver", "native is not available")])
+
+
+def require_durations(request: PlanMotionInput) -> None:
+    """Raise ``NotEstimable`` ("solver-unavailable") for durations that only the C++ solver could choose, without it."""
+    missing = native_missing() if request.free_durations and request.formulation == "circular-cones" else None
+    if missing is not None:
+        raise NotEstimable(
+            "solver-unavailable",
+            f"Durations are chosen in circular cones by the C++ solver alone. {missing} Ask for forces or wrench.",
+            [Fault("free_durations", "not with circular-cones without the C++ solver")],
+        )
 
 
 def require_time(request: PlanMotionInput, plan: CentroidalPlan) -> None:
