@@ -13,14 +13,18 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final
 
+from stridelab.centroidal.freedom import movable
 from stridelab.centroidal.point_forces import Pyramids
 from stridelab.centroidal.problem import CentroidalProblem
 
 MODULE: Final = "stridelab_native"
 FOLDER: Final = "STRIDELAB_NATIVE_PATH"
 """Environment variable that names the folder in which the package lies."""
-INTERFACE: Final = 2
+INTERFACE: Final = 3
 """What the module must say of itself; another number is another build's."""
+
+MOVED_AT_ONCE: Final = 4
+"""Contacts that may be moved in one phase."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,10 +63,18 @@ def lacks(problem: CentroidalProblem) -> str | None:
     wants = [
         ("pyramids in place of friction cones", isinstance(problem.control, Pyramids)),
         ("continuous forces", problem.shape != "constant"),
-        ("free placements", problem.placements is not None),
+        ("free placements and durations at once", problem.placements is not None and problem.durations is not None),
+        ("free placements of more than four contacts at once", problem.placements is not None and crowded(problem)),
     ]
     missing = [words for words, wanted in wants if wanted]
     return ", ".join(missing) or None
+
+
+def crowded(problem: CentroidalProblem) -> bool:
+    """Whether more contacts may be moved in one phase than the solver has room for."""
+    stays = movable(problem.sequence)
+    phases = range(len(problem.sequence.phases))
+    return any(sum(stay.first <= i <= stay.last for stay in stays) > MOVED_AT_ONCE for i in phases)
 
 
 def serves(problem: CentroidalProblem) -> bool:

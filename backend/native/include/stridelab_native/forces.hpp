@@ -17,4 +17,11 @@ double pulled_by_effort(const Iterate& it, const Stage& s, double tau[nw]);
 // du = D^-1 (G^T L^-T omega - g - dh Q u), and dz.
 void follow(Iterate& it, const Stage& s, double omega[nw], double dh);
 
+// Of a moved contact: F, the sum of its forces; tau of its two displacements, g what `pull` is for the forces, and
+// curve -= g_a^T D^-1 g_b from `at` on; drag = g_a^T D^-1 g.
+void force_of(const Iterate& it, const Stage& s, int place, double F[3]);
+void pulled_by_shift(const Iterate& it, const Stage& s, const Meeting& meeting, Share* shares,
+                     double curve[shares_max][shares_max], std::size_t at);
+void drag_of_shift(const Iterate& it, const Stage& s, const Meeting& meeting, double drag[2]);
+
 }  // namespace stridelab

@@ -29,6 +29,7 @@ struct Visit {
   int density;
   double place[3];
   double R[9];
+  int moved;  // of the places; -1: none
 };
 
 // Up to four points of a contact that share a frame: f = S u, S = R diag(mu, mu, 1) by rows, u = (f_t / mu, f_n).
@@ -39,6 +40,7 @@ struct Block {
   int points;
   double effort[2];   // h/2 (effort[0] |u_t|^2 + effort[1] u_n^2) is the cost of a point
   double normal_max;  // on u_n; infinite: none
+  int moved;          // of the places; -1: none
 };
 
 // The wrench as control, u_c: (F, T) = G u, u = (tau, eta) with eta = 1 for the weight; absent entries have zero
@@ -76,6 +78,13 @@ struct Freedom {
   double price = 0.0;
 };
 
+// A contact that may be moved from its first phase to its last one: displacements d along two axes, low <= d <= high.
+struct Place {
+  int first_phase, last_phase;
+  double axes[2][3];
+  double low[2], high[2];
+};
+
 struct Problem {
   double w_acceleration = 10.0;  // w_c
   double w_momentum = 10.0;      // w_L (m |g|)^2
@@ -88,6 +97,7 @@ struct Problem {
   std::vector<WrenchCone> cones;
   std::vector<Phase> phases;
   std::vector<Plane> planes;
+  std::vector<Place> places;  // in the order of their last phases
   Freedom freedom;
 };
 
