@@ -108,8 +108,9 @@ void force_of(const Iterate& it, const Stage& s, int place, double F[3]) {
   each_moved(it, s, place, [&](const Touch& t) {
     const double* S = t.block->S;
     const v4* u = t.at.u;
-    for (int i = 0; i < 3; ++i)
+    for (int i = 0; i < 3; ++i) {
       F[i] += sum((S[3 * i] * u[0] + S[3 * i + 1] * u[1] + S[3 * i + 2] * u[2]) * t.block->real);
+    }
   });
 }
 

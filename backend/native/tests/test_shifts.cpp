@@ -97,7 +97,8 @@ void places_are_the_best() {
 }  // namespace
 
 int main() {
-  for (double share : {1e-2, 1e-3, 1e-4})
+  for (double share : {1e-2, 1e-3, 1e-4}) {
     expect_near((1.0 - left_after(share)) / share, 1.0, 30.0 * share, "what a short step leaves");
+  }
   places_are_the_best();
 }

@@ -38,9 +38,9 @@ struct Block {
   v4 p[3];
   v4 real;  // 1 for a point, 0 for padding
   int points;
+  int moved;          // of the places; -1: none
   double effort[2];   // h/2 (effort[0] |u_t|^2 + effort[1] u_n^2) is the cost of a point
   double normal_max;  // on u_n; infinite: none
-  int moved;          // of the places; -1: none
 };
 
 // The wrench as control, u_c: (F, T) = G u, u = (tau, eta) with eta = 1 for the weight; absent entries have zero
