@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from stridelab.centroidal.contact_wrench import ContactWrench
-from stridelab.centroidal.freedom import FreeDurations
+from stridelab.centroidal.freedom import FreeDurations, FreePlacements
 from stridelab.centroidal.horizon import RecedingHorizon
 from stridelab.centroidal.native import Missing, availability
 from stridelab.centroidal.native_input import native_input
@@ -28,6 +28,7 @@ KINDS = {
     "u_f": {"control": CircularCones()},
     "u_c": {"control": ContactWrench()},
     "u_f, free durations": {"control": CircularCones(), "durations": FreeDurations()},
+    "u_f, free placements": {"control": CircularCones(), "placements": FreePlacements()},
 }
 
 

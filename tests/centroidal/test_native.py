@@ -137,6 +137,63 @@ def test_finds_the_durations_of_the_long_stride() -> None:
     assert plan.iterations <= 60
 
 
+def walk_with_a_contact_between() -> CentroidalProblem:
+    """The right foot's first landing is neither the start nor the goal; flat, on a floor that has room."""
+    left, right, ahead, far = foot("left", 0.0), foot("right", 0.0), foot("right", 0.25), foot("left", 0.45)
+    walk = sequence(
+        phase(0.6, left, right),
+        phase(0.8, left),
+        phase(0.4, left, ahead),
+        phase(0.8, ahead),
+        phase(0.4, far, ahead),
+        phase(0.8, far),
+        phase(0.8, far, foot("right", 0.45)),
+    )
+    return rest_to_rest(walk, control=CONES, placements=FreePlacements((0.05, 0.03)))
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {},
+        {"terminal": "capturable"},
+        {"placements": FreePlacements((0.05, 0.0))},
+        {"bounds": PathBounds(normal_force_max_n={"right_foot": 500.0})},
+    ],
+    ids=str,
+)
+def test_finds_the_places_that_cost_least(settings: dict[str, Any]) -> None:
+    problem = replace(walk_with_a_contact_between(), **settings)
+    plan = assert_same(problem)
+    theirs = solve(problem, "ipopt")
+    assert problem.placements is not None
+    before, ours, other = (
+        of.phases[2].contacts["right_foot"].placement.position_m
+        for of in (problem.sequence, plan.sequence, theirs.sequence)
+    )
+    assert ours == pytest.approx(other, abs=1e-4)
+    assert (np.abs(ours - before) <= np.array([*problem.placements.reach_m, 0.0]) + 1e-9).all()
+    assert total(plan) < total(solve(replace(problem, placements=None), "native")) - 1e-2
+    assert plan.solution is not None
+    assert plan.solution.attempts[-1].log.objective[-1] == pytest.approx(total(plan), rel=1e-9)
+
+
+@pytest.mark.parametrize("scenario", ["long-stride", "stairs-with-rail"])
+def test_finds_the_places_of_the_experiments(scenario: str) -> None:
+    problem = bundled(scenario, control=CONES)
+    plan = solve(replace(problem, placements=FreePlacements()), "native")
+    assert plan.converged, plan.status
+    assert plan.iterations <= 30
+    assert total(plan) < total(solve(problem, "native")) - 0.5
+
+
+def test_a_contact_without_room_stays() -> None:
+    problem = replace(walk_with_a_contact_between(), placements=FreePlacements((0.0, 0.0)))
+    plan = solve(problem, "native")
+    assert plan.converged
+    assert plan.sequence == problem.sequence
+
+
 def test_durations_that_cannot_change_are_those_given() -> None:
     problem = rest_to_rest(two_steps(0.4), control=CONES, durations=FreeDurations(1.0, 1.0))
     plan = solve(problem, "native")
@@ -248,7 +305,8 @@ def test_what_can_be_captured_is_not_said_to_be_impossible() -> None:
     ("settings", "named"),
     [
         ({"control": Pyramids()}, "pyramids"),
-        ({"control": CONES, "placements": FreePlacements()}, "free placements"),
+        ({"control": CONES, "placements": FreePlacements(), "shape": "cubic"}, "placements and continuous forces"),
+        ({"control": CONES, "placements": FreePlacements(), "durations": FreeDurations()}, "placements and durations"),
     ],
     ids=str,
 )

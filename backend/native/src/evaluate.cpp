@@ -7,18 +7,28 @@
 #include "stridelab_native/ending.hpp"
 #include "stridelab_native/hold.hpp"
 #include "stridelab_native/lengths.hpp"
+#include "stridelab_native/shifts.hpp"
 #include "stridelab_native/splines.hpp"
 
 namespace stridelab {
 namespace {
 
-double densities(const Problem& problem, const Phase& phase, double share, double h, Stage& s, double per_h[4]) {
+double densities(const Problem& problem, const Phase& phase, double share, double h, Stage& s, double per_h[4],
+                 Iterate& it, const Stage& of, bool ends) {
   double cost = 0.0;
   for (int i = 0; i < 3; ++i) per_h[1 + i] = -s.bend.gradient[i];
   for (int i = 0; i < phase.visits; ++i) {
     const Visit& at = problem.visits[static_cast<std::size_t>(phase.first_visit + i)];
     const Density& density = problem.densities[static_cast<std::size_t>(at.density)];
-    cost += visit(at, density, s.x, problem.w_likelihood * share * h, s.bend);
+    Bend* bend = at.moved < 0 ? nullptr : bend_of(it, of, at.moved, ends);
+    if (bend != nullptr) *bend = Bend{};
+    cost += visit(at, density, s.x, problem.w_likelihood * share * h, bend == nullptr ? s.bend : *bend);
+    if (bend == nullptr) continue;
+    for (int j = 0; j < 3; ++j) s.bend.gradient[j] += bend->gradient[j];
+    for (int j = 0; j < 6; ++j) {
+      s.bend.majoriser[j] += bend->majoriser[j];
+      s.bend.covariance[j] += bend->covariance[j];
+    }
   }
   per_h[0] = cost / h;
   for (int i = 0; i < 3; ++i) per_h[1 + i] = (per_h[1 + i] + s.bend.gradient[i]) / h;
@@ -138,8 +148,13 @@ double evaluate(const Problem& problem, Iterate& it) {
     }
     const Phase* before = k > 0 ? it.stages[k - 1].phase : nullptr;
     const bool first = s.phase != before;
-    if (first && before != nullptr) cost += densities(problem, *before, 0.5 * nodes, it.stages[k - 1].h, s, s.before);
-    if (s.phase != nullptr) cost += densities(problem, *s.phase, (first ? 0.5 : 1.0) * nodes, s.h, s, s.own);
+    if (first && before != nullptr) {
+      const Stage& of = it.stages[k - 1];
+      cost += densities(problem, *before, 0.5 * nodes, of.h, s, s.before, it, of, true);
+    }
+    if (s.phase != nullptr) {
+      cost += densities(problem, *s.phase, (first ? 0.5 : 1.0) * nodes, s.h, s, s.own, it, s, false);
+    }
     for (int i = 0; i < 3; ++i) s.q[i] += s.bend.gradient[i];
   }
   if (curved) cost += curved_squares(problem, it);
@@ -151,6 +166,7 @@ double evaluate(const Problem& problem, Iterate& it) {
     cost += problem.freedom.price * all * l.h;
   }
   bounds(problem, it);
+  miss_windows(it);
   return cost;
 }
 
@@ -221,6 +237,7 @@ Conditions conditions(const Problem& problem, Iterate& it) {
     }
     c.stationarity = std::max(c.stationarity, l.given * std::fabs(slope));
   }
+  c.stationarity = std::max(c.stationarity, meet(problem, it));
   for (int i = 0; i < 4; ++i) {
     c.stationarity = std::max(c.stationarity, worst[i]);
     c.complementarity = std::max(c.complementarity, most[i]);

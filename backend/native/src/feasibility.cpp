@@ -130,7 +130,7 @@ Report feasibility(const Problem& problem, Iterate& it, const Settings& settings
     if (i == iterations_max) break;
     const double mu = cones > 0 ? gap / cones : 0.0;
     scale_cones(it);
-    if (!factor(least, it, elastic, Theta{0.0, 0.0, 0.0})) {
+    if (!factor(least, it, elastic, Theta{0.0, 0.0})) {
       report.verdict = Verdict::stalled;
       break;
     }

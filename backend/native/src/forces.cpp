@@ -86,7 +86,71 @@ double pulled_by(const Iterate& it, const Stage& s, Slope slope, double tau[nw])
   return sum(drag);
 }
 
+// S^T of what pulls at the forces of a block.
+void pull_of(const Block& block, double share, const double pull[3], v4 g[3]) {
+  for (int i = 0; i < 3; ++i) {
+    g[i] = (block.S[i] * pull[0] + block.S[3 + i] * pull[1] + block.S[6 + i] * pull[2]) * share * block.real;
+  }
+}
+
+template <typename F>
+void each_moved(const Iterate& it, const Stage& s, int place, F f) {
+  for (int b = 0; b < s.touches; ++b) {
+    const Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
+    if (t.block->moved == place) f(t);
+  }
+}
+
 }  // namespace
+
+void force_of(const Iterate& it, const Stage& s, int place, double F[3]) {
+  F[0] = F[1] = F[2] = 0.0;
+  each_moved(it, s, place, [&](const Touch& t) {
+    const double* S = t.block->S;
+    const v4* u = t.at.u;
+    for (int i = 0; i < 3; ++i) {
+      F[i] += sum((S[3 * i] * u[0] + S[3 * i + 1] * u[1] + S[3 * i + 2] * u[2]) * t.block->real);
+    }
+  });
+}
+
+void pulled_by_shift(const Iterate& it, const Stage& s, const Meeting& meeting, Share* shares,
+                     double curve[shares_max][shares_max], std::size_t at) {
+  const int place = static_cast<int>(meeting.shift);
+  for (std::size_t a = 0; a < 2; ++a) {
+    const auto slope = [&](const Touch& t, v4 g[3]) {
+      g[0] = g[1] = g[2] = v4{};
+      if (t.block->moved == place) pull_of(*t.block, it.pull_share, meeting.pull[a], g);
+    };
+    pulled_by(it, s, slope, shares[a].tau);
+  }
+  each_moved(it, s, place, [&](const Touch& t) {
+    v4 g[2][3];
+    v4 d[2][3];
+    for (std::size_t a = 0; a < 2; ++a) {
+      pull_of(*t.block, it.pull_share, meeting.pull[a], g[a]);
+      times(t.D_inverse, g[a], d[a]);
+    }
+    for (std::size_t a = 0; a < 2; ++a) {
+      for (std::size_t b = a; b < 2; ++b) curve[at + a][at + b] -= sum(product(g[a], d[b]));
+    }
+  });
+}
+
+void drag_of_shift(const Iterate& it, const Stage& s, const Meeting& meeting, double drag[2]) {
+  drag[0] = drag[1] = 0.0;
+  each_moved(it, s, static_cast<int>(meeting.shift), [&](const Touch& t) {
+    v4 g[3];
+    v4 d[3];
+    slope_of(it, s, t, g);
+    times(t.D_inverse, g, d);
+    for (std::size_t a = 0; a < 2; ++a) {
+      v4 pulled[3];
+      pull_of(*t.block, it.pull_share, meeting.pull[a], pulled);
+      drag[a] += sum(product(pulled, d));
+    }
+  });
+}
 
 void scale_forces(Iterate& it, const Stage& s) {
   for (int b = 0; b < s.touches; ++b) {
@@ -135,6 +199,15 @@ void follow(Iterate& it, const Stage& s, double omega[nw], double dh) {
     for (int i = 0; i < 3; ++i) {
       g[i] = block.S[i] * e[0] + block.S[3 + i] * e[1] + block.S[6 + i] * e[2] - g[i];
       g[i] -= dh * t.effort(i) * t.at.u[i];
+    }
+    for (std::size_t m = 0; block.moved >= 0 && m < s.meetings; ++m) {
+      const Meeting& meeting = it.meetings[s.first_meeting + m];
+      if (meeting.shift != static_cast<std::size_t>(block.moved)) continue;
+      for (std::size_t a = 0; a < 2; ++a) {
+        v4 pulled[3];
+        pull_of(block, it.pull_share, meeting.pull[a], pulled);
+        for (int i = 0; i < 3; ++i) g[i] -= it.shifts[meeting.shift].step[a] * pulled[i];
+      }
     }
     times(t.D_inverse, g, t.du);
     if (t.load >= 0) it.loads[static_cast<std::size_t>(t.load)].follow(t.du[2]);

@@ -90,7 +90,8 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
                             const Reals2& block_effort, const Reals1& block_most, const Ints2& phase_layout,
                             const Reals1& phase_h, const Reals2& phase_height, bool capturable, const Reals2& planes,
                             const Reals3& wrench_cones, const Ints1& phase_cone, const Reals1& freedom,
-                            const Ints2& block_edges, bool cubic) {
+                            const Ints2& block_edges, bool cubic, const Ints2& places, const Reals3& place_axes,
+                            const Reals2& place_windows, const Ints1& block_place, const Ints1& visit_place_of) {
   auto held = std::make_unique<Held>();
   Problem& p = held->problem;
   require(weights.size() == 3, "weights are those of acceleration, momentum rate and likelihood");
@@ -110,7 +111,37 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
     require(parts.size() == 3, "a mixture is (constants, means, whitenings)");
     p.densities.push_back(density(nb::cast<Reals1>(parts[0]), nb::cast<Reals2>(parts[1]), nb::cast<Reals3>(parts[2])));
   }
+  require(places.shape(1) == 2 && place_axes.shape(0) == places.shape(0) && place_axes.shape(1) == 2 &&
+              place_axes.shape(2) == 3 && place_windows.shape(0) == places.shape(0) && place_windows.shape(1) == 4,
+          "places have their phases (2), axes (2, 3) and a window (4)");
+  finite(place_axes, "axes of places");
+  finite(place_windows, "windows");
+  const int n_places = static_cast<int>(places.shape(0));
+  for (std::size_t i = 0; i < places.shape(0); ++i) {
+    Place at{};
+    at.first_phase = places(i, 0);
+    at.last_phase = places(i, 1);
+    for (std::size_t a = 0; a < 2; ++a) {
+      for (std::size_t c = 0; c < 3; ++c) at.axes[a][c] = place_axes(i, a, c);
+      at.low[a] = place_windows(i, 2 * a);
+      at.high[a] = place_windows(i, 2 * a + 1);
+      require(at.low[a] <= 0.0 && at.high[a] >= 0.0 && at.low[a] < at.high[a], "windows hold where contacts are");
+    }
+    require(at.first_phase >= 0 && at.last_phase >= at.first_phase &&
+                at.last_phase < static_cast<int>(phase_h.size()) &&
+                (p.places.empty() || p.places.back().last_phase <= at.last_phase),
+            "places are in the order of their last phases");
+    p.places.push_back(at);
+  }
+  require(p.places.empty() || freedom.size() == 0, "lengths and places are not free at once");
+  for (int f = 0; f < static_cast<int>(phase_h.size()); ++f) {
+    int at_once = 0;
+    for (const Place& at : p.places) at_once += at.first_phase <= f && f <= at.last_phase;
+    require(2 * at_once <= shares_max, "no more than four contacts of a phase are moved");
+  }
   const std::size_t n_visits = visit_density.size();
+  require(visit_place_of.size() == n_visits && block_place.size() == block_count.size(),
+          "blocks and visits name places");
   require(visit_place.shape(0) == n_visits && visit_place.shape(1) == 3 && visit_axes.shape(0) == n_visits &&
               visit_axes.shape(1) == 3 && visit_axes.shape(2) == 3,
           "visits have a density, a place (3) and axes (3, 3)");
@@ -124,6 +155,8 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
       v.place[r] = visit_place(i, r);
       for (std::size_t c = 0; c < 3; ++c) v.R[3 * r + c] = visit_axes(i, r, c);
     }
+    v.moved = visit_place_of(i);
+    require(v.moved >= -1 && v.moved < n_places, "places of visits exist");
     p.visits.push_back(v);
   }
   const std::size_t n_blocks = block_count.size();
@@ -152,6 +185,8 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
     require(b.normal_max > 0.0, "bounds on normal forces are positive");
     b.comes = block_edges(i, 0) != 0;
     b.goes = block_edges(i, 1) != 0;
+    b.moved = block_place(i);
+    require(b.moved >= -1 && b.moved < n_places, "places of blocks exist");
     p.blocks.push_back(b);
   }
   require(freedom.size() == 0 || freedom.size() == 4, "freedom is shortest, longest, total and price");
@@ -321,6 +356,9 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
   d["z"] = array(std::move(z), {m, 4, 3});
   d["wrench_u"] = array(std::move(wrench_u), {it.holds.size(), static_cast<std::size_t>(nw)});
   d["wrench_z"] = array(std::move(wrench_z), {it.holds.size(), static_cast<std::size_t>(nw)});
+  std::vector<double> shift(2 * held.problem.places.size(), 0.0);
+  for (std::size_t i = 0; i < it.shifts.size(); ++i) std::copy(it.shifts[i].d, it.shifts[i].d + 2, &shift[2 * i]);
+  d["shift"] = array(std::move(shift), {held.problem.places.size(), 2});
   d["phase_h"] = array(std::move(phase_h), {held.problem.phases.size()});
   d["log"] = array(std::move(log), {l, 8});
   return d;
@@ -330,7 +368,7 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
 
 NB_MODULE(_native, module) {
   module.attr("__version__") = "0.1.0";
-  module.attr("INTERFACE") = 3;
+  module.attr("INTERFACE") = 4;
   nb::class_<Held>(module, "Problem")
       .def("begin", &begin, "x"_a, "u"_a, "z"_a, "wrench_u"_a, "wrench_z"_a, "phase_h"_a)
       .def("solve", &run, "iterations"_a, "seconds"_a, "tolerance"_a, "gap"_a, "warm"_a);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 
+#include "stridelab_native/border.hpp"
 #include "stridelab_native/costates.hpp"
 #include "stridelab_native/dense.hpp"
 #include "stridelab_native/dynamics.hpp"
@@ -9,6 +10,7 @@
 #include "stridelab_native/forces.hpp"
 #include "stridelab_native/hold.hpp"
 #include "stridelab_native/lengths.hpp"
+#include "stridelab_native/shifts.hpp"
 #include "stridelab_native/splines.hpp"
 
 namespace stridelab {
@@ -182,7 +184,9 @@ bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, Theta t
   it.theta = theta.densities;
   it.twist = theta.twist;
   it.effort_share = 0.5 * (1.0 + theta.lengths);
+  it.pull_share = theta.lengths;
   Columns to = columns(problem, penalty);
+  if (!it.shifts.empty()) begin_columns(it.border);
   for (std::size_t k = n; k-- > 0;) {
     Stage& s = it.stages[k];
     for (int i = 0; i < nw; ++i) s.L[i][6] = s.L[i][7] = 0.0;
@@ -197,8 +201,10 @@ bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, Theta t
       if (k + 1 == length->first + length->intervals) enter(*length, to);
       approach(s, *stretched, P, to);
     }
-    if (!eliminate(problem, s, theta.densities, theta.twist, k + 1 == n && end.rests ? penalty.rest : 0.0, P))
-      return false;
+    if (s.meetings > 0 && it.stages[k + 1].phase != s.phase) leave_phase(it, s, theta.densities);
+    if (!it.shifts.empty()) approach(it, s, P);
+    const double rest = k + 1 == n && end.rests ? penalty.rest : 0.0;
+    if (!eliminate(problem, s, theta.densities, theta.twist, rest, P)) return false;
     if (stretched != nullptr) {
       double drag = pulled_by_effort(it, s, stretched->tau);
       for (double& t : stretched->tau) t *= it.effort_share;
@@ -206,8 +212,9 @@ bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, Theta t
       pass(s, *stretched, theta.lengths, drag, to);
       if (k == length->first && !leave(*length, to, P)) return false;
     }
+    if (!it.shifts.empty()) pass_meetings(problem, it, k, theta.densities);
   }
-  return true;
+  return it.shifts.empty() || factor_shifts(it);
 }
 
 void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
@@ -217,9 +224,11 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
   double p[nx];
   end_gradient(problem, it, end, penalty, p);
   double c[2] = {0.0, it.nu_total + penalty.end * total_missed(problem, it)};
+  if (!it.shifts.empty()) begin_slopes(it.border);
   for (std::size_t k = n; k-- > 0;) {
     Stage& s = it.stages[k];
     for (int i = 0; i < nx; ++i) p[i] += s.P_gap[i];
+    if (!it.shifts.empty()) approach(it, s, p);
     Length* length = length_of(problem, it, s);
     const Stretch* stretched = length == nullptr ? nullptr : &it.stretches[k];
     if (stretched != nullptr) {
@@ -254,7 +263,9 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
       pass(s, *stretched, it.effort_share * drag, c);
       if (k == length->first) leave(*length, p, c);
     }
+    if (!it.shifts.empty()) pass_slopes(it, k);
   }
+  if (!it.shifts.empty()) step_shifts(it);
   std::fill(it.stages[0].dx, it.stages[0].dx + nx, 0.0);
   double dt = 0.0;
   for (std::size_t k = 0; k < n; ++k) {
@@ -267,8 +278,10 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
       double t = s.kappa[i];
       for (int j = 0; j < nx; ++j) t += s.Y[i][j] * s.dx[j];
       if (stretched != nullptr) t += stretched->Y[i][0] * length->dh + stretched->Y[i][1] * dt;
-      omega[i] = -t;
+      omega[i] = t;
     }
+    if (!it.shifts.empty()) add_columns(it, k, omega);
+    for (double& o : omega) o = -o;
     solve_upper(s.R, s.R_inverse, omega);
     for (int i = 0; i < nw; ++i) {
       s.dw[i] = 0.0;
@@ -278,6 +291,10 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
     advance_linear(s.h, s.dx, s.dw, next);
     for (int i = 0; i < nx; ++i) next[i] += s.gap[i];
     for (int i = 0; stretched != nullptr && i < nx; ++i) next[i] += stretched->f[i] * length->dh;
+    const Share* shares = shares_of(it, s);
+    for (std::size_t a = 0; a < 2 * s.meetings; ++a) {
+      for (int i = 6; i < nx; ++i) next[i] += shares[a].f[i] * it.border.step[shares[a].column];
+    }
     if (s.bounded) {
       s.low.follow(-s.dx[2]);
       s.high.follow(s.dx[2]);
@@ -289,11 +306,12 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
     for (int i = 0; i < nw; ++i) {
       omega[i] += s.tau[i];
       if (stretched != nullptr) omega[i] += stretched->tau[i] * length->dh;
+      for (std::size_t a = 0; a < 2 * s.meetings; ++a) omega[i] += shares[a].tau[i] * it.border.step[shares[a].column];
     }
     follow(it, s, omega, stretched == nullptr ? 0.0 : it.effort_share * length->dh);
   }
   end_steps(problem, it);
-  if (it.lengths.empty()) follow_costates(problem, it, end, penalty);
+  if (it.lengths.empty() && it.shifts.empty()) follow_costates(problem, it, end, penalty);
 }
 
 }  // namespace stridelab

@@ -6,6 +6,7 @@
 
 #include "stridelab_native/feasibility.hpp"
 #include "stridelab_native/lengths.hpp"
+#include "stridelab_native/shifts.hpp"
 #include "stridelab_native/steps.hpp"
 
 namespace stridelab {
@@ -22,7 +23,8 @@ constexpr double armijo = 1e-4;
 constexpr double met = 5e-4;  // of the tolerance: equations are linear and cost nothing; momenta are in units of m |g|
 constexpr double acceptable = 20.0;  // times the tolerance, after `memory` iterations in which all else holds
 constexpr int halvings_max = 30;
-constexpr double roughly = 1.0;  // tolerance, and gap as a share of the objective, at which lengths are freed
+constexpr double roughly =
+    1.0;  // tolerance, and gap as a share of the objective, at which lengths and contacts are freed
 constexpr double freed_barrier = 0.3;
 constexpr Penalty stiff{1e8, 1e6};
 constexpr Penalty soft{1e5, 1e4};
@@ -120,16 +122,17 @@ private:
   }
 
   // The true curvature where the reduced Hessian is positive definite with it, less of it otherwise; that of lengths
-  // goes first, and that of momenta, which far from a solution leads astray.
+  // and of displacements with forces goes first, and that of momenta, which far from a solution leads astray.
   bool factored() {
     for (const Penalty& penalty : {stiff, soft}) {
       penalty_ = penalty;
       entry_.theta = 1.0;
-      if (!it_.lengths.empty() && factor(problem_, it_, penalty_, Theta{1.0, 1.0, 0.0})) return true;
-      if (report_.iterations >= late && factor(problem_, it_, penalty_, Theta{1.0, 0.0, 1.0})) return true;
+      const bool given = it_.lengths.empty() && it_.shifts.empty();
+      if (!given && factor(problem_, it_, penalty_, Theta{1.0, 1.0})) return true;
+      if (given && report_.iterations >= late && factor(problem_, it_, penalty_, Theta{1.0, 0.0, 1.0})) return true;
       for (double share : {1.0, 0.75, 0.5, 0.25, 0.0}) {
         entry_.theta = share;
-        if (factor(problem_, it_, penalty_, Theta{share, 0.0, 0.0})) return true;
+        if (factor(problem_, it_, penalty_, Theta{share, 0.0})) return true;
       }
     }
     return false;
@@ -250,20 +253,28 @@ Report solve_given(const Problem& problem, Iterate& it, const Settings& settings
 }  // namespace
 
 Report solve(const Problem& problem, Iterate& it, const Settings& settings) {
-  if (!problem.freedom.lengths) return solve_given(problem, it, settings);
+  const bool moves = !problem.places.empty();
+  if (!problem.freedom.lengths && !moves) return solve_given(problem, it, settings);
   const double began = seconds_now();
   Settings rough = settings;
   rough.tolerance = std::max(roughly, settings.tolerance);
   rough.gap = std::max(roughly, settings.gap);
   const Report given = solve_given(problem, it, rough);
-  if (given.verdict != Verdict::solved) cold_start(problem, it, settings.barrier);  // other lengths may do
-  free_lengths(problem, it);
+  if (given.verdict != Verdict::solved) cold_start(problem, it, settings.barrier);  // others may do
+  Problem moved = problem;
+  if (moves) {
+    free_shifts(problem, moved, it);
+  } else {
+    free_lengths(problem, it);
+  }
   int cones = 0;
   const double gap = complementarity(it, cones);
   Settings freed = settings;
   freed.barrier = std::max(freed_barrier, cones > 0 ? gap / cones : 0.0);
   freed.seconds = settings.seconds - (seconds_now() - began);
-  return joined(given, Run(problem, it, freed).run());
+  const Report report = Run(moves ? moved : problem, it, freed).run();
+  if (moves) let_go(problem, it);
+  return joined(given, report);
 }
 
 }  // namespace stridelab

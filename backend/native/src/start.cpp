@@ -39,6 +39,8 @@ void cold_start(const Problem& problem, Iterate& it, double barrier) {
   int loads = 0;
   it.holds.clear();
   it.lengths.clear();
+  it.shifts.clear();
+  it.meetings.clear();
   it.stretches.clear();
   double time = 0.0;
   for (const Phase& phase : problem.phases) {

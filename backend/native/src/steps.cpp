@@ -6,6 +6,7 @@
 
 #include "stridelab_native/evaluate.hpp"
 #include "stridelab_native/lengths.hpp"
+#include "stridelab_native/shifts.hpp"
 
 namespace stridelab {
 
@@ -84,6 +85,10 @@ void move(Iterate& it, Steps by) {
     l.h += by.primal * l.dh;
     for (std::size_t k = l.first; k < l.first + l.intervals; ++k) it.stages[k].h = l.h;
   }
+  for (Shift& s : it.shifts) {
+    for (int i = 0; i < 2; ++i) s.d[i] += by.primal * s.step[i];
+  }
+  place_contacts(it);
   each_cone(it, [&](auto& t) {
     constexpr int n = std::extent_v<decltype(t.du)>;
     for (int i = 0; i < n; ++i) {
@@ -127,6 +132,7 @@ Merit merit(const Problem& problem, const Iterate& it, double cost, double mu) {
     m.slope += l.slope * l.dh;
     for (std::size_t k = l.first; k < l.first + l.intervals; ++k) m.slope += it.stretches[k].slope * l.dh;
   }
+  m.slope += slope_of_shifts(it);
   m.violation += std::fabs(total_missed(problem, it));
   const Ending end = ending(problem, it);
   for (double e : end.miss) m.violation += std::fabs(e);

@@ -59,6 +59,7 @@ inline Block sole(double x, double y, double friction) {
   b.effort[0] = 2.0 * friction * friction;
   b.effort[1] = 2.0;
   b.normal_max = unbounded;
+  b.moved = -1;
   return b;
 }
 
@@ -70,7 +71,8 @@ inline Problem step(double air_s = 0.0) {
   p.densities = {density()};
   p.blocks = {sole(0.0, 0.09, 0.3), sole(0.0, -0.09, 0.3), sole(0.0, 0.09, 0.3), sole(0.0, 0.09, 0.3),
               sole(0.2, -0.09, 0.3)};
-  p.visits = {{0, {0.0, 0.0, 0.0}, {1, 0, 0, 0, 1, 0, 0, 0, 1}}, {0, {0.1, 0.0, 0.0}, {0, -1, 0, 1, 0, 0, 0, 0, 1}}};
+  p.visits = {{0, {0.0, 0.0, 0.0}, {1, 0, 0, 0, 1, 0, 0, 0, 1}, -1},
+              {0, {0.1, 0.0, 0.0}, {0, -1, 0, 1, 0, 0, 0, 0, 1}, -1}};
   const auto phase = [](int intervals, int block, int blocks, int visit, int visits) {
     return Phase{intervals, 0.1, block, blocks, visit, visits, {-unbounded, unbounded}, -1};
   };

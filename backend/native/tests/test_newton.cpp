@@ -75,7 +75,7 @@ void step_closes_the_gaps(const Problem& p) {
   evaluate(p, it);
   const Penalty penalty{1e8, 1e6};
   scale_cones(it);
-  expect(factor(p, it, penalty, Theta{0.0, 0.0, 0.0}), "the majoriser is convex");
+  expect(factor(p, it, penalty, Theta{0.0, 0.0}), "the majoriser is convex");
   aim(it, 0.5, false);
   direction(p, it, penalty);
   std::vector<double> wrenches;
@@ -167,7 +167,7 @@ void lengths_step(const Problem& given) {
   conditions(p, it);
   const Penalty penalty{1e8, 1e6};
   scale_cones(it);
-  expect(factor(p, it, penalty, Theta{0.0, 0.0, 0.0}), "Gauss and Newton's part is convex");
+  expect(factor(p, it, penalty, Theta{0.0, 0.0}), "Gauss and Newton's part is convex");
   aim(it, 0.5, false);
   direction(p, it, penalty);
   std::vector<Stage> at = it.stages;

@@ -13,14 +13,18 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final
 
+from stridelab.centroidal.freedom import movable
 from stridelab.centroidal.point_forces import Pyramids
 from stridelab.centroidal.problem import CentroidalProblem
 
 MODULE: Final = "stridelab_native"
 FOLDER: Final = "STRIDELAB_NATIVE_PATH"
 """Environment variable that names the folder in which the package lies."""
-INTERFACE: Final = 3
+INTERFACE: Final = 4
 """What the module must say of itself; another number is another build's."""
+
+MOVED_AT_ONCE: Final = 4
+"""Contacts that may be moved in one phase."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,12 +60,22 @@ def availability() -> Native | Missing:
 
 def lacks(problem: CentroidalProblem) -> str | None:
     """What of a problem the C++ solver does not do, as a phrase; None where it does all of it."""
+    moved = problem.placements is not None
     wants = [
         ("pyramids in place of friction cones", isinstance(problem.control, Pyramids)),
-        ("free placements", problem.placements is not None),
+        ("free placements and continuous forces at once", moved and problem.shape == "cubic"),
+        ("free placements and durations at once", moved and problem.durations is not None),
+        ("free placements of more than four contacts at once", moved and crowded(problem)),
     ]
     missing = [words for words, wanted in wants if wanted]
     return ", ".join(missing) or None
+
+
+def crowded(problem: CentroidalProblem) -> bool:
+    """Whether more contacts may be moved in one phase than the solver has room for."""
+    stays = movable(problem.sequence)
+    phases = range(len(problem.sequence.phases))
+    return any(sum(stay.first <= i <= stay.last for stay in stays) > MOVED_AT_ONCE for i in phases)
 
 
 def serves(problem: CentroidalProblem) -> bool:

@@ -7,7 +7,9 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from stridelab.centroidal.control import Touch
+from stridelab.centroidal.freedom import Stay, movable
 from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.room import room_m
 from stridelab.centroidal.spline import INNER, comes_and_goes
 from stridelab.centroidal.transcription import capture_of, ground_m
 from stridelab.dynamics.placement import Placement
@@ -15,6 +17,8 @@ from stridelab.reachability.mixture import Mixture
 
 POINTS: Final = 4
 """Of a contact that share a block; more points take more blocks."""
+ROOM_M: Final = 1e-6
+"""Windows below this are none."""
 MixtureArrays = tuple[Float[np.ndarray, "_"], Float[np.ndarray, "_ 3"], Float[np.ndarray, "_ 3 3"]]
 """Constants, means and whitenings: ``log w_j N(y; mu_j, S_j) = constant_j - |W_j (y - mu_j)|^2 / 2``."""
 
@@ -54,11 +58,17 @@ class NativeInput:
     freedom: Float[np.ndarray, "_"]
     block_edges: Int[np.ndarray, "blocks 2"]
     cubic: bool
+    place_phases: Int[np.ndarray, "places 2"]
+    place_axes: Float[np.ndarray, "places 2 3"]
+    place_windows: Float[np.ndarray, "places 4"]
+    block_place: Int[np.ndarray, "blocks"]
+    visit_place_of: Int[np.ndarray, "visits"]
     slots: tuple[tuple[Slot, ...], ...]
+    moved: tuple[Stay, ...]
 
     def arguments(self) -> list[object]:
         """As the module takes them."""
-        return [value for name, value in vars(self).items() if name != "slots"]
+        return [value for name, value in vars(self).items() if name not in ("slots", "moved")]
 
     def present(self, phase: int) -> Bool[np.ndarray, "controls blocks"]:
         """Which blocks of a phase have forces, one control point after the other: one per interval, two of splines."""
@@ -79,17 +89,21 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
     slots: list[tuple[Slot, ...]] = []
     places: list[tuple[int, Placement]] = []
     layout = []
+    moved, place_axes, place_windows = _places(problem)
+    of_block, of_visit = [], []
     forces = problem.control.has_point_forces
     for i, phase in enumerate(sequence.phases):
         first_block, first_visit = len(blocks), len(places)
         touches = problem.touches(i, origin)
         of = [(t, k) for t in touches for k in range(0, len(t.points_m), POINTS)] if forces else []
         blocks += of
+        of_block += [_place_of(moved, t.effector, i) for t, _ in of]
         slots.append(tuple(Slot(t.effector, k, len(t.points_m[k : k + POINTS])) for t, k in of))
         for name in names:
             if name in phase.contacts:
                 at, heading_rad = phase.contacts[name].placement, float(sequence.headings_rad[i])
                 places.append((names.index(name), problem.proxies[name].placement(at, heading_rad)))
+                of_visit.append(_place_of(moved, name, i))
         layout.append([controls[i], first_block, len(of), first_visit, len(places) - first_visit])
     points = np.zeros((len(blocks), POINTS, 3))
     for b, (t, k) in enumerate(blocks):
@@ -128,8 +142,40 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
         freedom=_freedom(problem),
         block_edges=_edges(problem, slots),
         cubic=problem.shape == "cubic",
+        place_phases=np.array([[stay.first, stay.last] for stay in moved], dtype=np.int32).reshape(-1, 2),
+        place_axes=place_axes,
+        place_windows=place_windows,
+        block_place=np.array(of_block, dtype=np.int32),
+        visit_place_of=np.array(of_visit, dtype=np.int32),
         slots=tuple(slots),
+        moved=moved,
     )
+
+
+def _places(
+    problem: CentroidalProblem,
+) -> tuple[tuple[Stay, ...], Float[np.ndarray, "places 2 3"], Float[np.ndarray, "places 4"]]:
+    """Contacts that may be moved, in the order of their ends, with axes and windows (low, high, low, high).
+
+    Along an axis without room nothing moves: it is zero, in a window that does not matter.
+    """
+    moved, axes, windows = [], [], []
+    if problem.placements is not None:
+        for stay in sorted(movable(problem.sequence), key=lambda stay: stay.last):
+            corners_m = problem.effectors[stay.contact.effector].points_m()
+            low, high = room_m(stay.contact, corners_m, problem.sequence.terrain, problem.placements.reach_m)
+            room = high - low > ROOM_M
+            if room.any():
+                moved.append(stay)
+                axes.append(np.where(room, stay.contact.placement.rotation[:, :2], 0.0).T)
+                windows.append(np.where(room, [low, high], [[-1.0], [1.0]]).T.ravel())
+    return tuple(moved), np.array(axes).reshape(-1, 2, 3), np.array(windows).reshape(-1, 4)
+
+
+def _place_of(moved: tuple[Stay, ...], effector: str, phase: int) -> int:
+    """Which of the moved contacts an effector has in a phase; -1 for none."""
+    of = (i for i, s in enumerate(moved) if s.contact.effector == effector and s.first <= phase <= s.last)
+    return next(of, -1)
 
 
 def wrench_cone(problem: CentroidalProblem, phase: int) -> Float[np.ndarray, "6 6"] | None:

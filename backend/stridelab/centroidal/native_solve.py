@@ -99,7 +99,7 @@ def solve_native(
         log=IterationLog(log[:, 0], log[:, 1], log[:, 2], log[:, 3]),
     )
     point = NativePoint(*(said[name] for name in ("x", "u", "z", "wrench_u", "wrench_z", "phase_h")))
-    sequence = _chosen(problem.sequence, flat, point)
+    sequence = _placed(_chosen(problem.sequence, flat, point), flat, said["shift"])
     return NativeRun(attempt, sequence, _motion(problem, flat, point), point, infeasible)
 
 
@@ -113,6 +113,20 @@ def _chosen(sequence: ContactSequence, flat: NativeInput, point: NativePoint) ->
         return sequence
     durations_s = (flat.phase_layout[:, 0] * point.step_s).tolist()
     phases = [replace(p, duration_s=s) for p, s in zip(sequence.phases, durations_s, strict=True)]
+    return replace(sequence, phases=tuple(phases))
+
+
+def _placed(sequence: ContactSequence, flat: NativeInput, shift: Float[np.ndarray, "places 2"]) -> ContactSequence:
+    """With the contacts where they were put."""
+    touching = [dict(phase.contacts) for phase in sequence.phases]
+    for stay, axes, d in zip(flat.moved, flat.place_axes, shift, strict=True):
+        place = stay.contact.placement
+        there = replace(stay.contact, placement=replace(place, position_m=place.position_m + d @ axes))
+        for i in range(stay.first, stay.last + 1):
+            touching[i][stay.contact.effector] = there
+    if not flat.moved:
+        return sequence
+    phases = [replace(p, contacts=contacts) for p, contacts in zip(sequence.phases, touching, strict=True)]
     return replace(sequence, phases=tuple(phases))
 
 

@@ -20,4 +20,11 @@ void follow(Iterate& it, const Stage& s, double omega[nw], double dh);
 // dz = S^T y + h Q (u + du) - z for the slope y in the wrench that the step leads to, bounds at its end.
 void follow_slope(Iterate& it, const Stage& s, const double y[nw]);
 
+// Of a moved contact: F, the sum of its forces; tau of its two displacements, g what `pull` is for the forces, and
+// curve -= g_a^T D^-1 g_b from `at` on; drag = g_a^T D^-1 g.
+void force_of(const Iterate& it, const Stage& s, int place, double F[3]);
+void pulled_by_shift(const Iterate& it, const Stage& s, const Meeting& meeting, Share* shares,
+                     double curve[shares_max][shares_max], std::size_t at);
+void drag_of_shift(const Iterate& it, const Stage& s, const Meeting& meeting, double drag[2]);
+
 }  // namespace stridelab

@@ -82,6 +82,38 @@ struct Length {
   Slack<double> low, high;  // of h / given
 };
 
+inline constexpr int shares_max = 8;
+
+// What an interval has to do with one of the variables that many intervals share.
+struct Share {
+  std::size_t column;
+  double f[nx];        // dx+ / dtheta
+  double slope;        // of the cost
+  double q[6], r[nw];  // second derivatives of the Lagrangian: with (c, c') and with w
+  double tau[nw];      // L^-1 sum G D^-1 g, g that with the forces
+};
+
+// Variables that many intervals share: columns of the factor.
+struct Border {
+  std::size_t size = 0, row = 0;  // row: size, padded
+  std::vector<double> E, C, Y;    // (nx, row); (row, row), upper triangle; (intervals, nw, row)
+  std::vector<double> by_gap, c, step, root;
+};
+
+// A contact that may be moved, by d along its axes within its window.
+struct Shift {
+  const Place* place;
+  double d[2], step[2];
+  Slack<double> low[2], high[2];  // in units of the window
+};
+
+// A moved contact in an interval; its densities at the node that begins it, and at the one that ends its phase.
+struct Meeting {
+  std::size_t shift;
+  Bend own, before;
+  double pull[2][3];  // of its forces in world axes: the second derivative with each displacement
+};
+
 // Interval k, and the node that begins it.
 struct Stage {
   // Given.
@@ -89,6 +121,8 @@ struct Stage {
   double h;
   int first_touch, touches;
   int hold;  // of it.holds; -1: none
+  std::size_t first_meeting, meetings;
+  std::size_t columns;  // the first of the border that it or a later one has a share in
   // Variables and what follows from them.
   double x[nx];
   double w[nw];
@@ -133,9 +167,16 @@ struct Iterate {
   std::vector<Length> lengths;     // empty: all as given
   std::vector<Stretch> stretches;  // as many as intervals where lengths are free
   std::vector<Spline> splines;     // empty where forces are constant
-  double theta = 1.0;              // shares that the factor has: of the covariances,
-  double twist = 0.0;              // of the momentum's second derivative
-  double effort_share = 1.0;       // e: the effort of forces bends as if e Q u were its slope in h
+  std::vector<Shift> shifts;       // empty: all as given
+  std::vector<Meeting> meetings;
+  std::vector<Share> shares;  // two of every meeting
+  Border border;
+  double pull_share = 1.0;         // of the second derivatives between displacements and forces
+  const Problem* given = nullptr;  // while contacts move: the problem, and that with them where they are
+  Problem* moved = nullptr;
+  double theta = 1.0;         // shares that the factor has: of the covariances,
+  double twist = 0.0;         // of the momentum's second derivative
+  double effort_share = 1.0;  // e: the effort of forces bends as if e Q u were its slope in h
   double nu_total = 0.0;
   double nu[nx] = {};      // multipliers of the end
   double nu_rest[3] = {};  // of F = (0, 0, 1) in the last interval
@@ -163,6 +204,12 @@ void each_slack(It& it, F f) {
   for (auto& l : it.lengths) {
     f(l.low, 1.0);
     f(l.high, 1.0);
+  }
+  for (auto& s : it.shifts) {
+    for (int i = 0; i < 2; ++i) {
+      f(s.low[i], 1.0);
+      f(s.high[i], 1.0);
+    }
   }
 }
 

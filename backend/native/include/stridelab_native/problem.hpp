@@ -29,6 +29,7 @@ struct Visit {
   int density;
   double place[3];
   double R[9];
+  int moved = -1;  // of the places; -1: none
 };
 
 // Up to four points of a contact that share a frame: f = S u, S = R diag(mu, mu, 1) by rows, u = (f_t / mu, f_n).
@@ -38,6 +39,7 @@ struct Block {
   v4 real;  // 1 for a point, 0 for padding
   int points;
   bool comes, goes;   // of splines: without force at the first, at the last control point of the phase
+  int moved;          // of the places; -1: none
   double effort[2];   // h/2 (effort[0] |u_t|^2 + effort[1] u_n^2) is the cost of a point
   double normal_max;  // on u_n; infinite: none
 };
@@ -81,6 +83,12 @@ struct Freedom {
 
 // Forces between nodes: constant, or cubic splines.
 enum class Shape { constant, cubic };
+// A contact that may be moved from its first phase to its last one: displacements d along two axes, low <= d <= high.
+struct Place {
+  int first_phase, last_phase;
+  double axes[2][3];
+  double low[2], high[2];
+};
 
 struct Problem {
   double w_acceleration = 10.0;  // w_c
@@ -94,6 +102,7 @@ struct Problem {
   std::vector<WrenchCone> cones;
   std::vector<Phase> phases;
   std::vector<Plane> planes;
+  std::vector<Place> places;  // in the order of their last phases
   Freedom freedom;
   Shape shape = Shape::constant;
 };
