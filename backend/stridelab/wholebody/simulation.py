@@ -59,6 +59,10 @@ class Simulation:
         mujoco.mj_step(self._model, self._data)
         return float(np.max(np.abs(moving_nm) / limit[self.built.moving_actuator]))
 
+    def push(self, force_n: Vector3) -> None:
+        """A force (world axes) at the trunk's centre of mass, from now on."""
+        self._data.xfrc_applied[self.built.trunk, :3] = force_n
+
     def refresh(self) -> None:
         """Bring everything that follows from the coordinates up to the instant after the last step.
 

@@ -57,4 +57,4 @@ def _angle(points_m: np.ndarray, place_m: np.ndarray) -> float:
     U, _, Vt = np.linalg.svd(a.T @ b)
     R = (U * [1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt
     turned = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]])
-    return float(np.arcsin(min(1.0, np.linalg.norm(turned) / 2.0)))
+    return float(np.arcsin(min(1.0, float(np.linalg.norm(turned)) / 2.0)))
