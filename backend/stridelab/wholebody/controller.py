@@ -26,6 +26,7 @@ from stridelab.dynamics.placement import Placement
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.robots.inverse_kinematics import stand
 from stridelab.robots.robot import Robot
+from stridelab.wholebody.avoidance import Avoidance
 from stridelab.wholebody.heading import Heading
 from stridelab.wholebody.hierarchy import Inequalities, Rows, solve, violations
 from stridelab.wholebody.motion import SolverFailure, WholeBodyMotion
@@ -85,6 +86,8 @@ class _Run:
         self.times = np.arange(n) / controller.rate_hz
         self._body = RigidBody(robot)
         self._heading = Heading.of(sequence)
+        avoid = controller.settings.avoid
+        self._avoidance = None if avoid is None else Avoidance(robot, avoid)
         self._q, self._v = _start(robot, sequence, plan), np.zeros(robot.model.nv)
         self._phase = -1
         self._in_a_row = 0
@@ -150,7 +153,8 @@ class _Run:
             for name in self._sequence.effectors
             if name not in contacts and (curve := self._curve(name, phase, t)) is not None
         }
-        self._programme = Programme(self._robot, self._body, contacts, swings, self._plan, self._controller.settings)
+        settings = self._controller.settings
+        self._programme = Programme(self._robot, self._body, contacts, swings, self._plan, settings, self._avoidance)
         self._phase = phase
 
     def _curve(self, name: str, phase: int, t: float) -> SwingCurve | None:
