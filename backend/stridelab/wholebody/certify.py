@@ -22,6 +22,7 @@ from stridelab.reachability.proxy import Proxy
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate import Certificate, Check
 from stridelab.wholebody.clearance import self_collision, terrain_distances, thinned
+from stridelab.wholebody.hand_load import hand_loads
 from stridelab.wholebody.joint_limits import JointLimits
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.recomputed import Recomputed, recompute
@@ -55,6 +56,7 @@ def certify(
             _com_error(plan, motion, found, worst),
             *touch_downs(robot, sequence, motion, found, worst),
             *_limits(robot, motion, worst),
+            *hand_loads(robot, sequence, motion, chosen, at_times),
             _friction(sequence, motion, found, worst),
             worst.at_most("dynamics_residual", found.newton_euler[:, None], "N", DYNAMICS_RESIDUAL_N, [""]),
             worst.at_most(
