@@ -7,8 +7,8 @@ With the distance d of a pair, its nearest points ``p_1, p_2`` and ``n = (p_1 - 
 brakes what approaches and parts what is nearer than ``d_s``. The weight rises from 0 at ``d_a`` to its full value at
 ``d_s``, so that nothing jumps. A pair that is near in the reference posture already, an upper arm and the chest, has
 both distances shrunk: ``d_a`` to half of what it has there, ``d_s`` in proportion. The drift ``n' (dJ_1 - dJ_2) v`` is
-left out, which the spring makes up for. All pairs with an arm are looked at every ``every`` samples, those that were
-near then at every sample.
+left out, which the spring makes up for; so are the columns of all joints but those of the arms, or the task would bend
+the trunk instead. All pairs with an arm are looked at every ``every`` samples, those that were near then at every one.
 """
 
 from dataclasses import dataclass
@@ -49,6 +49,8 @@ class Avoidance:
     def __init__(self, robot: Robot, avoid: Avoid) -> None:
         self._avoid, self._calls = avoid, 0
         self._geometry = pin.GeometryModel(robot.collision)
+        group = [robot.group[joint] for joint in robot.joint_names]
+        self._arms = np.array([0.0] * 6 + [float(where == "arm") for where in group])
         pairs = [pin.CollisionPair(pair.first, pair.second) for pair in robot.collision.collisionPairs]
         joints = [part.parentJoint for part in robot.collision.geometryObjects]
         arm = [robot.group.get(str(robot.model.names[joint])) == "arm" for joint in joints]
@@ -88,7 +90,7 @@ class Avoidance:
         rate = float(J @ body.v)
         apart_m, acts_m = self._scale[k] * by.apart_m, self._scale[k] * by.acts_m
         nearness = min(1.0, (acts_m - d) / (acts_m - apart_m))
-        return J, by.kp * max(0.0, apart_m - d) + by.kd * max(0.0, -rate), by.weight * nearness**2
+        return J * self._arms, by.kp * max(0.0, apart_m - d) + by.kd * max(0.0, -rate), by.weight * nearness**2
 
     def _look(self, body: RigidBody) -> None:
         """Distances of all pairs, or of the near ones."""

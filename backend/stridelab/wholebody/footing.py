@@ -81,7 +81,8 @@ class Feet:
         if swung < 1.0:
             return self._cut(self._to_the_world(planned_m, seen))
         self._sought_m[name] = min(f.search_m, self._sought_m[name] + f.search_m_s * self._dt_s)
-        return self._cut(self._to_the_world(planned_m, seen)) - np.array([0.0, 0.0, self._sought_m[name]])
+        down_m = np.array([0.0, 0.0, self._sought_m[name]])
+        return np.asarray(self._cut(self._to_the_world(planned_m, seen)) - down_m)
 
     def _to_the_world(self, planned_m: Vector3, seen: Seen) -> Vector3:
         """What brings a swinging foot to its planned place although the base is off its own."""
