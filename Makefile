@@ -1,4 +1,4 @@
-.PHONY: serve test check bench docs lock
+.PHONY: serve test check check-native bench docs lock
 
 serve:  ## start everything on http://127.0.0.1:8000
 	@scripts/serve
@@ -8,6 +8,9 @@ test:  ## run the whole test suite
 
 check:  ## lint, format, types, compose files
 	@scripts/check
+
+check-native:  ## the C++ solver: format, lint, unit tests under sanitizers
+	@scripts/check-native
 
 bench:  ## run the benchmarks and write docs/benchmarks.md
 	@scripts/bench

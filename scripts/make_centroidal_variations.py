@@ -7,7 +7,7 @@ Every variation that did not converge is named with its reason as it comes.
 import json
 import sys
 
-from stridelab.experiments.centroidal_variations import Outcome, attempts, summary, variations
+from stridelab.experiments.centroidal_variations import Outcome, attempts, refusals, summary, variations
 
 
 def tell(outcome: Outcome) -> None:
@@ -17,4 +17,5 @@ def tell(outcome: Outcome) -> None:
 
 
 number = int(sys.argv[1]) if len(sys.argv) > 1 else 300
-sys.stdout.write(json.dumps(dict(summary(attempts(variations(number), tell))), indent=1) + "\n")
+found = attempts(variations(number), tell)
+sys.stdout.write(json.dumps({**summary(found), "refusals": dict(refusals(found))}, indent=1) + "\n")

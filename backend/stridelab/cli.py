@@ -42,7 +42,7 @@ from stridelab.cli_options import (
     WithoutLearning,
     WithoutPlates,
 )
-from stridelab.cli_robot import export_contacts, import_contacts, learn_reachability, plan, plan_contacts
+from stridelab.cli_robot import export_contacts, import_contacts, learn_reachability, plan, plan_contacts, sweep
 from stridelab.cli_study import study_population
 from stridelab.errors import StridelabError
 
@@ -238,6 +238,7 @@ def simulate(
 
 
 app.command()(plan)
+app.command()(sweep)
 app.command(name="plan-contacts")(plan_contacts)
 app.command(name="export-contacts")(export_contacts)
 app.command(name="import-contacts")(import_contacts)

@@ -14,6 +14,9 @@ from stridelab.cli_scenario import read_scenario
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import (
+    DURATION_RANGE,
+    LEAST_SHARE,
+    MOST_SHARE,
     PLAN_STAGES,
     TIME_LIMIT_S,
     CertificateCheck,
@@ -21,6 +24,7 @@ from stridelab.schemas.plans import (
     PlanMotionInput,
     PlanMotionSummary,
     ReplaySummary,
+    Shape,
 )
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.tasks import PlanMotionTask
@@ -37,7 +41,10 @@ class PlanRequest:
     formulation: Formulation = "forces"
     solver: PlanSolver = "auto"
     node_rate_hz: float = 10.0
+    shape: Shape = "constant"
     time_limit_s: float | None = None
+    free_durations: bool = False
+    duration_range: tuple[float, float] = DURATION_RANGE
 
     def __post_init__(self) -> None:
         if self.replay and not self.whole_body:
@@ -46,9 +53,18 @@ class PlanRequest:
         if self.time_limit_s is not None and not 0.0 < self.time_limit_s <= TIME_LIMIT_S:
             fault = Fault("--time-limit", f"must be above 0 and at most {TIME_LIMIT_S:.0f} s")
             raise InvalidInput("option-invalid", f"A solver cannot be given {self.time_limit_s:g} s.", [fault])
-        if self.time_limit_s is not None and self.solver == "fatrop":
-            fault = Fault("--time-limit", "is for ipopt")
-            raise InvalidInput("option-invalid", "fatrop counts iterations and has no time limit.", [fault])
+        if self.free_durations and (self.solver == "fatrop" or self.formulation == "circular-cones"):
+            fault = Fault("--free-durations", "is for ipopt, with forces or wrench")
+            named = "fatrop" if self.solver == "fatrop" else "circular cones"
+            raise InvalidInput("option-invalid", f"Durations cannot be chosen with {named}.", [fault])
+        if self.shape == "cubic" and (self.formulation == "wrench" or self.free_durations):
+            fault = Fault("--shape", "cubic is for forces, with the durations as they are given")
+            raise InvalidInput("option-invalid", "Forces cannot be splines here.", [fault])
+        least, most = self.duration_range
+        if not (LEAST_SHARE <= least <= 1.0 <= most <= MOST_SHARE):
+            fault = Fault("--duration-range", f"from {LEAST_SHARE:g} to 1, and from 1 to {MOST_SHARE:g}")
+            message = f"Phases cannot last from {least:g} to {most:g} times what the scenario says."
+            raise InvalidInput("option-invalid", message, [fault])
 
     @property
     def title(self) -> str:
@@ -67,7 +83,10 @@ class PlanRequest:
             formulation=self.formulation,
             solver=self.solver,
             node_rate_hz=self.node_rate_hz,
+            shape=self.shape,
             time_limit_s=self.time_limit_s,
+            free_durations=self.free_durations,
+            duration_range=self.duration_range,
         )
 
 
@@ -120,6 +139,9 @@ def show_plan(result: JobResult, target: Path, *, as_json: bool, with_page: bool
         f"[bold]plan[/] converged in {summary.iterations} iterations and {summary.solve_time_s:.2f} s "
         f"({escape(summary.solver)}), objective {summary.objective:.4g}"
     )
+    if summary.phase_durations is not None:
+        chosen = ", ".join(f"{phase.chosen_s:.2f}" for phase in summary.phase_durations)
+        out.print(f"[bold]durations chosen[/] {chosen} s")
     if summary.certificate is not None:
         width = max(len(check.name) for check in summary.certificate.checks)
         for check in summary.certificate.checks:

@@ -1,6 +1,6 @@
 """The commands of the robots as they are typed.
 
-What they do is in ``cli_plan``, ``cli_contacts``, ``cli_interchange`` and ``cli_learn``.
+What they do is in ``cli_plan``, ``cli_sweep``, ``cli_contacts``, ``cli_interchange`` and ``cli_learn``.
 """
 
 from pathlib import Path
@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from stridelab.cli_options import AsJson, Force, OutFolder, PlanSolver, PostureMeasure, Server, Token
-from stridelab.schemas.plans import NODE_RATE_HZ, Formulation
+from stridelab.schemas.plans import DURATION_RANGE, NODE_RATE_HZ, Formulation, Shape
 
 OutFile = Annotated[Path | None, typer.Option("--out-file", help="The file to write; must not exist yet.")]
 ForceFile = Annotated[bool, typer.Option("--force", help="Replace that file.")]
@@ -28,17 +28,26 @@ def plan(
         PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")
     ] = None,
     formulation: Annotated[
-        Formulation, typer.Option("--formulation", help="The control: forces in pyramids or in cones, or the wrench.")
+        Formulation, typer.Option("--formulation", help="The control: contact forces, in exact cones, or the wrench.")
     ] = "forces",
     solver: Annotated[
-        PlanSolver, typer.Option("--solver", help="The solver; auto asks fatrop where ipopt fails.")
+        PlanSolver, typer.Option("--solver", help="auto: the C++ solver where it is there, else CasADi's.")
     ] = "auto",
     node_rate: Annotated[
         float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
     ] = 10.0,
+    shape: Annotated[
+        Shape, typer.Option("--shape", help="Forces between nodes: constant, or cubic splines without a jump.")
+    ] = "constant",
     time_limit: Annotated[
-        float | None, typer.Option("--time-limit", help="Seconds after which ipopt gives up, at most 300.")
+        float | None, typer.Option("--time-limit", help="Seconds of processor time for the solver, at most 300.")
     ] = None,
+    free_durations: Annotated[
+        bool, typer.Option("--free-durations", help="Let the solver choose how long each phase lasts.")
+    ] = False,
+    duration_range: Annotated[
+        tuple[float, float], typer.Option("--duration-range", help="Between how many times what the scenario says.")
+    ] = DURATION_RANGE,
     out_dir: OutFolder = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -57,8 +66,48 @@ def plan(
         formulation=formulation,
         solver=solver,
         node_rate_hz=node_rate,
+        shape=shape,
         time_limit_s=time_limit,
+        free_durations=free_durations,
+        duration_range=duration_range,
     )
+    run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+
+
+def sweep(
+    scenario: Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: long-stride.")],
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            "--vary", help="FIELD=FROM:TO:NUMBER, up to three times; stride, height (metres), timing, friction."
+        ),
+    ],
+    formulation: Annotated[
+        Formulation, typer.Option("--formulation", help="The control: contact forces, in exact cones, or the wrench.")
+    ] = "forces",
+    solver: Annotated[
+        PlanSolver, typer.Option("--solver", help="auto: the C++ solver where it is there, else CasADi's.")
+    ] = "auto",
+    node_rate: Annotated[
+        float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
+    ] = 10.0,
+    measure: Annotated[
+        PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")
+    ] = None,
+    processes: Annotated[
+        int | None, typer.Option("--processes", min=1, help="Scenarios at a time; all cores by default.")
+    ] = None,
+    out_dir: OutFolder = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    server: Server = None,
+    token: Token = None,
+) -> None:
+    """Find out at which strides, heights, paces and frictions a scenario has a motion; needs no server."""
+    from stridelab.cli_sweep import SweepRequest
+    from stridelab.cli_sweep import sweep as run
+
+    request = SweepRequest(scenario, tuple(vary), formulation, solver, node_rate, measure, processes)
     run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
 
 

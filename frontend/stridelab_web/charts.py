@@ -72,10 +72,11 @@ class Shade:
 
 @dataclass(frozen=True)
 class Band:
-    """A closed outline ``points`` (of an SVG), such as that of a curve's standard errors."""
+    """A closed outline ``points`` (of an SVG), such as that of a curve's standard errors; ``text`` says what it is."""
 
     points: str
     css: str
+    text: str = ""
 
 
 @dataclass(frozen=True)
@@ -162,6 +163,11 @@ class Canvas:
         """What lies between two curves over the same ``x``."""
         there_and_back = [*zip(x, low, strict=True), *zip(x[::-1], high[::-1], strict=True)]
         self._bands.append(Band(" ".join(f"{self.x(u):.1f},{self.y(v):.1f}" for u, v in there_and_back), css))
+
+    def cell(self, x: Range, y: Range, css: str, text: str) -> None:
+        """A rectangle over an interval of each axis."""
+        corners = [(x[0], y[0]), (x[1], y[0]), (x[1], y[1]), (x[0], y[1])]
+        self._bands.append(Band(" ".join(f"{self.x(u):.1f},{self.y(v):.1f}" for u, v in corners), css, text))
 
     def mark(
         self, x: float, y: float, css: str, shape: Shape = "circle", text: str = "", label: str = "", href: str = ""

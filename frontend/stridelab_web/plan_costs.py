@@ -87,6 +87,8 @@ def term_name(key: str) -> str:
 
 def seconds(value: float, sign: str = "-") -> str:
     """A cost, to the four decimals to which solvers agree; a small one to three digits. ``sign`` as in formats."""
+    if value == 0:
+        return "0 s"
     return f"{value:{sign}.3g} s" if 0 < abs(value) < SMALL_S else f"{value:{sign}z.4f} s"
 
 

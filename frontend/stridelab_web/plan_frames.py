@@ -107,15 +107,21 @@ def momentum_nms(columns: Columns, time_s: np.ndarray) -> np.ndarray | None:
 
 
 def com_m(centroidal: Columns, time_s: np.ndarray) -> np.ndarray:
-    """Centre of mass ``(n, 3)`` at ``time_s``: its acceleration is constant between the nodes of the plan."""
+    """Centre of mass ``(n, 3)`` at ``time_s``: from each node with its velocity and acceleration to the next one.
+
+    Exact where the acceleration is constant between nodes; the constant jerk that is left is that of smooth forces.
+    """
     nodes_s = centroidal["time_s"]
     position, velocity = triple(centroidal, "com_", "_m"), triple(centroidal, "com_v", "_m_s")
     acceleration = triple(centroidal, "com_a", "_m_s2")
     if position is None or velocity is None or acceleration is None:
         raise ValueError("the plan's table lacks the centre of mass")
+    h = np.diff(nodes_s)[:, None]
+    ahead = position[:-1] + velocity[:-1] * h + acceleration[:-1] * h**2 / 2
+    jerk = np.concatenate([6.0 * (position[1:] - ahead) / h**3, np.zeros((1, 3))])
     k = np.clip(np.searchsorted(nodes_s, time_s, side="right") - 1, 0, len(nodes_s) - 1)
     dt = np.clip(time_s - nodes_s[k], 0.0, None)[:, None]
-    return np.asarray(position[k] + velocity[k] * dt + acceleration[k] * dt**2 / 2)
+    return np.asarray(position[k] + velocity[k] * dt + acceleration[k] * dt**2 / 2 + jerk[k] * dt**3 / 6)
 
 
 def centroidal_forces(scenario: Scenario, centroidal: Columns) -> dict[str, np.ndarray]:

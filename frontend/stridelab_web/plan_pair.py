@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -35,7 +35,7 @@ class PlanFacts:
     @property
     def control(self) -> str:
         """Name of its control."""
-        return words(self.summary.formulation or "forces")
+        return words(self.summary.formulation or "forces") + (" as splines" if self.summary.shape == "cubic" else "")
 
     @property
     def measure(self) -> str:
@@ -49,7 +49,10 @@ class PlanFacts:
 
 @dataclass(frozen=True)
 class PairRow:
-    """A figure of both plans as texts, the first less the second, and why they cannot be compared, if so."""
+    """A figure of both plans as texts, the first less the second, and why they cannot be compared, if so.
+
+    Rows that belong together have the same ``group``.
+    """
 
     key: str
     name: str
@@ -57,6 +60,7 @@ class PairRow:
     second: str
     difference: str
     note: str = ""
+    group: str = ""
 
 
 def pair_remarks(first: PlanFacts, second: PlanFacts) -> list[str]:
@@ -72,6 +76,9 @@ def pair_remarks(first: PlanFacts, second: PlanFacts) -> list[str]:
             f"The motions last {a.duration_s:.2f} s and {b.duration_s:.2f} s: costs are sums over time and cannot be "
             "compared, and the curves of the shorter one end earlier."
         )
+    chosen = [which for which, plan in (("this", a), ("the other", b)) if plan.phase_durations is not None]
+    if chosen:
+        found.append(f"In {' and '.join(chosen)} plan the solver chose the durations of the phases.")
     if first.measures_differ(second):
         found.append(
             f"The densities differ ({first.measure} and {second.measure}): likelihoods, and with them the objective, "
@@ -88,14 +95,14 @@ def pair_remarks(first: PlanFacts, second: PlanFacts) -> list[str]:
 
 
 def pair_rows(first: PlanFacts, second: PlanFacts) -> list[PairRow]:
-    """Objective and terms, what the solver took, certificate and replay."""
+    """Objective and terms, what the solver took, certificate and replay, each a group."""
     a, b = first.summary, second.summary
     apart = _apart(first, second)
-    rows = [_cost("objective", "Objective (4.20a)", a.objective, b.objective, apart or _densities(first, second))]
+    costs = [_cost("objective", "Objective (4.20a)", a.objective, b.objective, apart or _densities(first, second))]
     for key in in_order({**a.cost_terms, **b.cost_terms}):
         note = apart or _of_term(key, first, second)
-        rows.append(_cost(key, term_name(key), a.cost_terms.get(key), b.cost_terms.get(key), note))
-    rows += [
+        costs.append(_cost(key, term_name(key), a.cost_terms.get(key), b.cost_terms.get(key), note))
+    solution = [
         _words("control", "Control", first.control, second.control),
         _row("node_rate_hz", "Nodes per second", a.node_rate_hz, b.node_rate_hz, ""),
         _words("solver", "Solver", a.solver, b.solver),
@@ -105,7 +112,13 @@ def pair_rows(first: PlanFacts, second: PlanFacts) -> list[PairRow]:
         _row("kkt_error", "First-order conditions, violated by", a.kkt_error, b.kkt_error, ""),
         _row("duration_s", "Motion", a.duration_s, b.duration_s, "s"),
     ]
-    return [*rows, *_certificates(a, b), *_replays(a, b)]
+    groups = {
+        "Cost": costs,
+        "Solution": solution,
+        "Certificate": _certificates(a, b),
+        "Replay in physics": _replays(a, b),
+    }
+    return [replace(row, group=group) for group, rows in groups.items() for row in rows]
 
 
 def furthest(first: Columns, second: Columns) -> tuple[float, float]:
@@ -149,7 +162,7 @@ def _certificates(a: PlanMotionSummary, b: PlanMotionSummary) -> Iterator[PairRo
     first, second = a.certificate, b.certificate
     if first is None and second is None:
         return
-    yield _words("certificate", "Certificate", _passed(first), _passed(second))
+    yield _words("certificate", "Verdict", _passed(first), _passed(second))
     if first is None or second is None:
         return
     mine, theirs = ({check.name: check for check in each.checks} for each in (first, second))
@@ -167,13 +180,13 @@ def _replays(a: PlanMotionSummary, b: PlanMotionSummary) -> Iterator[PairRow]:
     first, second = a.replay, b.replay
     if first is None and second is None:
         return
-    yield _words("replay", "Replay in physics", _stood(first), _stood(second))
+    yield _words("replay", "Outcome", _stood(first), _stood(second))
     if first is None or second is None:
         return
     for key, name, unit in _REPLAYED:
         mine, theirs = getattr(first, key), getattr(second, key)
         if mine is not None or theirs is not None:
-            yield _row(f"replay.{key}", f"Replay: {name}", mine, theirs, unit)
+            yield _row(f"replay.{key}", name, mine, theirs, unit)
 
 
 def _stood(replay: ReplaySummary | None) -> str:
@@ -181,17 +194,17 @@ def _stood(replay: ReplaySummary | None) -> str:
 
 
 _REPLAYED: Final = (
-    ("fall_time_s", "falls at", "s"),
+    ("fall_time_s", "Falls at", "s"),
     ("com_error_max_m", "CoM error, largest", "m"),
-    ("foot_slip_max_m", "foot slip, largest", "m"),
-    ("landing_error_max_m", "landing error, largest", "m"),
-    ("hand_force_mean_n", "hand force, mean", "N"),
-    ("torque_ratio_max", "torque, share of limit", ""),
+    ("foot_slip_max_m", "Foot slip, largest", "m"),
+    ("landing_error_max_m", "Landing error, largest", "m"),
+    ("hand_force_mean_n", "Hand force, mean", "N"),
+    ("torque_ratio_max", "Torque, share of limit", ""),
 )
 
 
 def _cost(key: str, name: str, a: float | None, b: float | None, note: str) -> PairRow:
-    less = DASH if a is None or b is None or note else seconds(a - b, "+")
+    less = DASH if a is None or b is None or note else "0" if a == b else seconds(a - b, "+")
     return PairRow(key, name, _or_dash(a, seconds), _or_dash(b, seconds), less, note)
 
 

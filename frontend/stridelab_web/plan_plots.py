@@ -23,8 +23,11 @@ _DASHED: Final[Sequence[Style]] = ("dashed1", "dashed2", "dashed3", "dashed4")
 _SAME_S: Final = 1e-9
 
 
-def plan_curves(columns: Columns, scenario: Scenario) -> dict[str, Any]:
-    """What the plots need of a ``centroidal`` table; phases with a foot in the air are shaded."""
+def plan_curves(columns: Columns, scenario: Scenario, *, steps: bool = True) -> dict[str, Any]:
+    """What the plots need of a ``centroidal`` table; phases with a foot in the air are shaded.
+
+    ``steps``: forces hold from a node to the next, as they do unless they are splines.
+    """
     forces = vertical_forces(columns)
     shown: dict[str, np.ndarray] = {**columns, **{f"{name}_fz_n": force for name, force in forces.items()}}
     decimals = dict.fromkeys(_COM, 5) | dict.fromkeys(_VELOCITY, 4) | dict.fromkeys(_MOMENTUM, 6)
@@ -37,6 +40,7 @@ def plan_curves(columns: Columns, scenario: Scenario) -> dict[str, Any]:
             "Vertical force [N]",
             tuple(Trace(f"{name}_fz_n", name.replace("_", " "), _style(name)) for name in forces),
             legend=True,
+            steps=steps,
         ),
     ]
     readings = [Reading(axis, key, "m", 4) for axis, key in zip("xyz", _COM, strict=True)]
@@ -44,7 +48,7 @@ def plan_curves(columns: Columns, scenario: Scenario) -> dict[str, Any]:
     return drawing(shown, decimals, rows, readings, in_the_air_s(scenario))
 
 
-def pair_curves(first: Columns, second: Columns, scenario: Scenario) -> dict[str, Any]:
+def pair_curves(first: Columns, second: Columns, scenario: Scenario, *, steps: bool = True) -> dict[str, Any]:
     """The same of two plans: full the ``first``, whose phases are shaded, dashed the ``second``.
 
     Both are drawn at the nodes of both, each between its own nodes as the plan means it and only while it lasts.
@@ -60,7 +64,7 @@ def pair_curves(first: Columns, second: Columns, scenario: Scenario) -> dict[str
         *(_pairs(f"CoM {axis} [m]", {axis: key}, legend=False) for axis, key in zip("xyz", _COM, strict=True)),
         _pairs("Velocity [m/s]", dict(zip("xyz", _VELOCITY, strict=True))),
         _pairs("Momentum L [N m s]", dict(zip("xyz", _MOMENTUM, strict=True))),
-        _pairs("Vertical force [N]", {name.replace("_", " "): f"{name}_fz_n" for name in forces}),
+        _pairs("Vertical force [N]", {name.replace("_", " "): f"{name}_fz_n" for name in forces}, steps=steps),
     ]
     readings = [Reading(axis, key, "m", 4, more=(OTHER + key,)) for axis, key in zip("xyz", _COM, strict=True)]
     readings += [
@@ -70,13 +74,13 @@ def pair_curves(first: Columns, second: Columns, scenario: Scenario) -> dict[str
     return drawing(shown, both, rows, readings, in_the_air_s(scenario))
 
 
-def _pairs(title: str, named: Mapping[str, str], *, legend: bool = True) -> Row:
+def _pairs(title: str, named: Mapping[str, str], *, legend: bool = True, steps: bool = False) -> Row:
     """Curves of the first plan with their names, and of the second in the same colours."""
     traces: list[Trace] = []
     for k, (name, key) in enumerate(named.items()):
         full, dashed = _FULL[k % len(_FULL)], _DASHED[k % len(_DASHED)]
         traces += [Trace(key, name, full), Trace(OTHER + key, f"{name}, other plan", dashed, listed=False)]
-    return Row(title, tuple(traces), legend=legend)
+    return Row(title, tuple(traces), legend=legend, steps=steps)
 
 
 def _at(columns: Columns, time_s: np.ndarray) -> dict[str, np.ndarray]:

@@ -37,12 +37,16 @@ class Trace:
 
 @dataclass(frozen=True)
 class Row:
-    """Curves above each other on one vertical axis; ``legend`` names them beside the row; ``log``: by decades."""
+    """Curves above each other on one vertical axis; ``legend`` names them beside the row; ``log``: by decades.
+
+    With ``steps`` a value holds until the next one.
+    """
 
     title: str
     traces: tuple[Trace, ...]
     legend: bool = False
     log: bool = False
+    steps: bool = False
 
 
 @dataclass(frozen=True)
@@ -120,7 +124,13 @@ def drawing(
         "shades_s": [list(shade) for shade in shades_s],
         "columns": drawn,
         "rows": [
-            {"title": row.title, "legend": row.legend, "log": row.log, "traces": [asdict(trace) for trace in traces]}
+            {
+                "title": row.title,
+                "legend": row.legend,
+                "log": row.log,
+                "steps": row.steps,
+                "traces": [asdict(trace) for trace in traces],
+            }
             for row, traces in kept
             if traces
         ],

@@ -21,6 +21,14 @@ def read_columns(content: bytes) -> Columns:
     return found
 
 
+def read_words(content: bytes) -> Mapping[str, list[str]]:
+    """All columns of text of a Parquet table."""
+    table = pq.read_table(io.BytesIO(content))
+    return {
+        name: table.column(name).to_pylist() for name in table.column_names if table.schema.field(name).type == "string"
+    }
+
+
 def triple(columns: Columns, before: str, after: str) -> np.ndarray | None:
     """Columns ``<before>x<after>``, y and z as one array of shape ``(rows, 3)``, or None where one is missing."""
     names = [f"{before}{axis}{after}" for axis in "xyz"]

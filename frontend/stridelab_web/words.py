@@ -113,10 +113,24 @@ _KINDS = {
     "plan-contacts": "Contact plan",
     "plan-motion": "Motion plan",
     "plan-receding": "Receding horizon",
+    "sweep": "Sweep",
     "learn-reachability": "Reachability",
     "fit-cycloid": "Rolling wheel",
     "study-population": "Population",
 }
+
+_SOLVERS = {"native": "C++, exact cones", "ipopt": "CasADi with ipopt", "fatrop": "CasADi with fatrop"}
+
+
+def solver(name: str) -> str:
+    """A solver of the centroidal problem, for people."""
+    return _SOLVERS.get(name, name)
+
+
+def short_time(seconds: float) -> str:
+    """Milliseconds below a tenth of a second."""
+    return f"{1e3 * seconds:.1f} ms" if seconds < 0.1 else f"{seconds:.2f} s"
+
 
 FILTERS = {
     f.__name__: f
@@ -134,6 +148,8 @@ FILTERS = {
         verdict,
         method,
         headline,
+        solver,
+        short_time,
     )
 }
 """Filters of the templates."""

@@ -228,6 +228,12 @@ def test_what_the_service_refuses_goes_back_with_its_sentence(tab: Tab, lab: Lab
     tab.missteps = [m for m in tab.missteps if "422" not in m]
 
 
+def test_without_the_fast_solver_the_page_says_so_and_asks_for_no_push(tab: Tab, lab: Lab) -> None:
+    page = opened(tab, f"/view/?scenario={lab.fake.add_scenario().id}")
+    expect(page.locator("[data-live-said]")).to_contain_text("The C++ solver has not been built here.")
+    expect(page.locator("[data-live-on]")).to_be_disabled()
+
+
 def test_keys_and_numbers_move_what_the_mouse_moves(tab: Tab, lab: Lab) -> None:
     tab.page.set_viewport_size({"width": 800, "height": 600})
     kept = lab.fake.add_scenario()

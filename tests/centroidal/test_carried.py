@@ -65,7 +65,7 @@ def test_seen_from_another_origin_it_still_solves_the_equations_and_its_first_or
     slope = of.compiled.programme.gradient(point.w, of.p).full().ravel()
     J = of.compiled.programme.jacobian(point.w, of.p).sparse()
     lack = slope + J.T @ point.lambda_g + point.lambda_w
-    between = lack[of.layout.state[1] : of.layout.wrench[-1]]
+    between = lack[of.layout.state[1] : of.layout.wrench[-1, 0]]
     assert np.abs(between).max() < 1e-5
 
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.diagnosis import Diagnosis, diagnose
 from stridelab.centroidal.nearest import nearest
 from stridelab.centroidal.plan import CentroidalPlan
@@ -141,3 +142,32 @@ def test_a_foothold_stays_on_its_stone() -> None:
     assert not found.held
     corners = found.sequence.phases[2].contacts["right_foot"].placement.position_m
     assert np.abs(corners - far.placement.position_m).max() <= 0.08
+
+
+def test_a_cone_that_is_too_narrow_for_the_wrench_is_told_from_contacts_that_hold_nothing() -> None:
+    """With a hundredth of the thesis' outer cone no motion was found; by forces there is one."""
+    problem = rest_to_rest(two_steps(0.3), control=ContactWrench("thesis", alpha=0.01))
+    diagnosis = diagnose(problem, solve(problem, "ipopt", Limits(iterations=100)))
+    assert diagnosis.verdict == "narrow"
+    worst = diagnosis.findings[0]
+    assert worst.kind == "wrench"
+    assert worst.phase in (1, 3)  # on one foot
+    assert worst.value > 10.0
+    assert f"{worst.where}: the wrench of a motion by forces lies {worst.value:.1f} times" in diagnosis.sentence
+    wide = replace(problem, control=ContactWrench())
+    touches, upright = wide.touches(1, wide.com_start_m), np.zeros((1, 6))
+    upright[0, 2], upright[0, 3:] = 1.0, np.cross(np.mean(touches[0].points_m, axis=0), [0.0, 0.0, 1.0])
+    assert wide.control.gauge(touches, upright)[0] < 0.1  # the middle of the sole is the middle of the cone
+    assert problem.control.gauge(touches, upright)[0] < 1.0
+
+
+def test_a_search_without_time_says_so() -> None:
+    walk = two_steps(0.5)
+    hasty = replace(walk, phases=tuple(replace(p, duration_s=0.2 * p.duration_s) for p in walk.phases))
+    problem = rest_to_rest(hasty)
+    diagnosis = diagnose(problem, solve(problem), search_s=0.0)
+    assert diagnosis.verdict == "impossible"
+    assert diagnosis.findings
+    assert diagnosis.durations is diagnosis.placements is diagnosis.friction is None
+    assert diagnosis.cut_short
+    assert diagnosis.sentence.endswith("The search for what would help was ended before it found anything.")

@@ -72,6 +72,17 @@ def test_every_control_converges_and_verifies(experiment: str, control: Control)
     assert plan.iterations <= 100
 
 
+@pytest.mark.parametrize("experiment", EXPERIMENTS)
+def test_continuous_forces_converge_cold_without_a_jump(experiment: str) -> None:
+    problem = posed(experiment, shape="cubic")
+    plan = solve(problem)
+    assert_solved(problem, plan)
+    assert plan.iterations <= 40
+    for t in plan.time_s[1:-1]:
+        before, after = plan.forces_at(float(t) - 1e-9), plan.forces_at(float(t))
+        assert max(np.abs(after[name] - before[name]).max() for name in after) < 1e-3
+
+
 @pytest.mark.parametrize("experiment", EXPERIMENTS[2:])
 def test_the_thesis_shrink_factor_leaves_the_cone_where_a_hand_holds_on(experiment: str) -> None:
     """And is found out: its objective is better than that of the exact problem, its forces are not there."""

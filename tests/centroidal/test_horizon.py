@@ -144,3 +144,9 @@ def test_numbers_that_make_no_sense_are_refused(walk: CentroidalProblem, wrong: 
     with pytest.raises(InvalidInput) as refusal:
         RecedingHorizon(problem=walk, **wrong)
     assert refusal.value.code == "horizon-invalid"
+
+
+def test_splines_are_refused(walk: CentroidalProblem) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        RecedingHorizon(problem=replace(walk, shape="cubic"))
+    assert refusal.value.code == "horizon-needs-constants"

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stridelab.centroidal.iterates import Iterate
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.programme import SCALE
 from stridelab.centroidal.solution import Solution, residuals
 from stridelab.centroidal.solve import solve
-from stridelab.centroidal.solvers import Limits
+from stridelab.centroidal.solvers import TIME_IS_UP, Limits
 from stridelab.centroidal.transcription import transcribe
 from stridelab.centroidal.verify import motion_of, verify
 
@@ -49,14 +50,27 @@ def test_every_iteration_is_in_the_log_and_the_last_is_the_plan(plan: Centroidal
 
 
 def test_iterations_are_told_while_they_run(problem: CentroidalProblem) -> None:
-    told: list[tuple[int, float]] = []
-    plan = solve(problem, "ipopt", tell=lambda k, value: told.append((k, value)))
+    told: list[Iterate] = []
+    plan = solve(problem, "ipopt", tell=told.append)
     assert plan.solution is not None
-    assert [k for k, _ in told] == list(range(plan.iterations + 1))
-    assert [value for _, value in told] == pytest.approx(plan.solution.attempts[0].log.objective.tolist())
-    again: list[int] = []
-    solve(problem, "ipopt", tell=lambda k, _: again.append(k))
-    assert again[0] == 0
+    log = plan.solution.attempts[0].log
+    assert [at.number for at in told] == list(range(plan.iterations + 1))
+    assert [at.objective for at in told] == pytest.approx(log.objective.tolist())
+    assert told[0].infeasibility == pytest.approx(log.primal[0], rel=1e-9)
+    assert told[-1].infeasibility < 1e-10
+    again: list[Iterate] = []
+    solve(problem, "ipopt", tell=again.append)
+    assert again == told
+
+
+def test_fatrop_tells_too(problem: CentroidalProblem) -> None:
+    told: list[Iterate] = []
+    plan = solve(problem, "fatrop", tell=told.append)
+    assert plan.converged
+    assert [at.number for at in told] == list(range(len(told)))
+    assert abs(len(told) - plan.iterations) <= 1
+    assert told[-1].objective == pytest.approx(sum(plan.cost_terms.values()), rel=1e-3)
+    assert told[-1].infeasibility < 1e-6 < told[0].infeasibility
 
 
 def test_a_plan_is_checked_again_without_its_solver(problem: CentroidalProblem, plan: CentroidalPlan) -> None:
@@ -87,11 +101,18 @@ def test_a_start_of_another_structure_counts_for_nothing(problem: CentroidalProb
 
 
 def test_a_solver_out_of_time_stops(problem: CentroidalProblem) -> None:
-    plan = solve(problem, limits=Limits(wall_s=1e-3))
+    plan = solve(problem, limits=Limits(cpu_s=1e-3))
     assert not plan.converged
     assert plan.solver == "ipopt"  # and no other is asked
-    assert "maximum walltime exceeded" in plan.status
+    assert TIME_IS_UP in plan.status
     assert plan.iterations < 10
+
+
+def test_fatrop_gets_as_many_iterations_as_fit_its_time(problem: CentroidalProblem) -> None:
+    plan = solve(problem, "fatrop", Limits(cpu_s=0.05))
+    assert not plan.converged
+    assert plan.iterations < 20
+    assert TIME_IS_UP in plan.status
 
 
 def test_the_scale_is_that_of_the_log(problem: CentroidalProblem, solution: Solution) -> None:

@@ -26,6 +26,12 @@ def twice() -> Body:
     return body
 
 
+def lasting(duration_s: float) -> Body:
+    body = one_step()
+    body["phases"][1]["duration_s"] = duration_s
+    return body
+
+
 BAD: dict[str, tuple[Callable[[], Body], str, str]] = {
     "in the air": (lambda: with_contact(2, 0, position_m=[0.2, 0.09, 0.1]), FOOT, "in the air"),
     "through a box": (lambda: one_step(terrain=[FLOOR, CRATE]), FOOT, "inside 'crate'"),
@@ -33,6 +39,8 @@ BAD: dict[str, tuple[Callable[[], Body], str, str]] = {
     "friction below 0": (lambda: one_step(friction=-1.0), "phases[0].contacts[left_foot]", "friction"),
     "NaN in a contact": (lambda: with_contact(2, 0, position_m=[float("nan"), 0.09, 0.0]), FOOT, "finite"),
     "NaN friction": (lambda: one_step(friction=float("nan")), "friction", "finite"),
+    "phases without duration": (lambda: lasting(0.0), "phases[1].duration_s", "0.05"),
+    "phases that last less than nothing": (lambda: lasting(-0.4), "phases[1].duration_s", "0.05"),
     "500 phases": (lambda: one_step(phases=one_step()["phases"][:1] * 500), "phases", "400"),
     "one effector twice": (twice, "phases[0].contacts[left_foot]", "twice"),
     "a foot 150 m high": (lambda: with_contact(2, 0, position_m=[0.2, 0.09, 150.0]), FOOT, "metres"),

@@ -16,6 +16,7 @@ from stridelab.client import ProblemError
 from stridelab.errors import Conflict, InvalidInput, NotEstimable
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary
+from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds import plan_motion
 from support.planning import changed, plan_task, short_walk
 from support.quiet import quiet
@@ -80,6 +81,7 @@ def test_a_replay_goes_with_the_whole_body() -> None:
 
 def test_options_of_the_solver_are_those_of_the_job() -> None:
     options = {"formulation": "wrench", "solver": "ipopt", "node_rate_hz": 20.0, "time_limit_s": 5.0}
+    options |= {"free_durations": True, "duration_range": (0.8, 1.3)}
     made = PlanRequest("x", **options).of(short_walk())  # type: ignore[arg-type]
     assert {name: getattr(made, name) for name in options} == options
     plain = PlanRequest("x").of(short_walk())
@@ -87,8 +89,30 @@ def test_options_of_the_solver_are_those_of_the_job() -> None:
 
 
 @pytest.mark.parametrize(
-    "options", [{"time_limit_s": 0.0}, {"time_limit_s": 1e4}, {"time_limit_s": 5.0, "solver": "fatrop"}]
+    ("options", "where"),
+    [
+        ({"free_durations": True, "solver": "fatrop"}, "--free-durations"),
+        ({"free_durations": True, "formulation": "circular-cones"}, "--free-durations"),
+        ({"shape": "cubic", "free_durations": True}, "--shape"),
+        ({"shape": "cubic", "formulation": "wrench"}, "--shape"),
+        ({"duration_range": (1.1, 1.4)}, "--duration-range"),
+        ({"duration_range": (0.7, float("nan"))}, "--duration-range"),
+    ],
 )
+def test_durations_that_cannot_be_chosen_are_named(options: dict[str, Any], where: str) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        PlanRequest("x", **options)
+    assert refusal.value.faults[0].where == where
+
+
+def test_chosen_durations_are_said_and_kept(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    act(PlanRequest(walk, whole_body=False, free_durations=True, duration_range=(0.8, 1.2)), tmp_path / "out")
+    assert "durations chosen " in capsys.readouterr().out
+    kept = Scenario.model_validate_json((tmp_path / "out" / "scenario.json").read_text())
+    assert [p.duration_s for p in kept.phases] != [p.duration_s for p in short_walk().phases]
+
+
+@pytest.mark.parametrize("options", [{"time_limit_s": 0.0}, {"time_limit_s": 1e4}])
 def test_a_time_limit_that_cannot_be_is_named(options: dict[str, Any]) -> None:
     with pytest.raises(InvalidInput) as refusal:
         PlanRequest("x", **options)
@@ -97,7 +121,7 @@ def test_a_time_limit_that_cannot_be_is_named(options: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize(
     ("option", "value"),
-    [("--formulation", "moments"), ("--solver", "native"), ("--node-rate", "0.5"), ("--node-rate", "nan")],
+    [("--formulation", "moments"), ("--solver", "snopt"), ("--node-rate", "0.5"), ("--node-rate", "nan")],
 )
 def test_an_unknown_value_is_named_on_the_command_line(walk: str, option: str, value: str) -> None:
     answer = CliRunner().invoke(app, ["plan", walk, option, value])

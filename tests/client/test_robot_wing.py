@@ -72,6 +72,17 @@ def test_a_check_and_a_refusal_name_the_same_places(lab: Client) -> None:
     assert refused.value.errors == check.errors
 
 
+def test_a_plan_at_once_needs_the_fast_solver(lab: Client) -> None:
+    known = lab.solvers()
+    assert known.auto in {solver.name for solver in known.solvers if solver.available}
+    if known.auto == "native":
+        assert lab.preview_plan({"scenario": one_step()}).motion.converged
+        return
+    with pytest.raises(ProblemError) as refused:
+        lab.preview_plan({"scenario": one_step()})
+    assert refused.value.code == "solver-unavailable"
+
+
 def test_plans_of_a_scenario(lab: Client) -> None:
     made = lab.add_scenario(one_step())
     job = lab.submit("plan-motion", PlanMotionInput(scenario_id=made.id))

@@ -1,5 +1,6 @@
 """What the judge of scenarios says of values, phases and the whole, and that nothing makes it fall over."""
 
+import json
 import math
 from collections.abc import Callable
 from typing import Any
@@ -9,8 +10,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.stairs import Stairs, flat_walk, six_stairs, stairs_with_rail
-from stridelab.contacts.validation import CheckReport, check
+from stridelab.contacts.validation import CheckReport, check, judge, outline
+from stridelab.resources import models_dir
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck
 from support.shapes import SHAPES, Made, contact, faults, judged
 
@@ -353,3 +356,18 @@ def test_no_dragged_contact_makes_the_judge_fall_over(
         if entry["effector"] == effector:
             entry.update(position_m=position, orientation_wxyz=quaternion)
     answered(check(scenario, SHAPES))
+
+
+@pytest.mark.parametrize("name", ["six-stairs", "stairs-with-rail", "stepping-stones"])
+def test_the_outline_is_the_judges_sequence(name: str) -> None:
+    """What is left out for whoever waits is what refuses nothing here."""
+    scenario = json.loads((models_dir() / "scenarios" / f"{name}.json").read_text())
+    shapes = effector_shapes(scenario["robot"])
+    faults, sequence = outline(scenario, shapes)
+    assert faults == ()
+    assert repr(sequence) == repr(judge(scenario, shapes)[1])
+    scenario["phases"][2]["contacts"][0]["position_m"][2] += 0.2
+    report = judge(scenario, shapes)[0]
+    faults, nothing = outline(scenario, shapes)
+    assert nothing is None
+    assert faults == tuple(fault for fault in report.faults if "at rest" not in fault.message)

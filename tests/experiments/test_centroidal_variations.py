@@ -19,10 +19,13 @@ from stridelab.experiments.centroidal_variations import (
     JITTER_M,
     PACE,
     STRIDE,
+    Outcome,
     Variation,
     attempt,
     attempts,
     problem_of,
+    refusals,
+    refusals_of,
     scenario_of,
     sequence_of,
     summary,
@@ -86,7 +89,7 @@ def test_the_contacts_are_those_that_the_judge_reads() -> None:
 
 
 def test_variations_converge_and_the_summary_counts_them() -> None:
-    heard = []
+    heard: list[Outcome] = []
     found = attempts([SHORT, variations(3)[0]], heard.append)
     assert tuple(heard) == found
     counts = summary(found)
@@ -113,3 +116,13 @@ def test_what_has_no_solution_is_told_from_what_the_solver_missed(monkeypatch: p
 
     monkeypatch.setattr(module, "problem_of", refused)
     assert (attempt(SHORT).ending, attempt(SHORT).reason) == ("broken", "no stride")
+
+
+def test_the_judges_reasons_are_counted_without_their_numbers() -> None:
+    short_treads = [Variation("stairs", TALOS, stride, 1.0, 0.1, 0.5, 3) for stride in (0.6, 0.65)]
+    reasons = [refusals_of(variation) for variation in (*short_treads, SHORT)]
+    assert reasons[0] == reasons[1] != ()
+    assert not any(character.isdigit() for character in "".join(reasons[0]))
+    assert reasons[2] == ()
+    found = [Outcome(variation, "stuck", why) for variation, why in zip((*short_treads, SHORT), reasons, strict=True)]
+    assert refusals(found) == dict.fromkeys(reasons[0], 2)

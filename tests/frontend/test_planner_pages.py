@@ -8,7 +8,9 @@ import numpy as np
 
 from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.jobs import Progress
+from stridelab.schemas.plans import PhaseDuration
 from stridelab_web.plan_costs import cost_rows
+from stridelab_web.plan_durations import chosen_durations
 from support import fake_planner
 from support.fake_service import FakeService
 
@@ -162,3 +164,43 @@ def test_jobs_and_plans_lead_to_each_other(fake: FakeService, browse: Browse) ->
     assert back.status_code == 303
     assert back.headers["location"] == f"/jobs/{estimate.id}"
     assert browse(f"/plans/{estimate.id}/plots.json").status_code == 404
+
+
+def test_chosen_durations_stand_beside_the_given_ones_and_can_be_kept(fake: FakeService, browse: Browse) -> None:
+    given = fake_planner.scenario()
+    found = [
+        PhaseDuration(given_s=phase.duration_s, chosen_s=phase.duration_s * (0.7 if k == 1 else 1.4 if k == 2 else 1.0))
+        for k, phase in enumerate(given.phases)
+    ]
+    job = fake.add_plan(given)
+    assert "data-durations" not in browse(f"/plans/{job.id}").text
+    plain = fake_planner.plan_result(fake.inputs[job.id], fake.plans[job.id])
+    summary = plain.summary | {"phase_durations": [phase.model_dump() for phase in found]}
+    fake.results[job.id] = plain.model_copy(update={"summary": summary})
+    page = browse(f"/plans/{job.id}").text
+    said = texts(page)
+    assert "Phase 1 takes 0.70 times what the scenario gives it, phase 2 1.40 times" in said
+    assert "1 left foot, right hand 0.80 s 0.560 s 0.70" in said
+    assert "data-keep" in page
+
+
+def test_bars_of_both_timings_share_one_axis() -> None:
+    given = fake_planner.scenario()
+    found = [PhaseDuration(given_s=phase.duration_s, chosen_s=2.0 * phase.duration_s) for phase in given.phases]
+    drawn = chosen_durations(found, given)
+    assert drawn.chosen[-1].x + drawn.chosen[-1].width == 100.0
+    assert drawn.given[-1].x + drawn.given[-1].width == 50.0
+    assert [row.share for row in drawn.rows] == [2.0] * len(given.phases)
+
+
+def test_forces_are_drawn_as_they_hold(fake: FakeService, browse: Browse) -> None:
+    """Constant ones as steps, splines as lines."""
+    job = fake.add_plan()
+
+    def steps() -> list[bool]:
+        return [row["steps"] for row in browse(f"/plans/{job.id}/plots.json").json()["rows"]]
+
+    assert steps() == [False, False, False, False, False, True]
+    plain = fake_planner.plan_result(fake.inputs[job.id], fake.plans[job.id])
+    fake.results[job.id] = plain.model_copy(update={"summary": plain.summary | {"shape": "cubic"}})
+    assert steps() == [False] * 6

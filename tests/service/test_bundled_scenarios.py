@@ -126,3 +126,9 @@ def test_a_damaged_file_is_not_seeded(database_url: str, tmp_path: Path) -> None
     with pytest.raises(ValueError, match="robot"):
         within(database_url, lambda engine: bundled_scenarios.seed(engine, tmp_path))
     assert within(database_url, rows) == {}
+
+
+def test_the_robot_of_most_scenarios_comes_first() -> None:
+    named = [body["robot"] for body in bundled_scenarios.shipped().values()]
+    assert bundled_scenarios.robots()[0] == max(set(named), key=named.count)
+    assert set(bundled_scenarios.robots()) == set(named)

@@ -27,6 +27,7 @@ from stridelab.schemas.plans import (
     PlanVerification,
     ReplaySummary,
 )
+from stridelab.schemas.receding import PlanRecedingSummary
 from stridelab.schemas.robots import LinkPose, Measure, RobotEffector, RobotFacts, RobotSummary
 from stridelab.schemas.scenarios import (
     BoxSurface,
@@ -239,6 +240,43 @@ def plan_summary(*, whole_body: bool) -> PlanMotionSummary:
         replay=replay if whole_body else None,
         warnings=[Remark(code="replay-fell", message="Replayed in physics, the robot falls.")],
     )  # fmt: skip
+
+
+def receding_columns(replans: int = 40, period_s: float = 0.1) -> dict[str, np.ndarray]:
+    """``receding.parquet``: one replan in four is late, and the last of all found nothing."""
+    t = period_s * np.arange(replans + 1)
+    zero = np.zeros_like(t)
+    took_ms = np.where(np.arange(replans) % 4 == 0, 120.0, 40.0)
+    return {
+        "time_s": t,
+        "com_x_m": 0.1 * t, "com_y_m": np.sin(t), "com_z_m": zero + 0.88,
+        "com_vx_m_s": zero + 0.1, "com_vy_m_s": np.cos(t), "com_vz_m_s": zero,
+        "l_x_nms": zero, "l_y_nms": zero, "l_z_nms": zero,
+        "replan_ms": np.append(took_ms, np.nan),
+        "iterations": np.append(np.full(replans, 9.0), np.nan),
+        "carried_on": np.concatenate([np.zeros(replans - 1), [1.0, np.nan]]),
+    }  # fmt: skip
+
+
+def receding_result(given: dict[str, Any], files: dict[str, bytes]) -> JobResult:
+    """Result of a receding horizon with these files."""
+    summary = PlanRecedingSummary(
+        scenario_name="Two steps", robot="boxes", duration_s=5.0, solver="ipopt", replans=40, carried_on=1,
+        iterations_median=9.0, iterations_max=9, replan_median_ms=40.0, replan_p99_ms=120.0, replan_max_ms=120.0,
+        goal_gap_m=1e-19, warnings=[],
+    )  # fmt: skip
+    artifacts = [Artifact(name=n, media_type="application/octet-stream", bytes=len(c)) for n, c in files.items()]
+    return JobResult(
+        kind="plan-receding", input=given, versions={}, references=[], summary=summary.model_dump(mode="json"),
+        artifacts=artifacts,
+    )  # fmt: skip
+
+
+def receding_files() -> dict[str, bytes]:
+    """All files of a receding horizon."""
+    sink = io.BytesIO()
+    pq.write_table(pa.table(receding_columns()), sink)
+    return plan_files(scenario(), whole_body=False) | {"receding.parquet": sink.getvalue()}
 
 
 def stored(given: Scenario, *, bundled: bool = False, key: str | None = None) -> StoredScenario:

@@ -18,6 +18,7 @@ from starlette.routing import Route
 from stridelab.client import Client
 from stridelab.schemas.base import Problem, Remark
 from stridelab.schemas.jobs import Artifact, Job, JobEvent, JobResult, Progress
+from stridelab.schemas.previews import SolverFacts, Solvers
 from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
 from stridelab.schemas.robots import Measure
 from stridelab.schemas.scenarios import Scenario, StoredScenario
@@ -116,6 +117,13 @@ class FakeService:
         self.inputs[job.id] = {"scenario_id": scenario_id}
         return job
 
+    def add_receding(self, pushes: list[dict[str, Any]]) -> Job:
+        """A finished walk with a receding horizon."""
+        job = self.add_job("plan-receding", "succeeded")
+        self.plans[job.id] = fake_planner.receding_files()
+        self.inputs[job.id] = {"scenario_id": "flat-walk", "pushes": pushes}
+        return job
+
     def add_comparison(self, *, with_truth: bool = True) -> Job:
         """A finished comparison of estimators."""
         job = self.add_job(fake_comparison.KIND, "succeeded")
@@ -144,10 +152,12 @@ class FakeService:
         """The result of a succeeded job."""
         job = self.jobs[job_id]
         given = self.inputs.get(job_id, {"recording_id": job.recording_id})
-        if job_id in self.plans:
-            return fake_planner.plan_result(given, self.plans[job_id])
         if job_id in self.results:
             return self.results[job_id]
+        if job_id in self.plans:
+            receding = self.jobs[job_id].kind == "plan-receding"
+            made = fake_planner.receding_result if receding else fake_planner.plan_result
+            return made(given, self.plans[job_id])
         if job_id in self.comparisons:
             with_truth, files = self.comparisons[job_id]
             return fake_comparison.result(given, files, with_truth=with_truth)
@@ -193,6 +203,7 @@ class FakeService:
             Route(f"{api}/scenarios", self._scenarios, methods=["GET", "POST"]),
             Route(f"{api}/scenarios/check", self._check, methods=["POST"]),
             Route(f"{api}/scenarios/{{id}}", self._scenario, methods=["GET", "PUT"]),
+            Route(f"{api}/solvers", self._solvers),
             Route(f"{api}/robots", self._robots),
             Route(f"{api}/robots/{{name}}", self._robot),
             Route(f"{api}/robots/{{name}}/reachability", self._reachability),
@@ -309,6 +320,10 @@ class FakeService:
 
     async def _check(self, request: Request) -> Response:
         return _answer(fake_planner.check(Scenario.model_validate(await request.json())).model_dump(mode="json"))
+
+    async def _solvers(self, _: Request) -> Response:
+        native = SolverFacts(name="native", available=False, missing="The C++ solver has not been built here.")
+        return _answer(Solvers(auto="casadi", solvers=[native]).model_dump(mode="json"))
 
     async def _robots(self, _: Request) -> Response:
         found = fake_planner.robots(None if self.robot_refusal is None else self.robot_refusal[2])

@@ -18,22 +18,28 @@ from jaxtyping import Float
 
 from stridelab.centroidal.dynamics import N_STATE, N_WRENCH
 from stridelab.centroidal.layout import Layout, Use, lay_out, n_cones, n_limits
+from stridelab.centroidal.native_start import native_start
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.solution import Point
+from stridelab.centroidal.solution import NativePoint, Point
 from stridelab.centroidal.transcription import Transcription, transcribe
 from stridelab.conventions import GRAVITY_M_S2, Series
 from stridelab.errors import InvalidInput
 
 
-def carried(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0) -> Point:
+def carried(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0) -> Point | NativePoint:
     """The start of ``onto``, whose time 0 is ``after_s`` of the plan; phases may be other ones, the robot not.
+
+    It is for the solvers of the plan's kind.
 
     Raises ``InvalidInput`` ("plan-without-solution") for a plan that was not solved but read.
     """
     if plan.solution is None:
         raise InvalidInput("plan-without-solution", "This plan does not tell at which point its solver stopped.")
-    programme, point = transcribe(onto), plan.solution.point
+    point = plan.solution.point
+    if isinstance(point, NativePoint):
+        return native_start(plan, onto, after_s)
+    programme = transcribe(onto)
     old, new = lay_out(point.structure), programme.layout
     D = onto.com_start_m - plan.com_m[0]
     w, lambda_w, lambda_g = programme.guess.copy(), np.zeros(new.n), np.zeros(new.n_rows)
@@ -43,13 +49,15 @@ def carried(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0)
             here, there = slice(at.start, at.start + at.group.size), slice(of.start, of.start + of.group.size)
             w[here], lambda_w[here] = point.w[there], point.lambda_w[there]
             lambda_g[_rows(at)] = point.lambda_g[_rows(of)]
-        F, T = point.w[old.wrench[i] + np.arange(N_WRENCH)].reshape(2, 3)
-        w[new.wrench[k] + np.arange(N_WRENCH)] = np.append(F, T - np.cross(D, F))
+        for at, of in zip(new.wrench[k], old.wrench[i], strict=True):
+            F, T = point.w[of + np.arange(N_WRENCH)].reshape(2, 3)
+            w[at + np.arange(N_WRENCH)] = np.append(F, T - np.cross(D, F))
         of_c, of_v, of_K = point.lambda_g[old.gap[i] + np.arange(N_STATE)].reshape(3, 3)
         of_v = of_v + np.cross(of_K, D) / GRAVITY_M_S2
         lambda_g[new.gap[k] + np.arange(N_STATE)] = np.concatenate([of_c, of_v, of_K])
-        of_F, of_T = point.lambda_g[old.tie[i] + np.arange(N_WRENCH)].reshape(2, 3)
-        lambda_g[new.tie[k] + np.arange(N_WRENCH)] = np.append(of_F + np.cross(of_T, D), of_T)
+        for at, of in zip(new.tie[k], old.tie[i], strict=True):
+            of_F, of_T = point.lambda_g[of + np.arange(N_WRENCH)].reshape(2, 3)
+            lambda_g[at + np.arange(N_WRENCH)] = np.append(of_F + np.cross(of_T, D), of_T)
     if point.structure.n_shifts == programme.compiled.structure.n_shifts:
         moved, move = (layout.shifts[:, None] + np.arange(2) for layout in (old, new))
         w[move], lambda_w[move] = point.w[moved], point.lambda_w[moved]
@@ -79,6 +87,8 @@ def _counterparts(
 ) -> Iterator[tuple[int, int]]:
     """Intervals of the new problem with those of the plan at the same time in which the same groups act."""
     grid = programme.grid
+    if old.wrench.shape[1] != programme.layout.wrench.shape[1]:
+        return
     middle_s = 0.5 * (grid.time_s[:-1] + grid.time_s[1:])
     found = np.searchsorted(plan.time_s, _in_the_plan(middle_s, plan, programme, after_s), side="right") - 1
     for k, i in enumerate(found.tolist()):
@@ -88,8 +98,8 @@ def _counterparts(
                 yield k, i
 
 
-def _shape(use: Use) -> tuple[str, int, int, bool]:
-    return use.group.name, use.group.size, use.group.lorentz, use.group.limited
+def _shape(use: Use) -> tuple[str, int, int, int, bool]:
+    return use.group.name, use.inner, use.group.size, use.group.lorentz, use.group.limited
 
 
 def _rows(use: Use) -> slice:

@@ -79,6 +79,10 @@ class ContactWrench(Control):
         key = [np.round(part, ROUNDED).tobytes() for part in parts]
         return _cone(self.cone, self.alpha, *key).in_frame(change_of_frame(-middle))
 
+    def gauge(self, touches: tuple[Touch, ...], wrenches: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n"]:
+        """``|tau| / eta``; infinite where ``eta`` is not positive."""
+        return self._lorentz(touches).gauge(wrenches) if touches else np.zeros(len(wrenches))
+
     def forces(self, touches: tuple[Touch, ...], values: Values) -> Forces:
         """Forces of least cost for each wrench."""
         if not touches:

@@ -71,6 +71,13 @@ class Control(ABC):
     def generators(self, touches: tuple[Touch, ...]) -> Mapping[str, Generators]:
         """The groups of a phase by name."""
 
+    def gauge(self, touches: tuple[Touch, ...], wrenches: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n"]:
+        """How far out in u's own cone wrenches ``(F, T)`` are that the contacts can give: up to 1 they are inside.
+
+        Zero where u can be whatever the contacts give.
+        """
+        return np.zeros(len(wrenches))
+
     @abstractmethod
     def forces(self, touches: tuple[Touch, ...], values: Values) -> Forces:
         """The forces of the points that the groups of a phase stand for."""

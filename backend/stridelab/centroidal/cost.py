@@ -5,32 +5,56 @@ from collections.abc import Mapping
 import numpy as np
 
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.verify import Motion, total_force_n
-from stridelab.conventions import g
+from stridelab.centroidal.spline import gauss
+from stridelab.centroidal.stage_cubic import N_GAUSS
+from stridelab.centroidal.verify import Motion, instants, total_force_n, wrenches_of
+from stridelab.conventions import Series, g
 
 REGULARISERS = ("surface_force", "point_force", "duration")
 
 
 def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float]:
-    """Every term by its name; log-densities per effector by the trapezoidal rule over each interval."""
+    """Every term by its name; log-densities per effector by the trapezoidal rule over each interval.
+
+    The effort of splines is that of their inner control points, which is never less than that of the curves between
+    nodes evenly spaced.
+    """
     h = np.diff(motion.time_s)
-    a = total_force_n(motion) / problem.mass_kg + g
-    l_rate = np.diff(motion.l_nms, axis=0) / h[:, None]
     weights = problem.weights
+    a, l_rate = _squares(problem, motion)
     terms = {
-        "com_acceleration": weights.com_acceleration * float(h @ (a**2).sum(axis=1)),
-        "momentum_rate": weights.momentum_rate * float(h @ (l_rate**2).sum(axis=1)),
+        "com_acceleration": weights.com_acceleration * float(h @ a),
+        "momentum_rate": weights.momentum_rate * float(h @ l_rate),
         **{f"log_density_{name}": weights.likelihood * value for name, value in _densities(problem, motion).items()},
         "surface_force": 0.0,
         "point_force": 0.0,
     }
     if problem.durations is not None and problem.durations.price_per_s:
         terms["duration"] = problem.durations.price_per_s * float(h.sum())
-    for name, f in motion.forces_n.items():
+    effort_n = {name: curve[:, 1:3] for name, curve in motion.curves_n.items()} or motion.controls_n
+    for name, f in effort_n.items():
         kind = "surface_force" if problem.effectors[name].kind == "surface" else "point_force"
-        squares = ((f / problem.weight_n) ** 2).sum(axis=(1, 2))
+        squares = ((f / problem.weight_n) ** 2).sum(axis=(2, 3)).mean(axis=1)
         terms[kind] += problem.force_weight(name) * float(h @ squares)
     return terms
+
+
+def _squares(problem: CentroidalProblem, motion: Motion) -> tuple[Series, Series]:
+    """``|c''|^2`` and ``|L_c'|^2`` per interval.
+
+    Constant forces: of the mean rate of L_c. Splines: both by the rule of Gauss that the programme uses.
+    """
+    if not motion.curves_n:
+        a = total_force_n(motion) / problem.mass_kg + g
+        l_rate = np.diff(motion.l_nms, axis=0) / np.diff(motion.time_s)[:, None]
+        return (a**2).sum(axis=1), (l_rate**2).sum(axis=1)
+    a_squared, l_squared = np.zeros(len(motion.phase)), np.zeros(len(motion.phase))
+    wrenches = wrenches_of(problem.sequence, motion)
+    for s, w in gauss(N_GAUSS):
+        now = instants(problem.mass_kg, motion, wrenches, s)
+        a_squared += w * (now.com_a_m_s2**2).sum(axis=1)
+        l_squared += w * (now.l_rate_nm**2).sum(axis=1)
+    return a_squared, l_squared
 
 
 def objective(terms: Mapping[str, float]) -> float:

@@ -6,11 +6,16 @@ Three questions, each decided by linear programmes (``relaxed``), the first that
     bearable    one within reach, that hardly spins and does not jump? cones, metres out of reach, angular momentum
     usual       does the plan keep the CoM where postures have it?     the share of postures that are as unusual
 
-If all are answered yes, the solver has missed a motion that exists: it is stuck. What would help is sought in the
-durations of the phases, then in the places of the contacts, then in their friction, each changed as little as possible;
-only what a relaxed programme confirms is proposed.
+If all are answered yes, the solver has missed a motion that exists: it is stuck. Unless the control is the wrench,
+whose own cone is narrower than that of the contacts: then (4.20) is solved with forces, and phases are named whose
+wrenches that cone does not hold.
+
+What would help is sought in the durations of the phases, then in the places of the contacts, then in their friction,
+each changed as little as possible; only what a relaxed programme confirms is proposed. The search ends when its
+processor time is up, with what was found until then.
 """
 
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -20,13 +25,15 @@ import numpy as np
 from stridelab.centroidal.bodily import SPIN_M2_S
 from stridelab.centroidal.nearest import PENALTY, Nearest, coarse_grid, nearest
 from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.point_forces import PYRAMIDS
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.reach_box import usual_share
 from stridelab.centroidal.relaxed import EndMiss, Relaxed, held, relax
+from stridelab.centroidal.solve import solve
 from stridelab.contacts.sequence import ContactPhase
 
-Verdict = Literal["impossible", "unbearable", "unusual", "stuck", "found"]
-Kind = Literal["cone", "reach", "load", "momentum", "end", "unusual"]
+Verdict = Literal["impossible", "unbearable", "unusual", "narrow", "stuck", "found"]
+Kind = Literal["cone", "reach", "load", "momentum", "end", "unusual", "wrench"]
 UNUSUAL = 0.001
 """Share of an effector's postures below which a CoM is called unusual."""
 SAID = 3
@@ -34,6 +41,8 @@ SAID = 3
 FRICTIONS = 12
 """Halvings of the interval in which the least friction is sought."""
 FRICTION_MOST = 1.2
+SEARCH_S = 30.0
+"""Processor time for the search of what would help, not counting the programme that is under way when it is up."""
 REST_M = 0.005
 """A motion that ends nearer to the goal than this fails to come to rest there."""
 CHANGE_S = 0.005
@@ -45,7 +54,8 @@ class Finding:
     """One thing that is wrong.
 
     ``value`` by its kind: a cone margin (N, negative), metres out of reach, the load of a hand (N), an angular momentum
-    (Nms), metres from the goal, the share of postures that are as unusual.
+    (Nms), metres from the goal, the share of postures that are as unusual, how many times as far out a wrench lies as
+    the control's own cone reaches.
     """
 
     kind: Kind
@@ -66,6 +76,7 @@ class Finding:
             "momentum": f"the body has to spin with {x:.0f} Nms",
             "end": far,
             "unusual": f"{rare} as unusual as the planned one",
+            "wrench": f"the wrench of a motion by forces lies {x:.1f} times as far out as the control's cone reaches",
         }[self.kind]
 
     @property
@@ -77,13 +88,17 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosis:
-    """``verdict`` and what it rests on; of the proposals at most one is there."""
+    """``verdict`` and what it rests on; of the proposals at most one is there.
+
+    ``cut_short``: the search for one came to the end of its time.
+    """
 
     verdict: Verdict
     findings: tuple[Finding, ...]
     durations: Nearest | None = None
     placements: Nearest | None = None
     friction: float | None = None
+    cut_short: bool = False
 
     @property
     def sentence(self) -> str:
@@ -92,6 +107,7 @@ class Diagnosis:
             "impossible": "No motion over these contacts exists",
             "unbearable": "No motion over these contacts is one that a body can follow",
             "unusual": "The plan asks for what the robot's postures hardly allow",
+            "narrow": "There is a motion over these contacts by forces, but the cone of the control is narrower",
             "stuck": "There are motions over these contacts, but the solver found none",
             "found": "The plan keeps to all limits",
         }[self.verdict]
@@ -110,25 +126,49 @@ class Diagnosis:
                 for (i, name), (x, y, z) in self.placements.shifts_m.items()
             )
             return f" It would do to move {moves}."
-        return "" if self.friction is None else f" It would do to have a friction of {self.friction:.2f} everywhere."
+        if self.friction is not None:
+            return f" It would do to have a friction of {self.friction:.2f} everywhere."
+        return " The search for what would help was ended before it found anything." if self.cut_short else ""
 
 
-def diagnose(problem: CentroidalProblem, plan: CentroidalPlan | None = None) -> Diagnosis:
+def diagnose(problem: CentroidalProblem, plan: CentroidalPlan | None = None, search_s: float = SEARCH_S) -> Diagnosis:
     """What stands in the way of ``problem``; with its plan, whose failure is to be explained or whose CoM to be judged.
 
-    Takes up to some tens of solutions of linear programmes: seconds for half a minute of motion.
+    Takes up to some tens of solutions of linear programmes, of which those that seek help stop after ``search_s``
+    seconds of processor time: about 50 s were seen for half a minute of motion.
     """
     solved = plan is not None and plan.converged
     if not solved and not held(problem):
-        return _with_help(problem, Diagnosis("impossible", tuple(_impossible(problem))))
+        return _with_help(problem, Diagnosis("impossible", tuple(_impossible(problem))), search_s)
     odd = () if plan is None else (*_spins(problem, plan), *_unusual(problem, plan))
     if not solved or odd:
         bearable = relax(problem, PENALTY, PENALTY, PENALTY, coarse_grid(problem))
         if bearable is not None and not bearable.held:
-            return _with_help(problem, Diagnosis("unbearable", (*_gave_way(bearable), *odd)))
+            return _with_help(problem, Diagnosis("unbearable", (*_gave_way(bearable), *odd)), search_s)
     if solved:
         return Diagnosis("unusual" if odd else "found", odd)
-    return Diagnosis("stuck", odd)
+    narrow = _narrow(problem)
+    return Diagnosis("narrow", (*narrow, *odd)) if narrow else Diagnosis("stuck", odd)
+
+
+def _narrow(problem: CentroidalProblem) -> tuple[Finding, ...]:
+    """Phases in which a motion by forces leaves the cone of the control, the farthest out first."""
+    if problem.control.has_point_forces:
+        return ()
+    by_forces = solve(replace(problem, control=PYRAMIDS), "ipopt")
+    if not by_forces.converged:
+        return ()
+    found = []
+    for i in range(len(problem.sequence.phases)):
+        touches = problem.touches(i, problem.com_start_m)
+        wrenches = np.zeros((int((by_forces.phase == i).sum()), 6))
+        for touch in touches:
+            f = by_forces.forces_n[touch.effector][by_forces.phase == i] / problem.weight_n
+            wrenches += np.hstack([f.sum(axis=1), np.cross(touch.points_m, f).sum(axis=1)])
+        out = float(problem.control.gauge(touches, wrenches).max())
+        if out > 1.0:
+            found.append(Finding("wrench", out, i))
+    return tuple(sorted(found, key=lambda f: -f.value))
 
 
 def _impossible(problem: CentroidalProblem) -> Iterable[Finding]:
@@ -177,22 +217,29 @@ def _spins(problem: CentroidalProblem, plan: CentroidalPlan) -> list[Finding]:
     )
 
 
-def _with_help(problem: CentroidalProblem, diagnosis: Diagnosis) -> Diagnosis:
-    longer = nearest(problem, "durations")
+def _with_help(problem: CentroidalProblem, diagnosis: Diagnosis, search_s: float) -> Diagnosis:
+    until_s = time.process_time() + search_s
+    longer = nearest(problem, "durations", until_s)
     if longer is not None and longer.held:
         return replace(diagnosis, durations=longer)
-    nearer = nearest(problem, "placements")
+    nearer = nearest(problem, "placements", until_s)
     if nearer is not None and nearer.held:
         return replace(diagnosis, placements=nearer)
-    return replace(diagnosis, friction=_least_friction(problem))
+    friction = _least_friction(problem, until_s)
+    return replace(diagnosis, friction=friction, cut_short=friction is None and time.process_time() > until_s)
 
 
-def _least_friction(problem: CentroidalProblem) -> float | None:
-    """The least friction, the same on every surface that has less, with which there is a bearable motion."""
-    if not _bearable(problem, FRICTION_MOST):
+def _least_friction(problem: CentroidalProblem, until_s: float) -> float | None:
+    """The least friction, the same on every surface that has less, with which there is a bearable motion.
+
+    A greater one, for which that is confirmed as well, where time is up before.
+    """
+    if time.process_time() > until_s or not _bearable(problem, FRICTION_MOST):
         return None
     low, high = 0.0, FRICTION_MOST
     for _ in range(FRICTIONS):
+        if time.process_time() > until_s:
+            break
         middle = (low + high) / 2.0
         low, high = (low, middle) if _bearable(problem, middle) else (middle, high)
     return high

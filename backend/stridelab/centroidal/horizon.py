@@ -11,20 +11,22 @@ Where a problem has no solution the last plan that had one goes on: it leads to 
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
 from stridelab.centroidal.carried import carried
 from stridelab.centroidal.conditions import Start
+from stridelab.centroidal.native import serves
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
-from stridelab.centroidal.solve import solve
+from stridelab.centroidal.solve import Asked, solve
 from stridelab.centroidal.solvers import Limits
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.conventions import Points, Series, Vector3
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 
-SHORT = Limits(iterations=100, wall_s=10.0)
+SHORT = Limits(iterations=100, cpu_s=10.0)
 """Limits of one solve."""
 SLIVER_S = 1e-6
 """Rests of phases that are shorter are none."""
@@ -81,7 +83,8 @@ Disturb = Callable[[float, State], State]
 class RecedingHorizon:
     """``problem`` from its start to its end in periods.
 
-    Raises ``InvalidInput`` ("horizon-invalid") unless ``0 < period_s < horizon_s``.
+    Raises ``InvalidInput``: "horizon-invalid" unless ``0 < period_s < horizon_s``, "horizon-needs-constants" for
+    splines, which would jump at every replan.
     """
 
     problem: CentroidalProblem
@@ -94,6 +97,9 @@ class RecedingHorizon:
         if not 0.0 < self.period_s < self.horizon_s < np.inf:
             message = f"A horizon of {self.horizon_s:g} s cannot be solved anew every {self.period_s:g} s."
             raise InvalidInput("horizon-invalid", message, [Fault("horizon_s", message)])
+        if self.problem.shape == "cubic":
+            message = "A horizon that recedes begins anew with every plan: its forces are constant between nodes."
+            raise InvalidInput("horizon-needs-constants", message, [Fault("shape", message)])
 
     def run(self, disturb: Disturb | None = None) -> Receding:
         """Carry the problem out; ``disturb`` may move the state after every period.
@@ -135,10 +141,11 @@ class RecedingHorizon:
         start = None
         if self.warm and last is not None and not last.carried_on:
             start = carried(last.plan, asked, time_s - last.time_s)
-        plan = solve(asked, "ipopt", self.limits, start)
+        solver: Final[Asked] = "native" if serves(asked) else "ipopt"
+        plan = solve(asked, solver, self.limits, start)
         iterations, warm = plan.iterations, start is not None
         if not plan.converged and warm:
-            plan, warm = solve(asked, "ipopt", self.limits), False
+            plan, warm = solve(asked, solver, self.limits), False
             iterations += plan.iterations
         took_s = time.process_time() - started
         if plan.converged:

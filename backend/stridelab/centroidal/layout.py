@@ -15,6 +15,7 @@ import numpy as np
 from jaxtyping import Int
 
 from stridelab.centroidal.dynamics import N_STATE, N_WRENCH
+from stridelab.centroidal.spline import INNER
 from stridelab.centroidal.structure import Group, Structure
 
 N_CAPTURABLE: Final = 5
@@ -23,10 +24,14 @@ N_CAPTURABLE: Final = 5
 
 @dataclass(frozen=True)
 class Use:
-    """A group of u in an interval ``k`` of ``phase``: its first variable, and the row of its first cone."""
+    """A group of u in an interval ``k`` of ``phase``, at its control point ``inner`` (0, or 0 and 1 of a spline).
+
+    ``start`` is its first variable, ``row`` the row of its first cone.
+    """
 
     group: Group
     k: int
+    inner: int
     phase: int
     start: int
     row: int
@@ -34,7 +39,7 @@ class Use:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """First indices: ``state`` per node, ``wrench``, ``gap`` and ``tie`` (rows of the wrench) per interval.
+    """First indices: ``state`` per node, ``gap`` per interval, ``wrench`` and ``tie`` (its rows) per control point.
 
     ``durations`` per phase and ``shifts`` per displacement (none where they are not free); ``start``, ``rest``, ``end``
     and ``total`` are single rows' firsts. ``stage_rows`` counts per node the rows that do not lead to the next.
@@ -43,12 +48,12 @@ class Layout:
     n: int
     n_rows: int
     state: Int[np.ndarray, "nodes"]
-    wrench: Int[np.ndarray, "intervals"]
+    wrench: Int[np.ndarray, "intervals inner"]
     uses: tuple[Use, ...]
     durations: Int[np.ndarray, "phases"]
     shifts: Int[np.ndarray, "shifts"]
     gap: Int[np.ndarray, "intervals"]
-    tie: Int[np.ndarray, "intervals"]
+    tie: Int[np.ndarray, "intervals inner"]
     start: int
     rest: int
     end: int
@@ -64,7 +69,7 @@ class Layout:
         return found
 
     def uses_of(self, phase: int) -> Mapping[str, list[Use]]:
-        """The groups of a phase, interval by interval."""
+        """The groups of a phase, interval by interval and control point by control point."""
         found: dict[str, list[Use]] = {}
         for use in self.uses:
             if use.phase == phase:
@@ -88,7 +93,7 @@ def lay_out(structure: Structure) -> Layout:
     state, wrench, gap, tie, stage_rows = [], [], [], [], []
     uses: list[Use] = []
     start = rest = 0
-    phase_of = structure.phase_of
+    phase_of, inner = structure.phase_of, range(INNER[structure.shape])
     for k, phase in enumerate(phase_of):
         state.append(n)
         n += N_STATE
@@ -97,14 +102,15 @@ def lay_out(structure: Structure) -> Layout:
         first = row
         if k == 0:
             start, row = row, row + N_STATE
-        tie.append(row)
-        row += N_WRENCH
-        for group in structure.phases[phase].groups:
-            uses.append(Use(group, k, phase, n, row))
-            n += group.size
-            row += n_cones(group) + n_limits(group)
-        wrench.append(n)
-        n += N_WRENCH
+        tie.append([row + N_WRENCH * i for i in inner])
+        row += N_WRENCH * len(inner)
+        for i in inner:
+            for group in structure.phases[phase].groups:
+                uses.append(Use(group, k, i, phase, n, row))
+                n += group.size
+                row += n_cones(group) + n_limits(group)
+        wrench.append([n + N_WRENCH * i for i in inner])
+        n += N_WRENCH * len(inner)
         if k + 1 == len(phase_of) and not structure.capture_planes:
             rest, row = row, row + 3
         stage_rows.append(row - first)

@@ -10,6 +10,7 @@ large that nothing gives way at the end if nothing has to. What comes out is the
 with a share of ``SPARES`` more of every change.
 """
 
+import time
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -61,18 +62,24 @@ class Nearest:
     shifts_m: dict[Where, Vector3]
 
 
-def nearest(problem: CentroidalProblem, what: What) -> Nearest | None:
-    """Change the durations, or the places of the contacts that begin and end within; None where neither is there."""
+def nearest(problem: CentroidalProblem, what: What, until_s: float = np.inf) -> Nearest | None:
+    """Change the durations, or the places of the contacts that begin and end within; None where neither is there.
+
+    The search ends when the processor's clock shows ``until_s``; where that is past already there is none either.
+    """
     counts = _counts(problem, RATE_HZ, COARSE)
     stays = movable(problem.sequence) if what == "placements" else []
     size = len(problem.sequence.phases) if what == "durations" else 2 * len(stays)
     limits = _limits(problem, what, stays)
+    if time.process_time() > until_s:
+        return None
     theta, region = np.zeros(size), FIRST_REGION
     now = _judged(problem, what, stays, theta, counts)
     if not size or now is None:
         return None
     for _ in range(ROUNDS):
-        if now.price < LAST_REGION and region < FIRST_REGION and np.abs(theta).sum() < LAST_REGION:
+        settled = now.price < LAST_REGION and region < FIRST_REGION and np.abs(theta).sum() < LAST_REGION
+        if settled or time.process_time() > until_s:
             break
         found = _linear(problem, what, stays, theta, now, _Region(theta, region, limits), counts)
         after = None if found is None else _judged(problem, what, stays, found, counts)
@@ -82,11 +89,11 @@ def nearest(problem: CentroidalProblem, what: What) -> Nearest | None:
                 break
             continue
         theta, now, region = found, after, min(FIRST_REGION, 1.5 * region)
-    return _spared(problem, what, stays, theta)
+    return _spared(problem, what, stays, theta, until_s)
 
 
-def _spared(problem: CentroidalProblem, what: What, stays: list[Stay], theta: Vector) -> Nearest:
-    """With the least of ``SPARES`` that holds on a grid twice as fine; the last one where none does."""
+def _spared(problem: CentroidalProblem, what: What, stays: list[Stay], theta: Vector, until_s: float) -> Nearest:
+    """With the least of ``SPARES`` that holds on a grid twice as fine; the last one tried where none does."""
     before = np.array([phase.duration_s for phase in problem.sequence.phases])
     for spare in SPARES if what == "durations" else SPARES[:1]:
         more = (1.0 + spare) * np.where(np.abs(theta) > LAST_REGION, theta, 0.0)
@@ -94,7 +101,7 @@ def _spared(problem: CentroidalProblem, what: What, stays: list[Stay], theta: Ve
         fine = grid_of(spared, _counts(spared, 2.0 * RATE_HZ, FINE))
         final = relax(spared, cones=PENALTY, body=PENALTY, end=PENALTY, grid=fine)
         holds = final is not None and final.held
-        if holds:
+        if holds or time.process_time() > until_s:
             break
     return Nearest(
         spared.sequence,

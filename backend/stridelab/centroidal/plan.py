@@ -1,14 +1,19 @@
-"""What the centroidal stage hands on: trajectories at the nodes, forces between them, and how they were found."""
+"""What the centroidal stage hands on: trajectories at the nodes, forces between them, and how they were found.
+
+``CentroidalPlan.at`` and ``forces_at`` are the seam: whoever asks for an instant need not know what shape forces have.
+"""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
 
 from stridelab.centroidal.solution import Solution
+from stridelab.centroidal.spline import weights
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.conventions import Vector3
+from stridelab.conventions import Vector3, g
 
 
 @dataclass(frozen=True)
@@ -40,12 +45,14 @@ class Verification:
 
 @dataclass(frozen=True, eq=False)
 class CentroidalPlan:
-    """Solution of (4.20) on ``n`` nodes, ``m = n - 1`` intervals with constant forces.
+    """Solution of (4.20) on ``n`` nodes, ``m = n - 1`` intervals with forces that are constant or cubic.
 
-    ``forces_n`` gives, per effector, the world-frame force on every contact point ``(m, k, 3)``, zero where it does
-    not touch; ``points_m`` the points ``(k, 3)`` in the contact frame at which they act. ``phase`` is the contact
-    phase of each interval. ``objective`` is (4.20a) without regularisers, all terms are in ``cost_terms``. Where
-    durations or contacts were free, ``sequence`` is what was chosen. ``solution`` tells how it was found.
+    ``forces_n`` gives, per effector, the world-frame force on every contact point ``(m, k, 3)``, its mean over the
+    interval, zero where it does not touch; ``curves_n`` their control points ``(m, 4, k, 3)`` where they are splines,
+    empty where they are constant (``forces_at`` knows). ``points_m`` are the points ``(k, 3)`` in the contact frame at
+    which they act, ``phase`` the contact phase of each interval, ``com_a_m_s2`` the mean acceleration. ``objective`` is
+    (4.20a) without regularisers, all terms are in ``cost_terms``. Where durations or contacts were free, ``sequence``
+    is what was chosen. ``solution`` tells how it was found.
     """
 
     sequence: ContactSequence
@@ -68,16 +75,25 @@ class CentroidalPlan:
     build_time_s: float
     verification: Verification
     solution: Solution | None = None
+    curves_n: Mapping[str, Float[np.ndarray, "m 4 k 3"]] = field(default_factory=dict)
+
+    def forces_at(self, time_s: float) -> Mapping[str, Float[np.ndarray, "k 3"]]:
+        """World-frame forces on the points of every effector; at a node those of the interval that begins there."""
+        k, e, h = self._place(time_s)
+        if not self.curves_n:
+            return {name: f[k] for name, f in self.forces_n.items()}
+        weigh = weights(e / h)
+        return {name: np.tensordot(weigh, curve[k], 1) for name, curve in self.curves_n.items()}
 
     def at(self, time_s: float) -> Reference:
-        """Reference at ``time_s``.
+        """Reference at ``time_s``, integrated exactly from the node before.
 
-        The CoM is integrated exactly from the node before, its acceleration being constant between nodes; the angular
-        momentum is linear between nodes.
+        Constant forces give a constant acceleration; the angular momentum is then taken as linear between nodes, its
+        mean rate being what the cost knows.
         """
-        k = int(np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, len(self.time_s) - 2))
-        h = self.time_s[k + 1] - self.time_s[k]
-        e = float(np.clip(time_s - self.time_s[k], 0.0, h))
+        k, e, h = self._place(time_s)
+        if self.curves_n:
+            return self._on_spline(k, e / h, h)
         a = self.com_a_m_s2[k]
         l_rate = (self.l_nms[k + 1] - self.l_nms[k]) / h
         return Reference(
@@ -86,5 +102,39 @@ class CentroidalPlan:
             com_a_m_s2=a,
             l_nms=self.l_nms[k] + e * l_rate,
             l_rate_nm=l_rate,
+            interval=k,
+        )
+
+    def _place(self, time_s: float) -> tuple[int, float, float]:
+        """The interval, the time since it began, and its length."""
+        k = int(np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, len(self.time_s) - 2))
+        h = float(self.time_s[k + 1] - self.time_s[k])
+        return k, float(np.clip(time_s - self.time_s[k], 0.0, h)), h
+
+    @cached_property
+    def _wrenches(self) -> Float[np.ndarray, "m 4 6"]:
+        """Control points of ``(sum f, sum p x f)`` about the world origin."""
+        found = np.zeros((len(self.phase), 4, 6))
+        for k, phase in enumerate(self.phase):
+            for name, contact in self.sequence.phases[phase].contacts.items():
+                f = self.curves_n[name][k]
+                found[k, :, :3] += f.sum(axis=1)
+                found[k, :, 3:] += np.cross(contact.placement.act(self.points_m[name]), f).sum(axis=1)
+        return found
+
+    def _on_spline(self, k: int, s: float, h: float) -> Reference:
+        """``dynamics`` with Bernstein's polynomials: the momentum K about the origin, then that about the CoM."""
+        m, c, v = self.mass_kg, self.com_m[k], self.com_v_m_s[k]
+        (f, once, twice, thrice) = (weights(s, n) @ self._wrenches[k] for n in range(4))
+        there = c + h * s * v + h**2 * (twice[:3] / m + s**2 / 2 * g)
+        speed = v + h * (once[:3] / m + s * g)
+        swept = h * s * c + h**2 * s**2 / 2 * v + h**3 * (thrice[:3] / m + s**3 / 6 * g)
+        K = self.l_nms[k] + m * np.cross(c, v) + h * once[3:] + m * np.cross(swept, g)
+        return Reference(
+            com_m=there,
+            com_v_m_s=speed,
+            com_a_m_s2=f[:3] / m + g,
+            l_nms=K - m * np.cross(there, speed),
+            l_rate_nm=f[3:] - np.cross(there, f[:3]),
             interval=k,
         )

@@ -20,6 +20,7 @@ from stridelab.centroidal.conditions import AT_REST, UNBOUNDED, PathBounds, Star
 from stridelab.centroidal.control import Control, Touch
 from stridelab.centroidal.freedom import FreeDurations, FreePlacements
 from stridelab.centroidal.point_forces import PYRAMIDS
+from stridelab.centroidal.spline import Shape
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.conventions import GRAVITY_M_S2, Points, Series, Vector3
 from stridelab.errors import Fault, InvalidInput
@@ -71,13 +72,15 @@ class CentroidalProblem:
     ``effectors`` and ``proxies`` are looked up by the names that the sequence uses; without any proxies there is no
     likelihood term, and with some every effector that touches needs one. Surfaces are shrunk by ``contact_margin_m``
     (x, y) on every side. ``control`` is u: forces (``Pyramids``, ``CircularCones``) or the wrench (``ContactWrench``).
-    ``durations`` and ``placements`` are given, unless the solver may choose them. The motion begins as ``start`` says
-    and ends at rest or ``capturable``, within ``bounds``.
+    Its forces are ``constant`` between nodes, or with ``shape`` "cubic" one spline each (``spline``). ``durations`` and
+    ``placements`` are given, unless the solver may choose them. The motion begins as ``start`` says and ends at rest or
+    ``capturable``, within ``bounds``.
 
     Raises ``InvalidInput`` for what cannot be a problem at all: "effector-unknown", "proxy-missing",
     "phase-without-duration", "mass-out-of-range", "node-rate-out-of-range", "com-not-finite", and
     "placements-need-forces" where contacts are to move and the control's cones would have to follow,
-    "bounds-need-forces" where forces are bounded and the control has none.
+    "bounds-need-forces" where forces are bounded and the control has none, "shape-needs-forces" and
+    "shape-needs-durations" for splines of a wrench, whose cones differ from phase to phase, or of free durations.
     """
 
     sequence: ContactSequence
@@ -90,6 +93,7 @@ class CentroidalProblem:
     node_rate_hz: float = 10.0
     contact_margin_m: tuple[float, float] = (0.02, 0.015)
     control: Control = PYRAMIDS
+    shape: Shape = "constant"
     start: Start = AT_REST
     terminal: Terminal = "rest"
     bounds: PathBounds = UNBOUNDED
@@ -122,6 +126,18 @@ class CentroidalProblem:
         if self.bounds.normal_force_max_n and not self.control.has_point_forces:
             raise InvalidInput(
                 "bounds-need-forces", "Normal forces can be bounded with forces as control only, not with the wrench."
+            )
+        if self.shape == "cubic" and not self.control.has_point_forces:
+            raise InvalidInput(
+                "shape-needs-forces",
+                "Continuous controls are forces: where phases meet, a wrench would have to be in the cones of both.",
+                [Fault("shape", "cubic needs forces as control")],
+            )
+        if self.shape == "cubic" and self.durations is not None:
+            raise InvalidInput(
+                "shape-needs-durations",
+                "With continuous controls the durations of the phases must be given: they decide how the splines join.",
+                [Fault("shape", "cubic needs given durations")],
             )
         if self.placements is not None and not self.control.shifts_with_its_contacts:
             raise InvalidInput(

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Int
 
-from stridelab.centroidal import stage
+from stridelab.centroidal import stage, stage_cubic
 from stridelab.centroidal.dynamics import N_STATE, N_WRENCH
 from stridelab.centroidal.layout import N_CAPTURABLE, Layout, Use, lay_out, n_cones, n_limits
 from stridelab.centroidal.likelihood import likelihood
@@ -85,9 +85,18 @@ def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
         rows.append(Rows(name, of_y, of_row, of.value.size1_in(1), of.value, of.jacobian, of.curvature))
 
     x, F = layout.state, layout.wrench
-    cost("squares", timed(np.hstack([_run(x[:-1], 6), _run(F, N_WRENCH)]), phase_of), stage.squares(free))
-    across = np.hstack([_run(x[:-1], N_STATE), _run(F, N_WRENCH), _run(x[1:], N_STATE)])
-    row("gap", timed(across, phase_of), _run(layout.gap, N_STATE), stage.gap(free))
+    if structure.shape == "cubic":
+        for name, k, (first, last) in splines(len(phase_of)):
+            before = _run(F[k - 1, 1], N_WRENCH)[:, first * N_WRENCH :]
+            after = _run(F[(k + 1) % len(F), 0], N_WRENCH)[:, last * N_WRENCH :]
+            own = _run(F[k, 0], 2 * N_WRENCH)
+            cost(f"squares{name}", np.hstack([before, _run(x[k], 6), own, after]), stage_cubic.squares(first, last))
+            across = np.hstack([before, _run(x[k], N_STATE), own, _run(x[k + 1], N_STATE), after])
+            row(f"gap{name}", across, _run(layout.gap[k], N_STATE), stage_cubic.gap(first, last))
+    else:
+        cost("squares", timed(np.hstack([_run(x[:-1], 6), _run(F[:, 0], N_WRENCH)]), phase_of), stage.squares(free))
+        across = np.hstack([_run(x[:-1], N_STATE), _run(F[:, 0], N_WRENCH), _run(x[1:], N_STATE)])
+        row("gap", timed(across, phase_of), _run(layout.gap, N_STATE), stage.gap(free))
     row("start", _run(x[:1], N_STATE), _run(np.array([layout.start]), N_STATE), stage.same(N_STATE))
     end = np.array([layout.end])
     if structure.capture_planes:
@@ -97,8 +106,8 @@ def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
         row(CAPTURE, np.repeat(x[-1:, None] + np.array([0, 1, 3, 4]), len(planes), axis=0), planes, stage.dot(4))
     else:
         row("end", _run(x[-1:], N_STATE), _run(end, N_STATE), stage.same(N_STATE))
-        row("rest", _run(F[-1:], 3), _run(np.array([layout.rest]), 3), stage.same(3))
-    row("wrench", _run(F, N_WRENCH), _run(layout.tie, N_WRENCH), stage.same(N_WRENCH))
+        row("rest", _run(F[-1:, -1], 3), _run(np.array([layout.rest]), 3), stage.same(3))
+    row("wrench", _run(F.ravel(), N_WRENCH), _run(layout.tie.ravel(), N_WRENCH), stage.same(N_WRENCH))
 
     ties, efforts, limits = _grouped(layout.uses)
     for name, uses in ties.items():
@@ -109,7 +118,7 @@ def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
         row(
             name,
             of_y,
-            _run(layout.tie[[use.k for use in uses]], N_WRENCH),
+            _run(np.array([layout.tie[use.k, use.inner] for use in uses]), N_WRENCH),
             stage.tie(group.size, group.shift is not None),
         )
     for name, uses in efforts.items():
@@ -157,6 +166,16 @@ def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
             row("total", of_y, np.full_like(of_y, layout.total), stage.same(1))
     programme = assemble(layout.n, layout.n_rows, costs, rows, SCALE)
     return Compiled(structure, layout, programme, ties, efforts, limits, visits)
+
+
+def splines(n: int) -> list[tuple[str, Int[np.ndarray, "uses"], tuple[bool, bool]]]:
+    """Parts of ``n`` spline intervals by their name: those under way, the first, the last."""
+    parts = [
+        ("", np.arange(1, n - 1), (False, False)),
+        (" first", np.array([0]), (True, False)),
+        (" last", np.array([n - 1]), (False, True)),
+    ]
+    return [part for part in parts if len(part[1])]
 
 
 def _run(starts: Int[np.ndarray, "uses"], size: int) -> Int[np.ndarray, "uses size"]:

@@ -19,8 +19,13 @@ def from_rest_to_rest(robot: Robot, sequence: ContactSequence, proxies: Mapping[
 
     Raises ``InvalidInput`` as ``CentroidalProblem`` and ``standing_com_m`` do.
     """
-    height_m = float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2]) - BEND_M
+    height_m = standing_height_m(robot)
     starts_m = height_m if sequence.start_com_height_m is None else sequence.start_com_height_m
     start = standing_com_m(sequence.phases[0].contacts, starts_m, robot.effectors)
     end = standing_com_m(sequence.phases[-1].contacts, height_m, robot.effectors)
     return CentroidalProblem(sequence, robot.mass_kg, robot.effectors, proxies, start, end)
+
+
+def standing_height_m(robot: Robot) -> float:
+    """Height of the CoM above the soles of a robot at rest."""
+    return float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2]) - BEND_M

@@ -52,6 +52,15 @@ class Point:
 
 
 @dataclass(frozen=True, eq=False)
+class NativePoint:
+    """Variables of the C++ solver: states ``x``, and u with its multipliers z of every block of points, in order."""
+
+    x: Float[np.ndarray, "nodes 9"]
+    u: Float[np.ndarray, "slots 4 3"]
+    z: Float[np.ndarray, "slots 4 3"]
+
+
+@dataclass(frozen=True, eq=False)
 class IterationLog:
     """Iteration by iteration, the start first: (4.20a) with regularisers, infeasibilities, barrier parameter.
 
@@ -83,7 +92,7 @@ class Solution:
     """All attempts, and the point where the last one stopped: the start of another solve (``solve(start=...)``)."""
 
     attempts: tuple[Attempt, ...]
-    point: Point
+    point: Point | NativePoint
 
 
 def residuals(programme: Programme, p: Float[np.ndarray, "parameters"], box: Box, at: Point) -> Residuals:

@@ -1,7 +1,8 @@
 """From a problem to a plan: transcribe, solve, read the solution, check it."""
 
 import time
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -9,67 +10,77 @@ import numpy as np
 from stridelab.centroidal.carried import carried
 from stridelab.centroidal.chosen import chosen
 from stridelab.centroidal.cost import cost_terms, objective
+from stridelab.centroidal.iterates import Tell
+from stridelab.centroidal.native import serves
+from stridelab.centroidal.native_solve import solve_native
 from stridelab.centroidal.plan import CentroidalPlan, Verification
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.solution import Attempt, Point, Solution, residuals
-from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Run, SolverName, Tell, run
+from stridelab.centroidal.solution import Attempt, NativePoint, Point, Solution, residuals
+from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits, Run, SolverName, run
+from stridelab.centroidal.spline import INNER, control_points
 from stridelab.centroidal.transcription import Transcription, transcribe
 from stridelab.centroidal.verify import Motion, holds, total_force_n, verify
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Series, g
+from stridelab.errors import Fault, InvalidInput
 
 AUTO: tuple[SolverName, ...] = ("ipopt", "fatrop")
-"""Solvers in the order in which "auto" tries them: ipopt was faster and surer in every measurement."""
+"""Solvers of CasADi in the order in which they are tried: ipopt was faster and surer in every measurement."""
 KKT_ERROR_MAX: Final = 2e-5
 """A point is a solution where its solver says so, or where no first-order condition lacks more than this."""
+Asked = Literal["auto", "native", "casadi", "ipopt", "fatrop"]
+
+
+@dataclass(frozen=True, eq=False)
+class _Found:
+    attempt: Attempt
+    sequence: ContactSequence
+    motion: Motion
+    point: Point | NativePoint
+    infeasible: bool
 
 
 def solve(
     problem: CentroidalProblem,
-    solver: Literal["auto", "ipopt", "fatrop"] = "auto",
+    solver: Asked = "auto",
     limits: Limits = DEFAULT_LIMITS,
-    start: Point | None = None,
+    start: Point | NativePoint | None = None,
     tell: Tell | None = None,
 ) -> CentroidalPlan:
     """Solve (4.20), cold, or from ``start``: a plan's ``solution.point``, or what ``carried`` makes of another plan.
 
-    The plan of a failed solve says so: ``converged`` False and why in ``status``. "auto" tries the next solver where
-    one does not converge, unless that proved that there is no solution at all or the time is up. Free durations begin
-    where the given ones lead, if they lead anywhere. Times and iterations are sums over all attempts. A plan is
-    converged only if the solver, or our look at its first-order conditions, says so *and* ``verify`` agrees. Raises
-    ``NotEstimable`` where the contacts have no cone for the problem's control (u_c only), nothing else.
+    "auto" asks the C++ solver where it is built and does all that the problem wants, then those of CasADi, as "casadi"
+    does; "native" asks it alone. A start counts for the solvers that know its kind. The plan of a failed solve says so:
+    ``converged`` False and why in ``status``. The next solver is tried where one does not converge, unless that proved
+    that there is no solution at all or the time is up. Free durations begin where the given ones lead, if they lead
+    anywhere. Times and iterations are sums over all attempts. A plan is converged only if the solver, or our look at
+    its first-order conditions, says so *and* ``verify`` agrees. Raises ``NotEstimable`` where the contacts have no cone
+    for the problem's control (u_c only), as ``require_native`` does where "native" is asked for,
+    and ``InvalidInput`` ("shape-needs-ipopt") where fatrop is asked for splines.
     """
-    began, started = time.monotonic(), time.process_time()
-    programme = transcribe(problem)
-    transcribe_s = time.process_time() - started
+    started = time.process_time()
     attempts: list[Attempt] = []
-    if problem.durations and start is None:
-        given = solve(replace(problem, durations=None), "ipopt", limits)
-        transcribe_s += given.build_time_s
-        if given.solution is not None:
-            attempts += [replace(attempt, build_s=0.0) for attempt in given.solution.attempts]
-        start = carried(given, problem) if given.converged else None
-    for name in _solvers(problem, solver):
-        found = run(name, programme, limits, start, tell)
-        attempts.append(_attempt(name, programme, found))
-        sequence = chosen(programme, found.point.w)
-        motion = read(programme, sequence, found.point.w)
+    verification = None
+    for found in _attempts(problem, solver, limits, start, tell, attempts):
+        attempts.append(found.attempt)
         verification = verify(
-            sequence,
+            found.sequence,
             problem.mass_kg,
-            motion,
+            found.motion,
             problem.com_start_m,
             problem.com_end_m,
             problem.start,
             problem.terminal,
         )
-        converged = _solved(attempts[-1]) and holds(verification)
+        converged = _solved(found.attempt) and holds(verification)
         proved = found.infeasible and not (problem.durations or problem.placements)
-        if converged or proved or time.monotonic() - began > limits.wall_s:
+        if converged or proved or time.process_time() - started > limits.cpu_s:
             break
-    terms = cost_terms(replace(problem, sequence=sequence), motion)
+    assert verification is not None
+    motion = found.motion
+    terms = cost_terms(replace(problem, sequence=found.sequence), motion)
     return CentroidalPlan(
-        sequence=sequence,
+        sequence=found.sequence,
         mass_kg=problem.mass_kg,
         time_s=motion.time_s,
         phase=motion.phase,
@@ -81,22 +92,62 @@ def solve(
         points_m=motion.points_m,
         solver=attempts[-1].solver,
         converged=converged,
-        status=_sentence(attempts, found, converged, verification),
+        status=_sentence(attempts, found.infeasible, converged, verification),
         iterations=sum(a.iterations for a in attempts),
         objective=objective(terms),
         cost_terms=terms,
         solve_time_s=sum(a.solve_s for a in attempts),
-        build_time_s=transcribe_s + sum(a.build_s for a in attempts),
+        build_time_s=sum(a.build_s for a in attempts),
         verification=verification,
         solution=Solution(tuple(attempts), found.point),
+        curves_n=motion.curves_n,
     )
 
 
-def _solvers(problem: CentroidalProblem, asked: Literal["auto", "ipopt", "fatrop"]) -> tuple[SolverName, ...]:
-    """What is free belongs to many stages: fatrop, which goes from one to the next, is not asked."""
-    if asked != "auto":
+def _attempts(
+    problem: CentroidalProblem,
+    asked: Asked,
+    limits: Limits,
+    start: Point | NativePoint | None,
+    tell: Tell | None,
+    attempts: list[Attempt],
+) -> Iterator[_Found]:
+    """One solver after the other; ``attempts`` gets what is solved on the way to a start."""
+    theirs = start if isinstance(start, NativePoint) else None
+    if asked == "native" or (asked == "auto" and serves(problem)):
+        run_ = solve_native(problem, limits, theirs, tell)
+        yield _Found(run_.attempt, problem.sequence, run_.motion, run_.point, run_.infeasible)
+    if asked == "native":
+        return
+    started = time.process_time()
+    programme = transcribe(problem)
+    transcribe_s = time.process_time() - started
+    ours = start if isinstance(start, Point) else None
+    if problem.durations and start is None:
+        given = solve(replace(problem, durations=None), "ipopt", limits)
+        transcribe_s += given.build_time_s
+        if given.solution is not None:
+            attempts += [replace(attempt, build_s=0.0) for attempt in given.solution.attempts]
+        found = carried(given, problem) if given.converged else None
+        ours = found if isinstance(found, Point) else None
+    for name in _solvers(problem, asked):
+        ran = run(name, programme, limits, ours, tell)
+        attempt = _attempt(name, programme, ran)
+        sequence = chosen(programme, ran.point.w)
+        motion = read(programme, sequence, ran.point.w)
+        attempt = replace(attempt, build_s=attempt.build_s + transcribe_s)
+        transcribe_s = 0.0
+        yield _Found(attempt, sequence, motion, ran.point, ran.infeasible)
+
+
+def _solvers(problem: CentroidalProblem, asked: Asked) -> tuple[SolverName, ...]:
+    """What is free, and a spline, belongs to many stages: fatrop, which goes from one to the next, is not asked."""
+    if asked == "fatrop" and problem.shape == "cubic":
+        message = "fatrop goes from stage to stage, and continuous controls belong to several: ask for ipopt."
+        raise InvalidInput("shape-needs-ipopt", message, [Fault("solver", message)])
+    if asked == "ipopt" or asked == "fatrop":
         return (asked,)
-    return AUTO[:1] if problem.durations or problem.placements else AUTO
+    return AUTO[:1] if problem.durations or problem.placements or problem.shape == "cubic" else AUTO
 
 
 def _attempt(name: SolverName, programme: Transcription, found: Run) -> Attempt:
@@ -122,7 +173,8 @@ def read(programme: Transcription, sequence: ContactSequence, w: Series) -> Moti
     c, v = x[:, 0:3] + programme.origin_m, x[:, 3:6]
     L = problem.weight_n * x[:, 6:9] - problem.mass_kg * np.cross(x[:, 0:3], v)
     points = {name: problem.points_m(name) for name in sequence.effectors}
-    forces = {name: np.zeros((len(phase), len(of), 3)) for name, of in points.items()}
+    inner = INNER[problem.shape]
+    forces = {name: np.zeros((len(phase), inner, len(of), 3)) for name, of in points.items()}
     for i in range(len(sequence.phases)):
         values = {
             name: np.array([w[use.start : use.start + use.group.size] for use in uses])
@@ -130,11 +182,14 @@ def read(programme: Transcription, sequence: ContactSequence, w: Series) -> Moti
         }
         found = problem.control.forces(problem.touches(i, programme.origin_m), values)
         for name, f in found.items():
-            forces[name][phase == i] = problem.weight_n * f
-    return Motion(time_s, phase, c, v, L, forces, points)
+            forces[name][phase == i] = problem.weight_n * f.reshape(-1, inner, *f.shape[1:])
+    if inner == 1:
+        return Motion(time_s, phase, c, v, L, {name: f[:, 0] for name, f in forces.items()}, points)
+    curves = {name: control_points(f, np.diff(time_s)) for name, f in forces.items()}
+    return Motion(time_s, phase, c, v, L, {name: f.mean(axis=1) for name, f in curves.items()}, points, curves)
 
 
-def _sentence(attempts: list[Attempt], last: Run, converged: bool, verification: Verification) -> str:
+def _sentence(attempts: list[Attempt], infeasible: bool, converged: bool, verification: Verification) -> str:
     """What happened, in words."""
     said = "; ".join(f"{a.solver}: {a.status} after {a.iterations} iterations" for a in attempts)
     if converged:
@@ -145,6 +200,6 @@ def _sentence(attempts: list[Attempt], last: Run, converged: bool, verification:
             f"{verification.dynamics_gap:.1e}, terminal gap {verification.terminal_gap:.1e}, "
             f"cone margin {verification.cone_margin_n:.1e} N."
         )
-    if last.infeasible:
+    if infeasible:
         return f"No motion over these contacts ends at rest at the goal ({said})."
     return f"No motion was found over these contacts ({said})."

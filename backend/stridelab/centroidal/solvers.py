@@ -8,8 +8,8 @@ than the number of stages (figures in docs/theory/centroidal-problem.md).
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import casadi as ca
@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.centroidal.dynamics import N_STATE
+from stridelab.centroidal.iterates import AtCurvatures, AtIterations, Listener, Tell
 from stridelab.centroidal.layout import N_CAPTURABLE, n_cones, n_limits
 from stridelab.centroidal.parts import Programme
 from stridelab.centroidal.programme import SCALE, Compiled
@@ -33,17 +34,25 @@ WARM_BARRIER = 1e-5
 """Barrier parameter of a warm start: that of a solution, loosened."""
 
 
+EVALUATIONS = 1.5
+"""An iteration of fatrop takes 0.6 to 1.4 times as long as all its functions called once from here."""
+TIME_IS_UP = "maximum cputime exceeded"
+"""The status, in the words of ipopt, of a solver that came to the end of its time."""
+
+
 @dataclass(frozen=True)
 class Limits:
-    """When to give up: iterations, and seconds of wall time (ipopt alone; fatrop counts iterations only)."""
+    """When to give up: iterations, and seconds of processor time, so that a process that is paused loses none.
+
+    ipopt looks at the clock in every iteration. fatrop cannot be interrupted (docs/theory/centroidal-problem.md): it is
+    given as many iterations as are taken to fit, by the time that one evaluation of its functions takes.
+    """
 
     iterations: int = 300
-    wall_s: float = 60.0
+    cpu_s: float = 60.0
 
 
 DEFAULT_LIMITS = Limits()
-Tell = Callable[[int, float], None]
-"""Called after every iteration of ipopt with its number and the objective with its regularisers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +93,7 @@ def run(
     try:
         solver = _solver(name, of, limits, warm is not None)
         built = time.process_time()
-        solver.listener.listen(tell)
+        solver.listener.listen(tell, programme.box)
         found = solver.function(
             x0=first.w,
             lam_x0=first.lambda_w,
@@ -100,15 +109,18 @@ def run(
         return Run(first, False, False, words, 0, built - started, time.process_time() - built, _log({}))
     solve_s = time.process_time() - built
     stats = solver.function.stats()
+    iterations = int(stats["iter_count"])
     reached = [found[key].full().ravel() for key in ("x", "lam_x", "lam_g")]
     finite = all(np.isfinite(x).all() for x in reached)
     said = str(stats["return_status"] if name == "ipopt" else stats["unified_return_status"])
+    if name == "fatrop" and not stats["success"] and solver.fitting <= iterations < limits.iterations:
+        said = TIME_IS_UP
     return Run(
         point=Point(of.structure, *reached) if finite else first,
         success=bool(stats["success"]) and finite,
         infeasible=said == "Infeasible_Problem_Detected",
         status=said.replace("_", " ").lower(),
-        iterations=int(stats["iter_count"]),
+        iterations=iterations,
         build_s=built - started,
         solve_s=solve_s,
         log=_log(stats.get("iterations", {}) if name == "ipopt" else {}),
@@ -122,47 +134,21 @@ def _log(iterations: Mapping[str, list[float]]) -> IterationLog:
     return IterationLog(column("obj") / SCALE, column("inf_pr"), column("inf_du"), column("mu"))
 
 
-class _Listener(ca.Callback):
-    """What ipopt calls after every iteration; it goes on for ever."""
-
-    def __init__(self, programme: Programme) -> None:
-        ca.Callback.__init__(self)
-        self.listen(None)
-        sizes = {"x": programme.n, "lam_x": programme.n, "g": programme.n_rows, "lam_g": programme.n_rows, "f": 1}
-        self._sizes = sizes | {"lam_p": programme.n_p}
-        self.construct("listener", {})
-
-    def listen(self, tell: Tell | None) -> None:
-        """Another run begins."""
-        self._tell, self._count = tell, 0
-
-    def get_n_in(self) -> int:
-        return int(ca.nlpsol_n_out())
-
-    def get_n_out(self) -> int:
-        return 1
-
-    def get_sparsity_in(self, i: int) -> ca.Sparsity:
-        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)])
-
-    def eval(self, arg: Sequence[ca.DM]) -> list[float]:
-        if self._tell is not None:
-            self._tell(self._count, float(arg[1]) / SCALE)
-        self._count += 1
-        return [0.0]
-
-
 @dataclass(frozen=True, eq=False)
 class _Solver:
     function: ca.Function
-    listener: _Listener
+    listener: Listener
+    ear: ca.Callback  # CasADi calls it and does not keep it
+    fitting: int
 
 
 def _solver(name: SolverName, of: Compiled, limits: Limits, warm: bool) -> _Solver:
     key = (name, limits, warm)
     if key not in of.solvers:
-        listener = _Listener(of.programme)
-        of.solvers[key] = _Solver(_SETUP[name](of, limits, warm, listener), listener)
+        listener = Listener(of.programme)
+        ear = _EARS[name](listener)
+        fitting = limits if name == "ipopt" else replace(limits, iterations=_fitting(of.programme, limits))
+        of.solvers[key] = _Solver(_SETUP[name](of, fitting, warm, ear), listener, ear, fitting.iterations)
     found = of.solvers[key]
     assert isinstance(found, _Solver)
     return found
@@ -203,21 +189,19 @@ class _Expressions:
     def jacobian(self) -> ca.MX:
         return self.programme.jacobian(self.x, self.p)
 
-    def hessian(self, theta: float) -> ca.MX:
-        return self.programme.hessian(self.x, self.p, self.lam_f, self.lam_g, theta)
-
     def function(self, name: str, outputs: Mapping[str, ca.MX | ca.DM], multipliers: bool = False) -> ca.Function:
         """A derivative by the names that CasADi looks for."""
         inputs = {"x": self.x, "p": self.p} | ({"lam_f": self.lam_f, "lam_g": self.lam_g} if multipliers else {})
         return ca.Function(name, [*inputs.values()], [*outputs.values()], [*inputs], [*outputs])
 
 
-def _ipopt(of: Compiled, limits: Limits, warm: bool, listener: _Listener) -> ca.Function:
+def _ipopt(of: Compiled, limits: Limits, warm: bool, ear: ca.Callback) -> ca.Function:
     e = _Expressions.of(of.programme)
+    curvature = of.programme.hessian(e.x, e.p, e.lam_f, e.lam_g, 1.0)
     options: dict[str, Any] = {
         "grad_f": e.function("nlp_grad_f", {"f": e.f, "grad_f_x": e.gradient}),
         "jac_g": e.function("nlp_jac_g", {"g": e.g, "jac_g_x": e.jacobian}),
-        "hess_lag": e.function("nlp_hess_l", {"triu_hess_gamma_x_x": e.hessian(theta=1.0)}, multipliers=True),
+        "hess_lag": e.function("nlp_hess_l", {"triu_hess_gamma_x_x": curvature}, multipliers=True),
         "no_nlp_grad": True,
         "calc_lam_p": False,
         "print_time": False,
@@ -230,8 +214,8 @@ def _ipopt(of: Compiled, limits: Limits, warm: bool, listener: _Listener) -> ca.
         "ipopt.nlp_scaling_method": "none",
         "ipopt.bound_relax_factor": 0.0,  # the cones hold exactly
         "ipopt.max_iter": limits.iterations,
-        "ipopt.max_wall_time": limits.wall_s,
-        "iteration_callback": listener,
+        "ipopt.max_cpu_time": limits.cpu_s,
+        "iteration_callback": ear,
     }
     if warm:
         options |= {
@@ -244,10 +228,11 @@ def _ipopt(of: Compiled, limits: Limits, warm: bool, listener: _Listener) -> ca.
     return ca.nlpsol("centroidal", "ipopt", e.nlp, options)
 
 
-def _fatrop(of: Compiled, limits: Limits, warm: bool, listener: _Listener) -> ca.Function:
+def _fatrop(of: Compiled, limits: Limits, warm: bool, ear: ca.Callback) -> ca.Function:
     """The stages are named, and the functions handed over as CasADi's cache: its fatrop has no options for them."""
     e, layout = _Expressions.of(of.programme), of.layout
     slope = e.lam_f * e.gradient + e.jacobian.T @ e.lam_g
+    curvature = of.programme.hessian(e.x, e.p, e.lam_f + ear(e.x, e.p), e.lam_g, 0.0)
     known = [
         e.function("nlp_grad_f", {"grad_f_x": e.gradient}),
         e.function("nlp_jac_g", {"g": e.g, "jac_g_x": e.jacobian}),
@@ -258,7 +243,7 @@ def _fatrop(of: Compiled, limits: Limits, warm: bool, listener: _Listener) -> ca
         ),
         e.function(
             "nlp_hess_l",
-            {"grad_gamma_x": slope, "hess_gamma_x_x": ca.triu2symm(e.hessian(theta=0.0))},
+            {"grad_gamma_x": slope, "hess_gamma_x_x": ca.triu2symm(curvature)},
             multipliers=True,
         ),
     ]
@@ -289,7 +274,19 @@ def _fatrop(of: Compiled, limits: Limits, warm: bool, listener: _Listener) -> ca
     return ca.nlpsol("centroidal", "fatrop", e.nlp, options)
 
 
-_SETUP: dict[SolverName, Callable[[Compiled, Limits, bool, _Listener], ca.Function]] = {
+def _fitting(of: Programme, limits: Limits) -> int:
+    """Iterations of fatrop that fit into the processor time."""
+    w, p, multipliers = np.zeros(of.n), np.ones(of.n_p), np.zeros(of.n_rows)
+    began = time.process_time()
+    of.hessian(w, p, 1.0, multipliers, 0.0)
+    for function in (of.jacobian, of.gradient, of.rows, of.value):
+        function(w, p)
+    one_s = EVALUATIONS * (time.process_time() - began)
+    return int(max(1, min(limits.iterations, limits.cpu_s / max(one_s, 1e-9))))
+
+
+_EARS: dict[SolverName, Callable[[Listener], ca.Callback]] = {"ipopt": AtIterations, "fatrop": AtCurvatures}
+_SETUP: dict[SolverName, Callable[[Compiled, Limits, bool, ca.Callback], ca.Function]] = {
     "ipopt": _ipopt,
     "fatrop": _fatrop,
 }

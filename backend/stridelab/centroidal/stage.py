@@ -38,7 +38,8 @@ class RowFunctions:
     curvature: ca.Function | None
 
 
-def _rows(psi: ca.SX, y: ca.SX, q: ca.SX) -> RowFunctions:
+def row_functions(psi: ca.SX, y: ca.SX, q: ca.SX) -> RowFunctions:
+    """``psi(y, q)`` with its derivatives."""
     lam = ca.SX.sym("lambda", psi.numel())
     bend = ca.hessian(ca.dot(lam, psi), y)[0]
     return RowFunctions(
@@ -48,7 +49,8 @@ def _rows(psi: ca.SX, y: ca.SX, q: ca.SX) -> RowFunctions:
     )
 
 
-def _costs(phi: ca.SX, y: ca.SX, q: ca.SX, curvature: ca.SX) -> CostFunctions:
+def cost_functions(phi: ca.SX, y: ca.SX, q: ca.SX, curvature: ca.SX) -> CostFunctions:
+    """``phi(y, q)`` with its gradient and what is taken for its curvature."""
     return CostFunctions(
         ca.Function("cost", [y, q], [phi]),
         ca.Function("cost_gradient", [y, q], [ca.densify(ca.gradient(phi, y))]),
@@ -74,7 +76,7 @@ def gap(free: bool) -> RowFunctions:
     a = G * (F + down)
     swept = h * c + h**2 / 2 * v + h**3 / 6 * G * F
     ahead = ca.vertcat(c + h * v + h**2 / 2 * a, v + h * a, K + h * T + _down_cross(swept))
-    return _rows(y[15:24] - ahead, y, q)
+    return row_functions(y[15:24] - ahead, y, q)
 
 
 @cache
@@ -85,35 +87,35 @@ def tie(size: int, moving: bool) -> RowFunctions:
     if moving:
         d = ca.reshape(q[6 * size :], 3, 2) @ y[size:]
         wrench = wrench + ca.vertcat(ca.SX(3, 1), ca.cross(d, wrench[:3]))
-    return _rows(-wrench, y, q)
+    return row_functions(-wrench, y, q)
 
 
 @cache
 def same(size: int) -> RowFunctions:
     """``y``, as it is."""
     y = ca.SX.sym("y", size)
-    return _rows(y, y, ca.SX.sym("q", 0))
+    return row_functions(y, y, ca.SX.sym("q", 0))
 
 
 @cache
 def dot(size: int) -> RowFunctions:
     """``q y``."""
     y, q = ca.SX.sym("y", size), ca.SX.sym("q", size)
-    return _rows(ca.dot(q, y), y, q)
+    return row_functions(ca.dot(q, y), y, q)
 
 
 @cache
 def momentum() -> RowFunctions:
     """``L_c`` of ``y = (c, c', K)``, in units of m |g|."""
     y = ca.SX.sym("y", N_STATE)
-    return _rows(y[6:9] - ca.cross(y[0:3], y[3:6]) / GRAVITY_M_S2, y, ca.SX.sym("q", 0))
+    return row_functions(y[6:9] - ca.cross(y[0:3], y[3:6]) / GRAVITY_M_S2, y, ca.SX.sym("q", 0))
 
 
 @cache
 def cone(size: int) -> RowFunctions:
     """``(eta^2 - |tau|^2) / 2`` of ``y = (tau, eta)`` with ``size`` entries of tau."""
     y = ca.SX.sym("y", size + 1)
-    return _rows(0.5 * (y[size] ** 2 - ca.sumsqr(y[:size])), y, ca.SX.sym("q", 0))
+    return row_functions(0.5 * (y[size] ** 2 - ca.sumsqr(y[:size])), y, ca.SX.sym("q", 0))
 
 
 @cache
@@ -129,9 +131,9 @@ def squares(free: bool) -> CostFunctions:
     momentum_rate = T - ca.cross(c + h / 2 * v + h**2 / 6 * G * down, F)
     phi = h * (q[1] * ca.sumsqr(acceleration) + q[2] * ca.sumsqr(momentum_rate))
     if free:
-        return _costs(phi, y, q, ca.hessian(phi, y)[0])
+        return cost_functions(phi, y, q, ca.hessian(phi, y)[0])
     J = ca.jacobian(ca.vertcat(ca.sqrt(2 * h * q[1]) * acceleration, ca.sqrt(2 * h * q[2]) * momentum_rate), y)
-    return _costs(phi, y, q, ca.densify(J.T @ J))
+    return cost_functions(phi, y, q, ca.densify(J.T @ J))
 
 
 @cache
@@ -140,7 +142,7 @@ def effort(size: int, free: bool) -> CostFunctions:
     y, q = ca.SX.sym("y", size + free), ca.SX.sym("q", 1 + size**2)
     Q = ca.reshape(q[1:], size, size)
     phi = 0.5 * _length(y, q, free) * ca.bilin(Q, y[:size], y[:size])
-    return _costs(phi, y, q, ca.hessian(phi, y)[0] if free else q[0] * Q)
+    return cost_functions(phi, y, q, ca.hessian(phi, y)[0] if free else q[0] * Q)
 
 
 def density(mixture: Likelihood, free: bool, moving: bool) -> CostFunctions:
@@ -171,4 +173,4 @@ def density(mixture: Likelihood, free: bool, moving: bool) -> CostFunctions:
 def price() -> CostFunctions:
     """``q T_s``."""
     y, q = ca.SX.sym("y"), ca.SX.sym("q")
-    return _costs(q * y, y, q, ca.SX(1, 1))
+    return cost_functions(q * y, y, q, ca.SX(1, 1))

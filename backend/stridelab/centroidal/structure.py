@@ -7,6 +7,8 @@ are its structure.
 
 from dataclasses import dataclass
 
+from stridelab.centroidal.spline import Shape
+
 
 @dataclass(frozen=True)
 class Group:
@@ -46,7 +48,8 @@ class PhaseStructure:
 class Structure:
     """Equal and hashable by its contents; ``densities`` pairs effectors with the digest of their mixture.
 
-    ``capture_planes``: half-planes for the capture point at the end; 0: the motion ends at rest.
+    ``capture_planes``: half-planes for the capture point at the end; 0: the motion ends at rest. ``shape`` is that of
+    the controls within an interval.
     """
 
     phases: tuple[PhaseStructure, ...]
@@ -55,6 +58,7 @@ class Structure:
     fixed_total: bool
     n_shifts: int
     capture_planes: int
+    shape: Shape
 
     @property
     def n_intervals(self) -> int:

@@ -21,11 +21,12 @@ from stridelab.centroidal.conditions import Capture, capture
 from stridelab.centroidal.control import Generators
 from stridelab.centroidal.dynamics import DOWN, N_STATE, N_WRENCH
 from stridelab.centroidal.freedom import Stay, movable
-from stridelab.centroidal.layout import N_CAPTURABLE, Layout, n_cones, n_limits
+from stridelab.centroidal.layout import N_CAPTURABLE, Layout, Use, n_cones, n_limits
 from stridelab.centroidal.problem import CentroidalProblem, Grid
-from stridelab.centroidal.programme import CAPTURE, Compiled, compiled
+from stridelab.centroidal.programme import CAPTURE, Compiled, compiled, splines
 from stridelab.centroidal.room import room_m
 from stridelab.centroidal.solution import Box
+from stridelab.centroidal.spline import INNER, comes_and_goes, joints
 from stridelab.centroidal.structure import Group, PhaseStructure, Structure, Visited
 from stridelab.conventions import Series, Vector3
 from stridelab.errors import InvalidInput
@@ -67,7 +68,7 @@ def transcribe(problem: CentroidalProblem) -> Transcription:
     stays = tuple(movable(problem.sequence)) if problem.placements else ()
     generators = [problem.control.generators(problem.touches(i, origin)) for i in range(len(problem.sequence.phases))]
     mixtures = {name: problem.proxies[name].mixture for name in problem.sequence.effectors if name in problem.proxies}
-    end = _capture(problem)
+    end = capture_of(problem)
     found = compiled(_structure(problem, grid, generators, stays, mixtures, end), mixtures)
     numbers = _numbers(problem, grid, generators, found, end)
     blocks = [numbers[name].ravel() for name, _ in found.programme.parameters]
@@ -121,6 +122,7 @@ def _structure(
         fixed_total=problem.durations is not None and problem.durations.fixed_total,
         n_shifts=len(stays),
         capture_planes=0 if end is None else len(end.offsets),
+        shape=problem.shape,
     )
 
 
@@ -138,16 +140,16 @@ def _numbers(
 ) -> dict[str, Float[np.ndarray, "uses q"]]:
     """The parameters of every part, one row per use."""
     weights, sequence = problem.weights, problem.sequence
-    counts = np.bincount(grid.phase)
+    counts, inner = np.bincount(grid.phase), INNER[problem.shape]
     lengths = 1.0 / counts if problem.durations else np.array([p.duration_s for p in sequence.phases]) / counts
     h = lengths[grid.phase]
     nothing = np.zeros((0, 0))
-    numbers = {
-        "squares": np.column_stack(
-            [h, np.full_like(h, weights.com_acceleration), np.full_like(h, weights.momentum_rate * problem.weight_n**2)]
-        ),
-        "gap": h[:, None],
-    }
+    priced = np.tile([weights.com_acceleration, weights.momentum_rate * problem.weight_n**2], (len(h), 1))
+    numbers = {"squares": np.column_stack([h, priced]), "gap": h[:, None]}
+    if problem.shape == "cubic":
+        joined = np.column_stack([h, joints(h)])
+        for part, k, _ in splines(len(h)):
+            numbers |= {f"gap{part}": joined[k], f"squares{part}": np.hstack([joined, priced])[k]}
     for name, uses in found.ties.items():
         rows = []
         for use in uses:
@@ -157,7 +159,7 @@ def _numbers(
     for name, uses in found.efforts.items():
         numbers[name] = np.array(
             [
-                np.append(lengths[use.phase], generators[use.phase][use.group.name].regulariser.ravel())
+                np.append(lengths[use.phase] / inner, generators[use.phase][use.group.name].regulariser.ravel())
                 for use in uses
                 for _ in range(0, use.group.size, use.group.block)
             ]
@@ -201,6 +203,10 @@ def _bounds(problem: CentroidalProblem, grid: Grid, layout: Layout, stays: tuple
     for use in layout.uses:
         group = use.group
         lower[use.start + group.lorentz : use.start + group.size : group.lorentz + 1] = 0.0
+    if problem.shape == "cubic":
+        for use in _at_rest(problem, grid, layout):
+            lower[use.start : use.start + use.group.size] = 0.0
+            upper[use.start : use.start + use.group.size] = 0.0
     if problem.durations:
         T = np.array([phase.duration_s for phase in problem.sequence.phases])
         lower[layout.durations] = problem.durations.shortest * T
@@ -208,8 +214,8 @@ def _bounds(problem: CentroidalProblem, grid: Grid, layout: Layout, stays: tuple
     if problem.bounds.com_height_m is not None:
         least, most = problem.bounds.com_height_m
         for k, phase in list(enumerate(grid.phase))[1:]:
-            ground_m = _ground_m(problem, int(phase)) - problem.com_start_m[2]
-            lower[layout.state[k] + 2], upper[layout.state[k] + 2] = ground_m + least, ground_m + most
+            soles_m = ground_m(problem, int(phase)) - problem.com_start_m[2]
+            lower[layout.state[k] + 2], upper[layout.state[k] + 2] = soles_m + least, soles_m + most
     if problem.placements:
         for stay, at in zip(stays, layout.shifts, strict=True):
             corners_m = problem.effectors[stay.contact.effector].points_m()
@@ -218,7 +224,19 @@ def _bounds(problem: CentroidalProblem, grid: Grid, layout: Layout, stays: tuple
     return lower, upper
 
 
-def _ground_m(problem: CentroidalProblem, phase: int) -> float:
+def _at_rest(problem: CentroidalProblem, grid: Grid, layout: Layout) -> list[Use]:
+    """Control points beside the instants at which their contact comes or goes."""
+    comes, goes = comes_and_goes(problem.sequence)
+    begins, ends = np.searchsorted(grid.phase, grid.phase, "left"), np.searchsorted(grid.phase, grid.phase, "right") - 1
+    return [
+        use
+        for use in layout.uses
+        if (use.inner == 0 and use.k == begins[use.k] and (use.phase, use.group.name) in comes)
+        or (use.inner == 1 and use.k == ends[use.k] and (use.phase, use.group.name) in goes)
+    ]
+
+
+def ground_m(problem: CentroidalProblem, phase: int) -> float:
     """Mean height of the soles, each where it is in a phase or was last."""
     contacts = [problem.sequence.last_contact(name, phase) for name in problem.sequence.effectors]
     soles = [c for c in contacts if c is not None and problem.effectors[c.effector].kind == "surface"]
@@ -258,7 +276,7 @@ def _row_bounds(
     return lower, upper
 
 
-def _capture(problem: CentroidalProblem) -> Capture | None:
+def capture_of(problem: CentroidalProblem) -> Capture | None:
     """Relative to the origin; None where the motion ends at rest."""
     if problem.terminal == "rest":
         return None
@@ -273,7 +291,7 @@ def _guess(problem: CentroidalProblem, grid: Grid, generators: list[PhaseGenerat
     for use in layout.uses:
         G = generators[use.phase][use.group.name]
         w[use.start : use.start + use.group.size] = G.rest
-        w[layout.wrench[use.k] + np.arange(N_WRENCH)] += G.wrench @ G.rest
+        w[layout.wrench[use.k, use.inner] + np.arange(N_WRENCH)] += G.wrench @ G.rest
     if problem.durations:
         w[layout.durations] = [phase.duration_s for phase in problem.sequence.phases]
     return w

@@ -27,6 +27,7 @@ from stridelab.client.streams import AsyncComStream, open_async
 from stridelab.schemas.base import Page
 from stridelab.schemas.jobs import FINAL_STATES, Job, JobEvent, JobResult
 from stridelab.schemas.population import RecordingBatch
+from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, Solvers
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectFields, SubjectInput
 from stridelab.schemas.robots import Measure, RobotFacts, RobotSummary
@@ -170,6 +171,14 @@ class AsyncClient:
     async def check_scenario(self, body: Scenario | Mapping[str, Any]) -> ScenarioCheck:
         """Whether its robot can do a scenario, and how far each contact is from being refused."""
         return await self._send(calls.check_scenario(body))
+
+    async def solvers(self) -> Solvers:
+        """Which solvers of the centroidal problem there are, and what is missing."""
+        return await self._send(calls.solvers())
+
+    async def preview_plan(self, body: PlanPreviewInput | Mapping[str, Any]) -> PlanPreview:
+        """The centroidal motion of a scenario, and after a push, at once; the C++ solver must be there."""
+        return await self._send(calls.preview_plan(body))
 
     async def robots(self) -> Page[RobotSummary]:
         """All robots."""

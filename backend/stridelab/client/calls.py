@@ -11,6 +11,7 @@ from pydantic import BaseModel, TypeAdapter, ValidationError
 from stridelab.client.errors import ClientError, ProblemError
 from stridelab.schemas.base import Page, Problem
 from stridelab.schemas.jobs import Job, JobResult
+from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, Solvers
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectInput
 from stridelab.schemas.robots import Measure, RobotFacts, RobotSummary
@@ -154,6 +155,17 @@ def delete_scenario(scenario_id: str) -> Call[None]:
 def check_scenario(body: Scenario | Mapping[str, Any]) -> Call[ScenarioCheck]:
     """Check a scenario."""
     return Call("POST", f"{API}/scenarios/check", model(ScenarioCheck), json=_scenario(body))
+
+
+def solvers() -> Call[Solvers]:
+    """Solvers of the centroidal problem."""
+    return Call("GET", f"{API}/solvers", model(Solvers), wait_s=LOADING_S)
+
+
+def preview_plan(body: PlanPreviewInput | Mapping[str, Any]) -> Call[PlanPreview]:
+    """Plan a scenario at once."""
+    asked = _set_fields(body) if isinstance(body, BaseModel) else dict(body)
+    return Call("POST", f"{API}/plans/preview", model(PlanPreview), json=asked, wait_s=LOADING_S)
 
 
 def robots() -> Call[Page[RobotSummary]]:

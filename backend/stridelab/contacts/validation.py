@@ -86,18 +86,7 @@ def judge(
     stances = touch_all(draft, effectors)
     reach = closeness(stances)
     resting = rests(stances, reach.slacks)
-    faults = [
-        *draft.faults,
-        *unsupported(draft, effectors),
-        *out_of_nowhere(draft, effectors),
-        *_misplaced(stances),
-        *sliding(stances),
-        *colliding(stances),
-        *sliding_down(stances),
-        *without_friction(draft, stances),
-        *reach.faults,
-        *restless(resting),
-    ]
+    faults = [*_wrong(draft, stances, effectors), *reach.faults, *restless(resting)]
     report = CheckReport(
         faults=tuple(sorted(faults, key=_phase_of)),
         remarks=(*_remarks(draft, stances, effectors), *_in_motion(resting)),
@@ -110,6 +99,33 @@ def judge(
         duration_s=duration_s,
     )
     return report, _sequence(draft, stances) if report.valid else None
+
+
+def outline(
+    scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]
+) -> tuple[tuple[Fault, ...], ContactSequence | None]:
+    """``judge`` while somebody waits: not where the CoM can rest, nor what is only worth knowing; half of its time."""
+    draft = read(scenario, effectors)
+    outsized = tuple(too_large(draft))
+    if outsized:
+        return (*outsized, *draft.faults), None
+    stances = touch_all(draft, effectors)
+    faults = tuple(sorted([*_wrong(draft, stances, effectors), *closeness(stances).faults], key=_phase_of))
+    return faults, None if faults else _sequence(draft, stances)
+
+
+def _wrong(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, EffectorShape]) -> list[Fault]:
+    """What is wrong with the contacts by themselves, and from phase to phase."""
+    return [
+        *draft.faults,
+        *unsupported(draft, effectors),
+        *out_of_nowhere(draft, effectors),
+        *_misplaced(stances),
+        *sliding(stances),
+        *colliding(stances),
+        *sliding_down(stances),
+        *without_friction(draft, stances),
+    ]
 
 
 def _misplaced(stances: tuple[Stance, ...]) -> list[Fault]:

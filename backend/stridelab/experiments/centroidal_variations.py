@@ -12,6 +12,8 @@ The first two are right answers. The contacts go to the solver whether or not th
 pass, so that treads narrower than a sole are tried too; how many would pass is part of the result.
 """
 
+import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
@@ -51,6 +53,7 @@ PACE: Final = (0.75, 1.3)
 HEIGHT_M: Final = (0.0, 0.18)
 FRICTION: Final = (0.3, 0.8)
 JITTER_M: Final = 0.02
+NUMBER: Final = re.compile(r"-?\d+(\.\d+)?")
 
 
 @dataclass(frozen=True)
@@ -71,11 +74,14 @@ class Variation:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a variation; ``reason`` says how where it did not converge, times are CPU times."""
+    """What became of a variation; ``reason`` says how where it did not converge, times are CPU times.
+
+    ``refusals`` are the judge's reasons, each once and without its numbers; none where he lets it pass.
+    """
 
     variation: Variation
     ending: Ending
-    judged: bool
+    refusals: tuple[str, ...] = ()
     reason: str = ""
     iterations: int = 0
     dynamics_gap: float = np.nan
@@ -140,19 +146,19 @@ def problem_of(variation: Variation) -> CentroidalProblem:
 
 def attempt(variation: Variation) -> Outcome:
     """Solve one variation; never raises for what the project can go wrong with."""
+    refused: tuple[str, ...] = ()
     try:
-        shapes = effector_shapes(variation.walker.robot)
-        judged = check(scenario_of(variation), shapes).valid
+        refused = refusals_of(variation)
         problem = problem_of(variation)
         plan = solve(problem)
         ending: Ending = "converged" if plan.converged else "stuck" if held(problem) else "infeasible"
     except StridelabError as error:
-        return Outcome(variation, "broken", False, error.message)
+        return Outcome(variation, "broken", refused, error.message)
     found = plan.verification
     return Outcome(
         variation,
         ending,
-        judged,
+        refused,
         "" if plan.converged else plan.status,
         plan.iterations,
         found.dynamics_gap,
@@ -161,6 +167,17 @@ def attempt(variation: Variation) -> Outcome:
         plan.solve_time_s,
         plan.build_time_s,
     )
+
+
+def refusals_of(variation: Variation) -> tuple[str, ...]:
+    """Why the judge of scenarios would not let it pass."""
+    report = check(scenario_of(variation), effector_shapes(variation.walker.robot))
+    return tuple(dict.fromkeys(NUMBER.sub("#", fault.message) for fault in report.faults))
+
+
+def refusals(outcomes: Sequence[Outcome]) -> Mapping[str, int]:
+    """How many variations the judge refuses for a reason, by the reason; some for several."""
+    return dict(Counter(reason for outcome in outcomes for reason in outcome.refusals).most_common())
 
 
 def attempts(drawn: Sequence[Variation], tell: Callable[[Outcome], None] | None = None) -> tuple[Outcome, ...]:
@@ -181,7 +198,7 @@ def summary(outcomes: Sequence[Outcome]) -> Mapping[str, float | int]:
         "variations": len(outcomes),
         **by,
         "right": (by["converged"] + by["infeasible"]) / len(outcomes),
-        "judged_valid": sum(o.judged for o in outcomes),
+        "judged_valid": sum(not o.refusals for o in outcomes),
         "iterations_median": float(np.median([o.iterations for o in done])),
         "iterations_most": max(o.iterations for o in done),
         "dynamics_gap_most": max(o.dynamics_gap for o in done),

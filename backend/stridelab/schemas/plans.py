@@ -11,20 +11,34 @@ PLAN_STAGES: Final = ("check", "reachability", "centroidal", "whole body", "cert
 """Stages of ``plan-motion`` in their order: keys of ``stage_times_s``, first words of its progress messages."""
 
 Formulation = Literal["forces", "circular-cones", "wrench"]
+Shape = Literal["constant", "cubic"]
 NODE_RATE_HZ: Final = (2.0, 50.0)
 """Fewest and most nodes per second that can be asked for."""
 TIME_LIMIT_S: Final = 300.0
 """Longest time that a solver can be given; the job itself ends after ten minutes."""
 
+DURATION_RANGE: Final = (0.7, 1.4)
+"""Between how many times its own length a phase may last where durations are free.
+
+At 0.6 to 1.6 the body that follows on the long strides swings its legs too fast for the angular momentum of the plan.
+"""
+LEAST_SHARE, MOST_SHARE = 0.1, 10.0
+"""The widest range that can be asked for."""
+
 
 class PlanMotionInput(Contract):
     """Input of ``plan-motion``: a stored scenario or a whole one, never both.
 
-    ``formulation`` is the control: ``forces`` of the contact points in pyramids, the same in ``circular-cones``, or the
-    ``wrench`` of all contacts in one cone. ``solver``: ``auto`` asks ipopt, and fatrop where that fails; ``casadi``
-    means the same. ``node_rate_hz`` are the nodes per second of every phase. ``time_limit_s`` (wall time) ends ipopt
-    in place of a minute; fatrop has no such limit and is then not asked. ``measure`` chooses among the bundled
-    reachability densities; null takes the default one.
+    ``formulation`` is the control: ``forces`` of the contact points, the same in ``circular-cones`` with every solver,
+    or the ``wrench`` of all contacts in one cone. ``solver``: ``auto`` asks ``native``, the C++ solver, where it is
+    there and can do what is asked, else ``casadi``: ipopt, and fatrop where that fails. ``native`` takes the cones of
+    ``forces`` as they are, CasADi's solvers pyramids within them; the summary says which. ``node_rate_hz`` are the
+    nodes per second of every phase; forces between them are ``constant``, or with ``shape`` ``cubic`` one spline each,
+    without a jump. ``time_limit_s`` (processor time) ends a solver in place of a minute; fatrop, which cannot be
+    interrupted, gets as many iterations as are taken to fit, and is then not asked by ``auto``. With
+    ``free_durations`` the solver chooses how long each phase lasts, between the two multiples of ``duration_range`` of
+    what the scenario says; the whole motion keeps its length. ``measure`` chooses among the bundled reachability
+    densities; null takes the default one.
     """
 
     scenario_id: str | None = None
@@ -32,8 +46,12 @@ class PlanMotionInput(Contract):
     formulation: Formulation = "forces"
     solver: Literal["auto", "native", "casadi", "ipopt", "fatrop"] = "auto"
     node_rate_hz: Annotated[float, Field(ge=NODE_RATE_HZ[0], le=NODE_RATE_HZ[1])] = 10.0
+    shape: Shape = "constant"
     time_limit_s: Annotated[float, Field(gt=0.0, le=TIME_LIMIT_S)] | None = None
     free_durations: bool = False
+    duration_range: tuple[
+        Annotated[float, Field(ge=LEAST_SHARE, le=1.0)], Annotated[float, Field(ge=1.0, le=MOST_SHARE)]
+    ] = DURATION_RANGE
     measure: Literal["uniform", "conditioned"] | None = None
     whole_body: bool = True
     replay: bool = False
@@ -44,8 +62,12 @@ class PlanMotionInput(Contract):
             raise ValueError("give either scenario_id or scenario")
         if self.replay and not self.whole_body:
             raise ValueError("a replay needs whole_body")
-        if self.time_limit_s is not None and self.solver == "fatrop":
-            raise ValueError("time_limit_s: fatrop counts iterations only; ask ipopt")
+        if self.free_durations and self.solver == "fatrop":
+            raise ValueError("free_durations: they belong to many stages, and fatrop solves one by one; ask ipopt")
+        if self.shape == "cubic" and (self.formulation == "wrench" or self.free_durations):
+            raise ValueError("shape: cubic is for forces, with the durations as they are given")
+        if self.free_durations and self.formulation == "circular-cones":
+            raise ValueError("free_durations: does not converge with circular-cones; ask for forces or wrench")
         return self
 
 
@@ -109,14 +131,23 @@ class PlanVerification(Contract):
     normal_force_min_n: float
 
 
+class PhaseDuration(Contract):
+    """How long a phase lasts: as the scenario says, and as the solver chose."""
+
+    given_s: float
+    chosen_s: float
+
+
 class PlanMotionSummary(Contract):
     """Summary of ``plan-motion``.
 
     ``objective`` is the sum of ``cost_terms`` without ``surface_force`` and ``point_force``. These two are part of what
     the solver minimises with the contact forces as control; with the wrench they say what the forces cost that were
-    found for it afterwards. ``formulation``, ``measure``, ``node_rate_hz``, ``weights`` and ``kkt_error`` (the largest
-    violation of the first-order conditions, in units of the solver) are null where the version of the result did not
-    tell them.
+    found for it afterwards. ``formulation``, ``shape``, ``measure``, ``node_rate_hz``, ``weights`` and
+    ``kkt_error`` (the largest violation of the first-order conditions, in units of the solver) are null where the
+    version of the result did not tell them. ``phase_durations`` is null where the scenario's durations were kept.
+    ``normal_force_max_n`` bounds the hands by what their arms can carry; empty with the wrench as control.
+    ``solver_because`` is why the C++ solver did not serve, null where it did.
     """
 
     scenario_name: str
@@ -125,13 +156,17 @@ class PlanMotionSummary(Contract):
     n_phases: int
     converged: bool
     solver: str
+    solver_because: str | None = None
     objective: float
     cost_terms: dict[str, float]
     weights: CostWeights | None = None
     formulation: Formulation | None = None
     measure: Literal["uniform", "conditioned"] | None = None
+    shape: Shape | None = None
     node_rate_hz: float | None = None
     kkt_error: float | None = None
+    phase_durations: list[PhaseDuration] | None = None
+    normal_force_max_n: dict[str, float] = Field(default_factory=dict)
     iterations: int
     solve_time_s: float
     build_time_s: float

@@ -49,12 +49,13 @@ class PlanRecedingSummary(Contract):
     """Summary of ``plan-receding``; times are processor times of one replan: building, solving and checking.
 
     ``carried_on`` counts periods in which no solution was found and the last plan went on; ``goal_gap_m`` is how far
-    from its place of rest the CoM ends.
+    from its place of rest the CoM ends. ``solver`` is null where the version of the result did not tell it.
     """
 
     scenario_name: str
     robot: str
     duration_s: float
+    solver: str | None = None
     replans: int
     carried_on: int
     iterations_median: float

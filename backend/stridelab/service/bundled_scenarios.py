@@ -7,6 +7,7 @@ form that no bundled one may have, so that neither can take the other's place.
 import json
 import re
 import uuid
+from collections import Counter
 from pathlib import Path
 from typing import Any, Final
 
@@ -45,6 +46,12 @@ def shipped(folder: Path | None = None) -> dict[str, dict[str, Any]]:
         body = Scenario.model_validate(json.loads(file.read_text(encoding="utf-8")))
         bodies[file.stem] = body.model_dump(mode="json")
     return bodies
+
+
+def robots() -> list[str]:
+    """The robots of the bundled scenarios, that of most of them first."""
+    counts = Counter(body["robot"] for body in shipped().values())
+    return [name for name, _ in counts.most_common()]
 
 
 async def seed(engine: AsyncEngine, folder: Path | None = None) -> bool:

@@ -204,8 +204,8 @@ class Programme:
         nf = self._nz - nv
         A = np.zeros((nf, self._nz))
         A[:, nv:] = np.eye(nf)
-        k = instant.reference.interval
-        planned = [self._plan.forces_n[name][k].ravel() for name in self._contacts]
+        forces_n = self._plan.forces_at(instant.time_s)
+        planned = [forces_n[name].ravel() for name in self._contacts]
         weighted.append((s.force_weight, Rows(A, np.concatenate([*planned, np.zeros(0)]))))
         return tasks.stacked(weighted, self._nz)
 

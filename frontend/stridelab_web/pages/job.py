@@ -10,9 +10,10 @@ from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.recordings import Recording
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.com_plots import COM_TABLE, com_curves
-from stridelab_web.pages import comparison, cycloid, learned, population, reproduction
+from stridelab_web.pages import comparison, cycloid, learned, population, receding, reproduction, sweep
 from stridelab_web.pages.facts import facts_of, sentences_of
 from stridelab_web.pages.render import page
+from stridelab_web.plan_files import SCENARIO
 from stridelab_web.result_tables import SCENE_TABLES
 from stridelab_web.service import client_of
 from stridelab_web.tables import read_columns
@@ -37,10 +38,16 @@ async def job(request: Request) -> Response:
     reach = None
     if result is not None and found.kind == learned.KIND:
         reach = await learned.learned_of(client, found.id, result)
+    swept = None
+    if result is not None and found.kind == sweep.KIND:
+        swept = await sweep.sweep_of(client, found.id, result)
+    walked = None
+    if result is not None and found.kind == receding.KIND:
+        walked = await receding.receding_of(client, found.id, result)
     facts = facts_of(result) if result else []
     present = {item.name for item in result.artifacts} if result is not None else set()
     curves = COM_TABLE in present and rolled is None
-    plots = curves or (compared is not None and compared["figure"] is not None)
+    plots = curves or walked is not None or (compared is not None and compared["figure"] is not None)
     return page(
         request,
         "job.html",
@@ -56,9 +63,11 @@ async def job(request: Request) -> Response:
         comparison=compared,
         cycloid=rolled,
         learned=reach,
+        sweep=swept,
+        receding=walked,
         reproduction=reproduction.reproduction_of(result) if result and found.kind == reproduction.KIND else None,
         plotly_style_ids=plotly_style_ids() if plots or reach else (),
-        viewer_url=f"/view/?recording={recording.id}&job={found.id}" if recording and present & SCENE_TABLES else None,
+        viewer_url=_viewer_url(found, recording, present),
     )
 
 
@@ -66,11 +75,21 @@ async def plots(request: Request) -> Response:
     """``GET /jobs/{id}/plots.json``: the curves of the result, for its page."""
     client = client_of(request)
     result = await client.result(request.path_params["id"])
-    if all(item.name != COM_TABLE for item in result.artifacts):
+    if result.kind == receding.KIND:
+        drawn = await receding.curves(client, request.path_params["id"], result)
+    elif any(item.name == COM_TABLE for item in result.artifacts):
+        content = await client.read_artifact(request.path_params["id"], COM_TABLE)
+        drawn = await run_in_threadpool(lambda: com_curves(read_columns(content), result.summary))
+    else:
         raise HTTPException(404, "This job has no curves.")
-    content = await client.read_artifact(request.path_params["id"], COM_TABLE)
-    drawn = await run_in_threadpool(lambda: com_curves(read_columns(content), result.summary))
     return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})
+
+
+def _viewer_url(found: Job, recording: Recording | None, present: set[str]) -> str | None:
+    """Where the result is to be seen in 3D, if it is."""
+    if recording is not None and present & SCENE_TABLES:
+        return f"/view/?recording={recording.id}&job={found.id}"
+    return f"/view/?plan={found.id}" if found.kind == receding.KIND and SCENARIO in present else None
 
 
 async def _recording_of(client: AsyncClient, found: Job, result: JobResult | None) -> Recording | None:

@@ -8,6 +8,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 
+from stridelab.client import AsyncClient
 from stridelab.schemas.plans import PLAN_STAGES, PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.assets import plotly_style_ids
@@ -15,6 +16,7 @@ from stridelab_web.pages.job import took_s
 from stridelab_web.pages.plan_pair import KIND, against, curves_of, other_plan
 from stridelab_web.pages.render import page
 from stridelab_web.plan_costs import NOT_MINIMISED, cost_rows, seconds
+from stridelab_web.plan_durations import ChosenDurations, chosen_durations
 from stridelab_web.plan_pair import PlanFacts
 from stridelab_web.plan_plots import CENTROIDAL_TABLE, pair_curves, plan_curves
 from stridelab_web.service import client_of
@@ -57,6 +59,7 @@ async def plan(request: Request) -> Response:
         objective=seconds(summary.objective) if summary else "",
         not_minimised=NOT_MINIMISED if facts and facts.wrench else "",
         pair=pair,
+        durations=await _durations(client, found.id, summary),
     )
 
 
@@ -68,13 +71,22 @@ async def plots(request: Request) -> Response:
     if all(item.name != CENTROIDAL_TABLE for item in result.artifacts):
         raise HTTPException(404, "This job has no curves.")
     own = await curves_of(client, job_id)
+    steps = result.summary.get("shape") != "cubic"
     scenario = Scenario.model_validate_json(await client.read_artifact(job_id, SCENARIO_FILE))
     if other_id := request.query_params.get("with"):
-        _, other = await other_plan(client, job_id, other_id)
-        drawn = await run_in_threadpool(pair_curves, own, other, scenario)
+        facts, other = await other_plan(client, job_id, other_id)
+        steps = steps and facts.summary.shape != "cubic"
+        drawn = await run_in_threadpool(lambda: pair_curves(own, other, scenario, steps=steps))
     else:
-        drawn = await run_in_threadpool(plan_curves, own, scenario)
+        drawn = await run_in_threadpool(lambda: plan_curves(own, scenario, steps=steps))
     return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})
+
+
+async def _durations(client: AsyncClient, job_id: str, summary: PlanMotionSummary | None) -> ChosenDurations | None:
+    if summary is None or summary.phase_durations is None:
+        return None
+    scenario = Scenario.model_validate_json(await client.read_artifact(job_id, SCENARIO_FILE))
+    return chosen_durations(summary.phase_durations, scenario)
 
 
 def _stages(summary: PlanMotionSummary | None) -> list[dict[str, Any]]:

@@ -54,7 +54,9 @@ async def against(client: AsyncClient, job: Job, facts: PlanFacts, chosen: str) 
         return Against(offers, chosen, refusal=refusal.detail)
     there = await client.job(chosen)
     distance_m, at_s = await run_in_threadpool(furthest, own, columns)
-    apart = PairRow("furthest", "CoM paths apart, at most", "", "", f"{measured(distance_m, 'm')} at {at_s:.2f} s")
+    apart = PairRow(
+        "furthest", "CoM paths apart, at most", "", "", f"{measured(distance_m, 'm')} at {at_s:.2f} s", group="Paths"
+    )
     return Against(
         offers,
         chosen,

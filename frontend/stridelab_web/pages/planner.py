@@ -23,7 +23,8 @@ from stridelab_web.strips import Bar, Layer, Row
 from stridelab_web.touches import touches
 from stridelab_web.words import words
 
-KIND = "plan-motion"
+KINDS = {"plan-motion": "/plans", "plan-receding": "/jobs"}
+"""Jobs that leave a motion on the timeline of its scenario, and where their results are."""
 NUMBER_FROM_PERCENT = 1.6
 """A phase at least this wide, in percent of the plan, has its number written on it."""
 
@@ -32,7 +33,7 @@ async def plan(request: Request, job_id: str) -> Response:
     """``GET /view/?plan=&t=``."""
     client = client_of(request)
     job = await client.job(job_id)
-    if job.kind != KIND:
+    if job.kind not in KINDS:
         raise HTTPException(404, "This job is no plan.")
     if job.state != "succeeded":
         raise HTTPException(409, f"This plan is {words(job.state)}: there is nothing to show yet.")
@@ -49,7 +50,7 @@ async def plan(request: Request, job_id: str) -> Response:
         layers.insert(0, Layer("/robot/", "Robot"))
     if await _learned(client, scenario.robot):
         layers.append(Layer(GROUP, f"Reach, {100 * SHOWN_MASS:.0f} %", False))
-    links = [("Result", f"/plans/{job.id}")]
+    links = [("Result", f"{KINDS[job.kind]}/{job.id}")]
     if scenario_id := await _still_there(client, result.input.get("scenario_id")):
         links.append(("Scenario", f"/view/?scenario={scenario_id}"))
     return page(

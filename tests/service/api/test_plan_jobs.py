@@ -80,6 +80,11 @@ def test_a_scenario_that_the_robot_cannot_do_is_refused_before_any_solver(http: 
         ("plan-motion", {"scenario_id": "flat-walk", "solver": "magic"}, "solver"),
         ("plan-motion", {"scenario": {**one_step(), "friction": "-1"}}, "scenario.friction"),
         ("plan-motion", {"scenario_id": "flat-walk", "measure": "gaussian"}, "measure"),
+        ("plan-motion", {"scenario_id": "flat-walk", "free_durations": True, "solver": "fatrop"}, "free_durations"),
+        ("plan-motion", {"scenario_id": "flat-walk", "duration_range": [1.2, 1.4]}, "duration_range.0"),
+        ("plan-motion", {"scenario_id": "flat-walk", "shape": "cubic", "formulation": "wrench"}, "shape"),
+        ("plan-motion", {"scenario_id": "flat-walk", "time_limit_s": 0}, "time_limit_s"),
+        ("plan-motion", {"scenario_id": "flat-walk", "weights": {"likelihood": -1.0}}, "weights"),
         ("learn-reachability", {"robot": "nao"}, "robot"),
         ("plan-receding", {}, "body"),
         ("plan-receding", {"scenario_id": "flat-walk", "period_s": 0.9, "horizon_s": 0.8}, "body"),
@@ -100,6 +105,18 @@ def test_an_invalid_input_is_named(http: httpx.Client, kind: str, body: object, 
     answer = http.post(f"{JOBS}/{kind}", json=body)
     assert refusal(answer) == (422, "invalid-request")
     assert places(answer) == [where]
+
+
+@pytest.mark.parametrize("duration_s", [0.0, -0.4, 1e-3, 1e4])
+@pytest.mark.parametrize("kind", ["plan-motion", "plan-receding"])
+def test_a_phase_that_takes_no_time_is_named_and_is_no_job(http: httpx.Client, kind: str, duration_s: float) -> None:
+    before = http.get(JOBS, params={"kind": kind}).json()
+    body = one_step()
+    body["phases"][1] = {**body["phases"][1], "duration_s": duration_s}
+    answer = http.post(f"{JOBS}/{kind}", json={"scenario": body})
+    assert refusal(answer) == (422, "scenario-invalid")
+    assert "phases[1].duration_s" in places(answer)
+    assert http.get(JOBS, params={"kind": kind}).json() == before
 
 
 def test_contacts_are_planned_without_a_stored_scenario(http: httpx.Client) -> None:

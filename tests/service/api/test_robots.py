@@ -231,3 +231,14 @@ def test_an_application_that_stops_ends_its_children(stubbed: Served, diary: Pat
 
     assert isinstance(stubbed.run(stop_while_loading()), asyncio.CancelledError)
     assert list(stubbed.parts.spool.iterdir()) == []
+
+
+def test_robots_are_warmed_one_after_the_other_and_what_fails_costs_nothing(
+    http: httpx.Client, stubbed: Served, diary: Path
+) -> None:
+    stubbed.run(stubbed.parts.robots.warm(["talos", "g1"]))
+    told = diary.read_text()
+    assert http.get(f"{ROBOTS}/talos/links").status_code == 200
+    assert diary.read_text() == told
+    shelve(stubbed, describe="support.robot_children:missing")
+    stubbed.run(stubbed.parts.robots.warm(["talos"]))

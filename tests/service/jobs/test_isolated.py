@@ -161,8 +161,9 @@ def test_child_is_modest_and_knows_no_secrets(run: Run, monkeypatch: pytest.Monk
     monkeypatch.setenv("STRIDELAB_API_TOKEN", "secret")
     monkeypatch.setenv("STRIDELAB_DATABASE_URL", "postgresql://secret")
     monkeypatch.setenv("AWS_SECRET_ACCESS_KEY", "secret")
+    monkeypatch.setenv("STRIDELAB_NATIVE_PATH", "a folder")
     seen = run("environment").value
-    assert not [name for name in seen["names"] if name.startswith(("STRIDELAB_", "AWS_"))]
+    assert [name for name in seen["names"] if name.startswith(("STRIDELAB_", "AWS_"))] == ["STRIDELAB_NATIVE_PATH"]
     assert seen["nice"] == min(19, os.nice(0) + 10)
     assert seen["session"]
     assert seen["cwd"]

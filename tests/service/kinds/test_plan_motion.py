@@ -25,7 +25,7 @@ from stridelab.schemas.plans import CertificateSummary, CostWeights, PlanMotionS
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.errand import located
 from stridelab.service.jobs.isolated import IsolatedPool
-from stridelab.service.jobs.kinds import plan_motion, plan_posing
+from stridelab.service.jobs.kinds import plan_motion, plan_options, plan_posing
 from stridelab.service.jobs.kinds.kind import Outcome
 from stridelab.service.jobs.kinds.provenance import known_references
 from stridelab.service.jobs.kinds.tables_io import read_about
@@ -75,7 +75,8 @@ def test_the_summary_says_what_every_stage_found(walked: Planned) -> None:
     assert (summary.converged, summary.robot, summary.n_phases) == (True, "talos", len(short_walk().phases))
     assert summary.duration_s == pytest.approx(sum(phase.duration_s for phase in short_walk().phases))
     assert list(summary.stage_times_s) == STAGES
-    assert (summary.formulation, summary.measure, summary.node_rate_hz) == ("forces", DEFAULT_MEASURE, 10.0)
+    cones = "circular-cones" if summary.solver == "native" else "forces"
+    assert (summary.formulation, summary.measure, summary.node_rate_hz) == (cones, DEFAULT_MEASURE, 10.0)
     assert summary.kkt_error is not None
     assert summary.kkt_error <= KKT_ERROR_MAX
     assert summary.weights == CostWeights(**asdict(Weights()))
@@ -105,10 +106,11 @@ def test_references_name_the_methods(walked: Planned) -> None:
     assert {
         "carpentier2017thesis",
         "stasse2017talos",
-        "wachter2006ipopt",
         "arnstrom2022daqp",
         "todorov2012mujoco",
     } <= set(walked.outcome.references)
+    solver = plan_motion.SOLVER_REFERENCES.get(walked.summary.solver)
+    assert solver is None or solver in walked.outcome.references
 
 
 def test_the_centroidal_table_obeys_newton_and_integrates_to_itself(walked: Planned) -> None:
@@ -241,18 +243,12 @@ def refused(folder: Path, kind: type[StridelabError], scenario: Scenario | None 
     return failure.value
 
 
-@pytest.mark.parametrize(
-    ("asked", "code"),
-    [
-        ({"solver": "native"}, "solver-unavailable"),
-        ({"free_durations": True}, "free-durations-unavailable"),
-    ],
-)
-def test_what_this_version_has_not_is_refused_before_any_work(tmp_path: Path, asked: dict[str, Any], code: str) -> None:
+def test_a_solver_that_is_not_there_is_refused_before_any_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(plan_options, "native_missing", lambda: "It was not built.")
     told = Told()
     with pytest.raises(NotEstimable) as failure:
-        plan_motion.run(plan_task(**asked), tmp_path, told)
-    assert failure.value.code == code
+        plan_motion.run(plan_task(solver="native"), tmp_path, told)
+    assert failure.value.code == "solver-unavailable"
     assert told.messages == []
 
 

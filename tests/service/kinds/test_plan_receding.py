@@ -10,14 +10,17 @@ from pydantic import ValidationError
 
 from stridelab.centroidal.horizon import State
 from stridelab.errors import InvalidInput
+from stridelab.robots.loader import load_robot
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingSummary, Push
 from stridelab.schemas.scenarios import Scenario
+from stridelab.service.jobs.kinds.plan_options import native_missing
 from stridelab.service.jobs.kinds.plan_receding import pushed, run_in_child
 from stridelab.service.jobs.kinds.registry import KINDS
 from support.planning import changed, short_walk
 from support.quiet import Told
 
 PERIOD_S = 0.2
+FILES = {"receding.parquet", "receding.csv", "centroidal.parquet", "centroidal.csv", "scenario.json"}
 
 
 def carried_out(folder: Path, scenario: Scenario, **asked: Any) -> tuple[PlanRecedingSummary, Any]:
@@ -27,7 +30,7 @@ def carried_out(folder: Path, scenario: Scenario, **asked: Any) -> tuple[PlanRec
     told = Told()
     outcome = run_in_child(task, folder, told)
     assert told.fractions[-1] == 1.0
-    assert {item["name"] for item in outcome["artifacts"]} == {"receding.parquet", "receding.csv"}
+    assert {item["name"] for item in outcome["artifacts"]} == FILES
     return PlanRecedingSummary.model_validate(outcome["summary"]), pq.read_table(folder / "receding.parquet")
 
 
@@ -44,6 +47,7 @@ def test_a_push_is_felt_and_overcome(tmp_path: Path) -> None:
     time_s = table["time_s"].to_numpy()
     assert summary.replans == calm.replans == len(time_s) - 1
     assert (summary.carried_on, calm.carried_on) == (0, 0)
+    assert summary.solver == ("ipopt" if native_missing() else "native")
     assert max(summary.goal_gap_m, calm.goal_gap_m) < 1e-3
     apart = other["com_vy_m_s"].to_numpy() - table["com_vy_m_s"].to_numpy()
     at = int(np.searchsorted(time_s, 1.1))
@@ -53,6 +57,35 @@ def test_a_push_is_felt_and_overcome(tmp_path: Path) -> None:
     assert abs(apart[-1]) < 1e-3
     assert summary.replan_median_ms <= summary.replan_p99_ms <= summary.replan_max_ms
     assert np.nanmedian(other["iterations"].to_numpy()) == summary.iterations_median
+
+
+def test_what_was_carried_out_is_a_plan_to_look_at(tmp_path: Path) -> None:
+    """Between rows the forces hold: they integrate to the next row, but for the push, and lie in the friction cones."""
+    walk = short_walk()
+    push = {"time_s": 1.1, "velocity_m_s": (0.0, 0.06, 0.0)}
+    _, periods = carried_out(tmp_path / "out", walk, pushes=[push])
+    assert Scenario.model_validate_json((tmp_path / "out" / "scenario.json").read_text()) == walk
+    table = pq.read_table(tmp_path / "out" / "centroidal.parquet")
+    rows = {name: table[name].to_numpy() for name in table.column_names}
+    t = rows["time_s"]
+    assert (np.diff(t) > 1e-6).all()
+    assert t[-1] == pytest.approx(sum(phase.duration_s for phase in walk.phases))
+    assert np.isin(periods["time_s"].to_numpy().round(9), t.round(9)).all()
+    vy, ay = rows["com_vy_m_s"], rows["com_ay_m_s2"]
+    jump = vy[1:] - vy[:-1] - np.diff(t) * ay[:-1]
+    assert t[1 + int(np.argmax(jump))] == pytest.approx(1.2)
+    assert jump.max() == pytest.approx(0.06, abs=1e-6)
+    assert np.abs(np.delete(jump, np.argmax(jump))).max() < 1e-6
+    mass_kg = load_robot("talos").mass_kg
+    feet = {"left_foot", "right_foot"}
+    total = sum(rows[f"f_{foot}_{k}_z_n"] for foot in feet for k in range(4))
+    assert np.abs(total / mass_kg - 9.81 - rows["com_az_m_s2"]).max() < 1e-6
+    touching = [{c.effector for c in walk.phases[k].contacts} for k in rows["phase"]]
+    for foot in feet:
+        down = np.array([foot in there for there in touching])
+        load = sum(rows[f"f_{foot}_{k}_z_n"] for k in range(4))
+        assert (load[~down] == 0.0).all()
+        assert (rows[f"friction_{foot}"] == np.where(down, 0.3, 0.0)).all()
 
 
 def test_pushes_belong_to_the_period_that_they_are_in() -> None:

@@ -3,12 +3,12 @@
 import asyncio
 import shutil
 import time
-from collections.abc import AsyncIterator
-from contextlib import aclosing, asynccontextmanager
+from collections.abc import AsyncIterator, Coroutine
+from contextlib import aclosing, asynccontextmanager, suppress
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import anyio
 from fastapi import APIRouter, FastAPI
@@ -22,6 +22,8 @@ from stridelab.service.api.edge import Edge
 from stridelab.service.api.jobs import endpoints as jobs
 from stridelab.service.api.linger import Linger
 from stridelab.service.api.parts import Parts
+from stridelab.service.api.plans import endpoints as plans
+from stridelab.service.api.plans.resident import Resident
 from stridelab.service.api.recordings import endpoints as recordings
 from stridelab.service.api.robots import endpoints as robots
 from stridelab.service.api.robots.shelf import RobotShelf
@@ -58,7 +60,9 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
             if with_sample:
                 await bundled.seed(parts.engine, parts.blobs)
                 await bundled_scenarios.seed(parts.engine)
-            yield
+            # whoever looks first does not wait for meshes to be made
+            async with _beside(parts.robots.warm(bundled_scenarios.robots() if with_sample else [])):
+                yield
 
     app = FastAPI(
         title="stridelab",
@@ -75,7 +79,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     problems.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")
-    for part in (health, recordings, subjects, robots, scenarios, jobs, stream):
+    for part in (health, recordings, subjects, robots, scenarios, plans, jobs, stream):
         api.include_router(part.router)
     app.include_router(api)
     app.include_router(metrics.router)
@@ -85,6 +89,18 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     app.add_middleware(Linger)
     app.add_middleware(Edge)
     return app
+
+
+@asynccontextmanager
+async def _beside(work: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
+    """``work`` goes on while the context lasts, no longer."""
+    task = asyncio.create_task(work)
+    try:
+        yield
+    finally:
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
 
 
 def _mount_pages(app: FastAPI, settings: Settings) -> None:
@@ -112,6 +128,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
         async with (
             JobBoard(url) as board,
             IsolatedPool(spares=1) as pool,
+            Resident() as resident,
             aclosing(RobotShelf(pool, blobs, spool, settings.job_memory_mb)) as shelf,
         ):
             yield Parts(
@@ -125,6 +142,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 parsers=anyio.CapacityLimiter(PARSERS),
                 judges=anyio.CapacityLimiter(JUDGES),
                 robots=shelf,
+                resident=resident,
                 streams=StreamPlaces(settings.stream_limit),
                 started_at_s=time.monotonic(),
                 closing=asyncio.Event(),

@@ -12,6 +12,7 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 from starlette.requests import HTTPConnection
 
 from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.service.api.plans.resident import Resident
 from stridelab.service.api.robots.shelf import RobotShelf
 from stridelab.service.api.stream.limits import StreamPlaces
 from stridelab.service.jobs.board import JobBoard
@@ -37,6 +38,7 @@ class Parts:
     parsers: anyio.CapacityLimiter
     judges: anyio.CapacityLimiter
     robots: RobotShelf
+    resident: Resident
     streams: StreamPlaces
     started_at_s: float
     closing: asyncio.Event

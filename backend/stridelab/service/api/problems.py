@@ -115,7 +115,13 @@ def faults_of(errors: list[Any], document: Any = None) -> list[FaultItem]:
         path = list(item["loc"])
         if len(path) > 1 and path[0] in ("body", "query", "path", "header", "cookie"):
             path = path[1:]
-        faults.append(fault_at(path, str(item["msg"]), document))
+        message = str(item["msg"])
+        if item["type"] == "value_error":  # from a validator of ours
+            message = message.removeprefix("Value error, ")
+            field, colon, rest = message.partition(": ")
+            if path in ([], ["body"]) and colon and field.isidentifier():
+                path, message = [field], rest
+        faults.append(fault_at(path, message, document))
     return faults
 
 

@@ -33,6 +33,8 @@ _START_S: Final = 60.0
 _AFTER_DEATH_S: Final = 0.5
 _THREADS: Final = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB", "BLIS")
 _SECRETS: Final = ("STRIDELAB_", "AWS_", "PG", "AZURE_", "GOOGLE_")
+_NEEDED: Final = frozenset({"STRIDELAB_NATIVE_PATH"})
+"""The folder of the C++ solver: no secret, and computations look there for it."""
 
 State = Literal["ok", "error", "crashed", "timeout", "cancelled", "memory"]
 OnProgress = Callable[[float, str], None]
@@ -303,7 +305,7 @@ class _Child:
 
 def child_environment() -> dict[str, str]:
     """The environment of a process that computes: no secrets, one thread per library."""
-    environment = {key: value for key, value in os.environ.items() if not key.startswith(_SECRETS)}
+    environment = {key: value for key, value in os.environ.items() if key in _NEEDED or not key.startswith(_SECRETS)}
     return environment | {f"{library}_NUM_THREADS": "1" for library in _THREADS}
 
 

@@ -2,6 +2,7 @@
 import { call } from "./api.js";
 import { offerContacts } from "./find.js";
 import { Judged } from "./judged.js";
+import { LIVE, Live } from "./live.js";
 import { Nodes } from "./nodes.js";
 import { offerPlan } from "./plan.js";
 import { Rows } from "./rows.js";
@@ -21,6 +22,7 @@ const scene = stage.dataset.scene, id = root.dataset.scenario, own = root.datase
 const toggle = (number) => choose(chosen === number ? null : number);
 const rows = new Rows(root, own, { choose: toggle, nudge, preview, typed, left });
 const judged = new Judged(root, rows);
+const live = new Live(root);
 const past = [];
 
 // `body` is what is stored; `draft` is where a touch would be: dragged, typed or nudged, and not stored yet.
@@ -37,13 +39,14 @@ async function start() {
   await read();
   for (const touch of touches) rows.add(touch);
   await getJson(`${scene}/open`, { method: "POST" });
-  nodes = new Nodes(frame, [TURN, ...SUPPORT, ...touches.map((touch) => touch.node)]);
+  nodes = new Nodes(frame, [TURN, ...SUPPORT, ...LIVE, ...touches.map((touch) => touch.node)]);
   frame.src = `${scene}/?hideViserLogo&fixedDpr=1`;
   frame.hidden = false;
   await nodes.ready();
   attempts = nodes.position(TURN)?.[0] ?? 0;
   part("veil").hidden = true;
   show();
+  live.start(nodes);
   root.dataset.ready = "true";
   setInterval(watch, WATCH_MS);
 }
@@ -77,14 +80,20 @@ function show() {
   }
   judged.look(nodes, touches, chosen);
   nodes.draw();
-  judged.ask(body);
+  ask(body);
   if (undo) undo.disabled = past.length === 0;
 }
 
 // What is not stored yet: the judge is asked at once.
 function propose(number, position_m, orientation_wxyz, typing = false) {
   draft = { number, position_m, typing };
-  judged.ask(moved(body, touchOf(number), position_m, orientation_wxyz));
+  ask(moved(body, touchOf(number), position_m, orientation_wxyz));
+}
+
+// Judges and plans what is stored, or would be.
+function ask(wanted) {
+  judged.ask(wanted);
+  live.follow(wanted);
 }
 
 // The viewer moves a mark while it is dragged; the list follows, and reads anew what was stored when it is released.

@@ -1,6 +1,6 @@
 // One job, live: server-sent events, which the browser resumes by itself after a lost connection.
 import { call, followJob, headline, showState } from "./api.js";
-import { FOUND, openNew } from "./scenario_body.js";
+import { FOUND, TIMED, bodyOf, openNew } from "./scenario_body.js";
 
 const card = document.querySelector("[data-live]");
 const cancel = document.querySelector("[data-cancel]");
@@ -32,12 +32,14 @@ cancel?.addEventListener("click", async () => {
   }
 });
 
-// The contacts that were found become a scenario of one's own, in the editor.
+// The contacts that were found, or the durations that were chosen, become a scenario of one's own, in the editor.
 document.querySelector("[data-keep]")?.addEventListener("click", async (event) => {
   const button = event.currentTarget;
   button.disabled = true;
   try {
-    await openNew((await call("GET", `/jobs/${id}/result`)).summary.scenario, FOUND);
+    const found = (await call("GET", `/jobs/${id}/result`)).summary.scenario;
+    if (found) await openNew(found, FOUND);
+    else await openNew(bodyOf(await call("GET", `/jobs/${id}/artifacts/scenario.json`)), TIMED);
   } catch (error) {
     document.querySelector("[data-said-keep]").textContent = error.message;
     button.disabled = false;

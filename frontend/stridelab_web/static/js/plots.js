@@ -53,9 +53,10 @@ function draw(data) {
   rows.forEach((row, k) => {
     const id = k === 0 ? "" : String(k + 1);
     const top = 1 - (k * ROW_PX) / inner, bottom = 1 - ((k + 1) * ROW_PX - GAP_PX) / inner;
-    layout[`yaxis${id}`] = { domain: [Math.max(0, bottom), top], title: { text: row.title, standoff: 6 }, type: row.log ? "log" : "linear", gridcolor: "#edf1f4", zeroline: false, automargin: false, fixedrange: true };
+    layout[`yaxis${id}`] = { domain: [Math.max(0, bottom), top], title: { text: row.title, standoff: 6 }, type: row.log ? "log" : "linear", gridcolor: "#edf1f4", zeroline: false, automargin: false, fixedrange: true, exponentformat: "e" };
     if (row.log) Object.assign(layout[`yaxis${id}`], { dtick: 2, exponentformat: "none" });
     for (const trace of tracesOf(row, columns)) {
+      if (row.steps) trace.line = { ...trace.line, shape: "hv" };
       traces.push({ type: "scatter", mode: "lines", x: t, yaxis: `y${id}`, xaxis: "x", connectgaps: false, hovertemplate: `${trace.name ?? ""} %{y:.4~f}<extra></extra>`, ...trace });
     }
     if (row.legend) annotations.push(...legend(row, top));

@@ -4,6 +4,7 @@ import { call } from "./api.js";
 const NAMES = ["name", "description", "robot", "friction", "start_com_height_m", "terrain", "phases"];
 const NAME_AT_MOST = 120;
 export const FOUND = ": contacts found"; // ends the name of what the contact planner made
+export const TIMED = ": durations chosen"; // and of a scenario with the durations of a plan
 
 // Without what the service itself adds.
 export const bodyOf = (stored) => Object.fromEntries(NAMES.map((name) => [name, stored[name]]));

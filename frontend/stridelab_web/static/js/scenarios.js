@@ -1,16 +1,29 @@
 // Scenario pages: plan, import, copy, delete.
-import { call, onSubmit } from "./api.js";
+import { call, onSubmit, startJob } from "./api.js";
 import { startPlan } from "./plan.js";
 
 for (const form of document.querySelectorAll("form[data-plan]")) {
-  const whole = form.elements.whole_body, replay = form.elements.replay;
+  const whole = form.elements.whole_body, replay = form.elements.replay, free = form.elements.free_durations;
   whole?.addEventListener("change", () => {
     replay.disabled = !whole.checked;
     if (!whole.checked) replay.checked = false;
   });
   onSubmit(form, async () => {
-    const job = await startPlan(form.dataset.plan, whole ? { whole_body: whole.checked, replay: replay.checked } : {});
+    const options = whole ? { whole_body: whole.checked, replay: replay.checked, free_durations: free.checked } : {};
+    const job = await startPlan(form.dataset.plan, options);
     location.assign(`/plans/${job.id}?watch=1`);
+    return "started";
+  });
+}
+
+for (const form of document.querySelectorAll("form[data-sweep]")) {
+  onSubmit(form, async (fields) => {
+    const vary = {};
+    for (const k of ["1", "2"]) {
+      if (fields.get(`field${k}`)) vary[fields.get(`field${k}`)] = ["from", "to", "number"].map((name) => Number(fields.get(`${name}${k}`)));
+    }
+    const job = await startJob("sweep", { scenario_id: form.dataset.sweep, vary });
+    location.assign(`/jobs/${job.id}`);
     return "started";
   });
 }

@@ -11,6 +11,7 @@ from stridelab.schemas.base import Contract
 from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
 from stridelab.schemas.population import StudyPopulationInput
 from stridelab.schemas.receding import PlanRecedingInput
+from stridelab.schemas.sweeps import SweepInput
 from stridelab.service.api.parts import Parts, known_form
 from stridelab.service.api.scenarios.judging import refuse_invalid
 from stridelab.service.jobs.kinds.population_stage import require_recordings
@@ -32,7 +33,7 @@ async def admit(parts: Parts, request: Contract) -> Subject:
     goal where it cannot stand, ``invalid-request`` for a robot or an effector that there is not, ``recording-twice`` in
     a population.
     """
-    if isinstance(request, PlanMotionInput | PlanRecedingInput) and request.scenario is not None:
+    if isinstance(request, PlanMotionInput | PlanRecedingInput | SweepInput) and request.scenario is not None:
         await refuse_invalid(request.scenario, parts.judges)
     if isinstance(request, PlanContactsInput):
         _effectors(request.robot)

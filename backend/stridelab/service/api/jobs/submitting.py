@@ -106,6 +106,12 @@ _EXAMPLES: Final[dict[str, Any]] = {
             "value": {"scenario_id": EXAMPLE_ID, "pushes": [{"time_s": 2.0, "velocity_m_s": [0.0, 0.1, 0.0]}]},
         },
     },
+    "sweep": {
+        "strides": {
+            "summary": "The longest stride that can be planned, by friction",
+            "value": {"scenario_id": EXAMPLE_ID, "vary": {"stride": [0.3, 0.9, 4], "friction": [0.2, 0.6, 3]}},
+        },
+    },
     "reproduce": {
         "bode": {"summary": "The gains of the three filters", "value": {"item": "fig-2.5"}},
         "comparison": {

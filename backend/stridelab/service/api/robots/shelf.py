@@ -5,15 +5,15 @@ imports a rigid-body library.
 """
 
 import tempfile
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Iterable
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
 import structlog
 
-from stridelab.errors import NotFound, Unavailable
+from stridelab.errors import NotFound, StridelabError, Unavailable
 from stridelab.schemas.robots import Measure, RobotFacts
 from stridelab.service.api.robots.once import Once
 from stridelab.service.jobs.isolated import IsolatedPool
@@ -104,6 +104,12 @@ class RobotShelf:
                 return (folder / REACH_FILE).read_bytes()
 
         return await self._reach.get(f"{name}/{wanted}", enclose)
+
+    async def warm(self, names: Iterable[str]) -> None:
+        """Facts and meshes of robots that will be asked for; what cannot be had is told to whoever asks for it."""
+        for name in names:
+            with suppress(StridelabError):
+                await self.links(name)
 
     async def aclose(self) -> None:
         """End the children that are still at work."""

@@ -9,6 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from stridelab.centroidal.arms import hand_bounds_n
+from stridelab.centroidal.conditions import PathBounds
 from stridelab.centroidal.diagnosis import diagnose
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
@@ -23,9 +25,16 @@ from stridelab.robots.robot import Robot
 from stridelab.schemas.plans import PLAN_STAGES, PlanMotionInput
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.plan_artifacts import write_json, write_motion, write_plan, write_replay
-from stridelab.service.jobs.kinds.plan_options import CONTROLS, iterations_to, limits_of, require_time, solver_of
+from stridelab.service.jobs.kinds.plan_durations import as_planned, freedom
+from stridelab.service.jobs.kinds.plan_options import (
+    control_of,
+    iterations_to,
+    limits_of,
+    require_solver,
+    require_time,
+    solver_of,
+)
 from stridelab.service.jobs.kinds.plan_posing import checked, densities
-from stridelab.service.jobs.kinds.plan_requirements import require_plan
 from stridelab.service.jobs.kinds.plan_summary import certificate_of, remarks, replay_of, summary
 from stridelab.service.jobs.kinds.stages import Stages
 from stridelab.service.jobs.kinds.tasks import PlanMotionTask
@@ -56,7 +65,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     (``plan-time-limit``, ``plan-not-converged``, ``whole-body-failed``) and what else the stages raise.
     """
     request = task.input
-    require_plan(request)
+    require_solver(request.solver)
     stages = Stages(progress, _shares(request))
     artifacts: list[ArtifactFile] = []
 
@@ -66,9 +75,17 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     with stages.at(REACHABILITY, "reading the learned densities"):
         proxies = densities(robot, request.measure or DEFAULT_MEASURE)
     with stages.at(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s") as tell:
-        posed = from_rest_to_rest(robot, sequence, proxies)
-        problem = replace(posed, control=CONTROLS[request.formulation], node_rate_hz=request.node_rate_hz)
+        posed, control = from_rest_to_rest(robot, sequence, proxies), control_of(request)
+        problem = replace(
+            posed,
+            control=control,
+            shape=request.shape,
+            bounds=PathBounds(None, hand_bounds_n(robot, sequence) if control.has_point_forces else {}),
+            node_rate_hz=request.node_rate_hz,
+            durations=freedom(request, sequence),
+        )
         plan = _planned(problem, request, tell)
+        sequence = plan.sequence
 
     motion, certificate, replay, replayed = None, None, None, None
     if request.whole_body:
@@ -81,7 +98,8 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
                 replay = _replayed(robot, sequence, motion, _clock(tell, sequence.duration_s))
                 replayed = replay_of(replay)
     with stages.at(EXPORT, "writing the plan") as tell:
-        artifacts += [*write_plan(folder, plan), write_json(folder, "scenario.json", task.scenario)]
+        scenario = as_planned(task.scenario, sequence)
+        artifacts += [*write_plan(folder, plan), write_json(folder, "scenario.json", scenario)]
         if motion is not None and certificate is not None:
             artifacts += [
                 *write_motion(folder, robot, motion, tell),

@@ -1,11 +1,11 @@
 """From a scenario of the contract to the problem of a robot: the judge, the robot, its densities."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.shapes import effector_shapes
-from stridelab.contacts.validation import judge
-from stridelab.errors import InvalidInput
+from stridelab.contacts.validation import judge, outline
+from stridelab.errors import Fault, InvalidInput
 from stridelab.reachability.card import Measure
 from stridelab.reachability.proxy import Proxy
 from stridelab.reachability.store import load_card, load_proxies, require_same_robot
@@ -21,11 +21,22 @@ def checked(scenario: Scenario) -> tuple[ContactSequence, tuple[Remark, ...]]:
     """
     report, sequence = judge(scenario.model_dump(mode="json"), effector_shapes(scenario.robot))
     if sequence is None:
-        first = report.faults[0]
-        more = f" and {len(report.faults) - 1} more" if len(report.faults) > 1 else ""
-        message = f"The robot cannot do this: {first.where}: {first.message}{more}."
-        raise InvalidInput("scenario-invalid", message, report.faults)
+        raise _invalid(report.faults)
     return sequence, tuple(Remark(code=r.code, message=r.message) for r in report.remarks)
+
+
+def outlined(scenario: Scenario) -> ContactSequence:
+    """``checked`` without the remarks, and without asking where the CoM can rest, for whoever waits."""
+    faults, sequence = outline(scenario.model_dump(mode="json"), effector_shapes(scenario.robot))
+    if sequence is None:
+        raise _invalid(faults)
+    return sequence
+
+
+def _invalid(faults: Sequence[Fault]) -> InvalidInput:
+    more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
+    message = f"The robot cannot do this: {faults[0].where}: {faults[0].message}{more}."
+    return InvalidInput("scenario-invalid", message, faults)
 
 
 def densities(robot: Robot, measure: Measure) -> Mapping[str, Proxy]:

@@ -1,16 +1,18 @@
 """``plan-receding``: a scenario carried out by plans of a receding horizon, pushed on the way if asked (4.6.1, 4.8).
 
-Leaves ``receding`` (Parquet and CSV), one row per period: where the CoM was, and what its replan took.
+Leaves ``receding`` (Parquet and CSV), one row per period: where the CoM was, and what its replan took; and the motion
+as a plan has it, ``centroidal`` with ``scenario.json``, for whoever shows plans.
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from stridelab.centroidal.horizon import Disturb, Receding, RecedingHorizon, State
+from stridelab.centroidal.horizon import Disturb, RecedingHorizon, State
 from stridelab.centroidal.resting import from_rest_to_rest
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.card import robot_card
@@ -18,13 +20,18 @@ from stridelab.robots.loader import load_robot
 from stridelab.schemas.base import Remark
 from stridelab.schemas.receding import PlanRecedingSummary, Push
 from stridelab.service.jobs.kinds.kind import Json, Outcome, ProgressCallback
-from stridelab.service.jobs.kinds.plan_options import CONTROLS
+from stridelab.service.jobs.kinds.plan_artifacts import write_json
+from stridelab.service.jobs.kinds.plan_options import CONTROLS, taken
 from stridelab.service.jobs.kinds.plan_posing import checked, densities
-from stridelab.service.jobs.kinds.plan_tables import Columns, track_columns
+from stridelab.service.jobs.kinds.receding_tables import carried_out_columns, period_columns
 from stridelab.service.jobs.kinds.tables_io import write_table
 from stridelab.service.jobs.kinds.tasks import PlanRecedingTask
 
-REFERENCES: Final = ("carpentier2017thesis", "andersson2019casadi", "wachter2006ipopt")
+REFERENCES: Final = ("carpentier2017thesis",)
+SOLVER_REFERENCES: Final[Mapping[str, tuple[str, ...]]] = {
+    "native": (),
+    "ipopt": ("andersson2019casadi", "wachter2006ipopt"),
+}
 ROUNDING: Final = 1e-9
 FELL_BEHIND: Final = "replans-failed"
 
@@ -45,7 +52,7 @@ def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Out
     sequence, noted = checked(task.scenario)
     robot = load_robot(sequence.robot)
     posed = from_rest_to_rest(robot, sequence, densities(robot, request.measure or DEFAULT_MEASURE))
-    problem = replace(posed, control=CONTROLS[request.formulation], node_rate_hz=request.node_rate_hz)
+    problem = replace(posed, control=CONTROLS[taken(request.formulation)], node_rate_hz=request.node_rate_hz)
     horizon = RecedingHorizon(
         problem=problem, horizon_s=request.horizon_s, period_s=request.period_s, warm=request.warm
     )
@@ -58,6 +65,7 @@ def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Out
     done = horizon.run(follow)
     took_ms = 1e3 * np.array([replan.took_s for replan in done.replans])
     iterations = np.array([replan.iterations for replan in done.replans])
+    (solver,) = {replan.plan.solver for replan in done.replans}
     carried_on = sum(replan.carried_on for replan in done.replans)
     if carried_on:
         message = f"in {carried_on} of {len(took_ms)} periods no solution was found, and the plan before went on"
@@ -66,6 +74,7 @@ def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Out
         scenario_name=sequence.name,
         robot=robot.name,
         duration_s=total_s,
+        solver=solver,
         replans=len(done.replans),
         carried_on=carried_on,
         iterations_median=float(np.median(iterations)),
@@ -77,9 +86,14 @@ def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Out
         warnings=list(noted),
     )
     about = {"scenario": sequence.name, "robot": robot.name, "horizon_s": request.horizon_s}
-    files = write_table(folder, "receding", columns(done), about)
+    files = (
+        *write_table(folder, "receding", period_columns(done), about),
+        *write_table(folder, "centroidal", carried_out_columns(sequence, done), about),
+        write_json(folder, "scenario.json", task.scenario),
+    )
     progress(1.0, "done")
-    return Outcome(summary.model_dump(mode="json"), (*REFERENCES, *robot_card(robot.name).references), files)
+    references = (*REFERENCES, *SOLVER_REFERENCES[solver], *robot_card(robot.name).references)
+    return Outcome(summary.model_dump(mode="json"), references, files)
 
 
 def pushed(pushes: list[Push], period_s: float) -> Disturb:
@@ -91,16 +105,3 @@ def pushed(pushes: list[Push], period_s: float) -> Disturb:
         return replace(state, com_v_m_s=state.com_v_m_s + np.sum([*due, (0.0, 0.0, 0.0)], axis=0))
 
     return disturb
-
-
-def columns(done: Receding) -> Columns:
-    """One row per moment; the last one is the end, to which no replan belongs (NaN)."""
-    replans = done.replans
-    found: Columns = {"time_s": done.time_s}
-    found |= track_columns("com_{}_m", done.com_m)
-    found |= track_columns("com_v{}_m_s", done.com_v_m_s)
-    found |= track_columns("l_{}_nms", done.l_nms)
-    found["replan_ms"] = np.array([*(1e3 * replan.took_s for replan in replans), np.nan])
-    found["iterations"] = np.array([*(float(replan.iterations) for replan in replans), np.nan])
-    found["carried_on"] = np.array([*(float(replan.carried_on) for replan in replans), np.nan])
-    return found

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Final
 
+from stridelab.centroidal.native import lacks
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.reachability.store import DEFAULT_MEASURE
@@ -17,6 +18,8 @@ from stridelab.schemas.plans import (
     PlanVerification,
     ReplaySummary,
 )
+from stridelab.service.jobs.kinds.plan_durations import phase_durations
+from stridelab.service.jobs.kinds.plan_options import because, formulation_of
 from stridelab.wholebody.certificate import Certificate, Check
 from stridelab.wholebody.motion import WholeBodyMotion
 
@@ -38,6 +41,7 @@ def summary(
 ) -> PlanMotionSummary:
     """All of it in the form of the contract."""
     sequence, found = plan.sequence, plan.verification
+    chosen = phase_durations(problem.sequence, sequence) if problem.durations is not None else None
     return PlanMotionSummary(
         scenario_name=sequence.name,
         robot=sequence.robot,
@@ -45,13 +49,17 @@ def summary(
         n_phases=len(sequence.phases),
         converged=plan.converged,
         solver=plan.solver,
+        solver_because=because(request.solver, {plan.solver}, lacks(problem)),
         objective=plan.objective,
         cost_terms=dict(plan.cost_terms),
         weights=CostWeights(**asdict(problem.weights)),
-        formulation=request.formulation,
+        formulation=formulation_of(request),
+        shape=request.shape,
         measure=request.measure or DEFAULT_MEASURE,
         node_rate_hz=problem.node_rate_hz,
         kkt_error=_kkt_error(plan),
+        phase_durations=chosen,
+        normal_force_max_n=dict(problem.bounds.normal_force_max_n),
         iterations=plan.iterations,
         solve_time_s=plan.solve_time_s,
         build_time_s=plan.build_time_s,

@@ -19,18 +19,19 @@ _SAME_INSTANT_S = 1e-9
 def centroidal_columns(plan: CentroidalPlan) -> Columns:
     """Columns of ``centroidal``, one row per node.
 
-    What is constant over an interval (phase, acceleration, forces) stands in the row of the node at which the interval
-    begins; the last node repeats the last interval. Forces, and ``friction_<effector>``, the coefficient of
-    the surface, are zero where an effector does not touch.
+    What is constant over an interval (phase; acceleration and forces, unless they are splines) stands in the row of the
+    node at which the interval begins; the last node repeats the last interval. Forces, and ``friction_<effector>``, the
+    coefficient of the surface, are zero where an effector does not touch.
     """
     columns: Columns = {"time_s": plan.time_s, "phase": _at_nodes(plan.phase)}
     columns |= track_columns("com_{}_m", plan.com_m)
     columns |= track_columns("com_v{}_m_s", plan.com_v_m_s)
-    columns |= track_columns("com_a{}_m_s2", _at_nodes(plan.com_a_m_s2))
+    columns |= track_columns("com_a{}_m_s2", np.array([plan.at(float(t)).com_a_m_s2 for t in plan.time_s]))
     columns |= track_columns("l_{}_nms", plan.l_nms)
-    for effector, forces in plan.forces_n.items():
-        for k in range(forces.shape[1]):
-            columns |= track_columns(f"f_{effector}_{k}_{{}}_n", _at_nodes(forces[:, k]))
+    at_nodes = [plan.forces_at(float(t)) for t in plan.time_s]
+    for effector, points_m in plan.points_m.items():
+        for k in range(len(points_m)):
+            columns |= track_columns(f"f_{effector}_{k}_{{}}_n", np.array([forces[effector][k] for forces in at_nodes]))
     for effector in plan.forces_n:
         columns[f"friction_{effector}"] = _at_nodes(_friction(plan, effector))
     return columns

@@ -22,6 +22,7 @@ from stridelab.schemas.plans import (
 from stridelab.schemas.population import StudyPopulationInput, StudyPopulationSummary
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingSummary
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
+from stridelab.schemas.sweeps import SweepInput, SweepSummary
 from stridelab.service.jobs.kinds import population_stage, rows
 from stridelab.service.jobs.kinds.kind import JobKind
 
@@ -97,6 +98,16 @@ PLAN_RECEDING = JobKind(
     memory_mb=4096,
     lane="long",
 )
+SWEEP = JobKind(
+    name="sweep",
+    input_model=SweepInput,
+    summary_model=SweepSummary,
+    run="stridelab.service.jobs.kinds.sweep:run_in_child",
+    stage=rows.stage_sweep,
+    timeout_s=7200.0,
+    memory_mb=8192,
+    lane="long",
+)
 LEARN_REACHABILITY = JobKind(
     name="learn-reachability",
     input_model=LearnReachabilityInput,
@@ -131,6 +142,7 @@ KINDS: Mapping[str, JobKind] = MappingProxyType(
             PLAN_CONTACTS,
             PLAN_MOTION,
             PLAN_RECEDING,
+            SWEEP,
             LEARN_REACHABILITY,
             REPRODUCE,
         )

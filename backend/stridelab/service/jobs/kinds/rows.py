@@ -22,6 +22,7 @@ from stridelab.schemas.receding import PlanRecedingInput
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
 from stridelab.schemas.reproduction import ReproduceInput
 from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.sweeps import SweepInput
 from stridelab.service.jobs.kinds.kind import Blobs, Json
 from stridelab.service.jobs.kinds.tasks import (
     CompareEstimatorsTask,
@@ -34,6 +35,7 @@ from stridelab.service.jobs.kinds.tasks import (
     RecordingSource,
     ReproduceTask,
     SimulateRecordingTask,
+    SweepTask,
 )
 from stridelab.service.storage.tables import job, recording, scenario, subject
 
@@ -110,6 +112,13 @@ async def stage_plan_receding(connection: AsyncConnection, blobs: Blobs, input: 
     request = PlanRecedingInput.model_validate(input.model_dump())
     body = request.scenario or await _scenario_body(connection, str(request.scenario_id))
     return PlanRecedingTask(scenario=body, input=request).model_dump(mode="json")
+
+
+async def stage_sweep(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """As for ``plan-motion``."""
+    request = SweepInput.model_validate(input.model_dump())
+    body = request.scenario or await _scenario_body(connection, str(request.scenario_id))
+    return SweepTask(scenario=body, input=request).model_dump(mode="json")
 
 
 async def stage_plan_contacts(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002

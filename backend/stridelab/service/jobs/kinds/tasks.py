@@ -12,6 +12,7 @@ from stridelab.schemas.receding import PlanRecedingInput
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.reproduction import ReproduceInput
 from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.sweeps import SweepInput
 
 
 class RecordingSource(Contract):
@@ -86,6 +87,13 @@ class PlanRecedingTask(Contract):
 
     scenario: Scenario
     input: PlanRecedingInput
+
+
+class SweepTask(Contract):
+    """Task of ``sweep``: the scenario itself, wherever it came from."""
+
+    scenario: Scenario
+    input: SweepInput
 
 
 class PlanContactsTask(Contract):

@@ -1,0 +1,23 @@
+// One Newton step: forces condensed to the wrench, stages eliminated backwards, the step rolled out forwards.
+//
+// With D = h Q + W^-2 for every point and S = sum G D^-1 G^T = L L^T, the forces of an interval cost |omega + tau|^2 /
+// 2 for a change dw = L omega of the wrench, tau = L^-1 sum G D^-1 g. So the control of the Riccati recursion is omega,
+//
+//   I + L^T (H_ww + B^T P B) L  >= I
+//
+// of six entries whatever the number of points; where nothing touches L is zero, and so on.
+#pragma once
+#include "stridelab_native/ending.hpp"
+
+namespace stridelab {
+
+// Scaling of all cones, and D^-1.
+void scale_cones(Iterate& it);
+
+// Backward recursion with the share theta of the covariances in the curvature; false where it is not convex.
+bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, double theta);
+
+// tau, kappa and the step for the present targets.
+void direction(const Problem& problem, Iterate& it, const Penalty& penalty);
+
+}  // namespace stridelab

@@ -1,0 +1,75 @@
+// The problem (4.20) as flat data; positions relative to the CoM at the start, forces in m |g|.
+#pragma once
+#include <array>
+#include <limits>
+#include <vector>
+
+#include "stridelab_native/vec.hpp"
+
+namespace stridelab {
+
+inline constexpr double gravity = 9.81;
+inline constexpr int nx = 9;  // x = (c, c', K)
+inline constexpr int nw = 6;  // (F, T)
+inline constexpr double unbounded = std::numeric_limits<double>::infinity();
+
+// p(y) = sum_j w_j N(y; mu_j, S_j): eight components at a time, log constants of absent ones at -1e300.
+struct Density {
+  struct Eight {
+    v8 constant;
+    v8 mean[3];
+    v8 W[6];          // S^-1 = W^T W, W lower triangular by rows: 00, 10, 11, 20, 21, 22
+    v8 precision[6];  // S^-1: 00, 01, 02, 11, 12, 22
+  };
+  std::vector<Eight> eights;
+};
+
+// A density that counts in a phase: y = R^T (c - place), R by rows.
+struct Visit {
+  int density;
+  double place[3];
+  double R[9];
+};
+
+// Up to four points of a contact that share a frame: f = S u, S = R diag(mu, mu, 1) by rows, u = (f_t / mu, f_n).
+struct Block {
+  double S[9];
+  v4 p[3];
+  v4 real;  // 1 for a point, 0 for padding
+  int points;
+  double effort[2];   // h/2 (effort[0] |u_t|^2 + effort[1] u_n^2) is the cost of a point
+  double normal_max;  // on u_n; infinite: none
+};
+
+struct Phase {
+  int intervals;
+  double h;
+  int first_block, blocks;
+  int first_visit, visits;
+  double height[2];  // bounds on c_z at the nodes that begin its intervals, but the first of all; infinite: none
+};
+
+// At rest: x_N = goal and F = (0, 0, 1) in the last interval. Capturable: height and vertical velocity of the goal, no
+// angular momentum, and the capture point on the near side of every plane.
+enum class End { rest, capturable };
+
+// normal (c_x, c_y, c'_x, c'_y) <= offset.
+struct Plane {
+  double normal[4];
+  double offset;
+};
+
+struct Problem {
+  double w_acceleration = 10.0;  // w_c
+  double w_momentum = 10.0;      // w_L (m |g|)^2
+  double w_likelihood = 1.0;
+  std::array<double, nx> start{}, goal{};
+  End end = End::rest;
+  std::vector<Density> densities;
+  std::vector<Visit> visits;
+  std::vector<Block> blocks;
+  std::vector<Phase> phases;
+  std::vector<Plane> planes;
+};
+
+}  // namespace stridelab

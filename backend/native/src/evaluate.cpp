@@ -1,0 +1,181 @@
+#include "stridelab_native/evaluate.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include "stridelab_native/dynamics.hpp"
+#include "stridelab_native/ending.hpp"
+
+namespace stridelab {
+namespace {
+
+double densities(const Problem& problem, const Phase& phase, double share, Stage& s) {
+  double cost = 0.0;
+  for (int i = 0; i < phase.visits; ++i) {
+    const Visit& at = problem.visits[static_cast<std::size_t>(phase.first_visit + i)];
+    const Density& density = problem.densities[static_cast<std::size_t>(at.density)];
+    cost += visit(at, density, s.x, problem.w_likelihood * share, s.bend);
+  }
+  return cost;
+}
+
+// (F, T) = sum of (S u, p x S u), and the effort.
+double wrench(const Iterate& it, Stage& s) {
+  v4 sums[nw] = {};
+  double effort = 0.0;
+  for (int b = 0; b < s.touches; ++b) {
+    const Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
+    const Block& block = *t.block;
+    const v4* u = t.at.u;
+    v4 f[3];
+    for (int i = 0; i < 3; ++i) {
+      f[i] = (block.S[3 * i] * u[0] + block.S[3 * i + 1] * u[1] + block.S[3 * i + 2] * u[2]) * block.real;
+      sums[i] += f[i];
+    }
+    sums[3] += block.p[1] * f[2] - block.p[2] * f[1];
+    sums[4] += block.p[2] * f[0] - block.p[0] * f[2];
+    sums[5] += block.p[0] * f[1] - block.p[1] * f[0];
+    effort += sum((block.effort[0] * (u[0] * u[0] + u[1] * u[1]) + block.effort[1] * u[2] * u[2]) * block.real);
+  }
+  for (int i = 0; i < nw; ++i) s.w[i] = sum(sums[i]);
+  return 0.5 * s.h * effort;
+}
+
+// h (w_c |c''|^2 + w_L |(L_c+ - L_c) / h|^2) with its gradient.
+double squares(const Problem& problem, Stage& s) {
+  const double h = s.h;
+  const double* F = s.w;
+  const double* T = s.w + 3;
+  for (int i = 0; i < 3; ++i) s.m[i] = s.x[i] + 0.5 * h * s.x[3 + i];
+  s.m[2] -= h * h / 6.0 * gravity;
+  const double a[3] = {gravity * F[0], gravity * F[1], gravity * (F[2] - 1.0)};
+  const double l[3] = {T[0] - (s.m[1] * F[2] - s.m[2] * F[1]), T[1] - (s.m[2] * F[0] - s.m[0] * F[2]),
+                       T[2] - (s.m[0] * F[1] - s.m[1] * F[0])};
+  const double wc = 2.0 * h * problem.w_acceleration;
+  const double wl = 2.0 * h * problem.w_momentum;
+  const double g[3] = {wl * (l[1] * F[2] - l[2] * F[1]), wl * (l[2] * F[0] - l[0] * F[2]),
+                       wl * (l[0] * F[1] - l[1] * F[0])};  // d/dm: -(l . dm x F) = dm . (l x F)
+  for (int i = 0; i < 3; ++i) {
+    s.q[i] = g[i];
+    s.q[3 + i] = 0.5 * h * g[i];
+    s.q[6 + i] = 0.0;
+    s.r[3 + i] = wl * l[i];
+  }
+  s.r[0] = wc * gravity * a[0] - wl * (l[1] * s.m[2] - l[2] * s.m[1]);
+  s.r[1] = wc * gravity * a[1] - wl * (l[2] * s.m[0] - l[0] * s.m[2]);
+  s.r[2] = wc * gravity * a[2] - wl * (l[0] * s.m[1] - l[1] * s.m[0]);
+  return 0.5 * (wc * (a[0] * a[0] + a[1] * a[1] + a[2] * a[2]) + wl * (l[0] * l[0] + l[1] * l[1] + l[2] * l[2]));
+}
+
+// What the bounds miss by.
+void bounds(const Problem& problem, Iterate& it) {
+  for (Touch& t : it.touches) {
+    if (t.load < 0) continue;
+    Slack<v4>& load = it.loads[static_cast<std::size_t>(t.load)];
+    load.r = t.at.u[2] + load.s - t.block->normal_max;
+  }
+  for (Stage& s : it.stages) {
+    if (!s.bounded) continue;
+    s.low.r = s.phase->height[0] - s.x[2] + s.low.s;
+    s.high.r = s.x[2] + s.high.s - s.phase->height[1];
+  }
+  for (std::size_t a = 0; a < it.planes.size(); ++a) {
+    it.planes[a].r = capture(problem.planes[a], it.stages.back().x) + it.planes[a].s - problem.planes[a].offset;
+  }
+}
+
+}  // namespace
+
+double evaluate(const Problem& problem, Iterate& it) {
+  double cost = 0.0;
+  const std::size_t n = it.stages.size() - 1;
+  for (std::size_t k = 0; k <= n; ++k) {
+    Stage& s = it.stages[k];
+    s.bend = Bend{};
+    if (k < n) {
+      cost += wrench(it, s) + squares(problem, s);
+      advance(s.h, s.x, s.w, s.gap);
+      for (int i = 0; i < nx; ++i) s.gap[i] -= it.stages[k + 1].x[i];
+    } else {
+      std::fill(s.q, s.q + nx, 0.0);
+    }
+    const Phase* before = k > 0 ? it.stages[k - 1].phase : nullptr;
+    const bool first = s.phase != before;
+    if (first && before != nullptr) cost += densities(problem, *before, 0.5 * before->h, s);
+    if (s.phase != nullptr) cost += densities(problem, *s.phase, first ? 0.5 * s.h : s.h, s);
+    for (int i = 0; i < 3; ++i) s.q[i] += s.bend.gradient[i];
+  }
+  bounds(problem, it);
+  return cost;
+}
+
+double complementarity(const Iterate& it, int& cones) {
+  v4 total = {};
+  cones = 0;
+  for (const Touch& t : it.touches) {
+    total += product(t.at.u, t.at.z) * t.block->real;
+    cones += t.block->points;
+  }
+  double all = sum(total);
+  each_slack(it, [&](const auto& slack, auto real) {
+    all += sum(slack.s * slack.zeta * real);
+    cones += static_cast<int>(sum(real));
+  });
+  return all;
+}
+
+Conditions conditions(const Problem& problem, const Iterate& it) {
+  Conditions c{};
+  const std::size_t n = it.stages.size() - 1;
+  const Ending end = ending(problem, it);
+  for (double e : end.miss) c.feasibility = std::max(c.feasibility, std::fabs(e));
+  for (double e : end.rest) c.feasibility = std::max(c.feasibility, std::fabs(e));
+  double costate[nx];
+  end_costate(problem, it, end, costate);
+  v4 worst = {};
+  v4 most = {};
+  v4 total = {};
+  for (std::size_t k = n; k-- > 0;) {
+    const Stage& s = it.stages[k];
+    double to_x[nx];
+    double y[nw];
+    pull_back(s.h, costate, to_x, y);
+    for (int i = 0; i < nw; ++i) y[i] += s.r[i];
+    if (k + 1 == n && end.rests) {
+      for (int i = 0; i < 3; ++i) y[i] += it.nu_rest[i];
+    }
+    for (int i = 0; i < nx; ++i) {
+      costate[i] = s.q[i] + to_x[i];
+      c.feasibility = std::max(c.feasibility, std::fabs(s.gap[i]));
+    }
+    if (s.bounded) costate[2] += s.high.zeta - s.low.zeta;
+    for (int b = 0; b < s.touches; ++b) {
+      const Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
+      const Block& block = *t.block;
+      const v4 e[3] = {y[0] + y[4] * block.p[2] - y[5] * block.p[1], y[1] + y[5] * block.p[0] - y[3] * block.p[2],
+                       y[2] + y[3] * block.p[1] - y[4] * block.p[0]};
+      for (int i = 0; i < 3; ++i) {
+        v4 slope = block.S[i] * e[0] + block.S[3 + i] * e[1] + block.S[6 + i] * e[2];
+        slope += s.h * block.effort[i == 2] * t.at.u[i] - t.at.z[i];
+        if (i == 2 && t.load >= 0) slope += it.loads[static_cast<std::size_t>(t.load)].zeta;
+        worst = larger(worst, larger(slope, -slope) * block.real);
+      }
+      const v4 uz = product(t.at.u, t.at.z) * block.real;
+      most = larger(most, uz);
+      total += uz;
+    }
+  }
+  for (int i = 0; i < 4; ++i) {
+    c.stationarity = std::max(c.stationarity, worst[i]);
+    c.complementarity = std::max(c.complementarity, most[i]);
+  }
+  c.gap = sum(total);
+  each_slack(it, [&](const auto& slack, auto real) {
+    for (double missed : parts(slack.r * real)) c.feasibility = std::max(c.feasibility, std::fabs(missed));
+    for (double left : parts(slack.s * slack.zeta * real)) c.complementarity = std::max(c.complementarity, left);
+    c.gap += sum(slack.s * slack.zeta * real);
+  });
+  return c;
+}
+
+}  // namespace stridelab

@@ -1,0 +1,271 @@
+// The binding: Python sees flat arrays go in and come out; the solver knows nothing of Python.
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/unique_ptr.h>
+
+#include <cmath>
+#include <memory>
+#include <string>
+
+#include "stridelab_native/solver.hpp"
+
+namespace nb = nanobind;
+using namespace nb::literals;
+using namespace stridelab;
+
+namespace {
+
+template <typename T, int n>
+using Array = nb::ndarray<const T, nb::ndim<n>, nb::c_contig, nb::device::cpu>;
+using Reals1 = Array<double, 1>;
+using Reals2 = Array<double, 2>;
+using Reals3 = Array<double, 3>;
+using Ints1 = Array<std::int32_t, 1>;
+using Ints2 = Array<std::int32_t, 2>;
+
+void require(bool holds, const char* what) {
+  if (!holds) throw nb::value_error(what);
+}
+
+template <typename A>
+void finite(const A& a, const char* what) {
+  for (std::size_t i = 0; i < a.size(); ++i) {
+    if (!std::isfinite(a.data()[i])) throw nb::value_error((std::string(what) + " must be numbers").c_str());
+  }
+}
+
+template <typename T>
+nb::object array(std::vector<T> values, std::initializer_list<std::size_t> shape) {
+  auto* kept = new std::vector<T>(std::move(values));
+  nb::capsule owner(kept, [](void* p) noexcept { delete static_cast<std::vector<T>*>(p); });
+  return nb::cast(nb::ndarray<nb::numpy, T>(kept->data(), shape, owner));
+}
+
+Density density(const Reals1& constants, const Reals2& means, const Reals3& whitenings) {
+  const std::size_t n = constants.size();
+  require(n > 0 && n <= 8 * eights_max, "a mixture has between 1 and 64 components");
+  require(means.shape(0) == n && means.shape(1) == 3, "means have the shape (components, 3)");
+  require(whitenings.shape(0) == n && whitenings.shape(1) == 3 && whitenings.shape(2) == 3,
+          "whitenings have the shape (components, 3, 3)");
+  finite(constants, "constants of a mixture");
+  finite(means, "means of a mixture");
+  finite(whitenings, "whitenings of a mixture");
+  Density d;
+  d.eights.resize((n + 7) / 8);
+  for (auto& e : d.eights) {
+    e = Density::Eight{};
+    e.constant = splat8(-1e300);
+  }
+  for (std::size_t j = 0; j < n; ++j) {
+    Density::Eight& e = d.eights[j / 8];
+    const std::size_t lane = j % 8;
+    e.constant[lane] = constants(j);
+    for (std::size_t i = 0; i < 3; ++i) e.mean[i][lane] = means(j, i);
+    int at = 0;
+    for (std::size_t r = 0; r < 3; ++r) {
+      for (std::size_t c = 0; c <= r; ++c) e.W[at++][lane] = whitenings(j, r, c);
+    }
+    at = 0;
+    for (std::size_t r = 0; r < 3; ++r) {
+      for (std::size_t c = r; c < 3; ++c) {
+        double P = 0.0;
+        for (std::size_t k = 0; k < 3; ++k) P += whitenings(j, k, r) * whitenings(j, k, c);
+        e.precision[at++][lane] = P;
+      }
+    }
+  }
+  return d;
+}
+
+// A problem with its iterate: what is solved once begins where it stands when it is solved again.
+struct Held {
+  Problem problem;
+  Iterate iterate;
+};
+
+std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Reals1& goal, const nb::list& densities,
+                            const Ints1& visit_density, const Reals2& visit_place, const Reals3& visit_axes,
+                            const Reals3& block_S, const Reals3& block_points, const Ints1& block_count,
+                            const Reals2& block_effort, const Reals1& block_most, const Ints2& phase_layout,
+                            const Reals1& phase_h, const Reals2& phase_height, bool capturable, const Reals2& planes) {
+  auto held = std::make_unique<Held>();
+  Problem& p = held->problem;
+  require(weights.size() == 3, "weights are those of acceleration, momentum rate and likelihood");
+  require(start.size() == nx && goal.size() == nx, "start and goal have nine entries");
+  finite(weights, "weights");
+  finite(start, "start");
+  finite(goal, "goal");
+  p.w_acceleration = weights(0);
+  p.w_momentum = weights(1);
+  p.w_likelihood = weights(2);
+  for (std::size_t i = 0; i < nx; ++i) {
+    p.start[i] = start(i);
+    p.goal[i] = goal(i);
+  }
+  for (const auto& of : densities) {
+    const auto parts = nb::cast<nb::tuple>(of);
+    require(parts.size() == 3, "a mixture is (constants, means, whitenings)");
+    p.densities.push_back(density(nb::cast<Reals1>(parts[0]), nb::cast<Reals2>(parts[1]), nb::cast<Reals3>(parts[2])));
+  }
+  const std::size_t n_visits = visit_density.size();
+  require(visit_place.shape(0) == n_visits && visit_place.shape(1) == 3 && visit_axes.shape(0) == n_visits &&
+              visit_axes.shape(1) == 3 && visit_axes.shape(2) == 3,
+          "visits have a density, a place (3) and axes (3, 3)");
+  finite(visit_place, "places");
+  finite(visit_axes, "axes");
+  for (std::size_t i = 0; i < n_visits; ++i) {
+    Visit v{};
+    v.density = visit_density(i);
+    require(v.density >= 0 && static_cast<std::size_t>(v.density) < p.densities.size(), "a visit names its density");
+    for (std::size_t r = 0; r < 3; ++r) {
+      v.place[r] = visit_place(i, r);
+      for (std::size_t c = 0; c < 3; ++c) v.R[3 * r + c] = visit_axes(i, r, c);
+    }
+    p.visits.push_back(v);
+  }
+  const std::size_t n_blocks = block_count.size();
+  require(block_S.shape(0) == n_blocks && block_S.shape(1) == 3 && block_S.shape(2) == 3 &&
+              block_points.shape(0) == n_blocks && block_points.shape(1) == 4 && block_points.shape(2) == 3 &&
+              block_effort.shape(0) == n_blocks && block_effort.shape(1) == 2,
+          "blocks have S (3, 3), points (4, 3) and two weights");
+  require(block_most.size() == n_blocks, "blocks have a bound on their normal forces");
+  finite(block_S, "frames of contacts");
+  finite(block_points, "contact points");
+  finite(block_effort, "weights of forces");
+  for (std::size_t i = 0; i < n_blocks; ++i) {
+    Block b{};
+    b.points = block_count(i);
+    require(b.points >= 1 && b.points <= 4, "a block has one to four points");
+    for (std::size_t r = 0; r < 3; ++r) {
+      for (std::size_t c = 0; c < 3; ++c) b.S[3 * r + c] = block_S(i, r, c);
+      for (std::size_t j = 0; j < 4; ++j)
+        b.p[r][j] = j < static_cast<std::size_t>(b.points) ? block_points(i, j, r) : 0.0;
+    }
+    for (int j = 0; j < 4; ++j) b.real[j] = j < b.points ? 1.0 : 0.0;
+    b.effort[0] = block_effort(i, 0);
+    b.effort[1] = block_effort(i, 1);
+    b.normal_max = block_most(i);
+    require(b.normal_max > 0.0, "bounds on normal forces are positive");
+    p.blocks.push_back(b);
+  }
+  require(phase_layout.shape(0) == phase_h.size() && phase_layout.shape(1) == 5 && phase_h.size() > 0,
+          "phases have (intervals, first block, blocks, first visit, visits) and a length of interval");
+  finite(phase_h, "lengths of intervals");
+  require(phase_height.shape(0) == phase_h.size() && phase_height.shape(1) == 2, "phases have bounds on the height");
+  require(planes.shape(1) == 5, "planes have a normal (4) and an offset");
+  finite(planes, "planes");
+  p.end = capturable ? End::capturable : End::rest;
+  for (std::size_t i = 0; i < planes.shape(0); ++i) {
+    p.planes.push_back({{planes(i, 0), planes(i, 1), planes(i, 2), planes(i, 3)}, planes(i, 4)});
+  }
+  for (std::size_t i = 0; i < phase_h.size(); ++i) {
+    Phase f{};
+    f.intervals = phase_layout(i, 0);
+    f.first_block = phase_layout(i, 1);
+    f.blocks = phase_layout(i, 2);
+    f.first_visit = phase_layout(i, 3);
+    f.visits = phase_layout(i, 4);
+    f.h = phase_h(i);
+    f.height[0] = phase_height(i, 0);
+    f.height[1] = phase_height(i, 1);
+    require(f.height[0] < f.height[1], "bounds on heights leave something");
+    require(f.intervals > 0 && f.h > 0.0, "every phase takes some time");
+    require(f.first_block >= 0 && f.blocks >= 0 && static_cast<std::size_t>(f.first_block + f.blocks) <= n_blocks,
+            "blocks of a phase exist");
+    require(f.first_visit >= 0 && f.visits >= 0 && static_cast<std::size_t>(f.first_visit + f.visits) <= n_visits,
+            "visits of a phase exist");
+    p.phases.push_back(f);
+  }
+  return held;
+}
+
+// A start: states, forces and multipliers in the order of the blocks; false, and nothing taken, unless they fit.
+bool begin(Held& held, const Reals2& x, const Reals3& u, const Reals3& z) {
+  Iterate& it = held.iterate;
+  cold_start(held.problem, it, 1.0);
+  if (x.shape(0) != it.stages.size() || x.shape(1) != nx || u.shape(0) != it.touches.size() || u.shape(1) != 4 ||
+      u.shape(2) != 3 || z.shape(0) != it.touches.size() || z.shape(1) != 4 || z.shape(2) != 3) {
+    return false;
+  }
+  finite(x, "states of a start");
+  finite(u, "forces of a start");
+  finite(z, "multipliers of a start");
+  for (std::size_t k = 1; k < it.stages.size(); ++k) {
+    for (std::size_t i = 0; i < nx; ++i) it.stages[k].x[i] = x(k, i);
+  }
+  for (std::size_t s = 0; s < it.touches.size(); ++s) {
+    Touch& t = it.touches[s];
+    for (std::size_t j = 0; j < static_cast<std::size_t>(t.block->points); ++j) {
+      for (std::size_t i = 0; i < 3; ++i) {
+        t.at.u[i][j] = u(s, j, i);
+        t.at.z[i][j] = z(s, j, i);
+      }
+      if (!(std::hypot(u(s, j, 0), u(s, j, 1)) < u(s, j, 2) && std::hypot(z(s, j, 0), z(s, j, 1)) < z(s, j, 2))) {
+        throw nb::value_error("forces and multipliers of a start lie inside their cones");
+      }
+    }
+  }
+  return true;
+}
+
+nb::dict run(Held& held, int iterations, double seconds, double tolerance, double gap, bool warm) {
+  Settings settings;
+  settings.iterations = iterations;
+  settings.seconds = seconds;
+  settings.tolerance = tolerance;
+  settings.gap = gap;
+  settings.warm = warm;
+  Report report;
+  double cpu = 0.0;
+  {
+    nb::gil_scoped_release free;
+    timespec a{}, b{};
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &a);
+    report = solve(held.problem, held.iterate, settings);
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &b);
+    cpu = static_cast<double>(b.tv_sec - a.tv_sec) + 1e-9 * static_cast<double>(b.tv_nsec - a.tv_nsec);
+  }
+  const Iterate& it = held.iterate;
+  std::vector<double> x, u, z, log;
+  for (const Stage& s : it.stages) x.insert(x.end(), s.x, s.x + nx);
+  for (const auto& t : it.touches) {
+    for (int j = 0; j < 4; ++j) {
+      for (int i = 0; i < 3; ++i) {
+        u.push_back(t.at.u[i][j]);
+        z.push_back(t.at.z[i][j]);
+      }
+    }
+  }
+  for (const Entry& e : report.log) {
+    for (double value : {e.cost, e.feasibility, e.stationarity, e.mu, e.primal_step, e.dual_step, e.theta, e.guarded})
+      log.push_back(value);
+  }
+  nb::dict d;
+  d["verdict"] = static_cast<int>(report.verdict);
+  d["iterations"] = report.iterations;
+  d["cost"] = report.cost;
+  d["stationarity"] = report.conditions.stationarity;
+  d["feasibility"] = report.conditions.feasibility;
+  d["complementarity"] = report.conditions.complementarity;
+  d["gap"] = report.conditions.gap;
+  d["stage"] = report.stage;
+  d["cpu_s"] = cpu;
+  const std::size_t n = it.stages.size(), m = it.touches.size(), l = report.log.size();
+  d["x"] = array(std::move(x), {n, static_cast<std::size_t>(nx)});
+  d["u"] = array(std::move(u), {m, 4, 3});
+  d["z"] = array(std::move(z), {m, 4, 3});
+  d["log"] = array(std::move(log), {l, 8});
+  return d;
+}
+
+}  // namespace
+
+NB_MODULE(_native, module) {
+  module.attr("__version__") = "0.1.0";
+  module.attr("INTERFACE") = 1;
+  nb::class_<Held>(module, "Problem")
+      .def("begin", &begin, "x"_a, "u"_a, "z"_a)
+      .def("solve", &run, "iterations"_a, "seconds"_a, "tolerance"_a, "gap"_a, "warm"_a);
+  module.def("problem", &build);
+}

@@ -1,0 +1,226 @@
+#include "stridelab_native/solver.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+
+#include "stridelab_native/feasibility.hpp"
+#include "stridelab_native/steps.hpp"
+
+namespace stridelab {
+namespace {
+
+constexpr double to_the_boundary = 0.99;
+constexpr double short_step = 0.05;  // below it a corrected step was worth nothing
+constexpr int doubtful = 60;         // iterations after which it is asked whether there is a solution at all
+constexpr int memory = 5;            // iterations over which the conditions must make progress
+constexpr double progress = 0.999;
+constexpr double armijo = 1e-4;
+constexpr double met = 5e-4;  // of the tolerance: equations are linear and cost nothing; momenta are in units of m |g|
+constexpr double acceptable = 20.0;  // times the tolerance, after `memory` iterations in which all else holds
+constexpr int halvings_max = 30;
+constexpr Penalty stiff{1e8, 1e6};
+constexpr Penalty soft{1e5, 1e4};
+
+double seconds_now() {
+  std::timespec t{};
+  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+  return static_cast<double>(t.tv_sec) + 1e-9 * static_cast<double>(t.tv_nsec);
+}
+
+double merit_of(const Conditions& c, double mu) {
+  const double s = objective_scale * c.stationarity;
+  return c.feasibility * c.feasibility + s * s + objective_scale * mu * objective_scale * mu;
+}
+
+class Run {
+public:
+  Run(const Problem& problem, Iterate& it, const Settings& settings)
+      : problem_(problem), it_(it), settings_(settings) {}
+
+  Report run() {
+    const double began = seconds_now();
+    if (bounded()) {
+      evaluate(problem_, it_);
+      loosen(it_, settings_.barrier);
+    }
+    cost_ = evaluate(problem_, it_);
+    for (int i = 0;; ++i) {
+      gap_ = complementarity(it_, cones_);
+      mu_ = cones_ > 0 ? gap_ / cones_ : 0.0;
+      const Conditions c = conditions(problem_, it_);
+      report_.conditions = c;
+      report_.cost = cost_;
+      report_.iterations = i;
+      if (!std::isfinite(cost_ + c.stationarity + c.gap)) return ended(Verdict::not_finite);
+      entry_ = Entry{cost_, c.feasibility, c.stationarity * objective_scale, mu_, 0.0, 0.0, 1.0, guarded_ ? 1.0 : 0.0};
+      if (solved(c)) return ended(Verdict::solved);
+      if (i >= settings_.iterations) return ended(Verdict::out_of_iterations);
+      if (seconds_now() - began > settings_.seconds) return ended(Verdict::out_of_time);
+      watch(c);
+      scale_cones(it_);
+      if (!factored()) return ended(Verdict::stalled);
+      if (!(guarded_ ? guarded_step() : free_step())) return ended(Verdict::stalled);
+      report_.log.push_back(entry_);
+    }
+  }
+
+private:
+  Report ended(Verdict verdict) {
+    report_.verdict = verdict;
+    report_.log.push_back(entry_);
+    return report_;
+  }
+
+  bool solved(const Conditions& c) {
+    if (c.feasibility > met * settings_.tolerance || c.complementarity * objective_scale > settings_.tolerance ||
+        c.gap > gap_asked()) {
+      return false;
+    }
+    // Where multipliers are large and cones almost closed, rounding is what remains of the stationarity.
+    const double asked = ++settled_ > memory ? acceptable : 1.0;
+    return c.stationarity * objective_scale <= asked * settings_.tolerance;
+  }
+
+  bool bounded() const {
+    bool any = false;
+    each_slack(it_, [&](const auto&, auto) { any = true; });
+    return any;
+  }
+
+  double gap_asked() const { return settings_.gap * std::max(1.0, std::fabs(cost_)); }
+  double mu_least() const { return 0.1 * gap_asked() / std::max(1, cones_); }
+
+  // Progress of the conditions decides between free and guarded steps.
+  void watch(const Conditions& c) {
+    const double now = merit_of(c, mu_);
+    if (guarded_) {
+      const double held = objective_scale * held_mu_;
+      const bool centred = c.feasibility <= 10.0 * held && c.stationarity * objective_scale <= 10.0 * held;
+      if (centred || now < progress * *std::min_element(past_, past_ + memory)) {
+        guarded_ = false;
+        std::fill(past_, past_ + memory, now);
+      }
+      return;
+    }
+    const double worst = *std::max_element(past_, past_ + memory);
+    if (now > progress * worst) {
+      guarded_ = true;
+      held_mu_ = std::max(mu_, mu_least());
+      tame(it_, held_mu_);
+      return;
+    }
+    past_[at_] = now;
+    at_ = (at_ + 1) % memory;
+  }
+
+  // The true curvature of the densities where the reduced Hessian is positive definite with it, less of it otherwise.
+  bool factored() {
+    for (const Penalty& penalty : {stiff, soft}) {
+      penalty_ = penalty;
+      for (double theta : {1.0, 0.75, 0.5, 0.25, 0.0}) {
+        entry_.theta = theta;
+        if (factor(problem_, it_, penalty_, theta)) return true;
+      }
+    }
+    return false;
+  }
+
+  bool free_step() {
+    aim(it_, 0.0, false);
+    direction(problem_, it_, penalty_);
+    Steps by = capped(longest_steps(it_), 1.0);
+    const double ratio = gap_ > 0.0 ? complementarity_after(it_, by) / gap_ : 0.0;
+    const double sigma = std::clamp(ratio * ratio * ratio, 1e-3, 1.0);
+    aim(it_, std::max(sigma * mu_, mu_least()), true);
+    direction(problem_, it_, penalty_);
+    by = capped(longest_steps(it_), to_the_boundary);
+    if (std::min(by.primal, by.dual) < short_step) {
+      aim(it_, std::max(0.5 * mu_, mu_least()), false);
+      direction(problem_, it_, penalty_);
+      by = capped(longest_steps(it_), to_the_boundary);
+    }
+    accept(by);
+    cost_ = evaluate(problem_, it_);
+    return true;
+  }
+
+  // Newton's step for a barrier that is held, as long as the merit function descends enough.
+  bool guarded_step() {
+    aim(it_, held_mu_, false);
+    direction(problem_, it_, penalty_);
+    Steps by = capped(longest_steps(it_), to_the_boundary);
+    const Merit at = merit(problem_, it_, cost_, held_mu_);
+    if (at.violation > 0.0) weight_ = std::max(weight_, 2.0 * at.slope / at.violation);
+    const double descent = at.slope - weight_ * at.violation;
+    if (!(descent < 0.0)) return settle();
+    move_multipliers(problem_, it_, penalty_, by.primal);
+    move(it_, by);
+    double step = by.primal;
+    for (int i = 0;; ++i) {
+      cost_ = evaluate(problem_, it_);
+      const Merit there = merit(problem_, it_, cost_, held_mu_);
+      const double gained = there.barrier + weight_ * there.violation - at.barrier - weight_ * at.violation;
+      if (gained <= armijo * step * descent) break;
+      if (i == halvings_max) return settle();
+      move(it_, {-0.5 * step, 0.0});
+      step *= 0.5;
+    }
+    tame(it_, held_mu_);
+    entry_.primal_step = step;
+    entry_.dual_step = by.dual;
+    return true;
+  }
+
+  // Nothing to gain at this barrier: a smaller one, as long as there is one.
+  bool settle() {
+    if (held_mu_ <= mu_least()) return false;
+    held_mu_ = std::max(0.1 * held_mu_, mu_least());
+    cost_ = evaluate(problem_, it_);
+    return true;
+  }
+
+  static Steps capped(Steps longest, double share) {
+    return {std::min(1.0, share * longest.primal), std::min(1.0, share * longest.dual)};
+  }
+
+  void accept(Steps by) {
+    move_multipliers(problem_, it_, penalty_, by.primal);
+    move(it_, by);
+    entry_.primal_step = by.primal;
+    entry_.dual_step = by.dual;
+  }
+
+  const Problem& problem_;
+  Iterate& it_;
+  const Settings& settings_;
+  Report report_;
+  Entry entry_{};
+  Penalty penalty_ = stiff;
+  double cost_ = 0.0, gap_ = 0.0, mu_ = 0.0, held_mu_ = 0.0, weight_ = 0.0;
+  double past_[memory] = {1e300, 1e300, 1e300, 1e300, 1e300};
+  int at_ = 0, cones_ = 0, settled_ = 0;
+  bool guarded_ = false;
+};
+
+}  // namespace
+
+Report solve(const Problem& problem, Iterate& it, const Settings& settings) {
+  if (!settings.warm) cold_start(problem, it, settings.barrier);
+  Settings at_first = settings;
+  at_first.iterations = std::min(settings.iterations, doubtful);
+  Report first = Run(problem, it, at_first).run();
+  if (first.verdict == Verdict::solved || first.verdict == Verdict::out_of_time) return first;
+  Report report = feasibility(problem, it, settings);
+  if (report.verdict == Verdict::solved) {
+    Settings rest = settings;
+    rest.iterations = std::max(1, settings.iterations - first.iterations);
+    rest.barrier = 1.0;
+    report = Run(problem, it, rest).run();
+  }
+  report.iterations += first.iterations;
+  report.log.insert(report.log.begin(), first.log.begin(), first.log.end());
+  return report;
+}
+
+}  // namespace stridelab

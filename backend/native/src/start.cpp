@@ -1,0 +1,68 @@
+#include <algorithm>
+#include <cmath>
+
+#include "stridelab_native/solver.hpp"
+
+namespace stridelab {
+namespace {
+
+constexpr double slack_least = 0.02;
+
+}  // namespace
+
+void cold_start(const Problem& problem, Iterate& it, double barrier) {
+  std::size_t n = 0;
+  std::size_t touches = 0;
+  double total = 0.0;
+  for (const Phase& phase : problem.phases) {
+    n += static_cast<std::size_t>(phase.intervals);
+    touches += static_cast<std::size_t>(phase.intervals * phase.blocks);
+    total += phase.intervals * phase.h;
+  }
+  it.stages.assign(n + 1, Stage{});
+  it.touches.assign(touches, Touch{});
+  std::fill(it.nu, it.nu + nx, 0.0);
+  std::fill(it.nu_rest, it.nu_rest + 3, 0.0);
+  std::size_t k = 0;
+  int slot = 0;
+  int loads = 0;
+  double time = 0.0;
+  for (const Phase& phase : problem.phases) {
+    int points = 0;
+    for (int b = 0; b < phase.blocks; ++b) {
+      points += problem.blocks[static_cast<std::size_t>(phase.first_block + b)].points;
+    }
+    for (int i = 0; i < phase.intervals; ++i, ++k) {
+      Stage& s = it.stages[k];
+      s.phase = &phase;
+      s.h = phase.h;
+      s.first_touch = slot;
+      s.touches = phase.blocks;
+      s.bounded = k > 0 && (std::isfinite(phase.height[0]) || std::isfinite(phase.height[1]));
+      for (int c = 0; c < 3; ++c) s.x[c] = time / total * problem.goal[static_cast<std::size_t>(c)];
+      time += phase.h;
+      for (int b = 0; b < phase.blocks; ++b, ++slot) {
+        Touch& t = it.touches[static_cast<std::size_t>(slot)];
+        t.block = &problem.blocks[static_cast<std::size_t>(phase.first_block + b)];
+        const double share = 1.0 / points;
+        t.at.u[2] = splat4(share);
+        t.at.z[2] = splat4(barrier / share);
+        t.load = std::isfinite(t.block->normal_max) ? loads++ : -1;
+      }
+    }
+  }
+  it.loads.assign(static_cast<std::size_t>(loads), Slack<v4>{});
+  it.planes.assign(problem.planes.size(), Slack<double>{});
+  for (int i = 0; i < nx; ++i) it.stages[n].x[i] = problem.goal[static_cast<std::size_t>(i)];
+  for (int i = 0; i < nx; ++i) it.stages[0].x[i] = problem.start[static_cast<std::size_t>(i)];
+}
+
+void loosen(Iterate& it, double barrier) {
+  each_slack(it, [&](auto& slack, auto) {
+    const auto room = slack.s - slack.r;  // b - a
+    slack.s = room > slack_least ? room : slack_least + 0.0 * room;
+    slack.zeta = barrier / slack.s;
+  });
+}
+
+}  // namespace stridelab

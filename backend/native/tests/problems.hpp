@@ -1,0 +1,85 @@
+// Small problems made by hand, and what the tests expect with.
+#pragma once
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <random>
+
+#include "stridelab_native/problem.hpp"
+
+namespace stridelab {
+
+inline void expect(bool holds, const char* what) {
+  if (holds) return;
+  std::fprintf(stderr, "does not hold: %s\n", what);
+  std::exit(1);
+}
+
+inline void expect_near(double a, double b, double tolerance, const char* what) {
+  if (std::fabs(a - b) <= tolerance) return;
+  std::fprintf(stderr, "%s: %.15g is not %.15g within %g\n", what, a, b, tolerance);
+  std::exit(1);
+}
+
+// Two components about (0, 0, 0.8), the second shifted.
+inline Density density() {
+  Density d;
+  d.eights.resize(1);
+  Density::Eight& e = d.eights[0];
+  e = Density::Eight{};
+  e.constant = splat8(-1e300);
+  const double W[2][6] = {{8.0, 1.0, 9.0, -2.0, 0.5, 12.0}, {10.0, -1.0, 7.0, 1.0, 1.5, 15.0}};
+  const double mean[2][3] = {{0.0, 0.0, 0.0}, {0.06, -0.04, 0.02}};
+  for (int j = 0; j < 2; ++j) {
+    e.constant[j] = std::log(0.5) + std::log(W[j][0] * W[j][2] * W[j][5]) - 1.5 * std::log(2.0 * 3.14159265358979);
+    for (int i = 0; i < 3; ++i) e.mean[i][j] = mean[j][i];
+    for (int i = 0; i < 6; ++i) e.W[i][j] = W[j][i];
+    const double L[3][3] = {{W[j][0], 0, 0}, {W[j][1], W[j][2], 0}, {W[j][3], W[j][4], W[j][5]}};
+    int at = 0;
+    for (int r = 0; r < 3; ++r) {
+      for (int c = r; c < 3; ++c, ++at) {
+        for (int k = 0; k < 3; ++k) e.precision[at][j] += L[k][r] * L[k][c];
+      }
+    }
+  }
+  return d;
+}
+
+inline Block sole(double x, double y, double friction) {
+  Block b{};
+  b.S[0] = b.S[4] = friction;
+  b.S[8] = 1.0;
+  for (int j = 0; j < 4; ++j) {
+    b.p[0][j] = x + (j < 2 ? 0.08 : -0.08);
+    b.p[1][j] = y + (j % 2 == 0 ? 0.045 : -0.045);
+    b.p[2][j] = -0.8;
+  }
+  b.real = splat4(1.0);
+  b.points = 4;
+  b.effort[0] = 2.0 * friction * friction;
+  b.effort[1] = 2.0;
+  b.normal_max = unbounded;
+  return b;
+}
+
+// A step: both feet, the left alone, both again with the right 0.2 m ahead; `air_s` of flight in between.
+inline Problem step(double air_s = 0.0) {
+  Problem p;
+  p.w_momentum = 10.0 * 883.0 * 883.0;
+  p.goal = {0.1, 0.0, 0.0, 0, 0, 0, 0, 0, 0};
+  p.densities = {density()};
+  p.blocks = {sole(0.0, 0.09, 0.3), sole(0.0, -0.09, 0.3), sole(0.0, 0.09, 0.3), sole(0.0, 0.09, 0.3),
+              sole(0.2, -0.09, 0.3)};
+  p.visits = {{0, {0.0, 0.0, 0.0}, {1, 0, 0, 0, 1, 0, 0, 0, 1}}, {0, {0.1, 0.0, 0.0}, {0, -1, 0, 1, 0, 0, 0, 0, 1}}};
+  const auto phase = [](int intervals, int block, int blocks, int visit, int visits) {
+    return Phase{intervals, 0.1, block, blocks, visit, visits, {-unbounded, unbounded}};
+  };
+  p.phases = {phase(7, 0, 2, 0, 1), phase(8, 2, 1, 0, 2), phase(10, 3, 2, 1, 1)};
+  if (air_s > 0.0) {
+    p.phases.insert(p.phases.begin() + 1, phase(2, 0, 0, 0, 0));
+    p.phases[1].h = air_s / 2.0;
+  }
+  return p;
+}
+
+}  // namespace stridelab

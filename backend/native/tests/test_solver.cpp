@@ -1,0 +1,95 @@
+// Whole solves: they converge, twice the same, within their bounds; what cannot be is told apart from what was not
+// found.
+#include <cstring>
+
+#include "problems.hpp"
+#include "stridelab_native/solver.hpp"
+
+using namespace stridelab;
+
+namespace {
+
+Report solved(const Problem& p, Iterate& it, const char* what) {
+  const Report r = solve(p, it, Settings{});
+  expect(r.verdict == Verdict::solved, what);
+  expect(r.iterations <= 30, what);
+  expect(r.conditions.feasibility < 1e-9, what);
+  expect(r.conditions.stationarity * objective_scale < 2e-5, what);
+  return r;
+}
+
+void bounds_hold() {
+  Problem p = step();
+  Iterate it;
+  const double free_cost = solved(p, it, "a step").cost;
+  for (Phase& f : p.phases) {
+    f.height[0] = -0.004;
+    f.height[1] = 0.004;
+  }
+  p.blocks[2].normal_max = 0.4;
+  const double cost = solved(p, it, "a bounded step").cost;
+  expect(cost >= free_cost - 1e-6, "bounds cost something");
+  for (std::size_t k = 1; k + 1 < it.stages.size(); ++k) expect(std::fabs(it.stages[k].x[2]) <= 0.004 + 1e-8, "height");
+  for (const Touch& t : it.touches) {
+    for (int j = 0; j < 4; ++j) expect(t.at.u[2][j] <= t.block->normal_max + 1e-8, "normal force");
+  }
+}
+
+void captured() {
+  Problem p = step();
+  p.end = End::capturable;
+  const double omega = std::sqrt(gravity / 0.8);
+  p.planes = {{{1, 0, 1 / omega, 0}, 0.25},
+              {{-1, 0, -1 / omega, 0}, 0.05},
+              {{0, 1, 0, 1 / omega}, 0.1},
+              {{0, -1, 0, -1 / omega}, 0.1}};
+  p.start[3] = 0.3;
+  Iterate it;
+  solved(p, it, "a capturable end");
+  const double* x = it.stages.back().x;
+  expect_near(x[2], 0.0, 1e-9, "height of the end");
+  expect_near(x[8], (x[0] * x[4] - x[1] * x[3]) / gravity, 1e-9, "momentum of the end");
+}
+
+void warm_is_shorter() {
+  const Problem p = step();
+  Iterate it;
+  const int cold = solved(p, it, "a step").iterations;
+  Settings warm;
+  warm.warm = true;
+  expect(solve(p, it, warm).iterations < cold, "the solution itself is a good start");
+}
+
+}  // namespace
+
+int main() {
+  Iterate a;
+  Iterate b;
+  const Report first = solved(step(), a, "a step");
+  solved(step(), b, "a step");
+  expect(std::memcmp(a.stages[10].x, b.stages[10].x, sizeof a.stages[10].x) == 0, "the same bits twice");
+  expect(first.iterations <= 15, "a step is easy");
+  Iterate it;
+  solved(step(0.1), it, "a hop");
+  bounds_hold();
+  captured();
+  warm_is_shorter();
+
+  Problem far = step();
+  far.goal[0] = 30.0;
+  const Report impossible = solve(far, it, Settings{});
+  expect(impossible.verdict == Verdict::infeasible, "30 m in 2.5 s cannot be");
+
+  Problem in_the_air = step();
+  in_the_air.phases.back().blocks = 0;
+  expect(solve(in_the_air, it, Settings{}).verdict == Verdict::infeasible, "nothing stands in the air");
+
+  Problem nothing = step();
+  nothing.goal[1] = std::nan("");
+  expect(solve(nothing, it, Settings{}).verdict == Verdict::not_finite, "NaN is told");
+
+  Settings short_of_time;
+  short_of_time.iterations = 2;
+  expect(solve(step(), it, short_of_time).verdict != Verdict::solved, "two iterations are not enough");
+  return 0;
+}

@@ -1,0 +1,71 @@
+"""The fast solver in C++ (``backend/native``), where it is built: exact cones, cold in milliseconds.
+
+It is no dependency: nothing is lost without it but time. ``stridelab_native`` is looked for among the installed
+packages, then in the folder that ``STRIDELAB_NATIVE_PATH`` names, which the scripts set that build it.
+"""
+
+import os
+import sys
+from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import Final
+
+from stridelab.centroidal.point_forces import CircularCones
+from stridelab.centroidal.problem import CentroidalProblem
+
+MODULE: Final = "stridelab_native"
+FOLDER: Final = "STRIDELAB_NATIVE_PATH"
+"""Environment variable that names the folder in which the package lies."""
+INTERFACE: Final = 1
+"""What the module must say of itself; another number is another build's."""
+
+
+@dataclass(frozen=True, eq=False)
+class Native:
+    """The module."""
+
+    module: ModuleType
+
+
+@dataclass(frozen=True)
+class Missing:
+    """Why it is not there, as a sentence."""
+
+    reason: str
+
+
+@cache
+def availability() -> Native | Missing:
+    """The solver, or why there is none; looked for once."""
+    folder = os.environ.get(FOLDER)
+    if folder and Path(folder).is_dir() and folder not in sys.path:
+        sys.path.append(folder)
+    try:
+        module = import_module(MODULE)
+    except ModuleNotFoundError:
+        return Missing("the C++ solver has not been built here.")
+    except ImportError as failure:
+        return Missing(f"the C++ solver that was found does not load: {str(failure).splitlines()[0]}.")
+    if getattr(module, "INTERFACE", None) != INTERFACE:
+        return Missing("the C++ solver that was found belongs to another version; it must be built anew.")
+    return Native(module)
+
+
+def lacks(problem: CentroidalProblem) -> str | None:
+    """What of a problem the C++ solver does not do, as a phrase; None where it does all of it."""
+    wants = [
+        ("pyramids or wrench cones in place of friction cones", not isinstance(problem.control, CircularCones)),
+        ("continuous forces", problem.shape != "constant"),
+        ("free durations", problem.durations is not None),
+        ("free placements", problem.placements is not None),
+    ]
+    missing = [words for words, wanted in wants if wanted]
+    return ", ".join(missing) or None
+
+
+def serves(problem: CentroidalProblem) -> bool:
+    """Whether it is there and does all that the problem wants."""
+    return lacks(problem) is None and isinstance(availability(), Native)

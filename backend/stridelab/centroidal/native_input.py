@@ -1,0 +1,133 @@
+"""A problem as the flat arrays that the C++ solver takes, relative to the CoM at the start, forces in m |g|."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from stridelab.centroidal.control import Touch
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.transcription import capture_of, ground_m
+from stridelab.dynamics.placement import Placement
+from stridelab.reachability.mixture import Mixture
+
+POINTS: Final = 4
+"""Of a contact that share a block; more points take more blocks."""
+MixtureArrays = tuple[Float[np.ndarray, "_"], Float[np.ndarray, "_ 3"], Float[np.ndarray, "_ 3 3"]]
+"""Constants, means and whitenings: ``log w_j N(y; mu_j, S_j) = constant_j - |W_j (y - mu_j)|^2 / 2``."""
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A block of points in an interval: ``points`` of ``effector`` from its ``first`` one on."""
+
+    effector: str
+    first: int
+    points: int
+
+
+@dataclass(frozen=True, eq=False)
+class NativeInput:
+    """Arguments of ``stridelab_native.Problem`` in its order, and the blocks of every phase."""
+
+    weights: Float[np.ndarray, "3"]
+    start: Float[np.ndarray, "9"]
+    goal: Float[np.ndarray, "9"]
+    mixtures: list[MixtureArrays]
+    visit_mixture: Int[np.ndarray, "visits"]
+    visit_place: Float[np.ndarray, "visits 3"]
+    visit_axes: Float[np.ndarray, "visits 3 3"]
+    block_axes: Float[np.ndarray, "blocks 3 3"]
+    block_points: Float[np.ndarray, "blocks 4 3"]
+    block_count: Int[np.ndarray, "blocks"]
+    block_effort: Float[np.ndarray, "blocks 2"]
+    block_most: Float[np.ndarray, "blocks"]
+    phase_layout: Int[np.ndarray, "phases 5"]
+    phase_step_s: Float[np.ndarray, "phases"]
+    phase_height: Float[np.ndarray, "phases 2"]
+    capturable: bool
+    planes: Float[np.ndarray, "planes 5"]
+    slots: tuple[tuple[Slot, ...], ...]
+
+    def arguments(self) -> list[object]:
+        """As the module takes them."""
+        return [value for name, value in vars(self).items() if name != "slots"]
+
+
+def native_input(problem: CentroidalProblem) -> NativeInput:
+    """The arrays of a problem."""
+    grid, origin, sequence, weights = problem.grid(), problem.com_start_m, problem.sequence, problem.weights
+    names = [name for name in sequence.effectors if name in problem.proxies]
+    intervals = np.bincount(grid.phase).tolist()
+    blocks: list[tuple[Touch, int]] = []
+    slots: list[tuple[Slot, ...]] = []
+    places: list[tuple[int, Placement]] = []
+    layout = []
+    for i, phase in enumerate(sequence.phases):
+        first_block, first_visit = len(blocks), len(places)
+        of = [(t, k) for t in problem.touches(i, origin) for k in range(0, len(t.points_m), POINTS)]
+        blocks += of
+        slots.append(tuple(Slot(t.effector, k, len(t.points_m[k : k + POINTS])) for t, k in of))
+        for name in names:
+            if name in phase.contacts:
+                at, heading_rad = phase.contacts[name].placement, float(sequence.headings_rad[i])
+                places.append((names.index(name), problem.proxies[name].placement(at, heading_rad)))
+        layout.append([intervals[i], first_block, len(of), first_visit, len(places) - first_visit])
+    points = np.zeros((len(blocks), POINTS, 3))
+    for b, (t, k) in enumerate(blocks):
+        points[b, : len(t.points_m[k : k + POINTS])] = t.points_m[k : k + POINTS]
+    start_l = problem.start.l_nms / problem.weight_n
+    return NativeInput(
+        weights=np.array(
+            [weights.com_acceleration, weights.momentum_rate * problem.weight_n**2, weights.likelihood], dtype=float
+        ),
+        start=np.concatenate([np.zeros(3), problem.start.com_v_m_s, start_l]),
+        goal=np.concatenate([problem.com_end_m - origin, np.zeros(6)]),
+        mixtures=[_mixture(problem.proxies[name].mixture) for name in names],
+        visit_mixture=np.array([j for j, _ in places], dtype=np.int32),
+        visit_place=np.array([at.position_m - origin for _, at in places], dtype=float).reshape(-1, 3),
+        visit_axes=np.array([at.rotation for _, at in places], dtype=float).reshape(-1, 3, 3),
+        block_axes=np.array(
+            [t.rotation * np.array([t.friction, t.friction, 1.0]) for t, _ in blocks], dtype=float
+        ).reshape(-1, 3, 3),
+        block_points=points,
+        block_count=np.array([len(t.points_m[k : k + POINTS]) for t, k in blocks], dtype=np.int32),
+        block_effort=np.array(
+            [[2.0 * t.force_weight * t.friction**2, 2.0 * t.force_weight] for t, _ in blocks], dtype=float
+        ).reshape(-1, 2),
+        block_most=np.array(
+            [problem.bounds.normal_force_max_n.get(t.effector, np.inf) / problem.weight_n for t, _ in blocks],
+            dtype=float,
+        ),
+        phase_layout=np.array(layout, dtype=np.int32),
+        phase_step_s=np.array([p.duration_s / n for p, n in zip(sequence.phases, intervals, strict=True)], dtype=float),
+        phase_height=_heights(problem),
+        capturable=problem.terminal == "capturable",
+        planes=_planes(problem),
+        slots=tuple(slots),
+    )
+
+
+def _heights(problem: CentroidalProblem) -> Float[np.ndarray, "phases 2"]:
+    """Bounds on the height of the CoM, phase by phase."""
+    phases = len(problem.sequence.phases)
+    if problem.bounds.com_height_m is None:
+        return np.tile(np.array([-np.inf, np.inf]), (phases, 1))
+    above_m = np.array(problem.bounds.com_height_m) - problem.com_start_m[2]
+    return np.array([ground_m(problem, i) + above_m for i in range(phases)])
+
+
+def _planes(problem: CentroidalProblem) -> Float[np.ndarray, "planes 5"]:
+    """Where the capture point of a capturable end must be; none at rest."""
+    end = capture_of(problem)
+    if end is None:
+        return np.zeros((0, 5))
+    return np.column_stack([end.normals, end.normals / end.omega_1_s, end.offsets])
+
+
+def _mixture(mixture: Mixture) -> MixtureArrays:
+    W = mixture.whitenings
+    log_det = np.log(np.einsum("jaa->ja", W)).sum(axis=1)
+    constants = np.log(mixture.weights) + log_det - 1.5 * np.log(2.0 * np.pi)
+    return np.ascontiguousarray(constants), np.ascontiguousarray(mixture.means_m), np.ascontiguousarray(W)

@@ -1,0 +1,119 @@
+"""A problem solved by the C++ solver: from flat arrays to a motion with what its solver says of it."""
+
+import time
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stridelab.centroidal.iterates import Iterate, Tell
+from stridelab.centroidal.native import Missing, availability, lacks
+from stridelab.centroidal.native_input import NativeInput, native_input
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.solution import Attempt, IterationLog, NativePoint, Residuals
+from stridelab.centroidal.solvers import TIME_IS_UP, Limits
+from stridelab.centroidal.verify import Motion
+from stridelab.errors import Fault, InvalidInput, NotEstimable
+
+TOLERANCE: Final = 1e-6
+"""Of the first-order conditions in the units of the CasADi programme."""
+GAP: Final = 1e-6
+"""How far the objective may be from its optimum, as a share of it."""
+OBJECTIVE_SCALE: Final = 1e-2
+"""As ``programme.SCALE``, which is not imported: CasADi is not needed here."""
+SOLVED: Final = 0
+WORDS: Final = (
+    "solved",
+    "maximum of iterations exceeded",
+    TIME_IS_UP,
+    "the cost is not a number",
+    "no step leads on",
+    "infeasible",
+)
+"""Of the verdicts, in their order."""
+
+
+@dataclass(frozen=True, eq=False)
+class NativeRun:
+    """What the C++ solver found."""
+
+    attempt: Attempt
+    motion: Motion
+    point: NativePoint
+    infeasible: bool
+
+
+def require_native(problem: CentroidalProblem) -> None:
+    """Raise ``NotEstimable`` ("solver-unavailable") without the solver, ``InvalidInput`` ("solver-lacks") by name."""
+    found = availability()
+    if isinstance(found, Missing):
+        sentence = f"The native solver cannot serve: {found.reason}"
+        raise NotEstimable("solver-unavailable", sentence, [Fault("solver", found.reason)])
+    missing = lacks(problem)
+    if missing is not None:
+        sentence = f"The native solver does not plan with {missing}."
+        raise InvalidInput("solver-lacks", sentence, [Fault("solver", missing)])
+
+
+def solve_native(
+    problem: CentroidalProblem, limits: Limits, start: NativePoint | None = None, tell: Tell | None = None
+) -> NativeRun:
+    """Solve; iterations are told when it is over, which is milliseconds later.
+
+    Raises as ``require_native`` does.
+    """
+    require_native(problem)
+    found = availability()
+    assert not isinstance(found, Missing)
+    began = time.process_time()
+    flat = native_input(problem)
+    posed = found.module.problem(*flat.arguments())
+    warm = start is not None and posed.begin(start.x, start.u, start.z)
+    build_s = time.process_time() - began
+    said = posed.solve(limits.iterations, limits.cpu_s, TOLERANCE, GAP, warm)
+    log = said["log"]
+    if tell is not None:
+        for i, (cost, infeasibility) in enumerate(log[:, :2].tolist()):
+            tell(Iterate(i, cost, infeasibility))
+    infeasible = WORDS[said["verdict"]] == "infeasible"
+    words = WORDS[said["verdict"]]
+    if infeasible:
+        words += f": no forces of phase {_phase(flat, said['stage']) + 1} allow what follows"
+    attempt = Attempt(
+        solver="native",
+        status=words,
+        success=said["verdict"] == SOLVED,
+        iterations=said["iterations"],
+        build_s=build_s,
+        solve_s=said["cpu_s"],
+        residuals=Residuals(
+            stationarity=OBJECTIVE_SCALE * said["stationarity"],
+            feasibility=said["feasibility"],
+            complementarity=OBJECTIVE_SCALE * said["complementarity"],
+        ),
+        log=IterationLog(log[:, 0], log[:, 1], log[:, 2], log[:, 3]),
+    )
+    point = NativePoint(said["x"], said["u"], said["z"])
+    return NativeRun(attempt, _motion(problem, flat, point), point, infeasible)
+
+
+def _phase(flat: NativeInput, stage: int) -> int:
+    return int(np.searchsorted(np.cumsum(flat.phase_layout[:, 0]), stage, side="right"))
+
+
+def _motion(problem: CentroidalProblem, flat: NativeInput, point: NativePoint) -> Motion:
+    """States in SI units about the CoM, world-frame forces."""
+    grid = problem.grid()
+    x = point.x
+    c, v = x[:, 0:3] + problem.com_start_m, x[:, 3:6]
+    L = problem.weight_n * x[:, 6:9] - problem.mass_kg * np.cross(x[:, 0:3], v)
+    points = {name: problem.points_m(name) for name in problem.sequence.effectors}
+    forces = {name: np.zeros((len(grid.phase), len(of), 3)) for name, of in points.items()}
+    slot = k = 0
+    for i, (intervals, first, blocks, _, _) in enumerate(flat.phase_layout.tolist()):
+        u = point.u[slot : slot + intervals * blocks].reshape(intervals, blocks, 4, 3)
+        for b, of in enumerate(flat.slots[i]):
+            f = problem.weight_n * u[:, b, : of.points] @ flat.block_axes[first + b].T
+            forces[of.effector][k : k + intervals, of.first : of.first + of.points] = f
+        slot, k = slot + intervals * blocks, k + intervals
+    return Motion(grid.time_s, grid.phase, c, v, L, forces, points)

@@ -1,0 +1,64 @@
+"""A start of the C++ solver for one problem from the plan of another, as ``carried`` makes it for CasADi's.
+
+Intervals take forces and multipliers of the plan's interval at the same time, effector by effector where the same ones
+touch; what has no counterpart keeps an equal share of the weight. With momenta about the CoM at the start, which moves
+by D:  K' = L_c / (m g) + c' x v / g.
+
+The iterate is brought to one barrier: forces are drawn a little towards their shares, so that they leave the edges of
+their cones, and multipliers are those of the barrier there, ``z = mu u^-1``.
+"""
+
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.centroidal.native_input import POINTS
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.solution import NativePoint
+from stridelab.conventions import GRAVITY_M_S2
+
+KEPT: Final = 0.95
+"""Share of the plan's forces; the rest is the equal share."""
+BARRIER: Final = 3e-3
+"""mu of a warm start."""
+
+
+def native_start(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0) -> NativePoint:
+    """The start of ``onto``, whose time 0 is ``after_s`` of the plan."""
+    grid = onto.grid()
+    x = np.empty((len(grid.time_s), 9))
+    for k, at_s in enumerate((grid.time_s + after_s).tolist()):
+        there = plan.at(at_s)
+        c = there.com_m - onto.com_start_m
+        v = there.com_v_m_s if at_s <= plan.time_s[-1] else np.zeros(3)
+        x[k] = np.concatenate([c, v, there.l_nms / onto.weight_n + np.cross(c, v) / GRAVITY_M_S2])
+    middle_s = 0.5 * (grid.time_s[:-1] + grid.time_s[1:]) + after_s
+    at = np.clip(np.searchsorted(plan.time_s, middle_s, side="right") - 1, 0, len(plan.phase) - 1)
+    u = []
+    for i in range(len(onto.sequence.phases)):
+        of = at[grid.phase == i]
+        touches = onto.touches(i, onto.com_start_m)
+        share = 1.0 / sum(len(t.points_m) for t in touches)
+        blocks = []
+        for t in touches:
+            planned = (
+                plan.forces_n[t.effector][of] / onto.weight_n @ t.rotation if t.effector in plan.forces_n else None
+            )
+            for first in range(0, len(t.points_m), POINTS):
+                n = len(t.points_m[first : first + POINTS])
+                block = np.tile(np.array([0.0, 0.0, share]), (len(of), POINTS, 1))
+                if planned is not None:
+                    local = planned[:, first : first + n] / np.array([t.friction, t.friction, 1.0])
+                    block[:, :n] = KEPT * local + (1.0 - KEPT) * block[:, :n]
+                blocks.append(block)
+        u.append(np.stack(blocks, axis=1).reshape(-1, POINTS, 3) if blocks else np.zeros((0, POINTS, 3)))
+    forces = np.ascontiguousarray(np.concatenate(u))
+    return NativePoint(x, forces, _central(forces))
+
+
+def _central(u: Float[np.ndarray, "slots 4 3"]) -> Float[np.ndarray, "slots 4 3"]:
+    """``mu u^-1 = mu (-tau, eta) / (eta^2 - |tau|^2)``."""
+    det = u[..., 2] ** 2 - (u[..., :2] ** 2).sum(axis=-1)
+    return np.asarray(BARRIER * u * np.array([-1.0, -1.0, 1.0]) / det[..., None])

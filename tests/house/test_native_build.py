@@ -1,0 +1,80 @@
+"""The C++ solver is built where it can be, and nothing stops where it cannot."""
+
+import os
+import shutil
+import subprocess
+import sysconfig
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+SCRIPT = ROOT / "scripts" / "native"
+COMPILERS = ("c++", "g++", "clang++")
+
+
+def native(folder: Path, **settings: str) -> subprocess.CompletedProcess[str]:
+    """The script with a cache of its own, whatever the tests were started with."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("STRIDELAB_NATIVE", "CXX"))}
+    environment = kept | {"XDG_CACHE_HOME": str(folder / "a cache")} | settings
+    return subprocess.run([SCRIPT], env=environment, capture_output=True, text=True, check=False, timeout=120)
+
+
+def says_one_line(done: subprocess.CompletedProcess[str], words: str) -> None:
+    assert done.returncode == 0
+    assert done.stdout == ""
+    assert len(done.stderr.splitlines()) == 1
+    assert words in done.stderr
+    assert "CasADi solves in its place" in done.stderr
+
+
+@pytest.mark.skipif(not (ROOT / ".venv" / "bin" / "python").exists(), reason="the script builds for .venv")
+class TestScript:
+    def test_without_a_compiler_one_line(self, tmp_path: Path) -> None:
+        tools = tmp_path / "bin"
+        tools.mkdir()
+        for name in ("sh", "dirname"):
+            (tools / name).symlink_to(str(shutil.which(name)))
+        says_one_line(native(tmp_path, PATH=str(tools)), "no C++ compiler")
+
+    def test_a_broken_compiler_one_line_and_it_is_remembered(self, tmp_path: Path) -> None:
+        broken = tmp_path / "broken"
+        broken.write_text(f'#!/bin/sh\necho called >>"{tmp_path}/calls"\nexit 3\n')
+        broken.chmod(0o755)
+        says_one_line(native(tmp_path, CXX=str(broken)), "does not build C++20")
+        calls = (tmp_path / "calls").read_text().count("called")
+        says_one_line(native(tmp_path, CXX=str(broken)), "does not build C++20")
+        # The second start asks the compiler for its name only.
+        assert (tmp_path / "calls").read_text().count("called") == calls + 1
+
+    def test_switched_off(self, tmp_path: Path) -> None:
+        says_one_line(native(tmp_path, STRIDELAB_NATIVE="off"), "switched off")
+
+    def test_a_folder_that_is_named_is_taken(self, tmp_path: Path) -> None:
+        done = native(tmp_path, STRIDELAB_NATIVE_PATH="/opt/some folder")
+        assert (done.returncode, done.stdout, done.stderr) == (0, "/opt/some folder\n", "")
+
+
+def test_it_was_built_where_a_compiler_is() -> None:
+    """Under ``scripts/test``, and so in continuous integration, nobody skips the native solver by accident."""
+    if "STRIDELAB_NATIVE_PATH" not in os.environ:
+        pytest.skip("scripts/test, which builds the C++ solver, did not start these tests")
+    if os.environ.get("STRIDELAB_NATIVE") == "off":
+        pytest.skip("the C++ solver is switched off")
+    compiler = any(shutil.which(name) for name in COMPILERS)
+    headers = Path(sysconfig.get_path("include"), "Python.h").is_file()
+    if not (compiler and headers):
+        pytest.skip("no C++ compiler, or no headers of Python")
+    folder = os.environ["STRIDELAB_NATIVE_PATH"]
+    assert folder, "a compiler is here, and yet the C++ solver was not built: scripts/native says why"
+    assert (Path(folder) / "stridelab_native" / "__init__.py").is_file()
+
+
+def test_a_wheel_is_for_every_processor() -> None:
+    """-march=native is for the cache alone."""
+    project = ROOT / "backend" / "native"
+    for file in (project / "pyproject.toml", ROOT / "backend" / "Dockerfile"):
+        assert "march" not in file.read_text().lower()
+    build = (project / "CMakeLists.txt").read_text()
+    assert 'set(STRIDELAB_MARCH "" CACHE STRING' in build
+    assert "-ffast-math" not in "".join(line for line in build.splitlines(keepends=True) if not line.startswith("#"))
