@@ -8,6 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stridelab.centroidal.contact_wrench import ContactWrench
+from stridelab.centroidal.freedom import FreeDurations
 from stridelab.centroidal.horizon import RecedingHorizon
 from stridelab.centroidal.native import Missing, availability
 from stridelab.centroidal.native_input import native_input
@@ -22,11 +24,19 @@ if isinstance(found, Missing):
     pytest.skip(f"no native solver: {found.reason}", allow_module_level=True)
 
 
+KINDS = {
+    "u_f": {"control": CircularCones()},
+    "u_c": {"control": ContactWrench()},
+    "u_f, free durations": {"control": CircularCones(), "durations": FreeDurations()},
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("scenario", EXPERIMENTS)
-def test_native_solver_cold(benchmark, scenario):
+def test_native_solver_cold(benchmark, scenario, kind):
     """The solver alone."""
-    problem = found.module.problem(*native_input(bundled(scenario, control=CircularCones())).arguments())
-    said = benchmark(lambda: problem.solve(100, 10.0, TOLERANCE, GAP, False))
+    problem = found.module.problem(*native_input(bundled(scenario, **KINDS[kind])).arguments())
+    said = benchmark(lambda: problem.solve(300, 10.0, TOLERANCE, GAP, False))
     benchmark.extra_info["iterations"] = said["iterations"]
     benchmark.extra_info["solve_cpu_ms"] = round(1e3 * said["cpu_s"], 2)
 

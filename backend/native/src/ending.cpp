@@ -1,6 +1,9 @@
 #include "stridelab_native/ending.hpp"
 
 #include <algorithm>
+#include <cmath>
+
+#include "stridelab_native/lengths.hpp"
 
 namespace stridelab {
 namespace {
@@ -103,6 +106,9 @@ void move_multipliers(const Problem& problem, Iterate& it, const Penalty& penalt
     for (int i = 0; i < nx; ++i) miss += end.J[r][i] * it.stages[n].dx[i];
     it.nu[r] += share * penalty.end * miss;
   }
+  double total = total_missed(problem, it);
+  for (const Length& l : it.lengths) total += static_cast<double>(l.intervals) * l.dh;
+  if (std::isfinite(problem.freedom.total)) it.nu_total += share * penalty.end * total;
   if (!end.rests) return;
   for (int i = 0; i < 3; ++i) it.nu_rest[i] += share * penalty.rest * (end.rest[i] + it.stages[n - 1].dw[i]);
 }

@@ -5,17 +5,22 @@
 
 #include "stridelab_native/dynamics.hpp"
 #include "stridelab_native/ending.hpp"
+#include "stridelab_native/hold.hpp"
+#include "stridelab_native/lengths.hpp"
 
 namespace stridelab {
 namespace {
 
-double densities(const Problem& problem, const Phase& phase, double share, Stage& s) {
+double densities(const Problem& problem, const Phase& phase, double share, double h, Stage& s, double per_h[4]) {
   double cost = 0.0;
+  for (int i = 0; i < 3; ++i) per_h[1 + i] = -s.bend.gradient[i];
   for (int i = 0; i < phase.visits; ++i) {
     const Visit& at = problem.visits[static_cast<std::size_t>(phase.first_visit + i)];
     const Density& density = problem.densities[static_cast<std::size_t>(at.density)];
-    cost += visit(at, density, s.x, problem.w_likelihood * share, s.bend);
+    cost += visit(at, density, s.x, problem.w_likelihood * share * h, s.bend);
   }
+  per_h[0] = cost / h;
+  for (int i = 0; i < 3; ++i) per_h[1 + i] = (per_h[1 + i] + s.bend.gradient[i]) / h;
   return cost;
 }
 
@@ -38,7 +43,13 @@ double wrench(const Iterate& it, Stage& s) {
     effort += sum((block.effort[0] * (u[0] * u[0] + u[1] * u[1]) + block.effort[1] * u[2] * u[2]) * block.real);
   }
   for (int i = 0; i < nw; ++i) s.w[i] = sum(sums[i]);
-  return 0.5 * s.h * effort;
+  if (s.hold >= 0) {
+    const Hold& hold = it.holds[static_cast<std::size_t>(s.hold)];
+    effort += hold.cone->effort * product(hold.at.u, hold.at.u);
+    add_wrench(hold, hold.at.u, s.w);
+  }
+  s.effort = 0.5 * effort;
+  return s.h * s.effort;
 }
 
 // h (w_c |c''|^2 + w_L |(L_c+ - L_c) / h|^2) with its gradient.
@@ -82,6 +93,10 @@ void bounds(const Problem& problem, Iterate& it) {
   for (std::size_t a = 0; a < it.planes.size(); ++a) {
     it.planes[a].r = capture(problem.planes[a], it.stages.back().x) + it.planes[a].s - problem.planes[a].offset;
   }
+  for (Length& l : it.lengths) {
+    l.low.r = problem.freedom.shortest - l.h / l.given + l.low.s;
+    l.high.r = l.h / l.given + l.high.s - problem.freedom.longest;
+  }
 }
 
 }  // namespace
@@ -101,22 +116,28 @@ double evaluate(const Problem& problem, Iterate& it) {
     }
     const Phase* before = k > 0 ? it.stages[k - 1].phase : nullptr;
     const bool first = s.phase != before;
-    if (first && before != nullptr) cost += densities(problem, *before, 0.5 * before->h, s);
-    if (s.phase != nullptr) cost += densities(problem, *s.phase, first ? 0.5 * s.h : s.h, s);
+    if (first && before != nullptr) cost += densities(problem, *before, 0.5, it.stages[k - 1].h, s, s.before);
+    if (s.phase != nullptr) cost += densities(problem, *s.phase, first ? 0.5 : 1.0, s.h, s, s.own);
     for (int i = 0; i < 3; ++i) s.q[i] += s.bend.gradient[i];
+  }
+  for (Length& l : it.lengths) {
+    const double* per_h = it.stages[l.first + l.intervals].before;
+    const auto all = static_cast<double>(l.intervals);
+    l.slope = per_h[0] + problem.freedom.price * all;
+    std::copy(per_h + 1, per_h + 4, l.bend);
+    cost += problem.freedom.price * all * l.h;
   }
   bounds(problem, it);
   return cost;
 }
 
 double complementarity(const Iterate& it, int& cones) {
-  v4 total = {};
+  double all = 0.0;
   cones = 0;
-  for (const Touch& t : it.touches) {
-    total += product(t.at.u, t.at.z) * t.block->real;
-    cones += t.block->points;
-  }
-  double all = sum(total);
+  each_cone(it, [&](const auto& t) {
+    all += sum(product(t.at.u, t.at.z) * t.real());
+    cones += static_cast<int>(sum(t.real()));
+  });
   each_slack(it, [&](const auto& slack, auto real) {
     all += sum(slack.s * slack.zeta * real);
     cones += static_cast<int>(sum(real));
@@ -124,7 +145,7 @@ double complementarity(const Iterate& it, int& cones) {
   return all;
 }
 
-Conditions conditions(const Problem& problem, const Iterate& it) {
+Conditions conditions(const Problem& problem, Iterate& it) {
   Conditions c{};
   const std::size_t n = it.stages.size() - 1;
   const Ending end = ending(problem, it);
@@ -136,7 +157,8 @@ Conditions conditions(const Problem& problem, const Iterate& it) {
   v4 most = {};
   v4 total = {};
   for (std::size_t k = n; k-- > 0;) {
-    const Stage& s = it.stages[k];
+    Stage& s = it.stages[k];
+    std::copy(costate, costate + nx, s.costate);
     double to_x[nx];
     double y[nw];
     pull_back(s.h, costate, to_x, y);
@@ -164,12 +186,32 @@ Conditions conditions(const Problem& problem, const Iterate& it) {
       most = larger(most, uz);
       total += uz;
     }
+    if (s.hold >= 0) {
+      const Hold& hold = it.holds[static_cast<std::size_t>(s.hold)];
+      double slope[nw];
+      pull_wrench(hold, y, slope);
+      for (int i = 0; i < nw; ++i) {
+        slope[i] += s.h * hold.cone->effort * hold.at.u[i] - hold.at.z[i];
+        c.stationarity = std::max(c.stationarity, std::fabs(slope[i]));
+      }
+      const double uz = product(hold.at.u, hold.at.z);
+      c.complementarity = std::max(c.complementarity, uz);
+      c.gap += uz;
+    }
+  }
+  c.feasibility = std::max(c.feasibility, std::fabs(total_missed(problem, it)));
+  for (const Length& l : it.lengths) {
+    double slope = l.slope + (l.high.zeta - l.low.zeta) / l.given + it.nu_total * static_cast<double>(l.intervals);
+    for (std::size_t k = l.first; k < l.first + l.intervals; ++k) {
+      slope += stretch(problem, it.stages[k], it.stretches[k]);
+    }
+    c.stationarity = std::max(c.stationarity, l.given * std::fabs(slope));
   }
   for (int i = 0; i < 4; ++i) {
     c.stationarity = std::max(c.stationarity, worst[i]);
     c.complementarity = std::max(c.complementarity, most[i]);
   }
-  c.gap = sum(total);
+  c.gap += sum(total);
   each_slack(it, [&](const auto& slack, auto real) {
     for (double missed : parts(slack.r * real)) c.feasibility = std::max(c.feasibility, std::fabs(missed));
     for (double left : parts(slack.s * slack.zeta * real)) c.complementarity = std::max(c.complementarity, left);

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "stridelab_native/dynamics.hpp"
+#include "stridelab_native/hold.hpp"
 #include "stridelab_native/steps.hpp"
 
 namespace stridelab {
@@ -72,6 +73,12 @@ Proof proof(const Problem& problem, const Iterate& it) {
       lost += force_most * sum(outside);
       pull += sum(larger(g[2], splat4(0.0)) * block.real);
     }
+    if (s.hold >= 0) {
+      double g[nw];
+      pull_wrench(it.holds[static_cast<std::size_t>(s.hold)], y, g);
+      lost += force_most * std::max(0.0, std::sqrt(across(g, g)) - g[nw - 1]);
+      pull += std::max(0.0, g[nw - 1]);
+    }
     if (pull > hardest) {
       hardest = pull;
       where = k;
@@ -88,6 +95,7 @@ Report feasibility(const Problem& problem, Iterate& it, const Settings& settings
   Problem least = problem;
   least.w_acceleration = least.w_momentum = least.w_likelihood = 0.0;
   for (Block& b : least.blocks) b.effort[0] = b.effort[1] = 2.0;
+  for (WrenchCone& cone : least.cones) cone.effort = 2.0;
   cold_start(least, it, 1.0);
   Report report;
   evaluate(least, it);
@@ -120,7 +128,7 @@ Report feasibility(const Problem& problem, Iterate& it, const Settings& settings
     if (i == iterations_max) break;
     const double mu = cones > 0 ? gap / cones : 0.0;
     scale_cones(it);
-    if (!factor(least, it, elastic, 0.0)) {
+    if (!factor(least, it, elastic, Theta{0.0, 0.0})) {
       report.verdict = Verdict::stalled;
       break;
     }
@@ -146,6 +154,9 @@ Report feasibility(const Problem& problem, Iterate& it, const Settings& settings
       Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
       t.block = &problem.blocks[static_cast<std::size_t>(t.block - least.blocks.data())];
     }
+    if (s.hold < 0) continue;
+    Hold& hold = it.holds[static_cast<std::size_t>(s.hold)];
+    hold.cone = &problem.cones[static_cast<std::size_t>(hold.cone - least.cones.data())];
   }
   std::fill(it.nu, it.nu + nx, 0.0);
   std::fill(it.nu_rest, it.nu_rest + 3, 0.0);

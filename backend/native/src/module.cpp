@@ -88,7 +88,8 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
                             const Ints1& visit_density, const Reals2& visit_place, const Reals3& visit_axes,
                             const Reals3& block_S, const Reals3& block_points, const Ints1& block_count,
                             const Reals2& block_effort, const Reals1& block_most, const Ints2& phase_layout,
-                            const Reals1& phase_h, const Reals2& phase_height, bool capturable, const Reals2& planes) {
+                            const Reals1& phase_h, const Reals2& phase_height, bool capturable, const Reals2& planes,
+                            const Reals3& wrench_cones, const Ints1& phase_cone, const Reals1& freedom) {
   auto held = std::make_unique<Held>();
   Problem& p = held->problem;
   require(weights.size() == 3, "weights are those of acceleration, momentum rate and likelihood");
@@ -149,6 +150,13 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
     require(b.normal_max > 0.0, "bounds on normal forces are positive");
     p.blocks.push_back(b);
   }
+  require(freedom.size() == 0 || freedom.size() == 4, "freedom is shortest, longest, total and price");
+  if (freedom.size() == 4) {
+    p.freedom = {true, freedom(0), freedom(1), freedom(2), freedom(3)};
+    require(freedom(0) > 0.0 && freedom(0) <= 1.0 && freedom(1) >= 1.0 && freedom(0) < freedom(1) &&
+                std::isfinite(freedom(1) + freedom(3)) && freedom(2) > 0.0 && freedom(3) >= 0.0,
+            "free lengths lie around those given");
+  }
   require(phase_layout.shape(0) == phase_h.size() && phase_layout.shape(1) == 5 && phase_h.size() > 0,
           "phases have (intervals, first block, blocks, first visit, visits) and a length of interval");
   finite(phase_h, "lengths of intervals");
@@ -159,6 +167,16 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
   for (std::size_t i = 0; i < planes.shape(0); ++i) {
     p.planes.push_back({{planes(i, 0), planes(i, 1), planes(i, 2), planes(i, 3)}, planes(i, 4)});
   }
+  require(wrench_cones.shape(1) == nw && wrench_cones.shape(2) == nw, "wrench cones have the shape (6, 6)");
+  finite(wrench_cones, "wrench cones");
+  for (std::size_t i = 0; i < wrench_cones.shape(0); ++i) {
+    WrenchCone cone{};
+    for (std::size_t r = 0; r < nw; ++r) {
+      for (std::size_t c = 0; c < nw; ++c) cone.G[r][c] = wrench_cones(i, r, c);
+    }
+    p.cones.push_back(cone);
+  }
+  require(phase_cone.size() == phase_h.size(), "phases name their wrench cones");
   for (std::size_t i = 0; i < phase_h.size(); ++i) {
     Phase f{};
     f.intervals = phase_layout(i, 0);
@@ -175,22 +193,48 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
             "blocks of a phase exist");
     require(f.first_visit >= 0 && f.visits >= 0 && static_cast<std::size_t>(f.first_visit + f.visits) <= n_visits,
             "visits of a phase exist");
+    f.cone = phase_cone(i);
+    require(f.cone >= -1 && f.cone < static_cast<int>(p.cones.size()), "wrench cones of a phase exist");
     p.phases.push_back(f);
   }
   return held;
 }
 
-// A start: states, forces and multipliers in the order of the blocks; false, and nothing taken, unless they fit.
-bool begin(Held& held, const Reals2& x, const Reals3& u, const Reals3& z) {
+template <typename A>
+bool shaped(const A& a, std::initializer_list<std::size_t> shape) {
+  std::size_t i = 0;
+  for (std::size_t size : shape) {
+    if (a.shape(i++) != size) return false;
+  }
+  return true;
+}
+
+void require_inside(double u_across, double u_head, double z_across, double z_head) {
+  require(u_across < u_head && z_across < z_head, "forces and multipliers of a start lie inside their cones");
+}
+
+// A start: states, forces and multipliers in the order of the blocks, wrenches in that of the intervals; false, and
+// nothing taken, unless they fit.
+bool begin(Held& held, const Reals2& x, const Reals3& u, const Reals3& z, const Reals2& wrench_u,
+           const Reals2& wrench_z, const Reals1& phase_h) {
   Iterate& it = held.iterate;
   cold_start(held.problem, it, 1.0);
-  if (x.shape(0) != it.stages.size() || x.shape(1) != nx || u.shape(0) != it.touches.size() || u.shape(1) != 4 ||
-      u.shape(2) != 3 || z.shape(0) != it.touches.size() || z.shape(1) != 4 || z.shape(2) != 3) {
+  if (!shaped(x, {it.stages.size(), nx}) || !shaped(u, {it.touches.size(), 4, 3}) ||
+      !shaped(z, {it.touches.size(), 4, 3}) || !shaped(wrench_u, {it.holds.size(), nw}) ||
+      !shaped(wrench_z, {it.holds.size(), nw}) || phase_h.size() != held.problem.phases.size()) {
     return false;
   }
   finite(x, "states of a start");
   finite(u, "forces of a start");
   finite(z, "multipliers of a start");
+  finite(wrench_u, "wrenches of a start");
+  finite(wrench_z, "multipliers of wrenches of a start");
+  finite(phase_h, "lengths of a start");
+  for (Stage& s : it.stages) {
+    if (s.phase == nullptr || !held.problem.freedom.lengths) continue;
+    s.h = phase_h(static_cast<std::size_t>(s.phase - held.problem.phases.data()));
+    require(s.h > 0.0, "lengths of a start are positive");
+  }
   for (std::size_t k = 1; k < it.stages.size(); ++k) {
     for (std::size_t i = 0; i < nx; ++i) it.stages[k].x[i] = x(k, i);
   }
@@ -201,10 +245,16 @@ bool begin(Held& held, const Reals2& x, const Reals3& u, const Reals3& z) {
         t.at.u[i][j] = u(s, j, i);
         t.at.z[i][j] = z(s, j, i);
       }
-      if (!(std::hypot(u(s, j, 0), u(s, j, 1)) < u(s, j, 2) && std::hypot(z(s, j, 0), z(s, j, 1)) < z(s, j, 2))) {
-        throw nb::value_error("forces and multipliers of a start lie inside their cones");
-      }
+      require_inside(std::hypot(u(s, j, 0), u(s, j, 1)), u(s, j, 2), std::hypot(z(s, j, 0), z(s, j, 1)), z(s, j, 2));
     }
+  }
+  for (std::size_t s = 0; s < it.holds.size(); ++s) {
+    auto& at = it.holds[s].at;
+    for (std::size_t i = 0; i < nw; ++i) {
+      at.u[i] = wrench_u(s, i);
+      at.z[i] = wrench_z(s, i);
+    }
+    require_inside(root(across(at.u, at.u)), at.u[nw - 1], root(across(at.z, at.z)), at.z[nw - 1]);
   }
   return true;
 }
@@ -227,7 +277,7 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
     cpu = static_cast<double>(b.tv_sec - a.tv_sec) + 1e-9 * static_cast<double>(b.tv_nsec - a.tv_nsec);
   }
   const Iterate& it = held.iterate;
-  std::vector<double> x, u, z, log;
+  std::vector<double> x, u, z, wrench_u, wrench_z, phase_h, log;
   for (const Stage& s : it.stages) x.insert(x.end(), s.x, s.x + nx);
   for (const auto& t : it.touches) {
     for (int j = 0; j < 4; ++j) {
@@ -236,6 +286,12 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
         z.push_back(t.at.z[i][j]);
       }
     }
+  }
+  for (const Phase& f : held.problem.phases) phase_h.push_back(f.h);
+  for (std::size_t i = 0; i < it.lengths.size(); ++i) phase_h[i] = it.lengths[i].h;
+  for (const Hold& hold : it.holds) {
+    wrench_u.insert(wrench_u.end(), hold.at.u, hold.at.u + nw);
+    wrench_z.insert(wrench_z.end(), hold.at.z, hold.at.z + nw);
   }
   for (const Entry& e : report.log) {
     for (double value : {e.cost, e.feasibility, e.stationarity, e.mu, e.primal_step, e.dual_step, e.theta, e.guarded})
@@ -255,6 +311,9 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
   d["x"] = array(std::move(x), {n, static_cast<std::size_t>(nx)});
   d["u"] = array(std::move(u), {m, 4, 3});
   d["z"] = array(std::move(z), {m, 4, 3});
+  d["wrench_u"] = array(std::move(wrench_u), {it.holds.size(), static_cast<std::size_t>(nw)});
+  d["wrench_z"] = array(std::move(wrench_z), {it.holds.size(), static_cast<std::size_t>(nw)});
+  d["phase_h"] = array(std::move(phase_h), {held.problem.phases.size()});
   d["log"] = array(std::move(log), {l, 8});
   return d;
 }
@@ -263,9 +322,9 @@ nb::dict run(Held& held, int iterations, double seconds, double tolerance, doubl
 
 NB_MODULE(_native, module) {
   module.attr("__version__") = "0.1.0";
-  module.attr("INTERFACE") = 1;
+  module.attr("INTERFACE") = 2;
   nb::class_<Held>(module, "Problem")
-      .def("begin", &begin, "x"_a, "u"_a, "z"_a)
+      .def("begin", &begin, "x"_a, "u"_a, "z"_a, "wrench_u"_a, "wrench_z"_a, "phase_h"_a)
       .def("solve", &run, "iterations"_a, "seconds"_a, "tolerance"_a, "gap"_a, "warm"_a);
   module.def("problem", &build);
 }

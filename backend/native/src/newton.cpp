@@ -5,81 +5,12 @@
 #include "stridelab_native/dense.hpp"
 #include "stridelab_native/dynamics.hpp"
 #include "stridelab_native/evaluate.hpp"
+#include "stridelab_native/forces.hpp"
+#include "stridelab_native/hold.hpp"
+#include "stridelab_native/lengths.hpp"
 
 namespace stridelab {
 namespace {
-
-// S = sum G D^-1 G^T over the points of an interval, moments about m; lower triangle.
-void condense(Iterate& it, const Stage& s, double S[nw][8]) {
-  v4 sums[21] = {};
-  for (int b = 0; b < s.touches; ++b) {
-    const Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
-    const Block& block = *t.block;
-    const double* R = block.S;
-    const v4* I = t.D_inverse;
-    v4 RI[3][3];
-    for (int i = 0; i < 3; ++i) {
-      RI[i][0] = R[3 * i] * I[0] + R[3 * i + 1] * I[1] + R[3 * i + 2] * I[2];
-      RI[i][1] = R[3 * i] * I[1] + R[3 * i + 1] * I[3] + R[3 * i + 2] * I[4];
-      RI[i][2] = R[3 * i] * I[2] + R[3 * i + 1] * I[4] + R[3 * i + 2] * I[5];
-    }
-    v4 M[3][3];  // compliance of a point in world axes
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j <= i; ++j) {
-        M[i][j] = (RI[i][0] * R[3 * j] + RI[i][1] * R[3 * j + 1] + RI[i][2] * R[3 * j + 2]) * block.real;
-        M[j][i] = M[i][j];
-      }
-    }
-    const v4 p[3] = {block.p[0] - s.m[0], block.p[1] - s.m[1], block.p[2] - s.m[2]};
-    v4 C[3][3];  // [p]x M
-    for (int j = 0; j < 3; ++j) {
-      C[0][j] = p[1] * M[2][j] - p[2] * M[1][j];
-      C[1][j] = p[2] * M[0][j] - p[0] * M[2][j];
-      C[2][j] = p[0] * M[1][j] - p[1] * M[0][j];
-    }
-    sums[0] += M[0][0];
-    sums[1] += M[1][0];
-    sums[2] += M[1][1];
-    sums[3] += M[2][0];
-    sums[4] += M[2][1];
-    sums[5] += M[2][2];
-    int at = 6;
-    for (int i = 0; i < 3; ++i) {
-      for (int j = 0; j < 3; ++j) sums[at++] += C[i][j];
-      // ([p]x M [p]x^T)_ij = (p x row_i(C))_j
-      sums[at++] += p[1] * C[i][2] - p[2] * C[i][1];
-      if (i > 0) sums[at++] += p[2] * C[i][0] - p[0] * C[i][2];
-      if (i > 1) sums[at++] += p[0] * C[i][1] - p[1] * C[i][0];
-    }
-  }
-  int at = 0;
-  for (int i = 0; i < nw; ++i) {
-    for (int j = 0; j <= i; ++j) S[i][j] = sum(sums[at++]);
-  }
-}
-
-// sum G D^-1 g with g = h Q u - target.
-void pulled(const Iterate& it, const Stage& s, double t[nw]) {
-  v4 sums[nw] = {};
-  for (int b = 0; b < s.touches; ++b) {
-    const Touch& touch = it.touches[static_cast<std::size_t>(s.first_touch + b)];
-    const Block& block = *touch.block;
-    v4 g[3];
-    v4 d[3];
-    for (int i = 0; i < 3; ++i) g[i] = s.h * block.effort[i == 2] * touch.at.u[i] - touch.target[i];
-    if (touch.load >= 0) g[2] += it.loads[static_cast<std::size_t>(touch.load)].pull();
-    times(touch.D_inverse, g, d);
-    v4 f[3];
-    for (int i = 0; i < 3; ++i) {
-      f[i] = (block.S[3 * i] * d[0] + block.S[3 * i + 1] * d[1] + block.S[3 * i + 2] * d[2]) * block.real;
-      sums[i] += f[i];
-    }
-    sums[3] += block.p[1] * f[2] - block.p[2] * f[1];
-    sums[4] += block.p[2] * f[0] - block.p[0] * f[2];
-    sums[5] += block.p[0] * f[1] - block.p[1] * f[0];
-  }
-  for (int i = 0; i < nw; ++i) t[i] = sum(sums[i]);
-}
 
 // Gauss and Newton's H of h w_c |c''|^2 + h w_L |l|^2 in (c, w), l = T - m x F; v follows c with h/2.
 void curvature(const Problem& problem, const Stage& s, double cc[3][3], double cw[3][8], double ww[nw][8]) {
@@ -167,7 +98,7 @@ bool eliminate(const Problem& problem, Stage& s, double theta, double rest, doub
   }
   for (int i = 0; i < nw; ++i) {
     for (int j = 0; j < 8; ++j) s.R[i][j] = 0.0;
-    for (int k = i; k < nw; ++k) {
+    for (int k = s.hold < 0 ? i : 0; k < nw; ++k) {
       for (int j = 0; j < 8; ++j) s.R[i][j] += s.L[k][i] * RL[k][j];
     }
     s.R[i][i] += 1.0;
@@ -227,38 +158,40 @@ bool eliminate(const Problem& problem, Stage& s, double theta, double rest, doub
 
 void scale_cones(Iterate& it) {
   for (Stage& s : it.stages) {
-    for (int b = 0; b < s.touches; ++b) {
-      Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
-      t.scaling = scaling(t.at);
-      v4 D[6];
-      inverse_square(t.scaling, D);
-      D[0] += s.h * t.block->effort[0];
-      D[3] += s.h * t.block->effort[0];
-      D[5] += s.h * t.block->effort[1];
-      if (t.load >= 0) D[5] += it.loads[static_cast<std::size_t>(t.load)].weight();
-      invert(D, t.D_inverse);
-    }
+    scale_forces(it, s);
+    if (s.hold >= 0) scale(it.holds[static_cast<std::size_t>(s.hold)], s.h);
   }
 }
 
-bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, double theta) {
+bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, Theta theta) {
   const std::size_t n = it.stages.size() - 1;
   const Ending end = ending(problem, it);
   double P[nx][nx];
-  end_hessian(problem, it, end, penalty, theta >= 1.0, P);
+  end_hessian(problem, it, end, penalty, theta.densities >= 1.0, P);
+  it.effort_share = 0.5 * (1.0 + theta.lengths);
+  Columns to = columns(problem, penalty);
   for (std::size_t k = n; k-- > 0;) {
     Stage& s = it.stages[k];
-    double S[nw][8];
-    condense(it, s, S);
     for (int i = 0; i < nw; ++i) s.L[i][6] = s.L[i][7] = 0.0;
-    semidefinite_root(S, s.L, s.L_inverse);
-    // Moments about the origin again: T + m x F. About a point far away, small pivots would be lost among large ones.
-    for (int j = 0; j < 3; ++j) {
-      s.L[3][j] += s.m[1] * s.L[2][j] - s.m[2] * s.L[1][j];
-      s.L[4][j] += s.m[2] * s.L[0][j] - s.m[0] * s.L[2][j];
-      s.L[5][j] += s.m[0] * s.L[1][j] - s.m[1] * s.L[0][j];
+    if (s.hold >= 0) {
+      root_of(it.holds[static_cast<std::size_t>(s.hold)], s.L);
+    } else {
+      root_of_forces(it, s);
     }
-    if (!eliminate(problem, s, theta, k + 1 == n && end.rests ? penalty.rest : 0.0, P)) return false;
+    Length* length = length_of(problem, it, s);
+    Stretch* stretched = length == nullptr ? nullptr : &it.stretches[k];
+    if (stretched != nullptr) {
+      if (k + 1 == length->first + length->intervals) enter(*length, to);
+      approach(s, *stretched, P, to);
+    }
+    if (!eliminate(problem, s, theta.densities, k + 1 == n && end.rests ? penalty.rest : 0.0, P)) return false;
+    if (stretched != nullptr) {
+      double drag = pulled_by_effort(it, s, stretched->tau);
+      for (double& t : stretched->tau) t *= it.effort_share;
+      drag *= it.effort_share * it.effort_share;
+      pass(s, *stretched, theta.lengths, drag, to);
+      if (k == length->first && !leave(*length, to, P)) return false;
+    }
   }
   return true;
 }
@@ -268,9 +201,16 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
   const Ending end = ending(problem, it);
   double p[nx];
   end_gradient(problem, it, end, penalty, p);
+  double c[2] = {0.0, it.nu_total + penalty.end * total_missed(problem, it)};
   for (std::size_t k = n; k-- > 0;) {
     Stage& s = it.stages[k];
     for (int i = 0; i < nx; ++i) p[i] += s.P_gap[i];
+    Length* length = length_of(problem, it, s);
+    const Stretch* stretched = length == nullptr ? nullptr : &it.stretches[k];
+    if (stretched != nullptr) {
+      if (k + 1 == length->first + length->intervals) c[0] = length->slope;
+      approach(*stretched, p, c);
+    }
     double to_x[nx];
     double r[nw];
     pull_back(s.h, p, to_x, r);
@@ -278,11 +218,15 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
     if (k + 1 == n && end.rests) {
       for (int i = 0; i < 3; ++i) r[i] += it.nu_rest[i] + penalty.rest * end.rest[i];
     }
-    pulled(it, s, s.tau);
-    solve_lower(s.L, s.L_inverse, s.tau);
+    double drag = 0.0;
+    if (s.hold >= 0) {
+      pulled(it.holds[static_cast<std::size_t>(s.hold)], s.h, s.tau);
+    } else {
+      drag = pulled(it, s, s.tau);
+    }
     for (int i = 0; i < nw; ++i) {
       s.kappa[i] = s.tau[i];
-      for (int j = i; j < nw; ++j) s.kappa[i] += s.L[j][i] * r[j];
+      for (int j = s.hold < 0 ? i : 0; j < nw; ++j) s.kappa[i] += s.L[j][i] * r[j];
     }
     solve_lower(s.R, s.R_inverse, s.kappa);
     for (int j = 0; j < nx; ++j) {
@@ -291,49 +235,47 @@ void direction(const Problem& problem, Iterate& it, const Penalty& penalty) {
       p[j] = t;
     }
     if (s.bounded) p[2] += s.high.pull() - s.low.pull();
+    if (stretched != nullptr) {
+      pass(s, *stretched, it.effort_share * drag, c);
+      if (k == length->first) leave(*length, p, c);
+    }
   }
   std::fill(it.stages[0].dx, it.stages[0].dx + nx, 0.0);
+  double dt = 0.0;
   for (std::size_t k = 0; k < n; ++k) {
     Stage& s = it.stages[k];
+    Length* length = length_of(problem, it, s);
+    const Stretch* stretched = length == nullptr ? nullptr : &it.stretches[k];
+    if (stretched != nullptr && k == length->first) dt += step_of(*length, s.dx, dt);
     double omega[nw];
     for (int i = 0; i < nw; ++i) {
       double t = s.kappa[i];
       for (int j = 0; j < nx; ++j) t += s.Y[i][j] * s.dx[j];
+      if (stretched != nullptr) t += stretched->Y[i][0] * length->dh + stretched->Y[i][1] * dt;
       omega[i] = -t;
     }
     solve_upper(s.R, s.R_inverse, omega);
     for (int i = 0; i < nw; ++i) {
       s.dw[i] = 0.0;
-      for (int j = 0; j <= i; ++j) s.dw[i] += s.L[i][j] * omega[j];
+      for (int j = 0; j < nw; ++j) s.dw[i] += s.L[i][j] * omega[j];
     }
     double* next = it.stages[k + 1].dx;
     advance_linear(s.h, s.dx, s.dw, next);
     for (int i = 0; i < nx; ++i) next[i] += s.gap[i];
+    for (int i = 0; stretched != nullptr && i < nx; ++i) next[i] += stretched->f[i] * length->dh;
     if (s.bounded) {
       s.low.follow(-s.dx[2]);
       s.high.follow(s.dx[2]);
     }
-    double y[nw];
-    for (int i = 0; i < nw; ++i) y[i] = omega[i] + s.tau[i];
-    solve_upper(s.L, s.L_inverse, y);
-    for (int b = 0; b < s.touches; ++b) {
-      Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
-      const Block& block = *t.block;
-      const v4 e[3] = {y[0] + y[4] * block.p[2] - y[5] * block.p[1], y[1] + y[5] * block.p[0] - y[3] * block.p[2],
-                       y[2] + y[3] * block.p[1] - y[4] * block.p[0]};
-      v4 g[3];
-      for (int i = 0; i < 3; ++i) {
-        g[i] = block.S[i] * e[0] + block.S[3 + i] * e[1] + block.S[6 + i] * e[2];
-        g[i] += t.target[i] - s.h * block.effort[i == 2] * t.at.u[i];
-      }
-      if (t.load >= 0) g[2] -= it.loads[static_cast<std::size_t>(t.load)].pull();
-      times(t.D_inverse, g, t.du);
-      if (t.load >= 0) it.loads[static_cast<std::size_t>(t.load)].follow(t.du[2]);
-      v4 E[6];
-      inverse_square(t.scaling, E);
-      times(E, t.du, t.dz);
-      for (int i = 0; i < 3; ++i) t.dz[i] = t.target[i] - t.at.z[i] - t.dz[i];
+    if (s.hold >= 0) {
+      follow(it.holds[static_cast<std::size_t>(s.hold)], omega);
+      continue;
     }
+    for (int i = 0; i < nw; ++i) {
+      omega[i] += s.tau[i];
+      if (stretched != nullptr) omega[i] += stretched->tau[i] * length->dh;
+    }
+    follow(it, s, omega, stretched == nullptr ? 0.0 : it.effort_share * length->dh);
   }
   end_steps(problem, it);
 }

@@ -5,6 +5,7 @@
 #include <ctime>
 
 #include "stridelab_native/feasibility.hpp"
+#include "stridelab_native/lengths.hpp"
 #include "stridelab_native/steps.hpp"
 
 namespace stridelab {
@@ -19,6 +20,8 @@ constexpr double armijo = 1e-4;
 constexpr double met = 5e-4;  // of the tolerance: equations are linear and cost nothing; momenta are in units of m |g|
 constexpr double acceptable = 20.0;  // times the tolerance, after `memory` iterations in which all else holds
 constexpr int halvings_max = 30;
+constexpr double roughly = 1.0;  // tolerance, and gap as a share of the objective, at which lengths are freed
+constexpr double freed_barrier = 0.3;
 constexpr Penalty stiff{1e8, 1e6};
 constexpr Penalty soft{1e5, 1e4};
 
@@ -114,13 +117,16 @@ private:
     at_ = (at_ + 1) % memory;
   }
 
-  // The true curvature of the densities where the reduced Hessian is positive definite with it, less of it otherwise.
+  // The true curvature where the reduced Hessian is positive definite with it, less of it otherwise; that of lengths
+  // goes first.
   bool factored() {
     for (const Penalty& penalty : {stiff, soft}) {
       penalty_ = penalty;
-      for (double theta : {1.0, 0.75, 0.5, 0.25, 0.0}) {
-        entry_.theta = theta;
-        if (factor(problem_, it_, penalty_, theta)) return true;
+      entry_.theta = 1.0;
+      if (!it_.lengths.empty() && factor(problem_, it_, penalty_, Theta{1.0, 1.0})) return true;
+      for (double share : {1.0, 0.75, 0.5, 0.25, 0.0}) {
+        entry_.theta = share;
+        if (factor(problem_, it_, penalty_, Theta{share, 0.0})) return true;
       }
     }
     return false;
@@ -205,7 +211,16 @@ private:
 
 }  // namespace
 
-Report solve(const Problem& problem, Iterate& it, const Settings& settings) {
+namespace {
+
+Report joined(const Report& first, Report then) {
+  then.iterations += first.iterations;
+  then.log.insert(then.log.begin(), first.log.begin(), first.log.end());
+  return then;
+}
+
+// With lengths as they are.
+Report solve_given(const Problem& problem, Iterate& it, const Settings& settings) {
   if (!settings.warm) cold_start(problem, it, settings.barrier);
   Settings at_first = settings;
   at_first.iterations = std::min(settings.iterations, doubtful);
@@ -218,9 +233,26 @@ Report solve(const Problem& problem, Iterate& it, const Settings& settings) {
     rest.barrier = 1.0;
     report = Run(problem, it, rest).run();
   }
-  report.iterations += first.iterations;
-  report.log.insert(report.log.begin(), first.log.begin(), first.log.end());
-  return report;
+  return joined(first, report);
+}
+
+}  // namespace
+
+Report solve(const Problem& problem, Iterate& it, const Settings& settings) {
+  if (!problem.freedom.lengths) return solve_given(problem, it, settings);
+  const double began = seconds_now();
+  Settings rough = settings;
+  rough.tolerance = std::max(roughly, settings.tolerance);
+  rough.gap = std::max(roughly, settings.gap);
+  const Report given = solve_given(problem, it, rough);
+  if (given.verdict != Verdict::solved) cold_start(problem, it, settings.barrier);  // other lengths may do
+  free_lengths(problem, it);
+  int cones = 0;
+  const double gap = complementarity(it, cones);
+  Settings freed = settings;
+  freed.barrier = std::max(freed_barrier, cones > 0 ? gap / cones : 0.0);
+  freed.seconds = settings.seconds - (seconds_now() - began);
+  return joined(given, Run(problem, it, freed).run());
 }
 
 }  // namespace stridelab

@@ -8,6 +8,15 @@ namespace {
 
 constexpr double slack_least = 0.02;
 
+// The weight, without any effort.
+Hold upright(const WrenchCone& cone, double barrier) {
+  Hold hold{};
+  hold.cone = &cone;
+  hold.at.u[nw - 1] = 1.0;
+  hold.at.z[nw - 1] = barrier;
+  return hold;
+}
+
 }  // namespace
 
 void cold_start(const Problem& problem, Iterate& it, double barrier) {
@@ -20,12 +29,16 @@ void cold_start(const Problem& problem, Iterate& it, double barrier) {
     total += phase.intervals * phase.h;
   }
   it.stages.assign(n + 1, Stage{});
+  it.stages[n].hold = -1;
   it.touches.assign(touches, Touch{});
   std::fill(it.nu, it.nu + nx, 0.0);
   std::fill(it.nu_rest, it.nu_rest + 3, 0.0);
   std::size_t k = 0;
   int slot = 0;
   int loads = 0;
+  it.holds.clear();
+  it.lengths.clear();
+  it.stretches.clear();
   double time = 0.0;
   for (const Phase& phase : problem.phases) {
     int points = 0;
@@ -38,6 +51,8 @@ void cold_start(const Problem& problem, Iterate& it, double barrier) {
       s.h = phase.h;
       s.first_touch = slot;
       s.touches = phase.blocks;
+      s.hold = phase.cone < 0 ? -1 : static_cast<int>(it.holds.size());
+      if (s.hold >= 0) it.holds.push_back(upright(problem.cones[static_cast<std::size_t>(phase.cone)], barrier));
       s.bounded = k > 0 && (std::isfinite(phase.height[0]) || std::isfinite(phase.height[1]));
       for (int c = 0; c < 3; ++c) s.x[c] = time / total * problem.goal[static_cast<std::size_t>(c)];
       time += phase.h;

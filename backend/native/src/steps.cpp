@@ -2,27 +2,31 @@
 
 #include <algorithm>
 #include <cmath>
+#include <type_traits>
 
 #include "stridelab_native/evaluate.hpp"
+#include "stridelab_native/lengths.hpp"
 
 namespace stridelab {
 
 void aim(Iterate& it, double mu, bool corrected) {
-  for (Touch& t : it.touches) {
-    v4 rc[3] = {splat4(0.0), splat4(0.0), splat4(mu)};
+  each_cone(it, [&](auto& t) {
+    constexpr int n = std::extent_v<decltype(t.du)>;
+    using T = std::remove_extent_t<decltype(t.du)>;
+    T rc[n] = {};
+    rc[n - 1] += mu;
     if (corrected) {
-      v4 a[3];
-      v4 b[3];
+      T a[n];
+      T b[n];
       unscale(t.scaling, t.du, a);
       scale(t.scaling, t.dz, b);
-      rc[0] -= a[2] * b[0] + b[2] * a[0];
-      rc[1] -= a[2] * b[1] + b[2] * a[1];
-      rc[2] -= product(a, b);
+      for (int i = 0; i < n - 1; ++i) rc[i] -= a[n - 1] * b[i] + b[n - 1] * a[i];
+      rc[n - 1] -= product(a, b);
     }
-    v4 x[3];
+    T x[n];
     divide(t.scaling.lambda, rc, x);
     unscale(t.scaling, x, t.target);
-  }
+  });
   each_slack(it, [&](auto& slack, auto) {
     slack.target = mu + 0.0 * slack.s;
     if (corrected) slack.target -= slack.ds * slack.dzeta;
@@ -39,18 +43,18 @@ T longest_of(T s, T ds) {
 }  // namespace
 
 Steps longest_steps(const Iterate& it) {
-  const v4 far = splat4(1e9);
-  v4 primal = far;
-  v4 dual = far;
-  for (const Touch& t : it.touches) {
-    v4 a[3];
-    v4 b[3];
+  Steps by{1e9, 1e9};
+  each_cone(it, [&](const auto& t) {
+    constexpr int n = std::extent_v<decltype(t.du)>;
+    using T = std::remove_extent_t<std::remove_cvref_t<decltype(t.du)>>;
+    const T far = T{} + 1e9;
+    T a[n];
+    T b[n];
     unscale(t.scaling, t.du, a);
     scale(t.scaling, t.dz, b);
-    primal = smaller(primal, t.block->real > 0.0 ? longest(t.scaling.lambda, a) : far);
-    dual = smaller(dual, t.block->real > 0.0 ? longest(t.scaling.lambda, b) : far);
-  }
-  Steps by{least(primal), least(dual)};
+    by.primal = std::min(by.primal, least(t.real() > 0.0 ? longest(t.scaling.lambda, a) : far));
+    by.dual = std::min(by.dual, least(t.real() > 0.0 ? longest(t.scaling.lambda, b) : far));
+  });
   each_slack(it, [&](const auto& slack, auto real) {
     by.primal = std::min(by.primal, least(real > 0.0 ? longest_of(slack.s, slack.ds) : 1e9 + 0.0 * slack.s));
     by.dual = std::min(by.dual, least(real > 0.0 ? longest_of(slack.zeta, slack.dzeta) : 1e9 + 0.0 * slack.s));
@@ -59,17 +63,13 @@ Steps longest_steps(const Iterate& it) {
 }
 
 double complementarity_after(const Iterate& it, Steps by) {
-  v4 total = {};
-  for (const Touch& t : it.touches) {
-    v4 u[3];
-    v4 z[3];
-    for (int i = 0; i < 3; ++i) {
-      u[i] = t.at.u[i] + by.primal * t.du[i];
-      z[i] = t.at.z[i] + by.dual * t.dz[i];
-    }
-    total += product(u, z) * t.block->real;
-  }
-  double all = sum(total);
+  double all = 0.0;
+  each_cone(it, [&](const auto& t) {
+    constexpr int n = std::extent_v<decltype(t.du)>;
+    std::remove_extent_t<std::remove_cvref_t<decltype(t.du)>> total = {};
+    for (int i = 0; i < n; ++i) total += (t.at.u[i] + by.primal * t.du[i]) * (t.at.z[i] + by.dual * t.dz[i]);
+    all += sum(total * t.real());
+  });
   each_slack(it, [&](const auto& slack, auto real) {
     all += sum((slack.s + by.primal * slack.ds) * (slack.zeta + by.dual * slack.dzeta) * real);
   });
@@ -80,12 +80,17 @@ void move(Iterate& it, Steps by) {
   for (Stage& s : it.stages) {
     for (int i = 0; i < nx; ++i) s.x[i] += by.primal * s.dx[i];
   }
-  for (Touch& t : it.touches) {
-    for (int i = 0; i < 3; ++i) {
-      t.at.u[i] += by.primal * t.du[i] * t.block->real;
-      t.at.z[i] += by.dual * t.dz[i] * t.block->real;
-    }
+  for (Length& l : it.lengths) {
+    l.h += by.primal * l.dh;
+    for (std::size_t k = l.first; k < l.first + l.intervals; ++k) it.stages[k].h = l.h;
   }
+  each_cone(it, [&](auto& t) {
+    constexpr int n = std::extent_v<decltype(t.du)>;
+    for (int i = 0; i < n; ++i) {
+      t.at.u[i] += by.primal * t.du[i] * t.real();
+      t.at.z[i] += by.dual * t.dz[i] * t.real();
+    }
+  });
   each_slack(it, [&](auto& slack, auto real) {
     slack.s += by.primal * slack.ds * real;
     slack.zeta += by.dual * slack.dzeta * real;
@@ -100,22 +105,29 @@ Merit merit(const Problem& problem, const Iterate& it, double cost, double mu) {
       m.slope += s.q[i] * s.dx[i];
     }
     for (int i = 0; i < nw; ++i) m.slope += s.r[i] * s.dw[i];
-    for (int b = 0; b < s.touches; ++b) {
-      const Touch& t = it.touches[static_cast<std::size_t>(s.first_touch + b)];
-      const v4* u = t.at.u;
-      const v4 det = determinant(u);
-      const v4 inverse = mu / det;
-      v4 slope = (s.h * t.block->effort[1] - inverse) * u[2] * t.du[2];
-      for (int i = 0; i < 2; ++i) slope += (s.h * t.block->effort[0] + inverse) * u[i] * t.du[i];
-      m.slope += sum(slope * t.block->real);
-      for (int j = 0; j < t.block->points; ++j) m.barrier -= 0.5 * mu * std::log(det[j]);
-    }
+    const auto barrier = [&](const auto& t) {
+      constexpr int n = std::extent_v<decltype(t.du)>;
+      const auto& u = t.at.u;
+      const auto det = determinant(u);
+      const auto inverse = mu / det;
+      auto slope = (s.h * t.effort(n - 1) - inverse) * u[n - 1] * t.du[n - 1];
+      for (int i = 0; i < n - 1; ++i) slope += (s.h * t.effort(i) + inverse) * u[i] * t.du[i];
+      m.slope += sum(slope * t.real());
+      for (double d : parts(t.real() > 0.0 ? det : 1.0 + 0.0 * det)) m.barrier -= 0.5 * mu * std::log(d);
+    };
+    for (int b = 0; b < s.touches; ++b) barrier(it.touches[static_cast<std::size_t>(s.first_touch + b)]);
+    if (s.hold >= 0) barrier(it.holds[static_cast<std::size_t>(s.hold)]);
   }
   each_slack(it, [&](const auto& slack, auto real) {
     m.slope -= sum(mu / slack.s * slack.ds * real);
     for (double s : parts(real > 0.0 ? slack.s : 1.0 + 0.0 * slack.s)) m.barrier -= mu * std::log(s);
     for (double r : parts(slack.r * real)) m.violation += std::fabs(r);
   });
+  for (const Length& l : it.lengths) {
+    m.slope += l.slope * l.dh;
+    for (std::size_t k = l.first; k < l.first + l.intervals; ++k) m.slope += it.stretches[k].slope * l.dh;
+  }
+  m.violation += std::fabs(total_missed(problem, it));
   const Ending end = ending(problem, it);
   for (double e : end.miss) m.violation += std::fabs(e);
   for (double e : end.rest) m.violation += std::fabs(e);
@@ -124,16 +136,13 @@ Merit merit(const Problem& problem, const Iterate& it, double cost, double mu) {
 
 void tame(Iterate& it, double mu) {
   constexpr double far = 1e6;
-  for (Touch& t : it.touches) {
-    const v4 uz = product(t.at.u, t.at.z);
-    for (int j = 0; j < 4; ++j) {
-      if (uz[j] > mu / far && uz[j] < mu * far) continue;
-      const double det = determinant(t.at.u)[j];
-      t.at.z[0][j] = -mu * t.at.u[0][j] / det;
-      t.at.z[1][j] = -mu * t.at.u[1][j] / det;
-      t.at.z[2][j] = mu * t.at.u[2][j] / det;
-    }
-  }
+  each_cone(it, [&](auto& t) {
+    constexpr int n = std::extent_v<decltype(t.du)>;
+    const auto uz = product(t.at.u, t.at.z);
+    const auto share = mu / determinant(t.at.u);
+    const auto kept = (uz > mu / far) & (uz < mu * far);
+    for (int i = 0; i < n; ++i) t.at.z[i] = kept ? t.at.z[i] : (i == n - 1 ? share : -share) * t.at.u[i];
+  });
 }
 
 }  // namespace stridelab

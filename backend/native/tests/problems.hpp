@@ -72,12 +72,36 @@ inline Problem step(double air_s = 0.0) {
               sole(0.2, -0.09, 0.3)};
   p.visits = {{0, {0.0, 0.0, 0.0}, {1, 0, 0, 0, 1, 0, 0, 0, 1}}, {0, {0.1, 0.0, 0.0}, {0, -1, 0, 1, 0, 0, 0, 0, 1}}};
   const auto phase = [](int intervals, int block, int blocks, int visit, int visits) {
-    return Phase{intervals, 0.1, block, blocks, visit, visits, {-unbounded, unbounded}};
+    return Phase{intervals, 0.1, block, blocks, visit, visits, {-unbounded, unbounded}, -1};
   };
   p.phases = {phase(7, 0, 2, 0, 1), phase(8, 2, 1, 0, 2), phase(10, 3, 2, 1, 1)};
   if (air_s > 0.0) {
     p.phases.insert(p.phases.begin() + 1, phase(2, 0, 0, 0, 0));
     p.phases[1].h = air_s / 2.0;
+  }
+  return p;
+}
+
+// The same with the wrench as control: in the pyramid of the sole's forces and torques, roughly.
+inline Problem wrench_step() {
+  Problem p = step();
+  const double y[3] = {0.0, 0.09, 0.0};
+  for (int i = 0; i < 3; ++i) {
+    WrenchCone cone{};
+    const double x = i == 2 ? 0.1 : 0.0;
+    cone.G[0][0] = cone.G[1][1] = 0.15;
+    cone.G[2][5] = 1.0;
+    cone.G[3][2] = cone.G[4][3] = i == 1 ? 0.02 : 0.05;
+    cone.G[5][4] = 0.01;
+    const double at[3] = {x, y[i], -0.8};
+    for (int j = 0; j < nw; ++j) {
+      cone.G[3][j] += at[1] * cone.G[2][j] - at[2] * cone.G[1][j];
+      cone.G[4][j] += at[2] * cone.G[0][j] - at[0] * cone.G[2][j];
+      cone.G[5][j] += at[0] * cone.G[1][j] - at[1] * cone.G[0][j];
+    }
+    p.cones.push_back(cone);
+    p.phases[static_cast<std::size_t>(i)].blocks = 0;
+    p.phases[static_cast<std::size_t>(i)].cone = i;
   }
   return p;
 }

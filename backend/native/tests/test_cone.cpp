@@ -1,24 +1,70 @@
 // Nesterov and Todd's scaling, and steps to the boundary, at random points.
 #include "problems.hpp"
-#include "stridelab_native/cone.hpp"
+#include "stridelab_native/hold.hpp"
 
 using namespace stridelab;
 
+namespace {
+
+// The cone of a wrench: the same formulas, and the root of D = W^-2 + e by its eigenvectors.
+void of_six(std::mt19937& random) {
+  std::uniform_real_distribution<double> any(-1.0, 1.0);
+  WrenchCone cone{};
+  for (int i = 0; i < nw; ++i) {
+    for (int j = 0; j < nw; ++j) cone.G[i][j] = any(random);
+  }
+  cone.effort = 0.3;
+  Hold hold{};
+  hold.cone = &cone;
+  double a[nw];
+  for (auto* of : {&hold.at.u, &hold.at.z}) {
+    for (double& x : *of) x = any(random);
+    (*of)[nw - 1] = root(across(*of, *of)) + std::exp(4.0 * any(random) - 3.0);
+  }
+  for (double& x : a) x = any(random);
+  scale(hold, 0.1);
+  double once[nw];
+  double twice[nw];
+  unscale(hold.scaling, hold.at.u, once);
+  for (int i = 0; i < nw; ++i) expect_near(once[i], hold.scaling.lambda[i], 1e-8 * once[nw - 1], "W^-1 u = W z");
+  follow(hold, a);  // du = D^-1/2 a, so that a^T a = du^T D du
+  unscale(hold.scaling, hold.du, once);
+  expect_near(product(once, once) + 0.03 * product(hold.du, hold.du), product(a, a), 1e-8, "D^-1/2");
+  double L[nw][8];
+  root_of(hold, L);
+  double w[nw] = {};
+  add_wrench(hold, hold.du, w);
+  for (int i = 0; i < nw; ++i) {
+    double there = 0.0;
+    for (int j = 0; j < nw; ++j) there += L[i][j] * a[j];
+    expect_near(there, w[i], 1e-9, "L omega = G du");
+  }
+  unscale(hold.scaling, hold.du, once);
+  const double far = longest(hold.scaling.lambda, once);
+  if (far > 1e6) return;
+  for (int i = 0; i < nw; ++i) twice[i] = hold.at.u[i] + far * hold.du[i];
+  expect_near(root(across(twice, twice)), twice[nw - 1], 1e-5 * (1.0 + far), "the boundary");
+}
+
+}  // namespace
+
 int main() {
   std::mt19937 random(1);
+  for (int trial = 0; trial < 1000; ++trial) of_six(random);
   std::uniform_real_distribution<double> any(-1.0, 1.0);
   for (int trial = 0; trial < 1000; ++trial) {
     Cones c{};
     v4 a[3];
     for (int j = 0; j < 4; ++j) {
-      for (v4* of : {c.u, c.z}) {
+      for (v4(*cone)[3] : {&c.u, &c.z}) {
+        auto& of = *cone;
         of[0][j] = any(random);
         of[1][j] = any(random);
         of[2][j] = std::hypot(of[0][j], of[1][j]) + std::exp(8.0 * any(random) - 6.0);
       }
       for (v4& of : a) of[j] = any(random);
     }
-    const Scaling s = scaling(c);
+    const Scaling<v4, 3> s = scaling(c);
     v4 back[3];
     v4 twice[3];
     unscale(s, c.u, back);  // W^-1 u = lambda = W z

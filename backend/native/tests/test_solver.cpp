@@ -51,6 +51,31 @@ void captured() {
   expect_near(x[8], (x[0] * x[4] - x[1] * x[3]) / gravity, 1e-9, "momentum of the end");
 }
 
+void free_lengths_cost_less() {
+  Problem p = step();
+  Iterate it;
+  const double given = solve(p, it, Settings{}).cost;
+  p.freedom = {true, 0.6, 1.6, 2.5, 0.0};
+  const Report r = solve(p, it, Settings{});
+  expect(r.verdict == Verdict::solved, "free lengths");
+  expect(r.cost < given - 0.1, "free lengths cost less");
+  double total = 0.0;
+  for (std::size_t i = 0; i < 3; ++i) {
+    const Length& l = it.lengths[i];
+    expect(l.h > 0.06 - 1e-9 && l.h < 0.16 + 1e-9, "within their bounds");
+    total += l.h * static_cast<double>(l.intervals);
+    p.phases[i].h = l.h;
+  }
+  expect_near(total, 2.5, 1e-9, "the same time altogether");
+  p.freedom.lengths = false;
+  expect_near(solved(p, it, "the same lengths, given").cost, r.cost, 1e-5, "cost of the same lengths, given");
+  p = step();
+  p.freedom = {true, 0.6, 1.6, unbounded, 2.0};
+  expect(solve(p, it, Settings{}).verdict == Verdict::solved, "free lengths at a price");
+  p.goal[0] = 30.0;
+  expect(solve(p, it, Settings{}).verdict != Verdict::solved, "30 m in 4 s");
+}
+
 void warm_is_shorter() {
   const Problem p = step();
   Iterate it;
@@ -71,8 +96,15 @@ int main() {
   expect(first.iterations <= 15, "a step is easy");
   Iterate it;
   solved(step(0.1), it, "a hop");
+  solved(wrench_step(), it, "a step by wrenches");
+  for (const Hold& h : it.holds) expect(root(across(h.at.u, h.at.u)) < h.at.u[nw - 1], "wrenches in their cones");
+  Problem far_away = wrench_step();
+  far_away.goal[0] = 30.0;
+  expect(solve(far_away, it, Settings{}).verdict == Verdict::infeasible,
+         "30 m in 2.5 s cannot be, by wrenches neither");
   bounds_hold();
   captured();
+  free_lengths_cost_less();
   warm_is_shorter();
 
   Problem far = step();

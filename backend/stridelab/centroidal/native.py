@@ -13,13 +13,13 @@ from pathlib import Path
 from types import ModuleType
 from typing import Final
 
-from stridelab.centroidal.point_forces import CircularCones
+from stridelab.centroidal.point_forces import Pyramids
 from stridelab.centroidal.problem import CentroidalProblem
 
 MODULE: Final = "stridelab_native"
 FOLDER: Final = "STRIDELAB_NATIVE_PATH"
 """Environment variable that names the folder in which the package lies."""
-INTERFACE: Final = 1
+INTERFACE: Final = 2
 """What the module must say of itself; another number is another build's."""
 
 
@@ -57,9 +57,8 @@ def availability() -> Native | Missing:
 def lacks(problem: CentroidalProblem) -> str | None:
     """What of a problem the C++ solver does not do, as a phrase; None where it does all of it."""
     wants = [
-        ("pyramids or wrench cones in place of friction cones", not isinstance(problem.control, CircularCones)),
+        ("pyramids in place of friction cones", isinstance(problem.control, Pyramids)),
         ("continuous forces", problem.shape != "constant"),
-        ("free durations", problem.durations is not None),
         ("free placements", problem.placements is not None),
     ]
     missing = [words for words, wanted in wants if wanted]

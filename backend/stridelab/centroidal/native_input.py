@@ -48,6 +48,9 @@ class NativeInput:
     phase_height: Float[np.ndarray, "phases 2"]
     capturable: bool
     planes: Float[np.ndarray, "planes 5"]
+    wrench_cones: Float[np.ndarray, "cones 6 6"]
+    phase_cone: Int[np.ndarray, "phases"]
+    freedom: Float[np.ndarray, "_"]
     slots: tuple[tuple[Slot, ...], ...]
 
     def arguments(self) -> list[object]:
@@ -64,9 +67,11 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
     slots: list[tuple[Slot, ...]] = []
     places: list[tuple[int, Placement]] = []
     layout = []
+    forces = problem.control.has_point_forces
     for i, phase in enumerate(sequence.phases):
         first_block, first_visit = len(blocks), len(places)
-        of = [(t, k) for t in problem.touches(i, origin) for k in range(0, len(t.points_m), POINTS)]
+        touches = problem.touches(i, origin)
+        of = [(t, k) for t in touches for k in range(0, len(t.points_m), POINTS)] if forces else []
         blocks += of
         slots.append(tuple(Slot(t.effector, k, len(t.points_m[k : k + POINTS])) for t, k in of))
         for name in names:
@@ -77,6 +82,7 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
     points = np.zeros((len(blocks), POINTS, 3))
     for b, (t, k) in enumerate(blocks):
         points[b, : len(t.points_m[k : k + POINTS])] = t.points_m[k : k + POINTS]
+    wrench_cones, phase_cone = _wrench_cones(problem)
     start_l = problem.start.l_nms / problem.weight_n
     return NativeInput(
         weights=np.array(
@@ -105,8 +111,47 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
         phase_height=_heights(problem),
         capturable=problem.terminal == "capturable",
         planes=_planes(problem),
+        wrench_cones=wrench_cones,
+        phase_cone=phase_cone,
+        freedom=_freedom(problem),
         slots=tuple(slots),
     )
+
+
+def wrench_cone(problem: CentroidalProblem, phase: int) -> Float[np.ndarray, "6 6"] | None:
+    """G of the wrench (tau, eta) as control, zero columns where the contacts have fewer dimensions; eta in weights.
+
+    None in flight, and with forces as control.
+    """
+    if problem.control.has_point_forces:
+        return None
+    groups = problem.control.generators(problem.touches(phase, problem.com_start_m))
+    if not groups:
+        return None
+    (group,) = groups.values()
+    G = np.zeros((6, 6))
+    G[:, : group.lorentz] = group.wrench[:, :-1]
+    G[:, -1] = group.wrench[:, -1]
+    return np.asarray(G * group.rest[-1])
+
+
+def _wrench_cones(problem: CentroidalProblem) -> tuple[Float[np.ndarray, "cones 6 6"], Int[np.ndarray, "phases"]]:
+    cones: list[Float[np.ndarray, "6 6"]] = []
+    which = []
+    for i in range(len(problem.sequence.phases)):
+        found = wrench_cone(problem, i)
+        which.append(-1 if found is None else len(cones))
+        cones += [] if found is None else [found]
+    return np.array(cones).reshape(-1, 6, 6), np.array(which, dtype=np.int32)
+
+
+def _freedom(problem: CentroidalProblem) -> Float[np.ndarray, "_"]:
+    """Shortest and longest durations as shares of the given ones, the total (s), the price of a second; or nothing."""
+    free = problem.durations
+    if free is None or free.shortest == free.longest:
+        return np.zeros(0)
+    total_s = problem.sequence.duration_s if free.fixed_total else np.inf
+    return np.array([free.shortest, free.longest, total_s, free.price_per_s])
 
 
 def _heights(problem: CentroidalProblem) -> Float[np.ndarray, "phases 2"]:

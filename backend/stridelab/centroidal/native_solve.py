@@ -1,11 +1,13 @@
 """A problem solved by the C++ solver: from flat arrays to a motion with what its solver says of it."""
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 
+from stridelab.centroidal.control import Forces
 from stridelab.centroidal.iterates import Iterate, Tell
 from stridelab.centroidal.native import Missing, availability, lacks
 from stridelab.centroidal.native_input import NativeInput, native_input
@@ -13,6 +15,7 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solution import Attempt, IterationLog, NativePoint, Residuals
 from stridelab.centroidal.solvers import TIME_IS_UP, Limits
 from stridelab.centroidal.verify import Motion
+from stridelab.contacts.sequence import ContactSequence
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 
 TOLERANCE: Final = 1e-6
@@ -38,6 +41,7 @@ class NativeRun:
     """What the C++ solver found."""
 
     attempt: Attempt
+    sequence: ContactSequence
     motion: Motion
     point: NativePoint
     infeasible: bool
@@ -68,7 +72,7 @@ def solve_native(
     began = time.process_time()
     flat = native_input(problem)
     posed = found.module.problem(*flat.arguments())
-    warm = start is not None and posed.begin(start.x, start.u, start.z)
+    warm = start is not None and posed.begin(*vars(start).values())
     build_s = time.process_time() - began
     said = posed.solve(limits.iterations, limits.cpu_s, TOLERANCE, GAP, warm)
     log = said["log"]
@@ -93,27 +97,51 @@ def solve_native(
         ),
         log=IterationLog(log[:, 0], log[:, 1], log[:, 2], log[:, 3]),
     )
-    point = NativePoint(said["x"], said["u"], said["z"])
-    return NativeRun(attempt, _motion(problem, flat, point), point, infeasible)
+    point = NativePoint(*(said[name] for name in ("x", "u", "z", "wrench_u", "wrench_z", "phase_h")))
+    sequence = _chosen(problem.sequence, flat, point)
+    return NativeRun(attempt, sequence, _motion(problem, flat, point), point, infeasible)
 
 
 def _phase(flat: NativeInput, stage: int) -> int:
     return int(np.searchsorted(np.cumsum(flat.phase_layout[:, 0]), stage, side="right"))
 
 
+def _chosen(sequence: ContactSequence, flat: NativeInput, point: NativePoint) -> ContactSequence:
+    """With the durations that were found; the same where they are given."""
+    if not len(flat.freedom):
+        return sequence
+    durations_s = (flat.phase_layout[:, 0] * point.step_s).tolist()
+    phases = [replace(p, duration_s=s) for p, s in zip(sequence.phases, durations_s, strict=True)]
+    return replace(sequence, phases=tuple(phases))
+
+
 def _motion(problem: CentroidalProblem, flat: NativeInput, point: NativePoint) -> Motion:
     """States in SI units about the CoM, world-frame forces."""
-    grid = problem.grid()
+    phases = problem.grid().phase
+    time_s = np.concatenate([[0.0], np.cumsum(point.step_s[phases])])
     x = point.x
     c, v = x[:, 0:3] + problem.com_start_m, x[:, 3:6]
     L = problem.weight_n * x[:, 6:9] - problem.mass_kg * np.cross(x[:, 0:3], v)
     points = {name: problem.points_m(name) for name in problem.sequence.effectors}
-    forces = {name: np.zeros((len(grid.phase), len(of), 3)) for name, of in points.items()}
-    slot = k = 0
+    forces = {name: np.zeros((len(phases), len(of), 3)) for name, of in points.items()}
+    slot = hold = k = 0
     for i, (intervals, first, blocks, _, _) in enumerate(flat.phase_layout.tolist()):
         u = point.u[slot : slot + intervals * blocks].reshape(intervals, blocks, 4, 3)
         for b, of in enumerate(flat.slots[i]):
             f = problem.weight_n * u[:, b, : of.points] @ flat.block_axes[first + b].T
             forces[of.effector][k : k + intervals, of.first : of.first + of.points] = f
+        if flat.phase_cone[i] >= 0:
+            w = point.wrench_u[hold : hold + intervals] @ flat.wrench_cones[flat.phase_cone[i]].T
+            for name, of_name in _shared(problem, i, w).items():
+                forces[name][k : k + intervals] = problem.weight_n * of_name
+            hold += intervals
         slot, k = slot + intervals * blocks, k + intervals
-    return Motion(grid.time_s, grid.phase, c, v, L, forces, points)
+    return Motion(time_s, phases, c, v, L, forces, points)
+
+
+def _shared(problem: CentroidalProblem, phase: int, wrenches: Float[np.ndarray, "n 6"]) -> Forces:
+    """Point forces of wrenches, in units of m |g|."""
+    touches = problem.touches(phase, problem.com_start_m)
+    ((name, group),) = problem.control.generators(touches).items()
+    u = np.linalg.lstsq(group.wrench, wrenches.T, rcond=None)[0].T
+    return problem.control.forces(touches, {name: u})

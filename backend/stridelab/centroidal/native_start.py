@@ -11,12 +11,13 @@ their cones, and multipliers are those of the barrier there, ``z = mu u^-1``.
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
-from stridelab.centroidal.native_input import POINTS
+from stridelab.centroidal.native_input import POINTS, wrench_cone
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solution import NativePoint
+from stridelab.centroidal.verify import motion_of, wrenches_of
 from stridelab.conventions import GRAVITY_M_S2
 
 KEPT: Final = 0.95
@@ -36,10 +37,15 @@ def native_start(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float =
         x[k] = np.concatenate([c, v, there.l_nms / onto.weight_n + np.cross(c, v) / GRAVITY_M_S2])
     middle_s = 0.5 * (grid.time_s[:-1] + grid.time_s[1:]) + after_s
     at = np.clip(np.searchsorted(plan.time_s, middle_s, side="right") - 1, 0, len(plan.phase) - 1)
-    u = []
+    u, wrenches = [], []
     for i in range(len(onto.sequence.phases)):
         of = at[grid.phase == i]
         touches = onto.touches(i, onto.com_start_m)
+        G = wrench_cone(onto, i)
+        if G is not None:
+            wrenches.append(_inside(G, _wrenches(plan, of, onto)))
+        if not onto.control.has_point_forces:
+            continue
         share = 1.0 / sum(len(t.points_m) for t in touches)
         blocks = []
         for t in touches:
@@ -54,11 +60,28 @@ def native_start(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float =
                     block[:, :n] = KEPT * local + (1.0 - KEPT) * block[:, :n]
                 blocks.append(block)
         u.append(np.stack(blocks, axis=1).reshape(-1, POINTS, 3) if blocks else np.zeros((0, POINTS, 3)))
-    forces = np.ascontiguousarray(np.concatenate(u))
-    return NativePoint(x, forces, _central(forces))
+    forces = np.ascontiguousarray(np.concatenate(u)) if u else np.zeros((0, POINTS, 3))
+    held = np.concatenate(wrenches) if wrenches else np.zeros((0, 6))
+    step_s = grid.step_s[np.searchsorted(grid.phase, np.arange(len(onto.sequence.phases)))]
+    return NativePoint(x, forces, _central(forces), held, _central(held), step_s)
 
 
-def _central(u: Float[np.ndarray, "slots 4 3"]) -> Float[np.ndarray, "slots 4 3"]:
+def _wrenches(plan: CentroidalPlan, of: Int[np.ndarray, "n"], onto: CentroidalProblem) -> Float[np.ndarray, "n 6"]:
+    """(F, T) of a plan's intervals about another problem's origin, in its units."""
+    F, M = (about[of, 0] for about in wrenches_of(plan.sequence, motion_of(plan)))
+    return np.asarray(np.hstack([F, M - np.cross(onto.com_start_m, F)]) / onto.weight_n)
+
+
+def _inside(G: Float[np.ndarray, "6 6"], wrenches: Float[np.ndarray, "n 6"]) -> Float[np.ndarray, "n 6"]:
+    """The u of wrenches drawn towards the weight, which takes the place of those that the contacts cannot give."""
+    upright = np.eye(6)[-1]
+    u = KEPT * np.linalg.lstsq(G, wrenches.T, rcond=None)[0].T + (1.0 - KEPT) * upright
+    lies = np.linalg.norm(u[:, :-1], axis=1) < u[:, -1]
+    return np.asarray(np.where(lies[:, None], u, upright))
+
+
+def _central(u: Float[np.ndarray, "*any"]) -> Float[np.ndarray, "*any"]:
     """``mu u^-1 = mu (-tau, eta) / (eta^2 - |tau|^2)``."""
-    det = u[..., 2] ** 2 - (u[..., :2] ** 2).sum(axis=-1)
-    return np.asarray(BARRIER * u * np.array([-1.0, -1.0, 1.0]) / det[..., None])
+    det = u[..., -1:] ** 2 - (u[..., :-1] ** 2).sum(axis=-1, keepdims=True)
+    turned = np.concatenate([-u[..., :-1], u[..., -1:]], axis=-1)
+    return np.asarray(BARRIER * turned / det)

@@ -53,11 +53,17 @@ class Point:
 
 @dataclass(frozen=True, eq=False)
 class NativePoint:
-    """Variables of the C++ solver: states ``x``, and u with its multipliers z of every block of points, in order."""
+    """Variables of the C++ solver: states ``x``, and u with its multipliers z of every block of points, in order.
+
+    Of the wrench as control: that of every interval with contacts. ``step_s``: lengths of the intervals of every phase.
+    """
 
     x: Float[np.ndarray, "nodes 9"]
     u: Float[np.ndarray, "slots 4 3"]
     z: Float[np.ndarray, "slots 4 3"]
+    wrench_u: Float[np.ndarray, "holds 6"]
+    wrench_z: Float[np.ndarray, "holds 6"]
+    step_s: Float[np.ndarray, "phases"]
 
 
 @dataclass(frozen=True, eq=False)

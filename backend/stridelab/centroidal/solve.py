@@ -116,7 +116,7 @@ def _attempts(
     theirs = start if isinstance(start, NativePoint) else None
     if asked == "native" or (asked == "auto" and serves(problem)):
         run_ = solve_native(problem, limits, theirs, tell)
-        yield _Found(run_.attempt, problem.sequence, run_.motion, run_.point, run_.infeasible)
+        yield _Found(run_.attempt, run_.sequence, run_.motion, run_.point, run_.infeasible)
     if asked == "native":
         return
     started = time.process_time()

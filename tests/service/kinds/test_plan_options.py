@@ -35,7 +35,7 @@ NOT_BUILT = "It was not built."
         ({"formulation": "circular-cones", "solver": "casadi"}, None, CircularCones(), "casadi", DEFAULT_LIMITS.cpu_s),
         ({"formulation": "wrench", "solver": "fatrop"}, None, ContactWrench(), "fatrop", DEFAULT_LIMITS.cpu_s),
         ({"shape": "cubic"}, None, PYRAMIDS, "auto", DEFAULT_LIMITS.cpu_s),
-        ({"free_durations": True}, None, PYRAMIDS, "auto", DEFAULT_LIMITS.cpu_s),
+        ({"free_durations": True}, None, CircularCones(), "auto", DEFAULT_LIMITS.cpu_s),
         ({"time_limit_s": 7.0}, NOT_BUILT, PYRAMIDS, "ipopt", 7.0),
         ({"time_limit_s": 7.0, "solver": "fatrop"}, None, PYRAMIDS, "fatrop", 7.0),
         ({"time_limit_s": 7.0}, None, CircularCones(), "auto", 7.0),

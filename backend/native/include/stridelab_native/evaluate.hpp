@@ -14,8 +14,9 @@ struct Conditions {
   double gap;              // sum of all u^T z: how far the objective may be from its optimum
 };
 
-// First-order conditions with the costates of the adjoint recursion, so that all that is missing is in the forces.
-Conditions conditions(const Problem& problem, const Iterate& it);
+// First-order conditions, and what lengths do, with the costates of the adjoint recursion, so that all that is missing
+// is in the forces.
+Conditions conditions(const Problem& problem, Iterate& it);
 
 // Sum of u^T z, and how many cones there are.
 double complementarity(const Iterate& it, int& cones);

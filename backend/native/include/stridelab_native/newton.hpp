@@ -14,8 +14,14 @@ namespace stridelab {
 // Scaling of all cones, and D^-1.
 void scale_cones(Iterate& it);
 
-// Backward recursion with the share theta of the covariances in the curvature; false where it is not convex.
-bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, double theta);
+// Shares of the true curvature that may be negative: of the densities' covariances and what else is not squared, and of
+// that with free lengths.
+struct Theta {
+  double densities, lengths;
+};
+
+// Backward recursion; false where it is not convex.
+bool factor(const Problem& problem, Iterate& it, const Penalty& penalty, Theta theta);
 
 // tau, kappa and the step for the present targets.
 void direction(const Problem& problem, Iterate& it, const Penalty& penalty);

@@ -41,12 +41,20 @@ struct Block {
   double normal_max;  // on u_n; infinite: none
 };
 
+// The wrench as control, u_c: (F, T) = G u, u = (tau, eta) with eta = 1 for the weight; absent entries have zero
+// columns.
+struct WrenchCone {
+  double G[nw][nw];
+  double effort;  // h/2 effort |u|^2 is its cost
+};
+
 struct Phase {
   int intervals;
   double h;
   int first_block, blocks;
   int first_visit, visits;
   double height[2];  // bounds on c_z at the nodes that begin its intervals, but the first of all; infinite: none
+  int cone;          // of the wrench cones; -1: none
 };
 
 // At rest: x_N = goal and F = (0, 0, 1) in the last interval. Capturable: height and vertical velocity of the goal, no
@@ -59,6 +67,15 @@ struct Plane {
   double offset;
 };
 
+// Free lengths of intervals: all of a phase share one, between `shortest` and `longest` times that of the phase. Of all
+// together they are `total`, or cost `price` per second where that is infinite.
+struct Freedom {
+  bool lengths = false;
+  double shortest = 1.0, longest = 1.0;
+  double total = unbounded;
+  double price = 0.0;
+};
+
 struct Problem {
   double w_acceleration = 10.0;  // w_c
   double w_momentum = 10.0;      // w_L (m |g|)^2
@@ -68,8 +85,10 @@ struct Problem {
   std::vector<Density> densities;
   std::vector<Visit> visits;
   std::vector<Block> blocks;
+  std::vector<WrenchCone> cones;
   std::vector<Phase> phases;
   std::vector<Plane> planes;
+  Freedom freedom;
 };
 
 }  // namespace stridelab

@@ -43,7 +43,8 @@ void cold_start(const Problem& problem, Iterate& it, double barrier);
 // Slacks of all bounds as they are, or a little of it, with multipliers of a barrier; after `evaluate`.
 void loosen(Iterate& it, double barrier);
 
-// Where that fails: forces that reach the end at all are sought, without the cost, and the solve begins anew from them.
+// Free lengths are freed near the solution for those given. Where that fails: forces that reach the end at all are
+// sought, without the cost, and the solve begins anew from them.
 Report solve(const Problem& problem, Iterate& it, const Settings& settings);
 
 }  // namespace stridelab

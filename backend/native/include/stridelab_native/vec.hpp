@@ -19,6 +19,7 @@ inline double sum(double a) { return a; }
 inline double sum(v4 a) { return (a[0] + a[2]) + (a[1] + a[3]); }
 inline double sum(v8 a) { return ((a[0] + a[4]) + (a[2] + a[6])) + ((a[1] + a[5]) + (a[3] + a[7])); }
 
+inline double root(double a) { return std::sqrt(a); }
 inline v4 root(v4 a) {
   v4 r;
   for (int i = 0; i < 4; ++i) r[i] = std::sqrt(a[i]);
@@ -35,6 +36,8 @@ inline double least(v4 a) {
   return x < y ? x : y;
 }
 
+inline double smaller(double a, double b) { return a < b ? a : b; }
+inline double larger(double a, double b) { return a > b ? a : b; }
 inline v4 smaller(v4 a, v4 b) { return a < b ? a : b; }
 inline v4 larger(v4 a, v4 b) { return a > b ? a : b; }
 

@@ -38,8 +38,8 @@ def taken(formulation: Formulation) -> Formulation:
 
 def formulation_of(request: PlanMotionInput | SweepInput) -> Formulation:
     """The control that is taken, pyramids wherever one of CasADi's solvers is to serve."""
-    more = isinstance(request, PlanMotionInput) and (request.free_durations or request.shape == "cubic")
-    return taken(request.formulation) if request.solver in ("auto", "native") and not more else request.formulation
+    splines = isinstance(request, PlanMotionInput) and request.shape == "cubic"
+    return taken(request.formulation) if request.solver in ("auto", "native") and not splines else request.formulation
 
 
 def control_of(request: PlanMotionInput | SweepInput) -> Control:
