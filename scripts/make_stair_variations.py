@@ -20,9 +20,9 @@ INTRO = """# Random stairs
 
 Written by `scripts/make_stair_variations.py`: {number} random flights of {stairs} stairs for TALOS
 (`experiments/stair_variations.py`, seed 0), each 5 to 15 cm high, 30 to 36 cm deep, with a toe gap of 50 to 60 mm, all
-durations 0.8 to 1.2 times those of experiments 2 and 3 of the thesis. Beside every other flight there is a rail, 0.70 to
-1.00 m above the footholds, 0.42 to 0.58 m to the right, the hand 0.10 to 0.35 m ahead. Each is planned as the service
-does, followed by the whole body, certified and replayed in physics.
+durations 0.8 to 1.2 times those of experiments 2 and 3 of the thesis. Beside every other flight there is a rail, 0.70
+to 1.00 m above the footholds, 0.42 to 0.58 m to the right, the hand 0.10 to 0.35 m ahead. Each is planned as the
+service does, followed by the whole body, certified and replayed in physics.
 """
 KEPT: TypeAdapter[list[Found]] = TypeAdapter(list[Found])
 
@@ -87,8 +87,8 @@ def page(variations: tuple[Variation, ...], known: dict[int, Found]) -> Iterable
     if searched:
         yield (
             "- Searched at other paces, with soles and hand elsewhere on the same stairs and rail: "
-            f"{len(searched)}, of which **{sum(found.confirmed for found in searched)} are confirmed** (no other one is "
-            "carried out either)."
+            f"{len(searched)}, of which **{sum(found.confirmed for found in searched)} are confirmed** (no other one "
+            "is carried out either)."
         )
     yield ""
     if refused:

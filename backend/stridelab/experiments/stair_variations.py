@@ -38,7 +38,7 @@ DEPTH_M: Final = (0.30, 0.36)
 TOE_GAP_M: Final = (0.05, 0.06)
 PACE: Final = (0.8, 1.2)
 RAIL_M: Final = ((0.10, 0.35), (0.70, 1.00), (-0.58, -0.42))
-"""The hand before the feet, above the line through the footholds, and to the left: where a prototype could use rails."""
+"""The hand before the feet, above the line through the footholds, and to the left: where a prototype used rails."""
 NUMBER: Final = 60
 STAIRS: Final = 3
 """Of every flight."""
