@@ -1,12 +1,15 @@
-"""Arms keep off the body: rows against finite differences, and two motions with and without them."""
+"""The body keeps off itself and off the steps: rows against finite differences, a motion with and without them."""
 
 from dataclasses import replace
 
+import coal
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.contacts.terrain import Box, Terrain
+from stridelab.dynamics.placement import Placement
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.avoidance import Avoid, Avoidance
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -14,52 +17,74 @@ from stridelab.wholebody.rigid_body import RigidBody
 
 EVER = Avoid(apart_m=0.4, acts_m=0.5, near_m=0.6, every=1, most=12, shrunk=10.0)
 """Acts wherever it looks."""
+WALL = Box("wall", Placement.of([0.6, 0.0, 0.3]), np.array([0.4, 1.0, 0.6]))
+NOWHERE = Terrain.of([])
 
 
 def at_random(robot: Robot, seed: int) -> tuple[RigidBody, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(seed)
     q = pin.integrate(robot.model, robot.q_reference, 0.1 * rng.normal(size=robot.model.nv))
     v = rng.normal(size=robot.model.nv)
-    v[[k for k in range(len(v)) if k < 6 or robot.group[robot.joint_names[k - 6]] != "arm"]] = 0.0  # arms move
     body = RigidBody(robot)
     body.update(q, v)
     return body, q, v
 
 
+def of_arms(robot: Robot) -> np.ndarray:
+    """Which of the velocity's coordinates are those of arms."""
+    return np.array([False] * 6 + [robot.group[joint] == "arm" for joint in robot.joint_names])
+
+
 def distances(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Of all pairs with an arm, in the order of the robot's pairs."""
-    geometry, data = robot.collision, robot.model.createData()
+    """Of all pairs of the robot, and of its shapes from the wall ahead."""
+    geometry, data = pin.GeometryModel(robot.collision), robot.model.createData()
+    shapes = len(robot.collision.geometryObjects)
+    at = pin.SE3(WALL.placement.rotation, WALL.placement.position_m)
+    wall = geometry.addGeometryObject(pin.GeometryObject("wall", 0, 0, at, coal.Box(*WALL.size_m.tolist())))
+    for k in range(shapes):
+        geometry.addCollisionPair(pin.CollisionPair(k, wall))
     results = geometry.createData()
     pin.computeDistances(robot.model, data, geometry, results, q)
-    arm = [robot.group.get(robot.model.names[part.parentJoint]) == "arm" for part in geometry.geometryObjects]
-    with_arm = [k for k, pair in enumerate(geometry.collisionPairs) if arm[pair.first] or arm[pair.second]]
-    return np.array([results.distanceResults[k].min_distance for k in with_arm])
+    return np.array([result.min_distance for result in results.distanceResults])
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_rows_are_the_rate_of_the_distances(talos: Robot, seed: int) -> None:
+@pytest.mark.parametrize("moving", ["arms", "all"])
+def test_rows_are_the_rate_of_the_distances(talos: Robot, seed: int, moving: str) -> None:
+    """Of pairs with an arm as far as arms move, of the others as far as anything does."""
     body, q, v = at_random(talos, seed)
-    avoidance = Avoidance(talos, EVER)
-    rows, weights = avoidance.rows(body)
-    assert len(weights) > 3
+    arms = of_arms(talos)
+    rows, weights = Avoidance(talos, Terrain.of([WALL]), EVER).rows(body)
+    arm_alone = ~rows.A[:, ~arms].any(axis=1)
+    chosen = arm_alone if moving == "arms" else ~arm_alone
+    assert len(weights) == len(rows.b)
+    assert chosen.sum() > 3
+    if moving == "arms":
+        v[~arms] = 0.0
     h = 1e-5
     ahead, behind = (distances(talos, pin.integrate(talos.model, q, s * h * v)) for s in (1.0, -1.0))
     rates = (ahead - behind) / (2.0 * h)
-    arms = np.array([False] * 6 + [talos.group[joint] == "arm" for joint in talos.joint_names])
-    assert not rows.A[:, ~arms].any()
-    for rate in rows.A @ v:
-        assert np.abs(rates - rate).min() < 1e-3
+    for rate in rows.A[chosen] @ v:
+        assert np.abs(rates - rate).min() < 5e-3
+
+
+def test_shins_are_kept_off_what_stands_before_them(talos: Robot) -> None:
+    body, _, _ = at_random(talos, 0)
+    by = Avoid(apart_m=0.2, acts_m=0.4, near_m=0.5, every=1)
+    without, with_wall = (Avoidance(talos, Terrain.of(boxes), by).rows(body)[0] for boxes in ((), (WALL,)))
+    assert len(without.b) < len(with_wall.b) <= len(without.b) + by.most
+    assert with_wall.A[len(without.b) :, 0].max() < 0.0  # away from it is backwards
 
 
 def test_what_is_far_is_left_alone_and_weights_do_not_jump(talos: Robot) -> None:
     body, q, _ = at_random(talos, 1)
     far = Avoid(apart_m=1e-4, acts_m=2e-4)
-    rows, weights = Avoidance(talos, far).rows(body)
+    rows, weights = Avoidance(talos, NOWHERE, far).rows(body)
     assert rows.A.shape == (0, talos.model.nv)
     assert len(weights) == 0
     d = distances(talos, q).min()
     for acts_m, bar in ((1.02, 0.01), (1.002, 1e-4)):
-        _, weights = Avoidance(talos, Avoid(apart_m=0.5 * d, acts_m=acts_m * d, shrunk=100.0)).rows(body)
+        _, weights = Avoidance(talos, NOWHERE, Avoid(apart_m=0.5 * d, acts_m=acts_m * d, shrunk=100.0)).rows(body)
         assert weights.max(initial=0.0) <= 4.0 * bar
 
 
