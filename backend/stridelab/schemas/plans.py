@@ -107,6 +107,20 @@ class ReplaySummary(Contract):
     real_time_factor: float
 
 
+class StoppedMotion(Contract):
+    """Where the whole body could not follow the plan any more.
+
+    ``level`` is the first level of the hierarchy that was violated, counted from 0; ``names`` say what ran out, of
+    which joints or effectors, the worst first. There is a motion until ``time_s``.
+    """
+
+    time_s: float
+    phase: int
+    level: int
+    level_name: str
+    names: list[str]
+
+
 class CostWeights(Contract):
     """Weights of the terms of the cost, each of which then counts seconds.
 
@@ -147,7 +161,8 @@ class PlanMotionSummary(Contract):
     ``kkt_error`` (the largest violation of the first-order conditions, in units of the solver) are null where the
     version of the result did not tell them. ``phase_durations`` is null where the scenario's durations were kept.
     ``normal_force_max_n`` bounds the hands by what their arms can carry; empty with the wrench as control.
-    ``solver_because`` is why the C++ solver did not serve, null where it did.
+    ``solver_because`` is why the C++ solver did not serve, null where it did. ``stopped`` is there only in a job that
+    failed because the body cannot follow the plan.
     """
 
     scenario_name: str
@@ -174,6 +189,7 @@ class PlanMotionSummary(Contract):
     stage_times_s: dict[str, float]
     certificate: CertificateSummary | None = None
     replay: ReplaySummary | None = None
+    stopped: StoppedMotion | None = None
     warnings: list[Remark]
 
 

@@ -10,13 +10,14 @@ import numpy as np
 import pinocchio as pin
 import pyarrow.parquet as pq
 import pytest
+import yaml
 
 from stridelab.centroidal.problem import Weights
 from stridelab.centroidal.solve import KKT_ERROR_MAX
 from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.validation import judge
 from stridelab.conventions import g
-from stridelab.errors import Fault, InvalidInput, NotEstimable, NotFound, StridelabError
+from stridelab.errors import InvalidInput, NotEstimable, NotFound, StridelabError
 from stridelab.reachability.card import ReachabilityCard
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.resources import models_dir
@@ -29,12 +30,17 @@ from stridelab.service.jobs.kinds import plan_motion, plan_options, plan_posing
 from stridelab.service.jobs.kinds.kind import Outcome
 from stridelab.service.jobs.kinds.provenance import known_references
 from stridelab.service.jobs.kinds.tables_io import read_about
-from support.planning import changed, plan_task, short_walk
+from support.planning import changed, plan_task, short_walk, stopping_after
 from support.quiet import Told, quiet
 
 CENTROIDAL_FILES = {"centroidal.parquet", "centroidal.csv", "iterations.parquet", "iterations.csv", "scenario.json"}
-MOTION_FILES = {"motion.npz", "motion.parquet", "motion.csv", "poses.f32", "poses.json", "forces.f32", "motion.viser"}
-ALL_FILES = CENTROIDAL_FILES | MOTION_FILES | {"certificate.json", "replay.npz"}
+MOTION_FILES = {
+    *("motion.npz", "motion.parquet", "motion.csv", "joints.parquet", "joints.csv"),
+    *("joint_trajectory.json", "joint_trajectory.yaml", "poses.f32", "poses.json", "forces.f32"),
+    *("motion.viser", "motion.html"),
+}
+REPLAY_FILES = {"replay.npz", "replay.parquet", "replay.csv", "replay_poses.f32", "replay_forces.f32"}
+ALL_FILES = CENTROIDAL_FILES | MOTION_FILES | REPLAY_FILES | {"certificate.json"}
 STAGES = ["check", "reachability", "centroidal", "whole body", "certificate", "replay", "export"]
 
 
@@ -221,6 +227,60 @@ def test_the_replay_is_kept(walked: Planned) -> None:
     assert np.median(total[:, 2]) == pytest.approx(weight_n, rel=0.05)
 
 
+def test_the_replay_is_shown_at_the_instants_of_the_motion(walked: Planned) -> None:
+    about = json.loads((walked.folder / "poses.json").read_text())
+    assert about["replay"] == {"poses": "replay_poses.f32", "forces": "replay_forces.f32"}
+    shape = (about["n_frames"], len(about["links"]), 7)
+    planned, replayed = (
+        np.frombuffer((walked.folder / name).read_bytes(), "<f4").reshape(shape)
+        for name in ("poses.f32", "replay_poses.f32")
+    )
+    assert np.isfinite(replayed[1:]).all(), "the robot stays on its feet"
+    away_m = np.linalg.norm(planned[1:, 0, :3] - replayed[1:, 0, :3], axis=1)
+    assert 0.0 < away_m.max() < 0.03
+    effectors = about["forces"]["effectors"]
+    forces = np.frombuffer((walked.folder / "replay_forces.f32").read_bytes(), "<f4").reshape(shape[0], -1, 6)
+    weight_n = load_robot("talos").mass_kg * 9.81
+    assert np.median(np.nansum(forces[..., 5], axis=1)) == pytest.approx(weight_n, rel=0.05)
+    left = forces[len(forces) // 2 :, effectors.index("left_foot")]
+    standing = left[np.isfinite(left).all(axis=1)]
+    assert np.abs(standing[-1, :3] - short_walk().phases[-1].contacts[0].position_m).max() < 0.02
+    table = pq.read_table(walked.folder / "replay.parquet")
+    with np.load(walked.folder / "replay.npz", allow_pickle=False) as read:
+        np.testing.assert_array_equal(table["f_left_foot_z_n"].to_numpy(), read["forces_left_foot"][:, 2])
+
+
+def test_the_trajectory_for_ros_is_the_motion_in_json_and_yaml(walked: Planned) -> None:
+    message = json.loads((walked.folder / "joint_trajectory.json").read_text())
+    assert yaml.safe_load((walked.folder / "joint_trajectory.yaml").read_text()) == message
+    assert list(message) == ["header", "joint_names", "points"]
+    robot, arrays = load_robot("talos"), walked.arrays()
+    assert message["joint_names"] == list(robot.joint_names)
+    last_ns = -1
+    for point in message["points"]:
+        since = point["time_from_start"]
+        time_ns = since["sec"] * 10**9 + since["nanosec"]
+        assert time_ns > last_ns
+        last_ns = time_ns
+        i = round(time_ns * 250e-9)
+        for key, values in {
+            "positions": arrays["q"][:, 7:],
+            "velocities": arrays["v"][:, 6:],
+            "accelerations": arrays["a"][:, 6:],
+            "effort": arrays["tau"],
+        }.items():
+            np.testing.assert_allclose(point[key], values[i], atol=1e-6)
+    assert last_ns == round(1e9 * walked.summary.duration_s)
+
+
+def test_the_joints_table_holds_every_sample(walked: Planned) -> None:
+    table, arrays = pq.read_table(walked.folder / "joints.parquet"), walked.arrays()
+    knee = list(load_robot("talos").joint_names).index("leg_left_4_joint")
+    np.testing.assert_array_equal(table["leg_left_4_joint_rad"].to_numpy(), arrays["q"][:, 7 + knee])
+    np.testing.assert_array_equal(table["leg_left_4_joint_nm"].to_numpy(), arrays["tau"][:, knee])
+    np.testing.assert_array_equal(table["base_z_m"].to_numpy(), arrays["q"][:, 2])
+
+
 def test_scenario_and_certificate_can_be_read_back(walked: Planned) -> None:
     assert Scenario.model_validate_json((walked.folder / "scenario.json").read_text()) == short_walk()
     kept = CertificateSummary.model_validate_json((walked.folder / "certificate.json").read_text())
@@ -325,16 +385,27 @@ def test_a_solver_that_does_not_converge_is_said_with_status_and_iterations(
     assert [fault.where for fault in error.faults] == ["solver", "stage: centroidal"]
 
 
-def test_a_body_that_cannot_follow_keeps_its_own_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Stuck:
-        def run(self, *_: object) -> None:
-            fault = Fault("phases[1].contacts[right_foot]", "leg_right_4_joint at its limit")
-            raise NotEstimable("whole-body-failed", "The whole body cannot go on at 1.2 s.", [fault])
-
-    monkeypatch.setattr(plan_motion, "WholeBodyController", Stuck)
-    error = refused(tmp_path, NotEstimable)
+def test_a_body_that_cannot_follow_keeps_plan_and_motion_and_its_own_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plan_motion, "WholeBodyController", stopping_after(1.2))
+    stuck = run(tmp_path, short_walk(), whole_body=True, replay=True)
+    error = stuck.outcome.failure
+    assert error is not None
     assert error.code == "whole-body-failed"
-    assert [fault.where for fault in error.faults] == ["phases[1].contacts[right_foot]", "stage: whole body"]
+    assert [fault.where for fault in error.faults] == ["phases[1]", "stage: whole body"]
+    said = stuck.outcome.to_json()["problem"]
+    assert (said["code"], said["detail"]) == (error.code, error.message)
+    stopped = stuck.summary.stopped
+    assert stopped is not None
+    assert (stopped.time_s, stopped.phase, stopped.level) == (1.2, 1, 0)
+    assert stopped.names == ["torque of leg_right_4_joint"]
+    assert (stuck.summary.certificate, stuck.summary.replay, stuck.summary.warnings) == (None, None, [])
+    assert {path.name for path in tmp_path.iterdir()} == CENTROIDAL_FILES | MOTION_FILES
+    about = json.loads((tmp_path / "poses.json").read_text())
+    assert about["time_s"][-1] == pytest.approx(1.2)
+    assert stuck.arrays()["q"].shape[0] == 301
+    assert stuck.told.messages[-1] == "stopped at 1.20 s"
 
 
 def test_a_solver_that_hangs_is_ended_and_its_stage_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
