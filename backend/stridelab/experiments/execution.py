@@ -11,7 +11,7 @@ from typing import Any, Final, TypeVar
 from stridelab.centroidal.resting import from_rest_to_rest
 from stridelab.centroidal.solve import solve
 from stridelab.contacts.bundled import BUNDLED
-from stridelab.contacts.obstacles import stand_up, stepping_stones, wall_step
+from stridelab.contacts.obstacles import stand_up
 from stridelab.contacts.scenario_json import sequence_of
 from stridelab.contacts.scenario_parts import HRP2, Walker
 from stridelab.contacts.shapes import effector_shapes
@@ -41,8 +41,8 @@ def _of_hrp2() -> dict[str, Builder]:
         "stairs-with-rail": BUNDLED["stairs-with-rail-hrp2"],
         "flat-walk": lambda: flat_walk(walker=HRP2),
         "stairs-down": lambda: descent(walker=HRP2),
-        "stepping-stones": lambda: stepping_stones(step_m=0.25, walker=HRP2),
-        "wall-step": lambda: wall_step(hand_m=(0.20, -0.62, 0.90), walker=HRP2),
+        "stepping-stones": BUNDLED["stepping-stones-hrp2"],
+        "wall-step": BUNDLED["wall-step-hrp2"],
         "stand-up": lambda: stand_up(0.70, hand_m=(0.20, -0.45, 0.60), walker=HRP2),
     }
 

@@ -9,7 +9,7 @@ brakes what approaches and parts what is nearer than ``d_s``. The weight rises f
 of pairs are watched (``near_pairs``); they differ in who gives way:
 
     arm      an arm and anything else       the arm alone, or the task would bend the trunk instead
-    leg      legs, and legs and pelvis      all joints: what soles and CoM leave free, above all the base's turn
+    body     legs, pelvis and torso         all joints: what soles and CoM leave free, above all the base's turn
     terrain  thighs and shanks, and boxes   all joints
 
 A pair that is near in the reference posture already, an upper arm and the chest, has both distances shrunk: ``d_a`` to

@@ -18,8 +18,8 @@ from stridelab.robots.contact_frames import se3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.rigid_body import RigidBody
 
-Kind = Literal["arm", "leg", "terrain"]
-KINDS: tuple[Kind, ...] = ("arm", "leg", "terrain")
+Kind = Literal["arm", "body", "terrain"]
+KINDS: tuple[Kind, ...] = ("arm", "body", "terrain")
 _SCALE_MIN = 0.02
 
 
@@ -40,13 +40,8 @@ class NearPairs:
 
     def __init__(self, robot: Robot, terrain: Terrain, acts_m: float, shrunk: float) -> None:
         self._geometry = pin.GeometryModel(robot.collision)
-        kinds: list[Kind] = []
-        pairs: list[tuple[int, int]] = []
-        for pair in robot.collision.collisionPairs:
-            kind = _kind(robot, pair)
-            if kind is not None:
-                kinds.append(kind)
-                pairs.append((pair.first, pair.second))
+        pairs = [(pair.first, pair.second) for pair in robot.collision.collisionPairs]
+        kinds = [_kind(robot, pair) for pair in robot.collision.collisionPairs]
         shapes = len(robot.collision.geometryObjects)
         shanks = [k for k in range(shapes) if _above_ankle(robot, k)]
         for box in terrain.boxes:
@@ -107,14 +102,11 @@ class NearPairs:
 
 def _group(robot: Robot, shape: int) -> str:
     part = robot.collision.geometryObjects[shape]
-    return robot.group.get(str(robot.model.names[part.parentJoint]), "base")
+    return robot.group.get(str(robot.model.names[part.parentJoint]), "")
 
 
-def _kind(robot: Robot, pair: pin.CollisionPair) -> Kind | None:
-    groups = {_group(robot, pair.first), _group(robot, pair.second)}
-    if "arm" in groups:
-        return "arm"
-    return "leg" if "leg" in groups and groups <= {"leg", "base"} else None
+def _kind(robot: Robot, pair: pin.CollisionPair) -> Kind:
+    return "arm" if "arm" in (_group(robot, pair.first), _group(robot, pair.second)) else "body"
 
 
 def _above_ankle(robot: Robot, shape: int) -> bool:
