@@ -20,6 +20,7 @@ from stridelab.schemas.plans import (
     PLAN_STAGES,
     TIME_LIMIT_S,
     CertificateCheck,
+    Film,
     Formulation,
     PlanMotionInput,
     PlanMotionSummary,
@@ -47,11 +48,15 @@ class PlanRequest:
     time_limit_s: float | None = None
     free_durations: bool = False
     duration_range: tuple[float, float] = DURATION_RANGE
+    film: Film | None = None
 
     def __post_init__(self) -> None:
         if self.replay and not self.whole_body:
             fault = Fault("--replay", "contradicts --no-whole-body")
             raise InvalidInput("option-invalid", "Only a motion of the whole body can be replayed.", [fault])
+        if self.film is not None and not self.whole_body:
+            fault = Fault("--film", "contradicts --no-whole-body")
+            raise InvalidInput("option-invalid", "Only a motion of the whole body can be filmed.", [fault])
         if self.time_limit_s is not None and not 0.0 < self.time_limit_s <= TIME_LIMIT_S:
             fault = Fault("--time-limit", f"must be above 0 and at most {TIME_LIMIT_S:.0f} s")
             raise InvalidInput("option-invalid", f"A solver cannot be given {self.time_limit_s:g} s.", [fault])
@@ -89,6 +94,7 @@ class PlanRequest:
             time_limit_s=self.time_limit_s,
             free_durations=self.free_durations,
             duration_range=self.duration_range,
+            film=self.film,
         )
 
 

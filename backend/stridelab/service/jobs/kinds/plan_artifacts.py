@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.robots.display import link_meshes
 from stridelab.robots.robot import Robot
+from stridelab.schemas.plans import Film
 from stridelab.service.jobs.kinds.kind import ArtifactFile, ProgressCallback
 from stridelab.service.jobs.kinds.plan_display import (
     HTML,
@@ -22,6 +23,7 @@ from stridelab.service.jobs.kinds.plan_display import (
     replayed_display,
     write_display,
 )
+from stridelab.service.jobs.kinds.plan_film import write_film
 from stridelab.service.jobs.kinds.plan_recording import PAGE_FILE, RECORDING_FILE, RECORDING_HZ, player_page, record
 from stridelab.service.jobs.kinds.plan_tables import (
     centroidal_columns,
@@ -48,9 +50,14 @@ def write_plan(folder: Path, plan: CentroidalPlan) -> tuple[ArtifactFile, ...]:
 
 
 def write_motion(
-    folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "Replay | None", tell: ProgressCallback
+    folder: Path,
+    robot: Robot,
+    motion: WholeBodyMotion,
+    replay: "Replay | None",
+    film: Film | None,
+    tell: ProgressCallback,
 ) -> tuple[ArtifactFile, ...]:
-    """The motion for programs and for people, the display files with those of the replay, and the player."""
+    """The motion for programs and for people, the display files with those of the replay, the player and the film."""
     sequence = motion.sequence
     tell(0.1, "writing the motion")
     limits_nm = np.asarray(robot.model.effortLimit)[6:]
@@ -80,7 +87,9 @@ def write_motion(
     recording = record(sequence.terrain, links, poses[::every], RECORDING_HZ)
     atomically(folder / RECORDING_FILE, lambda path: path.write_bytes(recording))
     atomically(folder / PAGE_FILE, lambda path: path.write_text(player_page(recording), encoding="utf-8"))
-    player = ArtifactFile(RECORDING_FILE, RAW), ArtifactFile(PAGE_FILE, HTML)
+    player = [ArtifactFile(RECORDING_FILE, RAW), ArtifactFile(PAGE_FILE, HTML)]
+    if film is not None:
+        player.append(write_film(folder, film, sequence.terrain, links, poses[::every], RECORDING_HZ, tell))
     return (*tables, arrays, *trajectory, *shown, *player)
 
 

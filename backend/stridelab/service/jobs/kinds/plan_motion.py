@@ -5,7 +5,7 @@
 Every stage has its share of the progress bar and its time in the summary, and every failure names its stage.
 """
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -22,10 +22,11 @@ from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
-from stridelab.schemas.plans import PLAN_STAGES, PlanMotionInput
+from stridelab.schemas.plans import PLAN_STAGES, AgreementPass, PlanMotionInput
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.plan_artifacts import write_json, write_motion, write_plan, write_replay
 from stridelab.service.jobs.kinds.plan_durations import as_planned, freedom
+from stridelab.service.jobs.kinds.plan_film import require_film
 from stridelab.service.jobs.kinds.plan_options import (
     control_of,
     iterations_to,
@@ -44,6 +45,7 @@ from stridelab.service.jobs.kinds.plan_summary import (
 )
 from stridelab.service.jobs.kinds.stages import Stages
 from stridelab.service.jobs.kinds.tasks import PlanMotionTask
+from stridelab.wholebody.agreement import Pass, agree
 from stridelab.wholebody.certify import certify
 from stridelab.wholebody.controller import WholeBodyController
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -74,6 +76,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     """
     request = task.input
     require_solver(request.solver)
+    require_film(request.film)
     stages = Stages(progress, _shares(request))
     artifacts: list[ArtifactFile] = []
 
@@ -96,10 +99,13 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         sequence = plan.sequence
 
     motion, certificate, replay, replayed, stopped = None, None, None, None, None
+    passes: tuple[Pass, ...] = ()
     if request.whole_body:
         try:
             with stages.at(WHOLE_BODY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
-                motion = WholeBodyController().run(robot, sequence, plan, _clock(tell, sequence.duration_s))
+                clock = _clock(tell, sequence.duration_s)
+                agreed = agree(robot, problem, plan, solve, WholeBodyController(), clock)
+                plan, motion, passes = agreed.plan, agreed.motion, agreed.passes
         except WholeBodyStopped as stop:
             motion, stopped = stop.motion, stop
     if motion is not None and stopped is None:
@@ -113,7 +119,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         scenario = as_planned(task.scenario, sequence)
         artifacts += [*write_plan(folder, plan), write_json(folder, "scenario.json", scenario)]
         if motion is not None:
-            artifacts += write_motion(folder, robot, motion, replay, tell)
+            artifacts += write_motion(folder, robot, motion, replay, request.film, tell)
         if certificate is not None:
             artifacts.append(write_json(folder, "certificate.json", certificate))
         if replay is not None:
@@ -121,6 +127,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
 
     warnings = (*noted, *remarks(plan, motion, certificate, replayed))
     found = summary(plan, problem, request, certificate, replayed, stages.times_s, warnings)
+    found = found.model_copy(update={"agreement": [AgreementPass(**asdict(one)) for one in passes]})
     if stopped is not None:
         found = found.model_copy(update={"stopped": stopped_of(stopped)})
     progress(1.0, "done" if stopped is None else f"stopped at {stopped.time_s:.2f} s")
