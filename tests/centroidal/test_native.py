@@ -215,6 +215,7 @@ def test_what_cannot_be_is_told_with_its_phase() -> None:
         ({"control": Pyramids()}, "pyramids"),
         ({"control": CONES, "shape": "cubic"}, "continuous forces"),
         ({"control": CONES, "placements": FreePlacements()}, "free placements"),
+        ({"control": CONES, "limbs_nm": np.zeros((34, 3))}, "limbs"),
     ],
     ids=str,
 )

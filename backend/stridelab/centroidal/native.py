@@ -60,6 +60,7 @@ def lacks(problem: CentroidalProblem) -> str | None:
         ("pyramids in place of friction cones", isinstance(problem.control, Pyramids)),
         ("continuous forces", problem.shape != "constant"),
         ("free placements", problem.placements is not None),
+        ("the angular momentum of limbs", problem.limbs_nm is not None),
     ]
     missing = [words for words, wanted in wants if wanted]
     return ", ".join(missing) or None

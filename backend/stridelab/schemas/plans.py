@@ -174,8 +174,8 @@ class PlanMotionSummary(Contract):
     version of the result did not tell them. ``phase_durations`` is null where the scenario's durations were kept.
     ``normal_force_max_n`` bounds the hands by what their arms can carry; empty with the wrench as control.
     ``solver_because`` is why the C++ solver did not serve, null where it did. ``stopped`` is there only in a job that
-    failed because the body cannot follow the plan. ``agreement`` has one entry per pass of plan and whole body; more than
-    one where strides are longer than 0.9 m or swings shorter than 0.8 s.
+    failed because the body cannot follow the plan. ``agreement`` has one entry per pass of plan and whole body, more
+    than one where strides are longer than 0.9 m or swings shorter than 0.8 s.
     """
 
     scenario_name: str

@@ -104,7 +104,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         try:
             with stages.at(WHOLE_BODY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
                 clock = _clock(tell, sequence.duration_s)
-                agreed = agree(robot, problem, plan, solve, WholeBodyController(), clock)
+                agreed = agree(robot, problem, plan, solve, WholeBodyController().run, clock)
                 plan, motion, passes = agreed.plan, agreed.motion, agreed.passes
         except WholeBodyStopped as stop:
             motion, stopped = stop.motion, stop
