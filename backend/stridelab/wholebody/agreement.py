@@ -23,6 +23,7 @@ from stridelab.contacts.swing import swing_of
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.controller import Progress
 from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.stopped import WholeBodyStopped
 
 STRIDE_M: Final = 0.9
 """Swings that go farther matter."""
@@ -82,8 +83,8 @@ def agree(
 ) -> Agreement:
     """Follow ``plan`` of ``problem``; where it matters, plan and follow again, at most ``passes`` times in all.
 
-    Of the plans that converge the one is kept that agrees best. Raises what ``follow``, the controller's ``run``,
-    does.
+    Of the plans that converge and can be followed the one is kept that agrees best. Raises what ``follow``, the
+    controller's ``run``, does with the first.
     """
     most = passes or (PASSES if problem.shape == "constant" and matters(plan.sequence) else 1)
     motion = follow(robot, plan.sequence, plan, _share(progress, 0, most))
@@ -93,7 +94,10 @@ def agree(
         again = solve(replace(fixed, limbs_nm=limb_rates_nm(fixed, best.motion)))
         if not again.converged:
             break
-        motion = follow(robot, again.sequence, again, _share(progress, len(best.passes), most))
+        try:
+            motion = follow(robot, again.sequence, again, _share(progress, len(best.passes), most))
+        except WholeBodyStopped:  # the plan before could be followed
+            break
         came = _compared(again, motion)
         better = came.mismatch_max_nms < best.passes[-1].mismatch_max_nms
         nearer = came.mismatch_max_nms < NEARER * best.passes[-1].mismatch_max_nms
