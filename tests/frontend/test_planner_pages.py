@@ -91,6 +91,7 @@ def test_plan_page_shows_certificate_replay_and_where_to_look(fake: FakeService,
     assert "Foot slip, largest 4.2 mm" in said
     assert said.index("check 0.50 s") < said.index("centroidal 2.50 s") < said.index("export 1.00 s")
     assert "Replayed in physics, the robot falls." in said
+    assert "1 7.5 N m s 2.5 N m s 3.0 ms 2 0.75 N m s 0.25 N m s 4.0 ms" in said
 
 
 def test_a_plan_that_the_body_cannot_follow_shows_where_it_stops(fake: FakeService, browse: Browse) -> None:

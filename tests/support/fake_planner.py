@@ -20,6 +20,7 @@ import trimesh
 from stridelab.schemas.base import FaultItem, Remark
 from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.plans import (
+    AgreementPass,
     CertificateCheck,
     CertificateSummary,
     CostWeights,
@@ -59,6 +60,10 @@ COST_TERMS = {
     "log_density_left_foot": -9.467, "momentum_rate": 2.0,
 }  # fmt: skip
 WEIGHTS = CostWeights(com_acceleration=10, momentum_rate=10, likelihood=1, surface_force=1, point_force=300)
+PASSES = [
+    AgreementPass(mismatch_max_nms=7.5, mismatch_rms_nms=2.5, solve_time_s=0.003),
+    AgreementPass(mismatch_max_nms=0.75, mismatch_rms_nms=0.25, solve_time_s=0.004),
+]
 _NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
 
 
@@ -264,6 +269,7 @@ def plan_summary(*, whole_body: bool) -> PlanMotionSummary:
         stage_times_s={"export": 1.0, "check": 0.5, "centroidal": 2.5},
         certificate=CertificateSummary(passed=False, checks=checks) if whole_body else None,
         replay=replay if whole_body else None,
+        agreement=PASSES if whole_body else [],
         warnings=[Remark(code="replay-fell", message="Replayed in physics, the robot falls.")],
     )  # fmt: skip
 
