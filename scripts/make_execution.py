@@ -14,7 +14,7 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from stridelab.experiments.execution import CASES, Execution, execute, followed, replayed
-from stridelab.experiments.robustness import EXPERIMENTS, boundary, disturbances, growing
+from stridelab.experiments.robustness import EXPERIMENTS, applies, boundary, disturbances, growing
 from stridelab.wholebody.disturbance import Disturbances
 from stridelab.wholebody.motion import WholeBodyMotion
 
@@ -75,7 +75,7 @@ def borne(robot: str, experiments: list[str], folder: Path, *, boundaries: bool,
                 path.write_bytes(BORNE.dump_json(known, indent=1))
         for what, (too_much, of_size) in growing(float(motion.time_s[-1])).items() if boundaries else ():
             row = f"most: {what}"
-            if row not in known:
+            if row not in known and applies(name, what):
                 known[row] = boundary(partial(survives, robot, motion, of_size), too_much)
                 path.write_bytes(BORNE.dump_json(known, indent=1))
 
@@ -83,13 +83,6 @@ def borne(robot: str, experiments: list[str], folder: Path, *, boundaries: bool,
 def survives(robot: str, motion: WholeBodyMotion, of_size: Callable[[float], Disturbances], size: float) -> bool:
     """Whether the replay under a disturbance of this size comes to its end."""
     return replayed(robot, motion, of_size(size)).completed
-
-
-def applies(experiment: str, what: str) -> bool:
-    """There is a rail beside the stairs of experiment 3 only, and no stair in experiment 1."""
-    return not (what.startswith("rail") and "rail" not in experiment) and not (
-        what.startswith("stairs") and "stairs" not in experiment
-    )
 
 
 def page(folder: Path) -> Iterable[str]:

@@ -35,11 +35,29 @@ def growing(duration_s: float) -> Mapping[str, tuple[float, Callable[[float], Di
     def push(y: float) -> Callable[[float], Disturbances]:
         return lambda ns: Disturbances(push=Push(duration_s / 2.0, (0.0, y * ns, 0.0)))
 
+    def up(z: float) -> Callable[[float], Disturbances]:
+        return lambda mm: Disturbances(terrain_up_m=z * 1e-3 * mm, rail_shift_m=(0.0, 0.0, z * 1e-3 * mm))
+
+    def smaller(mm: float) -> Disturbances:
+        return Disturbances(sole_half_size_m=(0.10 - 1e-3 * mm, 0.06 - 1e-3 * mm))
+
     return {
-        "load on the trunk (kg)": (25.0, lambda kg: Disturbances(trunk_mass_kg=kg)),
         "push to the left (Ns)": (50.0, push(1.0)),
         "push to the right (Ns)": (50.0, push(-1.0)),
+        "load on the trunk (kg)": (25.0, lambda kg: Disturbances(trunk_mass_kg=kg)),
+        "stairs and rail higher (mm)": (60.0, up(1.0)),
+        "stairs and rail lower (mm)": (60.0, up(-1.0)),
+        "sensors late (ms)": (60.0, lambda ms: Disturbances(delay_s=1e-3 * ms)),
+        "sole less on every side (mm)": (40.0, smaller),
+        "friction below 0.3 by": (0.29, lambda less: Disturbances(friction=0.3 - less)),
     }
+
+
+def applies(experiment: str, what: str) -> bool:
+    """There is a rail beside the stairs of experiment 3 only, and no stair in experiment 1."""
+    return not (what.startswith("rail") and "rail" not in experiment) and not (
+        what.startswith("stairs") and "stairs" not in experiment
+    )
 
 
 def boundary(survives: Callable[[float], bool], too_much: float) -> float:

@@ -7,8 +7,8 @@ The divergent component of motion ``xi = c + c' / w`` with ``w = sqrt(g / h)`` r
 so that with ``e = xi - xi_ref`` the pressure is moved ahead of it, by ``d = k e + k_i w int e dt`` (Englsberger 2015,
 Morisawa 2012); the integral finds what is constantly wrong: a load, a slope, a CoM that is not where it is thought.
 What of ``d`` the soles can do within their rectangles becomes ankle torques: a force ``f_z`` shifted by ``d`` turns the
-foot with ``d x f``, which the joint with axis ``a`` has to oppose by ``-a (d x f)``. On two soles the rest is done by
-shifting load from one to the other.
+foot with ``d x f``, which the joint with axis ``a`` has to oppose by ``-a (d x f)``. On two soles load is shifted from
+one to the other as well: of a row of shares the one with which pressure and soles together come closest to d.
 """
 
 from collections.abc import Mapping
@@ -21,6 +21,11 @@ from jaxtyping import Float
 from stridelab.conventions import GRAVITY_M_S2, Rotation, Vector3
 from stridelab.robots.robot import Robot
 
+_LEAST_SHARE = 0.05
+"""Of the weight, that each of two soles keeps."""
+_TRIED = 41
+_UNPLANNED_M = 0.01
+"""What a shift of all the load counts beside a centre of pressure that is missed."""
 LOWEST_COM_M = 0.3
 """Below this the pendulum is no model of the robot any more."""
 Shift = Float[np.ndarray, "2"]
@@ -57,7 +62,7 @@ class CapturePoint:
     integral_gain: float = 0.3
     integral_m: float = 0.03
     edge_m: float = 0.005
-    transfer: float = 0.3
+    transfer: float = 1.0
 
     def shift_m(self, error_m: Shift, integral_m: Shift) -> Shift:
         """Of the centre of pressure, for an error of the capture point and its integral times w."""
@@ -67,25 +72,36 @@ class CapturePoint:
         self, shift_m: Shift, soles: Mapping[str, Sole], half_size_m: Mapping[str, tuple[float, float]]
     ) -> tuple[dict[str, Shift], dict[str, float]]:
         """Per sole the shift of its own centre of pressure (contact frame) and the load that it gains (N)."""
-        total_n = sum(sole.load_n for sole in soles.values())
-        own: dict[str, Shift] = {}
-        rest = shift_m.copy()
-        for name, sole in soles.items():
-            half = np.array(half_size_m[name]) - self.edge_m
-            in_sole = (sole.rotation.T @ [*shift_m, 0.0])[:2]
-            own[name] = np.clip(
-                in_sole, np.minimum(-half - sole.pressure_m, 0.0), np.maximum(half - sole.pressure_m, 0.0)
-            )
-            rest -= sole.load_n / total_n * (sole.rotation[:2, :2] @ own[name])
+        own = {name: self._within(shift_m, sole, half_size_m[name]) for name, sole in soles.items()}
         gained = dict.fromkeys(soles, 0.0)
         if len(soles) == 2:
-            a, b = soles
-            apart = (soles[a].position_m - soles[b].position_m)[:2]
-            share = float(rest @ apart) / max(float(apart @ apart), 1e-6)
-            share = float(np.clip(share, -self.transfer, self.transfer))
-            moved_n = float(np.clip(share * total_n, -0.9 * soles[a].load_n, 0.9 * soles[b].load_n))
-            gained |= {a: moved_n, b: -moved_n}
+            a, b = soles.values()
+            total_n = a.load_n + b.load_n
+            # shares of the first sole, the planned one first; each with what the soles themselves would have to do
+            planned = a.load_n / total_n
+            most = np.clip([planned - self.transfer, planned + self.transfer], _LEAST_SHARE, 1.0 - _LEAST_SHARE)
+            shares = np.append(planned, np.linspace(min(most[0], planned), max(most[1], planned), _TRIED))
+            apart = (_pressure_m(a) - _pressure_m(b))[:2]
+            rest = shift_m - (shares - planned)[:, None] * apart
+            shifts = [self._within(rest, sole, half_size_m[name]) for name, sole in soles.items()]
+            done = [shift @ sole.rotation[:2, :2].T for shift, sole in zip(shifts, soles.values(), strict=True)]
+            missed = rest - shares[:, None] * done[0] - (1.0 - shares)[:, None] * done[1]
+            best = int(np.argmin((missed**2).sum(axis=1) + _UNPLANNED_M**2 * (shares - planned) ** 2))
+            own = {name: shift[best] for name, shift in zip(soles, shifts, strict=True)}
+            moved_n = float(shares[best] - planned) * total_n
+            gained = dict(zip(soles, (moved_n, -moved_n), strict=True))
         return own, gained
+
+    def _within(self, shift_m: np.ndarray, sole: Sole, half_size_m: tuple[float, float]) -> np.ndarray:
+        """Shifts ``(..., 2)`` in world axes as far as the sole allows, in its contact frame."""
+        half = np.array(half_size_m) - self.edge_m
+        low, high = np.minimum(-half - sole.pressure_m, 0.0), np.maximum(half - sole.pressure_m, 0.0)
+        return np.asarray(np.clip(shift_m @ sole.rotation[:2, :2], low, high))
+
+
+def _pressure_m(sole: Sole) -> Vector3:
+    """Where a sole is planned to be pressed."""
+    return np.asarray(sole.position_m + sole.rotation[:, :2] @ sole.pressure_m)
 
 
 def pendulum_rate(com_height_m: float) -> float:

@@ -19,6 +19,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.conventions import Vector3
+from stridelab.wholebody.ankles import Shift
 from stridelab.wholebody.posed import Posed
 from stridelab.wholebody.seen import Seen
 
@@ -30,16 +31,18 @@ _DAMPING = 1e-4
 class Footing:
     """``loaded_n`` is the force from which a sole counts as landed, ``settling_s`` how long its place is still watched.
 
-    ``rate_m_s`` limits how fast a leg gives way; a sole that finds no ground goes down by ``search_m_s`` as far as
-    ``search_m``. No correction is larger than ``most_m``. A swing may end early from its share ``may_land`` on.
+    ``rate_m_s`` limits how fast a leg gives way, ``aside_m_s`` how fast one steps aside; a sole that
+    finds no ground goes down by ``search_m_s`` as far as ``search_m``. No correction is larger than ``most_m``. A swing
+    may end early from its share ``may_land`` on.
     """
 
     loaded_n: float = 60.0
     settling_s: float = 0.06
     rate_m_s: float = 0.25
+    aside_m_s: float = 1.0
     search_m_s: float = 0.10
     search_m: float = 0.025
-    most_m: float = 0.04
+    most_m: float = 0.25
     may_land: float = 0.6
 
 
@@ -53,12 +56,20 @@ class Feet:
         self._since: dict[str, float] = {}
         self._sought_m: dict[str, float] = dict.fromkeys(soles, 0.0)
 
-    def angles_rad(self, seen: Seen, share: Mapping[str, float], n_joints: int) -> Float[np.ndarray, "na"]:
-        """What to add to the planned angles; ``share`` is how far each sole's swing has come, 1 where it stands."""
-        found = np.zeros(n_joints)
-        most_m = self._footing.rate_m_s * self._dt_s
+    def angles_rad(
+        self, seen: Seen, share: Mapping[str, float], beside: Mapping[str, Shift], body_m: Shift, n_joints: int
+    ) -> Float[np.ndarray, "na"]:
+        """What to add to the planned angles; ``share`` is how far each sole's swing has come, 1 where it stands.
+
+        ``beside`` is by how much a sole shall land beside its place, ``body_m`` by how much the body shall be beside
+        its own.
+        """
+        found, f = np.zeros(n_joints), self._footing
+        self._beside, self._body_m = beside, np.array([*body_m, 0.0])
         for name, swung in share.items():
             step = self._wanted(name, swung, seen) - self._off[name]
+            aside = bool(beside[name].any()) and name not in self._landed
+            most_m = (f.aside_m_s if aside else f.rate_m_s) * self._dt_s
             length = float(np.linalg.norm(step))
             self._off[name] = self._off[name] + step * min(1.0, most_m / max(length, 1e-12))
             J = self._posed.moved_by_limb(name)
@@ -69,6 +80,7 @@ class Feet:
     def _wanted(self, name: str, swung: float, seen: Seen) -> Vector3:
         """By how much the foot's place, seen from the planned base, shall differ from the plan (world axes)."""
         f, planned_m = self._footing, self._posed.contact(name).position_m
+        aim_m = planned_m + np.array([*self._beside[name], 0.0])
         loaded = float(np.linalg.norm(seen.forces_n[name])) > f.loaded_n
         if swung < f.may_land:
             self._landed.pop(name, None)
@@ -77,19 +89,19 @@ class Feet:
             self._since[name] = self._since[name] + self._dt_s if name in self._landed else 0.0
             self._landed[name] = seen.contacts[name].position_m
         if name in self._landed:
-            return self._cut(self._landed[name] - planned_m)
+            return self._cut(self._landed[name] - planned_m - self._body_m)
         if swung < 1.0:
-            return self._cut(self._to_the_world(planned_m, seen))
+            return self._cut(self._to_the_world(aim_m, seen) - planned_m)
         self._sought_m[name] = min(f.search_m, self._sought_m[name] + f.search_m_s * self._dt_s)
         down_m = np.array([0.0, 0.0, self._sought_m[name]])
-        return np.asarray(self._cut(self._to_the_world(planned_m, seen)) - down_m)
+        return np.asarray(self._cut(self._to_the_world(aim_m, seen) - planned_m) - down_m)
 
-    def _to_the_world(self, planned_m: Vector3, seen: Seen) -> Vector3:
-        """What brings a swinging foot to its planned place although the base is off its own."""
+    def _to_the_world(self, place_m: Vector3, seen: Seen) -> Vector3:
+        """Where a foot has to be, seen from the planned base, to be at a place although the base is off its own."""
         base = self._posed.base
         seen_R = np.asarray(pin.Quaternion(seen.q[3:7]).toRotationMatrix())
-        in_seen_base = seen_R.T @ (planned_m - seen.q[:3])
-        return np.asarray(base.rotation @ in_seen_base + base.position_m - planned_m)
+        in_seen_base = seen_R.T @ (place_m - seen.q[:3])
+        return np.asarray(base.rotation @ in_seen_base + base.position_m)
 
     def _cut(self, off_m: Vector3) -> Vector3:
         length = float(np.linalg.norm(off_m))

@@ -24,6 +24,7 @@ from stridelab.wholebody.seen import Observe, Sensors, as_sensed
 from stridelab.wholebody.simulation import Simulation
 from stridelab.wholebody.simulation_model import build_simulation
 from stridelab.wholebody.stabiliser import Stabiliser, Stabilising
+from stridelab.wholebody.stepping import Steady
 
 __all__ = ["PhysicsReplay", "Replay", "replay"]
 
@@ -75,14 +76,15 @@ class PhysicsReplay:
         stabilising = None if self.stabiliser is None else Stabilising(self.stabiliser, robot, motion)
         sensors = Sensors(simulation, disturbed, motion.rate_hz)
         rng = np.random.default_rng(disturbed.seed)
-        last = len(motion.time_s) - 1
-        n_samples = last + round(AFTERWARDS_S * motion.rate_hz)
+        last, dt_s, k, rested = len(motion.time_s) - 1, 1.0 / motion.rate_hz, 0, 0
+        pace = Steady(last) if stabilising is None else stabilising.pace
         started, completed = time.perf_counter(), True
-        for k in range(n_samples):
-            i, moving = min(k, last), float(k < last)
-            forward, q_target, v_target = motion.tau_nm[i], motion.q[i][7:], moving * motion.v[i][6:]
+        while completed and rested < round(AFTERWARDS_S * motion.rate_hz):
+            i, rate = pace.nearest, pace.rate * float(pace.nearest < last)
+            forward, v_target = motion.tau_nm[i], rate * motion.v[i][6:]
+            q_target = motion.q[i][7:] + (pace.sample - i) * dt_s * motion.v[i][6:]
             if stabilising is not None:
-                angles, added = stabilising.at(k, observe(sensors.read(k / motion.rate_hz)))
+                angles, added = stabilising.at(observe(sensors.read(k / motion.rate_hz)))
                 q_target, forward = q_target + angles, forward + added
             for j in range(substeps):
                 ahead = q_target + j * simulation.timestep_s * v_target
@@ -94,14 +96,14 @@ class PhysicsReplay:
                 held = simulation.locked_torques_nm(self.arm_share * self.stiffness, self.arm_share * self.damping)
                 torque_ratio = max(torque_ratio, simulation.step(tau, held))
             simulation.refresh()
+            pace.tick()
+            k, rested = k + 1, rested + int(i == last)
             com_m, _ = simulation.com()
-            error_m = float(np.linalg.norm(com_m - motion.com_reference_m[min(k + 1, last)]))
-            log.sample(simulation, (k + 1) / motion.rate_hz, com_m, error_m)
+            error_m = float(np.linalg.norm(com_m - motion.com_reference_m[pace.nearest]))
+            log.sample(simulation, k / motion.rate_hz, float(motion.time_s[pace.nearest]), com_m, error_m)
             completed = error_m < FALLEN_M
-            if not completed:
-                break
-            if k % SAY_EVERY == 0:
-                progress(k / n_samples, f"replay: {k / motion.rate_hz:.1f} of {n_samples / motion.rate_hz:.1f} s")
+            if i % SAY_EVERY == 0:
+                progress(i / (last + 1), f"replay: {motion.time_s[i]:.1f} of {motion.time_s[-1]:.1f} s")
         return log.replay(completed, torque_ratio, time.perf_counter() - started)
 
     def _gains(self, robot: Robot, timestep_s: float) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:

@@ -16,6 +16,7 @@ class Simulation:
         self.built = built
         self._model = built.model
         self._data = mujoco.MjData(built.model)
+        self._of_geom = {geom: name for name, geom in built.geom.items()}
         self._root = 1  # the robot's first body; 0 is the world
         x, y, z, w = q[3:7]
         self._data.qpos[:7] = [*q[:3], w, x, y, z]
@@ -92,12 +93,12 @@ class Simulation:
     def forces_n(self) -> dict[str, Vector3]:
         """World-frame force of the surroundings on every effector."""
         found = {name: np.zeros(3) for name in self.built.geom}
-        of_geom = {geom: name for name, geom in self.built.geom.items()}
         wrench = np.zeros(6)
-        for k, contact in enumerate(self._data.contact[: self._data.ncon]):
-            for geom, sign in ((contact.geom2, 1.0), (contact.geom1, -1.0)):
-                if geom in of_geom:
+        touching = self._data.contact
+        for k, pair in enumerate(touching.geom[: self._data.ncon].tolist()):
+            for geom, sign in ((pair[1], 1.0), (pair[0], -1.0)):
+                if geom in self._of_geom:
                     # given in the contact's frame, whose rows are its axes, and acting on its second geometry
                     mujoco.mj_contactForce(self._model, self._data, k, wrench)
-                    found[of_geom[geom]] += sign * contact.frame.reshape(3, 3).T @ wrench[:3]
+                    found[self._of_geom[geom]] += sign * touching.frame[k].reshape(3, 3).T @ wrench[:3]
         return found

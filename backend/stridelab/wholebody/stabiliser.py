@@ -1,8 +1,8 @@
 """The stabiliser of the replay: it sees the robot a sample at a time and corrects what the joints are told.
 
-Capture-point feedback through ankles and legs (``ankles``), legs that adapt to where the feet landed (``footing``) and
-force control of the hands (``grip``). The centre of pressure that the whole-body motion planned is where the feedback
-starts from.
+Capture-point feedback through ankles and legs (``ankles``), legs that adapt to where the feet landed (``footing``),
+force control of the hands (``grip``), and a plan that waits, hurries or steps aside when that is not enough
+(``stepping``). The centre of pressure that the whole-body motion planned is where the feedback starts from.
 """
 
 from collections.abc import Mapping
@@ -15,12 +15,14 @@ from stridelab.contacts.sequence import Contact
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.ankles import CapturePoint, Sole, ankle_torques_nm, ankles_of, pendulum_rate
+from stridelab.wholebody.capturable import Capturable
 from stridelab.wholebody.footing import Feet, Footing
 from stridelab.wholebody.grip import Grip, Hands
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.posed import Posed
 from stridelab.wholebody.schedule import swung_shares
 from stridelab.wholebody.seen import Seen
+from stridelab.wholebody.stepping import Pace, Stepping
 
 Angles = Float[np.ndarray, "na"]
 _LIGHT_N = 30.0
@@ -29,11 +31,12 @@ _LIGHT_N = 30.0
 
 @dataclass(frozen=True)
 class Stabiliser:
-    """Its three parts; ``ankle_stiffness`` scales the position control of the ankles, which would fight the first."""
+    """Its parts; ``ankle_stiffness`` scales the position control of the ankles, which would fight the first."""
 
     capture: CapturePoint = field(default_factory=CapturePoint)
     footing: Footing | None = field(default_factory=Footing)
     grip: Grip | None = field(default_factory=Grip)
+    stepping: Stepping = field(default_factory=Stepping)
     ankle_stiffness: float = 0.2
 
 
@@ -53,18 +56,22 @@ class Stabilising:
             None if stabiliser.footing is None else Feet(stabiliser.footing, self._posed, self._soles, self._dt_s)
         )
         self._grips = None if stabiliser.grip is None else Hands(stabiliser.grip, self._posed, self._dt_s)
-        self._integral_m = np.zeros(2)
+        self._integral_m, self._body_off_m = np.zeros(2), np.zeros(2)
+        half = {name: ankle.half_size_m for name, ankle in self._ankles.items() if name in self._soles}
+        self._capturable = Capturable.of(motion, half, stabiliser.capture.edge_m)
+        self.pace = Pace(stabiliser.stepping, self._capturable, motion.rate_hz)
 
-    def at(self, k: int, seen: Seen) -> tuple[Angles, Angles]:
-        """Angles (rad) and torques (N m) to add at sample ``k``; after the last one the motion stands still."""
-        motion, last = self._motion, len(self._motion.time_s) - 1
-        i, n = min(k, last), motion.tau_nm.shape[1]
+    def at(self, seen: Seen) -> tuple[Angles, Angles]:
+        """Angles (rad) and torques (N m) to add where ``pace`` is; after the last sample the motion stands still."""
+        motion, i = self._motion, self.pace.nearest
+        n = motion.tau_nm.shape[1]
         contacts = motion.sequence.phases[motion.sequence.phase_at(float(motion.time_s[i]) + 1e-9)].contacts
         self._posed.at(motion.q[i])
-        tau = self._balance(i, float(k < last), contacts, seen)
+        swung = {name: float(self._share[name][i]) for name in self._soles}
+        tau = self._balance(i, contacts, swung, seen)
         angles = np.zeros(n)
         if self._feet is not None:
-            angles = self._feet.angles_rad(seen, {name: float(self._share[name][i]) for name in self._soles}, n)
+            angles = self._feet.angles_rad(seen, swung, self.pace.off_m, self._body_off_m, n)
         if self._grips is not None:
             touching = {name: contacts[name] for name in self._hands if name in contacts}
             planned_n = {
@@ -75,21 +82,29 @@ class Stabilising:
             angles, tau = angles + pressed, tau + pressing
         return angles, tau
 
-    def _balance(self, i: int, moving: float, contacts: Mapping[str, Contact], seen: Seen) -> Angles:
-        motion, capture = self._motion, self._by.capture
+    def _balance(self, i: int, contacts: Mapping[str, Contact], swung: Mapping[str, float], seen: Seen) -> Angles:
+        motion, capture, pace = self._motion, self._by.capture, self.pace
         tau = np.zeros(motion.tau_nm.shape[1])
         soles = {name: self._sole(name, c, i) for name, c in contacts.items() if name in self._ankles}
         if not soles:
             return tau
         ground_m = float(np.mean([sole.position_m[2] for sole in soles.values()]))
         w = pendulum_rate(float(seen.com_m[2]) - ground_m)
-        error_m = seen.com_m - motion.com_reference_m[i]
-        error_v = seen.com_v_m_s - moving * motion.com_v_reference_m_s[i]
-        xi_m = (error_m + error_v / w)[:2]
+        can, ended = self._capturable, i == len(motion.time_s) - 1
+        seen_m = seen.com_m[:2] + seen.com_v_m_s[:2] / w
+        pace.decide(seen_m, {name: self._posed.contact(name).position_m for name in swung}, swung)
+        # a clock that stands still asks the robot to rest on the capture point, from where the plan can go on
+        still = 0.0 if ended else 1.0 - float(np.clip(pace.rate, 0.0, 1.0))
+        reference_m = motion.com_reference_m[i, :2] if ended else can.capture_m[i]
+        off_m = pace.reference_off_m
+        body_m = off_m + still * (reference_m - motion.com_reference_m[i, :2])
+        self._body_off_m += w * self._dt_s * (body_m - self._body_off_m)
+        xi_m = seen_m - reference_m - off_m
+        slower_m = still * (can.capture_m[i] - can.pressure_m[i])
         limit = capture.integral_m / max(capture.integral_gain, 1e-9)
         self._integral_m = np.clip(self._integral_m + w * self._dt_s * xi_m, -limit, limit)
         half = {name: self._ankles[name].half_size_m for name in soles}
-        shifts, gained = capture.spread(capture.shift_m(xi_m, self._integral_m), soles, half)
+        shifts, gained = capture.spread(capture.shift_m(xi_m, self._integral_m) + slower_m, soles, half)
         for name, sole in soles.items():
             ankle = self._ankles[name]
             load_n = max(sole.load_n + gained[name], _LIGHT_N)
