@@ -19,7 +19,10 @@ from stridelab.wholebody.simulation import Simulation
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """One instant: coordinates in pinocchio's order, CoM and its velocity, per effector its place and its force."""
+    """One instant: coordinates in pinocchio's order, CoM and its velocity, per effector its place, force and moment.
+
+    ``moments_nm`` are those of the surroundings about the effector's place, as a sensor there feels them.
+    """
 
     time_s: float
     q: Float[np.ndarray, "nq"]
@@ -28,6 +31,7 @@ class Seen:
     com_v_m_s: Vector3
     contacts: Mapping[str, Placement]
     forces_n: Mapping[str, Vector3]
+    moments_nm: Mapping[str, Vector3]
 
 
 Observe = Callable[[Seen], Seen]
@@ -54,7 +58,10 @@ class Sensors:
     def _now(self, time_s: float) -> Seen:
         simulation = self._simulation
         contacts = {name: simulation.contact(name) for name in simulation.built.geom}
-        return Seen(time_s, *simulation.coordinates(), *simulation.com(), contacts, simulation.forces_n())
+        wrenches = simulation.wrenches()
+        forces = {name: wrench[:3] for name, wrench in wrenches.items()}
+        moments = {name: w[3:] - np.cross(contacts[name].position_m, w[:3]) for name, w in wrenches.items()}
+        return Seen(time_s, *simulation.coordinates(), *simulation.com(), contacts, forces, moments)
 
     def _noisy(self, seen: Seen) -> Seen:
         noise = self._noise

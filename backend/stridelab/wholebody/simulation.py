@@ -92,13 +92,20 @@ class Simulation:
 
     def forces_n(self) -> dict[str, Vector3]:
         """World-frame force of the surroundings on every effector."""
-        found = {name: np.zeros(3) for name in self.built.geom}
-        wrench = np.zeros(6)
+        return {name: wrench[:3] for name, wrench in self.wrenches().items()}
+
+    def wrenches(self) -> dict[str, Float[np.ndarray, "6"]]:
+        """Force and moment about the world's origin of the surroundings on every effector, in world axes."""
+        found = {name: np.zeros(6) for name in self.built.geom}
+        local = np.zeros(6)
         touching = self._data.contact
         for k, pair in enumerate(touching.geom[: self._data.ncon].tolist()):
             for geom, sign in ((pair[1], 1.0), (pair[0], -1.0)):
                 if geom in self._of_geom:
                     # given in the contact's frame, whose rows are its axes, and acting on its second geometry
-                    mujoco.mj_contactForce(self._model, self._data, k, wrench)
-                    found[self._of_geom[geom]] += sign * touching.frame[k].reshape(3, 3).T @ wrench[:3]
+                    mujoco.mj_contactForce(self._model, self._data, k, local)
+                    axes = sign * touching.frame[k].reshape(3, 3).T
+                    force = axes @ local[:3]
+                    found[self._of_geom[geom]][:3] += force
+                    found[self._of_geom[geom]][3:] += axes @ local[3:] + np.cross(touching.pos[k], force)
         return found
