@@ -14,7 +14,6 @@ from stridelab.cli_console import out
 from stridelab.cli_estimate import EstimateRequest, estimate_here, show_estimate
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_plan import PlanRequest, plan_here, show_plan
-from stridelab.cli_playback import write_page
 from stridelab.errors import Unavailable
 from stridelab.resources import models_dir
 
@@ -65,6 +64,7 @@ def _climb(target: Path, stairs: str, *, force: bool) -> None:
     """Plan the bundled stairs with the whole body, and replay the motion."""
     out.print(f"A robot is planned over the scenario {escape(stairs)}, with its whole body, and replayed in physics")
     with result_folder(target, force=force) as folder:
-        result = plan_here(PlanRequest(stairs), folder)
-        page = write_page(folder)
-    show_plan(result, target, as_json=False, with_page=page is not None)
+        result, failure = plan_here(PlanRequest(stairs), folder)
+    show_plan(result, target, as_json=False)
+    if failure is not None:
+        raise failure

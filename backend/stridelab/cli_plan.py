@@ -2,16 +2,16 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from rich.markup import escape
 
 from stridelab.cli_console import out, progress_bar
 from stridelab.cli_options import PlanSolver, PostureMeasure
 from stridelab.cli_output import refuse_to_overwrite, result_folder
-from stridelab.cli_playback import PAGE_FILE, write_page
 from stridelab.cli_result import show_files, show_json, show_remarks, write_result
 from stridelab.cli_scenario import read_scenario
-from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.errors import Fault, InvalidInput, NotFound, StridelabError
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import (
     DURATION_RANGE,
@@ -20,6 +20,7 @@ from stridelab.schemas.plans import (
     PLAN_STAGES,
     TIME_LIMIT_S,
     CertificateCheck,
+    Film,
     Formulation,
     PlanMotionInput,
     PlanMotionSummary,
@@ -28,6 +29,8 @@ from stridelab.schemas.plans import (
 )
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.tasks import PlanMotionTask
+
+PAGE_FILE: Final = "motion.html"
 
 
 @dataclass(frozen=True)
@@ -45,11 +48,15 @@ class PlanRequest:
     time_limit_s: float | None = None
     free_durations: bool = False
     duration_range: tuple[float, float] = DURATION_RANGE
+    film: Film | None = None
 
     def __post_init__(self) -> None:
         if self.replay and not self.whole_body:
             fault = Fault("--replay", "contradicts --no-whole-body")
             raise InvalidInput("option-invalid", "Only a motion of the whole body can be replayed.", [fault])
+        if self.film is not None and not self.whole_body:
+            fault = Fault("--film", "contradicts --no-whole-body")
+            raise InvalidInput("option-invalid", "Only a motion of the whole body can be filmed.", [fault])
         if self.time_limit_s is not None and not 0.0 < self.time_limit_s <= TIME_LIMIT_S:
             fault = Fault("--time-limit", f"must be above 0 and at most {TIME_LIMIT_S:.0f} s")
             raise InvalidInput("option-invalid", f"A solver cannot be given {self.time_limit_s:g} s.", [fault])
@@ -88,23 +95,34 @@ class PlanRequest:
             time_limit_s=self.time_limit_s,
             free_durations=self.free_durations,
             duration_range=self.duration_range,
+            film=self.film,
         )
 
 
 def plan(
     request: PlanRequest, *, out_dir: Path | None, force: bool, as_json: bool, server: str | None, token: str | None
 ) -> None:
-    """Plan one motion here or on a server, write the result folder and show the summary."""
+    """Plan one motion here or on a server, write the result folder and show the summary.
+
+    Where the body cannot follow the plan, the folder here holds the motion until then, and the error is raised last.
+    """
     target = out_dir or Path(f"{request.title}-plan")
     refuse_to_overwrite(target, force=force)
     with result_folder(target, force=force) as folder:
-        result = plan_here(request, folder) if server is None else plan_there(request, folder, server, token)
-        page = write_page(folder)
-    show_plan(result, target, as_json=as_json, with_page=page is not None)
+        if server is None:
+            result, failure = plan_here(request, folder)
+        else:
+            result, failure = plan_there(request, folder, server, token), None
+    show_plan(result, target, as_json=as_json)
+    if failure is not None:
+        raise failure
 
 
-def plan_here(request: PlanRequest, folder: Path) -> JobResult:
-    """Run the job's own function in this process; ``folder`` then holds exactly what the service would publish."""
+def plan_here(request: PlanRequest, folder: Path) -> tuple[JobResult, StridelabError | None]:
+    """Run the job's own function in this process; ``folder`` then holds exactly what the service would publish.
+
+    The second is why the motion is not whole.
+    """
     scenario = read_scenario(request.scenario)
     task = PlanMotionTask(scenario=scenario, input=request.of(scenario))
     with progress_bar(request.title) as bar:
@@ -112,7 +130,7 @@ def plan_here(request: PlanRequest, folder: Path) -> JobResult:
         from stridelab.service.jobs.kinds import plan_motion
 
         outcome = plan_motion.run(task, folder, bar)
-    return write_result(folder, "plan-motion", task.input, outcome)
+    return write_result(folder, "plan-motion", task.input, outcome), outcome.failure
 
 
 def plan_there(request: PlanRequest, folder: Path, server: str, token: str | None) -> JobResult:
@@ -129,7 +147,7 @@ def plan_there(request: PlanRequest, folder: Path, server: str, token: str | Non
     )
 
 
-def show_plan(result: JobResult, target: Path, *, as_json: bool, with_page: bool) -> None:
+def show_plan(result: JobResult, target: Path, *, as_json: bool) -> None:
     """The summary with the certificate and the replay, or JSON."""
     if as_json:
         show_json(result)
@@ -148,13 +166,17 @@ def show_plan(result: JobResult, target: Path, *, as_json: bool, with_page: bool
         for check in summary.certificate.checks:
             out.print(_line(check, width))
         out.print("[green]certificate passed[/]" if summary.certificate.passed else "[red]certificate not passed[/]")
+    if summary.stopped is not None:
+        at = summary.stopped
+        level = f"level {at.level} ({at.level_name}), {escape(', '.join(at.names))}"
+        out.print(f"[bold red]stopped[/] at {at.time_s:.2f} s in phase {at.phase}: {level}")
     if summary.replay is not None:
         out.print(f"[bold]replay[/] {_replay(summary.replay)}")
     times_s = {stage: summary.stage_times_s[stage] for stage in PLAN_STAGES if stage in summary.stage_times_s}
     out.print(f"[bold]took[/] {', '.join(f'{stage} {seconds:.1f} s' for stage, seconds in times_s.items())}")
     show_remarks(summary.warnings)
-    show_files(result, target, *([PAGE_FILE] if with_page else []))
-    if with_page:
+    show_files(result, target)
+    if any(artifact.name == PAGE_FILE for artifact in result.artifacts):
         out.print(f"To see the motion, open {escape(str(target / PAGE_FILE))} in a browser.")
 
 

@@ -92,7 +92,7 @@ def show_remarks(remarks: list[Remark]) -> None:
         out.print(f"[yellow]note[/] {escape(remark.message)} [dim]({escape(remark.code)})[/]")
 
 
-def show_files(result: JobResult, target: Path, *more: str) -> None:
+def show_files(result: JobResult, target: Path) -> None:
     """Where the result lies and what it holds."""
-    names = ", ".join([*(artifact.name for artifact in result.artifacts), *more, RESULT_FILE, REFERENCES_FILE])
+    names = ", ".join([*(artifact.name for artifact in result.artifacts), RESULT_FILE, REFERENCES_FILE])
     out.print(f"[green]written[/] {escape(str(target))}: {escape(names)}")

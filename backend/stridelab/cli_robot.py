@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from stridelab.cli_options import AsJson, Force, OutFolder, PlanSolver, PostureMeasure, Server, Token
-from stridelab.schemas.plans import DURATION_RANGE, NODE_RATE_HZ, Formulation, Shape
+from stridelab.schemas.plans import DURATION_RANGE, NODE_RATE_HZ, Film, Formulation, Shape
 
 OutFile = Annotated[Path | None, typer.Option("--out-file", help="The file to write; must not exist yet.")]
 ForceFile = Annotated[bool, typer.Option("--force", help="Replace that file.")]
@@ -48,6 +48,9 @@ def plan(
     duration_range: Annotated[
         tuple[float, float], typer.Option("--duration-range", help="Between how many times what the scenario says.")
     ] = DURATION_RANGE,
+    film: Annotated[
+        Film | None, typer.Option("--film", help="A film of the motion as well: gif or mp4; needs ffmpeg.")
+    ] = None,
     out_dir: OutFolder = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -70,6 +73,7 @@ def plan(
         time_limit_s=time_limit,
         free_durations=free_durations,
         duration_range=duration_range,
+        film=film,
     )
     run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
 

@@ -16,6 +16,8 @@ from stridelab_web.touches import touches
 
 POSE, FORCE = 7, 6
 COM = "/com/plan"
+ROBOT, GHOST, MEASURED = "/robot/", "/ghost/", "/measured/"
+"""Groups of nodes: the robot as planned, and as it moved in physics with the forces that it met."""
 MOMENTUM: Final = "/momentum/"
 MOMENTUM_M_PER_NMS: Final = 0.1
 """Length of the arrow of the angular momentum; it is a few newton metre seconds where a robot walks."""
@@ -23,30 +25,34 @@ MOMENTUM_M_PER_NMS: Final = 0.1
 
 @dataclass(frozen=True)
 class Motion:
-    """``poses.json`` with its two arrays: ``poses`` ``(frames, links, 7)``, ``forces`` ``(frames, effectors, 6)``."""
+    """``poses.json`` with its two arrays: ``poses`` ``(frames, links, 7)``, ``forces`` ``(frames, effectors, 6)``.
+
+    ``ghost`` and ``measured`` are the same of the replay in physics, NaN once the robot has fallen.
+    """
 
     time_s: np.ndarray
     links: tuple[str, ...]
     effectors: tuple[str, ...]
     poses: np.ndarray
     forces: np.ndarray
+    ghost: np.ndarray | None = None
+    measured: np.ndarray | None = None
 
 
-def read_motion(about: bytes, poses: bytes, forces: bytes) -> Motion:
-    """The motion of ``poses.json``, ``poses.f32`` and ``forces.f32``.
+def read_motion(about: bytes, poses: bytes, forces: bytes, *replayed: bytes) -> Motion:
+    """The motion of ``poses.json``, ``poses.f32`` and ``forces.f32``; ``replayed`` are the arrays of its replay.
 
     Raises ``ValueError`` where an array has another size than the description says.
     """
     said = json.loads(about)
     time_s = np.array(said["time_s"], dtype=float)
     links, effectors = tuple(said["links"]), tuple(said["forces"]["effectors"])
-    return Motion(
-        time_s,
-        links,
-        effectors,
-        np.frombuffer(poses, "<f4").reshape(len(time_s), len(links), POSE),
-        np.frombuffer(forces, "<f4").reshape(len(time_s), len(effectors), FORCE),
-    )
+    shapes = [(len(time_s), len(links), POSE), (len(time_s), len(effectors), FORCE)] * 2
+    arrays = [
+        np.frombuffer(content, "<f4").reshape(shape)
+        for content, shape in zip((poses, forces, *replayed), shapes, strict=False)
+    ]
+    return Motion(time_s, links, effectors, *arrays)
 
 
 def plan_frames(
@@ -69,8 +75,13 @@ def plan_frames(
         arrows.append(Arrow(f"{MOMENTUM}com_shaft", f"{MOMENTUM}com_head", com_at, "angular momentum about the CoM"))
     if motion is not None:
         for k, link in enumerate(motion.links):
-            bodies.append(Body(f"/robot/{link}", sheet.add(motion.poses[:, k])))
+            bodies.append(Body(f"{ROBOT}{link}", sheet.add(motion.poses[:, k])))
         forces = {effector: motion.forces[:, k] for k, effector in enumerate(motion.effectors)}
+        if motion.ghost is not None and motion.measured is not None:
+            bodies += [Body(f"{GHOST}{link}", sheet.add(motion.ghost[:, k])) for k, link in enumerate(motion.links)]
+            for k, effector in enumerate(motion.effectors):
+                name, at = f"{MEASURED}{effector}", sheet.add(motion.measured[:, k])
+                arrows.append(Arrow(f"{name}_shaft", f"{name}_head", at, f"force on {effector} in the replay"))
     else:
         forces = centroidal_forces(scenario, centroidal)
     for effector, force in forces.items():

@@ -11,13 +11,17 @@ from stridelab_web.plots import Reading, Row, Style, Trace, drawing, three
 from stridelab_web.tables import Columns
 
 CENTROIDAL_TABLE: Final = "centroidal.parquet"
+REPLAY_TABLE: Final = "replay.parquet"
+REPLAY_HZ: Final = 50.0
+"""At which the replay is drawn; it was measured more often."""
 
 _COM = ("com_x_m", "com_y_m", "com_z_m")
 _VELOCITY = ("com_vx_m_s", "com_vy_m_s", "com_vz_m_s")
 _MOMENTUM = ("l_x_nms", "l_y_nms", "l_z_nms")
 
 OTHER: Final = "other_"
-"""Before the names of the second plan's columns."""
+"""Before the names of the second plan's columns, or of the replay's."""
+REPLAYED: Final = "replay"
 _FULL: Final[Sequence[Style]] = ("full1", "full2", "full3", "full4")
 _DASHED: Final[Sequence[Style]] = ("dashed1", "dashed2", "dashed3", "dashed4")
 _SAME_S: Final = 1e-9
@@ -74,12 +78,50 @@ def pair_curves(first: Columns, second: Columns, scenario: Scenario, *, steps: b
     return drawing(shown, both, rows, readings, in_the_air_s(scenario))
 
 
-def _pairs(title: str, named: Mapping[str, str], *, legend: bool = True, steps: bool = False) -> Row:
-    """Curves of the first plan with their names, and of the second in the same colours."""
+def replayed_curves(columns: Columns, replay: Columns, scenario: Scenario, *, steps: bool = True) -> dict[str, Any]:
+    """The plan, and dashed what its replay in physics measured: the CoM and the force on each effector."""
+    nodes_s = columns["time_s"]
+    samples_s = np.arange(0.0, nodes_s[-1], 1.0 / REPLAY_HZ)
+    time_s = np.unique(np.concatenate([nodes_s, samples_s]).round(9))
+    shown: dict[str, np.ndarray] = {"time_s": time_s, **_at(columns, time_s)}
+    forces = list(vertical_forces(columns))
+    measured = dict(zip(_COM, _COM, strict=True)) | {f"{name}_fz_n": f"f_{name}_z_n" for name in forces}
+    for name, column in measured.items():
+        values = replay.get(column, np.full(len(replay["time_s"]), np.nan))
+        shown[OTHER + name] = np.interp(time_s, replay["time_s"], values, left=np.nan, right=np.nan)
+    decimals = dict.fromkeys(_COM, 5) | dict.fromkeys(_VELOCITY, 4) | dict.fromkeys(_MOMENTUM, 6)
+    decimals |= {f"{name}_fz_n": 1 for name in forces}
+    decimals |= {OTHER + name: decimals[name] for name in measured}
+    com = [
+        _pairs(f"CoM {axis} [m]", {axis: key}, legend=False, said=REPLAYED)
+        for axis, key in zip("xyz", _COM, strict=True)
+    ]
+    rows = [
+        *com,
+        three("Velocity [m/s]", _VELOCITY),
+        three("Momentum L [N m s]", _MOMENTUM),
+        _pairs(
+            "Vertical force [N]",
+            {name.replace("_", " "): f"{name}_fz_n" for name in forces},
+            steps=steps,
+            said=REPLAYED,
+        ),
+    ]
+    readings = [Reading(axis, key, "m", 4, more=(OTHER + key,)) for axis, key in zip("xyz", _COM, strict=True)]
+    readings += [
+        Reading(name.replace("_", " "), f"{name}_fz_n", "N", 0, more=(f"{OTHER}{name}_fz_n",)) for name in forces
+    ]
+    return drawing(shown, decimals, rows, readings, in_the_air_s(scenario))
+
+
+def _pairs(
+    title: str, named: Mapping[str, str], *, legend: bool = True, steps: bool = False, said: str = "other plan"
+) -> Row:
+    """Curves of the first plan with their names, and of the second, which is ``said`` to be, in the same colours."""
     traces: list[Trace] = []
     for k, (name, key) in enumerate(named.items()):
         full, dashed = _FULL[k % len(_FULL)], _DASHED[k % len(_DASHED)]
-        traces += [Trace(key, name, full), Trace(OTHER + key, f"{name}, other plan", dashed, listed=False)]
+        traces += [Trace(key, name, full), Trace(OTHER + key, f"{name}, {said}", dashed, listed=False)]
     return Row(title, tuple(traces), legend=legend, steps=steps)
 
 

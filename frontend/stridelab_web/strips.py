@@ -11,11 +11,13 @@ TICKS_AT_MOST = 8
 
 @dataclass(frozen=True)
 class Bar:
-    """One interval; ``x`` and ``width`` in percent."""
+    """One interval; ``x`` and ``width`` in percent. ``css`` is one more class, ``at_s`` an instant that it marks."""
 
     x: float
     width: float
     text: str
+    css: str = ""
+    at_s: float | None = None
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Plans and scenarios in the viewer: what is drawn is what the files say, and what is dragged is what is stored."""
 
 import math
+import re
 from collections.abc import Callable, Iterator
 
 import numpy as np
@@ -123,6 +124,38 @@ def test_cones_follow_the_forces_of_loaded_contacts_when_switched_on(tab: Tab, l
     page.get_by_role("slider", name="Time").fill("25")  # 0.5 s: both feet
     until(page, lambda: there() == [True, True, False, True])
     assert [url for url in asked if "/view/scene/" in url] == []
+
+
+def test_the_ghost_of_the_replay_and_its_forces_are_there_until_it_falls(tab: Tab, lab: Lab) -> None:
+    job = lab.fake.add_plan(replay=True)
+    page = opened(tab, f"/view/?plan={job.id}&t=0.5")
+    names = (FOOT, "/ghost/leg_right_6_link", "/forces/left_foot_shaft", "/measured/left_foot_shaft")
+
+    def there() -> list[bool]:
+        shown = nodes(page, *names)
+        return [max(shown[name]["scale"]) > 1e-3 for name in names]
+
+    until(page, lambda: there() == [True, True, True, False])  # a fall shows its ghost at once
+    page.get_by_label("Measured forces").check()
+    until(page, lambda: there() == [True] * 4)
+    shown = nodes(page, *names[:2])
+    apart = np.subtract(shown[names[1]]["position"], shown[names[0]]["position"])
+    assert apart == pytest.approx([0.0, 0.0, 0.01], abs=1e-5)
+    page.get_by_label("Replay").uncheck()
+    until(page, lambda: there() == [True, False, True, True])
+    page.get_by_label("Replay").check()
+    page.get_by_role("slider", name="Time").fill("160")  # 3.2 s, after the fall
+    until(page, lambda: there()[:2] == [True, False])
+
+
+def test_a_checks_worst_moment_is_one_choice_or_one_click_away(tab: Tab, lab: Lab) -> None:
+    page = opened(tab, f"/view/?plan={lab.fake.add_plan(replay=True).id}")
+    clock = page.locator("[data-time]")
+    page.get_by_label("Worst of").select_option("2.500")
+    expect(clock).to_contain_text("2.500 s")
+    page.locator("rect.check.bad").click()
+    expect(clock).to_contain_text(re.compile(r"1\.2[46]0 s"))
+    assert page.evaluate("document.documentElement.scrollWidth") <= page.viewport_size["width"]
 
 
 CLEAR = """(name) => {

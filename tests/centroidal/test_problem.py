@@ -42,6 +42,17 @@ def test_standing_is_over_the_mean_of_the_soles_whatever_the_hands_do() -> None:
     assert standing_com_m(contacts, 0.8, EFFECTORS) == pytest.approx([0.2, 0.0, 0.85])
 
 
+def test_limbs_take_one_rate_per_interval(problem: CentroidalProblem) -> None:
+    m = len(problem.grid().phase)
+    assert replace(problem, limbs_nm=np.zeros((m, 3))).limbs_nm is not None
+    with pytest.raises(InvalidInput) as caught:
+        replace(problem, limbs_nm=np.zeros((m + 1, 3)))
+    assert caught.value.code == "limbs-need-grid"
+    with pytest.raises(InvalidInput) as caught:
+        replace(problem, limbs_nm=np.zeros((m, 3)), shape="cubic")
+    assert caught.value.code == "limbs-need-grid"
+
+
 def test_hanging_by_the_hand_is_not_standing() -> None:
     with pytest.raises(InvalidInput) as caught:
         standing_com_m(phase(1.0, hand(0.0, 1.0)).contacts, 0.8, EFFECTORS)

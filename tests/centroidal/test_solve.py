@@ -129,3 +129,17 @@ def test_a_cost_that_is_not_a_number_never_reaches_a_solver(name: SolverName) ->
     assert not found.success
     assert found.status == "the cost is not a number at the start"
     assert np.isfinite(found.point.w).all()
+
+
+def test_the_momentum_that_limbs_take_is_planned_for() -> None:
+    """Its rates cost nothing where the plan takes them, and the motion ends at rest as before."""
+    walk = rest_to_rest(two_steps())
+    grid = walk.grid()
+    rates = np.outer(np.sin(2.0 * np.pi * grid.time_s[:-1] / grid.time_s[-1]), [0.0, 3.0, 0.0])
+    rates -= grid.step_s @ rates / grid.time_s[-1]
+    plan, swung = solve(walk), solve(replace(walk, limbs_nm=rates))
+    assert swung.converged
+    assert np.abs(plan.l_nms).max() < 0.1
+    planned = np.vstack([np.zeros(3), np.cumsum(grid.step_s[:, None] * rates, axis=0)])
+    assert swung.l_nms == pytest.approx(planned, abs=0.1)
+    assert swung.objective == pytest.approx(plan.objective, rel=0.02)

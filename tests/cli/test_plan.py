@@ -11,14 +11,13 @@ from typer.testing import CliRunner
 from stridelab import cli_demo, cli_remote
 from stridelab.cli import app
 from stridelab.cli_plan import PlanRequest, plan, show_plan
-from stridelab.cli_playback import write_page
 from stridelab.client import ProblemError
 from stridelab.errors import Conflict, InvalidInput, NotEstimable
-from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds import plan_motion
-from support.planning import changed, plan_task, short_walk
+from support.planning import changed, plan_task, short_walk, stopping_after
 from support.quiet import quiet
 from support.scripted_service import ScriptedService, problem
 
@@ -169,8 +168,9 @@ def fallen() -> dict[str, Any]:
 
 
 def test_the_tables_say_what_failed_and_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    result = JobResult(kind="plan-motion", input={}, versions={}, references=[], summary=fallen(), artifacts=[])
-    show_plan(result, tmp_path, as_json=False, with_page=True)
+    page = Artifact(name="motion.html", media_type="text/html", bytes=1)
+    result = JobResult(kind="plan-motion", input={}, versions={}, references=[], summary=fallen(), artifacts=[page])
+    show_plan(result, tmp_path, as_json=False)
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "Stairs [steep]: 36.4 s in 31 phases"
     checks = [line.split() for line in lines if line.startswith(("passed", "failed"))]
@@ -196,6 +196,21 @@ def test_the_tables_say_what_failed_and_where(tmp_path: Path, capsys: pytest.Cap
         assert words in replay
     assert any("replay-fell" in line for line in lines)
     assert lines[-1] == f"To see the motion, open {tmp_path / 'motion.html'} in a browser."
+
+
+def test_a_motion_that_stops_is_written_with_its_reason_and_ends_as_the_error(
+    walk: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from stridelab.service.jobs.kinds import plan_motion
+
+    monkeypatch.setattr(plan_motion, "WholeBodyController", stopping_after(0.4))
+    with pytest.raises(NotEstimable) as refusal:
+        act(PlanRequest(walk), tmp_path / "out")
+    assert refusal.value.code == "whole-body-failed"
+    assert (tmp_path / "out" / "motion.html").is_file()
+    kept = json.loads((tmp_path / "out" / "result.json").read_text())["summary"]
+    assert kept["stopped"]["time_s"] == 0.4
+    assert "stopped at 0.40 s in phase 0: level 0" in capsys.readouterr().out
 
 
 @pytest.fixture
@@ -226,7 +241,7 @@ def test_a_service_is_sent_the_scenario_and_its_files_come_home(
         True,
     )
     files = {path.name for path in (tmp_path / "out").iterdir()}
-    assert files == {"motion.viser", "motion.html", "result.json", "references.bib"}
+    assert files == {"motion.viser", "result.json", "references.bib"}
     assert json.loads((tmp_path / "out" / "result.json").read_text())["versions"] == {"stridelab": "9"}
     assert "certificate not passed" in capsys.readouterr().out
 
@@ -253,28 +268,6 @@ def test_a_scenario_that_the_service_refuses_is_invalid_input(
     service.refuse["submit"] = ProblemError(problem(422, "scenario-invalid"), None)
     with pytest.raises(InvalidInput):
         act(PlanRequest(walk), tmp_path / "out", server="http://lab:8000")
-
-
-def test_the_page_is_the_player_that_viser_would_have_made(tmp_path: Path) -> None:
-    import viser
-
-    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
-    try:
-        serializer = server.get_scene_serializer()
-        recording = serializer.serialize()
-        serializer.serialize = lambda: recording  # type: ignore[method-assign]
-        expected = serializer.as_html()
-    finally:
-        server.stop()
-    (tmp_path / "motion.viser").write_bytes(recording)
-    page = write_page(tmp_path)
-    assert page == tmp_path / "motion.html"
-    assert page.read_text(encoding="utf-8") == expected
-
-
-def test_without_a_recording_there_is_no_page(tmp_path: Path) -> None:
-    assert write_page(tmp_path) is None
-    assert list(tmp_path.iterdir()) == []
 
 
 def test_the_demo_does_both_main_jobs(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

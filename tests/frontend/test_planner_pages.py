@@ -1,5 +1,6 @@
 """Pages of the robot wing say what the interface says."""
 
+import json
 import re
 from collections.abc import Callable
 
@@ -8,7 +9,7 @@ import numpy as np
 
 from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.jobs import Progress
-from stridelab.schemas.plans import PhaseDuration
+from stridelab.schemas.plans import PhaseDuration, StoppedMotion
 from stridelab_web.plan_costs import cost_rows
 from stridelab_web.plan_durations import chosen_durations
 from support import fake_planner
@@ -84,12 +85,58 @@ def test_plan_page_shows_certificate_replay_and_where_to_look(fake: FakeService,
     said = texts(page)
     assert "Not every check passed." in said
     assert "CoM error, largest 0.155 mm at most 1 mm passed" in said
-    assert "Terrain distance, smallest -12.3 mm at least 0 m failed leg left 4 link" in said
+    assert "Terrain distance, smallest -12.3 mm at least 0 m failed phase 1 leg left 4 link" in said
     assert f'href="/view/?plan={job.id}&amp;t=1.250"' in page
     assert "The robot falls at 3.21 s." in said
     assert "Foot slip, largest 4.2 mm" in said
     assert said.index("check 0.50 s") < said.index("centroidal 2.50 s") < said.index("export 1.00 s")
     assert "Replayed in physics, the robot falls." in said
+    assert "1 7.5 N m s 2.5 N m s 3.0 ms 2 0.75 N m s 0.25 N m s 4.0 ms" in said
+
+
+def test_a_plan_that_the_body_cannot_follow_shows_where_it_stops(fake: FakeService, browse: Browse) -> None:
+    job = fake.add_plan()
+    problem = Problem(title="Failed", status=422, code="whole-body-failed", detail="The body cannot go on.", errors=[])
+    fake.change(job.id, state="failed", error=problem)
+    fake.stopped[job.id] = StoppedMotion(
+        time_s=1.24, phase=1, level=0, level_name="dynamics", names=["torque of leg_left_4_joint"]
+    )
+    page = browse(f"/plans/{job.id}").text
+    said = texts(page)
+    assert "The body cannot go on." in said
+    assert "The whole body follows the plan for 1.24 s of " in said
+    assert "First level violated 0: dynamics Short of torque of leg left 4 joint" in said
+    assert "Only a whole motion is checked." in said
+    assert f'href="/view/?plan={job.id}&amp;t=1.240"' in page
+    assert "Watch the motion" in said
+    viewer = browse(f"/view/?plan={job.id}")
+    assert viewer.status_code == 200
+    assert "data-moments" not in viewer.text
+
+
+def test_a_failed_plan_that_kept_nothing_has_nothing_to_show(fake: FakeService, browse: Browse) -> None:
+    assert browse(f"/view/?plan={fake.add_job('plan-motion', 'failed').id}").status_code == 409
+
+
+def test_worst_moments_are_marked_on_the_timeline_and_listed_with_the_failed_first(
+    fake: FakeService, browse: Browse
+) -> None:
+    page = browse(f"/view/?plan={fake.add_plan(replay=True).id}").text
+    first, second = (page.index(f'<option value="{time_s}">') for time_s in ("1.250", "2.500"))
+    assert first < second
+    assert "failed: Terrain distance, smallest -12.3 mm, leg left 4 link, 1.25 s" in page
+    assert 'class="check bad"' in page
+    assert 'data-at="1.250"' in page
+    assert 'data-show="/ghost/" checked' in page, "a replay that falls is shown"
+    assert 'data-show="/measured/"' in page
+
+
+def test_curves_of_a_replayed_plan_stand_beside_what_was_planned(fake: FakeService, browse: Browse) -> None:
+    drawn = browse(f"/plans/{fake.add_plan(replay=True).id}/plots.json").json()
+    text = json.dumps(drawn)
+    assert "left foot, replay" in text
+    page = texts(browse(f"/plans/{fake.add_plan(replay=True).id}").text)
+    assert "readings are the plan's, then the replay's" in page.replace("&#39;", "'")
 
 
 def test_plan_page_of_the_centre_of_mass_alone(fake: FakeService, browse: Browse) -> None:

@@ -45,16 +45,31 @@ def names(scene: OpenScene) -> set[str]:
     return set(scene.server.scene._handle_from_node_name)
 
 
-@pytest.mark.parametrize("whole_body", [True, False])
-def test_a_plan_has_every_node_that_the_page_moves(fake: FakeService, library: Library, whole_body: bool) -> None:
-    job = fake.add_plan(whole_body=whole_body)
+@pytest.mark.parametrize(("whole_body", "replay"), [(True, False), (True, True), (False, False)])
+def test_a_plan_has_every_node_that_the_page_moves(
+    fake: FakeService, library: Library, whole_body: bool, replay: bool
+) -> None:
+    job = fake.add_plan(whole_body=whole_body, replay=replay)
     opened = library.open(Document("plan", job.id))
     layout = read_plan(fake.plans[job.id])[1].layout()
     moved = {node[0] for key in ("points", "bodies", "spans") for node in layout[key]}
     moved |= {name for arrow in layout["arrows"] for name in arrow[:2]} | set(layout["still"])
     assert moved <= names(opened)
     assert ("/robot/bare_link" in names(opened)) == whole_body
+    for group in ("/ghost/base_link", "/ghost/bare_link", "/measured/left_foot_shaft"):
+        assert (group in names(opened)) == (group in moved) == replay
     assert {"/terrain/0", "/terrain/3", "/terrain/0/grid", "/terrain/1/rim"} <= names(opened)
+
+
+def test_the_ghost_is_the_replay_and_gone_once_it_has_fallen() -> None:
+    given = fake_planner.scenario()
+    _, frames = read_plan(fake_planner.plan_files(given, replay=True))
+    at = {body.name: body.at for body in frames.bodies}
+    planned, ghost = (frames.values[:, at[name] : at[name] + 7] for name in ("/robot/base_link", "/ghost/base_link"))
+    standing = frames.time_s <= 3.0
+    np.testing.assert_allclose((ghost - planned)[standing, 2], 0.01, atol=1e-6)
+    assert np.isnan(ghost[~standing]).all()
+    assert np.isfinite(planned).all()
 
 
 def test_links_keep_their_frames() -> None:

@@ -34,6 +34,18 @@ def _note(task: dict[str, Any], word: str) -> None:
             diary.write(f"{task['name']} {word}\n")
 
 
+def stop_half_way(_task: dict[str, Any], folder: Path, _progress: Any) -> dict[str, Any]:
+    """Fail, and leave what there is until then."""
+    (folder / "half.csv").write_text("time_s\n0.0\n")
+    problem = {
+        "code": "stopped",
+        "detail": "It cannot go on.",
+        "errors": [{"where": "phases[1]", "message": "at 0.0 s"}],
+    }
+    artifacts = [{"name": "half.csv", "media_type": "text/csv"}]
+    return {"summary": {"until_s": 0.5}, "references": [], "artifacts": artifacts, "problem": problem}
+
+
 def refuse(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
     raise NotEstimable("no-plates", "The recording has no plates.", [Fault("plates", "none")])
 

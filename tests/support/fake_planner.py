@@ -20,6 +20,7 @@ import trimesh
 from stridelab.schemas.base import FaultItem, Remark
 from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.plans import (
+    AgreementPass,
     CertificateCheck,
     CertificateSummary,
     CostWeights,
@@ -59,6 +60,10 @@ COST_TERMS = {
     "log_density_left_foot": -9.467, "momentum_rate": 2.0,
 }  # fmt: skip
 WEIGHTS = CostWeights(com_acceleration=10, momentum_rate=10, likelihood=1, surface_force=1, point_force=300)
+PASSES = [
+    AgreementPass(mismatch_max_nms=7.5, mismatch_rms_nms=2.5, solve_time_s=0.003),
+    AgreementPass(mismatch_max_nms=0.75, mismatch_rms_nms=0.25, solve_time_s=0.004),
+]
 _NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
 
 
@@ -178,7 +183,33 @@ def centroidal(given: Scenario) -> dict[str, np.ndarray]:
     return columns | {"l_x_nms": zero, "l_y_nms": np.sin(t), "l_z_nms": zero}
 
 
-def plan_files(given: Scenario, *, whole_body: bool = True) -> dict[str, bytes]:
+def replay_table(given: Scenario) -> dict[str, np.ndarray]:
+    """Columns of ``replay.parquet``: the left foot bears 300 N until a fall at 3 s."""
+    t = np.arange(1, round(3.0 * 250.0) + 1) / 250.0
+    columns = {"time_s": t, "com_x_m": 0.01 * t, "com_y_m": 0 * t, "com_z_m": 0 * t + 0.87}
+    for effector in EFFECTORS:
+        columns |= {f"f_{effector}_{axis}_n": 0 * t + 300.0 * (effector == "left_foot") for axis in "xyz"}
+    return columns
+
+
+def replayed(given: Scenario) -> dict[str, bytes]:
+    """Files of a replay 10 mm above the plan, which ends in a fall at 3 s."""
+    fallen = display_times_s(given) > 3.0
+    above = poses(given)
+    above[:, :, 2] += 0.01
+    above[fallen] = np.nan
+    measured = forces(given)
+    measured[fallen] = np.nan
+    sink = io.BytesIO()
+    pq.write_table(pa.table(replay_table(given)), sink)
+    return {
+        "replay_poses.f32": above.tobytes(),
+        "replay_forces.f32": measured.tobytes(),
+        "replay.parquet": sink.getvalue(),
+    }
+
+
+def plan_files(given: Scenario, *, whole_body: bool = True, replay: bool = False) -> dict[str, bytes]:
     """All files of a plan."""
     sink = io.BytesIO()
     pq.write_table(pa.table(centroidal(given)), sink)
@@ -197,7 +228,7 @@ def plan_files(given: Scenario, *, whole_body: bool = True) -> dict[str, bytes]:
             "poses.f32": poses(given).tobytes(),
             "forces.f32": forces(given).tobytes(),
         }
-    return found
+    return found | (replayed(given) if replay else {})
 
 
 def plan_result(given: dict[str, Any], files: dict[str, bytes]) -> JobResult:
@@ -238,6 +269,7 @@ def plan_summary(*, whole_body: bool) -> PlanMotionSummary:
         stage_times_s={"export": 1.0, "check": 0.5, "centroidal": 2.5},
         certificate=CertificateSummary(passed=False, checks=checks) if whole_body else None,
         replay=replay if whole_body else None,
+        agreement=PASSES if whole_body else [],
         warnings=[Remark(code="replay-fell", message="Replayed in physics, the robot falls.")],
     )  # fmt: skip
 

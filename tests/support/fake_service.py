@@ -18,6 +18,7 @@ from starlette.routing import Route
 from stridelab.client import Client
 from stridelab.schemas.base import Problem, Remark
 from stridelab.schemas.jobs import Artifact, Job, JobEvent, JobResult, Progress
+from stridelab.schemas.plans import StoppedMotion
 from stridelab.schemas.previews import SolverFacts, Solvers
 from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
 from stridelab.schemas.robots import Measure
@@ -61,6 +62,7 @@ class FakeService:
         self.recordings: dict[str, Recording] = {}
         self.jobs: dict[str, Job] = {}
         self.inputs: dict[str, dict[str, Any]] = {}
+        self.stopped: dict[str, StoppedMotion] = {}
         self.patches: list[dict[str, Any]] = []
         self.scenarios: dict[str, StoredScenario] = {}
         self.plans: dict[str, dict[str, bytes]] = {}
@@ -95,6 +97,7 @@ class FakeService:
 
     def add_job(self, kind: str = "estimate-com", state: str = "queued", **fields: Any) -> Job:
         """A job in a state."""
+        fields.setdefault("has_result", state == "succeeded")
         job = Job(
             id=uuid.uuid4().hex, kind=kind, state=state, priority=0, attempt=1, created_at=_NOW,
             progress=fields.pop("progress", Progress(fraction=1.0 if state == "succeeded" else 0.0)), **fields,
@@ -109,11 +112,17 @@ class FakeService:
         return kept
 
     def add_plan(
-        self, given: Scenario | None = None, *, whole_body: bool = True, scenario_id: str | None = None
+        self,
+        given: Scenario | None = None,
+        *,
+        whole_body: bool = True,
+        replay: bool = False,
+        scenario_id: str | None = None,
     ) -> Job:
         """A finished plan."""
         job = self.add_job("plan-motion", "succeeded")
-        self.plans[job.id] = fake_planner.plan_files(given or fake_planner.scenario(), whole_body=whole_body)
+        shown = given or fake_planner.scenario()
+        self.plans[job.id] = fake_planner.plan_files(shown, whole_body=whole_body, replay=replay)
         self.inputs[job.id] = {"scenario_id": scenario_id}
         return job
 
@@ -146,7 +155,8 @@ class FakeService:
             return
         if self.jobs[job_id].kind == "plan-motion":
             self.plans[job_id] = fake_planner.plan_files(self.scenarios[self.inputs[job_id]["scenario_id"]])
-        self.change(job_id, state="succeeded", progress=Progress(fraction=1.0), started_at=_NOW, finished_at=_NOW)
+        done = {"state": "succeeded", "has_result": True, "progress": Progress(fraction=1.0)}
+        self.change(job_id, **done, started_at=_NOW, finished_at=_NOW)
 
     def result(self, job_id: str) -> JobResult:
         """The result of a succeeded job."""
@@ -157,7 +167,11 @@ class FakeService:
         if job_id in self.plans:
             receding = self.jobs[job_id].kind == "plan-receding"
             made = fake_planner.receding_result if receding else fake_planner.plan_result
-            return made(given, self.plans[job_id])
+            found = made(given, self.plans[job_id])
+            if job_id in self.stopped:
+                kept = {"stopped": self.stopped[job_id].model_dump(), "certificate": None, "replay": None}
+                found.summary.update(kept)
+            return found
         if job_id in self.comparisons:
             with_truth, files = self.comparisons[job_id]
             return fake_comparison.result(given, files, with_truth=with_truth)

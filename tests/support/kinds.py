@@ -36,6 +36,7 @@ KINDS: Mapping[str, JobKind] = {
         kind("work", "write_outcome", lane="short"),
         kind("long-work", "write_outcome", lane="long"),
         kind("refuse", "refuse"),
+        kind("stop-half-way", "stop_half_way"),
         kind("stumble", "stumble"),
         kind("segfault", "segfault"),
         kind("abort", "abort"),

@@ -2,14 +2,21 @@
 
 import ctypes
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from stridelab.contacts.scenario_parts import Timing
 from stridelab.contacts.stairs import flat_walk
+from stridelab.errors import Fault
 from stridelab.schemas.plans import PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.kinds.tasks import PlanMotionTask
+from stridelab.wholebody.controller import WholeBodyController
+from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.stopped import WholeBodyStopped
 
 
 def short_walk() -> Scenario:
@@ -27,6 +34,24 @@ def changed(scenario: Scenario, change: Callable[[dict[str, Any]], object]) -> S
 def plan_task(scenario: Scenario | None = None, **asked: Any) -> PlanMotionTask:
     body = scenario or short_walk()
     return PlanMotionTask(scenario=body, input=PlanMotionInput(scenario=body, **asked))
+
+
+def stopping_after(time_s: float) -> Callable[[], Any]:
+    """A controller whose motion ends at ``time_s``, for want of torque in a knee."""
+
+    class Stopping:
+        def run(self, *asked: Any) -> WholeBodyMotion:
+            motion = WholeBodyController().run(*asked)
+            n = round(time_s * motion.rate_hz) + 1
+            cut = {name: value[:n] for name, value in vars(motion).items() if isinstance(value, np.ndarray)}
+            forces_n = {name: forces[:n] for name, forces in motion.forces_n.items()}
+            phase = motion.sequence.phase_at(time_s)
+            names = ["torque of leg_right_4_joint"]
+            faults = [Fault(f"phases[{phase}]", f"at {time_s:.2f} s: {names[0]}")]
+            part = replace(motion, **cut, forces_n=forces_n)
+            raise WholeBodyStopped("The whole body cannot go on.", faults, part, phase, 0, names)
+
+    return Stopping
 
 
 def plan_with_a_hanging_solver(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:

@@ -20,6 +20,7 @@ from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.programme import Instant, Programme, Settings
 from stridelab.wholebody.recomputed import recompute
 from stridelab.wholebody.rigid_body import RigidBody
+from stridelab.wholebody.stopped import LEVELS, WholeBodyStopped
 from support.sway import sway
 
 Swaying = tuple[CentroidalPlan, WholeBodyMotion]
@@ -194,3 +195,28 @@ def fail_at(monkeypatch: Patch, fails: Callable[[int], bool]) -> None:
         return found._replace(failure=HierarchyFailure(2, "made to fail")) if fails(next(count)) else found
 
     monkeypatch.setattr("stridelab.wholebody.controller.solve", flaky)
+
+
+def test_what_stops_a_motion_keeps_it_until_then_and_names_the_level(talos: Robot) -> None:
+    plan = sway(talos, duration_s=2.0, amplitude_m=0.6, period_s=1.0)
+    with pytest.raises(WholeBodyStopped) as ended:
+        WholeBodyController().run(talos, plan.sequence, plan)
+    stopped = ended.value
+    assert stopped.phase == 0
+    assert f"is {stopped.level} ({LEVELS[stopped.level]})" in stopped.message
+    assert stopped.names
+    n = len(stopped.motion.time_s)
+    assert 1 < n < 2.0 * 250.0
+    assert stopped.time_s == pytest.approx((n - 1) / 250.0)
+    assert stopped.motion.q.shape == (n, talos.model.nq)
+    assert all(forces.shape[0] == n for forces in stopped.motion.forces_n.values())
+    assert np.abs(np.linalg.norm(stopped.motion.q[:, 3:7], axis=1) - 1.0).max() < 1e-9
+
+
+def test_a_motion_that_stops_at_once_shows_where_it_stands(talos: Robot, monkeypatch: Patch) -> None:
+    plan = sway(talos, duration_s=0.4, amplitude_m=0.01, period_s=0.4)
+    fail_at(monkeypatch, lambda _: True)
+    with pytest.raises(WholeBodyStopped) as ended:
+        WholeBodyController(failures_in_a_row=0).run(talos, plan.sequence, plan)
+    assert ended.value.motion.q.shape == (1, talos.model.nq)
+    assert np.linalg.norm(ended.value.motion.q[0, 3:7]) == pytest.approx(1.0)

@@ -8,16 +8,18 @@ import pytest
 
 from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
 from stridelab.contacts.terrain import Box, Rail, Terrain
-from stridelab.conventions import GRAVITY_M_S2, Vector3
+from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import InvalidInput
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
+from stridelab.wholebody.ankles import CapturePoint, Sole, ankle_torques_nm, ankles_of
+from stridelab.wholebody.disturbance import Disturbances, Push, SensorNoise
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay import PhysicsReplay, Replay
+from stridelab.wholebody.seen import Seen
 from stridelab.wholebody.simulation import Simulation
 from stridelab.wholebody.simulation_model import build_simulation
-from stridelab.wholebody.stabiliser import AnkleStabiliser, Standing, ankles_of
 
 RATE_HZ = 250.0
 FEET = ("left_foot", "right_foot")
@@ -157,9 +159,9 @@ def test_feet_slip_on_a_slope_steeper_than_the_friction_cone(robot: Robot) -> No
 
 
 def test_the_stabiliser_acts_on_what_it_is_told_of_the_state(robot: Robot) -> None:
-    def blind(com_m: Vector3, com_v_m_s: Vector3) -> tuple[Vector3, Vector3]:
+    def blind(seen: Seen) -> Seen:
         """A state estimate that is wrong by 4 cm to the left."""
-        return com_m + np.array([0.0, 0.04, 0.0]), com_v_m_s
+        return replace(seen, com_m=seen.com_m + np.array([0.0, 0.04, 0.0]))
 
     motion = standing_still(robot, 1.0)
     physics = PhysicsReplay()
@@ -172,25 +174,89 @@ def test_ankle_torques_move_the_centre_of_pressure_where_they_are_told(robot: Ro
     """A sole pressed with f at d ahead is in balance under the ankle torques that the stabiliser adds for d."""
     ankles = ankles_of(robot)
     assert set(ankles) == set(FEET)
-    stabiliser = AnkleStabiliser(gain=1.0)
-    standing = Standing({"left_foot": np.eye(3)}, 0.85, 900.0)
     for d in ([0.03, 0.0, 0.0], [0.0, 0.02, 0.0], [0.02, -0.01, 0.0]):
-        tau = stabiliser.torques_nm(ankles, standing, np.array(d), np.zeros(3), len(robot.joint_names))
+        tau = ankle_torques_nm(ankles["left_foot"], np.array(d[:2]), 900.0)
         data = robot.model.createData()
         q = robot.q_reference
         frame = robot.model.getFrameId(robot.effectors["left_foot"].frame)
         J = pin.computeFrameJacobian(robot.model, data, q, frame, pin.LOCAL)
         moment = np.cross(d, [0.0, 0.0, 900.0])
         balance = -(J[3:].T @ moment)[6:]
-        joints = list(ankles["left_foot"].joints)
-        assert np.allclose(tau[joints], balance[joints], atol=1e-6)
-        assert not np.delete(tau, joints).any()
+        assert np.allclose(tau, balance[list(ankles["left_foot"].joints)], atol=1e-6)
 
 
-def test_the_shift_stays_inside_the_sole(robot: Robot) -> None:
-    standing = Standing({"left_foot": np.eye(3), "right_foot": np.eye(3)}, 0.85, 900.0)
-    tau = AnkleStabiliser().torques_nm(ankles_of(robot), standing, np.array([5.0, -5.0, 0.0]), np.zeros(3), 28)
-    assert np.abs(tau).max() == pytest.approx(450.0 * 0.7 * 0.10, rel=1e-6)
+HALF_M = {"left_foot": (0.10, 0.06), "right_foot": (0.10, 0.06)}
+
+
+def soles(load_left_n: float, load_right_n: float, pressure_y_m: float = 0.0) -> dict[str, Sole]:
+    pressure = np.array([0.0, pressure_y_m])
+    return {
+        "left_foot": Sole(np.array([0.0, 0.1, 0.0]), np.eye(3), load_left_n, pressure),
+        "right_foot": Sole(np.array([0.0, -0.1, 0.0]), np.eye(3), load_right_n, pressure),
+    }
+
+
+def test_the_pressure_stays_inside_the_sole_wherever_it_was_planned() -> None:
+    capture = CapturePoint(edge_m=0.005)
+    for planned_m in (0.0, 0.03, -0.05):
+        for y in (5.0, -5.0):
+            shifts, _ = capture.spread(np.array([9.0, y]), soles(900.0, 1.0, planned_m), HALF_M)
+            assert planned_m + shifts["left_foot"][1] == pytest.approx(np.sign(y) * 0.055)
+            assert shifts["left_foot"][0] == pytest.approx(0.095)
+
+
+def test_what_two_soles_cannot_do_is_done_by_shifting_load() -> None:
+    """Pressure and load together move the common centre of pressure by what was asked for."""
+    capture, both = CapturePoint(), soles(400.0, 500.0)
+    for y in (0.02, 0.075, -0.08):
+        shifts, gained = capture.spread(np.array([0.0, y]), both, HALF_M)
+        assert gained["left_foot"] == pytest.approx(-gained["right_foot"])
+        own = sum(sole.load_n * shifts[name][1] for name, sole in both.items()) / 900.0
+        assert own + gained["left_foot"] * 0.2 / 900.0 == pytest.approx(y, abs=5e-4)
+    gained = capture.spread(np.array([0.0, 9.0]), both, HALF_M)[1]
+    assert gained["right_foot"] == pytest.approx(45.0 - 500.0), "a twentieth of the weight stays on either sole"
+
+
+def test_a_push_and_a_load_are_survived_and_noticed(robot: Robot) -> None:
+    motion = standing_still(robot, 1.5)
+    calm = played(robot, motion)
+    for disturbed in (
+        Disturbances(push=Push(0.3, (0.0, 15.0, 0.0))),
+        Disturbances(trunk_mass_kg=5.0),
+        Disturbances(delay_s=0.008, sensor_noise=SensorNoise(), torque_noise=0.05),
+    ):
+        found = PhysicsReplay().run(robot, motion.sequence, motion, quiet, disturbed=disturbed)
+        assert found.completed
+        assert found.com_error_max_m > calm.com_error_max_m + 1e-5, disturbed
+
+
+def test_a_push_gives_off_its_impulse() -> None:
+    push = Push(1.0, (3.0, -20.0, 0.0), duration_s=0.2)
+    force = np.array([push.force_n(t) for t in np.arange(0.0, 2.0, 0.001)])
+    assert np.allclose(force.sum(axis=0) * 0.001, [3.0, -20.0, 0.0])
+    assert not push.force_n(0.99).any()
+
+
+def test_a_foot_that_lands_on_higher_ground_is_lived_with(
+    robot: Robot, two_steps: tuple[ContactSequence, object, WholeBodyMotion]
+) -> None:
+    sequence, _, motion = two_steps
+    place = sequence.phases[-1].contacts["left_foot"].placement.position_m
+    ahead = Placement.of([place[0] + 0.1, 0.0, -0.001])
+    tread = Box("tread", ahead, np.array([0.36, 1.0, 0.02]))  # 9 mm high, from just before the first toes
+    onto = replace(sequence, terrain=Terrain.of([*sequence.terrain.surfaces, tread]))
+    found = PhysicsReplay().run(robot, onto, motion, quiet)
+    assert found.completed
+    assert found.com_error_max_m < 0.02
+    assert 0.007 < found.landing_error_max_m < 0.03
+
+
+@pytest.mark.parametrize(("field", "value"), [("friction", 0.0), ("torque_noise", -0.1), ("delay_s", -1.0)])
+def test_what_cannot_be_is_refused(field: str, value: float) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        Disturbances(**{field: value})
+    assert refusal.value.code == "disturbance-out-of-range"
+    assert [fault.where for fault in refusal.value.faults] == [field]
 
 
 def test_a_rate_that_does_not_fit_the_steps_is_refused(robot: Robot) -> None:

@@ -42,11 +42,14 @@ def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float
 def _squares(problem: CentroidalProblem, motion: Motion) -> tuple[Series, Series]:
     """``|c''|^2`` and ``|L_c'|^2`` per interval.
 
-    Constant forces: of the mean rate of L_c. Splines: both by the rule of Gauss that the programme uses.
+    Constant forces: of the mean rate of L_c, less what the limbs take. Splines: both by the rule of Gauss that the
+    programme uses.
     """
     if not motion.curves_n:
         a = total_force_n(motion) / problem.mass_kg + g
         l_rate = np.diff(motion.l_nms, axis=0) / np.diff(motion.time_s)[:, None]
+        if problem.limbs_nm is not None:
+            l_rate = l_rate - problem.limbs_nm
         return (a**2).sum(axis=1), (l_rate**2).sum(axis=1)
     a_squared, l_squared = np.zeros(len(motion.phase)), np.zeros(len(motion.phase))
     wrenches = wrenches_of(problem.sequence, motion)

@@ -73,14 +73,16 @@ class CentroidalProblem:
     likelihood term, and with some every effector that touches needs one. Surfaces are shrunk by ``contact_margin_m``
     (x, y) on every side. ``control`` is u: forces (``Pyramids``, ``CircularCones``) or the wrench (``ContactWrench``).
     Its forces are ``constant`` between nodes, or with ``shape`` "cubic" one spline each (``spline``). ``durations`` and
-    ``placements`` are given, unless the solver may choose them. The motion begins as ``start`` says and ends at rest or
-    ``capturable``, within ``bounds``.
+    ``placements`` are given, unless the solver may choose them. ``limbs_nm`` is the rate of the angular momentum about
+    the CoM that the limbs' motion takes in every interval of the grid, N m: the cost then weighs what differs from it.
+    The motion begins as ``start`` says and ends at rest or ``capturable``, within ``bounds``.
 
     Raises ``InvalidInput`` for what cannot be a problem at all: "effector-unknown", "proxy-missing",
     "phase-without-duration", "mass-out-of-range", "node-rate-out-of-range", "com-not-finite", and
     "placements-need-forces" where contacts are to move and the control's cones would have to follow,
     "bounds-need-forces" where forces are bounded and the control has none, "shape-needs-forces" and
-    "shape-needs-durations" for splines of a wrench, whose cones differ from phase to phase, or of free durations.
+    "shape-needs-durations" for splines of a wrench, whose cones differ from phase to phase, or of free durations, and
+    "limbs-need-grid" where the limbs' rates do not fit the grid, which free durations and splines have not.
     """
 
     sequence: ContactSequence
@@ -99,6 +101,7 @@ class CentroidalProblem:
     bounds: PathBounds = UNBOUNDED
     durations: FreeDurations | None = None
     placements: FreePlacements | None = None
+    limbs_nm: Float[np.ndarray, "m 3"] | None = None
 
     def __post_init__(self) -> None:
         unknown = [name for name in self.sequence.effectors if name not in self.effectors]
@@ -139,6 +142,15 @@ class CentroidalProblem:
                 "With continuous controls the durations of the phases must be given: they decide how the splines join.",
                 [Fault("shape", "cubic needs given durations")],
             )
+        if self.limbs_nm is not None:
+            fixed = self.durations is None and self.shape == "constant"
+            if not fixed or self.limbs_nm.shape != (len(self.grid().phase), 3):
+                raise InvalidInput(
+                    "limbs-need-grid",
+                    "The limbs' angular momentum is given per interval: it needs given durations, constant forces, and "
+                    "one rate for every interval.",
+                    [Fault("limbs_nm", "must have one row for every interval of the grid")],
+                )
         if self.placements is not None and not self.control.shifts_with_its_contacts:
             raise InvalidInput(
                 "placements-need-forces",

@@ -145,7 +145,8 @@ def _numbers(
     h = lengths[grid.phase]
     nothing = np.zeros((0, 0))
     priced = np.tile([weights.com_acceleration, weights.momentum_rate * problem.weight_n**2], (len(h), 1))
-    numbers = {"squares": np.column_stack([h, priced]), "gap": h[:, None]}
+    limbs = np.zeros((len(h), 3)) if problem.limbs_nm is None else problem.limbs_nm / problem.weight_n
+    numbers = {"squares": np.column_stack([h, priced, limbs]), "gap": h[:, None]}
     if problem.shape == "cubic":
         joined = np.column_stack([h, joints(h)])
         for part, k, _ in splines(len(h)):

@@ -16,6 +16,20 @@ def hrp2_stairs_with_rail() -> Scenario:
     }
 
 
+def hrp2_stepping_stones() -> Scenario:
+    """Stones that lean by 15 degrees: at 16 the ankle that carries HRP-2 comes to the end of its range.
+
+    They lie 0.27 m apart; nearer ones are in the way of its toes.
+    """
+    tilts = ((10.0, 0.0), (0.0, -12.0), (-15.0, 0.0), (0.0, 12.0))
+    return stepping_stones(tilts, walker=HRP2) | {"name": "Stepping stones, HRP-2"}
+
+
+def hrp2_wall_step() -> Scenario:
+    """The wall where HRP-2's hand meets it with its tip and not with its side: farther out, lower, less far ahead."""
+    return wall_step(hand_m=(0.10, -0.75, 0.85), walker=HRP2) | {"name": "A step along a wall, HRP-2"}
+
+
 BUNDLED: Final[Mapping[str, Callable[[], Scenario]]] = {
     "flat-walk": flat_walk,
     "long-stride": long_stride,
@@ -24,7 +38,9 @@ BUNDLED: Final[Mapping[str, Callable[[], Scenario]]] = {
     "stairs-with-rail-hrp2": hrp2_stairs_with_rail,
     "stairs-down": descent,
     "stepping-stones": stepping_stones,
+    "stepping-stones-hrp2": hrp2_stepping_stones,
     "wall-step": wall_step,
+    "wall-step-hrp2": hrp2_wall_step,
     "stand-up": stand_up,
 }
 """Builder of every file of ``models/scenarios``, by the file's stem."""

@@ -56,9 +56,10 @@ def stepping_stones(
     for i in (len(tilts) + 1, len(tilts) + 2):
         phases += moved(standing, feet(walker, end_m, 0.0)[_foot(i)], timing)
     phases[-1]["duration_s"] = timing.ends_s
+    steepest = max(abs(degrees) for tilt in tilts for degrees in tilt)
     return scenario(
         "Stepping stones",
-        f"{len(stones)} stones that lean by up to 20 degrees, one foot on each, from rest to rest.",
+        f"{len(stones)} stones that lean by up to {steepest:g} degrees, one foot on each, from rest to rest.",
         walker.robot,
         [ground(), *stones],
         phases,

@@ -31,7 +31,9 @@ LEVEL_M: Final = 0.02
 """A foot that changes its height, or rises higher than usual, by less than this takes a level step."""
 
 Window = tuple[float, float]
-UP: Final[Window] = (0.0, 0.5)
+UP: Final[Window] = (0.0, 0.4)
+DOWN: Final[Window] = (0.6, 1.0)
+"""An eighth of the swing from either end, a sole that rises by ``FOOT_CLEARANCE_M`` is then 10.8 mm up."""
 
 
 class Profile(NamedTuple):
@@ -42,8 +44,8 @@ class Profile(NamedTuple):
     down: Window
 
 
-LEVEL: Final = Profile(UP, (0.04, 0.96), (0.5, 1.0))
-STAIR: Final = Profile(UP, (0.18, 0.80), (0.55, 1.0))
+LEVEL: Final = Profile(UP, (0.04, 0.96), DOWN)
+STAIR: Final = Profile(UP, (0.18, 0.80), DOWN)
 HAND: Final = Profile((0.0, 0.4), (0.12, 0.88), (0.6, 1.0))
 
 

@@ -19,7 +19,7 @@ class Progress(Contract):
 
 
 class Job(Contract):
-    """A job of any kind."""
+    """A job of any kind; one that failed ``has_result`` where it kept what there was until then."""
 
     id: str
     kind: str
@@ -36,6 +36,7 @@ class Job(Contract):
     recording_id: str | None = None
     scenario_id: str | None = None
     log_tail: str | None = None
+    has_result: bool = False
 
 
 class JobEvent(Contract):

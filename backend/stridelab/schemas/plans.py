@@ -12,6 +12,7 @@ PLAN_STAGES: Final = ("check", "reachability", "centroidal", "whole body", "cert
 
 Formulation = Literal["forces", "circular-cones", "wrench"]
 Shape = Literal["constant", "cubic"]
+Film = Literal["gif", "mp4"]
 NODE_RATE_HZ: Final = (2.0, 50.0)
 """Fewest and most nodes per second that can be asked for."""
 TIME_LIMIT_S: Final = 300.0
@@ -38,7 +39,8 @@ class PlanMotionInput(Contract):
     interrupted, gets as many iterations as are taken to fit, and is then not asked by ``auto``. With
     ``free_durations`` the solver chooses how long each phase lasts, between the two multiples of ``duration_range`` of
     what the scenario says; the whole motion keeps its length. In ``circular-cones`` only ``native`` can. ``measure``
-    chooses among the bundled reachability densities; null takes the default one.
+    chooses among the bundled reachability densities; null takes the default one. A ``film`` of the motion needs ffmpeg
+    where the job runs.
     """
 
     scenario_id: str | None = None
@@ -55,6 +57,7 @@ class PlanMotionInput(Contract):
     measure: Literal["uniform", "conditioned"] | None = None
     whole_body: bool = True
     replay: bool = False
+    film: Film | None = None
 
     @model_validator(mode="after")
     def _one_scenario(self) -> "PlanMotionInput":
@@ -62,6 +65,8 @@ class PlanMotionInput(Contract):
             raise ValueError("give either scenario_id or scenario")
         if self.replay and not self.whole_body:
             raise ValueError("a replay needs whole_body")
+        if self.film is not None and not self.whole_body:
+            raise ValueError("film: it needs whole_body")
         if self.free_durations and self.solver == "fatrop":
             raise ValueError("free_durations: they belong to many stages, and fatrop solves one by one; ask ipopt")
         if self.shape == "cubic" and (self.formulation == "wrench" or self.free_durations):
@@ -107,6 +112,20 @@ class ReplaySummary(Contract):
     real_time_factor: float
 
 
+class StoppedMotion(Contract):
+    """Where the whole body could not follow the plan any more.
+
+    ``level`` is the first level of the hierarchy that was violated, counted from 0; ``names`` say what ran out, of
+    which joints or effectors, the worst first. There is a motion until ``time_s``.
+    """
+
+    time_s: float
+    phase: int
+    level: int
+    level_name: str
+    names: list[str]
+
+
 class CostWeights(Contract):
     """Weights of the terms of the cost, each of which then counts seconds.
 
@@ -138,6 +157,14 @@ class PhaseDuration(Contract):
     chosen_s: float
 
 
+class AgreementPass(Contract):
+    """How far plan and body were apart in angular momentum, the largest and the RMS, and what that plan took (CPU)."""
+
+    mismatch_max_nms: float
+    mismatch_rms_nms: float
+    solve_time_s: float
+
+
 class PlanMotionSummary(Contract):
     """Summary of ``plan-motion``.
 
@@ -147,7 +174,9 @@ class PlanMotionSummary(Contract):
     ``kkt_error`` (the largest violation of the first-order conditions, in units of the solver) are null where the
     version of the result did not tell them. ``phase_durations`` is null where the scenario's durations were kept.
     ``normal_force_max_n`` bounds the hands by what their arms can carry; empty with the wrench as control.
-    ``solver_because`` is why the C++ solver did not serve, null where it did.
+    ``solver_because`` is why the C++ solver did not serve, null where it did. ``stopped`` is there only in a job that
+    failed because the body cannot follow the plan. ``agreement`` has one entry per pass of plan and whole body, more
+    than one where strides are longer than 0.9 m or swings shorter than 0.8 s.
     """
 
     scenario_name: str
@@ -174,6 +203,8 @@ class PlanMotionSummary(Contract):
     stage_times_s: dict[str, float]
     certificate: CertificateSummary | None = None
     replay: ReplaySummary | None = None
+    stopped: StoppedMotion | None = None
+    agreement: list[AgreementPass] = Field(default_factory=list)
     warnings: list[Remark]
 
 

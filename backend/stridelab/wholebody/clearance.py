@@ -23,6 +23,8 @@ from stridelab.wholebody.worst import Worst
 
 SWING_SHARE = 0.125
 """Share of a swing after lift-off and before touch-down in which a sole is close to its own box."""
+LEG_CLEARANCE_M = 0.010
+"""Of shanks and swinging soles from what they do not stand on: the replay errs by as much."""
 _TOUCHING_M = 5e-3
 """A box nearer than this to a contact's rectangle carries it, or lies level with the box that does."""
 
@@ -48,8 +50,11 @@ def self_collision(robot: Robot, q: Configurations, worst: Worst) -> Check:
     return Check(name, float(len(found)), unit, 0.0, False, int(worst.phase[i]), touching, float(worst.time_s[i]))
 
 
-def terrain_distance(robot: Robot, sequence: ContactSequence, q: Configurations, worst: Worst) -> Check:
-    """Smallest distance (m) of a link's hull from a box or a rail; a penetration is negative."""
+def terrain_distances(robot: Robot, sequence: ContactSequence, q: Configurations, worst: Worst) -> tuple[Check, Check]:
+    """Smallest distance (m) of a link's hull from a box or a rail, of any link and of those of the legs.
+
+    A penetration is negative.
+    """
     scene = _Scene.of(robot, sequence)
     model, data, results = robot.model, robot.model.createData(), scene.geometry.createData()
     values = np.full((len(q), len(scene.links)), np.inf)
@@ -59,7 +64,18 @@ def terrain_distance(robot: Robot, sequence: ContactSequence, q: Configurations,
         for k, (column, effector, surface) in enumerate(scene.pairs):
             if effector is None or surface not in skipped[effector]:
                 values[i, column] = min(values[i, column], results.distanceResults[k].min_distance)
-    return worst.at_least("terrain_distance_min", values, "m", 0.0, scene.links)
+    legs = np.array([_group(robot, link) == "leg" for link in scene.links], dtype=bool)
+    of_legs = [link for link, leg in zip(scene.links, legs, strict=True) if leg]
+    return (
+        worst.at_least("terrain_distance_min", values, "m", 0.0, scene.links),
+        worst.at_least("leg_terrain_distance_min", values[:, legs], "m", LEG_CLEARANCE_M, of_legs),
+    )
+
+
+def _group(robot: Robot, link: str) -> str:
+    """Where in the body a link lies: where the joint that moves it does."""
+    frame = robot.model.frames[robot.model.getFrameId(link)]
+    return robot.group.get(str(robot.model.names[frame.parentJoint]), "")
 
 
 @dataclass(frozen=True, eq=False)

@@ -26,11 +26,13 @@ from stridelab.dynamics.placement import Placement
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.robots.inverse_kinematics import stand
 from stridelab.robots.robot import Robot
+from stridelab.wholebody.avoidance import Avoidance
 from stridelab.wholebody.heading import Heading
 from stridelab.wholebody.hierarchy import Inequalities, Rows, solve, violations
 from stridelab.wholebody.motion import SolverFailure, WholeBodyMotion
 from stridelab.wholebody.programme import Instant, Programme, Settings
 from stridelab.wholebody.rigid_body import RigidBody
+from stridelab.wholebody.stopped import LEVELS, WholeBodyStopped
 
 Progress = Callable[[float, str], None]
 
@@ -54,8 +56,8 @@ class WholeBodyController:
         """Follow ``plan`` over ``sequence``; deterministic.
 
         Raises ``InvalidInput`` "sample-time" where the rate gives no whole number of samples, ``NotEstimable``
-        "stance-unreachable" where no posture stands on the first contacts, and ``NotEstimable`` "whole-body-failed"
-        naming time, phase and the limits that ran out.
+        "stance-unreachable" where no posture stands on the first contacts, and ``WholeBodyStopped`` with time, phase,
+        the violated level, the limits that ran out and the motion until then.
         """
         started = time.process_time()
         run = _Run(self, robot, sequence, plan)
@@ -85,11 +87,14 @@ class _Run:
         self.times = np.arange(n) / controller.rate_hz
         self._body = RigidBody(robot)
         self._heading = Heading.of(sequence)
+        avoid = controller.settings.avoid
+        self._avoidance = None if avoid is None else Avoidance(robot, sequence.terrain, avoid)
         self._q, self._v = _start(robot, sequence, plan), np.zeros(robot.model.nv)
         self._phase = -1
         self._in_a_row = 0
         self._failures: list[SolverFailure] = []
         self._short: list[str] = []
+        self._level = 0
         nv = robot.model.nv
         margin = controller.settings.contact_margin_m
         self._points = {name: robot.effectors[name].points_m(margin) for name in sequence.effectors}
@@ -106,7 +111,7 @@ class _Run:
         if phase != self._phase:
             self._enter(phase, t)
         reference = self._plan.at(t)
-        self._watch(t, reference.com_m)
+        self._watch(i, reference.com_m)
         rows = self._programme.rows(Instant(t, reference, self._heading.at(phase, t)))
         result = solve(*rows)
         if result.failure is None:
@@ -117,11 +122,13 @@ class _Run:
             self._in_a_row += 1
             if self._in_a_row == 1:
                 self._short = self._missed(rows[0], rows[2])
+                # the bounds are the same on all levels: what fails on the first asks for more than level 0 allows
+                self._level = result.failure.level if result.failure.level > 1 else 0
             self._failures.append(SolverFailure(t, phase, result.failure.level, result.failure.reason))
             if self._in_a_row > self._controller.failures_in_a_row:
-                raise self._error(t, f"{self._in_a_row} samples in a row had no solution", self._short)
+                raise self._stopped(i, f"{self._in_a_row} samples in a row had no solution", self._level, self._short)
             if len(self._failures) > self._controller.failures_in_all:
-                raise self._error(t, f"{len(self._failures)} samples had no solution", self._short)
+                raise self._stopped(i, f"{len(self._failures)} samples had no solution", self._level, self._short)
             z = self._programme.unknowns(self._last.a, self._last.forces_n)
         self._store(i, reference, z)
         dt = 1.0 / self._controller.rate_hz
@@ -129,17 +136,17 @@ class _Run:
         self._q = pin.integrate(body.model, self._q, dt * self._v + 0.5 * dt**2 * a)
         self._v = self._v + dt * a
 
-    def motion(self, solve_time_s: float) -> WholeBodyMotion:
-        """All that was stored."""
+    def motion(self, solve_time_s: float, n: int | None = None) -> WholeBodyMotion:
+        """All that was stored, or only the first ``n`` samples."""
         return WholeBodyMotion(
             sequence=self._sequence,
             rate_hz=self._controller.rate_hz,
-            time_s=self.times,
-            forces_n=self._forces,
+            time_s=self.times[:n],
+            forces_n={name: forces[:n] for name, forces in self._forces.items()},
             points_m=self._points,
             failures=tuple(self._failures),
             solve_time_s=solve_time_s,
-            **self._record,
+            **{name: values[:n] for name, values in self._record.items()},
         )
 
     def _enter(self, phase: int, t: float) -> None:
@@ -150,7 +157,8 @@ class _Run:
             for name in self._sequence.effectors
             if name not in contacts and (curve := self._curve(name, phase, t)) is not None
         }
-        self._programme = Programme(self._robot, self._body, contacts, swings, self._plan, self._controller.settings)
+        settings = self._controller.settings
+        self._programme = Programme(self._robot, self._body, contacts, swings, self._plan, settings, self._avoidance)
         self._phase = phase
 
     def _curve(self, name: str, phase: int, t: float) -> SwingCurve | None:
@@ -181,15 +189,15 @@ class _Run:
         for name, forces_n in self._programme.forces_n(z).items():
             self._forces[name][i] = forces_n
 
-    def _watch(self, t: float, com_reference_m: Vector3) -> None:
+    def _watch(self, i: int, com_reference_m: Vector3) -> None:
         """End the run when the state has left the plan for good."""
         speed = np.abs(self._v[6:])
         if not np.all(np.isfinite(self._v)) or speed.max() > _SPEED_RAD_S:
             joint = self._robot.joint_names[int(np.argmax(np.nan_to_num(speed, nan=np.inf)))]
-            raise self._error(t, f"{joint} moves at more than {_SPEED_RAD_S:g} rad/s", [joint])
+            raise self._stopped(i, f"{joint} moves at more than {_SPEED_RAD_S:g} rad/s", 0, [joint])
         away_m = float(np.linalg.norm(self._body.com_m - com_reference_m))
         if away_m > _LOST_M:
-            raise self._error(t, f"the centre of mass is {away_m:.2f} m away from the plan", ["centre of mass"])
+            raise self._stopped(i, f"the centre of mass is {away_m:.2f} m away from the plan", 1, ["centre of mass"])
 
     def _missed(self, equality: Rows, bounds: Inequalities) -> list[str]:
         """Which limits ran out: the kind that alone would have to give way, and where by most; else all kinds."""
@@ -203,11 +211,17 @@ class _Run:
                 return list(dict.fromkeys(str(names[k]) for k in order))[:4]
         return ["no single limit"]
 
-    def _error(self, t: float, what: str, short: list[str]) -> NotEstimable:
+    def _stopped(self, i: int, what: str, level: int, short: list[str]) -> WholeBodyStopped:
+        t = float(self.times[i])
         phase = self._sequence.phase_at(t + 1e-9)
-        message = f"The whole body cannot follow the plan beyond {t:.2f} s (phase {phase}): {what}; short of: "
+        message = (
+            f"The whole body cannot follow the plan beyond {t:.2f} s (phase {phase}): {what}; the first level that is "
+            f"violated is {level} ({LEVELS[level]}), short of: {', '.join(short)}."
+        )
         faults = [Fault(f"phases[{phase}]", f"at {t:.2f} s: {name}") for name in short]
-        return NotEstimable("whole-body-failed", f"{message}{', '.join(short)}.", faults)
+        if i == 0:
+            self._record["q"][0] = self._q  # where it stands is all that there is to show
+        return WholeBodyStopped(message, faults, self.motion(0.0, max(i, 1)), phase, level, short)
 
 
 def _start(robot: Robot, sequence: ContactSequence, plan: CentroidalPlan) -> np.ndarray:

@@ -4,14 +4,15 @@ Unknowns ``z = (a, f)``: joint accelerations ``(nv,)`` and one force per contact
 
     level 0   base rows of  M a + h = S' tau + J' f ;  contacts keep their place
     level 1   CoM on the plan ; effectors in the air on their curves
-    level 2   angular momentum, upright base, posture, planned forces, orientation of hands     (weighted)
+    level 2   angular momentum, upright base, posture, arms that keep off the body, planned forces,
+              orientation of hands                                                               (weighted)
     always    friction pyramids ;  |tau| <= tau_max ;  accelerations that keep joints inside their limits
 
 The actuated rows of the equations of motion give the torques, ``tau = M_a a + h_a - J_a' f``, without unknowns.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float
@@ -22,6 +23,7 @@ from stridelab.contacts.swing import SwingCurve
 from stridelab.conventions import Points, Rotation, Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody import tasks
+from stridelab.wholebody.avoidance import Avoid, Avoidance
 from stridelab.wholebody.contact_forces import force_jacobian, pyramid
 from stridelab.wholebody.hierarchy import Inequalities, Rows
 from stridelab.wholebody.joint_limits import JointLimits
@@ -62,6 +64,7 @@ class Settings:
     barrier_per_s: float = 25.0
     velocity_rate_per_s: float = 50.0
     acceleration_rad_s2: float = 300.0
+    avoid: Avoid | None = field(default_factory=Avoid)
 
     def posture_weights(self, robot: Robot) -> Angles:
         """Weight of every actuated joint ``(na,)``."""
@@ -92,7 +95,9 @@ class Programme:
         swings: Mapping[str, SwingCurve],
         plan: CentroidalPlan,
         settings: Settings,
+        avoidance: Avoidance | None = None,
     ) -> None:
+        self._avoidance = avoidance
         self._body, self._contacts, self._swings, self._plan, self._settings = body, contacts, swings, plan, settings
         self._surface = {name: robot.effectors[name].kind == "surface" for name in (*contacts, *swings)}
         self._points = {name: robot.effectors[name].points_m(settings.contact_margin_m) for name in contacts}
@@ -177,11 +182,14 @@ class Programme:
 
     def _level_2(self, instant: Instant) -> Rows:
         body, s, nv = self._body, self._settings, self._nv
-        weighted: list[tuple[float | Angles, Rows]] = [
+        weighted: list[tuple[tasks.Weight, Rows]] = [
             (s.momentum_weight, tasks.angular_momentum(body, instant.reference, s.momentum_per_s)),
             (s.base_weight, tasks.orientation(body.frame("base"), *instant.base, s.base)),
             (self._posture_weights, tasks.posture(body, self._rest, s.posture)),
         ]
+        if self._avoidance is not None:
+            rows, weights = self._avoidance.rows(body)
+            weighted.append((weights, rows))
         still = np.zeros(3)
         for name, contact in self._contacts.items():
             if not self._surface[name]:

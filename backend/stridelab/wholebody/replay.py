@@ -14,14 +14,17 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.conventions import GRAVITY_M_S2, Vector3
+from stridelab.conventions import GRAVITY_M_S2
 from stridelab.errors import InvalidInput
 from stridelab.robots.robot import Robot
+from stridelab.wholebody.disturbance import NONE, Disturbances
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay_log import Replay, ReplayLog
+from stridelab.wholebody.seen import Observe, Sensors, as_sensed
 from stridelab.wholebody.simulation import Simulation
 from stridelab.wholebody.simulation_model import build_simulation
-from stridelab.wholebody.stabiliser import AnkleStabiliser, Standing, ankles_of
+from stridelab.wholebody.stabiliser import Stabiliser, Stabilising
+from stridelab.wholebody.stepping import Steady
 
 __all__ = ["PhysicsReplay", "Replay", "replay"]
 
@@ -34,12 +37,6 @@ FULL_SIZE_NM: Final = 776.0
 """Weight times CoM height of a robot that gets the whole stiffness: TALOS'."""
 
 Progress = Callable[[float, str], None]
-Observe = Callable[[Vector3, Vector3], tuple[Vector3, Vector3]]
-"""From the true CoM and its velocity to what the stabiliser is told of them."""
-
-
-def _truth(com_m: Vector3, com_v_m_s: Vector3) -> tuple[Vector3, Vector3]:
-    return com_m, com_v_m_s
 
 
 @dataclass(frozen=True)
@@ -55,7 +52,7 @@ class PhysicsReplay:
     stiffness: float = 3000.0
     damping: float = 100.0
     arm_share: float = 0.1
-    stabiliser: AnkleStabiliser | None = field(default_factory=AnkleStabiliser)
+    stabiliser: Stabiliser | None = field(default_factory=Stabiliser)
 
     def run(
         self,
@@ -63,43 +60,50 @@ class PhysicsReplay:
         sequence: ContactSequence,
         motion: WholeBodyMotion,
         progress: Progress,
-        observe: Observe = _truth,
+        observe: Observe = as_sensed,
+        disturbed: Disturbances = NONE,
     ) -> Replay:
-        """Replay ``motion`` and hold its last posture.
+        """Replay ``motion`` and hold its last posture, in a world and with a body that are ``disturbed``.
 
         Raises ``InvalidInput`` (``replay-rate``) for a rate that the simulator's time step does not divide.
         """
-        built = build_simulation(robot, sequence.terrain, sequence.friction, sequence.effectors)
+        terrain = disturbed.terrain(sequence)
+        built = build_simulation(robot, terrain, sequence.friction, sequence.effectors, disturbed)
         simulation = Simulation(built, motion.q[0])
         substeps = _substeps(motion.rate_hz, simulation.timestep_s)
         kp, kd = self._gains(robot, simulation.timestep_s)
-        ankles, log, torque_ratio = ankles_of(robot), ReplayLog(robot, sequence), 0.0
-        last = len(motion.time_s) - 1
-        n_samples = last + round(AFTERWARDS_S * motion.rate_hz)
+        log, torque_ratio = ReplayLog(robot, sequence), 0.0
+        stabilising = None if self.stabiliser is None else Stabilising(self.stabiliser, robot, motion)
+        sensors = Sensors(simulation, disturbed, motion.rate_hz)
+        rng = np.random.default_rng(disturbed.seed)
+        last, dt_s, k, rested = len(motion.time_s) - 1, 1.0 / motion.rate_hz, 0, 0
+        pace = Steady(last) if stabilising is None else stabilising.pace
         started, completed = time.perf_counter(), True
-        for k in range(n_samples):
-            i, moving = min(k, last), float(k < last)
-            forward = motion.tau_nm[i]
-            if self.stabiliser is not None:
-                com_m, com_v_m_s = observe(*simulation.com())
-                xi_error = com_m - motion.com_reference_m[i], com_v_m_s - moving * motion.com_v_reference_m_s[i]
-                standing = _standing(robot, sequence, k / motion.rate_hz, com_m)
-                forward = forward + self.stabiliser.torques_nm(ankles, standing, *xi_error, len(forward))
-            q_target, v_target = motion.q[i][7:], moving * motion.v[i][6:]
+        while completed and rested < round(AFTERWARDS_S * motion.rate_hz):
+            i, rate = pace.nearest, pace.rate * float(pace.nearest < last)
+            forward, v_target = motion.tau_nm[i], rate * motion.v[i][6:]
+            q_target = motion.q[i][7:] + (pace.sample - i) * dt_s * motion.v[i][6:]
+            if stabilising is not None:
+                angles, added = stabilising.at(observe(sensors.read(k / motion.rate_hz)))
+                q_target, forward = q_target + angles, forward + added
             for j in range(substeps):
                 ahead = q_target + j * simulation.timestep_s * v_target
                 tau = kp * (ahead - simulation.joints_rad) + kd * (v_target - simulation.joint_rates_rad_s) + forward
+                if disturbed.torque_noise:
+                    tau = tau * (1.0 + disturbed.torque_noise * rng.normal(size=len(tau)))
+                if disturbed.push is not None:
+                    simulation.push(disturbed.push.force_n(k / motion.rate_hz + j * simulation.timestep_s))
                 held = simulation.locked_torques_nm(self.arm_share * self.stiffness, self.arm_share * self.damping)
                 torque_ratio = max(torque_ratio, simulation.step(tau, held))
             simulation.refresh()
+            pace.tick()
+            k, rested = k + 1, rested + int(i == last)
             com_m, _ = simulation.com()
-            error_m = float(np.linalg.norm(com_m - motion.com_reference_m[min(k + 1, last)]))
-            log.sample(simulation, (k + 1) / motion.rate_hz, com_m, error_m)
+            error_m = float(np.linalg.norm(com_m - motion.com_reference_m[pace.nearest]))
+            log.sample(simulation, k / motion.rate_hz, float(motion.time_s[pace.nearest]), com_m, error_m)
             completed = error_m < FALLEN_M
-            if not completed:
-                break
-            if k % SAY_EVERY == 0:
-                progress(k / n_samples, f"replay: {k / motion.rate_hz:.1f} of {n_samples / motion.rate_hz:.1f} s")
+            if i % SAY_EVERY == 0:
+                progress(i / (last + 1), f"replay: {motion.time_s[i]:.1f} of {motion.time_s[-1]:.1f} s")
         return log.replay(completed, torque_ratio, time.perf_counter() - started)
 
     def _gains(self, robot: Robot, timestep_s: float) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:
@@ -127,12 +131,3 @@ def _substeps(rate_hz: float, timestep_s: float) -> int:
     if substeps < 1 or not np.isclose(substeps * timestep_s * rate_hz, 1.0):
         raise InvalidInput("replay-rate", f"A motion at {rate_hz:g} Hz does not fit steps of {timestep_s:g} s.")
     return substeps
-
-
-def _standing(robot: Robot, sequence: ContactSequence, time_s: float, com_m: Vector3) -> Standing:
-    """The soles that the plan stands on, and how high the CoM is above them."""
-    contacts = sequence.phases[sequence.phase_at(time_s)].contacts
-    soles = {name: c.placement for name, c in contacts.items() if robot.effectors[name].kind == "surface"}
-    ground_m = float(np.mean([placement.position_m[2] for placement in soles.values()])) if soles else 0.0
-    weight_n = robot.mass_kg * GRAVITY_M_S2
-    return Standing({n: p.rotation for n, p in soles.items()}, float(com_m[2]) - ground_m, weight_n)

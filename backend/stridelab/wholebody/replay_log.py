@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.contacts.sequence import ContactSequence
+from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.conventions import Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.simulation import Simulation
@@ -57,8 +57,8 @@ class ReplayLog:
         self._slips_m, self._landings_m = [0.0], [0.0]
         self._hand_n: list[float] = []
 
-    def sample(self, simulation: Simulation, time_s: float, com_m: Vector3, error_m: float) -> None:
-        """Take the state after the step that ends at ``time_s``."""
+    def sample(self, simulation: Simulation, time_s: float, plan_time_s: float, com_m: Vector3, error_m: float) -> None:
+        """Take the state after the step that ends at ``time_s``, when the plan has come to ``plan_time_s``."""
         q, v = simulation.coordinates()
         self._time_s.append(time_s)
         self._q.append(q)
@@ -66,24 +66,22 @@ class ReplayLog:
         self._com_m.append(com_m)
         self._errors_m.append(error_m)
         forces = simulation.forces_n()
-        planned = self._sequence.phases[self._sequence.phase_at(time_s)].contacts
+        planned = self._sequence.phases[self._sequence.phase_at(plan_time_s)].contacts
         for name, force in forces.items():
             self._forces_n[name].append(force)
             if self._robot.effectors[name].kind == "surface":
-                self._follow(simulation, name, name in planned, float(np.linalg.norm(force)))
+                self._follow(simulation, name, planned.get(name), float(np.linalg.norm(force)))
             elif name in planned:
                 self._hand_n.append(float(np.linalg.norm(force)))
 
-    def _follow(self, simulation: Simulation, name: str, planned: bool, force_n: float) -> None:
-        if not planned:
+    def _follow(self, simulation: Simulation, name: str, planned: Contact | None, force_n: float) -> None:
+        if planned is None:
             self._landed.pop(name, None)
         elif force_n > TOUCHING_N:
             here = simulation.contact(name).position_m
             if name not in self._landed:
                 self._landed[name] = here
-                phase = self._sequence.phase_at(self._time_s[-1])
-                place = self._sequence.phases[phase].contacts[name].placement.position_m
-                self._landings_m.append(float(np.linalg.norm(here - place)))
+                self._landings_m.append(float(np.linalg.norm(here - planned.placement.position_m)))
             self._slips_m.append(float(np.linalg.norm(here - self._landed[name])))
 
     def replay(self, completed: bool, torque_ratio_max: float, took_s: float) -> Replay:

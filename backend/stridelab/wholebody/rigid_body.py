@@ -51,6 +51,17 @@ class RigidBody:
         self.A_g: Float[np.ndarray, "6 nv"] = data.Ag
         self.A_g_drift: Float[np.ndarray, "6"] = drift.dhg.vector
 
+    @property
+    def data(self) -> pin.Data:
+        """Pinocchio's data at the state."""
+        return self._data
+
+    def point_jacobian(self, joint: int, p_m: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 nv"]:
+        """Jacobian of the point ``p_m`` (world) of the body that ``joint`` moves, in world axes."""
+        J = pin.getJointJacobian(self.model, self._data, joint, pin.LOCAL_WORLD_ALIGNED)
+        arm = p_m - self._data.oMi[joint].translation
+        return np.asarray(J[:3] - pin.skew(arm) @ J[3:])
+
     def frame(self, name: str) -> FrameState:
         """State of the contact frame of effector ``name``, or of the ``base`` frame."""
         if name not in self._seen:

@@ -16,6 +16,7 @@ class Simulation:
         self.built = built
         self._model = built.model
         self._data = mujoco.MjData(built.model)
+        self._of_geom = {geom: name for name, geom in built.geom.items()}
         self._root = 1  # the robot's first body; 0 is the world
         x, y, z, w = q[3:7]
         self._data.qpos[:7] = [*q[:3], w, x, y, z]
@@ -59,6 +60,10 @@ class Simulation:
         mujoco.mj_step(self._model, self._data)
         return float(np.max(np.abs(moving_nm) / limit[self.built.moving_actuator]))
 
+    def push(self, force_n: Vector3) -> None:
+        """A force (world axes) at the trunk's centre of mass, from now on."""
+        self._data.xfrc_applied[self.built.trunk, :3] = force_n
+
     def refresh(self) -> None:
         """Bring everything that follows from the coordinates up to the instant after the last step.
 
@@ -87,13 +92,20 @@ class Simulation:
 
     def forces_n(self) -> dict[str, Vector3]:
         """World-frame force of the surroundings on every effector."""
-        found = {name: np.zeros(3) for name in self.built.geom}
-        of_geom = {geom: name for name, geom in self.built.geom.items()}
-        wrench = np.zeros(6)
-        for k, contact in enumerate(self._data.contact[: self._data.ncon]):
-            for geom, sign in ((contact.geom2, 1.0), (contact.geom1, -1.0)):
-                if geom in of_geom:
+        return {name: wrench[:3] for name, wrench in self.wrenches().items()}
+
+    def wrenches(self) -> dict[str, Float[np.ndarray, "6"]]:
+        """Force and moment about the world's origin of the surroundings on every effector, in world axes."""
+        found = {name: np.zeros(6) for name in self.built.geom}
+        local = np.zeros(6)
+        touching = self._data.contact
+        for k, pair in enumerate(touching.geom[: self._data.ncon].tolist()):
+            for geom, sign in ((pair[1], 1.0), (pair[0], -1.0)):
+                if geom in self._of_geom:
                     # given in the contact's frame, whose rows are its axes, and acting on its second geometry
-                    mujoco.mj_contactForce(self._model, self._data, k, wrench)
-                    found[of_geom[geom]] += sign * contact.frame.reshape(3, 3).T @ wrench[:3]
+                    mujoco.mj_contactForce(self._model, self._data, k, local)
+                    axes = sign * touching.frame[k].reshape(3, 3).T
+                    force = axes @ local[:3]
+                    found[self._of_geom[geom]][:3] += force
+                    found[self._of_geom[geom]][3:] += axes @ local[3:] + np.cross(touching.pos[k], force)
         return found

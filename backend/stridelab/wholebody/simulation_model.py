@@ -22,6 +22,7 @@ from stridelab.contacts.terrain import Box, Terrain
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.placement import Placement
 from stridelab.robots.robot import Effector, Robot
+from stridelab.wholebody.disturbance import NONE, Disturbances
 
 TIMESTEP_S: Final = 0.001
 HELD_ARMATURE_KG_M2: Final = 0.1
@@ -41,7 +42,8 @@ class SimulationModel:
 
     ``moving`` are the actuated joints of the robot's reduced model in its own order, ``locked`` the others;
     ``*_qpos``, ``*_dof`` and ``*_actuator`` index MuJoCo's positions, velocities and controls. ``geom`` and ``body``
-    name per effector what touches, ``T_body_contact`` places its contact frame in that body.
+    name per effector what touches, ``T_body_contact`` places its contact frame in that body. ``trunk`` is the heaviest
+    body above the legs.
     """
 
     model: mujoco.MjModel
@@ -56,10 +58,16 @@ class SimulationModel:
     geom: Mapping[str, int]
     body: Mapping[str, int]
     T_body_contact: Mapping[str, Placement]
+    trunk: int
 
 
-def build_simulation(robot: Robot, terrain: Terrain, friction: float, effectors: tuple[str, ...]) -> SimulationModel:
-    """``robot`` on ``terrain``, touching with ``effectors``; ``friction`` where a surface states none."""
+def build_simulation(
+    robot: Robot, terrain: Terrain, friction: float, effectors: tuple[str, ...], disturbed: Disturbances = NONE
+) -> SimulationModel:
+    """``robot`` on ``terrain``, touching with ``effectors``; ``friction`` where a surface states none.
+
+    Of ``disturbed`` the soles' size and the trunk's mass count here.
+    """
     spec = mujoco.MjSpec.from_string(_without_shapes(robot))
     spec.option.timestep = TIMESTEP_S
     spec.option.gravity = [0.0, 0.0, -GRAVITY_M_S2]
@@ -82,8 +90,10 @@ def build_simulation(robot: Robot, terrain: Terrain, friction: float, effectors:
     _add_legs(spec, robot, body_of)
     placed = {name: _body_contact(robot, robot.effectors[name]) for name in effectors}
     for name, (joint, T_body_contact) in placed.items():
-        _add_effector(spec.body(body_of[joint]), robot.effectors[name], T_body_contact)
+        _add_effector(spec.body(body_of[joint]), robot.effectors[name], T_body_contact, disturbed.sole_half_size_m)
     model = spec.compile()
+    trunk = _trunk(robot, model, body_of)
+    _load(model, trunk, disturbed.trunk_mass_kg)
 
     names = robot.joint_names
     moving, locked = [model.joint(name) for name in names], [model.joint(name) for name in robot.locked]
@@ -100,7 +110,22 @@ def build_simulation(robot: Robot, terrain: Terrain, friction: float, effectors:
         geom={name: model.geom(name).id for name in effectors},
         body={name: model.body(body_of[joint]).id for name, (joint, _) in placed.items()},
         T_body_contact={name: T for name, (_, T) in placed.items()},
+        trunk=trunk,
     )
+
+
+def _trunk(robot: Robot, model: mujoco.MjModel, body_of: Mapping[str, str]) -> int:
+    """The heaviest of the bodies that the joints of the torso move; without such joints the base."""
+    torso = [joint for joint in robot.joint_names if robot.group[joint] == "torso"]
+    bodies = [int(model.body(body_of[joint]).id) for joint in torso] or [1]
+    return max(bodies, key=lambda body: float(model.body_mass[body]))
+
+
+def _load(model: mujoco.MjModel, body: int, mass_kg: float) -> None:
+    """A point mass at a body's centre of mass."""
+    if mass_kg:
+        model.body_mass[body] += mass_kg
+        mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 def _without_shapes(robot: Robot) -> str:
@@ -189,10 +214,12 @@ def _shape(spec: mujoco.MjSpec, part: pin.GeometryObject) -> dict[str, Any]:
     return {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": part.name}
 
 
-def _add_effector(body: mujoco.MjsBody, effector: Effector, T_body_contact: Placement) -> None:
+def _add_effector(
+    body: mujoco.MjsBody, effector: Effector, T_body_contact: Placement, sole_half_size_m: tuple[float, float] | None
+) -> None:
     """What touches lies behind the contact frame's origin: a box on the sole's rectangle, a ball for a hand."""
     if effector.contact_half_size_m is not None:
-        half = [*effector.contact_half_size_m, SOLE_THICKNESS_M / 2]
+        half = [*(sole_half_size_m or effector.contact_half_size_m), SOLE_THICKNESS_M / 2]
         kind, meets = mujoco.mjtGeom.mjGEOM_BOX, (BODY, GROUND)
     else:
         half = [HAND_RADIUS_M, 0.0, 0.0]

@@ -1,88 +1,126 @@
-"""The stabiliser of the replay: capture-point feedback through the ankles.
+"""The stabiliser of the replay: it sees the robot a sample at a time and corrects what the joints are told.
 
-The divergent component of motion ``xi = c + c' / w`` with ``w = sqrt(g / h)`` runs away from the centre of pressure.
-Where it is ahead of its reference, the centre of pressure is moved ahead of it as well, by ``k (xi - xi_ref)`` within
-the sole, and the shift becomes ankle torques: a force ``f_z`` shifted by ``d`` turns the foot with ``d x f``, which
-the joint with axis ``a`` has to oppose by ``-a (d x f)``.
+Capture-point feedback through ankles and legs (``ankles``), legs that adapt to where the feet landed (``footing``),
+force control of the hands (``grip``), and a plan that waits, hurries or steps aside when that is not enough
+(``stepping``). The centre of pressure that the whole-body motion planned is where the feedback starts from.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
-import pinocchio as pin
 from jaxtyping import Float
 
-from stridelab.conventions import GRAVITY_M_S2, Rotation, Vector3
+from stridelab.contacts.sequence import Contact
+from stridelab.conventions import GRAVITY_M_S2
 from stridelab.robots.robot import Robot
+from stridelab.wholebody.ankles import CapturePoint, Sole, ankle_torques_nm, ankles_of, pendulum_rate
+from stridelab.wholebody.capturable import Capturable
+from stridelab.wholebody.footing import Feet, Footing
+from stridelab.wholebody.grip import Grip, Hands
+from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.posed import Posed
+from stridelab.wholebody.schedule import swung_shares
+from stridelab.wholebody.seen import Seen
+from stridelab.wholebody.stepping import Pace, Stepping
 
-LOWEST_COM_M = 0.3
-"""Below this the pendulum is no model of the robot any more."""
-
-
-@dataclass(frozen=True, eq=False)
-class Ankle:
-    """Two joints next to a sole: their indices among the actuated joints and their axes in the contact frame."""
-
-    joints: tuple[int, int]
-    axes: Float[np.ndarray, "2 3"]
-    half_size_m: tuple[float, float]
-
-
-@dataclass(frozen=True, eq=False)
-class Standing:
-    """The soles stood on, by effector with their orientation, and what stands on them."""
-
-    soles: Mapping[str, Rotation]
-    com_height_m: float
-    weight_n: float
+Angles = Float[np.ndarray, "na"]
+_LIGHT_N = 30.0
+"""A sole that is planned to bear less than this gets at least so much of the feedback."""
 
 
 @dataclass(frozen=True)
-class AnkleStabiliser:
-    """``gain`` of the capture-point error; the shift stays within ``share`` of the sole's half edges.
+class Stabiliser:
+    """Its parts; ``ankle_stiffness`` scales the position control of the ankles, which would fight the first."""
 
-    ``ankle_stiffness`` scales the position control of the ankles, which would otherwise fight the shift.
-    """
-
-    gain: float = 1.5
-    share: float = 0.7
+    capture: CapturePoint = field(default_factory=CapturePoint)
+    footing: Footing | None = field(default_factory=Footing)
+    grip: Grip | None = field(default_factory=Grip)
+    stepping: Stepping = field(default_factory=Stepping)
     ankle_stiffness: float = 0.2
 
-    def torques_nm(
-        self,
-        ankles: Mapping[str, Ankle],
-        standing: Standing,
-        com_error_m: Vector3,
-        com_v_error_m_s: Vector3,
-        n_joints: int,
-    ) -> Float[np.ndarray, "na"]:
-        """Torques to add to the feed-forward ones of the ``n_joints`` actuated joints."""
-        tau = np.zeros(n_joints)
-        w = np.sqrt(GRAVITY_M_S2 / max(standing.com_height_m, LOWEST_COM_M))
-        shift = self.gain * (com_error_m + com_v_error_m_s / w)
-        for name, R in standing.soles.items():
-            if name not in ankles:
-                continue
-            ankle = ankles[name]
-            limit = self.share * np.array(ankle.half_size_m)
-            dx, dy = np.clip((R.T @ [shift[0], shift[1], 0.0])[:2], -limit, limit)
-            f_z = standing.weight_n / len(standing.soles)
-            tau[list(ankle.joints)] -= ankle.axes @ [dy * f_z, -dx * f_z, 0.0]
+
+class Stabilising:
+    """One run over one motion."""
+
+    def __init__(self, stabiliser: Stabiliser, robot: Robot, motion: WholeBodyMotion) -> None:
+        self._by, self._robot, self._motion = stabiliser, robot, motion
+        self._ankles = ankles_of(robot)
+        self._posed = Posed(robot, motion.sequence.effectors)
+        self._share = swung_shares(motion.sequence, motion.time_s)
+        kinds = {name: robot.effectors[name].kind for name in motion.sequence.effectors}
+        self._soles = tuple(name for name, kind in kinds.items() if kind == "surface")
+        self._hands = tuple(name for name, kind in kinds.items() if kind == "point")
+        self._dt_s = 1.0 / motion.rate_hz
+        self._feet = (
+            None if stabiliser.footing is None else Feet(stabiliser.footing, self._posed, self._soles, self._dt_s)
+        )
+        self._grips = None if stabiliser.grip is None else Hands(stabiliser.grip, self._posed, self._dt_s)
+        self._integral_m, self._body_off_m = np.zeros(2), np.zeros(2)
+        half = {name: ankle.half_size_m for name, ankle in self._ankles.items() if name in self._soles}
+        self._capturable = Capturable.of(motion, half, stabiliser.capture.edge_m)
+        self.pace = Pace(stabiliser.stepping, self._capturable, motion.rate_hz)
+
+    def at(self, seen: Seen) -> tuple[Angles, Angles]:
+        """Angles (rad) and torques (N m) to add where ``pace`` is; after the last sample the motion stands still."""
+        motion, i = self._motion, self.pace.nearest
+        n = motion.tau_nm.shape[1]
+        contacts = motion.sequence.phases[motion.sequence.phase_at(float(motion.time_s[i]) + 1e-9)].contacts
+        self._posed.at(motion.q[i])
+        swung = {name: float(self._share[name][i]) for name in self._soles}
+        tau = self._balance(i, contacts, swung, seen)
+        angles = np.zeros(n)
+        if self._feet is not None:
+            angles = self._feet.angles_rad(seen, swung, self.pace.off_m, self._body_off_m, n)
+        if self._grips is not None:
+            touching = {name: contacts[name] for name in self._hands if name in contacts}
+            planned_n = {
+                name: float(motion.forces_n[name][i].sum(axis=0) @ c.placement.rotation[:, 2])
+                for name, c in touching.items()
+            }
+            pressed, pressing = self._grips.at(seen, touching, planned_n, n)
+            angles, tau = angles + pressed, tau + pressing
+        return angles, tau
+
+    def _balance(self, i: int, contacts: Mapping[str, Contact], swung: Mapping[str, float], seen: Seen) -> Angles:
+        motion, capture, pace = self._motion, self._by.capture, self.pace
+        tau = np.zeros(motion.tau_nm.shape[1])
+        soles = {name: self._sole(name, c, i) for name, c in contacts.items() if name in self._ankles}
+        if not soles:
+            return tau
+        ground_m = float(np.mean([sole.position_m[2] for sole in soles.values()]))
+        w = pendulum_rate(float(seen.com_m[2]) - ground_m)
+        can, ended = self._capturable, i == len(motion.time_s) - 1
+        seen_m = seen.com_m[:2] + seen.com_v_m_s[:2] / w
+        pace.decide(seen_m, {name: self._posed.contact(name).position_m for name in swung}, swung)
+        # a clock that stands still asks the robot to rest on the capture point, from where the plan can go on
+        still = 0.0 if ended else 1.0 - float(np.clip(pace.rate, 0.0, 1.0))
+        reference_m = motion.com_reference_m[i, :2] if ended else can.capture_m[i]
+        off_m = pace.reference_off_m
+        body_m = off_m + still * (reference_m - motion.com_reference_m[i, :2])
+        self._body_off_m += w * self._dt_s * (body_m - self._body_off_m)
+        xi_m = seen_m - reference_m - off_m
+        slower_m = still * (can.capture_m[i] - can.pressure_m[i])
+        limit = capture.integral_m / max(capture.integral_gain, 1e-9)
+        self._integral_m = np.clip(self._integral_m + w * self._dt_s * xi_m, -limit, limit)
+        half = {name: self._ankles[name].half_size_m for name in soles}
+        shifts, gained = capture.spread(capture.shift_m(xi_m, self._integral_m) + slower_m, soles, half)
+        for name, sole in soles.items():
+            ankle = self._ankles[name]
+            load_n = max(sole.load_n + gained[name], _LIGHT_N)
+            tau[list(ankle.joints)] += ankle_torques_nm(ankle, shifts[name], load_n)
+            if gained[name]:
+                tau[self._posed.limb[name]] += self._posed.torques_nm(name, np.array([0.0, 0.0, -gained[name]]))
         return tau
 
-
-def ankles_of(robot: Robot) -> dict[str, Ankle]:
-    """The ankles of all soles that have two joints; axes as they stand in the reference posture."""
-    data = robot.model.createData()
-    found = {}
-    for name, effector in robot.effectors.items():
-        if effector.ankle is None or effector.contact_half_size_m is None:
-            continue
-        frame = robot.model.getFrameId(effector.frame)
-        J = pin.computeFrameJacobian(robot.model, data, robot.q_reference, frame, pin.ReferenceFrame.LOCAL)
-        columns = [robot.model.joints[robot.model.getJointId(joint)].idx_v for joint in effector.ankle]
-        axes = (effector.T_frame_contact.rotation.T @ J[3:, columns]).T
-        first, second = (column - 6 for column in columns)
-        found[name] = Ankle((first, second), np.ascontiguousarray(axes), effector.contact_half_size_m)
-    return found
+    def _sole(self, name: str, contact: Contact, i: int) -> Sole:
+        """From the forces of the whole-body motion; a sole that has none is pressed in its middle."""
+        R = contact.placement.rotation
+        weight_n = self._robot.mass_kg * GRAVITY_M_S2
+        forces = self._motion.forces_n.get(name)
+        if forces is None:
+            return Sole(contact.placement.position_m, R, weight_n / 2.0, np.zeros(2))
+        f_n = forces[i] @ R[:, 2]
+        load_n = float(f_n.sum())
+        pressure_m = f_n @ self._motion.points_m[name][:, :2] / max(load_n, 1.0)
+        return Sole(contact.placement.position_m, R, max(load_n, 1.0), pressure_m)

@@ -20,6 +20,8 @@ from stridelab.wholebody.hierarchy import Rows
 from stridelab.wholebody.rigid_body import FrameState, RigidBody
 
 Angles = Float[np.ndarray, "na"]
+Weight = float | Float[np.ndarray, "_"]
+"""One for all rows, or one per row."""
 
 
 class Gain(NamedTuple):
@@ -81,7 +83,7 @@ def posture(body: RigidBody, angles_rad: Angles, gain: Gain) -> Rows:
     return Rows(A, gain.kp * (angles_rad - body.q[7:]) - gain.kd * body.v[6:])
 
 
-def stacked(weighted: list[tuple[float | Angles, Rows]], nz: int) -> Rows:
+def stacked(weighted: list[tuple[Weight, Rows]], nz: int) -> Rows:
     """Rows one below the other, each multiplied by its weight (one, or one per row), widened by zeros to ``nz``."""
     m = sum(len(rows.b) for _, rows in weighted)
     A, b = np.zeros((m, nz)), np.empty(m)

@@ -18,8 +18,9 @@ from stridelab_web.pages.render import page
 from stridelab_web.plan_costs import NOT_MINIMISED, cost_rows, seconds
 from stridelab_web.plan_durations import ChosenDurations, chosen_durations
 from stridelab_web.plan_pair import PlanFacts
-from stridelab_web.plan_plots import CENTROIDAL_TABLE, pair_curves, plan_curves
+from stridelab_web.plan_plots import CENTROIDAL_TABLE, REPLAY_TABLE, pair_curves, plan_curves, replayed_curves
 from stridelab_web.service import client_of
+from stridelab_web.tables import read_columns
 
 SCENARIO_FILE = "scenario.json"
 
@@ -33,14 +34,14 @@ async def plan(request: Request) -> Response:
     found = await client.job(request.path_params["id"])
     if found.kind != KIND:
         return RedirectResponse(f"/jobs/{found.id}", status_code=303)
-    result = await client.result(found.id) if found.state == "succeeded" else None
+    result = await client.result(found.id) if found.has_result else None
     summary = PlanMotionSummary.model_validate(result.summary) if result else None
     other_id = request.query_params.get("with", "")
     facts = PlanFacts(result.input, summary) if result and summary else None
     pair = await against(client, found, facts, other_id) if facts else None
     beside = f"?{urlencode({'with': other_id})}" if pair and pair.other else ""
     watch = f"/view/?plan={found.id}"
-    moves = summary is not None and summary.certificate is not None
+    moves = summary is not None and (summary.certificate is not None or summary.stopped is not None)
     return page(
         request,
         "plan.html",
@@ -55,6 +56,7 @@ async def plan(request: Request) -> Response:
         viewer_url=watch if moves else None,
         then=f"{watch}&play=1" if "watch" in request.query_params else None,
         stages=_stages(summary),
+        replayed=result is not None and any(item.name == REPLAY_TABLE for item in result.artifacts),
         costs_of=cost_rows(summary) if summary else [],
         objective=seconds(summary.objective) if summary else "",
         not_minimised=NOT_MINIMISED if facts and facts.wrench else "",
@@ -77,6 +79,9 @@ async def plots(request: Request) -> Response:
         facts, other = await other_plan(client, job_id, other_id)
         steps = steps and facts.summary.shape != "cubic"
         drawn = await run_in_threadpool(lambda: pair_curves(own, other, scenario, steps=steps))
+    elif any(item.name == REPLAY_TABLE for item in result.artifacts):
+        measured = await run_in_threadpool(read_columns, await client.read_artifact(job_id, REPLAY_TABLE))
+        drawn = await run_in_threadpool(lambda: replayed_curves(own, measured, scenario, steps=steps))
     else:
         drawn = await run_in_threadpool(lambda: plan_curves(own, scenario, steps=steps))
     return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})

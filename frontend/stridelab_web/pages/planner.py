@@ -8,6 +8,7 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from stridelab.client import AsyncClient, ProblemError
+from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web import strips
 from stridelab_web.documents import Document
@@ -15,8 +16,9 @@ from stridelab_web.footholds import facts, half_sizes, side
 from stridelab_web.frames import Frames
 from stridelab_web.friction_cones import GROUP as CONES
 from stridelab_web.pages.render import page
-from stridelab_web.plan_files import SCENARIO, needed, read_plan
-from stridelab_web.plan_frames import MOMENTUM, MOMENTUM_M_PER_NMS
+from stridelab_web.plan_files import REPLAYED, SCENARIO, needed, read_plan
+from stridelab_web.plan_frames import GHOST, MEASURED, MOMENTUM, MOMENTUM_M_PER_NMS, ROBOT
+from stridelab_web.plan_moments import check_rows, moments_of
 from stridelab_web.reach_places import GROUP, SHOWN_MASS
 from stridelab_web.service import client_of
 from stridelab_web.strips import Bar, Layer, Row
@@ -35,7 +37,7 @@ async def plan(request: Request, job_id: str) -> Response:
     job = await client.job(job_id)
     if job.kind not in KINDS:
         raise HTTPException(404, "This job is no plan.")
-    if job.state != "succeeded":
+    if not job.has_result:
         raise HTTPException(409, f"This plan is {words(job.state)}: there is nothing to show yet.")
     result = await client.result(job.id)
     scenario = Scenario.model_validate_json(await client.read_artifact(job.id, SCENARIO))
@@ -46,10 +48,16 @@ async def plan(request: Request, job_id: str) -> Response:
         Layer("/paths/", "Path"),
         Layer(MOMENTUM, "Angular momentum", False, f"About the centre of mass; {MOMENTUM_M_PER_NMS} m per N m s"),
     ]
-    if "poses.f32" in needed(result):
-        layers.insert(0, Layer("/robot/", "Robot"))
+    files = needed(result)
+    if "poses.f32" in files:
+        layers.insert(0, Layer(ROBOT, "Robot"))
+    if REPLAYED[0] in files:
+        fell = not result.summary["replay"]["completed"]
+        layers.insert(1, Layer(GHOST, "Replay", fell, "The robot as it moved in physics, in blue"))
+        layers.insert(3, Layer(MEASURED, "Measured forces", False, "What the replay's contacts bore, in dark blue"))
     if await _learned(client, scenario.robot):
         layers.append(Layer(GROUP, f"Reach, {100 * SHOWN_MASS:.0f} %", False))
+    moments, scenario_s = moments_of(result), sum(phase.duration_s for phase in scenario.phases)
     links = [("Result", f"{KINDS[job.kind]}/{job.id}")]
     if scenario_id := await _still_there(client, result.input.get("scenario_id")):
         links.append(("Scenario", f"/view/?scenario={scenario_id}"))
@@ -60,7 +68,8 @@ async def plan(request: Request, job_id: str) -> Response:
         title=scenario.name,
         scene=Document("plan", job.id).address,
         start_s=0.0,
-        rows=phase_rows(scenario),
+        rows=[*phase_rows(scenario, until_s(result)), *check_rows(moments, scenario_s)],
+        moments=moments,
         layers=layers,
         links=links,
     )
@@ -96,10 +105,16 @@ async def frames(client: AsyncClient, job_id: str) -> Frames:
     return found
 
 
-def phase_rows(scenario: Scenario) -> list[Row]:
-    """The phases with their numbers, and when each effector touches."""
+def until_s(result: JobResult) -> float | None:
+    """Where a motion that the body could not follow to the end ends; None for a whole one."""
+    stopped = result.summary.get("stopped")
+    return stopped["time_s"] if stopped else None
+
+
+def phase_rows(scenario: Scenario, until_s: float | None = None) -> list[Row]:
+    """The phases with their numbers, and when each effector touches; of a motion that stops, ``until_s`` it does."""
     placed = touches(scenario)
-    duration_s = sum(phase.duration_s for phase in scenario.phases)
+    duration_s = until_s or sum(phase.duration_s for phase in scenario.phases)
     ends_s = [0.0, *itertools.accumulate(phase.duration_s for phase in scenario.phases)]
     numbered = [
         Bar(bar.x, bar.width, str(k) if bar.width >= NUMBER_FROM_PERCENT else "")

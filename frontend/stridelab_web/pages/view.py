@@ -94,6 +94,7 @@ async def _recording(request: Request) -> Response:
             Row("Measured", measured, strips.windows_text(recording), "window"),
             *(Row(f"Plate {plate.index}", plate.bars, plate.text, "load") for plate in plates),
         ],
+        moments=(),
         layers=layers,
         links=links,
     )

@@ -11,18 +11,19 @@ from stridelab.schemas.scenarios import BoxSurface, RailSurface, Scenario
 from stridelab_web.footholds import HalfSizes, side
 from stridelab_web.frames import Frames
 from stridelab_web.friction_cones import Cone
-from stridelab_web.plan_frames import COM, MOMENTUM
+from stridelab_web.plan_frames import COM, GHOST, MEASURED, MOMENTUM, ROBOT
 from stridelab_web.reach_places import reach_places, surfaces
 from stridelab_web.touches import box_corners_m, box_rotation, touches
 from stridelab_web.viewer import shapes
 from stridelab_web.viewer.marks import COLOURS, add_marks
 from stridelab_web.viewer.parts import Colour, add_arrow, add_mesh, add_path, place_camera, prepare
-from stridelab_web.viewer.robot_links import add_robot
+from stridelab_web.viewer.robot_links import add_ghost, add_robot
 from stridelab_web.viewer.terrain import add_terrain, is_ground
 
 COM_COLOUR: Colour = (20, 30, 40)
 FORCE: Colour = (170, 51, 119)
 MOMENTUM_COLOUR: Colour = (0, 121, 92)
+ARROWS: Mapping[str, Colour] = {MOMENTUM: MOMENTUM_COLOUR, MEASURED: (51, 34, 136)}
 COM_LIGHT: Colour = (255, 255, 255)
 COM_RADIUS_M, PATH_RADIUS_M = 0.05, 0.006
 """The ball bears the usual sign of a centre of mass; the page draws both over the body (static/js/scene.js)."""
@@ -57,9 +58,10 @@ def build(
     add_terrain(scene, scenario)
     add_marks(scene, scenario, sizes, touching=True)
     _add_reach(scene, scenario, reach)
-    add_robot(scene, [body.name.removeprefix("/robot/") for body in frames.bodies], meshes)
+    add_robot(scene, [b.name.removeprefix(ROBOT) for b in frames.bodies if b.name.startswith(ROBOT)], meshes)
+    add_ghost(scene, GHOST, [b.name.removeprefix(GHOST) for b in frames.bodies if b.name.startswith(GHOST)], meshes)
     for arrow in frames.arrows:
-        add_arrow(scene, arrow, MOMENTUM_COLOUR if arrow.shaft.startswith(MOMENTUM) else FORCE)
+        add_arrow(scene, arrow, next((c for group, c in ARROWS.items() if arrow.shaft.startswith(group)), FORCE))
     _add_cones(scene, cones)
     add_path(scene, "/paths/com", frames.track("/paths/com"), COM_COLOUR, PATH_RADIUS_M)
     add_com(scene, COM)

@@ -8,10 +8,12 @@ import numpy as np
 import trimesh
 import viser
 
-from stridelab_web.viewer.parts import Colour
+from stridelab_web.viewer.parts import Colour, add_mesh
 
 PLAIN: Colour = (186, 196, 206)
 """Of a link without a colour."""
+GHOST_COLOUR: Colour = (70, 110, 200)
+GHOST_OPACITY = 0.4
 DARKEST, LIGHTEST = 84, 216
 """Where black and white are drawn: darker bodies lose their shape, lighter ones the background."""
 
@@ -57,6 +59,17 @@ def add_robot(
             )
             made.setdefault(link, piece)
     return made
+
+
+def add_ghost(scene: viser.SceneApi, group: str, links: Sequence[str], meshes: Mapping[str, trimesh.Trimesh]) -> None:
+    """A pale node per link in ``group``, each of one colour, so that the robot is seen through it."""
+    for link in links:
+        mesh = meshes.get(link)
+        if mesh is None or not len(mesh.faces):
+            scene.add_frame(f"{group}{link}", show_axes=False)
+            continue
+        vertices, faces = np.asarray(mesh.vertices, dtype=np.float32), np.asarray(mesh.faces).astype(np.uint32)
+        add_mesh(scene, f"{group}{link}", (vertices, faces), GHOST_COLOUR, opacity=GHOST_OPACITY, side="front")
 
 
 def pieces(mesh: trimesh.Trimesh) -> list[tuple[np.ndarray, np.ndarray, Colour]]:

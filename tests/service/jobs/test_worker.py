@@ -10,6 +10,8 @@ from typing import Any
 import psutil
 import pytest
 
+from stridelab.errors import Conflict
+from stridelab.service.api.jobs.rows import job_of
 from stridelab.service.jobs.board import JobBoard
 from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.jobs.worker import Worker
@@ -100,6 +102,28 @@ def test_a_job_succeeds_with_files_and_provenance(in_shop: Open) -> None:
         fractions = [event.progress.fraction for event in events]
         assert fractions == sorted(fractions)
         assert len(fractions) >= 4
+
+    in_shop(act)
+
+
+def test_a_job_that_stops_half_way_fails_and_keeps_what_there_is(in_shop: Open) -> None:
+    async def act(shop: Shop) -> None:
+        record = await shop.do("stop-half-way")
+        assert record.state == "failed"
+        assert record.error == {
+            "code": "stopped",
+            "detail": "It cannot go on.",
+            "errors": [{"where": "phases[1]", "message": "at 0.0 s"}],
+        }
+        assert job_of(record).has_result
+        result = await shop.store.result(record.id)
+        assert result.summary == {"until_s": 0.5}
+        assert [(a.name, a.bytes) for a in result.artifacts] == [("half.csv", 11)]
+        assert b"".join([c async for c in shop.blobs.stream(f"{record.blob_prefix}/half.csv")]) == b"time_s\n0.0\n"
+        refused = await shop.do("refuse")
+        assert not job_of(refused).has_result
+        with pytest.raises(Conflict):
+            await shop.store.result(refused.id)
 
     in_shop(act)
 

@@ -11,6 +11,7 @@ from stridelab.dynamics.placement import Placement
 from stridelab.robots.display import link_meshes
 from stridelab.service.jobs.kinds.plan_artifacts import motion_arrays, write_arrays
 from stridelab.service.jobs.kinds.plan_display import (
+    Shown,
     centre_of_pressure_m,
     display_forces,
     display_frames,
@@ -32,7 +33,7 @@ def test_poses_are_forward_kinematics_and_survive_the_file(tmp_path: Path) -> No
     links = tuple(link.name for link in link_meshes(robot))
     poses = display_poses(robot, motion.q[frames])
     forces = display_forces(motion, frames)
-    written = write_display(tmp_path, "talos", links, FEET, motion.time_s[frames], poses, forces)
+    written = write_display(tmp_path, "talos", links, FEET, motion.time_s[frames], Shown(poses, forces), None)
     assert (
         {a.name for a in written} == {"poses.f32", "poses.json", "forces.f32"} == {p.name for p in tmp_path.iterdir()}
     )

@@ -4,7 +4,7 @@ import asyncio
 import json
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -16,52 +16,31 @@ from stridelab.centroidal.solve import KKT_ERROR_MAX
 from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.validation import judge
 from stridelab.conventions import g
-from stridelab.errors import Fault, InvalidInput, NotEstimable, NotFound, StridelabError
+from stridelab.errors import InvalidInput, NotEstimable, NotFound, StridelabError
 from stridelab.reachability.card import ReachabilityCard
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.resources import models_dir
 from stridelab.robots.loader import load_robot
-from stridelab.schemas.plans import CertificateSummary, CostWeights, PlanMotionSummary
+from stridelab.schemas.plans import CertificateSummary, CostWeights
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.errand import located
 from stridelab.service.jobs.isolated import IsolatedPool
 from stridelab.service.jobs.kinds import plan_motion, plan_options, plan_posing
-from stridelab.service.jobs.kinds.kind import Outcome
 from stridelab.service.jobs.kinds.provenance import known_references
 from stridelab.service.jobs.kinds.tables_io import read_about
-from support.planning import changed, plan_task, short_walk
+from support.planned import Planned, run
+from support.planning import changed, plan_task, short_walk, stopping_after
 from support.quiet import Told, quiet
 
 CENTROIDAL_FILES = {"centroidal.parquet", "centroidal.csv", "iterations.parquet", "iterations.csv", "scenario.json"}
-MOTION_FILES = {"motion.npz", "motion.parquet", "motion.csv", "poses.f32", "poses.json", "forces.f32", "motion.viser"}
-ALL_FILES = CENTROIDAL_FILES | MOTION_FILES | {"certificate.json", "replay.npz"}
+MOTION_FILES = {
+    *("motion.npz", "motion.parquet", "motion.csv", "joints.parquet", "joints.csv"),
+    *("joint_trajectory.json", "joint_trajectory.yaml", "poses.f32", "poses.json", "forces.f32"),
+    *("motion.viser", "motion.html"),
+}
+REPLAY_FILES = {"replay.npz", "replay.parquet", "replay.csv", "replay_poses.f32", "replay_forces.f32"}
+ALL_FILES = CENTROIDAL_FILES | MOTION_FILES | REPLAY_FILES | {"certificate.json"}
 STAGES = ["check", "reachability", "centroidal", "whole body", "certificate", "replay", "export"]
-
-
-class Planned(NamedTuple):
-    folder: Path
-    outcome: Outcome
-    summary: PlanMotionSummary
-    told: Told
-
-    def columns(self, table: str, *names: str) -> np.ndarray:
-        read = pq.read_table(self.folder / table)
-        return np.column_stack([read[name].to_numpy() for name in names])
-
-    def arrays(self) -> dict[str, np.ndarray]:
-        with np.load(self.folder / "motion.npz", allow_pickle=False) as read:
-            return dict(read)
-
-
-def run(folder: Path, scenario: Scenario, **asked: Any) -> Planned:
-    told = Told()
-    outcome = plan_motion.run(plan_task(scenario, **asked), folder, told)
-    return Planned(folder, outcome, PlanMotionSummary.model_validate(outcome.summary), told)
-
-
-@pytest.fixture(scope="module")
-def walked(tmp_path_factory: pytest.TempPathFactory) -> Planned:
-    return run(tmp_path_factory.mktemp("walk"), short_walk(), whole_body=True, replay=True)
 
 
 def test_the_files_are_those_of_the_contract(walked: Planned) -> None:
@@ -185,42 +164,6 @@ def test_feet_stand_where_the_scenario_puts_them_and_the_com_is_that_of_the_join
     assert error.max() < 1e-3
 
 
-def test_the_display_files_are_the_motion(walked: Planned) -> None:
-    robot, arrays = load_robot("talos"), walked.arrays()
-    about = json.loads((walked.folder / "poses.json").read_text())
-    poses = np.frombuffer((walked.folder / "poses.f32").read_bytes(), "<f4").reshape(about["n_frames"], -1, 7)
-    shown = np.array(about["time_s"])
-    assert np.diff(shown) == pytest.approx(np.full(len(shown) - 1, 0.02))
-    assert shown[-1] == pytest.approx(walked.summary.duration_s)
-    data = robot.model.createData()
-    foot = about["links"].index("leg_right_6_link")
-    joint = robot.model.getJointId("leg_right_6_joint")
-    samples = np.round(shown * 250.0).astype(int)
-    for frame in range(0, len(shown), 17):
-        pin.forwardKinematics(robot.model, data, arrays["q"][samples[frame]])
-        np.testing.assert_allclose(poses[frame, foot, :3], data.oMi[joint].translation, atol=1e-6)
-    effectors = about["forces"]["effectors"]
-    forces = np.frombuffer((walked.folder / "forces.f32").read_bytes(), "<f4").reshape(len(shown), len(effectors), 6)
-    np.testing.assert_allclose(np.nan_to_num(forces[..., 3:]), arrays["forces"][samples], rtol=1e-6, atol=1e-4)
-    ends_s = np.cumsum([phase.duration_s for phase in short_walk().phases])
-    phase = np.minimum(np.searchsorted(ends_s, shown + 1e-9, side="right"), len(ends_s) - 1)
-    standing = np.array(
-        [[e in {c.effector for c in short_walk().phases[p].contacts} for e in effectors] for p in phase]
-    )
-    np.testing.assert_array_equal(np.isfinite(forces).all(axis=2), standing)
-    np.testing.assert_array_equal(np.isnan(forces).all(axis=2), ~standing)
-
-
-def test_the_replay_is_kept(walked: Planned) -> None:
-    with np.load(walked.folder / "replay.npz", allow_pickle=False) as read:
-        n = len(read["time_s"])
-        assert read["q"].shape == (n, load_robot("talos").model.nq)
-        assert read["v"].shape == (n, load_robot("talos").model.nv)
-        total = read["forces_left_foot"] + read["forces_right_foot"]
-    weight_n = load_robot("talos").mass_kg * 9.81
-    assert np.median(total[:, 2]) == pytest.approx(weight_n, rel=0.05)
-
-
 def test_scenario_and_certificate_can_be_read_back(walked: Planned) -> None:
     assert Scenario.model_validate_json((walked.folder / "scenario.json").read_text()) == short_walk()
     kept = CertificateSummary.model_validate_json((walked.folder / "certificate.json").read_text())
@@ -325,16 +268,27 @@ def test_a_solver_that_does_not_converge_is_said_with_status_and_iterations(
     assert [fault.where for fault in error.faults] == ["solver", "stage: centroidal"]
 
 
-def test_a_body_that_cannot_follow_keeps_its_own_words(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    class Stuck:
-        def run(self, *_: object) -> None:
-            fault = Fault("phases[1].contacts[right_foot]", "leg_right_4_joint at its limit")
-            raise NotEstimable("whole-body-failed", "The whole body cannot go on at 1.2 s.", [fault])
-
-    monkeypatch.setattr(plan_motion, "WholeBodyController", Stuck)
-    error = refused(tmp_path, NotEstimable)
+def test_a_body_that_cannot_follow_keeps_plan_and_motion_and_its_own_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(plan_motion, "WholeBodyController", stopping_after(1.2))
+    stuck = run(tmp_path, short_walk(), whole_body=True, replay=True)
+    error = stuck.outcome.failure
+    assert error is not None
     assert error.code == "whole-body-failed"
-    assert [fault.where for fault in error.faults] == ["phases[1].contacts[right_foot]", "stage: whole body"]
+    assert [fault.where for fault in error.faults] == ["phases[1]", "stage: whole body"]
+    said = stuck.outcome.to_json()["problem"]
+    assert (said["code"], said["detail"]) == (error.code, error.message)
+    stopped = stuck.summary.stopped
+    assert stopped is not None
+    assert (stopped.time_s, stopped.phase, stopped.level) == (1.2, 1, 0)
+    assert stopped.names == ["torque of leg_right_4_joint"]
+    assert (stuck.summary.certificate, stuck.summary.replay, stuck.summary.warnings) == (None, None, [])
+    assert {path.name for path in tmp_path.iterdir()} == CENTROIDAL_FILES | MOTION_FILES
+    about = json.loads((tmp_path / "poses.json").read_text())
+    assert about["time_s"][-1] == pytest.approx(1.2)
+    assert stuck.arrays()["q"].shape[0] == 301
+    assert stuck.told.messages[-1] == "stopped at 1.20 s"
 
 
 def test_a_solver_that_hangs_is_ended_and_its_stage_is_known(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

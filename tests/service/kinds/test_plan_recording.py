@@ -6,11 +6,12 @@ import msgspec
 import numpy as np
 import psutil
 import pytest
+import viser
 import zstandard
 
 from stridelab.robots.display import link_meshes
 from stridelab.service.jobs.kinds.plan_display import display_poses
-from stridelab.service.jobs.kinds.plan_recording import record
+from stridelab.service.jobs.kinds.plan_recording import player_page, record
 from support.plans import made_up_motion, one_step, talos
 
 LINKS = ("base_link", "leg_left_6_link", "arm_right_7_link")
@@ -72,3 +73,15 @@ def test_nothing_is_printed_and_nothing_listens_afterwards(capfd: pytest.Capture
     record(one_step().terrain, link, np.tile([0.0, 0.0, 1.0, 1.0, 0.0, 0.0, 0.0], (3, 1, 1)), 25.0)
     assert {c.laddr for c in psutil.Process().net_connections("tcp") if c.status == psutil.CONN_LISTEN} == before
     assert capfd.readouterr() == ("", "")
+
+
+def test_the_page_is_the_player_that_viser_would_have_made() -> None:
+    server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
+    try:
+        serializer = server.get_scene_serializer()
+        recording = serializer.serialize()
+        serializer.serialize = lambda: recording  # type: ignore[method-assign]
+        expected = serializer.as_html()
+    finally:
+        server.stop()
+    assert player_page(recording) == expected

@@ -107,12 +107,7 @@ class Attempts:
             publish = self._kinds[attempt.kind].publish
             if publish is not None:
                 summary = await publish(connection, blobs, dict(row), outcome, folder) or summary
-            result = {
-                "summary": summary,
-                "references": list(outcome["references"]),
-                "versions": versions(),
-                "artifacts": artifacts,
-            }
+            result = _result(summary, outcome, artifacts)
             change = _fenced(attempt).values(
                 state="succeeded",
                 fraction=1.0,
@@ -124,10 +119,28 @@ class Attempts:
             )
             return await _apply(connection, attempt, change)
 
-    async def end(self, attempt: Attempt, state: FinalState, problem: Json | None, log_tail: str) -> bool:
-        """End without a result; False where the attempt has no say."""
+    async def end(
+        self,
+        attempt: Attempt,
+        state: FinalState,
+        problem: Json | None,
+        log_tail: str,
+        kept: tuple[Json, list[Json]] | None = None,
+    ) -> bool:
+        """End without success; False where the attempt has no say.
+
+        ``kept`` is what it leaves all the same: the computation's outcome, and the artifacts that are stored.
+        """
+        left: dict[str, Any] = {}
+        if kept is not None:
+            outcome, artifacts = kept
+            left = {
+                "result": storable(_result(outcome["summary"], outcome, artifacts)),
+                "blob_prefix": attempt.blob_prefix,
+            }
         async with self._engine.begin() as connection:
             change = _fenced(attempt).values(
+                **left,
                 state=state,
                 message=state.replace("_", " "),
                 finished_at=func.now(),
@@ -188,6 +201,12 @@ class Attempts:
         await queue.retire(connection, row["queue_id"])
         kind = self._kinds.get(row["kind"])
         return await queue.enqueue(connection, row["id"], kind.lane if kind else "short", row["priority"])
+
+
+def _result(summary: Json, outcome: Json, artifacts: list[Json]) -> Json:
+    """What the row of a job keeps of its outcome."""
+    references = list(outcome["references"])
+    return {"summary": summary, "references": references, "versions": versions(), "artifacts": artifacts}
 
 
 def _fenced(attempt: Attempt) -> Update:

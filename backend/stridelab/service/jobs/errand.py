@@ -15,7 +15,7 @@ from stridelab.errors import StridelabError
 from stridelab.service.jobs.attempts import Attempt, Attempts, FinalState
 from stridelab.service.jobs.consumer import DATABASE_IS_AWAY
 from stridelab.service.jobs.isolated import IsolatedOutcome, IsolatedPool
-from stridelab.service.jobs.kinds.kind import JobKind, Json
+from stridelab.service.jobs.kinds.kind import JobKind, Json, problem_of
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 
@@ -76,13 +76,13 @@ class Errand:
                 on_progress=self._note,
             )
             log_tail = outcome.log_tail
+            if outcome.state == "ok" and "problem" in outcome.value:
+                return await self._keep(outcome, folder, patiently)
             if outcome.state == "ok":
                 return await self._publish(outcome, folder, patiently)
             return await self._give_up(outcome, patiently)
         except StridelabError as error:
-            faults = [{"where": fault.where, "message": fault.message} for fault in error.faults]
-            problem = {"code": error.code, "detail": error.message, "errors": faults}
-            return await self._end("failed", problem, log_tail, patiently)
+            return await self._end("failed", problem_of(error), log_tail, patiently)
         except DATABASE_IS_AWAY:
             raise  # the worker stops while the database is away: another one will take the job up
         except Exception as error:  # noqa: BLE001 (what staging and publishing were not made for fails this job only)
@@ -104,22 +104,45 @@ class Errand:
             return await self._kind.stage(connection, self._blobs, request, folder)
 
     async def _publish(self, outcome: IsolatedOutcome, folder: Path, patiently: Patiently) -> str:
+        async def publish(artifacts: list[Json]) -> bool:
+            return await self._attempts.succeed(
+                self._attempt, self._blobs, outcome.value, artifacts, folder, outcome.log_tail
+            )
+
+        published = await self._with_files(outcome, folder, patiently, publish)
+        return "succeeded" if published else await self._end("cancelled", None, outcome.log_tail, patiently)
+
+    async def _keep(self, outcome: IsolatedOutcome, folder: Path, patiently: Patiently) -> str:
+        """Fail, with what the computation left all the same."""
+        value = outcome.value
+
+        async def fail(artifacts: list[Json]) -> bool:
+            return await self._attempts.end(
+                self._attempt, "failed", value["problem"], outcome.log_tail, (value, artifacts)
+            )
+
+        return "failed" if await self._with_files(outcome, folder, patiently, fail) else "superseded"
+
+    async def _with_files(
+        self,
+        outcome: IsolatedOutcome,
+        folder: Path,
+        patiently: Patiently,
+        write: Callable[[list[Json]], Awaitable[bool]],
+    ) -> bool:
+        """Store the files and ``write`` the row that names them; where that is not to be, no file stays."""
         artifacts = [artifact_file(folder, item) for item in outcome.value["artifacts"]]
         prefix = self._attempt.blob_prefix
         for artifact in artifacts:
             await self._blobs.put_file(f"{prefix}/{artifact['name']}", folder / artifact["name"])
-        published = False
+        written = False
         try:
-            published = await patiently(
-                lambda: self._attempts.succeed(
-                    self._attempt, self._blobs, outcome.value, artifacts, folder, outcome.log_tail
-                )
-            )
+            written = bool(await patiently(lambda: write(artifacts)))
         finally:
-            if not published:
+            if not written:
                 with contextlib.suppress(StridelabError):  # what stays is removed by the janitor
                     await self._blobs.delete_prefix(prefix)
-        return "succeeded" if published else await self._end("cancelled", None, outcome.log_tail, patiently)
+        return written
 
     async def _give_up(self, outcome: IsolatedOutcome, patiently: Patiently) -> str:
         if outcome.state == "cancelled" and self._interrupted:

@@ -15,6 +15,14 @@ export function whyNot(job, lastMessage = "") {
   return lastMessage && job.state === "timed_out" ? `${why} It was at: ${lastMessage}.` : why;
 }
 
+// To what a job that failed has kept.
+function keptLink(job) {
+  const link = document.createElement("a");
+  link.href = `/plans/${encodeURIComponent(job.id)}`;
+  link.textContent = "See how far it comes.";
+  return link;
+}
+
 // Plans the scenario and opens the plan.
 export function offerPlan(root, scenarioId, before) {
   offerJob(root, "plan", { start: () => startPlan(scenarioId), before, then: (job) => location.assign(viewerOf(job.id)) });
@@ -44,6 +52,7 @@ export function offerJob(root, name, { start, before, then }) {
       });
       if (ended.state === "succeeded") return void (await then(ended));
       said.textContent = whyNot(ended, last);
+      if (ended.has_result) said.append(" ", keptLink(ended));
     } catch (error) {
       said.textContent = error.message;
     }

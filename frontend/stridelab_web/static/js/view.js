@@ -158,9 +158,19 @@ slider.addEventListener("input", () => {
 for (const strip of player.querySelectorAll("[data-seek]")) {
   strip.addEventListener("click", (event) => {
     if (!time_s.length) return;
+    const mark = event.target.dataset.at; // a check's worst moment, to the sample
+    if (mark !== undefined) return void to(Number(mark));
     const box = strip.getBoundingClientRect();
     seek(frameAt(((event.clientX - box.left) / box.width) * time_s.at(-1)));
   });
+}
+
+player.querySelector("[data-moments]")?.addEventListener("change", (event) => {
+  if (event.target.value && time_s.length) to(Number(event.target.value));
+});
+function to(t_s) {
+  if (playing) play(false);
+  seek(frameAt(t_s));
 }
 
 function applyShown() {

@@ -32,6 +32,7 @@ def job_of(record: JobRecord) -> Job:
         recording_id=record.recording_id,
         scenario_id=record.scenario_id,
         log_tail=record.log_tail,
+        has_result=record.result is not None,
     )
 
 

@@ -11,6 +11,7 @@ from typing import Any, Literal, Protocol, runtime_checkable
 
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from stridelab.errors import StridelabError
 from stridelab.schemas.base import Contract
 
 Json = dict[str, Any]
@@ -44,28 +45,39 @@ class ArtifactFile:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run returns: the summary of the contract, citation keys, and the names of the files it left."""
+    """What a run returns: the summary of the contract, citation keys, and the names of the files it left.
+
+    With ``failure`` the job fails of it, and keeps what else there is: how far it came.
+    """
 
     summary: Json
     references: tuple[str, ...]
     artifacts: tuple[ArtifactFile, ...]
+    failure: StridelabError | None = None
 
     def to_json(self) -> Json:
-        """Form in which an outcome leaves the child process."""
-        return {
+        """Form in which an outcome leaves the child process; a failure is its ``problem``."""
+        value: Json = {
             "summary": self.summary,
             "references": list(self.references),
             "artifacts": [{"name": a.name, "media_type": a.media_type} for a in self.artifacts],
         }
+        return value if self.failure is None else value | {"problem": problem_of(self.failure)}
 
     @staticmethod
     def from_json(value: Mapping[str, Any]) -> "Outcome":
-        """Inverse of ``to_json``."""
+        """Inverse of ``to_json``, but for the failure."""
         return Outcome(
             summary=dict(value["summary"]),
             references=tuple(value["references"]),
             artifacts=tuple(ArtifactFile(a["name"], a["media_type"]) for a in value["artifacts"]),
         )
+
+
+def problem_of(error: StridelabError) -> Json:
+    """An error as the row of a job keeps it: ``{"code", "detail", "errors": [{"where", "message"}]}``."""
+    faults = [{"where": fault.where, "message": fault.message} for fault in error.faults]
+    return {"code": error.code, "detail": error.message, "errors": faults}
 
 
 Stage = Callable[[AsyncConnection, Blobs, Contract, Path], Awaitable[Json]]

@@ -10,17 +10,28 @@ from pydantic import BaseModel
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.robots.display import link_meshes
 from stridelab.robots.robot import Robot
+from stridelab.schemas.plans import Film
 from stridelab.service.jobs.kinds.kind import ArtifactFile, ProgressCallback
 from stridelab.service.jobs.kinds.plan_display import (
+    HTML,
     JSON,
     RAW,
+    Shown,
     display_forces,
     display_frames,
     display_poses,
+    replayed_display,
     write_display,
 )
-from stridelab.service.jobs.kinds.plan_recording import RECORDING_HZ, record
-from stridelab.service.jobs.kinds.plan_tables import centroidal_columns, iteration_columns, motion_columns
+from stridelab.service.jobs.kinds.plan_film import write_film
+from stridelab.service.jobs.kinds.plan_recording import PAGE_FILE, RECORDING_FILE, RECORDING_HZ, player_page, record
+from stridelab.service.jobs.kinds.plan_tables import (
+    centroidal_columns,
+    iteration_columns,
+    motion_columns,
+    replay_columns,
+)
+from stridelab.service.jobs.kinds.plan_trajectory import joint_columns, write_trajectory
 from stridelab.service.jobs.kinds.tables_io import atomically, write_table
 from stridelab.wholebody.motion import WholeBodyMotion
 
@@ -39,19 +50,24 @@ def write_plan(folder: Path, plan: CentroidalPlan) -> tuple[ArtifactFile, ...]:
 
 
 def write_motion(
-    folder: Path, robot: Robot, motion: WholeBodyMotion, tell: ProgressCallback
+    folder: Path,
+    robot: Robot,
+    motion: WholeBodyMotion,
+    replay: "Replay | None",
+    film: Film | None,
+    tell: ProgressCallback,
 ) -> tuple[ArtifactFile, ...]:
-    """``motion.npz``, ``motion.parquet`` with its CSV twin, the display files, and ``motion.viser``."""
+    """The motion for programs and for people, the display files with those of the replay, the player and the film."""
     sequence = motion.sequence
     tell(0.1, "writing the motion")
     limits_nm = np.asarray(robot.model.effortLimit)[6:]
-    tables = write_table(
-        folder,
-        "motion",
-        motion_columns(motion, limits_nm),
-        _about(sequence.name, robot.name) | {"rate_hz": motion.rate_hz},
+    about = _about(sequence.name, robot.name) | {"rate_hz": motion.rate_hz}
+    tables = (
+        *write_table(folder, "motion", motion_columns(motion, limits_nm), about),
+        *write_table(folder, "joints", joint_columns(robot, motion), about),
     )
     arrays = write_arrays(folder / "motion.npz", motion_arrays(robot, motion))
+    trajectory = write_trajectory(folder, robot, motion)
     tell(0.4, "placing the links")
     links = link_meshes(robot)
     frames = display_frames(len(motion.time_s), motion.rate_hz)
@@ -62,20 +78,29 @@ def write_motion(
         tuple(link.name for link in links),
         tuple(motion.forces_n),
         motion.time_s[frames],
-        poses,
-        display_forces(motion, frames),
+        Shown(poses, display_forces(motion, frames)),
+        None if replay is None else replayed_display(robot, replay, motion.time_s[frames], tuple(motion.forces_n)),
     )
     tell(0.7, "recording it for viser")
-    every = max(1, round((len(frames) - 1) / (motion.time_s[-1] - motion.time_s[0]) / RECORDING_HZ))
+    lasts_s = float(motion.time_s[-1] - motion.time_s[0])
+    every = max(1, round((len(frames) - 1) / lasts_s / RECORDING_HZ)) if lasts_s > 0.0 else 1
     recording = record(sequence.terrain, links, poses[::every], RECORDING_HZ)
-    atomically(folder / "motion.viser", lambda path: path.write_bytes(recording))
-    return (*tables, arrays, *shown, ArtifactFile("motion.viser", RAW))
+    atomically(folder / RECORDING_FILE, lambda path: path.write_bytes(recording))
+    atomically(folder / PAGE_FILE, lambda path: path.write_text(player_page(recording), encoding="utf-8"))
+    player = [ArtifactFile(RECORDING_FILE, RAW), ArtifactFile(PAGE_FILE, HTML)]
+    if film is not None:
+        player.append(write_film(folder, film, sequence.terrain, links, poses[::every], RECORDING_HZ, tell))
+    return (*tables, arrays, *trajectory, *shown, *player)
 
 
-def write_replay(folder: Path, replay: "Replay") -> ArtifactFile:
-    """``replay.npz``: ``time_s``, ``q``, ``v`` in pinocchio's order and the total contact force per effector."""
+def write_replay(folder: Path, replay: "Replay") -> tuple[ArtifactFile, ...]:
+    """``replay.npz``: ``time_s``, ``q``, ``v`` in pinocchio's order and the total contact force per effector.
+
+    ``replay.parquet`` with its CSV twin: the CoM and the forces as columns.
+    """
     forces = {f"forces_{effector}": track for effector, track in replay.forces_n.items()}
-    return write_arrays(folder / "replay.npz", {"time_s": replay.time_s, "q": replay.q, "v": replay.v, **forces})
+    arrays = {"time_s": replay.time_s, "q": replay.q, "v": replay.v, **forces}
+    return write_arrays(folder / "replay.npz", arrays), *write_table(folder, "replay", replay_columns(replay), {})
 
 
 def write_json(folder: Path, name: str, value: BaseModel) -> ArtifactFile:

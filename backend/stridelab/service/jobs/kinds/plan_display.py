@@ -1,13 +1,17 @@
 """What a viewer moves: poses of the links and forces of the effectors, at display rate, as raw numbers."""
 
 import json
+from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from jaxtyping import Float, Int
 
 from stridelab.conventions import Points, Series
 from stridelab.dynamics.placement import Placement
+from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.display import link_poses
 from stridelab.robots.robot import Robot
 from stridelab.service.jobs.kinds.kind import ArtifactFile
@@ -15,12 +19,22 @@ from stridelab.service.jobs.kinds.plan_tables import phases
 from stridelab.service.jobs.kinds.tables_io import atomically
 from stridelab.wholebody.motion import WholeBodyMotion
 
+if TYPE_CHECKING:
+    from stridelab.wholebody.replay import Replay
+
 DISPLAY_HZ = 50.0
-RAW, JSON = "application/octet-stream", "application/json"
+RAW, JSON, HTML = "application/octet-stream", "application/json", "text/html"
 POSE_COLUMNS = ("px", "py", "pz", "qw", "qx", "qy", "qz")
 FORCE_COLUMNS = ("px", "py", "pz", "fx", "fy", "fz")
 
 _NOTHING_N = 1e-9
+
+
+class Shown(NamedTuple):
+    """What moves, per frame: poses ``(f, links, 7)`` and forces ``(f, effectors, 6)``."""
+
+    poses: Float[np.ndarray, "f links 7"]
+    forces: Float[np.ndarray, "f effectors 6"]
 
 
 def display_frames(n_samples: int, rate_hz: float) -> Int[np.ndarray, "f"]:
@@ -60,16 +74,41 @@ def centre_of_pressure_m(placement: Placement, points_m: Points, forces_n: Point
     return np.asarray(placement.act((weights @ points_m)[None])[0])
 
 
+def replayed_display(robot: Robot, replay: "Replay", time_s: Series, effectors: tuple[str, ...]) -> Shown:
+    """The replay at the instants ``time_s`` of the motion, NaN before its first sample and after a fall.
+
+    A force acts at the middle of the effector's contact frame, wherever that is, and is NaN where nothing touches.
+    """
+    model, frame_of = with_contact_frames(robot)
+    data = model.createData()
+    nearest = np.clip(np.searchsorted(replay.time_s, time_s), 0, len(replay.time_s) - 1)
+    there = np.abs(replay.time_s[nearest] - time_s) < 0.5 / DISPLAY_HZ
+    poses = np.full((len(time_s), robot.model.njoints - 1, len(POSE_COLUMNS)), np.nan)
+    forces = np.full((len(time_s), len(effectors), len(FORCE_COLUMNS)), np.nan)
+    for i in np.flatnonzero(there):
+        q = replay.q[nearest[i]]
+        poses[i] = link_poses(robot, q)
+        pin.framesForwardKinematics(model, data, q)
+        for e, effector in enumerate(effectors):
+            force_n = replay.forces_n[effector][nearest[i]]
+            if np.linalg.norm(force_n) > _NOTHING_N:
+                forces[i, e] = [*data.oMf[frame_of[effector]].translation, *force_n]
+    return Shown(poses, forces)
+
+
 def write_display(
     folder: Path,
     robot_name: str,
     links: tuple[str, ...],
     effectors: tuple[str, ...],
     time_s: Series,
-    poses: Float[np.ndarray, "f links 7"],
-    forces: Float[np.ndarray, "f effectors 6"],
+    shown: Shown,
+    replayed: Shown | None,
 ) -> tuple[ArtifactFile, ...]:
-    """Write ``poses.f32`` and ``forces.f32`` (little endian, C order) and ``poses.json``, which describes both."""
+    """Write ``poses.f32`` and ``forces.f32`` (little endian, C order) and ``poses.json``, which describes both.
+
+    Those of a replay are ``replay_poses.f32`` and ``replay_forces.f32``, of the same shape.
+    """
     about = {
         "robot": robot_name,
         "n_frames": len(time_s),
@@ -78,8 +117,16 @@ def write_display(
         "columns": list(POSE_COLUMNS),
         "forces": {"file": "forces.f32", "effectors": list(effectors), "columns": list(FORCE_COLUMNS)},
     }
+    arrays = {"poses.f32": shown.poses, "forces.f32": shown.forces}
+    if replayed is not None:
+        about["replay"] = {"poses": "replay_poses.f32", "forces": "replay_forces.f32"}
+        arrays |= {"replay_poses.f32": replayed.poses, "replay_forces.f32": replayed.forces}
+    for name, values in arrays.items():
+        atomically(folder / name, partial(_write_floats, values=values))
     text = json.dumps(about, allow_nan=False)
-    atomically(folder / "poses.f32", lambda path: path.write_bytes(poses.astype("<f4").tobytes()))
-    atomically(folder / "forces.f32", lambda path: path.write_bytes(forces.astype("<f4").tobytes()))
     atomically(folder / "poses.json", lambda path: path.write_text(text, encoding="utf-8"))
-    return (ArtifactFile("poses.f32", RAW), ArtifactFile("poses.json", JSON), ArtifactFile("forces.f32", RAW))
+    return (*(ArtifactFile(name, RAW) for name in arrays), ArtifactFile("poses.json", JSON))
+
+
+def _write_floats(path: Path, values: np.ndarray) -> None:
+    path.write_bytes(values.astype("<f4").tobytes())

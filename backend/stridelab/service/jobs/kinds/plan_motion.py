@@ -5,7 +5,7 @@
 Every stage has its share of the progress bar and its time in the summary, and every failure names its stage.
 """
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
@@ -22,10 +22,11 @@ from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
-from stridelab.schemas.plans import PLAN_STAGES, PlanMotionInput
+from stridelab.schemas.plans import PLAN_STAGES, AgreementPass, PlanMotionInput
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.plan_artifacts import write_json, write_motion, write_plan, write_replay
 from stridelab.service.jobs.kinds.plan_durations import as_planned, freedom
+from stridelab.service.jobs.kinds.plan_film import require_film
 from stridelab.service.jobs.kinds.plan_options import (
     control_of,
     iterations_to,
@@ -36,12 +37,20 @@ from stridelab.service.jobs.kinds.plan_options import (
     solver_of,
 )
 from stridelab.service.jobs.kinds.plan_posing import checked, densities
-from stridelab.service.jobs.kinds.plan_summary import certificate_of, remarks, replay_of, summary
+from stridelab.service.jobs.kinds.plan_summary import (
+    certificate_of,
+    remarks,
+    replay_of,
+    stopped_of,
+    summary,
+)
 from stridelab.service.jobs.kinds.stages import Stages
 from stridelab.service.jobs.kinds.tasks import PlanMotionTask
+from stridelab.wholebody.agreement import Pass, agree
 from stridelab.wholebody.certify import certify
 from stridelab.wholebody.controller import WholeBodyController
 from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.stopped import WholeBodyStopped
 
 if TYPE_CHECKING:
     from stridelab.wholebody.replay import Replay
@@ -63,11 +72,13 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     Raises ``NotEstimable`` for what this version has not (``...-unavailable``), before any work. After that every
     error names its stage in its last fault: ``InvalidInput`` (``scenario-invalid``), ``NotFound``
     (``robot-not-found``), ``Unavailable`` (``reachability-of-another-robot``), ``NotEstimable``
-    (``plan-time-limit``, ``plan-not-converged``, ``whole-body-failed``) and what else the stages raise.
+    (``plan-time-limit``, ``plan-not-converged``) and what else the stages raise. A body that cannot follow the plan is
+    no error here but the outcome's ``failure`` (``whole-body-failed``), beside the plan and the motion until then.
     """
     request = task.input
     require_solver(request.solver)
     require_durations(request)
+    require_film(request.film)
     stages = Stages(progress, _shares(request))
     artifacts: list[ArtifactFile] = []
 
@@ -89,10 +100,17 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         plan = _planned(problem, request, tell)
         sequence = plan.sequence
 
-    motion, certificate, replay, replayed = None, None, None, None
+    motion, certificate, replay, replayed, stopped = None, None, None, None, None
+    passes: tuple[Pass, ...] = ()
     if request.whole_body:
-        with stages.at(WHOLE_BODY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
-            motion = WholeBodyController().run(robot, sequence, plan, _clock(tell, sequence.duration_s))
+        try:
+            with stages.at(WHOLE_BODY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
+                clock = _clock(tell, sequence.duration_s)
+                agreed = agree(robot, problem, plan, solve, WholeBodyController().run, clock)
+                plan, motion, passes = agreed.plan, agreed.motion, agreed.passes
+        except WholeBodyStopped as stop:
+            motion, stopped = stop.motion, stop
+    if motion is not None and stopped is None:
         with stages.at(CERTIFICATE, "checking the motion"):
             certificate = certificate_of(certify(robot, sequence, plan, proxies, motion))
         if request.replay:
@@ -102,18 +120,20 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     with stages.at(EXPORT, "writing the plan") as tell:
         scenario = as_planned(task.scenario, sequence)
         artifacts += [*write_plan(folder, plan), write_json(folder, "scenario.json", scenario)]
-        if motion is not None and certificate is not None:
-            artifacts += [
-                *write_motion(folder, robot, motion, tell),
-                write_json(folder, "certificate.json", certificate),
-            ]
+        if motion is not None:
+            artifacts += write_motion(folder, robot, motion, replay, request.film, tell)
+        if certificate is not None:
+            artifacts.append(write_json(folder, "certificate.json", certificate))
         if replay is not None:
-            artifacts.append(write_replay(folder, replay))
+            artifacts += write_replay(folder, replay)
 
     warnings = (*noted, *remarks(plan, motion, certificate, replayed))
     found = summary(plan, problem, request, certificate, replayed, stages.times_s, warnings)
-    progress(1.0, "done")
-    return Outcome(found.model_dump(mode="json"), _references(plan, request), tuple(artifacts))
+    found = found.model_copy(update={"agreement": [AgreementPass(**asdict(one)) for one in passes]})
+    if stopped is not None:
+        found = found.model_copy(update={"stopped": stopped_of(stopped)})
+    progress(1.0, "done" if stopped is None else f"stopped at {stopped.time_s:.2f} s")
+    return Outcome(found.model_dump(mode="json"), _references(plan, request), tuple(artifacts), stopped)
 
 
 def _shares(request: PlanMotionInput) -> dict[str, float]:

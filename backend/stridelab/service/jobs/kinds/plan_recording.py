@@ -1,10 +1,13 @@
-"""``motion.viser``: the motion as a recording that viser's own player shows, without a service.
+"""``motion.viser``: the motion as a recording that viser's own player shows; ``motion.html``: that player with it.
 
 A server that nobody connects to takes the scene; what it would have told a page is recorded.
 """
 
+import base64
 import contextlib
 import io
+from pathlib import Path
+from typing import Final
 
 import numpy as np
 import viser
@@ -15,6 +18,8 @@ from stridelab.contacts.terrain import Rail, Terrain
 from stridelab.conventions import Points
 from stridelab.robots.display import LinkMesh, glb
 
+RECORDING_FILE: Final = "motion.viser"
+PAGE_FILE: Final = "motion.html"
 RECORDING_HZ = 25.0
 NEAREST_M = 2.0
 BOX_COLOUR, RAIL_COLOUR = (206, 212, 218), (120, 130, 140)
@@ -39,6 +44,15 @@ def record(
     finally:
         with contextlib.redirect_stdout(io.StringIO()):
             server.stop()
+
+
+def player_page(recording: bytes) -> str:
+    """A page that a browser opens from the disk; what viser's ``StateSerializer.as_html`` makes, of a finished file."""
+    client = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_text(encoding="utf-8")
+    data = base64.b64encode(recording).decode("ascii")
+    script = f'<script>window.__VISER_EMBED_DATA__="{data}";window.__VISER_EMBED_CONFIG__={{darkMode:false}};</script>'
+    head, end, rest = client.partition("</head>")
+    return head + script + end + rest
 
 
 def _look(server: viser.ViserServer, places_m: Points) -> None:

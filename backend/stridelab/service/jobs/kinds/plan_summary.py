@@ -17,11 +17,13 @@ from stridelab.schemas.plans import (
     PlanMotionSummary,
     PlanVerification,
     ReplaySummary,
+    StoppedMotion,
 )
 from stridelab.service.jobs.kinds.plan_durations import phase_durations
 from stridelab.service.jobs.kinds.plan_options import because, formulation_of
 from stridelab.wholebody.certificate import Certificate, Check
 from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.stopped import LEVELS, WholeBodyStopped
 
 if TYPE_CHECKING:
     from stridelab.wholebody.replay import Replay
@@ -92,6 +94,12 @@ def replay_of(replay: "Replay") -> ReplaySummary:
     return ReplaySummary(**{name: getattr(replay, name) for name in ReplaySummary.model_fields})
 
 
+def stopped_of(stop: WholeBodyStopped) -> StoppedMotion:
+    """Where the body could not go on in the form of the contract."""
+    level = LEVELS[stop.level]
+    return StoppedMotion(time_s=stop.time_s, phase=stop.phase, level=stop.level, level_name=level, names=[*stop.names])
+
+
 def remarks(
     plan: CentroidalPlan,
     motion: WholeBodyMotion | None,
@@ -103,7 +111,7 @@ def remarks(
     if plan.iterations > MANY_ITERATIONS:
         message = f"The centroidal plan took {plan.iterations} iterations; more than {MANY_ITERATIONS} is a bad sign."
         found.append(Remark(code="plan-slow-to-converge", message=message))
-    if motion is not None and motion.failures:
+    if motion is not None and motion.failures and certificate is not None:
         first = motion.failures[0]
         message = (
             f"At {len(motion.failures)} of {len(motion.time_s)} samples the whole-body problem had no solution, "

@@ -1,6 +1,7 @@
 """Tables of ``plan-motion``: the centroidal plan, how its solver came to it, and how the whole body follows it."""
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -10,6 +11,9 @@ from stridelab.centroidal.solution import Attempt
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Series
 from stridelab.wholebody.motion import WholeBodyMotion
+
+if TYPE_CHECKING:
+    from stridelab.wholebody.replay import Replay
 
 AXES = "xyz"
 Columns = dict[str, Series | Int[np.ndarray, "n"]]
@@ -70,6 +74,15 @@ def motion_columns(motion: WholeBodyMotion, torque_limits_nm: Float[np.ndarray, 
     for effector, forces in motion.forces_n.items():
         columns |= track_columns(f"f_{effector}_{{}}_n", forces.sum(axis=1))
     columns["torque_ratio"] = (np.abs(motion.tau_nm) / torque_limits_nm).max(axis=1)
+    return columns
+
+
+def replay_columns(replay: "Replay") -> Columns:
+    """Columns of ``replay``, one row per sample: the simulated CoM and ``f_<effector>_x_n``, the measured force."""
+    columns: Columns = {"time_s": replay.time_s}
+    columns |= track_columns("com_{}_m", replay.com_m)
+    for effector, force in replay.forces_n.items():
+        columns |= track_columns(f"f_{effector}_{{}}_n", force)
     return columns
 
 

@@ -41,5 +41,6 @@ class Stages:
             yield tell
         except StridelabError as error:
             fault = Fault(f"stage: {name}", f"stopped after {time.perf_counter() - started:.1f} s")
-            raise type(error)(error.code, error.message, (*error.faults, fault)) from error
+            error.faults = (*error.faults, fault)
+            raise
         self.times_s[name] = round(time.perf_counter() - started, 3)

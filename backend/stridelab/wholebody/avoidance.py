@@ -1,0 +1,90 @@
+"""A body that keeps off itself and off the steps: a task for every pair of shapes that come close.
+
+With the distance d of a pair, its nearest points ``p_1, p_2`` and ``n = (p_1 - p_2) / d``,
+
+    n' (J_1 - J_2) a = k_p max(0, d_s - d) + k_d max(0, -d') ,      d' = n' (J_1 - J_2) v
+
+brakes what approaches and parts what is nearer than ``d_s``. The weight rises from 0 at ``d_a`` to its full value at
+``d_s``, so that nothing jumps. The drift ``n' (dJ_1 - dJ_2) v`` is left out, which the spring makes up for. Three kinds
+of pairs are watched (``near_pairs``); they differ in who gives way:
+
+    arm      an arm and anything else       the arm alone, or the task would bend the trunk instead
+    body     legs, pelvis and torso         all joints: what soles and CoM leave free, above all the base's turn
+    terrain  thighs and shanks, and boxes   all joints
+
+A pair that is near in the reference posture already, an upper arm and the chest, has both distances shrunk: ``d_a`` to
+half of what it has there, ``d_s`` in proportion.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.contacts.terrain import Terrain
+from stridelab.conventions import Vector3
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.hierarchy import Rows
+from stridelab.wholebody.near_pairs import Near, NearPairs
+from stridelab.wholebody.rigid_body import RigidBody
+
+Angles = Float[np.ndarray, "n"]
+_TINY_M = 1e-9
+
+
+@dataclass(frozen=True)
+class Avoid:
+    """``apart_m`` is d_s, ``acts_m`` d_a; a pair is watched from ``near_m`` on, the ``most`` nearest of each kind.
+
+    ``shrunk`` is the share of its distance in the reference posture within which a near pair acts. All pairs are looked
+    at every ``every`` samples, those that were near then at every one.
+    """
+
+    apart_m: float = 0.03
+    acts_m: float = 0.06
+    near_m: float = 0.12
+    kp: float = 200.0
+    kd: float = 25.0
+    weight: float = 4.0
+    every: int = 20
+    most: int = 8
+    shrunk: float = 0.5
+
+
+class Avoidance:
+    """The pairs of one robot on one terrain, over one run."""
+
+    def __init__(self, robot: Robot, terrain: Terrain, avoid: Avoid) -> None:
+        self._avoid, self._calls = avoid, 0
+        self._pairs = NearPairs(robot, terrain, avoid.acts_m, avoid.shrunk)
+        group = [robot.group[joint] for joint in robot.joint_names]
+        self._arms = np.array([0.0] * 6 + [float(where == "arm") for where in group])
+
+    def rows(self, body: RigidBody) -> tuple[Rows, Angles]:
+        """One row per pair that acts, and their weights."""
+        self._pairs.place(body)
+        if self._calls % self._avoid.every == 0:
+            self._pairs.search(self._avoid.near_m, self._avoid.most)
+        self._calls += 1
+        found = [self._row(body, near) for near in self._pairs.near(self._avoid.acts_m)]
+        J = np.array([row for row, _, _ in found]).reshape(len(found), body.model.nv)
+        return Rows(J, np.array([b for _, b, _ in found])), np.array([w for _, _, w in found])
+
+    def _row(self, body: RigidBody, near: Near) -> tuple[Float[np.ndarray, "nv"], float, float]:
+        by = self._avoid
+        n = _direction(near)
+        J = n @ body.point_jacobian(near.first, near.p_1_m)
+        if near.second:  # the terrain does not move
+            J = J - n @ body.point_jacobian(near.second, near.p_2_m)
+        rate = float(J @ body.v)
+        apart_m, acts_m = near.scale * by.apart_m, near.scale * by.acts_m
+        nearness = min(1.0, (acts_m - near.distance_m) / (acts_m - apart_m))
+        b = by.kp * max(0.0, apart_m - near.distance_m) + by.kd * max(0.0, -rate)
+        return J * self._arms if near.kind == "arm" else J, b, by.weight * nearness**2
+
+
+def _direction(near: Near) -> Vector3:
+    """From the second shape to the first, also where they penetrate."""
+    apart = near.p_1_m - near.p_2_m
+    length = float(np.linalg.norm(apart))
+    return np.asarray(np.sign(near.distance_m) * apart / length) if length > _TINY_M else np.array([0.0, 0.0, 1.0])

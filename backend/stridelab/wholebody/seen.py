@@ -1,0 +1,80 @@
+"""What the control of a replay is told of the robot: sensors with noise, some milliseconds late.
+
+``Observe`` is where a state estimator goes in: it gets what was sensed and answers with what the stabiliser shall take
+for the state. The default takes the simulator's word for it.
+"""
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Vector3
+from stridelab.dynamics.placement import Placement
+from stridelab.wholebody.disturbance import Disturbances
+from stridelab.wholebody.simulation import Simulation
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """One instant: coordinates in pinocchio's order, CoM and its velocity, per effector its place, force and moment.
+
+    ``moments_nm`` are those of the surroundings about the effector's place, as a sensor there feels them.
+    """
+
+    time_s: float
+    q: Float[np.ndarray, "nq"]
+    v: Float[np.ndarray, "nv"]
+    com_m: Vector3
+    com_v_m_s: Vector3
+    contacts: Mapping[str, Placement]
+    forces_n: Mapping[str, Vector3]
+    moments_nm: Mapping[str, Vector3]
+
+
+Observe = Callable[[Seen], Seen]
+
+
+def as_sensed(seen: Seen) -> Seen:
+    """No estimator."""
+    return seen
+
+
+class Sensors:
+    """Reads a simulation, adds noise and keeps what is too young to be told."""
+
+    def __init__(self, simulation: Simulation, disturbed: Disturbances, rate_hz: float) -> None:
+        self._simulation, self._noise = simulation, disturbed.sensor_noise
+        self._rng = np.random.default_rng([disturbed.seed, 1])
+        self._late: deque[Seen] = deque(maxlen=1 + round(disturbed.delay_s * rate_hz))
+
+    def read(self, time_s: float) -> Seen:
+        """What is known at ``time_s``."""
+        self._late.append(self._noisy(self._now(time_s)))
+        return self._late[0]
+
+    def _now(self, time_s: float) -> Seen:
+        simulation = self._simulation
+        contacts = {name: simulation.contact(name) for name in simulation.built.geom}
+        wrenches = simulation.wrenches()
+        forces = {name: wrench[:3] for name, wrench in wrenches.items()}
+        moments = {name: w[3:] - np.cross(contacts[name].position_m, w[:3]) for name, w in wrenches.items()}
+        return Seen(time_s, *simulation.coordinates(), *simulation.com(), contacts, forces, moments)
+
+    def _noisy(self, seen: Seen) -> Seen:
+        noise = self._noise
+        if noise is None:
+            return seen
+        draw = self._rng.normal
+        return replace(
+            seen,
+            com_m=seen.com_m + noise.position_m * draw(size=3),
+            com_v_m_s=seen.com_v_m_s + noise.velocity_m_s * draw(size=3),
+            forces_n={name: f + noise.force_n * draw(size=3) for name, f in seen.forces_n.items()},
+            contacts={
+                name: Placement(at.position_m + noise.position_m * draw(size=3), at.rotation)
+                for name, at in seen.contacts.items()
+            },
+        )

@@ -1,0 +1,156 @@
+"""Carry out every bundled scenario with every robot, try what disturbs it, and write what came of it as a page.
+
+make_execution.py                      all that is not kept yet, then docs/theory/execution.md
+make_execution.py --robots talos hrp2  only these; --anew computes again, --page only writes the page
+make_execution.py --robustness talos   disturbances and boundaries of the three experiments of one robot
+"""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterable
+from functools import partial
+from pathlib import Path
+
+from pydantic import TypeAdapter
+
+from stridelab.experiments.execution import CASES, Execution, execute, followed, replayed
+from stridelab.experiments.robustness import EXPERIMENTS, applies, boundary, disturbances, growing
+from stridelab.wholebody.disturbance import Disturbances
+from stridelab.wholebody.motion import WholeBodyMotion
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "execution.md"
+KEPT: TypeAdapter[list[Execution]] = TypeAdapter(list[Execution])
+BORNE: TypeAdapter[dict[str, float]] = TypeAdapter(dict[str, float])
+INTRO = """# Every bundled scenario, carried out
+
+Written by `scripts/make_execution.py`: each scenario planned with the default densities, followed by the whole body at
+250 Hz, certified and replayed once in physics. What depends on the robot (its feet, where its hand reaches) is in
+`experiments/execution.py`. How certificate and replay judge: [whole body](whole-body.md). *Speed* is the length of the
+motion over the process seconds of the whole-body stage, on a machine that others used as well.
+"""
+
+
+def main() -> None:
+    """Read the command line, run, write the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--robots", nargs="*", default=list(CASES))
+    parser.add_argument("--robustness", metavar="ROBOT")
+    parser.add_argument("--experiments", nargs="*", default=list(EXPERIMENTS), choices=EXPERIMENTS)
+    parser.add_argument("--boundaries", action="store_true", help="bisect them as well")
+    parser.add_argument("--out", type=Path, default=Path(".data") / "execution", metavar="DIR")
+    parser.add_argument("--anew", action="store_true", help="compute again what is kept")
+    parser.add_argument("--page", action="store_true", help="only write the page")
+    asked = parser.parse_args()
+    asked.out.mkdir(parents=True, exist_ok=True)
+    if asked.robustness:
+        borne(asked.robustness, asked.experiments, asked.out, boundaries=asked.boundaries, anew=asked.anew)
+    elif not asked.page:
+        for robot in asked.robots:
+            carried_out(robot, asked.out, anew=asked.anew)
+    PAGE.write_text("\n".join(page(asked.out)), encoding="utf-8")
+
+
+def carried_out(robot: str, folder: Path, *, anew: bool = False) -> list[Execution]:
+    """All scenarios of one robot, kept after each."""
+    path = folder / f"{robot}.json"
+    known = {} if anew or not path.is_file() else {e.name: e for e in KEPT.validate_json(path.read_bytes())}
+    for name in CASES[robot]:
+        if name not in known:
+            known[name] = execute(robot, name)
+            sys.stderr.write(f"{robot} {name}: {known[name].failed or known[name].certified}\n")
+            path.write_bytes(KEPT.dump_json(list(known.values()), indent=1))
+    return list(known.values())
+
+
+def borne(robot: str, experiments: list[str], folder: Path, *, boundaries: bool, anew: bool = False) -> None:
+    """Disturbances and boundaries, a file per experiment, kept after each replay; a fall is -1."""
+    for name in experiments:
+        path = folder / f"{robot}-{name}-borne.json"
+        known = {} if anew or not path.is_file() else BORNE.validate_json(path.read_bytes())
+        motion = followed(robot, name)
+        for what, disturbed in disturbances(float(motion.time_s[-1])).items():
+            if what not in known and applies(name, what):
+                replay = replayed(robot, motion, disturbed)
+                known[what] = 1e3 * replay.com_error_max_m if replay.completed else -1.0
+                path.write_bytes(BORNE.dump_json(known, indent=1))
+        for what, (too_much, of_size) in growing(float(motion.time_s[-1])).items() if boundaries else ():
+            row = f"most: {what}"
+            if row not in known and applies(name, what):
+                known[row] = boundary(partial(survives, robot, motion, of_size), too_much)
+                path.write_bytes(BORNE.dump_json(known, indent=1))
+
+
+def survives(robot: str, motion: WholeBodyMotion, of_size: Callable[[float], Disturbances], size: float) -> bool:
+    """Whether the replay under a disturbance of this size comes to its end."""
+    return replayed(robot, motion, of_size(size)).completed
+
+
+def page(folder: Path) -> Iterable[str]:
+    """The page from what is kept."""
+    yield INTRO
+    for robot in CASES:
+        path = folder / f"{robot}.json"
+        if path.is_file():
+            yield from _table(robot, KEPT.validate_json(path.read_bytes()))
+    for robot in CASES:
+        paths = {name: folder / f"{robot}-{name}-borne.json" for name in EXPERIMENTS}
+        found = {name: BORNE.validate_json(path.read_bytes()) for name, path in paths.items() if path.is_file()}
+        if found:
+            yield from _borne(robot, found)
+
+
+def _table(robot: str, executions: list[Execution]) -> Iterable[str]:
+    yield f"## {robot}\n"
+    yield (
+        "| scenario | certificate | CoM, mm | landing, mm | legs to terrain, mm | torque: legs, arms | speed "
+        "| replay: CoM, mm | slip, landing, mm | hand: N, share |"
+    )
+    yield "| --- " * 10 + "|"
+    for e in executions:
+        yield f"| `{e.name}` | {_verdict(e)} | {_figures(e)} |"
+    yield ""
+
+
+def _verdict(e: Execution) -> str:
+    failed = [f"{c.name} {c.value:.3g}, {c.limit:.3g} {c.unit} wanted" for c in e.checks if not c.passed]
+    return e.failed or ("passed" if not failed else "**not passed**: " + "; ".join(failed))
+
+
+def _figures(e: Execution) -> str:
+    if not e.checks or e.cpu_s is None:
+        return " | ".join([""] * 8)
+    torque = f"{e.value('torque_ratio_max_legs_torso'):.2f}, {e.value('torque_ratio_max_arms'):.2f}"
+    body = [
+        f"{1e3 * e.value('com_error_max'):.2f}",
+        f"{1e3 * e.value('landing_error_max'):.2f}",
+        f"{1e3 * e.value('leg_terrain_distance_min'):.1f}",
+        torque,
+        f"{e.duration_s / e.cpu_s['whole body']:.1f}",
+    ]
+    if e.replay is None:
+        return " | ".join([*body, "", "", ""])
+    r = {key: 1e3 * value for key, value in e.replay.items()}
+    com = f"{r['com_error_max_m']:.1f}" if e.completed else "**falls**"
+    hand = ""
+    if "hand_force_mean_n" in e.replay:
+        hand = f"{e.replay['hand_force_mean_n']:.0f}, {e.replay['hand_contact_share']:.0%}"
+    return " | ".join([*body, com, f"{r['foot_slip_max_m']:.1f}, {r['landing_error_max_m']:.1f}", hand])
+
+
+def _borne(robot: str, found: dict[str, dict[str, float]]) -> Iterable[str]:
+    yield f"## {robot}: what the replay bears\n"
+    yield "Largest error of the CoM, mm; in rows that begin with *most*, the largest disturbance borne (bisection).\n"
+    yield "| | " + " | ".join(EXPERIMENTS) + " |"
+    yield "| --- " * (1 + len(EXPERIMENTS)) + "|"
+    for what in dict.fromkeys(what for column in found.values() for what in column):
+        values = [found.get(name, {}).get(what) for name in EXPERIMENTS]
+        yield (
+            f"| {what} | "
+            + " | ".join("" if v is None else "**falls**" if v < 0 else f"{v:.1f}" for v in values)
+            + " |"
+        )
+    yield ""
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,138 @@
+"""Carry out random stairs, search at other paces and places where one is refused, and write what came of it as a page.
+
+make_stair_variations.py            all that is not kept yet, then docs/theory/stair-variations.md
+make_stair_variations.py --anew     computes again; --page only writes the page
+make_stair_variations.py --number 6 only so many of them
+"""
+
+import argparse
+import sys
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+
+from pydantic import TypeAdapter
+
+from stridelab.experiments.stair_variations import NUMBER, STAIRS, Found, Variation, attempt, drawn, search
+
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "stair-variations.md"
+INTRO = """# Random stairs
+
+Written by `scripts/make_stair_variations.py`: {number} random flights of {stairs} stairs for TALOS
+(`experiments/stair_variations.py`, seed 0), each 5 to 15 cm high, 30 to 36 cm deep, with a toe gap of 50 to 60 mm, all
+durations 0.8 to 1.2 times those of experiments 2 and 3 of the thesis. Beside every other flight there is a rail, 0.70
+to 1.00 m above the footholds, 0.42 to 0.58 m to the right, the hand 0.10 to 0.35 m ahead. Each is planned as the
+service does, followed by the whole body, certified and replayed in physics.
+"""
+KEPT: TypeAdapter[list[Found]] = TypeAdapter(list[Found])
+
+
+def main() -> None:
+    """Read the command line, run one after the other, write the page."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--out", type=Path, default=Path(".data") / "stair-variations.json", metavar="FILE")
+    parser.add_argument("--number", type=int, default=NUMBER)
+    parser.add_argument("--anew", action="store_true", help="compute again what is kept")
+    parser.add_argument("--page", action="store_true", help="only write the page")
+    asked = parser.parse_args()
+    variations = drawn()
+    known: dict[int, Found] = {}
+    if asked.out.is_file() and not asked.anew:
+        known = {found.index: found for found in KEPT.validate_json(asked.out.read_bytes())}
+    if not asked.page:
+        asked.out.parent.mkdir(parents=True, exist_ok=True)
+        run(variations[: asked.number], known, asked.out)
+    PAGE.write_text("\n".join(page(variations, known)) + "\n", encoding="utf-8")
+
+
+def run(variations: tuple[Variation, ...], known: dict[int, Found], out: Path) -> None:
+    """All as they were drawn, then the search for those that were refused; kept after each."""
+    for index, variation in enumerate(variations):
+        if index not in known:
+            keep(Found(index, attempt(variation)), known, out)
+    for index, variation in enumerate(variations):
+        if known[index].attempt.stage is not None and known[index].tried == 0:
+            keep(search(index, variation, known[index].attempt), known, out)
+
+
+def keep(found: Found, known: dict[int, Found], out: Path) -> None:
+    """Into the file, and a line on stderr."""
+    known[found.index] = found
+    what = found.attempt
+    searched = f", {found.tried} others tried: {found.instead}" if found.tried else ""
+    sys.stderr.write(f"{found.index}: {what.stage or 'carried out'} {what.reason}{searched}\n")
+    out.write_bytes(KEPT.dump_json([known[index] for index in sorted(known)], indent=1))
+
+
+def page(variations: tuple[Variation, ...], known: dict[int, Found]) -> Iterable[str]:
+    """The page from what is kept."""
+    all_found = [known[index] for index in sorted(known)]
+    done = [found for found in all_found if found.attempt.stage is None]
+    refused = [found for found in all_found if found.attempt.stage is not None]
+    yield INTRO.format(number=len(all_found), stairs=STAIRS)
+    yield (
+        f"- **Carried out** (every check of the certificate passed, and the replay completed): {len(done)} of "
+        f"{len(all_found)}."
+    )
+    errors_mm = sorted(1e3 * found.attempt.com_error_m for found in done if found.attempt.com_error_m is not None)
+    if errors_mm:
+        middle_mm = errors_mm[len(errors_mm) // 2]
+        yield f"- CoM error of their replays: {middle_mm:.1f} mm in the median, {errors_mm[-1]:.1f} mm at most."
+    yield f"- **Passed every check and fell:** {sum(found.attempt.fell for found in all_found)}."
+    stages = Counter(found.attempt.stage for found in refused)
+    yield f"- Refused: {len(refused)}" + (
+        f" ({', '.join(f'{s}: {n}' for s, n in stages.items())})." if refused else "."
+    )
+    searched = [found for found in refused if found.tried]
+    if searched:
+        yield (
+            "- Searched at other paces, with soles and hand elsewhere on the same stairs and rail: "
+            f"{len(searched)}, of which **{sum(found.confirmed for found in searched)} are confirmed** (no other one "
+            "is carried out either)."
+        )
+    yield ""
+    if refused:
+        yield "## What is refused\n"
+        yield "| | stairs, m | pace | rail, m | refused by | search |"
+        yield "| --- " * 6 + "|"
+        yield from (_refused(variations[found.index], found) for found in refused)
+        yield ""
+    yield "## All of them\n"
+    yield "| | height, depth, toe gap (m) | pace | rail: ahead, height, side (m) | result | replay: CoM, mm |"
+    yield "| --- " * 6 + "|"
+    for found in all_found:
+        v, what = variations[found.index], found.attempt
+        com = "" if what.com_error_m is None else f"{1e3 * what.com_error_m:.1f}" if what.replayed else "**falls**"
+        yield f"| {found.index} | {_stairs(v)} | {v.pace:.2f} | {_rail(v)} | {what.stage or 'carried out'} | {com} |"
+
+
+def _refused(v: Variation, found: Found) -> str:
+    reason = f"{found.attempt.stage}: {found.attempt.reason}".replace("|", "/")
+    return f"| {found.index} | {_stairs(v)} | {v.pace:.2f} | {_rail(v)} | {reason} | {_search(found)} |"
+
+
+def _search(found: Found) -> str:
+    if not found.tried:
+        return "not made"
+    if found.instead is None:
+        return f"confirmed by {found.tried} others"
+    v = found.instead
+    changes = [f"pace {v.pace:.2f}"]
+    changes += [f"soles {1e3 * v.shift_m:+.0f} mm towards the edge"] if v.shift_m else []
+    changes += (
+        [f"soles {1e3 * v.half_width_m:.0f} mm from the middle"] if v.half_width_m != Variation.half_width_m else []
+    )
+    changes += [f"hand {1e3 * v.reach_m:+.0f} mm along the rail"] if v.reach_m else []
+    return f"carried out with {', '.join(changes)} (number {found.tried})"
+
+
+def _stairs(v: Variation) -> str:
+    return f"{v.height_m:.3f}, {v.depth_m:.3f}, {v.toe_gap_m:.4f}"
+
+
+def _rail(v: Variation) -> str:
+    return "" if v.rail is None else f"{v.rail.ahead_m:.2f}, {v.rail.height_m:.2f}, {v.rail.y_m:.2f}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,11 @@
+"""One planned walk for all who look at its files."""
+
+import pytest
+
+from support.planned import Planned, run
+from support.planning import short_walk
+
+
+@pytest.fixture(scope="session")
+def walked(tmp_path_factory: pytest.TempPathFactory) -> Planned:
+    return run(tmp_path_factory.mktemp("walk"), short_walk(), whole_body=True, replay=True)
