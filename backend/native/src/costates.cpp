@@ -23,7 +23,7 @@ void bent_by_squares(const Problem& problem, const Stage& s, double twist, doubl
   for (int i = 0; i < 3; ++i) {
     const int j = (i + 1) % 3;
     const int k = (i + 2) % 3;
-    l[i] = twist * (s.w[3 + i] - (m[j] * F[k] - m[k] * F[j]));
+    l[i] = twist * s.l[i];
     dl[i] = s.dw[3 + i] - (dm[j] * F[k] - dm[k] * F[j]) - (m[j] * dF[k] - m[k] * dF[j]);
   }
   for (int i = 0; i < 3; ++i) {

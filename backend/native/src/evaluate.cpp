@@ -63,7 +63,7 @@ double wrench(const Iterate& it, Stage& s) {
   return s.h * s.effort;
 }
 
-// h (w_c |c''|^2 + w_L |(L_c+ - L_c) / h|^2) with its gradient.
+// h (w_c |c''|^2 + w_L |(L_c+ - L_c) / h - r|^2) with its gradient, r the limbs' rate.
 double squares(const Problem& problem, Stage& s) {
   const double h = s.h;
   const double* F = s.w;
@@ -71,8 +71,10 @@ double squares(const Problem& problem, Stage& s) {
   for (int i = 0; i < 3; ++i) s.m[i] = s.x[i] + 0.5 * h * s.x[3 + i];
   s.m[2] -= h * h / 6.0 * gravity;
   const double a[3] = {gravity * F[0], gravity * F[1], gravity * (F[2] - 1.0)};
-  const double l[3] = {T[0] - (s.m[1] * F[2] - s.m[2] * F[1]), T[1] - (s.m[2] * F[0] - s.m[0] * F[2]),
-                       T[2] - (s.m[0] * F[1] - s.m[1] * F[0])};
+  double* l = s.l;
+  l[0] = T[0] - (s.m[1] * F[2] - s.m[2] * F[1]) - s.limbs[0];
+  l[1] = T[1] - (s.m[2] * F[0] - s.m[0] * F[2]) - s.limbs[1];
+  l[2] = T[2] - (s.m[0] * F[1] - s.m[1] * F[0]) - s.limbs[2];
   const double wc = 2.0 * h * problem.w_acceleration;
   const double wl = 2.0 * h * problem.w_momentum;
   const double g[3] = {wl * (l[1] * F[2] - l[2] * F[1]), wl * (l[2] * F[0] - l[0] * F[2]),

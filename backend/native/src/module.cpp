@@ -91,7 +91,8 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
                             const Reals1& phase_h, const Reals2& phase_height, bool capturable, const Reals2& planes,
                             const Reals3& wrench_cones, const Ints1& phase_cone, const Reals1& freedom,
                             const Ints2& block_edges, bool cubic, const Ints2& places, const Reals3& place_axes,
-                            const Reals2& place_windows, const Ints1& block_place, const Ints1& visit_place_of) {
+                            const Reals2& place_windows, const Ints1& block_place, const Ints1& visit_place_of,
+                            const Reals2& limbs) {
   auto held = std::make_unique<Held>();
   Problem& p = held->problem;
   require(weights.size() == 3, "weights are those of acceleration, momentum rate and likelihood");
@@ -218,6 +219,7 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
     p.cones.push_back(cone);
   }
   require(phase_cone.size() == phase_h.size(), "phases name their wrench cones");
+  std::size_t intervals = 0;
   for (std::size_t i = 0; i < phase_h.size(); ++i) {
     Phase f{};
     f.intervals = phase_layout(i, 0);
@@ -238,8 +240,14 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
     f.cone = phase_cone(i);
     require(f.cone >= -1 && f.cone < static_cast<int>(p.cones.size()), "wrench cones of a phase exist");
     require(!cubic || f.cone < 0, "splines are of forces");
+    intervals += static_cast<std::size_t>(f.intervals);
     p.phases.push_back(f);
   }
+  require(limbs.shape(1) == 3 && (limbs.shape(0) == 0 || limbs.shape(0) == intervals),
+          "limbs have a rate per interval");
+  require(limbs.shape(0) == 0 || (!cubic && freedom.size() == 0 && n_places == 0), "limbs move on a given grid");
+  finite(limbs, "rates of the limbs");
+  p.limbs.assign(limbs.data(), limbs.data() + limbs.size());
   return held;
 }
 

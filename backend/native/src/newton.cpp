@@ -49,9 +49,8 @@ void curvature(const Problem& problem, const Stage& s, double twist, double cc[3
   for (int i = 0; i < 3; ++i) {  // l . d2 l, d2 l = -dm x dF
     const int j = (i + 1) % 3;
     const int k = (i + 2) % 3;
-    const double l = twist * wl * (s.w[3 + i] - (m[j] * F[k] - m[k] * F[j]));
-    cw[j][k] -= l;
-    cw[k][j] += l;
+    cw[j][k] -= twist * wl * s.l[i];
+    cw[k][j] += twist * wl * s.l[i];
   }
 }
 

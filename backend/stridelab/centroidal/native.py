@@ -66,7 +66,7 @@ def lacks(problem: CentroidalProblem) -> str | None:
         ("free placements and continuous forces at once", moved and problem.shape == "cubic"),
         ("free placements and durations at once", moved and problem.durations is not None),
         ("free placements of more than four contacts at once", moved and crowded(problem)),
-        ("the angular momentum of limbs", problem.limbs_nm is not None),
+        ("free placements and the limbs' momentum at once", moved and problem.limbs_nm is not None),
     ]
     missing = [words for words, wanted in wants if wanted]
     return ", ".join(missing) or None

@@ -63,6 +63,7 @@ class NativeInput:
     place_windows: Float[np.ndarray, "places 4"]
     block_place: Int[np.ndarray, "blocks"]
     visit_place_of: Int[np.ndarray, "visits"]
+    limbs: Float[np.ndarray, "_ 3"]
     slots: tuple[tuple[Slot, ...], ...]
     moved: tuple[Stay, ...]
 
@@ -147,6 +148,7 @@ def native_input(problem: CentroidalProblem) -> NativeInput:
         place_windows=place_windows,
         block_place=np.array(of_block, dtype=np.int32),
         visit_place_of=np.array(of_visit, dtype=np.int32),
+        limbs=np.zeros((0, 3)) if problem.limbs_nm is None else problem.limbs_nm / problem.weight_n,
         slots=tuple(slots),
         moved=moved,
     )

@@ -123,10 +123,12 @@ struct Stage {
   int hold;  // of it.holds; -1: none
   std::size_t first_meeting, meetings;
   std::size_t columns;  // the first of the border that it or a later one has a share in
+  double limbs[3];
   // Variables and what follows from them.
   double x[nx];
   double w[nw];
   double m[3];  // c + h/2 c' + h^2/6 g
+  double l[3];  // T - m x F, the rate of the momentum about the CoM, less the limbs'
   double gap[nx];
   double y[nw];              // slope of the Lagrangian in w
   double costate[nx];        // of the node that ends it

@@ -17,7 +17,8 @@ void scale_cones(Iterate& it);
 // Shares of the true curvature that may be negative: of the densities' covariances and what else is not squared, of
 // that with free lengths, and of the momentum's second derivative between c and F.
 struct Theta {
-  double densities, lengths;
+  double densities = 0.0;
+  double lengths = 0.0;
   double twist = 0.0;
 };
 

@@ -26,22 +26,22 @@ struct Density {
 
 // A density that counts in a phase: y = R^T (c - place), R by rows.
 struct Visit {
-  int density;
-  double place[3];
-  double R[9];
+  int density = 0;
+  double place[3] = {};
+  double R[9] = {};
   int moved = -1;  // of the places; -1: none
 };
 
 // Up to four points of a contact that share a frame: f = S u, S = R diag(mu, mu, 1) by rows, u = (f_t / mu, f_n).
 struct Block {
-  double S[9];
-  v4 p[3];
   v4 real;  // 1 for a point, 0 for padding
-  int points;
-  bool comes, goes;   // of splines: without force at the first, at the last control point of the phase
-  int moved;          // of the places; -1: none
-  double effort[2];   // h/2 (effort[0] |u_t|^2 + effort[1] u_n^2) is the cost of a point
+  v4 p[3];
   double normal_max;  // on u_n; infinite: none
+  double effort[2];   // h/2 (effort[0] |u_t|^2 + effort[1] u_n^2) is the cost of a point
+  double S[9];
+  int points;
+  int moved;         // of the places; -1: none
+  bool comes, goes;  // of splines: without force at the first, at the last control point of the phase
 };
 
 // The wrench as control, u_c: (F, T) = G u, u = (tau, eta) with eta = 1 for the weight; absent entries have zero
@@ -103,6 +103,7 @@ struct Problem {
   std::vector<Phase> phases;
   std::vector<Plane> planes;
   std::vector<Place> places;  // in the order of their last phases
+  std::vector<double> limbs;  // rate of the limbs' momentum about the CoM, three per interval; empty: none
   Freedom freedom;
   Shape shape = Shape::constant;
 };

@@ -1,0 +1,47 @@
+"""The C++ solver where a body is pushed onto the edge of a sole, and where limbs swing; held against ipopt."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from stridelab.centroidal.horizon import RecedingHorizon, State
+from stridelab.centroidal.native import Missing, availability
+from stridelab.centroidal.point_forces import CircularCones
+from stridelab.centroidal.solve import solve
+from support.talos_problems import bundled
+
+found = availability()
+if isinstance(found, Missing):
+    pytest.skip(f"no native solver: {found.reason}", allow_module_level=True)
+
+
+@pytest.mark.parametrize(("at_s", "push_m_s"), [(2.0, 0.05), (1.0, -0.05)])
+def test_recovers_on_the_edge_of_a_sole(at_s: float, push_m_s: float) -> None:
+    """Pushed away from the foot it has just begun to stand on, the body stands on its edge: no other point yields."""
+    problem = bundled("flat-walk", control=CircularCones())
+    there = solve(problem, "native").at(at_s)
+    horizon = RecedingHorizon(problem=problem, horizon_s=problem.sequence.duration_s)
+    pushed = there.com_v_m_s + np.array([0.0, push_m_s, 0.0])
+    rest = horizon.horizon(at_s, State(there.com_m, pushed, there.l_nms))
+    found, reference = solve(rest, "native"), solve(rest, "ipopt")
+    assert found.converged
+    assert found.iterations < 40
+    assert found.objective == pytest.approx(reference.objective, rel=1e-5)
+    np.testing.assert_allclose(found.com_m, reference.com_m, atol=1e-4)
+
+
+@pytest.mark.parametrize("scenario", ["flat-walk", "long-stride"])
+def test_plans_for_what_the_limbs_take(scenario: str) -> None:
+    """Rates of a swing of 12 Nms, to and fro, cost what ipopt says they do."""
+    walk = bundled(scenario, control=CircularCones())
+    grid = walk.grid()
+    rates = np.outer(np.sin(8.0 * np.pi * grid.time_s[:-1] / grid.time_s[-1]), [2.0, 20.0, 5.0])
+    rates -= grid.step_s @ rates / grid.time_s[-1]
+    swung = replace(walk, limbs_nm=rates)
+    ours, theirs = solve(swung, "native"), solve(swung, "ipopt")
+    assert ours.converged
+    assert np.abs(ours.l_nms).max() > 3.0
+    assert ours.objective == pytest.approx(theirs.objective, rel=1e-5)
+    assert ours.com_m == pytest.approx(theirs.com_m, abs=1e-4)
+    assert ours.l_nms == pytest.approx(theirs.l_nms, abs=1e-2)
