@@ -21,10 +21,11 @@ constexpr int memory = 5;            // iterations over which the conditions mus
 constexpr double progress = 0.999;
 constexpr double armijo = 1e-4;
 constexpr double met = 5e-4;  // of the tolerance: equations are linear and cost nothing; momenta are in units of m |g|
+constexpr double closed = 1e-12;     // gaps above it are moved to the end, by states that the forces lead to
 constexpr double acceptable = 20.0;  // times the tolerance, after `memory` iterations in which all else holds
 constexpr int halvings_max = 30;
-constexpr double roughly =
-    1.0;  // tolerance, and gap as a share of the objective, at which lengths and contacts are freed
+// Tolerance, and gap as a share of the objective, at which lengths and contacts are freed.
+constexpr double roughly = 1.0;
 constexpr double freed_barrier = 0.3;
 constexpr Penalty stiff{1e8, 1e6};
 constexpr Penalty soft{1e5, 1e4};
@@ -55,13 +56,13 @@ public:
     for (int i = 0;; ++i) {
       gap_ = complementarity(it_, cones_);
       mu_ = cones_ > 0 ? gap_ / cones_ : 0.0;
-      const Conditions c = conditions(problem_, it_);
+      Conditions c = conditions(problem_, it_);
       report_.conditions = c;
       report_.cost = cost_;
       report_.iterations = i;
       if (!std::isfinite(cost_ + c.stationarity + c.gap)) return ended(Verdict::not_finite);
       entry_ = Entry{cost_, c.feasibility, c.stationarity * objective_scale, mu_, 0.0, 0.0, 1.0, guarded_ ? 1.0 : 0.0};
-      if (solved(c)) return ended(Verdict::solved);
+      if (solved(c) && (led(c) || settled_ > memory)) return ended(Verdict::solved);
       if (i >= settings_.iterations) return ended(Verdict::out_of_iterations);
       if (seconds_now() - began > settings_.seconds) return ended(Verdict::out_of_time);
       watch(c);
@@ -87,6 +88,24 @@ private:
     // Where multipliers are large and cones almost closed, rounding is what remains of the stationarity.
     const double asked = ++settled_ > memory ? acceptable : 1.0;
     return c.stationarity * objective_scale <= asked * settings_.tolerance;
+  }
+
+  // Whether the states that the forces lead to, which have no gaps, meet the end; taken if they do.
+  bool led(Conditions& c) {
+    if (problem_.shape == Shape::cubic || c.feasibility <= closed) return true;
+    const std::vector<Stage> before = it_.stages;
+    lead_states(it_);
+    cost_ = evaluate(problem_, it_);
+    c = conditions(problem_, it_);
+    const bool meets = c.feasibility <= met * settings_.tolerance;
+    if (!meets) {
+      it_.stages = before;
+      c = conditions(problem_, it_);
+      cost_ = report_.cost;
+    }
+    report_.cost = cost_;
+    report_.conditions = c;
+    return meets;
   }
 
   bool bounded() const {

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <type_traits>
 
+#include "stridelab_native/dynamics.hpp"
 #include "stridelab_native/evaluate.hpp"
 #include "stridelab_native/lengths.hpp"
 #include "stridelab_native/shifts.hpp"
@@ -138,6 +139,13 @@ Merit merit(const Problem& problem, const Iterate& it, double cost, double mu) {
   for (double e : end.miss) m.violation += std::fabs(e);
   for (double e : end.rest) m.violation += std::fabs(e);
   return m;
+}
+
+void lead_states(Iterate& it) {
+  for (std::size_t k = 0; k + 1 < it.stages.size(); ++k) {
+    const Stage& s = it.stages[k];
+    advance(s.h, s.x, s.w, it.stages[k + 1].x);
+  }
 }
 
 void tame(Iterate& it, double mu) {

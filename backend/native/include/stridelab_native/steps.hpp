@@ -28,6 +28,9 @@ struct Merit {
 
 Merit merit(const Problem& problem, const Iterate& it, double cost, double mu);
 
+// States that the forces lead to from the first one: no gaps are left but at the end.
+void lead_states(Iterate& it);
+
 // z back to mu u^-1 where it has lost all relation to it.
 void tame(Iterate& it, double mu);
 
