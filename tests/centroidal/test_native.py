@@ -307,7 +307,6 @@ def test_what_can_be_captured_is_not_said_to_be_impossible() -> None:
         ({"control": Pyramids()}, "pyramids"),
         ({"control": CONES, "placements": FreePlacements(), "shape": "cubic"}, "placements and continuous forces"),
         ({"control": CONES, "placements": FreePlacements(), "durations": FreeDurations()}, "placements and durations"),
-        ({"control": CONES, "placements": FreePlacements(), "limbs_nm": np.zeros((34, 3))}, "limbs"),
     ],
     ids=str,
 )

@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stridelab.centroidal.freedom import FreePlacements
 from stridelab.centroidal.horizon import RecedingHorizon, State
-from stridelab.centroidal.native import Missing, availability
+from stridelab.centroidal.native import Missing, availability, lacks
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.solve import solve
 from support.talos_problems import bundled
@@ -45,3 +46,10 @@ def test_plans_for_what_the_limbs_take(scenario: str) -> None:
     assert ours.objective == pytest.approx(theirs.objective, rel=1e-5)
     assert ours.com_m == pytest.approx(theirs.com_m, abs=1e-4)
     assert ours.l_nms == pytest.approx(theirs.l_nms, abs=1e-2)
+
+
+def test_limbs_and_contacts_that_move_are_too_much_at_once() -> None:
+    walk = bundled("flat-walk", control=CircularCones(), placements=FreePlacements())
+    both = replace(walk, limbs_nm=np.zeros((len(walk.grid().phase), 3)))
+    assert lacks(both) == "free placements and the limbs' momentum at once"
+    assert lacks(walk) is None

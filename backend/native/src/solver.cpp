@@ -21,7 +21,7 @@ constexpr int memory = 5;            // iterations over which the conditions mus
 constexpr double progress = 0.999;
 constexpr double armijo = 1e-4;
 constexpr double met = 5e-4;  // of the tolerance: equations are linear and cost nothing; momenta are in units of m |g|
-constexpr double closed = 1e-12;     // gaps above it are moved to the end, by states that the forces lead to
+constexpr double closed = 1e-11;     // gaps above it are moved to the end, by states that the forces lead to
 constexpr double acceptable = 20.0;  // times the tolerance, after `memory` iterations in which all else holds
 constexpr int halvings_max = 30;
 // Tolerance, and gap as a share of the objective, at which lengths and contacts are freed.
@@ -90,14 +90,15 @@ private:
     return c.stationarity * objective_scale <= asked * settings_.tolerance;
   }
 
-  // Whether the states that the forces lead to, which have no gaps, meet the end; taken if they do.
+  // Whether the states that the forces lead to, which have no gaps, meet the end and all else; taken if they do.
   bool led(Conditions& c) {
-    if (problem_.shape == Shape::cubic || c.feasibility <= closed) return true;
+    if (problem_.shape == Shape::cubic || largest_gap(it_) <= closed) return true;
     const std::vector<Stage> before = it_.stages;
     lead_states(it_);
     cost_ = evaluate(problem_, it_);
     c = conditions(problem_, it_);
-    const bool meets = c.feasibility <= met * settings_.tolerance;
+    const double asked = std::max(settings_.tolerance / objective_scale, report_.conditions.stationarity);
+    const bool meets = c.feasibility <= met * settings_.tolerance && c.stationarity <= asked;
     if (!meets) {
       it_.stages = before;
       c = conditions(problem_, it_);

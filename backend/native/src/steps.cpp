@@ -141,6 +141,14 @@ Merit merit(const Problem& problem, const Iterate& it, double cost, double mu) {
   return m;
 }
 
+double largest_gap(const Iterate& it) {
+  double most = 0.0;
+  for (const Stage& s : it.stages) {
+    for (double gap : s.gap) most = std::max(most, std::fabs(gap));
+  }
+  return most;
+}
+
 void lead_states(Iterate& it) {
   for (std::size_t k = 0; k + 1 < it.stages.size(); ++k) {
     const Stage& s = it.stages[k];

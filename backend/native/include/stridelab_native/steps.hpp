@@ -28,6 +28,9 @@ struct Merit {
 
 Merit merit(const Problem& problem, const Iterate& it, double cost, double mu);
 
+// Of the dynamics, between intervals.
+double largest_gap(const Iterate& it);
+
 // States that the forces lead to from the first one: no gaps are left but at the end.
 void lead_states(Iterate& it);
 
