@@ -97,7 +97,8 @@ private:
     lead_states(it_);
     cost_ = evaluate(problem_, it_);
     c = conditions(problem_, it_);
-    const double asked = std::max(settings_.tolerance / objective_scale, report_.conditions.stationarity);
+    const double least = settled_ > memory ? acceptable * settings_.tolerance : settings_.tolerance;
+    const double asked = std::max(least / objective_scale, report_.conditions.stationarity);
     const bool meets = c.feasibility <= met * settings_.tolerance && c.stationarity <= asked;
     if (!meets) {
       it_.stages = before;
