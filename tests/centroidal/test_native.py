@@ -14,7 +14,6 @@ from stridelab.centroidal.freedom import FreeDurations, FreePlacements
 from stridelab.centroidal.horizon import RecedingHorizon, State
 from stridelab.centroidal.native import Missing, availability, lacks
 from stridelab.centroidal.native_input import native_input
-from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.relaxed import held
@@ -23,6 +22,7 @@ from stridelab.centroidal.solve import solve
 from stridelab.errors import InvalidInput
 from stridelab.experiments.centroidal_variations import problem_of, variations
 from support.centroidal_problems import rest_to_rest
+from support.native_agreement import assert_same, total
 from support.sequences import foot, hand, phase, sequence, two_steps
 from support.talos_problems import bundled
 
@@ -31,23 +31,6 @@ if isinstance(found, Missing):
     pytest.skip(f"no native solver: {found.reason}", allow_module_level=True)
 
 CONES = CircularCones()
-
-
-def total(plan: CentroidalPlan) -> float:
-    return sum(plan.cost_terms.values())
-
-
-def assert_same(problem: CentroidalProblem) -> CentroidalPlan:
-    ours, theirs = solve(problem, "native"), solve(problem, "ipopt")
-    assert ours.converged, ours.status
-    assert theirs.converged, theirs.status
-    assert total(ours) == pytest.approx(total(theirs), rel=1e-5, abs=1e-4)
-    assert ours.com_m == pytest.approx(theirs.com_m, abs=1e-4)
-    assert ours.solution is not None
-    residuals = ours.solution.attempts[-1].residuals
-    assert residuals is not None
-    assert residuals.kkt_error <= 1e-6
-    return ours
 
 
 @pytest.mark.parametrize("scenario", ["flat-walk", "long-stride", "six-stairs"])
@@ -93,121 +76,6 @@ def test_finds_the_optimum_of_the_wrench_in_the_experiments(scenario: str) -> No
     assert plan.solution is not None
     # The wrench has no effort: what the forces that share it cost is not in the objective.
     assert plan.solution.attempts[-1].log.objective[-1] == pytest.approx(plan.objective, rel=1e-8)
-
-
-@pytest.mark.parametrize(
-    ("durations", "control"),
-    [
-        (FreeDurations(0.7, 1.4), CONES),
-        (FreeDurations(0.8, 1.3, fixed_total=False, price_per_s=3.0), CONES),
-        (FreeDurations(0.8, 1.3), ContactWrench()),
-    ],
-    ids=str,
-)
-def test_finds_the_durations_that_cost_least(durations: FreeDurations, control: Control) -> None:
-    problem = rest_to_rest(two_steps(0.4), control=control, durations=durations)
-    plan = assert_same(problem)
-    lengths_s = [np.array([p.duration_s for p in of.phases]) for of in (plan.sequence, problem.sequence)]
-    share = lengths_s[0] / lengths_s[1]
-    assert share.min() >= durations.shortest - 1e-9
-    assert share.max() <= durations.longest + 1e-9
-    if durations.fixed_total:
-        assert plan.time_s[-1] == pytest.approx(problem.sequence.duration_s, abs=1e-9)
-    given = solve(replace(problem, durations=None), "native")
-    assert total(plan) < total(given) + durations.price_per_s * given.time_s[-1] - 1e-3
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [{"terminal": "capturable"}, {"bounds": PathBounds(normal_force_max_n={"left_foot": 400.0})}],
-    ids=str,
-)
-def test_finds_the_durations_with_ends_and_bounds_of_every_kind(settings: dict[str, Any]) -> None:
-    assert_same(rest_to_rest(two_steps(0.4), control=CONES, durations=FreeDurations(0.8, 1.25), **settings))
-
-
-def test_a_flight_may_be_longer_or_shorter() -> None:
-    left, right = foot("left", 0.0), foot("right", 0.0)
-    hop = sequence(phase(0.7, left, right), phase(0.2), phase(1.0, left, right))
-    assert_same(rest_to_rest(hop, control=CONES, durations=FreeDurations(0.8, 1.25)))
-
-
-def test_finds_the_durations_of_the_long_stride() -> None:
-    plan = assert_same(bundled("long-stride", control=CONES, durations=FreeDurations()))
-    assert plan.iterations <= 60
-
-
-def walk_with_a_contact_between() -> CentroidalProblem:
-    """The right foot's first landing is neither the start nor the goal; flat, on a floor that has room."""
-    left, right, ahead, far = foot("left", 0.0), foot("right", 0.0), foot("right", 0.25), foot("left", 0.45)
-    walk = sequence(
-        phase(0.6, left, right),
-        phase(0.8, left),
-        phase(0.4, left, ahead),
-        phase(0.8, ahead),
-        phase(0.4, far, ahead),
-        phase(0.8, far),
-        phase(0.8, far, foot("right", 0.45)),
-    )
-    return rest_to_rest(walk, control=CONES, placements=FreePlacements((0.05, 0.03)))
-
-
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {},
-        {"terminal": "capturable"},
-        {"placements": FreePlacements((0.05, 0.0))},
-        {"bounds": PathBounds(normal_force_max_n={"right_foot": 500.0})},
-    ],
-    ids=str,
-)
-def test_finds_the_places_that_cost_least(settings: dict[str, Any]) -> None:
-    problem = replace(walk_with_a_contact_between(), **settings)
-    plan = assert_same(problem)
-    theirs = solve(problem, "ipopt")
-    assert problem.placements is not None
-    before, ours, other = (
-        of.phases[2].contacts["right_foot"].placement.position_m
-        for of in (problem.sequence, plan.sequence, theirs.sequence)
-    )
-    assert ours == pytest.approx(other, abs=1e-4)
-    assert (np.abs(ours - before) <= np.array([*problem.placements.reach_m, 0.0]) + 1e-9).all()
-    assert total(plan) < total(solve(replace(problem, placements=None), "native")) - 1e-2
-    assert plan.solution is not None
-    assert plan.solution.attempts[-1].log.objective[-1] == pytest.approx(total(plan), rel=1e-9)
-
-
-@pytest.mark.parametrize("scenario", ["long-stride", "stairs-with-rail"])
-def test_finds_the_places_of_the_experiments(scenario: str) -> None:
-    problem = bundled(scenario, control=CONES)
-    plan = solve(replace(problem, placements=FreePlacements()), "native")
-    assert plan.converged, plan.status
-    assert plan.iterations <= 30
-    assert total(plan) < total(solve(problem, "native")) - 0.5
-
-
-def test_a_contact_without_room_stays() -> None:
-    problem = replace(walk_with_a_contact_between(), placements=FreePlacements((0.0, 0.0)))
-    plan = solve(problem, "native")
-    assert plan.converged
-    assert plan.sequence == problem.sequence
-
-
-def test_durations_that_cannot_change_are_those_given() -> None:
-    problem = rest_to_rest(two_steps(0.4), control=CONES, durations=FreeDurations(1.0, 1.0))
-    plan = solve(problem, "native")
-    assert plan.converged
-    assert plan.sequence == problem.sequence
-
-
-def test_other_durations_may_do_where_those_given_do_not() -> None:
-    """1.1 m in 0.1 s cannot be, in 0.2 s neither: it is said, and nothing is proved of all durations."""
-    near = phase(0.05, foot("left", 0.0), foot("right", 0.0))
-    far = phase(0.05, foot("left", 1.0), foot("right", 1.0))
-    plan = solve(rest_to_rest(sequence(near, far), control=CONES, durations=FreeDurations(0.5, 2.0)), "native")
-    assert not plan.converged
-    assert "infeasible" not in plan.status
 
 
 def test_the_bounds_hold(problem: CentroidalProblem) -> None:
