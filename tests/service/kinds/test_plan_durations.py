@@ -57,8 +57,10 @@ def test_the_body_follows_the_chosen_durations_and_the_scenario_kept_is_lawful(t
     ends_s = np.cumsum([phase.duration_s for phase in kept.phases])
     for table in ("centroidal", "motion"):
         rows = pq.read_table(tmp_path / f"{table}.parquet", columns=["time_s", "phase"]).to_pydict()
-        inside = np.searchsorted(ends_s, np.array(rows["time_s"][:-1]) + 1e-6)
-        assert rows["phase"][:-1] == inside.tolist(), table
+        time_s, phase = np.array(rows["time_s"][:-1]), np.array(rows["phase"][:-1])
+        told_apart = np.abs(time_s[:, None] - ends_s).min(axis=1) > 1e-5  # beside an end rounding decides
+        assert (phase == np.searchsorted(ends_s, time_s + 1e-6))[told_apart].all(), table
+        assert told_apart.mean() > 0.5
     again = plan_motion.run(plan_task(kept, whole_body=False), tmp_path, quiet).summary
     assert again["objective"] == pytest.approx(summary.objective, abs=0.1)  # on a grid of its own
 
