@@ -15,7 +15,7 @@ from stridelab.contacts.sequence import Contact
 from stridelab.contacts.terrain import Box, Rail, Terrain
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import InvalidInput
-from support.centroidal_problems import rest_to_rest
+from support.centroidal_problems import rest_to_rest, with_a_contact_between
 from support.sequences import foot, phase, sequence, two_steps
 
 
@@ -118,21 +118,6 @@ def test_contacts_move_where_they_may_and_the_plan_verifies_there() -> None:
     assert np.abs(shift).max() > 1e-3
     assert (np.abs(shift) <= np.array([*reach_m, 0.0]) + 1e-9).all()
     assert moved.sequence.phases[0].contacts["right_foot"] is swung.sequence.phases[0].contacts["right_foot"]
-
-
-def with_a_contact_between() -> CentroidalProblem:
-    """Two steps: the right foot's first landing is neither the start nor the goal."""
-    left, right, ahead, far = foot("left", 0.0), foot("right", 0.0), foot("right", 0.25), foot("left", 0.45)
-    walk = sequence(
-        phase(0.6, left, right),
-        phase(0.8, left),
-        phase(0.4, left, ahead),
-        phase(0.8, ahead),
-        phase(0.4, far, ahead),
-        phase(0.8, far),
-        phase(0.8, far, foot("right", 0.45)),
-    )
-    return rest_to_rest(walk)
 
 
 def test_what_begins_or_ends_the_motion_stays() -> None:

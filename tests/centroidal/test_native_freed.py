@@ -12,9 +12,8 @@ from stridelab.centroidal.control import Control
 from stridelab.centroidal.freedom import FreeDurations, FreePlacements
 from stridelab.centroidal.native import Missing, availability
 from stridelab.centroidal.point_forces import CircularCones
-from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solve import solve
-from support.centroidal_problems import rest_to_rest
+from support.centroidal_problems import rest_to_rest, with_a_contact_between
 from support.native_agreement import assert_same, total
 from support.sequences import foot, phase, sequence, two_steps
 from support.talos_problems import bundled
@@ -68,21 +67,6 @@ def test_finds_the_durations_of_the_long_stride() -> None:
     assert plan.iterations <= 60
 
 
-def walk_with_a_contact_between() -> CentroidalProblem:
-    """The right foot's first landing is neither the start nor the goal; flat, on a floor that has room."""
-    left, right, ahead, far = foot("left", 0.0), foot("right", 0.0), foot("right", 0.25), foot("left", 0.45)
-    walk = sequence(
-        phase(0.6, left, right),
-        phase(0.8, left),
-        phase(0.4, left, ahead),
-        phase(0.8, ahead),
-        phase(0.4, far, ahead),
-        phase(0.8, far),
-        phase(0.8, far, foot("right", 0.45)),
-    )
-    return rest_to_rest(walk, control=CONES, placements=FreePlacements((0.05, 0.03)))
-
-
 @pytest.mark.parametrize(
     "settings",
     [
@@ -94,7 +78,7 @@ def walk_with_a_contact_between() -> CentroidalProblem:
     ids=str,
 )
 def test_finds_the_places_that_cost_least(settings: dict[str, Any]) -> None:
-    problem = replace(walk_with_a_contact_between(), **settings)
+    problem = with_a_contact_between(**{"placements": FreePlacements((0.05, 0.03)), "control": CONES, **settings})
     plan = assert_same(problem)
     theirs = solve(problem, "ipopt")
     assert problem.placements is not None
@@ -119,7 +103,7 @@ def test_finds_the_places_of_the_experiments(scenario: str) -> None:
 
 
 def test_a_contact_without_room_stays() -> None:
-    problem = replace(walk_with_a_contact_between(), placements=FreePlacements((0.0, 0.0)))
+    problem = with_a_contact_between(control=CONES, placements=FreePlacements((0.0, 0.0)))
     plan = solve(problem, "native")
     assert plan.converged
     assert plan.sequence == problem.sequence
