@@ -44,7 +44,7 @@ class PlanRequest:
     formulation: Formulation = "forces"
     solver: PlanSolver = "auto"
     node_rate_hz: float = 10.0
-    shape: Shape = "constant"
+    shape: Shape | None = None
     time_limit_s: float | None = None
     free_durations: bool = False
     duration_range: tuple[float, float] = DURATION_RANGE
@@ -65,8 +65,8 @@ class PlanRequest:
             fault = Fault("--free-durations", "is for the C++ solver, or for ipopt with forces or wrench")
             named = "fatrop" if self.solver == "fatrop" else "circular cones"
             raise InvalidInput("option-invalid", f"Durations cannot be chosen with {named}.", [fault])
-        if self.shape == "cubic" and (self.formulation == "wrench" or self.free_durations):
-            fault = Fault("--shape", "cubic is for forces, with the durations as they are given")
+        if self.shape == "cubic" and (self.formulation == "wrench" or self.solver == "fatrop"):
+            fault = Fault("--shape", "cubic is for forces, and not for fatrop")
             raise InvalidInput("option-invalid", "Forces cannot be splines here.", [fault])
         least, most = self.duration_range
         if not (LEAST_SHARE <= least <= 1.0 <= most <= MOST_SHARE):

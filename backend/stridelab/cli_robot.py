@@ -37,8 +37,9 @@ def plan(
         float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
     ] = 10.0,
     shape: Annotated[
-        Shape, typer.Option("--shape", help="Forces between nodes: constant, or cubic splines without a jump.")
-    ] = "constant",
+        Shape | None,
+        typer.Option("--shape", help="Forces between nodes: cubic splines, or constant; splines where a body follows."),
+    ] = None,
     time_limit: Annotated[
         float | None, typer.Option("--time-limit", help="Seconds of processor time for the solver, at most 300.")
     ] = None,

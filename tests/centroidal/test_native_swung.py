@@ -10,6 +10,7 @@ from stridelab.centroidal.horizon import RecedingHorizon, State
 from stridelab.centroidal.native import Missing, availability, lacks
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.solve import solve
+from stridelab.centroidal.spline import Shape
 from support.talos_problems import bundled
 
 found = availability()
@@ -32,13 +33,13 @@ def test_recovers_on_the_edge_of_a_sole(at_s: float, push_m_s: float) -> None:
     np.testing.assert_allclose(found.com_m, reference.com_m, atol=1e-4)
 
 
-@pytest.mark.parametrize("scenario", ["flat-walk", "long-stride"])
-def test_plans_for_what_the_limbs_take(scenario: str) -> None:
+@pytest.mark.parametrize(("scenario", "shape"), [("flat-walk", "constant"), ("long-stride", "cubic")])
+def test_plans_for_what_the_limbs_take(scenario: str, shape: Shape) -> None:
     """Rates of a swing of 12 Nms, to and fro, cost what ipopt says they do."""
-    walk = bundled(scenario, control=CircularCones())
-    grid = walk.grid()
-    rates = np.outer(np.sin(8.0 * np.pi * grid.time_s[:-1] / grid.time_s[-1]), [2.0, 20.0, 5.0])
-    rates -= grid.step_s @ rates / grid.time_s[-1]
+    walk = bundled(scenario, control=CircularCones(), shape=shape)
+    time_s = walk.limb_times_s()
+    rates = np.outer(np.sin(8.0 * np.pi * time_s[:-1] / time_s[-1]), [2.0, 20.0, 5.0])
+    rates -= np.diff(time_s) @ rates / time_s[-1]
     swung = replace(walk, limbs_nm=rates)
     ours, theirs = solve(swung, "native"), solve(swung, "ipopt")
     assert ours.converged

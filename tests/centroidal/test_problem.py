@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stridelab.centroidal.contact_wrench import ContactWrench
-from stridelab.centroidal.freedom import FreePlacements
+from stridelab.centroidal.freedom import FreeDurations, FreePlacements
 from stridelab.centroidal.problem import NODES_PER_PHASE_MIN, CentroidalProblem, Weights, standing_com_m
 from stridelab.errors import InvalidInput
 from support.centroidal_problems import rest_to_rest
@@ -45,11 +45,12 @@ def test_standing_is_over_the_mean_of_the_soles_whatever_the_hands_do() -> None:
 def test_limbs_take_one_rate_per_interval(problem: CentroidalProblem) -> None:
     m = len(problem.grid().phase)
     assert replace(problem, limbs_nm=np.zeros((m, 3))).limbs_nm is not None
+    assert replace(problem, shape="cubic", limbs_nm=np.zeros((4 * m, 3))).limbs_nm is not None
     with pytest.raises(InvalidInput) as caught:
         replace(problem, limbs_nm=np.zeros((m + 1, 3)))
     assert caught.value.code == "limbs-need-grid"
     with pytest.raises(InvalidInput) as caught:
-        replace(problem, limbs_nm=np.zeros((m, 3)), shape="cubic")
+        replace(problem, limbs_nm=np.zeros((m, 3)), durations=FreeDurations())
     assert caught.value.code == "limbs-need-grid"
 
 

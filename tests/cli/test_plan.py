@@ -92,7 +92,7 @@ def test_options_of_the_solver_are_those_of_the_job() -> None:
     [
         ({"free_durations": True, "solver": "fatrop"}, "--free-durations"),
         ({"free_durations": True, "formulation": "circular-cones", "solver": "ipopt"}, "--free-durations"),
-        ({"shape": "cubic", "free_durations": True}, "--shape"),
+        ({"shape": "cubic", "solver": "fatrop"}, "--shape"),
         ({"shape": "cubic", "formulation": "wrench"}, "--shape"),
         ({"duration_range": (1.1, 1.4)}, "--duration-range"),
         ({"duration_range": (0.7, float("nan"))}, "--duration-range"),

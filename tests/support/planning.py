@@ -56,7 +56,7 @@ def stopping_after(time_s: float) -> Callable[[], Any]:
 
 def plan_with_a_hanging_solver(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
     """``plan-motion`` in a child whose solver is a native call that never returns."""
-    from stridelab.service.jobs.kinds import plan_motion
+    from stridelab.service.jobs.kinds import plan_centroidal, plan_motion
 
-    plan_motion.solve = lambda *_args, **_options: ctypes.PyDLL(None).sleep(600)
+    plan_centroidal.solve = lambda *_args, **_options: ctypes.PyDLL(None).sleep(600)
     return plan_motion.run_in_child(task, folder, progress)

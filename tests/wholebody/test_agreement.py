@@ -1,6 +1,7 @@
 """Plan and body agree on the angular momentum: when it matters, and what planning for the limbs changes."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.stairs import flat_walk, long_stride, stairs_with_rail
 from stridelab.reachability.proxy import Proxy
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.agreement import agree, limb_rates_nm, matters
+from stridelab.wholebody.agreement import AGREED_NMS, agree, limb_rates_nm, matters
 from stridelab.wholebody.certify import certify
 from stridelab.wholebody.controller import WholeBodyController
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -66,6 +67,26 @@ def test_quick_steps_agree_after_a_second_plan(
     assert checks["angular_momentum_mismatch_max"].value == pytest.approx(apart, abs=1e-9)
     assert checks["com_error_max"].passed
     assert checks["solver_failures"].passed
+
+
+def test_the_rates_of_splines_add_up_too(problem: CentroidalProblem, two_steps: Walked) -> None:
+    smooth, motion = replace(problem, shape="cubic"), two_steps[2]
+    rates, times_s = limb_rates_nm(smooth, motion), smooth.limb_times_s()
+    assert rates.shape == (4 * len(problem.grid().step_s), 3)
+    assert np.allclose(np.diff(times_s) @ rates, motion.l_nms[-1] - motion.l_nms[0], atol=1e-2)
+    assert np.abs(rates).max() > np.abs(limb_rates_nm(problem, motion)).max() * 0.5
+
+
+def test_quick_steps_agree_with_splines(
+    talos: Robot, proxies: Mapping[str, Proxy], problem: CentroidalProblem, two_steps: Walked
+) -> None:
+    """No worse than with constants, and every check passes."""
+    smooth = replace(problem, shape="cubic")
+    found = agree(talos, smooth, solve(smooth), solve, WholeBodyController().run)
+    first, *later = [one.mismatch_max_nms for one in found.passes]
+    assert min(later) < 0.3 * first
+    assert min(later) < AGREED_NMS
+    assert [c for c in certify(talos, two_steps[0], found.plan, proxies, found.motion).checks if not c.passed] == []
 
 
 def test_one_pass_where_one_is_asked_for(talos: Robot, problem: CentroidalProblem, two_steps: Walked) -> None:

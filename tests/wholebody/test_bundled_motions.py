@@ -45,7 +45,7 @@ class Carried:
 
 
 @cache
-def carried_out(robot_name: str, name: str, shape: Shape = "constant") -> Carried:
+def carried_out(robot_name: str, name: str, shape: Shape = "cubic") -> Carried:
     robot, proxies = load_robot(robot_name), load_proxies(robot_name)
     sequence = sequence_of(CASES[robot_name][name](), effector_shapes(robot_name))
     plan = solve(replace(from_rest_to_rest(robot, sequence, proxies), shape=shape))

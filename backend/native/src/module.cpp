@@ -9,6 +9,7 @@
 #include <string>
 
 #include "stridelab_native/solver.hpp"
+#include "stridelab_native/splines.hpp"
 
 namespace nb = nanobind;
 using namespace nb::literals;
@@ -243,9 +244,9 @@ std::unique_ptr<Held> build(const Reals1& weights, const Reals1& start, const Re
     intervals += static_cast<std::size_t>(f.intervals);
     p.phases.push_back(f);
   }
-  require(limbs.shape(1) == 3 && (limbs.shape(0) == 0 || limbs.shape(0) == intervals),
-          "limbs have a rate per interval");
-  require(limbs.shape(0) == 0 || (!cubic && freedom.size() == 0 && n_places == 0), "limbs move on a given grid");
+  const std::size_t rates = cubic ? intervals / 2 * n_gauss : intervals;
+  require(limbs.shape(1) == 3 && (limbs.shape(0) == 0 || limbs.shape(0) == rates), "limbs have a rate per interval");
+  require(limbs.shape(0) == 0 || (freedom.size() == 0 && n_places == 0), "limbs move on a given grid");
   finite(limbs, "rates of the limbs");
   p.limbs.assign(limbs.data(), limbs.data() + limbs.size());
   return held;

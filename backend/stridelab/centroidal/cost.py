@@ -5,8 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.spline import gauss
-from stridelab.centroidal.stage_cubic import N_GAUSS
+from stridelab.centroidal.spline import N_GAUSS, gauss
 from stridelab.centroidal.verify import Motion, instants, total_force_n, wrenches_of
 from stridelab.conventions import Series, g
 
@@ -42,21 +41,21 @@ def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float
 def _squares(problem: CentroidalProblem, motion: Motion) -> tuple[Series, Series]:
     """``|c''|^2`` and ``|L_c'|^2`` per interval.
 
-    Constant forces: of the mean rate of L_c, less what the limbs take. Splines: both by the rule of Gauss that the
-    programme uses.
+    Constant forces: of the mean rate of L_c. Splines: both by the rule of Gauss that the programme uses. What the limbs
+    take is taken off.
     """
+    n = len(motion.phase)
+    limbs_nm = np.zeros((n, N_GAUSS, 3)) if problem.limbs_nm is None else problem.limbs_nm.reshape(n, -1, 3)
     if not motion.curves_n:
         a = total_force_n(motion) / problem.mass_kg + g
-        l_rate = np.diff(motion.l_nms, axis=0) / np.diff(motion.time_s)[:, None]
-        if problem.limbs_nm is not None:
-            l_rate = l_rate - problem.limbs_nm
+        l_rate = np.diff(motion.l_nms, axis=0) / np.diff(motion.time_s)[:, None] - limbs_nm[:, 0]
         return (a**2).sum(axis=1), (l_rate**2).sum(axis=1)
-    a_squared, l_squared = np.zeros(len(motion.phase)), np.zeros(len(motion.phase))
+    a_squared, l_squared = np.zeros(n), np.zeros(n)
     wrenches = wrenches_of(problem.sequence, motion)
-    for s, w in gauss(N_GAUSS):
+    for k, (s, w) in enumerate(gauss(N_GAUSS)):
         now = instants(problem.mass_kg, motion, wrenches, s)
         a_squared += w * (now.com_a_m_s2**2).sum(axis=1)
-        l_squared += w * (now.l_rate_nm**2).sum(axis=1)
+        l_squared += w * ((now.l_rate_nm - limbs_nm[:, k]) ** 2).sum(axis=1)
     return a_squared, l_squared
 
 

@@ -20,7 +20,7 @@ from stridelab.centroidal.conditions import AT_REST, UNBOUNDED, PathBounds, Star
 from stridelab.centroidal.control import Control, Touch
 from stridelab.centroidal.freedom import FreeDurations, FreePlacements
 from stridelab.centroidal.point_forces import PYRAMIDS
-from stridelab.centroidal.spline import Shape
+from stridelab.centroidal.spline import Shape, limb_times_s
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.conventions import GRAVITY_M_S2, Points, Series, Vector3
 from stridelab.errors import Fault, InvalidInput
@@ -74,7 +74,7 @@ class CentroidalProblem:
     (x, y) on every side. ``control`` is u: forces (``Pyramids``, ``CircularCones``) or the wrench (``ContactWrench``).
     Its forces are ``constant`` between nodes, or with ``shape`` "cubic" one spline each (``spline``). ``durations`` and
     ``placements`` are given, unless the solver may choose them. ``limbs_nm`` is the rate of the angular momentum about
-    the CoM that the limbs' motion takes in every interval of the grid, N m: the cost then weighs what differs from it.
+    the CoM that the limbs' motion takes between ``limb_times_s``, N m: the cost then weighs what differs from it.
     The motion begins as ``start`` says and ends at rest or ``capturable``, within ``bounds``.
 
     Raises ``InvalidInput`` for what cannot be a problem at all: "effector-unknown", "proxy-missing",
@@ -82,7 +82,7 @@ class CentroidalProblem:
     "placements-need-forces" where contacts are to move and the control's cones would have to follow,
     "bounds-need-forces" where forces are bounded and the control has none, "shape-needs-forces" and
     "shape-needs-durations" for splines of a wrench, whose cones differ from phase to phase, or of free durations, and
-    "limbs-need-grid" where the limbs' rates do not fit the grid, which free durations and splines have not.
+    "limbs-need-grid" where the limbs' rates do not fit the grid, which free durations have not.
     """
 
     sequence: ContactSequence
@@ -142,15 +142,15 @@ class CentroidalProblem:
                 "With continuous controls the durations of the phases must be given: they decide how the splines join.",
                 [Fault("shape", "cubic needs given durations")],
             )
-        if self.limbs_nm is not None:
-            fixed = self.durations is None and self.shape == "constant"
-            if not fixed or self.limbs_nm.shape != (len(self.grid().phase), 3):
-                raise InvalidInput(
-                    "limbs-need-grid",
-                    "The limbs' angular momentum is given per interval: it needs given durations, constant forces, and "
-                    "one rate for every interval.",
-                    [Fault("limbs_nm", "must have one row for every interval of the grid")],
-                )
+        if self.limbs_nm is not None and (
+            self.durations is not None or self.limbs_nm.shape != (len(self.limb_times_s()) - 1, 3)
+        ):
+            raise InvalidInput(
+                "limbs-need-grid",
+                "The limbs' angular momentum is given per interval: it needs given durations, and one rate for every "
+                "interval, with continuous forces four.",
+                [Fault("limbs_nm", "must have one row for every interval of the grid, of splines four")],
+            )
         if self.placements is not None and not self.control.shifts_with_its_contacts:
             raise InvalidInput(
                 "placements-need-forces",
@@ -194,6 +194,10 @@ class CentroidalProblem:
         phase = np.repeat(np.arange(len(counts)), counts)
         step: Series = np.repeat([p.duration_s / n for p, n in zip(self.sequence.phases, counts, strict=True)], counts)
         return Grid(time_s=np.concatenate([[0.0], np.cumsum(step)]), phase=phase, step_s=step)
+
+    def limb_times_s(self) -> Float[np.ndarray, "times"]:
+        """Times between which ``limbs_nm`` are means: the nodes, of splines so much around every instant of Gauss."""
+        return limb_times_s(self.grid().time_s, self.shape)
 
 
 def standing_com_m(

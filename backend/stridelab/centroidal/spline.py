@@ -30,6 +30,8 @@ Shape = Literal["constant", "cubic"]
 DEGREE: Final = 3
 INNER: Final[Mapping[Shape, int]] = {"constant": 1, "cubic": 2}
 """Free control points per interval."""
+N_GAUSS: Final = 4
+"""Instants per interval at which the squares of splines are taken."""
 
 
 @cache
@@ -53,6 +55,18 @@ def gauss(n: int) -> tuple[tuple[float, float], ...]:
     """Points and weights in [0, 1] of the rule that is exact to degree 2 n - 1."""
     x, w = legendre.leggauss(n)
     return tuple(zip((0.5 * (x + 1.0)).tolist(), (0.5 * w).tolist(), strict=True))
+
+
+def limb_times_s(time_s: Series, shape: Shape) -> Float[np.ndarray, "times"]:
+    """Times between which the rates that limbs take are means.
+
+    Of constants the nodes, of splines as much around every point of Gauss as it weighs: the means add up to the whole.
+    """
+    if shape == "constant":
+        return time_s
+    ends = np.cumsum([w for _, w in gauss(N_GAUSS)])
+    inside = time_s[:-1, None] + np.diff(time_s)[:, None] * ends[:-1]
+    return np.append(np.column_stack([time_s[:-1], inside]).ravel(), time_s[-1])
 
 
 def joints(step_s: Series) -> Float[np.ndarray, "m 2"]:

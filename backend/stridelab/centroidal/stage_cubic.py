@@ -4,8 +4,9 @@ With F and T in Bernstein's form (``spline``), B'_i, B''_i, B'''_i its integrals
 
     c'+ = c' + h sum B'_i F_i + h g,      c+ = c + h c' + h^2 sum B''_i F_i + h^2/2 g
     K+ = K + h sum B'_i T_i + (h c + h^2/2 c' + h^3 sum B'''_i F_i) x g                      (4.8), exact
-    squares    h sum over Gauss' points of  w (w_c |c''|^2 + w_L |T - c x F|^2)              (4.20a)
+    squares    h sum over Gauss' points of  w (w_c |c''|^2 + w_L |T - c x F - r|^2)          (4.20a)
 
+r is the rate of momentum that the limbs take around each of the points.
 The rule of four points is exact for the first square (degree 6) and not for the second (degree 16 in t), whose
 integrand is all but zero. The outer control points are those of ``spline.joints``: y holds the inner point before the
 interval, (x, F_1, T_1, F_2, T_2), x+, and the inner point after it.
@@ -16,11 +17,9 @@ from functools import cache
 import casadi as ca
 
 from stridelab.centroidal.dynamics import DOWN, N_STATE, N_WRENCH
-from stridelab.centroidal.spline import gauss, weights
+from stridelab.centroidal.spline import N_GAUSS, gauss, weights
 from stridelab.centroidal.stage import CostFunctions, RowFunctions, cost_functions, row_functions
 from stridelab.conventions import GRAVITY_M_S2
-
-N_GAUSS = 4
 
 
 def _controls(y: ca.SX, at: int, last: bool, first: bool, own: ca.SX) -> list[ca.SX]:
@@ -56,17 +55,18 @@ def gap(first: bool, last: bool) -> RowFunctions:
 
 @cache
 def squares(first: bool, last: bool) -> CostFunctions:
-    """Without K and x+ in y; ``q = (h, own weights in both ends, w_c, w_L (m |g|)^2)``; Gauss-Newton curvature."""
+    """Without K and x+ in y; ``q = (h, own weights in both ends, w_c, w_L (m |g|)^2, r / (m |g|))``; Gauss-Newton."""
     before, after = (0 if first else N_WRENCH), (0 if last else N_WRENCH)
-    y, q = ca.SX.sym("y", before + 6 + 2 * N_WRENCH + after), ca.SX.sym("q", 5)
+    y, q = ca.SX.sym("y", before + 6 + 2 * N_WRENCH + after), ca.SX.sym("q", 5 + 3 * N_GAUSS)
     h, G, down = q[0], GRAVITY_M_S2, ca.DM(DOWN)
     c, v = (y[before + 3 * i : before + 3 * i + 3] for i in range(2))
     f = _controls(y, before + 6, last, first, q[1:3])
     parts = []
-    for s, w in gauss(N_GAUSS):
+    for k, (s, w) in enumerate(gauss(N_GAUSS)):
         F, T = ca.vertsplit(_sum(s, 0, f), 3)
         there = c + h * s * v + h**2 * G * (_sum(s, 2, f)[:3] + s**2 / 2 * down)
-        parts += [ca.sqrt(2 * h * w * q[3]) * G * (F + down), ca.sqrt(2 * h * w * q[4]) * (T - ca.cross(there, F))]
+        l_rate = T - ca.cross(there, F) - q[5 + 3 * k : 8 + 3 * k]
+        parts += [ca.sqrt(2 * h * w * q[3]) * G * (F + down), ca.sqrt(2 * h * w * q[4]) * l_rate]
     r = ca.vertcat(*parts)
     J = ca.jacobian(r, y)
     return cost_functions(ca.sumsqr(r) / 2, y, q, ca.densify(J.T @ J))

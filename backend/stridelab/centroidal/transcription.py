@@ -26,7 +26,7 @@ from stridelab.centroidal.problem import CentroidalProblem, Grid
 from stridelab.centroidal.programme import CAPTURE, Compiled, compiled, splines
 from stridelab.centroidal.room import room_m
 from stridelab.centroidal.solution import Box
-from stridelab.centroidal.spline import INNER, comes_and_goes, joints
+from stridelab.centroidal.spline import INNER, N_GAUSS, comes_and_goes, joints
 from stridelab.centroidal.structure import Group, PhaseStructure, Structure, Visited
 from stridelab.conventions import Series, Vector3
 from stridelab.errors import InvalidInput
@@ -145,12 +145,15 @@ def _numbers(
     h = lengths[grid.phase]
     nothing = np.zeros((0, 0))
     priced = np.tile([weights.com_acceleration, weights.momentum_rate * problem.weight_n**2], (len(h), 1))
-    limbs = np.zeros((len(h), 3)) if problem.limbs_nm is None else problem.limbs_nm / problem.weight_n
+    n_rates = {"constant": 1, "cubic": N_GAUSS}[problem.shape]
+    limbs = np.zeros((len(h), 3 * n_rates))
+    if problem.limbs_nm is not None:
+        limbs = problem.limbs_nm.reshape(len(h), -1) / problem.weight_n
     numbers = {"squares": np.column_stack([h, priced, limbs]), "gap": h[:, None]}
     if problem.shape == "cubic":
         joined = np.column_stack([h, joints(h)])
         for part, k, _ in splines(len(h)):
-            numbers |= {f"gap{part}": joined[k], f"squares{part}": np.hstack([joined, priced])[k]}
+            numbers |= {f"gap{part}": joined[k], f"squares{part}": np.hstack([joined, priced, limbs])[k]}
     for name, uses in found.ties.items():
         rows = []
         for use in uses:

@@ -5,20 +5,28 @@ What depends on the robot (its feet, where its hand reaches a rail or a wall) is
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, TypeVar
 
+from stridelab.centroidal.arms import hand_bounds_n
+from stridelab.centroidal.conditions import PathBounds
+from stridelab.centroidal.native import Native, availability
+from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
+from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.resting import from_rest_to_rest
 from stridelab.centroidal.solve import solve
 from stridelab.contacts.bundled import BUNDLED
 from stridelab.contacts.obstacles import stand_up
 from stridelab.contacts.scenario_json import sequence_of
 from stridelab.contacts.scenario_parts import HRP2, Walker
+from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.stairs import descent, flat_walk, long_stride, six_stairs
 from stridelab.errors import StridelabError
+from stridelab.reachability.proxy import Proxy
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate import Check
 from stridelab.wholebody.certify import certify
 from stridelab.wholebody.controller import WholeBodyController
@@ -84,11 +92,21 @@ class Execution:
         return bool(self.checks) and all(check.passed for check in self.checks)
 
 
+def posed(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Proxy]) -> CentroidalProblem:
+    """As ``plan-motion`` poses it for a body: forces that do not jump, hands that bear what their arms can."""
+    return replace(
+        from_rest_to_rest(robot, sequence, proxies),
+        control=CircularCones() if isinstance(availability(), Native) else PYRAMIDS,
+        shape="cubic",
+        bounds=PathBounds(None, hand_bounds_n(robot, sequence)),
+    )
+
+
 def followed(robot_name: str, name: str) -> WholeBodyMotion:
     """The whole body's motion alone. Raises ``NotEstimable`` where the body cannot follow."""
     robot = load_robot(robot_name)
     sequence = sequence_of(CASES[robot_name][name](), effector_shapes(robot_name))
-    plan = solve(from_rest_to_rest(robot, sequence, load_proxies(robot_name)))
+    plan = solve(posed(robot, sequence, load_proxies(robot_name)))
     return WholeBodyController().run(robot, sequence, plan)
 
 
@@ -101,7 +119,7 @@ def execute(robot_name: str, name: str) -> Execution:
         sequence = sequence_of(CASES[robot_name][name](), effector_shapes(robot_name))
         duration_s = sequence.duration_s
         proxies = load_proxies(robot_name)
-        plan = _timed(cpu_s, "plan", lambda: solve(from_rest_to_rest(robot, sequence, proxies)))
+        plan = _timed(cpu_s, "plan", lambda: solve(posed(robot, sequence, proxies)))
         if not plan.converged:
             return Execution(robot_name, name, duration_s, plan.status, cpu_s=cpu_s)
         motion = _timed(cpu_s, "whole body", lambda: WholeBodyController().run(robot, sequence, plan))

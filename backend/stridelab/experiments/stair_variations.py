@@ -14,18 +14,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from stridelab.centroidal.arms import hand_bounds_n
-from stridelab.centroidal.conditions import PathBounds
-from stridelab.centroidal.native import Native, availability
-from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
-from stridelab.centroidal.resting import from_rest_to_rest
 from stridelab.centroidal.solve import solve
 from stridelab.contacts.scenario_json import sequence_of
 from stridelab.contacts.scenario_parts import TALOS, Timing
 from stridelab.contacts.shapes import effector_shapes
 from stridelab.contacts.stairs import CLIMBING, HOLDING_ON, HandRail, Stairs, climb, stairs_with_rail
 from stridelab.errors import StridelabError
-from stridelab.experiments.execution import replayed
+from stridelab.experiments.execution import posed, replayed
 from stridelab.reachability.proxy import Proxy
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
@@ -145,9 +140,7 @@ def attempt(variation: Variation) -> Attempt:
         proxies: Mapping[str, Proxy] = load_proxies(TALOS.robot)
         sequence = sequence_of(variation.scenario, effector_shapes(TALOS.robot))
         stage = "plan"
-        control = CircularCones() if isinstance(availability(), Native) else PYRAMIDS
-        bounds = PathBounds(None, hand_bounds_n(robot, sequence))
-        plan = solve(replace(from_rest_to_rest(robot, sequence, proxies), control=control, bounds=bounds))
+        plan = solve(posed(robot, sequence, proxies))
         if not plan.converged:
             return Attempt(stage, plan.status)
         stage = "whole body"

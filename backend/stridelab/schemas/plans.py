@@ -35,12 +35,12 @@ class PlanMotionInput(Contract):
     there and can do what is asked, else ``casadi``: ipopt, and fatrop where that fails. ``native`` takes the cones of
     ``forces`` as they are, CasADi's solvers pyramids within them; the summary says which. ``node_rate_hz`` are the
     nodes per second of every phase; forces between them are ``constant``, or with ``shape`` ``cubic`` one spline each,
-    without a jump. ``time_limit_s`` (processor time) ends a solver in place of a minute; fatrop, which cannot be
-    interrupted, gets as many iterations as are taken to fit, and is then not asked by ``auto``. With
-    ``free_durations`` the solver chooses how long each phase lasts, between the two multiples of ``duration_range`` of
-    what the scenario says; the whole motion keeps its length. In ``circular-cones`` only ``native`` can. ``measure``
-    chooses among the bundled reachability densities; null takes the default one. A ``film`` of the motion needs ffmpeg
-    where the job runs.
+    without a jump. Null takes splines where a body is to follow forces and there are any, else constants.
+    ``time_limit_s`` (processor time) ends a solver in place of a minute; fatrop, which cannot be interrupted, gets as
+    many iterations as are taken to fit, and is then not asked by ``auto``. With ``free_durations`` the solver chooses
+    how long each phase lasts, between the two multiples of ``duration_range`` of what the scenario says; the whole
+    motion keeps its length. In ``circular-cones`` only ``native`` can. ``measure`` chooses among the bundled
+    reachability densities; null takes the default one. A ``film`` of the motion needs ffmpeg where the job runs.
     """
 
     scenario_id: str | None = None
@@ -48,7 +48,7 @@ class PlanMotionInput(Contract):
     formulation: Formulation = "forces"
     solver: Literal["auto", "native", "casadi", "ipopt", "fatrop"] = "auto"
     node_rate_hz: Annotated[float, Field(ge=NODE_RATE_HZ[0], le=NODE_RATE_HZ[1])] = 10.0
-    shape: Shape = "constant"
+    shape: Shape | None = None
     time_limit_s: Annotated[float, Field(gt=0.0, le=TIME_LIMIT_S)] | None = None
     free_durations: bool = False
     duration_range: tuple[
@@ -69,8 +69,8 @@ class PlanMotionInput(Contract):
             raise ValueError("film: it needs whole_body")
         if self.free_durations and self.solver == "fatrop":
             raise ValueError("free_durations: they belong to many stages, and fatrop solves one by one; ask ipopt")
-        if self.shape == "cubic" and (self.formulation == "wrench" or self.free_durations):
-            raise ValueError("shape: cubic is for forces, with the durations as they are given")
+        if self.shape == "cubic" and (self.formulation == "wrench" or self.solver == "fatrop"):
+            raise ValueError("shape: cubic is for forces, and not for fatrop, which solves interval by interval")
         if self.free_durations and self.formulation == "circular-cones" and self.solver not in ("auto", "native"):
             raise ValueError("free_durations: CasADi does not converge with circular-cones; ask for forces or wrench")
         return self

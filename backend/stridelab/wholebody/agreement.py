@@ -1,9 +1,9 @@
 """Plan and body until they agree on the angular momentum: what the limbs take is planned for, and planned again.
 
 The plan knows a point mass and asks for ``L_c = 0``; swinging legs have an ``L_c`` of their own, for which the soles'
-forces have to move. With the body's momentum ``L(t_k)`` at the nodes of the plan its mean rates
+forces have to move. With the body's momentum ``L`` at the times t_k of ``limb_times_s`` its mean rates
 
-    r_k = (L(t_k + h) - L(t_k)) / h
+    r_k = (L(t_k+1) - L(t_k)) / (t_k+1 - t_k)
 
 go back into (4.20), whose cost then weighs ``|L_c' - r|^2`` in place of ``|L_c'|^2``: forces and CoM make room for the
 limbs. The body follows the new plan, and so on until its momentum and the plan's are as near as wanted, or come no
@@ -15,6 +15,8 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from scipy.ndimage import convolve1d
+from scipy.signal.windows import hann
 
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
@@ -33,6 +35,8 @@ AGREED_NMS: Final = 1.0
 NEARER: Final = 0.9
 """A pass that leaves more than this share of the mismatch before it is the last one."""
 PASSES: Final = 4
+SMOOTHED_S: Final = 0.2
+"""Strides of 1.0 m agree to 0.8 Nms with this, to 3.1 with half of it, and never without."""
 _ROUNDING: Final = 1e-6
 
 Solve = Callable[[CentroidalProblem], CentroidalPlan]
@@ -86,7 +90,7 @@ def agree(
     Of the plans that converge and can be followed the one is kept that agrees best. Raises what ``follow``, the
     controller's ``run``, does with the first.
     """
-    most = passes or (PASSES if problem.shape == "constant" and matters(plan.sequence) else 1)
+    most = passes or (PASSES if matters(plan.sequence) else 1)
     motion = follow(robot, plan.sequence, plan, _share(progress, 0, most))
     best = Agreement(plan, motion, (_compared(plan, motion),))
     while len(best.passes) < most and best.passes[-1].mismatch_max_nms > AGREED_NMS:
@@ -108,10 +112,17 @@ def agree(
 
 
 def limb_rates_nm(problem: CentroidalProblem, motion: WholeBodyMotion) -> np.ndarray:
-    """Mean rates ``(m, 3)`` of the body's angular momentum over the intervals of the plan."""
-    grid = problem.grid()
-    at_nodes = np.array([np.interp(grid.time_s, motion.time_s, l) for l in motion.l_nms.T]).T
-    return np.asarray(np.diff(at_nodes, axis=0) / grid.step_s[:, None])
+    """Mean rates ``(m, 3)`` of the body's angular momentum between the times that the plan takes them for.
+
+    Splines, which ask for them every 15 to 35 ms, get them smoothed by Hann's window: a body that is asked to take back
+    every jerk of a landing leg answers with others.
+    """
+    time_s, l_nms = problem.limb_times_s(), motion.l_nms
+    if problem.shape == "cubic":
+        window = hann(round(SMOOTHED_S * motion.rate_hz) + 2)[1:-1]
+        l_nms = convolve1d(l_nms, window / window.sum(), axis=0, mode="nearest")
+    at_times = np.array([np.interp(time_s, motion.time_s, l) for l in l_nms.T]).T
+    return np.asarray(np.diff(at_times, axis=0) / np.diff(time_s)[:, None])
 
 
 def _share(progress: Progress | None, done: int, most: int) -> Progress | None:

@@ -25,7 +25,7 @@ from stridelab.schemas.plans import CertificateSummary, CostWeights
 from stridelab.schemas.scenarios import Scenario
 from stridelab.service.jobs.errand import located
 from stridelab.service.jobs.isolated import IsolatedPool
-from stridelab.service.jobs.kinds import plan_motion, plan_options, plan_posing
+from stridelab.service.jobs.kinds import plan_centroidal, plan_motion, plan_options, plan_posing
 from stridelab.service.jobs.kinds.provenance import known_references
 from stridelab.service.jobs.kinds.tables_io import read_about
 from support.planned import Planned, run
@@ -92,9 +92,20 @@ def test_references_name_the_methods(walked: Planned) -> None:
     assert solver is None or solver in walked.outcome.references
 
 
-def test_the_centroidal_table_obeys_newton_and_integrates_to_itself(walked: Planned) -> None:
-    """From the file alone: m (c'' - g) is the sum of the forces, and c, c' are the integral of c''."""
+def test_the_centroidal_table_obeys_newton(walked: Planned, tmp_path: Path) -> None:
+    """From the file alone: m (c'' - g) is the sum of the forces; where these are constant, c and c' integrate c''."""
     table = "centroidal.parquet"
+    stepped = run(tmp_path, short_walk(), whole_body=False)
+    assert (walked.summary.shape, stepped.summary.shape) == ("cubic", "constant")
+    for plan in (walked, stepped):
+        time_s, com, v, a = newton(plan, table)
+    h = np.diff(time_s)[:, None]
+    np.testing.assert_allclose(com[1:], com[:-1] + h * v[:-1] + 0.5 * h**2 * a[:-1], atol=1e-7)
+    np.testing.assert_allclose(v[1:], v[:-1] + h * a[:-1], atol=1e-7)
+
+
+def newton(walked: Planned, table: str) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Times and the CoM's motion, after a look at its forces."""
     names = pq.read_schema(walked.folder / table).names
     mass_kg = read_about(walked.folder / table)["provenance"]["mass_kg"]
     assert mass_kg == pytest.approx(load_robot("talos").mass_kg)
@@ -109,9 +120,7 @@ def test_the_centroidal_table_obeys_newton_and_integrates_to_itself(walked: Plan
         ]
     )
     np.testing.assert_allclose(mass_kg * (a - g), force, atol=1e-6)
-    h = np.diff(time_s)[:, None]
-    np.testing.assert_allclose(com[1:], com[:-1] + h * v[:-1] + 0.5 * h**2 * a[:-1], atol=1e-7)
-    np.testing.assert_allclose(v[1:], v[:-1] + h * a[:-1], atol=1e-7)
+    return time_s, com, v, a
 
 
 def test_a_foot_in_the_air_carries_nothing_in_the_tables(walked: Planned) -> None:
@@ -261,7 +270,7 @@ def test_a_solver_that_does_not_converge_is_said_with_status_and_iterations(
 
         return replace(genuine(*args, **options), converged=False, status="Maximum_Iterations_Exceeded", iterations=200)
 
-    monkeypatch.setattr(plan_motion, "solve", solve)
+    monkeypatch.setattr(plan_centroidal, "solve", solve)
     error = refused(tmp_path, NotEstimable)
     assert error.code == "plan-not-converged"
     assert "Maximum_Iterations_Exceeded after 200 iterations" in error.message
@@ -319,7 +328,7 @@ def test_a_suspicious_plan_is_remarked_on(tmp_path: Path, monkeypatch: pytest.Mo
 
         return replace(genuine(*args, **options), iterations=51)
 
-    monkeypatch.setattr(plan_motion, "solve", solve)
+    monkeypatch.setattr(plan_centroidal, "solve", solve)
     summary = run(tmp_path, short_walk(), whole_body=False).summary
     assert [remark.code for remark in summary.warnings] == ["plan-slow-to-converge"]
 

@@ -1,5 +1,6 @@
 """Options of ``plan-motion``: they reach the solver, what is out of range is named, and every control plans."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,12 +14,13 @@ from stridelab.centroidal.iterates import Iterate, Tell
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import PYRAMIDS, CircularCones
 from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.solve import solve
 from stridelab.centroidal.solvers import DEFAULT_LIMITS, Limits
 from stridelab.contacts.bundled import BUNDLED
 from stridelab.errors import NotEstimable
 from stridelab.schemas.plans import PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
-from stridelab.service.jobs.kinds import plan_motion, plan_options
+from stridelab.service.jobs.kinds import plan_centroidal, plan_motion, plan_options
 from support.planning import plan_task
 from support.quiet import Told
 
@@ -67,7 +69,7 @@ def test_options_reach_the_solver(
         tell(Iterate(3, -1.25, 0.0021))
         raise NotEstimable("stopped", "far enough")
 
-    monkeypatch.setattr(plan_motion, "solve", stopped)
+    monkeypatch.setattr(plan_centroidal, "solve", stopped)
     told = Told()
     with pytest.raises(NotEstimable, match="far enough"):
         plan_motion.run(plan_task(node_rate_hz=12.5, **asked), tmp_path, told)
@@ -84,7 +86,7 @@ def test_hands_are_bounded_by_their_arms_unless_the_wrench_is_the_control(
         bounds.append(problem.bounds.normal_force_max_n)
         raise NotEstimable("stopped", "far enough")
 
-    monkeypatch.setattr(plan_motion, "solve", stopped)
+    monkeypatch.setattr(plan_centroidal, "solve", stopped)
     rail = Scenario.model_validate(BUNDLED["stairs-with-rail-hrp2"]())
     for formulation in ("forces", "circular-cones", "wrench"):
         with pytest.raises(NotEstimable, match="far enough"):
@@ -112,6 +114,53 @@ def test_every_control_plans(tmp_path: Path, asked: dict[str, Any]) -> None:
     assert len(ticking) >= summary.iterations
 
 
+@pytest.mark.parametrize(
+    ("asked", "shape"),
+    [
+        ({}, "cubic"),
+        ({"formulation": "circular-cones"}, "cubic"),
+        ({"shape": "constant"}, "constant"),
+        ({"formulation": "wrench"}, "constant"),
+        ({"solver": "fatrop"}, "constant"),
+        ({"whole_body": False}, "constant"),
+        ({"whole_body": False, "shape": "cubic"}, "cubic"),
+    ],
+)
+def test_bodies_follow_splines_unless_something_else_is_asked_for(asked: dict[str, Any], shape: str) -> None:
+    assert plan_centroidal.shape_of(plan_task(**asked).input) == shape
+
+
+@pytest.mark.parametrize("asked", [None, "cubic"])
+def test_without_splines_constants_stay_unless_splines_were_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asked: str | None
+) -> None:
+    def stepping(problem: CentroidalProblem, *args: Any, **options: Any) -> CentroidalPlan:
+        found = solve(problem, *args, **options)
+        return found if problem.shape == "constant" else replace(found, converged=False, status="no way")
+
+    monkeypatch.setattr(plan_centroidal, "solve", stepping)
+    task = plan_task(shape=asked)
+    if asked is not None:
+        with pytest.raises(NotEstimable, match="no way") as refusal:
+            plan_motion.run(task, tmp_path, Told())
+        assert refusal.value.code == "plan-not-converged"
+        return
+    summary = PlanMotionSummary.model_validate(plan_motion.run(task, tmp_path, Told()).summary)
+    assert summary.shape == "constant"
+    assert [remark.code for remark in summary.warnings] == ["forces-jump"]
+
+
+def test_chosen_durations_are_kept_by_the_splines(tmp_path: Path) -> None:
+    task = plan_task(free_durations=True, duration_range=(0.8, 1.2))
+    summary = PlanMotionSummary.model_validate(plan_motion.run(task, tmp_path, Told()).summary)
+    assert summary.shape == "cubic"
+    assert summary.phase_durations is not None
+    chosen_s = [phase.chosen_s for phase in summary.phase_durations]
+    assert chosen_s != [phase.given_s for phase in summary.phase_durations]
+    kept = Scenario.model_validate_json((tmp_path / "scenario.json").read_text())
+    assert [phase.duration_s for phase in kept.phases] == chosen_s
+
+
 @pytest.mark.parametrize("solver", ["auto", "ipopt", "fatrop"])
 def test_a_time_limit_ends_the_solver_and_says_so(tmp_path: Path, solver: str) -> None:
     with pytest.raises(NotEstimable) as failure:
@@ -130,7 +179,7 @@ def test_a_time_limit_ends_the_solver_and_says_so(tmp_path: Path, solver: str) -
         ({"node_rate_hz": 1.0}, "node_rate_hz"),
         ({"node_rate_hz": float("nan")}, "node_rate_hz"),
         ({"shape": "cubic", "formulation": "wrench"}, "shape"),
-        ({"shape": "cubic", "free_durations": True}, "shape"),
+        ({"shape": "cubic", "solver": "fatrop"}, "shape"),
         ({"shape": "linear"}, "shape"),
         ({"time_limit_s": 0.0}, "time_limit_s"),
         ({"time_limit_s": 301.0}, "time_limit_s"),

@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.errors import InvalidInput
 from stridelab.reachability.store import load_proxies
-from stridelab.service.jobs.kinds import plan_motion, plan_posing
+from stridelab.service.jobs.kinds import plan_centroidal, plan_motion, plan_posing
 from support.planning import plan_task
 from support.quiet import quiet
 
@@ -19,7 +19,7 @@ def test_densities_that_lack_an_effector_are_named_before_any_solver(
         return {name: proxy for name, proxy in load_proxies(robot_name, measure).items() if name != "right_foot"}
 
     monkeypatch.setattr(plan_posing, "load_proxies", lacking)
-    monkeypatch.setattr(plan_motion, "solve", lambda *_args, **_options: pytest.fail("a solver was asked"))
+    monkeypatch.setattr(plan_centroidal, "solve", lambda *_args, **_options: pytest.fail("a solver was asked"))
     with pytest.raises(InvalidInput) as refusal:
         plan_motion.run(plan_task(whole_body=False), tmp_path, quiet)
     assert refusal.value.code == "proxy-missing"

@@ -11,13 +11,10 @@ from typing import TYPE_CHECKING, Final
 
 from stridelab.centroidal.arms import hand_bounds_n
 from stridelab.centroidal.conditions import PathBounds
-from stridelab.centroidal.diagnosis import diagnose
 from stridelab.centroidal.plan import CentroidalPlan
-from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.resting import from_rest_to_rest
 from stridelab.centroidal.solve import solve
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.errors import Fault, NotEstimable
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
@@ -25,17 +22,10 @@ from stridelab.robots.robot import Robot
 from stridelab.schemas.plans import PLAN_STAGES, AgreementPass, PlanMotionInput
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.plan_artifacts import write_json, write_motion, write_plan, write_replay
+from stridelab.service.jobs.kinds.plan_centroidal import jumps, planned
 from stridelab.service.jobs.kinds.plan_durations import as_planned, freedom
 from stridelab.service.jobs.kinds.plan_film import require_film
-from stridelab.service.jobs.kinds.plan_options import (
-    control_of,
-    iterations_to,
-    limits_of,
-    require_durations,
-    require_solver,
-    require_time,
-    solver_of,
-)
+from stridelab.service.jobs.kinds.plan_options import control_of, require_durations, require_solver
 from stridelab.service.jobs.kinds.plan_posing import checked, densities
 from stridelab.service.jobs.kinds.plan_summary import (
     certificate_of,
@@ -92,13 +82,12 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         problem = replace(
             posed,
             control=control,
-            shape=request.shape,
             bounds=PathBounds(None, hand_bounds_n(robot, sequence) if control.has_point_forces else {}),
             node_rate_hz=request.node_rate_hz,
             durations=freedom(request, sequence),
         )
-        plan = _planned(problem, request, tell)
-        sequence = plan.sequence
+        problem, plan = planned(problem, request, tell)
+        given, sequence = sequence, plan.sequence
 
     motion, certificate, replay, replayed, stopped = None, None, None, None, None
     passes: tuple[Pass, ...] = ()
@@ -127,8 +116,8 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         if replay is not None:
             artifacts += write_replay(folder, replay)
 
-    warnings = (*noted, *remarks(plan, motion, certificate, replayed))
-    found = summary(plan, problem, request, certificate, replayed, stages.times_s, warnings)
+    warnings = (*noted, *jumps(problem, request), *remarks(plan, motion, certificate, replayed))
+    found = summary(plan, given, problem, request, certificate, replayed, stages.times_s, warnings)
     found = found.model_copy(update={"agreement": [AgreementPass(**asdict(one)) for one in passes]})
     if stopped is not None:
         found = found.model_copy(update={"stopped": stopped_of(stopped)})
@@ -153,23 +142,6 @@ def _clock(tell: ProgressCallback, duration_s: float) -> ProgressCallback:
         tell(fraction, f"{fraction * duration_s:.1f} of {duration_s:.1f} s")
 
     return on
-
-
-def _planned(problem: CentroidalProblem, request: PlanMotionInput, tell: ProgressCallback) -> CentroidalPlan:
-    plan = solve(problem, solver_of(request), limits_of(request), tell=iterations_to(tell))
-    if not plan.converged:
-        require_time(request, plan)
-        diagnosis = diagnose(problem, plan)
-        raise NotEstimable(
-            "plan-not-converged",
-            f"The centroidal plan of {problem.sequence.name!r} did not converge: {plan.status} after {plan.iterations} "
-            f"iterations. {diagnosis.sentence}",
-            [
-                *(Fault(finding.where, finding.says) for finding in diagnosis.findings),
-                Fault("solver", f"{plan.solver}: {plan.status}"),
-            ],
-        )
-    return plan
 
 
 def _replayed(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, clock: ProgressCallback) -> "Replay":

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 from stridelab.centroidal.native import lacks
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.contacts.sequence import ContactSequence
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import (
@@ -34,6 +35,7 @@ MANY_ITERATIONS: Final = 50
 
 def summary(
     plan: CentroidalPlan,
+    given: ContactSequence,
     problem: CentroidalProblem,
     request: PlanMotionInput,
     certificate: CertificateSummary | None,
@@ -41,9 +43,9 @@ def summary(
     stage_times_s: Mapping[str, float],
     warnings: Sequence[Remark],
 ) -> PlanMotionSummary:
-    """All of it in the form of the contract."""
+    """All of it in the form of the contract; ``given`` is the sequence of the scenario, ``problem`` what was solved."""
     sequence, found = plan.sequence, plan.verification
-    chosen = phase_durations(problem.sequence, sequence) if problem.durations is not None else None
+    chosen = phase_durations(given, sequence) if request.free_durations else None
     return PlanMotionSummary(
         scenario_name=sequence.name,
         robot=sequence.robot,
@@ -56,7 +58,7 @@ def summary(
         cost_terms=dict(plan.cost_terms),
         weights=CostWeights(**asdict(problem.weights)),
         formulation=formulation_of(request),
-        shape=request.shape,
+        shape=problem.shape,
         measure=request.measure or DEFAULT_MEASURE,
         node_rate_hz=problem.node_rate_hz,
         kkt_error=_kkt_error(plan),
