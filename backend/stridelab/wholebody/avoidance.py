@@ -71,7 +71,9 @@ class Avoidance:
         d, scale = near.distance_m, pairs.scale[near.pair]
         n = _directions(near)
         # n' J_p of a point that moves with the joints: n at p as a wrench, on the columns that carry p
-        J = np.hstack([n, np.cross(near.p_1_m, n)]) @ body.J * pairs.sign[near.pair]
+        (x, y, z), (n_x, n_y, n_z) = near.p_1_m.T, n.T
+        wrench = np.column_stack([n, y * n_z - z * n_y, z * n_x - x * n_z, x * n_y - y * n_x])
+        J = wrench @ body.J * pairs.sign[near.pair]
         apart_m, acts_m = scale * by.apart_m, scale * by.acts_m
         nearness = np.minimum(1.0, (acts_m - d) / (acts_m - apart_m))
         b = by.kp * np.maximum(0.0, apart_m - d) + by.kd * np.maximum(0.0, -(J @ body.v))
@@ -81,6 +83,6 @@ class Avoidance:
 def _directions(near: Near) -> Points:
     """From the second shape to the first, also where they penetrate."""
     apart = near.p_1_m - near.p_2_m
-    length = np.linalg.norm(apart, axis=1, keepdims=True)
+    length = np.sqrt((apart * apart).sum(axis=1, keepdims=True))
     signed = np.sign(near.distance_m)[:, None] * apart / np.maximum(length, _TINY_M)
     return np.asarray(np.where(length > _TINY_M, signed, np.array([0.0, 0.0, 1.0])))

@@ -31,9 +31,10 @@ def pyramid(contact: Contact, points: int) -> Inequalities:
 
 def force_jacobian(frame: FrameState, points_m: Points) -> Float[np.ndarray, "m nv"]:
     """Jacobian ``(3 k, nv)`` of contact points given in the contact frame: ``J_p = J_v - [R p]x J_w``."""
-    x, y, z = (points_m @ frame.rotation.T).T
+    x, y, z = frame.rotation @ points_m.T
     lever = np.zeros((len(points_m), 3, 6))
-    lever[:, (0, 1, 2), (0, 1, 2)] = 1.0
-    lever[:, (0, 1, 2), (4, 5, 3)] = np.column_stack([z, x, y])
-    lever[:, (0, 1, 2), (5, 3, 4)] = -np.column_stack([y, z, x])
+    lever[:, 0, 0] = lever[:, 1, 1] = lever[:, 2, 2] = 1.0
+    lever[:, 0, 4], lever[:, 0, 5] = z, -y
+    lever[:, 1, 3], lever[:, 1, 5] = -z, x
+    lever[:, 2, 3], lever[:, 2, 4] = y, -x
     return np.asarray(lever.reshape(-1, 6) @ frame.J)
