@@ -107,9 +107,9 @@ class CentroidalPlan:
 
     def _place(self, time_s: float) -> tuple[int, float, float]:
         """The interval, the time since it began, and its length."""
-        k = int(np.clip(np.searchsorted(self.time_s, time_s, side="right") - 1, 0, len(self.time_s) - 2))
+        k = min(max(int(self.time_s.searchsorted(time_s, side="right")) - 1, 0), len(self.time_s) - 2)
         h = float(self.time_s[k + 1] - self.time_s[k])
-        return k, float(np.clip(time_s - self.time_s[k], 0.0, h)), h
+        return k, min(max(time_s - float(self.time_s[k]), 0.0), h), h
 
     @cached_property
     def _wrenches(self) -> Float[np.ndarray, "m 4 6"]:

@@ -22,7 +22,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.contacts.terrain import Terrain
-from stridelab.conventions import Vector3
+from stridelab.conventions import Points
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.hierarchy import Rows
 from stridelab.wholebody.near_pairs import Near, NearPairs
@@ -57,34 +57,32 @@ class Avoidance:
     def __init__(self, robot: Robot, terrain: Terrain, avoid: Avoid) -> None:
         self._avoid, self._calls = avoid, 0
         self._pairs = NearPairs(robot, terrain, avoid.acts_m, avoid.shrunk)
-        group = [robot.group[joint] for joint in robot.joint_names]
-        self._arms = np.array([0.0] * 6 + [float(where == "arm") for where in group])
+        arms = np.array([0.0] * 6 + [float(robot.group[joint] == "arm") for joint in robot.joint_names])
+        self._yields = np.where((self._pairs.kind == "arm")[:, None], arms, 1.0)
 
     def rows(self, body: RigidBody) -> tuple[Rows, Angles]:
         """One row per pair that acts, and their weights."""
-        self._pairs.place(body)
-        if self._calls % self._avoid.every == 0:
-            self._pairs.search(self._avoid.near_m, self._avoid.most)
+        by, pairs = self._avoid, self._pairs
+        pairs.place(body)
+        if self._calls % by.every == 0:
+            pairs.search(by.near_m)
         self._calls += 1
-        found = [self._row(body, near) for near in self._pairs.near(self._avoid.acts_m)]
-        J = np.array([row for row, _, _ in found]).reshape(len(found), body.model.nv)
-        return Rows(J, np.array([b for _, b, _ in found])), np.array([w for _, _, w in found])
-
-    def _row(self, body: RigidBody, near: Near) -> tuple[Float[np.ndarray, "nv"], float, float]:
-        by = self._avoid
-        n = _direction(near)
-        J = n @ body.point_jacobian(near.first, near.p_1_m)
-        if near.second:  # the terrain does not move
-            J = J - n @ body.point_jacobian(near.second, near.p_2_m)
-        rate = float(J @ body.v)
-        apart_m, acts_m = near.scale * by.apart_m, near.scale * by.acts_m
-        nearness = min(1.0, (acts_m - near.distance_m) / (acts_m - apart_m))
-        b = by.kp * max(0.0, apart_m - near.distance_m) + by.kd * max(0.0, -rate)
-        return J * self._arms if near.kind == "arm" else J, b, by.weight * nearness**2
+        near = pairs.near(by.acts_m, by.most)
+        d, scale = near.distance_m, pairs.scale[near.pair]
+        n = _directions(near)
+        # n' J_p of a point that moves with the joints: n at p as a wrench, on the columns that carry p
+        (x, y, z), (n_x, n_y, n_z) = near.p_1_m.T, n.T
+        wrench = np.column_stack([n, y * n_z - z * n_y, z * n_x - x * n_z, x * n_y - y * n_x])
+        J = wrench @ body.J * pairs.sign[near.pair]
+        apart_m, acts_m = scale * by.apart_m, scale * by.acts_m
+        nearness = np.minimum(1.0, (acts_m - d) / (acts_m - apart_m))
+        b = by.kp * np.maximum(0.0, apart_m - d) + by.kd * np.maximum(0.0, -(J @ body.v))
+        return Rows(J * self._yields[near.pair], b), by.weight * nearness**2
 
 
-def _direction(near: Near) -> Vector3:
+def _directions(near: Near) -> Points:
     """From the second shape to the first, also where they penetrate."""
     apart = near.p_1_m - near.p_2_m
-    length = float(np.linalg.norm(apart))
-    return np.asarray(np.sign(near.distance_m) * apart / length) if length > _TINY_M else np.array([0.0, 0.0, 1.0])
+    length = np.sqrt((apart * apart).sum(axis=1, keepdims=True))
+    signed = np.sign(near.distance_m)[:, None] * apart / np.maximum(length, _TINY_M)
+    return np.asarray(np.where(length > _TINY_M, signed, np.array([0.0, 0.0, 1.0])))

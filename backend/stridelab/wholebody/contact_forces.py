@@ -31,11 +31,10 @@ def pyramid(contact: Contact, points: int) -> Inequalities:
 
 def force_jacobian(frame: FrameState, points_m: Points) -> Float[np.ndarray, "m nv"]:
     """Jacobian ``(3 k, nv)`` of contact points given in the contact frame: ``J_p = J_v - [R p]x J_w``."""
-    arms = points_m @ frame.rotation.T
-    J_v, J_w = frame.J[:3], frame.J[3:]
-    J = np.empty((3 * len(points_m), J_v.shape[1]))
-    for k, (x, y, z) in enumerate(arms):
-        J[3 * k] = J_v[0] + z * J_w[1] - y * J_w[2]
-        J[3 * k + 1] = J_v[1] + x * J_w[2] - z * J_w[0]
-        J[3 * k + 2] = J_v[2] + y * J_w[0] - x * J_w[1]
-    return J
+    x, y, z = frame.rotation @ points_m.T
+    lever = np.zeros((len(points_m), 3, 6))
+    lever[:, 0, 0] = lever[:, 1, 1] = lever[:, 2, 2] = 1.0
+    lever[:, 0, 4], lever[:, 0, 5] = z, -y
+    lever[:, 1, 3], lever[:, 1, 5] = -z, x
+    lever[:, 2, 3], lever[:, 2, 4] = y, -x
+    return np.asarray(lever.reshape(-1, 6) @ frame.J)

@@ -29,7 +29,7 @@ class Heading:
     def at(self, phase: int, time_s: float) -> tuple[Rotation, Vector3, Vector3]:
         """Rotation, angular velocity and acceleration in world axes."""
         T = self.sequence.phases[phase].duration_s
-        x = float(np.clip((time_s - self.sequence.starts_s[phase]) / T, 0.0, 1.0))
+        x = min(max((time_s - float(self.sequence.starts_s[phase])) / T, 0.0), 1.0)
         turn = self.yaw_rad[phase + 1] - self.yaw_rad[phase]
         yaw = self.yaw_rad[phase] + turn * x**3 * (10.0 - 15.0 * x + 6.0 * x**2)
         rate = turn * 30.0 * x**2 * (1.0 - x) ** 2 / T

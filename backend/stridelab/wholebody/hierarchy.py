@@ -6,10 +6,10 @@
 Each level moves only in the null space of those above, ``z = z_k + Z_k w`` with ``A_i Z_k = 0`` for i < k, so a lower
 level cannot disturb a higher one. The inequalities are the same on every level.
 
-Shortcut, exact: where an upper level has full row rank in what is left to it, one first takes for granted that its
-residual can be made zero and asks only the last level's programme. If that has a solution, zero was the best the
-upper levels could reach, and the answer is that of the whole cascade; if it has none, the cascade is run level by
-level. On a motion without saturation this leaves one quadratic programme per sample.
+Shortcut, exact: one first takes for granted that the residuals of the upper levels can be made zero, together with the
+equalities in a single factorisation, and asks only the last level's programme. If that has a solution, zero was the
+best the upper levels could reach, and the answer is that of the whole cascade; if it has none, the cascade is run level
+by level. On a motion without saturation this leaves one quadratic programme per sample.
 """
 
 from collections.abc import Sequence
@@ -69,16 +69,18 @@ class HierarchyResult(NamedTuple):
 
 def solve(equality: Rows, levels: Sequence[Rows], bounds: Inequalities) -> HierarchyResult:
     """Solve the hierarchy; a failure is returned, never raised, with the level it happened on."""
-    z, Z, gap = _onto(equality)
-    if gap > _CONSISTENT * (1.0 + float(np.abs(equality.b).max())):
-        return HierarchyResult(z, HierarchyFailure(0, f"the equalities contradict each other by {gap:.2g}"), 0)
     programmes = 0
-    quick = _presumed(z, Z, levels[:-1])
-    if quick is not None:
-        found = _programme(*quick, levels[-1], bounds)
+    presumed = _presumed(equality, levels[:-1])
+    if presumed is not None:
+        z, Z = presumed
+        found = _programme(z, Z, levels[-1], bounds)
         programmes = 1
         if found.flag > 0:
-            return HierarchyResult(quick[0] + quick[1] @ found.w, None, programmes)
+            return HierarchyResult(z + Z @ found.w, None, programmes)
+    z, Z, off = _onto(equality)
+    if not _small(off, equality.b):
+        reason = f"the equalities contradict each other by {np.abs(off).max():.2g}"
+        return HierarchyResult(z, HierarchyFailure(0, reason), 0)
     for number, level in enumerate(levels, start=1):
         found = _programme(z, Z, level, bounds)
         programmes += 1
@@ -87,7 +89,7 @@ def solve(equality: Rows, levels: Sequence[Rows], bounds: Inequalities) -> Hiera
             return HierarchyResult(z, HierarchyFailure(number, reason), programmes)
         z = z + Z @ found.w
         if number < len(levels) and Z.shape[1]:
-            held = np.vstack([level.A, bounds.G[found.binding]]) @ Z
+            held = np.vstack([level.A, bounds.G[_binding(level, z, found.pull)]]) @ Z
             Z = Z @ _onto(Rows(held, np.zeros(len(held)))).null
             bounds = _containing(z, bounds)
     return HierarchyResult(z, None, programmes)
@@ -116,11 +118,11 @@ def violations(equality: Rows, bounds: Inequalities, soft: Bool[np.ndarray, "m"]
 class _Onto(NamedTuple):
     z: Unknowns
     null: Basis
-    gap: float
+    off: Float[np.ndarray, "m"]
 
 
 def _onto(rows: Rows) -> _Onto:
-    """Smallest solution of ``A z = b``, orthonormal basis of the null space of A, largest residual.
+    """Smallest solution of ``A z = b``, orthonormal basis of the null space of A, ``A z - b``.
 
     By QR with column pivoting of A' (``A' P = Q R``): a quarter of the time of a singular value decomposition.
     """
@@ -131,53 +133,60 @@ def _onto(rows: Rows) -> _Onto:
     rank = int(np.count_nonzero(pivots > _RANK * pivots[0])) if min(m, n) and pivots[0] > 0.0 else 0
     square = np.zeros((n, n), order="F")
     square[:, : min(m, n)] = packed[:, : min(m, n)]
-    Q, _, _ = lapack.dorgqr(square, tau)
+    Q, _, _ = lapack.dorgqr(square, tau, overwrite_a=1)
     if rank == 0:
-        return _Onto(np.zeros(n), np.eye(n), float(np.abs(b).max(initial=0.0)))
+        return _Onto(np.zeros(n), np.eye(n), -b)
     picked = b[order[:rank] - 1]
     y, _ = lapack.dtrtrs(packed[:rank, :rank], picked, lower=0, trans=1)
     z = Q[:, :rank] @ y
-    gap = 0.0 if rank == m else float(np.abs(A @ z - b).max())
-    return _Onto(z, Q[:, rank:], gap)
+    return _Onto(z, Q[:, rank:], np.zeros(m) if rank == m else A @ z - b)
 
 
-def _presumed(z: Unknowns, Z: Basis, levels: Sequence[Rows]) -> tuple[Unknowns, Float[np.ndarray, "n j"]] | None:
-    """Where the upper levels are all met exactly, or None if they cannot be even without inequalities."""
-    for A, b in levels:
-        w, null, gap = _onto(Rows(A @ Z, b - A @ z))
-        if gap > _CONSISTENT * (1.0 + float(np.abs(b).max())):
+def _small(off: Float[np.ndarray, "m"], b: Float[np.ndarray, "m"]) -> bool:
+    """Whether rows are met but for rounding."""
+    return float(np.abs(off).max(initial=0.0)) <= _CONSISTENT * (1.0 + float(np.abs(b).max(initial=0.0)))
+
+
+def _presumed(equality: Rows, levels: Sequence[Rows]) -> tuple[Unknowns, Basis] | None:
+    """Where the equalities and the upper levels are all met exactly, or None if they cannot be even without bounds."""
+    blocks = (equality, *levels)
+    z, Z, off = _onto(Rows(np.concatenate([A for A, _ in blocks]), np.concatenate([b for _, b in blocks])))
+    row = 0
+    for _, b in blocks:
+        if not _small(off[row : row + len(b)], b):
             return None
-        z, Z = z + Z @ w, Z @ null
+        row += len(b)
     return z, Z
 
 
 class _Found(NamedTuple):
     w: Float[np.ndarray, "k"]
     flag: int
-    binding: Bool[np.ndarray, "m"]
+    pull: Float[np.ndarray, "m"]
 
 
 def _programme(z: Unknowns, Z: Basis, level: Rows, bounds: Inequalities) -> _Found:
-    """``min_w |A (z + Z w) - b|^2`` under the inequalities; the solver's flag (positive: solved), the binding rows.
-
-    A row that binds with a positive multiplier binds for all optima of this level; where the level is met, none does.
-    """
+    """``min_w |A (z + Z w) - b|^2`` under the inequalities; the solver's flag (positive: solved), how rows pull."""
     if not Z.shape[1]:
-        return _Found(np.zeros(0), 1, np.zeros(len(bounds.upper), dtype=bool))
+        return _Found(np.zeros(0), 1, np.zeros(len(bounds.upper)))
     B = level.A @ Z
     off = bounds.G @ z
     w, _, flag, info = daqp.solve(
         B.T @ B,
         B.T @ (level.A @ z - level.b),
-        np.ascontiguousarray(bounds.G @ Z),
+        bounds.G @ Z,
         np.minimum(bounds.upper - off, _NO_BOUND),
         np.maximum(bounds.lower - off, -_NO_BOUND),
         np.zeros(len(off), np.int32),
         eps_prox=_PROXIMAL,
     )
-    pull = np.abs(np.asarray(info["lam"]))
-    met = np.abs(B @ w + level.A @ z - level.b).max() <= _CONSISTENT * (1.0 + np.abs(level.b).max())
-    return _Found(np.asarray(w), int(flag), pull > (np.inf if met else _BINDING * pull.max(initial=0.0)))
+    return _Found(np.asarray(w), int(flag), np.abs(np.asarray(info["lam"])))
+
+
+def _binding(level: Rows, z: Unknowns, pull: Float[np.ndarray, "m"]) -> Bool[np.ndarray, "m"]:
+    """Rows that bind for all optima of this level: those with a multiplier; where the level is met, none does."""
+    met = _small(level.A @ z - level.b, level.b)
+    return pull > (np.inf if met else _BINDING * pull.max(initial=0.0))
 
 
 def _containing(z: Unknowns, bounds: Inequalities) -> Inequalities:

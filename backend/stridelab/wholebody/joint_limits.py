@@ -56,7 +56,8 @@ class JointLimits:
         lower = np.maximum(
             -(k_per_s**2) * to_lower - 2.0 * k_per_s * v_rad_s, -k_v_per_s * (self.velocity_rad_s + v_rad_s)
         )
-        upper, lower = np.clip(upper, -most_rad_s2, most_rad_s2), np.clip(lower, -most_rad_s2, most_rad_s2)
+        # four times as quick as np.clip
+        upper, lower = (np.minimum(np.maximum(a, -most_rad_s2), most_rad_s2) for a in (upper, lower))
         crossed = lower > upper
         upper_wins = crossed & (to_upper <= to_lower)
         lower_wins = crossed & ~upper_wins

@@ -1,21 +1,22 @@
 """Which shapes of a body come near each other or the terrain, and how near.
 
-Of every pair a sphere around each shape tells at once how near they can be at most, ``|c_1 - c_2| - r_1 - r_2``; only
-where that is little is their distance computed.
+Now and then a sphere around every shape tells which pairs may be near, ``|c_1 - c_2| - r_1 - r_2``; these are watched.
+A distance is computed only when it may have become little: since it last was, it can have shrunk by no more than what
+the joints between its shapes have turned, times their levers (``levers``).
 """
 
-from collections.abc import Iterable
 from typing import Literal, NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from stridelab.contacts.terrain import Box, Terrain
-from stridelab.conventions import Vector3
+from stridelab.conventions import Points
 from stridelab.robots.contact_frames import se3
 from stridelab.robots.robot import Robot
+from stridelab.wholebody.levers import Levers, Sphere
 from stridelab.wholebody.rigid_body import RigidBody
 
 Kind = Literal["arm", "body", "terrain"]
@@ -24,19 +25,20 @@ _SCALE_MIN = 0.02
 
 
 class Near(NamedTuple):
-    """A pair that is near: its joints (0 is the world), distance, nearest points, and what its distances scale by."""
+    """The pairs that are near: their numbers, distances, nearest points."""
 
-    kind: Kind
-    first: int
-    second: int
-    distance_m: float
-    p_1_m: Vector3
-    p_2_m: Vector3
-    scale: float
+    pair: Int[np.ndarray, "m"]
+    distance_m: Float[np.ndarray, "m"]
+    p_1_m: Points
+    p_2_m: Points
 
 
 class NearPairs:
-    """The pairs of one robot on one terrain. ``place`` before ``search``, and both before ``near``."""
+    """The pairs of one robot on one terrain. ``place`` before ``search``, and both before ``near``.
+
+    ``kind`` of every pair, ``scale``: what its distances scale by, ``sign`` and
+    ``reach_m``: which coordinates move it, and how far at most (``levers``).
+    """
 
     def __init__(self, robot: Robot, terrain: Terrain, acts_m: float, shrunk: float) -> None:
         self._geometry = pin.GeometryModel(robot.collision)
@@ -52,40 +54,55 @@ class NearPairs:
         for first, second in pairs:
             self._geometry.addCollisionPair(pin.CollisionPair(first, second))
         parts = self._geometry.geometryObjects
-        self._kinds = tuple(kinds)
+        self.kind = np.array(kinds)
         self._of = np.array(pairs).reshape(-1, 2)
-        self._joints = [(parts[first].parentJoint, parts[second].parentJoint) for first, second in pairs]
         self._spheres = [_sphere(part) for part in parts]
         self._radius_m = np.array([radius for _, radius in self._spheres])
+        joints = np.array([part.parentJoint for part in parts])[self._of]
+        self.sign, self.reach_m = Levers.of(robot.model, joints, self._of, self._spheres)
         self._results = self._geometry.createData()
-        self._near: list[int] = []
-        self._scale = self._scales(robot, acts_m, shrunk)
+        self.scale = self._scales(robot, acts_m, shrunk)
+        self._watched = np.zeros(0, dtype=int)
+        # distance and what the joints had turned by then: a bound on the distance from below, whatever follows
+        self._floor_m = np.full(len(pairs), -np.inf)
+        self._turned = np.zeros(robot.model.nv)
+        self._q: Float[np.ndarray, "nq"] | None = None
 
     def place(self, body: RigidBody) -> None:
         """Put all shapes where the body is."""
+        if self._q is not None:
+            self._turned += np.abs(pin.difference(body.model, self._q, body.q))
+        self._q = body.q
         pin.updateGeometryPlacements(body.model, body.data, self._geometry, self._results)
 
-    def search(self, near_m: float, most: int) -> None:
-        """Find the pairs nearer than ``near_m`` times their scale, the ``most`` nearest of each kind."""
+    def search(self, near_m: float) -> None:
+        """Watch the pairs that may be nearer than ``near_m`` times their scale."""
         centre = np.array([at.act(c) for at, (c, _) in zip(self._results.oMg, self._spheres, strict=True)])
         first, second = self._of.T
         apart = np.linalg.norm(centre[first] - centre[second], axis=1) - self._radius_m[first] - self._radius_m[second]
-        distance: dict[int, float] = {}
-        for k in np.flatnonzero(apart < near_m * self._scale).tolist():
-            distance[k] = self._distance(k) / self._scale[k]
-        self._near = []
-        for kind in KINDS:
-            of_kind = [k for k, d in distance.items() if d < near_m and self._kinds[k] == kind]
-            self._near += sorted(of_kind, key=lambda k: distance[k])[:most]
+        spent = self.reach_m @ self._turned
+        self._floor_m = np.maximum(self._floor_m, apart + spent)
+        self._watched = np.flatnonzero(self._floor_m - spent < near_m * self.scale)
+        self._levers = self.reach_m[self._watched]
 
-    def near(self, acts_m: float) -> Iterable[Near]:
-        """The pairs found, as they are now, nearer than ``acts_m`` times their scale."""
-        for k in self._near:
+    def near(self, acts_m: float, most: int) -> Near:
+        """The pairs that are watched, as they are now, nearer than ``acts_m`` times their scale.
+
+        Of each kind the ``most`` nearest.
+        """
+        floor_m = self._floor_m[self._watched] - self._levers @ self._turned
+        found: dict[int, float] = {}
+        for k in self._watched[floor_m < acts_m * self.scale[self._watched]].tolist():
             d = self._distance(k)
-            if d < self._scale[k] * acts_m:
-                result = self._results.distanceResults[k]
-                p_1, p_2 = np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
-                yield Near(self._kinds[k], *self._joints[k], d, p_1, p_2, float(self._scale[k]))
+            self._floor_m[k] = d + self.reach_m[k] @ self._turned
+            if d < acts_m * self.scale[k]:
+                found[k] = d
+        nearest = sorted(found, key=lambda k: found[k] / self.scale[k])
+        chosen = [k for kind in KINDS for k in [k for k in nearest if self.kind[k] == kind][:most]]
+        results = self._results.distanceResults
+        points = np.array([(results[k].getNearestPoint1(), results[k].getNearestPoint2()) for k in chosen])
+        p_1_m, p_2_m = points.reshape(-1, 2, 3).swapaxes(0, 1)
+        return Near(np.array(chosen, dtype=int), np.array([found[k] for k in chosen]), p_1_m, p_2_m)
 
     def _distance(self, k: int) -> float:
         pin.computeDistance(self._geometry, self._results, k)
@@ -96,7 +113,7 @@ class NearPairs:
         pin.updateGeometryPlacements(
             robot.model, robot.model.createData(), self._geometry, self._results, robot.q_reference
         )
-        usual = [acts_m / shrunk if kind == "terrain" else self._distance(k) for k, kind in enumerate(self._kinds)]
+        usual = [acts_m / shrunk if kind == "terrain" else self._distance(k) for k, kind in enumerate(self.kind)]
         return np.clip(shrunk * np.array(usual) / acts_m, _SCALE_MIN, 1.0)
 
 
@@ -121,7 +138,7 @@ def _placed(box: Box) -> pin.GeometryObject:
     return pin.GeometryObject(f"terrain {box.name}", 0, 0, se3(box.placement), shape)
 
 
-def _sphere(part: pin.GeometryObject) -> tuple[Vector3, float]:
-    """Centre and radius of a sphere around a shape, in its own frame."""
+def _sphere(part: pin.GeometryObject) -> Sphere:
+    """Around a shape, in its own frame."""
     part.geometry.computeLocalAABB()
     return np.array(part.geometry.aabb_center), float(part.geometry.aabb_radius)

@@ -181,7 +181,7 @@ class Programme:
         return tasks.stacked([(1.0, r) for r in rows], self._nz)
 
     def _level_2(self, instant: Instant) -> Rows:
-        body, s, nv = self._body, self._settings, self._nv
+        body, s = self._body, self._settings
         weighted: list[tuple[tasks.Weight, Rows]] = [
             (s.momentum_weight, tasks.angular_momentum(body, instant.reference, s.momentum_per_s)),
             (s.base_weight, tasks.orientation(body.frame("base"), *instant.base, s.base)),
@@ -201,12 +201,9 @@ class Programme:
                 w, w_rate = target.angular_velocity_rad_s, target.angular_acceleration_rad_s2
                 rows = tasks.orientation(body.frame(name), target.placement.rotation, w, w_rate, s.hand)
                 weighted.append((s.hand_weight, rows))
-        nf = self._nz - nv
-        A = np.zeros((nf, self._nz))
-        A[:, nv:] = np.eye(nf)
         forces_n = self._plan.forces_at(instant.time_s)
-        planned = [forces_n[name].ravel() for name in self._contacts]
-        weighted.append((s.force_weight, Rows(A, np.concatenate([*planned, np.zeros(0)]))))
+        planned = np.concatenate([*(forces_n[name].ravel() for name in self._contacts), np.zeros(0)])
+        weighted.append((s.force_weight, tasks.forces(planned, self._nv)))
         return tasks.stacked(weighted, self._nz)
 
     def _inequalities(self, J_f: Float[np.ndarray, "nf nv"]) -> Inequalities:

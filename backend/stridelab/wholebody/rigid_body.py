@@ -3,6 +3,9 @@
 M a + h = S' tau + J' f        equations of motion, S' tau = (0, tau)
 A_g a + dA_g v = d(m c', L)/dt      centroidal map and its drift
 J a + dJ v = (p'', w')         classical acceleration of a frame, in world axes
+
+``J`` of the whole body holds every joint's own motion about the world's origin, linear over angular: of a point p that
+some of them carry, ``n' p' = (n, p x n)' J v`` over their columns.
 """
 
 from typing import NamedTuple
@@ -49,18 +52,13 @@ class RigidBody:
         self.com_v_m_s: Float[np.ndarray, "3"] = data.vcom[0].copy()
         self.l_nms: Float[np.ndarray, "3"] = data.hg.angular.copy()
         self.A_g: Float[np.ndarray, "6 nv"] = data.Ag
+        self.J: Float[np.ndarray, "6 nv"] = data.J
         self.A_g_drift: Float[np.ndarray, "6"] = drift.dhg.vector
 
     @property
     def data(self) -> pin.Data:
         """Pinocchio's data at the state."""
         return self._data
-
-    def point_jacobian(self, joint: int, p_m: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 nv"]:
-        """Jacobian of the point ``p_m`` (world) of the body that ``joint`` moves, in world axes."""
-        J = pin.getJointJacobian(self.model, self._data, joint, pin.LOCAL_WORLD_ALIGNED)
-        arm = p_m - self._data.oMi[joint].translation
-        return np.asarray(J[:3] - pin.skew(arm) @ J[3:])
 
     def frame(self, name: str) -> FrameState:
         """State of the contact frame of effector ``name``, or of the ``base`` frame."""

@@ -78,9 +78,19 @@ class Stabilising:
                 name: float(motion.forces_n[name][i].sum(axis=0) @ c.placement.rotation[:, 2])
                 for name, c in touching.items()
             }
-            pressed, pressing = self._grips.at(seen, touching, planned_n, n)
+            wanted_n = self._wanted_n(contacts, planned_n)
+            pressed, pressing = self._grips.at(seen, touching, planned_n, wanted_n, n)
             angles, tau = angles + pressed, tau + pressing
         return angles, tau
+
+    def _wanted_n(self, contacts: Mapping[str, Contact], planned_n: Mapping[str, float]) -> dict[str, float]:
+        """The normal force asked of every hand that touches; without a sole there is no pressure to move."""
+        grip = self._by.grip
+        soles_m = [contacts[name].placement.position_m for name in self._soles if name in contacts]
+        if grip is None or not soles_m:
+            return dict(planned_n)
+        weight_n, middle_m = self._robot.mass_kg * GRAVITY_M_S2, np.mean(soles_m, axis=0)
+        return {name: grip.pressed_n(f, contacts[name], middle_m, weight_n) for name, f in planned_n.items()}
 
     def _balance(self, i: int, contacts: Mapping[str, Contact], swung: Mapping[str, float], seen: Seen) -> Angles:
         motion, capture, pace = self._motion, self._by.capture, self.pace

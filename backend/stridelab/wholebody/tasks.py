@@ -7,6 +7,7 @@ Every motion task asks its error to vanish like a damped spring around the plann
 Positions, velocities and accelerations are in world axes, rotations as rotation vectors of ``R_ref R'``.
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -77,10 +78,21 @@ def orientation(frame: FrameState, R: Rotation, w_rad_s: Vector3, w_rate_rad_s2:
 
 def posture(body: RigidBody, angles_rad: Angles, gain: Gain) -> Rows:
     """Actuated joints at rest at ``angles_rad`` ``(na,)``."""
-    na = len(angles_rad)
-    A = np.zeros((na, na + 6))
-    A[:, 6:] = np.eye(na)
-    return Rows(A, gain.kp * (angles_rad - body.q[7:]) - gain.kd * body.v[6:])
+    return Rows(_last(len(angles_rad), 6), gain.kp * (angles_rad - body.q[7:]) - gain.kd * body.v[6:])
+
+
+def forces(planned_n: Float[np.ndarray, "nf"], nv: int) -> Rows:
+    """The forces, which follow the ``nv`` accelerations among the unknowns, as they are planned."""
+    return Rows(_last(len(planned_n), nv), planned_n)
+
+
+@cache
+def _last(n: int, before: int) -> Float[np.ndarray, "n m"]:
+    """Picks the last ``n`` of ``before + n`` unknowns."""
+    found = np.zeros((n, before + n))
+    found[:, before:] = np.eye(n)
+    found.flags.writeable = False
+    return found
 
 
 def stacked(weighted: list[tuple[Weight, Rows]], nz: int) -> Rows:
@@ -90,8 +102,7 @@ def stacked(weighted: list[tuple[Weight, Rows]], nz: int) -> Rows:
     at = 0
     for weight, rows in weighted:
         k, n = rows.A.shape
-        w = np.asarray(weight)
-        A[at : at + k, :n] = w[..., None] * rows.A
-        b[at : at + k] = w * rows.b
+        np.multiply(rows.A, weight if isinstance(weight, float) else weight[:, None], out=A[at : at + k, :n])
+        np.multiply(rows.b, weight, out=b[at : at + k])
         at += k
     return Rows(A, b)
