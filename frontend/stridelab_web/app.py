@@ -70,7 +70,7 @@ def routes() -> list[BaseRoute]:
         Route(f"{scene}/", scenes.page),
         Route(f"{scene}/open", scenes.open_scene, methods=["POST"]),
         Route(f"{scene}/frames.json", view.layout),
-        Route(f"{scene}/frames.f32", view.values),
+        Route(f"{scene}/frames.bin", view.values),
         Route("/view/scene/scenario/{id}/-/touches.json", planner.footholds),
         WebSocketRoute(scene, scenes.pump),
         Route("/login", login.login),
