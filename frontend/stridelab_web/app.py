@@ -3,7 +3,6 @@
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
-from starlette.staticfiles import StaticFiles
 
 from stridelab.client import ProblemError, Unreachable
 from stridelab_web import assets, scenes
@@ -75,5 +74,5 @@ def routes() -> list[BaseRoute]:
         WebSocketRoute(scene, scenes.pump),
         Route("/login", login.login),
         Route("/static/plotly.min.js", assets.plotly_script),
-        Mount("/static", StaticFiles(directory=assets.STATIC)),
+        Mount("/static", assets.OwnFiles(directory=assets.STATIC)),
     ]

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 PIECE = 65536
+LOOK_AGAIN_S = 0.05
 FINAL_AND_FIRST = (0x0, 0x1, 0x2)
 """Opcodes of WebSocket frames that carry data: continuation, text, bytes. Pings and closings are none of ours."""
 LONG = {126: 2, 127: 8}
@@ -29,10 +30,14 @@ class Wire:
 
 @dataclass
 class Meter:
-    """What has passed since the start; ``url`` is where the service is reached through the door."""
+    """What has passed since the start; ``url`` is where the service is reached through the door.
 
-    url: str
+    Of a connection that has sent ``up_at_most`` bytes nothing more is let through until the number is taken away.
+    """
+
+    url: str = ""
     wires: list[Wire] = field(default_factory=list)
+    up_at_most: int | None = None
 
     @property
     def down_bytes(self) -> int:
@@ -61,21 +66,23 @@ def metered(port: int) -> Iterator[Meter]:
     loop = asyncio.new_event_loop()
     thread = threading.Thread(target=loop.run_forever, daemon=True)
     thread.start()
-    wires: list[Wire] = []
+    meter = Meter()
 
     async def through(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         wire = Wire()
-        wires.append(wire)
+        meter.wires.append(wire)
         inside, outside = await asyncio.open_connection("127.0.0.1", port)
-        both = (_carry(reader, outside, wire, up=True), _carry(inside, writer, wire, up=False))
-        await asyncio.gather(*both, return_exceptions=True)
+        both = (_carry(reader, outside, wire, meter), _carry(inside, writer, wire, None))
+        with contextlib.suppress(asyncio.CancelledError):  # the end of the door
+            await asyncio.gather(*both, return_exceptions=True)
 
     async def listen() -> asyncio.Server:
         return await asyncio.start_server(through, "127.0.0.1", 0)
 
     server = asyncio.run_coroutine_threadsafe(listen(), loop).result(10)
     try:
-        yield Meter(f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}", wires)
+        meter.url = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+        yield meter
     finally:
         asyncio.run_coroutine_threadsafe(_end(server), loop).result(10)
         loop.call_soon_threadsafe(loop.stop)
@@ -91,18 +98,21 @@ async def _end(server: asyncio.Server) -> None:
     await asyncio.gather(*others, return_exceptions=True)
 
 
-async def _carry(source: asyncio.StreamReader, sink: asyncio.StreamWriter, wire: Wire, *, up: bool) -> None:
+async def _carry(source: asyncio.StreamReader, sink: asyncio.StreamWriter, wire: Wire, up: Meter | None) -> None:
+    """Towards the service, under the limit of ``up``, or with None from it."""
     frames = Frames()
     try:
         while piece := await source.read(PIECE):
-            if up:
+            if up is not None:
+                while up.up_at_most is not None and wire.up_bytes >= up.up_at_most and not source.at_eof():
+                    await asyncio.sleep(LOOK_AGAIN_S)
                 wire.up_bytes += len(piece)
                 wire.is_socket = wire.is_socket or b"upgrade: websocket" in piece[:4096].lower()
             else:
                 wire.down_bytes += len(piece)
             if wire.is_socket:
                 found = frames.count(piece)
-                if up:
+                if up is not None:
                     wire.heard += found
                 else:
                     wire.said += found
