@@ -3,7 +3,6 @@
 from starlette.applications import Starlette
 from starlette.exceptions import HTTPException
 from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
-from starlette.staticfiles import StaticFiles
 
 from stridelab.client import ProblemError, Unreachable
 from stridelab_web import assets, scenes
@@ -70,10 +69,10 @@ def routes() -> list[BaseRoute]:
         Route(f"{scene}/", scenes.page),
         Route(f"{scene}/open", scenes.open_scene, methods=["POST"]),
         Route(f"{scene}/frames.json", view.layout),
-        Route(f"{scene}/frames.f32", view.values),
+        Route(f"{scene}/frames.bin", view.values),
         Route("/view/scene/scenario/{id}/-/touches.json", planner.footholds),
         WebSocketRoute(scene, scenes.pump),
         Route("/login", login.login),
         Route("/static/plotly.min.js", assets.plotly_script),
-        Mount("/static", StaticFiles(directory=assets.STATIC)),
+        Mount("/static", assets.OwnFiles(directory=assets.STATIC)),
     ]

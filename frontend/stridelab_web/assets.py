@@ -9,10 +9,25 @@ from pathlib import Path
 
 from starlette.requests import Request
 from starlette.responses import Response
+from starlette.staticfiles import StaticFiles
+from starlette.types import Scope
 
 HERE = Path(__file__).parent
 STATIC = HERE / "static"
 TEMPLATES = HERE / "templates"
+
+
+class OwnFiles(StaticFiles):
+    """Our own files: scripts and styles of a new version are taken at once.
+
+    The sign of the pages is kept, since a browser asks for it at every change of the address.
+    """
+
+    async def get_response(self, path: str, scope: Scope) -> Response:
+        """The file, with how long it may be kept."""
+        answer = await super().get_response(path, scope)
+        answer.headers["Cache-Control"] = "public, max-age=86400" if path.endswith(".svg") else "no-cache"
+        return answer
 
 
 @cache

@@ -9,6 +9,8 @@ from typing import Any, Final
 
 import numpy as np
 
+from stridelab_web.packing import FORCE_BITS, POINT_BITS, POSE_BITS, fitting, pack, unbroken
+
 ARROW_M_PER_N: Final = 1 / 1000
 """Length of a force arrow: a body weight of 700 N is 0.7 m long."""
 HEAD_M: Final = 0.08
@@ -87,6 +89,18 @@ class Track:
 
 
 @dataclass(frozen=True)
+class Copy:
+    """A node that is drawn as the node ``of`` is, whose meshes are sent once; ``paint`` is its own colour and opacity.
+
+    Both nodes are in the scene; the page gives the copy its meshes.
+    """
+
+    name: str
+    of: str
+    paint: tuple[tuple[int, int, int], float] | None = None
+
+
+@dataclass(frozen=True)
 class Frames:
     """``values`` has shape ``(frames, width)``, float32, NaN where something is not there.
 
@@ -105,6 +119,7 @@ class Frames:
     spans: tuple[Span, ...] = ()
     tracks: tuple[Track, ...] = ()
     still: tuple[str, ...] = ()
+    copies: tuple[Copy, ...] = ()
     phase_starts_s: tuple[float, ...] = ()
 
     def track(self, name: str) -> np.ndarray | None:
@@ -117,6 +132,7 @@ class Frames:
         return {
             "n_frames": len(self.time_s),
             "width": int(self.values.shape[1]),
+            "bits": self._bits().tolist(),
             "time_s": [round(float(t), 6) for t in self.time_s],
             "points": [[p.name, p.at, p.label] for p in self.points],
             "bodies": [[b.name, b.at] for b in self.bodies],
@@ -126,10 +142,31 @@ class Frames:
             "hoops": [[h.name, h.at, h.size] for h in self.hoops],
             "spans": [[s.name, s.start_s, s.end_s] for s in self.spans],
             "still": [*(t.name for t in self.tracks), *self.still],
+            "copies": [[c.name, c.of, c.paint] for c in self.copies],
             "phase_starts_s": list(self.phase_starts_s),
             "arrow_m_per_n": ARROW_M_PER_N,
             "head_m": HEAD_M,
         }
+
+    def packed(self) -> bytes:
+        """``values`` as ``static/js/packed.js`` reads them; quaternions have no jumps of sign."""
+        told = self.values.copy()
+        for at in self._poses():
+            told[:, at + 3 : at + 7] = unbroken(told[:, at + 3 : at + 7])
+        return pack(told, self._bits())
+
+    def _poses(self) -> list[int]:
+        """Where poses begin."""
+        return [*(body.at for body in self.bodies), *(hoop.at for hoop in self.hoops)]
+
+    def _bits(self) -> np.ndarray:
+        """How finely each column is told (``packing``)."""
+        found = np.full(self.values.shape[1], POINT_BITS)
+        for at in self._poses():
+            found[at : at + 7] = POSE_BITS
+        for arrow in self.arrows:
+            found[arrow.at + 3 : arrow.at + 6] = FORCE_BITS
+        return fitting(self.values, found)
 
 
 class Sheet:

@@ -8,9 +8,9 @@ import numpy as np
 
 from stridelab.schemas.scenarios import Scenario
 from stridelab_web.footholds import node
-from stridelab_web.frames import ARROW_M_PER_N, Arrow, Body, Frames, Point, Sheet, Span, Track, resample
-from stridelab_web.friction_cones import cones
-from stridelab_web.reach_places import reach_places
+from stridelab_web.frames import ARROW_M_PER_N, Arrow, Body, Copy, Frames, Point, Sheet, Span, Track, resample
+from stridelab_web.friction_cones import cones, twins
+from stridelab_web.reach_places import reach_places, repeats
 from stridelab_web.tables import Columns, triple
 from stridelab_web.touches import touches
 
@@ -18,6 +18,8 @@ POSE, FORCE = 7, 6
 COM = "/com/plan"
 ROBOT, GHOST, MEASURED = "/robot/", "/ghost/", "/measured/"
 """Groups of nodes: the robot as planned, and as it moved in physics with the forces that it met."""
+PALE: Final = ((70, 110, 200), 0.4)
+"""Colour and opacity of the replay's robot, which is drawn with the meshes of the planned one."""
 MOMENTUM: Final = "/momentum/"
 MOMENTUM_M_PER_NMS: Final = 0.1
 """Length of the arrow of the angular momentum; it is a few newton metre seconds where a robot walks."""
@@ -90,7 +92,9 @@ def plan_frames(
         arrows.append(Arrow(f"{name}_shaft", f"{name}_head", at_of[effector], f"force on {effector}"))
     ends_s = np.cumsum([phase.duration_s for phase in scenario.phases])
     placed = touches(scenario)
-    coned = [(cone.name, cone.touch) for cone in cones(scenario, centroidal) if cone.touch.effector in at_of]
+    loaded = [cone for cone in cones(scenario, centroidal) if cone.touch.effector in at_of]
+    coned = [(cone.name, cone.touch) for cone in loaded]
+    ghosts = [body.name for body in bodies if body.name.startswith(GHOST)]
     return Frames(
         time_s,
         sheet.values(len(time_s)),
@@ -107,6 +111,10 @@ def plan_frames(
         ),
         tracks=(Track("/paths/com", com_at),),
         still=tuple(node(touch) for touch in placed),
+        copies=(
+            *(Copy(name, f"{ROBOT}{name.removeprefix(GHOST)}", PALE) for name in ghosts),
+            *(Copy(name, of) for name, of in (*twins(loaded), *repeats(reach_places(scenario)))),
+        ),
         phase_starts_s=(0.0, *(float(end) for end in ends_s[:-1])),
     )
 

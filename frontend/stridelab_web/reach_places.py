@@ -5,7 +5,7 @@ The density of a foot stays with its touch. That of a hand may live in a frame t
 """
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -51,6 +51,13 @@ def reach_places(scenario: Scenario) -> tuple[ReachPlace, ...]:
             for k, (first, last) in enumerate(runs)
         ]
     return tuple(found)
+
+
+def repeats(places: Iterable[ReachPlace]) -> list[tuple[str, str]]:
+    """Nodes that show the density of an earlier one elsewhere: their names and those of the first of the effector."""
+    first: dict[str, str] = {}
+    named = [(place.name, first.setdefault(place.contact.effector, place.name)) for place in places]
+    return [(name, of) for name, of in named if name != of]
 
 
 def headings_rad(scenario: Scenario) -> list[float]:

@@ -1,6 +1,7 @@
 """The door to the viewer process: viser's page and, through the web app's gate, its websocket."""
 
 import asyncio
+from importlib.metadata import version
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -30,7 +31,10 @@ class ViewerUnavailable(Exception):
 
 async def page(request: Request) -> Response:
     """``GET /view/scene/{kind}/{id}/{job}/``: viser's client."""
-    headers = {"Content-Security-Policy": viser_client.content_policy(), "Cache-Control": "no-cache"}
+    tag = f'"viser-{version("viser")}"'
+    headers = {"Content-Security-Policy": viser_client.content_policy(), "Cache-Control": "no-cache", "ETag": tag}
+    if request.headers.get("if-none-match") == tag:
+        return Response(status_code=304, headers=headers)
     return compressed(request, viser_client.page_gzip(), "text/html; charset=utf-8", headers)
 
 

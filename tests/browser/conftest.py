@@ -63,7 +63,7 @@ def service() -> Iterator[Service]:
         try:
             _wait_until_healthy(url, process, folder / "serve.log")
             with Client(url, transport=httpx.HTTPTransport()) as client:
-                yield Service(url, client)
+                yield Service(url, client, process.pid, folder / "data")
         finally:
             process.send_signal(signal.SIGINT)
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -102,6 +102,7 @@ def open_tab(chromium: Browser, service: Service) -> Iterator[Callable[..., Tab]
         page.on("console", tab.on_console)
         page.on("pageerror", tab.on_error)
         page.on("request", tab.on_request)
+        page.on("websocket", tab.on_websocket)
         tabs.append(tab)
         return tab
 

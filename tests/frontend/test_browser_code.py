@@ -75,3 +75,10 @@ def test_frame_is_the_installed_page(browse: Callable[[str], httpx.Response]) ->
     answer = browse("/view/scene/recording/some/-/")
     assert answer.content == viser_client.page() == gzip.decompress(viser_client.page_gzip())
     assert answer.headers["content-security-policy"] == viser_client.content_policy()
+
+
+def test_frame_is_sent_once(fake: FakeService) -> None:
+    web = make_client(fake)
+    tag = web.get("/view/scene/recording/some/-/").headers["etag"]
+    again = web.get("/view/scene/plan/other/-/", headers={"If-None-Match": tag})
+    assert (again.status_code, again.content) == (304, b"")

@@ -14,6 +14,7 @@ from stridelab_web.touches import touches
 from stridelab_web.viewer import shapes
 from support import fake_planner
 from support.fake_service import FakeService
+from support.packed import unpack
 
 SCENARIO = fake_planner.scenario()
 
@@ -122,10 +123,27 @@ def test_a_file_of_another_size_is_refused() -> None:
 def test_browser_gets_the_poses_of_the_file(fake: FakeService, browse: Callable[[str], httpx.Response]) -> None:
     job = fake.add_plan()
     layout = browse(f"/view/scene/plan/{job.id}/-/frames.json").json()
-    raw = browse(f"/view/scene/plan/{job.id}/-/frames.f32").content
-    values = np.frombuffer(raw, "<f4").reshape(layout["n_frames"], layout["width"])
+    raw = browse(f"/view/scene/plan/{job.id}/-/frames.bin").content
+    values = unpack(raw, layout)
     at = dict(layout["bodies"])["/robot/leg_right_6_link"]
     expected = fake_planner.poses(SCENARIO)[:, fake_planner.LINKS.index("leg_right_6_link")]
-    np.testing.assert_array_equal(values[:, at : at + 7], expected)
+    np.testing.assert_allclose(values[:, at : at + 3], expected[:, :3], rtol=0, atol=1e-5)
+    sign = np.sign(np.einsum("ij,ij->i", values[:, at + 3 : at + 7], expected[:, 3:]))
+    np.testing.assert_allclose(sign[:, None] * values[:, at + 3 : at + 7], expected[:, 3:], rtol=0, atol=1e-5)
     assert browse("/view/scene/film/x/-/frames.json").status_code == 404
     assert browse("/view/scene/scenario/x/-/frames.json").status_code == 404
+
+
+def test_what_is_drawn_twice_is_sent_once() -> None:
+    _, frames = read_plan(fake_planner.plan_files(SCENARIO, replay=True))
+    copied = {copy.name: copy for copy in frames.copies}
+    for link in fake_planner.LINKS:
+        assert copied[f"/ghost/{link}"].of == f"/robot/{link}"
+        assert copied[f"/ghost/{link}"].paint is not None
+    cones_and_places = {name: copy.of for name, copy in copied.items() if not name.startswith("/ghost/")}
+    # touches 1 and 5 are the left foot's, 2, 4 and 6 the right one's, 3 the hand's, whose density turns with the soles
+    assert cones_and_places["/cones/4"] == "/cones/2"
+    assert cones_and_places["/reach/4/0"] == "/reach/2/0"
+    assert cones_and_places["/reach/3/1"] == "/reach/3/0"
+    assert {"/cones/1", "/cones/2", "/cones/3", "/reach/1/0", "/reach/2/0", "/reach/3/0"}.isdisjoint(copied)
+    assert not set(cones_and_places.values()) & set(copied), "no copy of a copy"

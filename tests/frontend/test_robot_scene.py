@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from stridelab_web.documents import Document
-from stridelab_web.reach_places import reach_places
+from stridelab_web.reach_places import reach_places, repeats
 from stridelab_web.viewer.kinds import kinds
 from stridelab_web.viewer.library import Library, OpenScene
 from support import fake_planner, fake_reach
@@ -58,7 +58,9 @@ def test_a_plan_has_a_level_set_at_each_contact(fake: FakeService, library: Libr
     found = nodes(library.open(Document("plan", fake.add_plan().id)))
     places = reach_places(fake_planner.scenario())
     assert {place.name for place in places} <= set(found)
-    assert all(hasattr(found[place.name], "vertices") == learned for place in places)
+    drawn_as_another = dict(repeats(places))
+    assert all(hasattr(found[p.name], "vertices") == learned for p in places if p.name not in drawn_as_another)
+    assert not any(hasattr(found[name], "vertices") for name in drawn_as_another), "the page gives it the meshes"
     if learned:
         rail = next(place for place in places if place.contact.effector == "right_hand")
         assert tuple(found[rail.name].position) == pytest.approx(rail.contact.position_m)

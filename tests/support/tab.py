@@ -1,9 +1,10 @@
 """A page of a running service that remembers what went wrong in it."""
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from urllib.parse import urlsplit
 
-from playwright.sync_api import ConsoleMessage, Page, Request
+from playwright.sync_api import ConsoleMessage, Page, Request, WebSocket
 
 from stridelab.client import Client
 
@@ -17,10 +18,12 @@ VISER_DRAGS = "Unable to preventDefault inside passive event listener invocation
 
 @dataclass(frozen=True)
 class Service:
-    """A running ``stridelab serve``."""
+    """A running ``stridelab serve``; one of its own has the process ``pid`` and keeps its data in ``data``."""
 
     url: str
     client: Client
+    pid: int | None = None
+    data: Path | None = None
 
 
 @dataclass
@@ -42,6 +45,10 @@ class Tab:
     def on_error(self, error: Exception) -> None:
         if VISER_ALONE not in str(error):
             self.missteps.append(f"error: {error}")
+
+    def on_websocket(self, socket: WebSocket) -> None:
+        if urlsplit(socket.url).netloc != urlsplit(self.url).netloc:
+            self.missteps.append(f"outside: {socket.url}")
 
     def on_request(self, request: Request) -> None:
         if urlsplit(request.url).scheme in ("http", "https", "ws") and not request.url.startswith(self.url):

@@ -1,5 +1,8 @@
 """The viewer's page: a frame with viser's client, and our own timeline, or the list of touches, beside it."""
 
+import gzip
+from typing import Final
+
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
@@ -7,6 +10,7 @@ from starlette.responses import JSONResponse, Response
 
 from stridelab.client import AsyncClient
 from stridelab_web import strips
+from stridelab_web.assets import compressed
 from stridelab_web.documents import Document, document_of
 from stridelab_web.frames import Frames
 from stridelab_web.pages import planner, robot
@@ -15,6 +19,7 @@ from stridelab_web.result_tables import frames_of, shown_in_scene
 from stridelab_web.service import client_of, read_tracks
 from stridelab_web.strips import Layer, Row
 
+GZIP_LEVEL: Final = 6
 COM_LAYERS = (
     Layer("/paths/", "Path"),
     Layer("/com/band", "Band"),
@@ -43,14 +48,15 @@ async def view(request: Request) -> Response:
 
 
 async def layout(request: Request) -> Response:
-    """``GET /view/scene/{kind}/{id}/{job}/frames.json``: what the numbers of ``frames.f32`` are."""
+    """``GET /view/scene/{kind}/{id}/{job}/frames.json``: what the numbers of ``frames.bin`` are."""
     return JSONResponse((await _frames(request)).layout())
 
 
 async def values(request: Request) -> Response:
-    """``GET /view/scene/{kind}/{id}/{job}/frames.f32``: little-endian float32, one row per frame."""
-    content = (await _frames(request)).values.astype("<f4").tobytes()
-    return Response(content, media_type="application/octet-stream")
+    """``GET /view/scene/{kind}/{id}/{job}/frames.bin``: the numbers, packed and compressed (``packing``)."""
+    frames = await _frames(request)
+    gzipped = await run_in_threadpool(lambda: gzip.compress(frames.packed(), compresslevel=GZIP_LEVEL, mtime=0))
+    return compressed(request, gzipped, "application/octet-stream", {"Cache-Control": "no-store"})
 
 
 async def _recording(request: Request) -> Response:

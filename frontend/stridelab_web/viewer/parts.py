@@ -15,6 +15,8 @@ FOV_RAD = 0.7
 WIDE, NARROW = 1.6, 1.25
 """Width over height of the picture above a timeline, and beside a panel; a wider one shows more."""
 MARGIN = 1.06
+THINNER = 20
+"""A path is drawn through as many of its points as keep it within this part of its thickness."""
 
 
 def prepare(scene: viser.SceneApi, ambient: float = 2.2) -> None:
@@ -52,7 +54,8 @@ def add_path(scene: viser.SceneApi, name: str, path_m: np.ndarray | None, colour
     if path_m is None:
         return
     whole = _runs(np.isfinite(path_m).all(axis=1))
-    pieces = [shapes.tube(path_m[part], radius_m) for part in whole if part.stop - part.start > 1]
+    runs = [path_m[part] for part in whole if part.stop - part.start > 1]
+    pieces = [shapes.tube(run[shapes.corners(run, radius_m / THINNER)], radius_m) for run in runs]
     if pieces:
         add_mesh(scene, name, shapes.together(pieces), colour, side="front")
 

@@ -1,23 +1,23 @@
 """The scene of a plan: terrain, robot, contacts, forces, and the path of the centre of mass."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Container, Iterable, Mapping
 
 import numpy as np
 import trimesh
 import viser
 
 from stridelab.schemas.reachability import RobotReachability
-from stridelab.schemas.scenarios import BoxSurface, RailSurface, Scenario
+from stridelab.schemas.scenarios import BoxSurface, RailSurface, Scenario, ScenarioContact
 from stridelab_web.footholds import HalfSizes, side
 from stridelab_web.frames import Frames
 from stridelab_web.friction_cones import Cone
 from stridelab_web.plan_frames import COM, GHOST, MEASURED, MOMENTUM, ROBOT
-from stridelab_web.reach_places import reach_places, surfaces
+from stridelab_web.reach_places import Quaternion, reach_places, surfaces
 from stridelab_web.touches import box_corners_m, box_rotation, touches
 from stridelab_web.viewer import shapes
 from stridelab_web.viewer.marks import COLOURS, add_marks
 from stridelab_web.viewer.parts import Colour, add_arrow, add_mesh, add_path, place_camera, prepare
-from stridelab_web.viewer.robot_links import add_ghost, add_robot
+from stridelab_web.viewer.robot_links import add_robot
 from stridelab_web.viewer.terrain import add_terrain, is_ground
 
 COM_COLOUR: Colour = (20, 30, 40)
@@ -57,12 +57,14 @@ def build(
     prepare(scene, AMBIENT)
     add_terrain(scene, scenario)
     add_marks(scene, scenario, sizes, touching=True)
-    _add_reach(scene, scenario, reach)
+    copies = frozenset(copy.name for copy in frames.copies)
+    _add_reach(scene, scenario, reach, copies)
     add_robot(scene, [b.name.removeprefix(ROBOT) for b in frames.bodies if b.name.startswith(ROBOT)], meshes)
-    add_ghost(scene, GHOST, [b.name.removeprefix(GHOST) for b in frames.bodies if b.name.startswith(GHOST)], meshes)
+    for ghost in (body.name for body in frames.bodies if body.name.startswith(GHOST)):
+        scene.add_frame(ghost, show_axes=False)
     for arrow in frames.arrows:
         add_arrow(scene, arrow, next((c for group, c in ARROWS.items() if arrow.shaft.startswith(group)), FORCE))
-    _add_cones(scene, cones)
+    _add_cones(scene, cones, copies)
     add_path(scene, "/paths/com", frames.track("/paths/com"), COM_COLOUR, PATH_RADIUS_M)
     add_com(scene, COM)
     towards_camera = turned(scenario, RIGHT_FRONT)
@@ -78,27 +80,40 @@ def add_com(scene: viser.SceneApi, name: str) -> None:
     add_mesh(scene, f"{name}/light", light, COM_LIGHT, side="front")
 
 
-def _add_cones(scene: viser.SceneApi, cones: Iterable[Cone]) -> None:
+def _add_cones(scene: viser.SceneApi, cones: Iterable[Cone], copies: Container[str]) -> None:
     """Each with its tip in the contact, turned as its surface; the page moves the tip to where the force acts."""
     for cone in cones:
         contact = cone.touch.contact
+        if cone.name in copies:
+            _empty(scene, cone.name, contact, contact.orientation_wxyz)
+            continue
         mesh = shapes.funnel(cone.friction, CONE_M)
         handle = add_mesh(scene, cone.name, mesh, COLOURS[side(contact.effector)], opacity=CONE_OPACITY)
         handle.position, handle.wxyz = contact.position_m, contact.orientation_wxyz
 
 
-def _add_reach(scene: viser.SceneApi, scenario: Scenario, reach: RobotReachability | None) -> None:
+def _add_reach(
+    scene: viser.SceneApi, scenario: Scenario, reach: RobotReachability | None, copies: Container[str]
+) -> None:
     """A level set per place; an empty node where nothing was learned, so that the page finds them all."""
     shown = surfaces(reach)
     for place in reach_places(scenario):
-        if place.contact.effector not in shown:
+        contact = place.contact
+        if contact.effector not in shown:
             scene.add_frame(place.name, show_axes=False)
             continue
-        found, level = shown[place.contact.effector]
+        found, level = shown[contact.effector]
+        if place.name in copies:
+            _empty(scene, place.name, contact, place.wxyz(found))
+            continue
         mesh = np.array(level.vertices_m, dtype=np.float32), np.array(level.triangles, dtype=np.uint32)
-        colour = COLOURS[side(place.contact.effector)]
-        handle = add_mesh(scene, place.name, mesh, colour, opacity=REACH_OPACITY, side="front")
-        handle.position, handle.wxyz = place.contact.position_m, place.wxyz(found)
+        handle = add_mesh(scene, place.name, mesh, COLOURS[side(contact.effector)], opacity=REACH_OPACITY, side="front")
+        handle.position, handle.wxyz = contact.position_m, place.wxyz(found)
+
+
+def _empty(scene: viser.SceneApi, name: str, contact: ScenarioContact, wxyz: Quaternion) -> None:
+    """A node at a contact, to which the page gives the meshes of another."""
+    scene.add_frame(name, show_axes=False, position=contact.position_m, wxyz=wxyz)
 
 
 def turned(scenario: Scenario, direction: np.ndarray) -> np.ndarray:

@@ -8,12 +8,12 @@ import numpy as np
 import trimesh
 import viser
 
-from stridelab_web.viewer.parts import Colour, add_mesh
+from stridelab_web.viewer.parts import Colour
 
 PLAIN: Colour = (186, 196, 206)
 """Of a link without a colour."""
-GHOST_COLOUR: Colour = (70, 110, 200)
-GHOST_OPACITY = 0.4
+GRAINS_PER_M = 2.0**13
+"""Vertices lie on a grid of an eighth of a millimetre, too fine to be seen; compressed, TALOS is a third smaller."""
 DARKEST, LIGHTEST = 84, 216
 """Where black and white are drawn: darker bodies lose their shape, lighter ones the background."""
 
@@ -61,17 +61,6 @@ def add_robot(
     return made
 
 
-def add_ghost(scene: viser.SceneApi, group: str, links: Sequence[str], meshes: Mapping[str, trimesh.Trimesh]) -> None:
-    """A pale node per link in ``group``, each of one colour, so that the robot is seen through it."""
-    for link in links:
-        mesh = meshes.get(link)
-        if mesh is None or not len(mesh.faces):
-            scene.add_frame(f"{group}{link}", show_axes=False)
-            continue
-        vertices, faces = np.asarray(mesh.vertices, dtype=np.float32), np.asarray(mesh.faces).astype(np.uint32)
-        add_mesh(scene, f"{group}{link}", (vertices, faces), GHOST_COLOUR, opacity=GHOST_OPACITY, side="front")
-
-
 def pieces(mesh: trimesh.Trimesh) -> list[tuple[np.ndarray, np.ndarray, Colour]]:
     """Vertices, faces and colour of the parts of one colour, the largest first."""
     visual: Any = mesh.visual
@@ -81,7 +70,7 @@ def pieces(mesh: trimesh.Trimesh) -> list[tuple[np.ndarray, np.ndarray, Colour]]
     for k in np.argsort(-count):
         faces = np.asarray(mesh.faces)[of_face.reshape(-1) == k]
         used, renumbered = np.unique(faces, return_inverse=True)
-        vertices = np.asarray(mesh.vertices, dtype=np.float32)[used]
+        vertices = (np.round(mesh.vertices[used] * GRAINS_PER_M) / GRAINS_PER_M).astype(np.float32)
         found.append((vertices, renumbered.reshape(-1, 3).astype(np.uint32), shade(colours[k])))
     return found
 

@@ -44,6 +44,28 @@ def funnel(slope: float, height_m: float) -> Mesh:
     return together([wall, tube(np.concatenate([rim, rim[:1]]), RIM_SHARE * height_m)])
 
 
+def corners(path_m: np.ndarray, within_m: float) -> np.ndarray:
+    """Indices of points of ``path_m`` ``(n, 3)`` that stand for all: others are ``within_m`` of the lines between them.
+
+    Douglas and Peucker (1973): a stretch is divided where it is farthest from its chord until it is near enough.
+    """
+    kept = {0, len(path_m) - 1}
+    stretches = [(0, len(path_m) - 1)]
+    while stretches:
+        first, last = stretches.pop()
+        if last - first < 2:
+            continue
+        chord, offset = path_m[last] - path_m[first], path_m[first + 1 : last] - path_m[first]
+        square = float(chord @ chord)
+        along = np.clip(offset @ chord / square, 0.0, 1.0) if square > 0 else np.zeros(len(offset))
+        far_m = np.linalg.norm(offset - along[:, None] * chord, axis=1)
+        if far_m.max() > within_m:
+            middle = first + 1 + int(np.argmax(far_m))
+            kept.add(middle)
+            stretches += [(first, middle), (middle, last)]
+    return np.array(sorted(kept))
+
+
 def tube(path_m: np.ndarray, radius_m: float, sides: int = TUBE_SIDES) -> Mesh:
     """Thin tube along ``path_m`` ``(n, 3)``, each ring perpendicular to the path where it stands."""
     tangent = np.gradient(path_m.astype(float), axis=0)

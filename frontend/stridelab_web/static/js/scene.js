@@ -1,4 +1,6 @@
 // Shows one instant of our frames: points, bodies, sticks, arrows, ellipsoids, hoops, and what is there for a while only.
+import { cubic } from "./between.js";
+import { Copies } from "./copies.js";
 import { HIDDEN, Nodes } from "./nodes.js";
 
 const COM = ["/com/plan", "/com/plan/light"]; // the two halves of its ball (viewer/planner_scene.py)
@@ -14,6 +16,7 @@ export class Scene {
     this.through = true;
     this.magnified = 1;
     this.row = new Float64Array(layout.width);
+    this.copies = new Copies(layout.copies);
     this.nodes = new Nodes(frame, [
       ...layout.points.map(([name]) => name),
       ...layout.bodies.map(([name]) => name),
@@ -33,6 +36,7 @@ export class Scene {
   // Shows the frame `at` (a real number: between two frames, positions and turns are interpolated).
   show(at) {
     this.nodes.find();
+    this.copies.make(this.nodes.viser.nodeRefFromName);
     this.fill(at);
     for (const [name, k] of this.layout.points) this.place(name, k, null, 1);
     for (const [name, k] of this.layout.bodies) this.place(name, k, this.turn(k), 1);
@@ -63,21 +67,30 @@ export class Scene {
   }
 
   fill(at) {
-    const { width } = this.layout;
+    const { width, bodies, time_s } = this.layout;
     const [low, high, part] = this.around(at);
-    [this.low, this.high, this.part] = [low * width, high * width, part];
     for (let k = 0; k < width; k += 1) {
-      this.row[k] = part === 0 ? this.values[this.low + k] : (1 - part) * this.values[this.low + k] + part * this.values[this.high + k];
+      const a = this.values[low * width + k], b = this.values[high * width + k];
+      this.row[k] = part === 0 ? a : (1 - part) * a + part * b;
+    }
+    const weights = part > 0 && bodies.length ? cubic(time_s, low, part) : null;
+    for (const [, k] of bodies) if (weights) this.bend(k, low, weights);
+  }
+
+  // Beside a frame in which a body is not there, the straight line stays.
+  bend(from, low, weights) {
+    const { width } = this.layout;
+    for (let k = from; k < from + 7; k += 1) {
+      let sum = 0;
+      for (const [i, weight] of weights.entries()) if (weight !== 0) sum += weight * this.values[(low - 1 + i) * width + k];
+      if (Number.isFinite(sum)) this.row[k] = sum;
     }
   }
 
-  // The quaternion of the body at k: the mean of two frames, taken the short way round and brought to length one.
+  // The quaternion of the body at k, brought to length one; frames come without jumps of its sign.
   turn(k) {
-    const a = this.values.subarray(this.low + k + 3, this.low + k + 7), b = this.values.subarray(this.high + k + 3, this.high + k + 7);
-    const sign = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] < 0 ? -1 : 1;
-    const mean = [0, 1, 2, 3].map((i) => (1 - this.part) * a[i] + this.part * sign * b[i]);
-    const norm = Math.hypot(...mean);
-    return mean.map((v) => v / norm);
+    const wxyz = [0, 1, 2, 3].map((i) => this.row[k + 3 + i]), norm = Math.hypot(...wxyz);
+    return wxyz.map((v) => v / norm);
   }
 
   place(name, k, wxyz, length) {

@@ -1,4 +1,5 @@
-// Drag, drop or choose many files; two at a time go up, each with its own bar and, where refused, its own sentence.
+// Drag, drop or choose many files; two at a time go up, each with its own bar, a way to stop it and, where refused, its
+// own sentence.
 import { sentence } from "./api.js";
 
 const AT_ONCE = 2;
@@ -29,7 +30,11 @@ zone.addEventListener("drop", (event) => {
 
 function add(files) {
   const single = files.length === 1 && waiting.length + running === 0;
-  for (const file of files) waiting.push({ file, row: newRow(file), single });
+  for (const file of files) {
+    const upload = { file, row: newRow(file), single };
+    upload.row.stop.addEventListener("click", () => cancel(upload));
+    waiting.push(upload);
+  }
   next();
 }
 
@@ -42,14 +47,30 @@ function newRow(file) {
   const state = document.createElement("span");
   state.className = "hint";
   state.textContent = "waiting";
-  line.append(name, state);
+  const stop = document.createElement("button");
+  stop.type = "button";
+  stop.className = "small";
+  stop.textContent = "Cancel";
+  stop.setAttribute("aria-label", `Cancel the upload of ${file.name}`);
+  line.append(name, state, stop);
   const bar = document.createElement("progress");
   bar.max = 1;
   bar.value = 0;
   bar.setAttribute("aria-label", `Upload of ${file.name}`);
   row.append(line, bar);
   list.append(row);
-  return { row, state, bar };
+  return { row, state, bar, stop };
+}
+
+// What has not gone up whole leaves nothing behind; once it has, the service decides, and there is nothing to cancel.
+function cancel(upload) {
+  const { row } = upload, place = waiting.indexOf(upload);
+  if (place >= 0) waiting.splice(place, 1);
+  upload.request?.abort();
+  row.stop.remove();
+  row.bar.hidden = true;
+  row.state.textContent = "cancelled";
+  row.state.setAttribute("role", "status");
 }
 
 function next() {
@@ -62,17 +83,20 @@ function next() {
   }
 }
 
-function send({ file, row, single }) {
+function send(upload) {
+  const { file, row, single } = upload;
   return new Promise((done) => {
     const form = new FormData();
     form.append("file", file);
-    const request = new XMLHttpRequest();
+    const request = (upload.request = new XMLHttpRequest());
     request.open("POST", "/api/v1/recordings");
     request.setRequestHeader("Accept", "application/json");
     request.upload.addEventListener("progress", (event) => {
       if (event.lengthComputable) row.bar.value = event.loaded / event.total;
       row.state.textContent = event.loaded < event.total ? `${Math.round((100 * event.loaded) / event.total)} %` : "checking the file…";
     });
+    request.upload.addEventListener("load", () => row.stop.remove());
+    request.addEventListener("abort", done);
     request.addEventListener("load", () => {
       let answer = null;
       try {
@@ -103,6 +127,7 @@ function accepted(row, recording, single) {
 }
 
 function refused(row, text) {
+  row.stop.remove();
   row.bar.hidden = true;
   row.state.textContent = "refused";
   const why = document.createElement("p");

@@ -1,4 +1,5 @@
 // The timeline under the 3D scene: play, step, scrub, speed, loop, and the time in the page's address.
+import { unpack } from "./packed.js";
 import { Scene } from "./scene.js";
 
 const ADDRESS_EVERY_MS = 250, HEARTBEAT_MS = 400;
@@ -25,12 +26,12 @@ start().catch((error) => {
 async function start() {
   const [layout, values] = await Promise.all([
     get(`${base}/frames.json`).then((answer) => answer.json()),
-    get(`${base}/frames.f32`).then((answer) => answer.arrayBuffer()),
+    get(`${base}/frames.bin`).then((answer) => answer.arrayBuffer()),
     get(`${base}/open`, { method: "POST" }),
   ]);
   time_s = layout.time_s;
   phases_s = layout.phase_starts_s;
-  scene = new Scene(frame, layout, new Float32Array(values));
+  scene = new Scene(frame, layout, unpack(values, layout));
   // A layer of which nothing is there is not offered.
   for (const box of player.querySelectorAll("[data-show]")) {
     const there = [...scene.nodes.names, ...layout.still].some((name) => name.startsWith(box.dataset.show));

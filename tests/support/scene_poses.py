@@ -1,0 +1,61 @@
+"""Where the page's own modules put the links of a plan, at any instant and between two frames."""
+
+from typing import Any
+
+import numpy as np
+from playwright.sync_api import Page
+
+START = """async (base) => {
+    const [{ Scene }, { unpack }] = await Promise.all([import("/static/js/scene.js"), import("/static/js/packed.js")]);
+    const layout = await fetch(`${base}/frames.json`).then((answer) => answer.json());
+    const values = await fetch(`${base}/frames.bin`).then((answer) => answer.arrayBuffer());
+    window.ownScene = new Scene(document.querySelector("iframe"), layout, unpack(values, layout));
+    return { links: layout.bodies, time_s: layout.time_s };
+}"""
+TOLD = """(frames) => frames.map((at) => {
+    const scene = window.ownScene;
+    scene.fill(at);
+    return scene.layout.bodies.flatMap(([, k]) => [...scene.row.slice(k, k + 3), ...scene.turn(k)]);
+})"""
+DRAWN = """async (at) => {
+    const scene = window.ownScene, viser = document.querySelector("iframe").contentWindow.__viserMutable;
+    scene.show(at);
+    const names = scene.layout.bodies.map(([name]) => name);
+    const waits = () => names.some((name) => viser.nodePoseData[name].poseUpdateState === "needsUpdate");
+    while (waits()) await new Promise((done) => setTimeout(done, 20));
+    return names.flatMap((name) => {
+        const object = viser.nodeRefFromName[name];
+        return [...object.position.toArray(), object.quaternion.w, ...object.quaternion.toArray().slice(0, 3)];
+    });
+}"""
+
+
+class ScenePoses:
+    """The modules of the viewer's page on the plan that ``page`` shows at ``address`` (``Document.address``)."""
+
+    def __init__(self, page: Page, address: str) -> None:
+        self._page = page
+        said: dict[str, Any] = page.evaluate(START, address)
+        self.links = [name for name, _ in said["links"]]
+        self.time_s = np.array(said["time_s"])
+
+    def told(self, time_s: np.ndarray) -> np.ndarray:
+        """Poses ``(n, links, 7)`` at instants, as they are handed to viser."""
+        rows = self._page.evaluate(TOLD, self._frames(time_s).tolist())
+        return np.array(rows, dtype=float).reshape(len(time_s), -1, 7)
+
+    def drawn(self, time_s: float) -> np.ndarray:
+        """Poses ``(links, 7)`` of the nodes of the picture."""
+        (at,) = self._frames(np.array([time_s]))
+        return np.array(self._page.evaluate(DRAWN, float(at)), dtype=float).reshape(-1, 7)
+
+    def _frames(self, time_s: np.ndarray) -> np.ndarray:
+        return np.asarray(np.interp(time_s, self.time_s, np.arange(len(self.time_s))))
+
+
+def apart(shown: np.ndarray, expected: np.ndarray) -> tuple[float, float]:
+    """The largest distance in metres and the largest turn in radians between poses ``(..., 7)``."""
+    distance_m = np.linalg.norm(shown[..., :3] - expected[..., :3], axis=-1)
+    unit = [poses[..., 3:] / np.linalg.norm(poses[..., 3:], axis=-1, keepdims=True) for poses in (shown, expected)]
+    half = np.minimum(np.linalg.norm(unit[0] - unit[1], axis=-1), np.linalg.norm(unit[0] + unit[1], axis=-1)) / 2
+    return float(distance_m.max()), float((4 * np.arcsin(half)).max())
