@@ -314,7 +314,13 @@ def receding_files() -> dict[str, bytes]:
 def stored(given: Scenario, *, bundled: bool = False, key: str | None = None) -> StoredScenario:
     """``given`` as the service keeps it."""
     return StoredScenario(
-        **{**given.model_dump(), "id": key or uuid.uuid4().hex, "created_at": _NOW, "bundled": bundled}
+        **{
+            **given.model_dump(),
+            "id": key or uuid.uuid4().hex,
+            "created_at": _NOW,
+            "updated_at": datetime.now(UTC),
+            "bundled": bundled,
+        }
     )
 
 
