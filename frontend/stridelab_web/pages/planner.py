@@ -79,6 +79,8 @@ async def scenario(request: Request, scenario_id: str) -> Response:
     """``GET /view/?scenario=``."""
     client = client_of(request)
     stored = await client.scenario(scenario_id)
+    used = dict.fromkeys(touch.effector for touch in touches(stored))
+    effectors = dict.fromkeys([*await _effectors(client, stored.robot), *used])
     return page(
         request,
         "view_scenario.html",
@@ -86,6 +88,8 @@ async def scenario(request: Request, scenario_id: str) -> Response:
         scenario=stored,
         scene=Document("scenario", stored.id).address,
         duration_s=sum(phase.duration_s for phase in stored.phases),
+        used=used,
+        effectors=[(name, side(name)) for name in effectors],
     )
 
 
@@ -134,6 +138,14 @@ async def _learned(client: AsyncClient, robot: str) -> bool:
         return bool((await client.robot(robot)).measures)
     except ProblemError:
         return False
+
+
+async def _effectors(client: AsyncClient, robot: str) -> list[str]:
+    """What a robot touches with; empty where it is not installed: its scenarios can be looked at all the same."""
+    try:
+        return [effector.name for effector in (await client.robot(robot)).effectors]
+    except ProblemError:
+        return []
 
 
 async def _still_there(client: AsyncClient, scenario_id: str | None) -> str | None:
