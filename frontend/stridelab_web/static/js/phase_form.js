@@ -7,16 +7,22 @@ export class PhaseForm {
   // `change(edit, said)` stores a change of the scenario; `propose(edit)` shows what is typed, `back()` takes that back.
   constructor(root, own, { change, propose, back }) {
     const form = root.querySelector("[data-phase-form]");
-    Object.assign(this, { form, own, change, k: 0, body: null, duration: form.elements.duration });
+    Object.assign(this, { form, own, change, k: 0, body: null, typing: false, duration: form.elements.duration });
     this.number = form.querySelector("[data-phase-number]");
     this.when = form.querySelector("[data-phase-when]");
     this.selects = [...form.querySelectorAll("select[data-effector]")];
     form.addEventListener("submit", (event) => event.preventDefault());
     for (const field of form.elements) field.disabled = !own;
     if (!own) return;
-    this.duration.addEventListener("input", () => this.duration.validity.valid && propose((body) => lasting(body, this.k, this.duration.valueAsNumber)));
+    this.duration.addEventListener("input", () => {
+      this.typing = true;
+      if (this.duration.validity.valid) propose((body) => lasting(body, this.k, this.duration.valueAsNumber));
+    });
     this.duration.addEventListener("change", () => this.last());
-    this.duration.addEventListener("blur", back);
+    this.duration.addEventListener("blur", () => {
+      this.typing = false;
+      back();
+    });
     for (const button of form.querySelectorAll("[data-deed]")) button.addEventListener("click", () => this.do(button.dataset.deed));
     for (const select of this.selects) select.addEventListener("change", () => this.touch(select.dataset.effector, select.value));
   }
@@ -27,7 +33,7 @@ export class PhaseForm {
     this.number.textContent = `${this.k} of ${body.phases.length - 1}`;
     this.when.textContent = `from ${(end_s - phase.duration_s).toFixed(2)} s to ${end_s.toFixed(2)} s`;
     const text = String(phase.duration_s);
-    if (document.activeElement !== this.duration && this.duration.value !== text) this.duration.value = text;
+    if (!this.typing && this.duration.value !== text) this.duration.value = text;
     for (const select of this.selects) this.offer(select);
   }
 
@@ -44,6 +50,7 @@ export class PhaseForm {
   }
 
   last() {
+    this.typing = false;
     const duration_s = this.duration.valueAsNumber, k = this.k;
     if (Number.isFinite(duration_s)) this.change((body) => lasting(body, k, duration_s), `Phase ${k} stored.`);
     else this.show(this.body, k);

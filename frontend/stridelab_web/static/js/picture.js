@@ -79,12 +79,13 @@ export class Picture {
     return { mine };
   }
 
-  // The touch whose mark has been moved away from where it is in `body`, and where to; null where there is none.
+  // The touch whose mark is being dragged here away from where it is in `body`, and where to; null where there is none.
   held(touches, body) {
+    if (!this.pressed && performance.now() - this.released_ms > LETS_GO_MS) return null;
     for (const touch of touches) {
       const at = this.nodes.position(touch.node), given = contactIn(body, touch.phases[0], touch.effector);
       if (!at || !given || Math.hypot(...at.map((v, i) => v - given.position_m[i])) <= DRAGGED_M) continue;
-      this.mine ||= this.pressed || performance.now() - this.released_ms < LETS_GO_MS;
+      this.mine = true;
       return { touch, position_m: [...at] };
     }
     return null;

@@ -6,7 +6,7 @@ import { named } from "./verdict.js";
 export class Rows {
   // `on` hears of what happens to a row: choose(number), nudge(event, number), preview and typed(number, input), left().
   constructor(root, own, on) {
-    Object.assign(this, { list: root.querySelector("[data-touches]"), model: root.querySelector("template[data-row]"), own, on });
+    Object.assign(this, { list: root.querySelector("[data-touches]"), model: root.querySelector("template[data-row]"), own, on, typing: null });
     this.byNumber = new Map();
   }
 
@@ -35,9 +35,18 @@ export class Rows {
     button.addEventListener("keydown", (event) => this.on.nudge(event, touch.number));
     for (const input of row.querySelectorAll("input")) {
       input.disabled = !this.own;
-      input.addEventListener("input", () => this.on.preview(touch.number, input));
-      input.addEventListener("change", () => this.on.typed(touch.number, input));
-      input.addEventListener("blur", () => this.on.left());
+      input.addEventListener("input", () => {
+        this.typing = input;
+        this.on.preview(touch.number, input);
+      });
+      input.addEventListener("change", () => {
+        this.typing = null;
+        this.on.typed(touch.number, input);
+      });
+      input.addEventListener("blur", () => {
+        this.typing = null;
+        this.on.left();
+      });
     }
     this.byNumber.set(touch.number, row);
     this.list.append(row);
@@ -62,7 +71,7 @@ export class Rows {
     const values = { x: position[0], y: position[1], z: position[2], yaw: yawOf(orientation_wxyz) };
     for (const input of row.querySelectorAll("input")) {
       const text = String(Number(values[input.name].toFixed(input.name === "yaw" ? 1 : 4)));
-      if (document.activeElement !== input && input.value !== text) input.value = text;
+      if (input !== this.typing && input.value !== text) input.value = text;
     }
   }
 

@@ -13,7 +13,8 @@ export class Strip {
     this.phases = root.querySelector("[data-phases]");
     this.edges = root.querySelector("[data-borders]");
     this.width = root.querySelector("[data-lanes]");
-    this.lanes = new Map([...root.querySelectorAll("[data-lane]")].map((lane) => [lane.dataset.lane, lane]));
+    const each = (name) => new Map([...root.querySelectorAll(`[data-${name}]`)].map((node) => [node.getAttribute(`data-${name}`), node]));
+    [this.lanes, this.names] = [each("lane"), each("lane-name")];
     this.phases.addEventListener("click", (event) => {
       const k = this.bars.indexOf(event.target.closest("button"));
       if (k >= 0) on.choose(k);
@@ -76,6 +77,7 @@ export class Strip {
     }
     for (const [effector, lane] of this.lanes) {
       const own = touches.filter((touch) => touch.effector === effector);
+      for (const node of [lane, this.names.get(effector)]) node.classList.toggle("idle", own.length === 0);
       while (lane.children.length < own.length) lane.append(document.createElement("i"));
       while (lane.children.length > own.length) lane.lastElementChild.remove();
       for (const [i, { phases, number, side }] of own.entries()) {
