@@ -1,4 +1,4 @@
-"""The player of the viewer: a range that is played again and again, where the scene is looked at from, pictures, exports."""
+"""The player of the viewer: a range that is played again and again, views, following, pictures."""
 
 import io
 import json
