@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from stridelab.schemas.recordings import PlateInfo, Recording
 
 TICKS_AT_MOST = 8
+NUMBER_FROM_PERCENT = 1.6
+"""An interval at least this wide, in percent of the whole, has its number written on it."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,14 @@ def bars(intervals: Iterable[Sequence[float]], duration_s: float) -> tuple[Bar, 
             text = f"{start:.2f} s to {end:.2f} s"
             found.append(Bar(round(100 * low / duration_s, 3), round(100 * (high - low) / duration_s, 3), text))
     return tuple(found)
+
+
+def numbered(intervals: Iterable[Sequence[float]], duration_s: float, first: int = 0) -> tuple[Bar, ...]:
+    """Intervals as bars with their numbers, where there is room for them."""
+    return tuple(
+        Bar(bar.x, bar.width, str(first + k) if bar.width >= NUMBER_FROM_PERCENT else "")
+        for k, bar in enumerate(bars(intervals, duration_s))
+    )
 
 
 def plate_bars(plate: PlateInfo, duration_s: float) -> PlateBars:

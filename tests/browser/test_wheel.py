@@ -83,6 +83,7 @@ def test_the_wheel_rolls_where_the_file_says_and_can_be_hidden(
         row = int(rows[np.argmin(np.abs(wheel["time_s"][rows] - time_s[frame]))])
         assert abs(wheel["time_s"][row] - time_s[frame]) < 1e-6, "the frames are samples of the file"
         page.get_by_role("slider", name="Time").fill(str(frame))
+        expect(page.locator("[data-time]")).to_contain_text(step_at(steps, time_s[frame]))
         hub = np.array([wheel[key][row] for key in ("hub_world_x_m", "hub_world_y_m", "hub_z_m")])
         until(page, lambda hub=hub: np.abs(np.array(nodes(page, WHEEL[1])[WHEEL[1]]["position"]) - hub).max() < 2e-6)
         seen: dict[str, Any] = nodes(page, *WHEEL)
@@ -99,6 +100,13 @@ def test_the_wheel_rolls_where_the_file_says_and_can_be_hidden(
     page.get_by_role("checkbox", name="Wheel").uncheck()
     until(page, lambda: max(nodes(page, "/wheel/rim")["/wheel/rim"]["scale"]) < 1e-4)
     assert min(nodes(page, "/com/fused")["/com/fused"]["scale"]) > 1e-3, "the rest stays"
+
+
+def step_at(steps: list[dict[str, Any]], t_s: float) -> str:
+    """The step in which an instant lies, and how much of it is over, in the words of the player."""
+    k = next(k for k, step in enumerate(steps) if step["t0_s"] <= t_s < step["t1_s"])
+    part = (t_s - steps[k]["t0_s"]) / (steps[k]["t1_s"] - steps[k]["t0_s"])
+    return f"step {k + 1} of {len(steps)}, {int(100 * part + 0.5)} %"
 
 
 @pytest.fixture(scope="module")

@@ -49,6 +49,10 @@ def test_a_scenario_from_storing_to_deletion(lab: Client, service: Served) -> No
     changed = made.model_copy(update={"name": "Another"})
     put = lab.put_scenario(made.id, changed)  # sent back as it came
     assert (put.id, put.name, put.phases) == (made.id, "Another", made.phases)
+    with pytest.raises(ProblemError) as late:
+        lab.put_scenario(made.id, body, unless_changed=made)
+    assert (late.value.status, late.value.code) == (412, "scenario-changed")
+    assert lab.put_scenario(made.id, changed, unless_changed=put).phases == made.phases
     copy = lab.add_scenario(lab.scenario(bundled_scenarios.EXAMPLE_ID))
     assert copy.bundled is False
     with pytest.raises(ProblemError) as refused:

@@ -215,8 +215,8 @@ def test_a_drag_moves_all_phases_of_a_touch_and_is_stored_once(start: Start) -> 
     kept = fake_planner.stored(fake_planner.scenario())
     sent: list[Scenario] = []
 
-    def put(key: str, body: Scenario) -> StoredScenario:
-        assert key == kept.id
+    def put(key: str, body: Scenario, known: StoredScenario) -> StoredScenario:
+        assert (key, known) == (kept.id, kept)
         sent.append(body)
         return fake_planner.stored(body, key=key)
 
@@ -241,7 +241,7 @@ def test_a_drag_that_comes_to_nothing_is_not_stored(start: Start) -> None:
 
 
 def test_a_silent_service_puts_the_mark_back(start: Start) -> None:
-    def put(key: str, body: Scenario) -> StoredScenario:
+    def put(key: str, body: Scenario, known: StoredScenario) -> StoredScenario:
         raise Unreachable("nobody answers")
 
     scene = start(fake_planner.stored(fake_planner.scenario()), put)
@@ -272,6 +272,31 @@ def test_a_scene_follows_what_others_store(fake: FakeService, library: Library) 
         changed.model_copy(update={"terrain": changed.terrain[:3]}), key=kept.id
     )
     assert library.open(Document("scenario", kept.id)) is not first
+
+
+def test_marks_come_and_go_with_the_contacts(start: Start) -> None:
+    given = fake_planner.scenario()
+    kept = fake_planner.stored(given)
+    scene = start(kept, lambda key, body, known: fake_planner.stored(body, key=key))
+    first = scene._marks[1]
+    handles: Any = first._impl.api._handle_from_node_name
+    assert set(scene._marks) == {touch.number for touch in touches(given)} == {1, 2, 3, 4, 5, 6, 7}
+    fewer = given.model_copy(update={"phases": [*given.phases[:2], *given.phases[3:5]]})
+    stored = fake_planner.stored(fewer, key=kept.id)
+    assert scene.follow(stored)
+    assert tuple(scene._turn.position) == (1.0, 0.0, 0.0)
+    assert scene.follow(stored)
+    assert tuple(scene._turn.position) == (1.0, 0.0, 0.0), "what is shown already is no news"
+    assert {name for name in handles if name.startswith("/contacts/") and name.count("/") == 2} == {
+        f"/contacts/{touch.number}" for touch in touches(fewer)
+    }
+    assert scene._marks[1] is first
+    for touch in touches(fewer):
+        assert tuple(scene._marks[touch.number].position) == pytest.approx(touch.contact.position_m)
+        assert scene._marks[touch.number]._impl.drag_cb
+    assert scene.follow(kept)
+    assert set(scene._marks) == {1, 2, 3, 4, 5, 6, 7}
+    assert tuple(scene._marks[7].position) == pytest.approx(touches(given)[6].contact.position_m)
 
 
 def test_what_the_page_shapes_has_room_for_what_it_draws(start: Start) -> None:
@@ -313,7 +338,7 @@ def test_the_robot_follows_the_first_footholds(start: Start) -> None:
     assert place.wxyz == pytest.approx(turned)
     assert first_place(given.model_copy(update={"phases": []}), SIZES) is None
     assert first_place(given, {}) is None, "a robot without feet stands nowhere"
-    scene = start(fake_planner.stored(given), lambda key, body: fake_planner.stored(body, key=key))
+    scene = start(fake_planner.stored(given), lambda key, body, known: fake_planner.stored(body, key=key))
     Drag(scene)(1, (0.0, 0.09, 0.0), (0.0, 0.13, 0.0))
     assert tuple(scene._robot.position) == pytest.approx((0.0, 0.02, 0.0))
 

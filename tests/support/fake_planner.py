@@ -313,9 +313,8 @@ def receding_files() -> dict[str, bytes]:
 
 def stored(given: Scenario, *, bundled: bool = False, key: str | None = None) -> StoredScenario:
     """``given`` as the service keeps it."""
-    return StoredScenario(
-        **{**given.model_dump(), "id": key or uuid.uuid4().hex, "created_at": _NOW, "bundled": bundled}
-    )
+    about = {"id": key or uuid.uuid4().hex, "created_at": _NOW, "updated_at": datetime.now(UTC), "bundled": bundled}
+    return StoredScenario(**{**given.model_dump(), **about})
 
 
 def robot(measures: Sequence[Measure] = fake_reach.MEASURES, stale: Sequence[Measure] = ()) -> RobotFacts:

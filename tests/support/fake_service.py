@@ -326,6 +326,8 @@ class FakeService:
         if request.method == "PUT":
             if self.scenarios[key].bundled:
                 return _problem(409, "scenario-read-only", "This scenario is a sample and cannot be changed.")
+            if request.headers.get("if-match", "*") not in ("*", self.scenarios[key].etag):
+                return _problem(412, "scenario-changed", "This scenario has been changed elsewhere since it was read.")
             given = Scenario.model_validate(await request.json())
             if wrong := fake_planner.refusal(given):
                 return _problem(422, "scenario-invalid", "This scenario cannot be used.", wrong)

@@ -160,9 +160,11 @@ class AsyncClient:
         """Store a scenario; one that its robot cannot do is refused (``scenario-invalid``)."""
         return await self._send(calls.add_scenario(body))
 
-    async def put_scenario(self, scenario_id: str, body: Scenario | Mapping[str, Any]) -> StoredScenario:
-        """Replace a scenario as a whole."""
-        return await self._send(calls.put_scenario(scenario_id, body))
+    async def put_scenario(
+        self, scenario_id: str, body: Scenario | Mapping[str, Any], unless_changed: StoredScenario | None = None
+    ) -> StoredScenario:
+        """Replace a scenario as a whole; one that is no longer ``unless_changed`` is kept (``scenario-changed``)."""
+        return await self._send(calls.put_scenario(scenario_id, body, unless_changed))
 
     async def delete_scenario(self, scenario_id: str) -> None:
         """Delete a scenario; its jobs stay."""

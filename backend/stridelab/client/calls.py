@@ -142,9 +142,12 @@ def add_scenario(body: Scenario | Mapping[str, Any]) -> Call[StoredScenario]:
     return Call("POST", f"{API}/scenarios", model(StoredScenario), json=_scenario(body))
 
 
-def put_scenario(scenario_id: str, body: Scenario | Mapping[str, Any]) -> Call[StoredScenario]:
-    """Replace a scenario."""
-    return Call("PUT", _at("scenarios", scenario_id), model(StoredScenario), json=_scenario(body))
+def put_scenario(
+    scenario_id: str, body: Scenario | Mapping[str, Any], unless_changed: StoredScenario | None
+) -> Call[StoredScenario]:
+    """Replace a scenario; with ``unless_changed`` only where it is still that one."""
+    headers = {} if unless_changed is None else {"If-Match": unless_changed.etag}
+    return Call("PUT", _at("scenarios", scenario_id), model(StoredScenario), headers=headers, json=_scenario(body))
 
 
 def delete_scenario(scenario_id: str) -> Call[None]:

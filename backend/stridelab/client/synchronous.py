@@ -157,9 +157,11 @@ class Client:
         """Store a scenario; one that its robot cannot do is refused (``scenario-invalid``)."""
         return self._send(calls.add_scenario(body))
 
-    def put_scenario(self, scenario_id: str, body: Scenario | Mapping[str, Any]) -> StoredScenario:
-        """Replace a scenario as a whole."""
-        return self._send(calls.put_scenario(scenario_id, body))
+    def put_scenario(
+        self, scenario_id: str, body: Scenario | Mapping[str, Any], unless_changed: StoredScenario | None = None
+    ) -> StoredScenario:
+        """Replace a scenario as a whole; one that is no longer ``unless_changed`` is kept (``scenario-changed``)."""
+        return self._send(calls.put_scenario(scenario_id, body, unless_changed))
 
     def delete_scenario(self, scenario_id: str) -> None:
         """Delete a scenario; its jobs stay."""

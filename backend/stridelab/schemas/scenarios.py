@@ -88,6 +88,11 @@ class StoredScenario(Scenario):
     bundled: bool = False
     owner: str | None = None
 
+    @property
+    def etag(self) -> str:
+        """``updated_at`` as JSON has it, in quotes: what ``If-Match`` names."""
+        return self.model_dump_json(include={"updated_at"}).partition(":")[2].removesuffix("}")
+
 
 class ContactMargin(Contract):
     """How far one contact of one phase is from being refused; positive is good."""

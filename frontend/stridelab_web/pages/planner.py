@@ -21,14 +21,14 @@ from stridelab_web.plan_frames import GHOST, MEASURED, MOMENTUM, MOMENTUM_M_PER_
 from stridelab_web.plan_moments import check_rows, moments_of
 from stridelab_web.reach_places import GROUP, SHOWN_MASS
 from stridelab_web.service import client_of
-from stridelab_web.strips import Bar, Layer, Row
+from stridelab_web.strips import Layer, Row
 from stridelab_web.touches import touches
 from stridelab_web.words import words
 
+EXPORTS = {"motion.viser": ".viser", "motion.html": "HTML"}
+"""Players of a plan that need no service, and how the viewer names them."""
 KINDS = {"plan-motion": "/plans", "plan-receding": "/jobs"}
 """Jobs that leave a motion on the timeline of its scenario, and where their results are."""
-NUMBER_FROM_PERCENT = 1.6
-"""A phase at least this wide, in percent of the plan, has its number written on it."""
 
 
 async def plan(request: Request, job_id: str) -> Response:
@@ -72,6 +72,12 @@ async def plan(request: Request, job_id: str) -> Response:
         moments=moments,
         layers=layers,
         links=links,
+        steps=(),
+        downloads=[
+            (text, f"/api/v1/jobs/{job.id}/artifacts/{name}")
+            for name, text in EXPORTS.items()
+            if name in {item.name for item in result.artifacts}
+        ],
     )
 
 
@@ -79,6 +85,8 @@ async def scenario(request: Request, scenario_id: str) -> Response:
     """``GET /view/?scenario=``."""
     client = client_of(request)
     stored = await client.scenario(scenario_id)
+    used = dict.fromkeys(touch.effector for touch in touches(stored))
+    effectors = dict.fromkeys([*await _effectors(client, stored.robot), *used])
     return page(
         request,
         "view_scenario.html",
@@ -86,6 +94,8 @@ async def scenario(request: Request, scenario_id: str) -> Response:
         scenario=stored,
         scene=Document("scenario", stored.id).address,
         duration_s=sum(phase.duration_s for phase in stored.phases),
+        used=used,
+        effectors=[(name, side(name)) for name in effectors],
     )
 
 
@@ -116,11 +126,14 @@ def phase_rows(scenario: Scenario, until_s: float | None = None) -> list[Row]:
     placed = touches(scenario)
     duration_s = until_s or sum(phase.duration_s for phase in scenario.phases)
     ends_s = [0.0, *itertools.accumulate(phase.duration_s for phase in scenario.phases)]
-    numbered = [
-        Bar(bar.x, bar.width, str(k) if bar.width >= NUMBER_FROM_PERCENT else "")
-        for k, bar in enumerate(strips.bars(itertools.pairwise(ends_s), duration_s))
+    rows = [
+        Row(
+            "Phase",
+            strips.numbered(itertools.pairwise(ends_s), duration_s),
+            f"{len(scenario.phases)} phases, counted from 0",
+            "phase",
+        )
     ]
-    rows = [Row("Phase", tuple(numbered), f"{len(scenario.phases)} phases, counted from 0", "phase")]
     for effector in dict.fromkeys(touch.effector for touch in placed):
         bars = strips.bars([(t.start_s, t.end_s) for t in placed if t.effector == effector], duration_s)
         said = "; ".join(bar.text for bar in bars)
@@ -134,6 +147,14 @@ async def _learned(client: AsyncClient, robot: str) -> bool:
         return bool((await client.robot(robot)).measures)
     except ProblemError:
         return False
+
+
+async def _effectors(client: AsyncClient, robot: str) -> list[str]:
+    """What a robot touches with; empty where it is not installed: its scenarios can be looked at all the same."""
+    try:
+        return [effector.name for effector in (await client.robot(robot)).effectors]
+    except ProblemError:
+        return []
 
 
 async def _still_there(client: AsyncClient, scenario_id: str | None) -> str | None:

@@ -28,6 +28,7 @@ COM_LAYERS = (
     Layer("/inputs/axis/", "Point on axis", False),
 )
 
+WHEEL = "fit-cycloid"
 WHEEL_LAYERS = (Layer("/wheel/", "Wheel"),)
 
 
@@ -86,9 +87,13 @@ async def _recording(request: Request) -> Response:
         Layer("/forces/total", "Total force", False),
     ]
     links = [("Recording", f"/recordings/{recording.id}")]
+    steps_s = await _steps_s(client, recording.id, job_id)
     if job_id:
         layers += [*COM_LAYERS, *WHEEL_LAYERS]
         links.append(("Result", f"/jobs/{job_id}"))
+    links.append(("Upload another", "/recordings"))
+    numbered = strips.numbered(steps_s, recording.duration_s, first=1)
+    said = f"{len(steps_s)} steps, foot off to the next foot off, as the wheel was fitted to them"
     return page(
         request,
         "view.html",
@@ -98,9 +103,12 @@ async def _recording(request: Request) -> Response:
         start_s=recording.windows_s[0][0] if recording.windows_s else 0.0,
         rows=[
             Row("Measured", measured, strips.windows_text(recording), "window"),
+            *([Row("Step", numbered, said, "phase")] if steps_s else []),
             *(Row(f"Plate {plate.index}", plate.bars, plate.text, "load") for plate in plates),
         ],
         moments=(),
+        steps=steps_s,
+        downloads=(),
         layers=layers,
         links=links,
     )
@@ -127,5 +135,17 @@ async def _frames(request: Request) -> Frames:
 
 
 async def _newest_estimate(client: AsyncClient, recording_id: str) -> str:
-    found = await client.jobs(1, state="succeeded", kind="estimate-com", recording_id=recording_id)
+    return await _newest(client, "estimate-com", recording_id)
+
+
+async def _newest(client: AsyncClient, kind: str, recording_id: str) -> str:
+    found = await client.jobs(1, state="succeeded", kind=kind, recording_id=recording_id)
     return found.items[0].id if found.items else ""
+
+
+async def _steps_s(client: AsyncClient, recording_id: str, job_id: str) -> list[tuple[float, float]]:
+    """Begin and end of the steps to which the wheel was fitted, by this job or else the newest one; none without."""
+    shown = bool(job_id) and (await client.job(job_id)).kind == WHEEL
+    fitted = job_id if shown else await _newest(client, WHEEL, recording_id)
+    steps = (await client.result(fitted)).summary["steps"] if fitted else []
+    return [(step["t0_s"], step["t1_s"]) for step in steps]

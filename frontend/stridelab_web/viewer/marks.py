@@ -23,23 +23,26 @@ def add_marks(
     scene: viser.SceneApi, scenario: Scenario, sizes: HalfSizes, touching: bool
 ) -> dict[int, viser.MeshHandle]:
     """A mark per touch of ``scenario``, by number; with ``touching`` a second, full one, shown while it is loaded."""
-    made = {}
-    for touch in touches(scenario):
-        colour = COLOURS[side(touch.effector)]
-        name, half = node(touch), sizes.get(touch.effector)
-        # A drag needs an area to take hold of: pale where it is only a place, full where it carries.
-        made[touch.number] = add_mesh(scene, name, _area(half, LIFT_M), colour, opacity=0.4)
-        place(made[touch.number], touch)
-        add_mesh(scene, f"{name}/edge", _edge(half), colour)
-        if touching:
-            add_mesh(scene, f"{name}/touching", _area(half, TOUCHING_LIFT_M), colour)
-        scene.add_label(
-            f"{name}/label",
-            str(touch.number),
-            position=(0.0, 0.0, LABEL_M),
-            anchor="bottom-center",
-            font_screen_scale=0.85,
-        )
+    return {touch.number: add_mark(scene, touch, sizes, touching) for touch in touches(scenario)}
+
+
+def add_mark(scene: viser.SceneApi, touch: Touch, sizes: HalfSizes, touching: bool) -> viser.MeshHandle:
+    """The mark of one touch, where it is; one that has its number is replaced."""
+    colour = COLOURS[side(touch.effector)]
+    name, half = node(touch), sizes.get(touch.effector)
+    # A drag needs an area to take hold of: pale where it is only a place, full where it carries.
+    made = add_mesh(scene, name, _area(half, LIFT_M), colour, opacity=0.4)
+    place(made, touch)
+    add_mesh(scene, f"{name}/edge", _edge(half), colour)
+    if touching:
+        add_mesh(scene, f"{name}/touching", _area(half, TOUCHING_LIFT_M), colour)
+    scene.add_label(
+        f"{name}/label",
+        str(touch.number),
+        position=(0.0, 0.0, LABEL_M),
+        anchor="bottom-center",
+        font_screen_scale=LABEL_SCALE,
+    )
     return made
 
 

@@ -1,8 +1,9 @@
 """The scene of a scenario: terrain, the robot where it begins, and touches, which can be dragged where it is one's own.
 
 Whoever drags sees the mark slide at once; on release the scenario is stored through the HTTP interface. Where the
-service refuses, the mark goes back and ``said`` holds its sentence. Each attempt moves the node ``TURN`` one metre up
-its x axis, by which the pages that show the scene learn of it (static/js/edit.js).
+service refuses, the mark goes back and ``said`` holds its sentence. Each attempt, and each change that was stored
+elsewhere, moves the node ``TURN`` one metre up its x axis: so the pages that show the scene learn of it
+(static/js/edit.js).
 """
 
 import asyncio
@@ -19,7 +20,7 @@ from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab_web.footholds import HalfSizes, moved
 from stridelab_web.touches import Touch, touches
 from stridelab_web.viewer.live_marks import add_live
-from stridelab_web.viewer.marks import add_marks, place
+from stridelab_web.viewer.marks import add_mark, place
 from stridelab_web.viewer.parts import NARROW, place_camera, prepare
 from stridelab_web.viewer.planner_scene import AMBIENT, BODY_M, sights_m, turned, way
 from stridelab_web.viewer.standing import Posed, add_standing, first_place, stand
@@ -33,13 +34,15 @@ REAR = np.array([-0.42, 1.0, 0.75])
 HEADROOM_M = 0.4
 MOVED_M = 1e-4
 """A drag that ends closer to where it began changes nothing."""
-Put = Callable[[str, Scenario], StoredScenario]
+Put = Callable[[str, Scenario, StoredScenario], StoredScenario]
+"""Stores a scenario by its id, only where it is still the one that is named last."""
 
 
 @dataclass(frozen=True)
 class Grip:
-    """A drag under way: what is dragged, on what it slides, and how far from its middle it was taken hold of."""
+    """A drag under way: what is dragged, of which scenario, on what it slides, how far from its middle it is held."""
 
+    stored: StoredScenario
     touch: Touch
     guide: Guide
     offset_m: np.ndarray
@@ -59,23 +62,24 @@ class ScenarioScene:
         scene = server.scene
         prepare(scene, AMBIENT)
         add_terrain(scene, stored)
-        self._marks = add_marks(scene, stored, sizes, touching=False)
+        self._scene = scene
+        self._marks: dict[int, viser.MeshHandle] = {}
+        self._effectors: dict[int, str] = {}
         add_support(scene)
         add_live(scene)
         self._turn = scene.add_frame(TURN, show_axes=False)
         self._robot = add_standing(scene, posed)
-        stand(self._robot, first_place(stored, sizes))
-        if not stored.bundled:
-            for number, mark in self._marks.items():
-                mark.on_drag("left")(self._drag_of(number))
+        self._show(stored)
         place_camera(server, self._sights_m(), turned(stored, REAR * [1, _open_side(stored), 1]), NARROW)
 
     def follow(self, stored: StoredScenario) -> bool:
-        """Show ``stored`` instead; False where more than the places of touches has changed."""
+        """Show ``stored`` instead; False where robot or terrain are others."""
         with self._lock:
-            if _shape(stored) != _shape(self._stored):
+            if _around(stored) != _around(self._stored):
                 return False
-            self._show(stored)
+            if stored != self._stored:
+                self._show(stored)
+                self._tell()
         return True
 
     def _drag_of(
@@ -89,21 +93,25 @@ class ScenarioScene:
             grip = self._grips.get(event.client_id)
             if grip is None:
                 return
+            if number not in self._marks:  # somebody else has taken it away
+                del self._grips[event.client_id]
+                return
             to = self._slide(grip, eye, np.array(event.end_position))
             if to is not None:
                 self._marks[number].position = tuple(to)
             if event.phase == "end":
                 del self._grips[event.client_id]
-                await asyncio.to_thread(self.store, grip.touch, np.array(self._marks[number].position))
+                await asyncio.to_thread(self.store, grip, np.array(self._marks[number].position))
 
         return drag
 
     def _take(self, client_id: int, number: int, eye_m: np.ndarray, held_m: np.ndarray) -> None:
-        touch = touches(self._stored)[number - 1]
-        guide = guide_of(self._stored, touch)
+        stored = self._stored
+        touch = touches(stored)[number - 1]
+        guide = guide_of(stored, touch)
         hit = None if guide is None else guide.meet(eye_m, held_m)
         if guide is not None and hit is not None:
-            self._grips[client_id] = Grip(touch, guide, np.array(touch.contact.position_m) - hit)
+            self._grips[client_id] = Grip(stored, touch, guide, np.array(touch.contact.position_m) - hit)
 
     def _slide(self, grip: Grip, eye_m: np.ndarray, pointer_m: np.ndarray) -> np.ndarray | None:
         """Where what is held goes for a pointer at ``pointer_m``; None where the ray leads nowhere."""
@@ -112,21 +120,24 @@ class ScenarioScene:
         here = np.array(self._marks[grip.touch.number].position)
         return None if hit is None else grip.guide.keep(grip.touch, half_m, here, hit + grip.offset_m)
 
-    def store(self, touch: Touch, position_m: np.ndarray) -> None:
-        """Store the scenario with ``touch`` at ``position_m``, or put the mark back and keep the service's sentence."""
+    def store(self, grip: Grip, position_m: np.ndarray) -> None:
+        """Store what is held at ``position_m``, or put the mark back and keep the service's sentence."""
         with self._lock:
             self.said = ""
-            if float(np.linalg.norm(position_m - touch.contact.position_m)) > MOVED_M:
+            if float(np.linalg.norm(position_m - grip.touch.contact.position_m)) > MOVED_M:
                 try:
-                    stored = self._put(
-                        self._stored.id, moved(self._stored, touch, [round(float(x), 4) for x in position_m])
-                    )
+                    to_m = [round(float(x), 4) for x in position_m]
+                    stored = self._put(grip.stored.id, moved(grip.stored, grip.touch, to_m), grip.stored)
                 except ClientError as refusal:
                     self.said = sentence(refusal)
                     stored = self._stored
                 self._show(stored)
-            self._attempts += 1
-            self._turn.position = (float(self._attempts), 0.0, 0.0)
+            self._tell()
+
+    def _tell(self) -> None:
+        """Let the pages that show the scene know that they must read anew."""
+        self._attempts += 1
+        self._turn.position = (float(self._attempts), 0.0, 0.0)
 
     def _sights_m(self) -> np.ndarray:
         """Points ``(n, 3)`` that the picture must hold: the way, and the robot where it begins."""
@@ -141,8 +152,22 @@ class ScenarioScene:
     def _show(self, stored: StoredScenario) -> None:
         self._stored = stored
         stand(self._robot, first_place(stored, self._sizes))
-        for touch in touches(stored):
-            place(self._marks[touch.number], touch)
+        placed = touches(stored)
+        for number in range(len(placed) + 1, len(self._marks) + 1):
+            self._marks.pop(number).remove()
+            del self._effectors[number]
+        for touch in placed:
+            if self._effectors.get(touch.number) == touch.effector:
+                place(self._marks[touch.number], touch)
+            else:
+                self._add(touch)
+
+    def _add(self, touch: Touch) -> None:
+        """A mark for a touch whose number no mark of its effector has."""
+        mark = add_mark(self._scene, touch, self._sizes, touching=False)
+        if not self._stored.bundled:
+            mark.on_drag("left")(self._drag_of(touch.number))
+        self._marks[touch.number], self._effectors[touch.number] = mark, touch.effector
 
 
 def sentence(refusal: ClientError) -> str:
@@ -161,7 +186,6 @@ def _open_side(scenario: Scenario) -> float:
     return 1.0 if hands and feet and np.mean(hands) < np.mean(feet) else -1.0
 
 
-def _shape(scenario: StoredScenario) -> object:
-    """All of a scenario that needs other nodes when it changes."""
-    runs = [(touch.effector, touch.first_phase, touch.last_phase) for touch in touches(scenario)]
-    return scenario.id, scenario.bundled, scenario.robot, scenario.terrain, runs
+def _around(scenario: StoredScenario) -> object:
+    """All of a scenario that needs another scene when it changes."""
+    return scenario.id, scenario.bundled, scenario.robot, scenario.terrain

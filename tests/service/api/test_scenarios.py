@@ -57,6 +57,24 @@ def test_a_scenario_from_storing_to_deletion(http: httpx.Client) -> None:
     assert refusal(http.put(path, json=one_step())) == (404, "scenario-not-found")
 
 
+def test_nothing_is_overwritten_that_somebody_else_has_stored(http: httpx.Client) -> None:
+    made = http.post(SCENARIOS, json=one_step()).json()
+    path = f"{SCENARIOS}/{made['id']}"
+    first = http.get(path).headers["etag"]
+    assert first == f'"{made["updated_at"]}"'
+    theirs = http.put(path, json=one_step(name="Theirs"), headers={"If-Match": first})
+    assert theirs.status_code == 200
+    ours = http.put(path, json=one_step(name="Ours"), headers={"If-Match": first})
+    assert refusal(ours) == (412, "scenario-changed")
+    assert http.get(path).json() == theirs.json()
+    for named in ("{now}", f"{first}, {{now}}", "*"):
+        now = theirs.headers["etag"]
+        theirs = http.put(path, json=one_step(name="Theirs"), headers={"If-Match": named.format(now=now)})
+        assert theirs.status_code == 200
+        assert theirs.headers["etag"] == http.get(path).headers["etag"] != now
+    assert http.put(path, json=one_step(name="Ours")).json()["name"] == "Ours"
+
+
 def test_pages_of_the_list_hold_bundled_ones_too(postgres: TestDatabases, tmp_path: Path) -> None:
     with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
         service.run(bundled_scenarios.seed(service.parts.engine))

@@ -55,8 +55,13 @@ STATUS: Final[Mapping[type[StridelabError], int]] = {
 }
 """Status of each class; a subclass takes that of its nearest listed ancestor."""
 
-_STATUS_OF_CODE: Final[Mapping[str, int]] = {"unsupported-media-type": 415, "not-json": 400, "malformed-request": 400}
-"""Refusals of a request's form, which HTTP gives statuses of their own."""
+_STATUS_OF_CODE: Final[Mapping[str, int]] = {
+    "unsupported-media-type": 415,
+    "not-json": 400,
+    "malformed-request": 400,
+    "scenario-changed": 412,
+}
+"""Refusals of a request's form or condition, which HTTP gives statuses of their own."""
 
 _PLAIN: Final[Mapping[int, tuple[str, str]]] = {
     400: ("malformed-request", "The request could not be read."),

@@ -14,8 +14,8 @@ export function sentence(status, problem) {
   return [problem.detail || problem.title, ...places].join(" ");
 }
 
-export async function call(method, path, body) {
-  const options = { method, headers: { Accept: "application/json" } };
+export async function call(method, path, body, headers = {}) {
+  const options = { method, headers: { Accept: "application/json", ...headers } };
   if (body !== undefined) {
     options.headers["Content-Type"] = "application/json";
     options.body = JSON.stringify(body);

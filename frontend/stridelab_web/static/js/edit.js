@@ -1,32 +1,41 @@
-// A scenario in 3D beside the list of its contacts: drag, type or press arrow keys; one place stores and undoes.
-import { call } from "./api.js";
+// A scenario in 3D beside its phases and the list of its contacts: drag, type or press keys; one place stores and undoes.
+import { ApiError, call } from "./api.js";
 import { offerContacts } from "./find.js";
+import { JsonView } from "./json_view.js";
 import { Judged } from "./judged.js";
-import { LIVE, Live } from "./live.js";
-import { Nodes } from "./nodes.js";
+import { Kept, same } from "./kept.js";
+import { Live } from "./live.js";
+import { PhaseForm } from "./phase_form.js";
+import { Picture } from "./picture.js";
 import { offerPlan } from "./plan.js";
 import { Rows } from "./rows.js";
-import { bodyOf, moved, openNew, turned } from "./scenario_body.js";
-import { SUPPORT } from "./support_view.js";
+import { bodyOf, moved, openNew } from "./scenario_body.js";
+import { contactIn } from "./sequence.js";
+import { Strip } from "./strip.js";
+import { turned, yawOf } from "./turns.js";
 
-const WATCH_MS = 100, AFTER_KEYS_MS = 500, NUDGE_M = 0.01, FINE_M = 0.001, DRAGGED_M = 1e-4;
-const TURN = "/turn"; // the viewer moves it after every drag (viewer/scenario_scene.py)
+const WATCH_MS = 100, AFTER_KEYS_MS = 500, NUDGE_M = 0.01, FINE_M = 0.001, CHANGED = 412;
+const ELSEWHERE = "Changed in another window: this is how it stands now. Undo takes that back, too.";
+const NOT_OURS = "Meanwhile it was changed in another window, so this was not stored. Here is how it stands now.";
 // Arrow keys as seen from behind the robot: x points forward, y to its left.
 const NUDGES = { ArrowUp: [1, 0], ArrowDown: [-1, 0], ArrowLeft: [0, 1], ArrowRight: [0, -1] };
 
 const root = document.querySelector("[data-editor]");
 const part = (name) => root.querySelector(`[data-${name}]`);
-const [stage, said, undo] = ["stage", "said", "undo"].map(part);
-const frame = stage.querySelector("iframe");
-const scene = stage.dataset.scene, id = root.dataset.scenario, own = root.dataset.own === "true";
-const toggle = (number) => choose(chosen === number ? null : number);
+const [said, undo, redo] = ["said", "undo", "redo"].map(part);
+const id = root.dataset.scenario, own = root.dataset.own === "true";
+const kept = new Kept(id);
+const picture = new Picture(part("stage"));
 const rows = new Rows(root, own, { choose: toggle, nudge, preview, typed, left });
-const judged = new Judged(root, rows);
+const form = new PhaseForm(root, own, { change, propose: (edit) => propose(edit, { typing: true }), back: left });
+const strip = new Strip(root, own, { choose: choosePhase, touch: choose, toggle: (k, effector) => form.toggle(k, effector), propose, settle: change, later, back });
+const judged = new Judged(root, rows, strip, (k) => form.show(now(), k));
 const live = new Live(root);
-const past = [];
 
-// `body` is what is stored; `draft` is where a touch would be: dragged, typed or nudged, and not stored yet.
-let touches = [], body = null, nodes = null, chosen = null, attempts = 0, work = Promise.resolve(), pending = null, draft = null;
+// `draft` is what is being dragged, typed or nudged and not stored yet; `pending` what is stored once the keys rest.
+let touches = [], chosen = null, draft = null, pending = null, work = Promise.resolve();
+const now = () => draft?.body ?? kept.body;
+const touchOf = (number) => touches.find((touch) => touch.number === number);
 
 start().catch((error) => {
   part("veil").hidden = false;
@@ -34,196 +43,249 @@ start().catch((error) => {
 });
 offerPlan(root, id, flush);
 offerContacts(root, id, flush);
+new JsonView(root, { read: () => now() ?? {}, store: storeWhole });
 
 async function start() {
-  await read();
-  for (const touch of touches) rows.add(touch);
-  await getJson(`${scene}/open`, { method: "POST" });
-  nodes = new Nodes(frame, [TURN, ...SUPPORT, ...LIVE, ...touches.map((touch) => touch.node)]);
-  frame.src = `${scene}/?hideViserLogo&fixedDpr=1`;
-  frame.hidden = false;
-  await nodes.ready();
-  attempts = nodes.position(TURN)?.[0] ?? 0;
+  await kept.read();
+  touches = await picture.touches();
+  rows.fill(touches);
+  strip.draw(kept.body, touches);
+  await picture.open();
+  await picture.load(touches, kept.body, onKey);
   part("veil").hidden = true;
+  const wanted = new URLSearchParams(location.search), [number, phase] = ["contact", "phase"].map((name) => (wanted.has(name) ? Number(wanted.get(name)) : null));
+  if (touchOf(number)) choose(number, false);
+  if (phase in kept.body.phases) judged.choosePhase(phase);
   show();
-  live.start(nodes);
+  live.start(picture.nodes);
   root.dataset.ready = "true";
   setInterval(watch, WATCH_MS);
 }
 
-async function read() {
-  touches = await getJson(`${scene}/touches.json`);
-  body = bodyOf(await call("GET", `/scenarios/${id}`));
+// Which contact is open, and which phase is looked at, stay with a reload.
+function remember(name, value) {
+  const url = new URL(location.href);
+  if (value === null) url.searchParams.delete(name);
+  else url.searchParams.set(name, value);
+  history.replaceState(null, "", url);
 }
 
-async function getJson(url, options) {
-  const answer = await fetch(url, options).catch(() => null);
-  const value = await answer?.json().catch(() => null);
-  if (answer?.ok && value) return value;
-  throw new Error(value?.detail || "The scene could not be read.");
+function toggle(number) {
+  choose(chosen === number ? null : number);
 }
 
-const touchOf = (number) => touches.find((touch) => touch.number === number);
-
-function choose(number) {
+function choose(number, noted = true) {
   chosen = number;
   rows.open(number);
-  judged.look(nodes, touches, chosen);
+  if (noted) remember("contact", number);
+  judged.look(picture.nodes, touches, chosen);
 }
 
+function choosePhase(k) {
+  judged.choosePhase(k);
+  remember("phase", k);
+}
+
+// Shows what is stored, or would be; and asks what the judge and the planner think of it.
 function show() {
-  draft = null;
+  const body = now(), { nodes } = picture;
   for (const touch of touches) {
-    if (pending?.number === touch.number && !pending.sent) continue; // the keys are ahead
-    rows.write(touch, touch.position_m);
-    nodes.pose(touch.node, [...touch.position_m], [...touch.orientation_wxyz]);
+    const contact = contactIn(body, touch.phases[0], touch.effector);
+    rows.write(touch, body);
+    if (picture.there && draft?.held !== touch.number) nodes.pose(touch.node, [...contact.position_m], [...contact.orientation_wxyz]);
   }
+  strip.draw(body, touches);
+  form.show(body, judged.phase ?? 0);
   judged.look(nodes, touches, chosen);
-  nodes.draw();
-  ask(body);
-  if (undo) undo.disabled = past.length === 0;
+  if (picture.there) nodes.draw();
+  judged.ask(body);
+  live.follow(body);
+  if (undo) [undo.disabled, redo.disabled] = [kept.past.length === 0, kept.future.length === 0];
 }
 
-// What is not stored yet: the judge is asked at once.
-function propose(number, position_m, orientation_wxyz, typing = false) {
-  draft = { number, position_m, typing };
-  ask(moved(body, touchOf(number), position_m, orientation_wxyz));
+// `edit` on what is shown, without storing it.
+function propose(edit, how = {}) {
+  draft = { body: edit(kept.body), ...how };
+  show();
 }
 
-// Judges and plans what is stored, or would be.
-function ask(wanted) {
-  judged.ask(wanted);
-  live.follow(wanted);
+// What is shown and was not stored goes back.
+function back() {
+  if (!draft || pending) return;
+  draft = null;
+  show();
+}
+
+// What was typed and not taken over is no change.
+function left() {
+  if (draft?.typing) back();
 }
 
 // The viewer moves a mark while it is dragged; the list follows, and reads anew what was stored when it is released.
 function watch() {
-  nodes.find();
-  const turn = nodes.position(TURN)?.[0] ?? 0;
-  if (turn !== attempts) {
-    attempts = turn;
-    work = work.then(() => refresh(true));
+  const news = picture.news();
+  if (news) {
+    work = work.then(() => hear(news));
     return;
   }
-  if (nodes.isStale()) return show();
-  if (pending || draft?.typing) return;
-  for (const touch of touches) {
-    const now = nodes.position(touch.node);
-    if (!now || distance(now, draft?.number === touch.number ? draft.position_m : touch.position_m) <= DRAGGED_M) continue;
-    if (chosen !== touch.number) choose(touch.number);
-    rows.write(touch, now);
-    propose(touch.number, [...now], touch.orientation_wxyz);
-  }
+  if (picture.nodes.isStale()) return show();
+  if (pending || draft?.typing || strip.held) return;
+  const held = picture.held(touches, now());
+  if (!held) return;
+  const { touch, position_m } = held;
+  if (chosen !== touch.number) choose(touch.number);
+  propose((body) => moved(body, touch, position_m, contactIn(body, touch.phases[0], touch.effector).orientation_wxyz), { held: touch.number });
 }
 
-async function refresh(dragged) {
+async function hear({ mine }) {
+  const changed = await kept.read().catch(() => false);
+  if (!mine && !changed) return; // it was stored here
+  const refusal = await refresh();
+  if (mine) say(refusal || "Stored.", Boolean(refusal));
+  else say(ELSEWHERE, true);
+}
+
+// Reads what is stored, and lets list and picture follow; what the keys are about to store stays ahead. Gives why a drag
+// in the picture was refused, or an empty text.
+async function refresh() {
   try {
-    const opened = await getJson(`${scene}/open`, { method: "POST" });
-    const before = touches;
-    await read();
-    if (touches.length !== rows.size) return location.reload();
-    if (dragged) {
-      for (const [k, touch] of touches.entries()) if (distance(touch.position_m, before[k].position_m) > 1e-6) past.push(before[k]);
-      say(opened.said || "Stored.", Boolean(opened.said));
+    await kept.read();
+    const refusal = await picture.open();
+    touches = await picture.touches();
+    if (!rows.fits(touches)) {
+      const effector = touchOf(chosen)?.effector;
+      rows.fill(touches);
+      chosen = effector && touchOf(chosen)?.effector === effector ? chosen : null;
+      if (chosen !== null) rows.open(chosen);
     }
+    await picture.fit(touches, kept.body);
+    draft = pending && !pending.sent ? { body: pending.edit(kept.body) } : null;
+    show();
+    return refusal;
   } catch (error) {
-    say(error.message, true);
+    show();
+    return error.message;
   }
-  show();
 }
 
-// Stores a touch at another place: in all phases in which it is there. What the service refuses goes back.
-async function store(number, position_m, orientation_wxyz, remember = true) {
-  const before = touchOf(number);
-  let refusal = "";
+// Stores `edit` of what is stored then; what the service refuses goes back. Gives the failure, or null.
+async function store(edit, done) {
+  let failure = null;
   try {
-    const stored = await call("GET", `/scenarios/${id}`);
-    await call("PUT", `/scenarios/${id}`, moved(bodyOf(stored), before, position_m, orientation_wxyz));
-    if (remember) past.push(before);
+    const body = edit(kept.body);
+    if (!same(body, kept.body)) await kept.put(body);
   } catch (error) {
-    refusal = error.message;
+    failure = error;
   }
-  await refresh(false);
-  say(refusal || `Contact ${number} stored.`, Boolean(refusal));
+  await refresh();
+  tell(failure, done);
+  return failure;
+}
+
+function tell(failure, done) {
+  say(failure ? (failure.status === CHANGED ? NOT_OURS : failure.message) : done, Boolean(failure));
+}
+
+function change(edit, done) {
+  if (draft) draft.typing = false;
+  flush();
+  work = work.then(() => store(edit, done));
+}
+
+// The whole of it, from the JSON view; of a sample a copy.
+async function storeWhole(body) {
+  if (!own) return openNew(body, " (copy)");
+  await flush();
+  work = work.then(() => store(() => bodyOf(body), "Stored."));
+  const failure = await work;
+  if (failure instanceof ApiError) throw failure;
 }
 
 // Where the numbers of a row would put its touch; null while one of them is no number.
 function placed(number, input) {
   const touch = touchOf(number), value = input.valueAsNumber;
   if (!Number.isFinite(value)) return null;
-  const position = [...touch.position_m];
-  if (input.name === "yaw") return [position, turned(touch.orientation_wxyz, ((value - touch.yaw_deg) * Math.PI) / 180)];
-  position["xyz".indexOf(input.name)] = value;
-  return [position, touch.orientation_wxyz];
+  return (body) => {
+    const { position_m, orientation_wxyz } = contactIn(body, touch.phases[0], touch.effector);
+    if (input.name === "yaw") return moved(body, touch, position_m, turned(orientation_wxyz, ((value - yawOf(orientation_wxyz)) * Math.PI) / 180));
+    return moved(body, touch, position_m.with("xyz".indexOf(input.name), value), orientation_wxyz);
+  };
 }
 
 function preview(number, input) {
-  const place = placed(number, input);
-  if (!place || !nodes?.viser) return;
-  rows.write(touchOf(number), place[0]);
-  nodes.pose(touchOf(number).node, [...place[0]], [...place[1]]);
-  nodes.draw();
-  propose(number, ...place, true);
+  const edit = placed(number, input);
+  if (edit && picture.there) propose(edit, { typing: true });
 }
 
 function typed(number, input) {
-  const place = placed(number, input);
-  if (!place) return show();
-  if (draft) draft.typing = false;
-  work = work.then(() => store(number, ...place));
-}
-
-// A number that was typed and taken back is no change.
-function left() {
-  if (draft?.typing) show();
+  const edit = placed(number, input);
+  if (!edit) return back();
+  change(edit, `Contact ${number} stored.`);
 }
 
 // The mark moves with each press; what it comes to is stored once the keys rest.
 function nudge(event, number) {
   const by = NUDGES[event.key];
-  if (!by || !own || !nodes?.viser || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (!by || !own || !picture.there || event.ctrlKey || event.metaKey || event.altKey) return;
   event.preventDefault();
   if (chosen !== number) choose(number);
-  const touch = touchOf(number);
-  if (pending && pending.number !== number) flush();
-  const from = pending?.number === number ? pending.position : touch.position_m, step = event.shiftKey ? FINE_M : NUDGE_M;
-  const position = [round(from[0] + step * by[0]), round(from[1] + step * by[1]), from[2]];
-  clearTimeout(pending?.timer);
-  pending = { number, position, timer: setTimeout(flush, AFTER_KEYS_MS) };
-  rows.write(touch, position);
-  nodes.pose(touch.node, [...position]);
-  nodes.draw();
-  propose(number, position, touch.orientation_wxyz);
+  const touch = touchOf(number), step = event.shiftKey ? FINE_M : NUDGE_M;
+  const { position_m: from, orientation_wxyz } = contactIn(now(), touch.phases[0], touch.effector);
+  const position_m = [round(from[0] + step * by[0]), round(from[1] + step * by[1]), from[2]];
+  later(`contact ${number}`, (body) => moved(body, touch, position_m, orientation_wxyz), `Contact ${number} stored.`);
 }
 
-// Stores what the keys have moved; resolves when nothing is left to be stored.
+// Shows what keys have changed at once, and stores it when they rest; `key` names what they change.
+function later(key, edit, done) {
+  if (pending && pending.key !== key) flush();
+  clearTimeout(pending?.timer);
+  pending = { key, edit, done, timer: setTimeout(flush, AFTER_KEYS_MS) };
+  draft = { body: edit(now()) };
+  show();
+}
+
+// Stores what the keys have changed; resolves when nothing is left to be stored.
 function flush() {
-  const now = pending;
-  if (now && !now.sent) {
-    clearTimeout(now.timer);
-    now.sent = true;
+  const ready = pending;
+  if (ready && !ready.sent) {
+    clearTimeout(ready.timer);
+    ready.sent = true;
     work = work
-      .then(() => store(now.number, now.position, touchOf(now.number).orientation_wxyz))
+      .then(() => store(ready.edit, ready.done))
       .then(() => {
-        if (pending === now) pending = null;
+        if (pending === ready) pending = null;
       });
   }
   return work;
 }
 
-function goBack() {
+// One step back, or forth again.
+function step(way, nothing, done) {
   work = flush().then(async () => {
-    const before = past.pop();
-    if (before) await store(before.number, before.position_m, before.orientation_wxyz, false);
+    let failure = null, stepped = false;
+    try {
+      stepped = await kept[way]();
+    } catch (error) {
+      failure = error;
+    }
+    await refresh();
+    tell(failure, stepped ? done : nothing);
   });
 }
+const goBack = () => step("undo", "There is nothing to undo.", "Undone.");
+const goForth = () => step("redo", "There is nothing to redo.", "Done again.");
 
 undo?.addEventListener("click", goBack);
-document.addEventListener("keydown", (event) => {
-  if (!undo || event.key !== "z" || !(event.ctrlKey || event.metaKey) || event.target.tagName === "INPUT") return;
+redo?.addEventListener("click", goForth);
+// Where text is typed, the keys undo the typing.
+function onKey(event) {
+  const key = event.key.toLowerCase(), typing = event.target.matches?.("input:not([type=checkbox]), textarea");
+  if (!undo || typing || event.altKey || !(event.ctrlKey || event.metaKey) || (key !== "z" && key !== "y")) return;
   event.preventDefault();
-  goBack();
-});
+  if (key === "y" || event.shiftKey) goForth();
+  else goBack();
+}
+document.addEventListener("keydown", onKey);
 
 part("copy")?.addEventListener("click", async (event) => {
   const button = event.currentTarget;
@@ -241,5 +303,4 @@ function say(text, wrong) {
   said.classList.toggle("wrong", wrong);
 }
 
-const distance = (a, b) => Math.hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]);
 const round = (v) => Math.round(v * 1e4) / 1e4;

@@ -1,17 +1,16 @@
 // What an editor shows of the judge's answer: the verdict, the phases, the margins of a contact, and the picture.
 import { Judge } from "./judge.js";
-import { Phases } from "./phases.js";
 import { showMarks, showSupport } from "./support_view.js";
 import { marginsOf, phasesOf, placeOf, sentenceOf, sentenceOfPhase, tightest } from "./verdict.js";
 
 const VALID = "Valid: every contact is on its surface and within reach.";
 
 export class Judged {
-  constructor(root, rows) {
+  // `strip` shows the phases; `turn(k)` hears which of them is chosen.
+  constructor(root, rows, strip, turn) {
     const part = (name) => root.querySelector(`[data-${name}]`);
-    Object.assign(this, { root, rows, verdict: part("verdict"), said: part("phase-said"), answer: null, phases: [], phase: null });
+    Object.assign(this, { root, rows, strip, turn, verdict: part("verdict"), said: part("phase-said"), answer: null, phases: [], phase: null });
     Object.assign(this, { nodes: null, touches: [], chosen: null });
-    this.strip = new Phases(part("phases"), (k) => this.choosePhase(k));
     this.judge = new Judge((answer, body) => this.hear(answer, body), (sentence) => this.say(sentence, false));
   }
 
@@ -51,13 +50,15 @@ export class Judged {
   phaseOf(number) {
     const touch = this.touches.find((one) => one.number === number);
     const [first, last] = touch ? touch.phases : [0, this.phases.length - 1];
-    return this.phases.length ? tightest(this.phases, Array.from({ length: last - first + 1 }, (_, i) => first + i)) : null;
+    const numbers = Array.from({ length: last - first + 1 }, (_, i) => first + i).filter((k) => k < this.phases.length);
+    return numbers.length ? tightest(this.phases, numbers) : null;
   }
 
   show() {
     const phase = this.phases[this.phase];
     if (!phase) return;
-    this.strip.show(this.phases, this.phase);
+    this.strip.judge(this.phases, this.phase);
+    this.turn(this.phase);
     const said = sentenceOfPhase(phase, this.phase);
     if (this.said.textContent !== said) this.said.textContent = said;
     const touch = this.touches.find((one) => one.number === this.chosen);

@@ -1,34 +1,52 @@
 // The list of a scenario's touches: one row each, which opens to numbers and margins.
+import { contactIn, endsOf } from "./sequence.js";
+import { yawOf } from "./turns.js";
 import { named } from "./verdict.js";
 
 export class Rows {
   // `on` hears of what happens to a row: choose(number), nudge(event, number), preview and typed(number, input), left().
   constructor(root, own, on) {
-    Object.assign(this, { list: root.querySelector("[data-touches]"), model: root.querySelector("template[data-row]"), own, on });
+    Object.assign(this, { list: root.querySelector("[data-touches]"), model: root.querySelector("template[data-row]"), own, on, typing: null });
     this.byNumber = new Map();
   }
 
-  get size() {
-    return this.byNumber.size;
+  // Whether there is a row for each touch, in the same order.
+  fits(touches) {
+    return this.byNumber.size === touches.length && touches.every((touch) => this.byNumber.get(touch.number)?.dataset.effector === touch.effector);
+  }
+
+  // One row for each touch.
+  fill(touches) {
+    this.byNumber.clear();
+    this.list.replaceChildren();
+    for (const touch of touches) this.add(touch);
   }
 
   add(touch) {
     const row = this.model.content.firstElementChild.cloneNode(true);
     const find = (name) => row.querySelector(`[data-${name}]`);
+    row.dataset.effector = touch.effector;
     find("dot").classList.add(touch.side);
     find("number").textContent = touch.number;
     find("name").textContent = named(touch.effector);
     find("yaw").hidden = !touch.surface;
-    const [first, last] = touch.phases;
-    find("when").textContent = `${first === last ? `Phase ${first}` : `Phases ${first} to ${last}`}, ${touch.start_s.toFixed(2)} s to ${touch.end_s.toFixed(2)} s`;
     const button = row.querySelector("button");
     button.addEventListener("click", () => this.on.choose(touch.number));
     button.addEventListener("keydown", (event) => this.on.nudge(event, touch.number));
     for (const input of row.querySelectorAll("input")) {
       input.disabled = !this.own;
-      input.addEventListener("input", () => this.on.preview(touch.number, input));
-      input.addEventListener("change", () => this.on.typed(touch.number, input));
-      input.addEventListener("blur", () => this.on.left());
+      input.addEventListener("input", () => {
+        this.typing = input;
+        this.on.preview(touch.number, input);
+      });
+      input.addEventListener("change", () => {
+        this.typing = null;
+        this.on.typed(touch.number, input);
+      });
+      input.addEventListener("blur", () => {
+        this.typing = null;
+        this.on.left();
+      });
     }
     this.byNumber.set(touch.number, row);
     this.list.append(row);
@@ -43,14 +61,17 @@ export class Rows {
     if (number !== null) this.byNumber.get(number).scrollIntoView({ block: "nearest" });
   }
 
-  // Writes a place into a row; a number that is being typed stays.
-  write(touch, position) {
-    const row = this.byNumber.get(touch.number);
+  // Writes into a row where and when its touch is in `body`; a number that is being typed stays.
+  write(touch, body) {
+    const row = this.byNumber.get(touch.number), [first, last] = touch.phases, ends_s = endsOf(body);
+    const { position_m: position, orientation_wxyz } = contactIn(body, first, touch.effector);
+    const when = [ends_s[first] - body.phases[first].duration_s, ends_s[last]].map((t_s) => `${t_s.toFixed(2)} s`).join(" to ");
+    row.querySelector("[data-when]").textContent = `${first === last ? `Phase ${first}` : `Phases ${first} to ${last}`}, ${when}`;
     row.querySelector("[data-place]").textContent = position.map((v) => v.toFixed(3)).join(", ");
-    const values = { x: position[0], y: position[1], z: position[2], yaw: touch.yaw_deg };
+    const values = { x: position[0], y: position[1], z: position[2], yaw: yawOf(orientation_wxyz) };
     for (const input of row.querySelectorAll("input")) {
       const text = String(Number(values[input.name].toFixed(input.name === "yaw" ? 1 : 4)));
-      if (document.activeElement !== input && input.value !== text) input.value = text;
+      if (input !== this.typing && input.value !== text) input.value = text;
     }
   }
 

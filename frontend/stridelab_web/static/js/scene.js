@@ -2,6 +2,7 @@
 import { cubic } from "./between.js";
 import { Copies } from "./copies.js";
 import { HIDDEN, Nodes } from "./nodes.js";
+import { towards } from "./turns.js";
 
 const COM = ["/com/plan", "/com/plan/light"]; // the two halves of its ball (viewer/planner_scene.py)
 
@@ -139,12 +140,4 @@ export class Scene {
     this.nodes.pose(head, origin.map((x, i) => x + force[i] * arrow_m_per_n), wxyz);
     this.nodes.scale(head, Math.min(1, length / head_m));
   }
-}
-
-// The shortest turn from the z axis to the direction d / norm.
-function towards(d, norm) {
-  const [x, y, z] = d.map((v) => v / norm);
-  if (z < -0.999999) return [0, 1, 0, 0];
-  const half = Math.sqrt(2 * (1 + z));
-  return [half / 2, -y / half, x / half, 0];
 }

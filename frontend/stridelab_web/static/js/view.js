@@ -1,6 +1,9 @@
 // The timeline under the 3D scene: play, step, scrub, speed, loop, and the time in the page's address.
+import { Camera } from "./camera.js";
+import { LoopRange } from "./loop_range.js";
 import { unpack } from "./packed.js";
 import { Scene } from "./scene.js";
+import { snapshot } from "./snapshot.js";
 
 const ADDRESS_EVERY_MS = 250, HEARTBEAT_MS = 400;
 const stage = document.querySelector("[data-stage]");
@@ -14,9 +17,13 @@ const loop = player.querySelector("[data-loop]");
 const magnified = player.querySelector("[data-magnified]");
 const playButton = player.querySelector('[data-do="play"]');
 const through = player.querySelector("[data-through]");
+const view = player.querySelector("[data-view]");
+const followed = player.querySelector("[data-follow]");
 const base = stage.dataset.scene;
+const steps_s = JSON.parse(player.dataset.steps);
+const range = new LoopRange(player.querySelector("[data-range]"), rememberRange);
 
-let scene = null, time_s = [], phases_s = [], at = 0, playing = false, last_ms = 0, addressed_ms = 0, addressLater = 0;
+let scene = null, camera = null, time_s = [], phases_s = [], starts_s = [], at = 0, playing = false, last_ms = 0, addressed_ms = 0, addressLater = 0;
 
 start().catch((error) => {
   veil.hidden = false;
@@ -31,7 +38,9 @@ async function start() {
   ]);
   time_s = layout.time_s;
   phases_s = layout.phase_starts_s;
+  starts_s = phases_s.length ? phases_s : steps_s.map(([start_s]) => start_s);
   scene = new Scene(frame, layout, unpack(values, layout));
+  camera = new Camera(scene);
   // A layer of which nothing is there is not offered.
   for (const box of player.querySelectorAll("[data-show]")) {
     const there = [...scene.nodes.names, ...layout.still].some((name) => name.startsWith(box.dataset.show));
@@ -48,9 +57,11 @@ async function start() {
   slider.disabled = false;
   frame.contentWindow.addEventListener("keydown", (event) => onKey(event, false));
   applyShown();
-  seek(frameAt(Number(new URLSearchParams(location.search).get("t") ?? player.dataset.start)), false);
+  const query = new URLSearchParams(location.search);
+  range.begin(time_s, ...["from", "to"].map((name) => (query.has(name) ? Number(query.get(name)) : NaN)));
+  seek(frameAt(Number(query.get("t") ?? player.dataset.start)), false);
   player.dataset.ready = "true";
-  if (new URLSearchParams(location.search).has("play")) play(true);
+  if (query.has("play")) play(true);
   setInterval(() => playing || (scene.nodes.isStale() && scene.show(at)), HEARTBEAT_MS);
 }
 
@@ -78,9 +89,10 @@ function seek(target, remember = true) {
   const whole = Math.round(at);
   scene.show(at);
   slider.value = String(whole);
-  const phase = phaseAt(time_s[whole]);
-  slider.setAttribute("aria-valuetext", `${time_s[whole].toFixed(3)} seconds, frame ${whole + 1}${phase < 0 ? "" : `, phase ${phase}`}`);
-  clock.textContent = `${time_s[whole].toFixed(3)} s · frame ${whole + 1} of ${time_s.length}${phase < 0 ? "" : ` · phase ${phase}`}`;
+  camera.shown(at);
+  const part = partAt(time_s[whole]);
+  slider.setAttribute("aria-valuetext", `${time_s[whole].toFixed(3)} seconds, frame ${whole + 1}${part && `, ${part}`}`);
+  clock.textContent = `${time_s[whole].toFixed(3)} s · frame ${whole + 1} of ${time_s.length}${part && ` · ${part}`}`;
   if (remember) rememberTime(whole);
 }
 
@@ -89,9 +101,18 @@ function phaseAt(t_s) {
   return phases_s.findLastIndex((start_s) => start_s <= t_s + 1e-6);
 }
 
+// The phase of a plan; of a walk the step, and how much of it is over, where its steps are known.
+function partAt(t_s) {
+  if (phases_s.length) return `phase ${phaseAt(t_s)}`;
+  const k = steps_s.findIndex(([start_s, end_s]) => start_s <= t_s + 1e-6 && t_s < end_s);
+  if (k < 0) return "";
+  const [start_s, end_s] = steps_s[k];
+  return `step ${k + 1} of ${steps_s.length}, ${Math.round((100 * (t_s - start_s)) / (end_s - start_s))} %`;
+}
+
 function toPhase(step) {
-  const now = phaseAt(time_s[Math.round(at)]);
-  const target = phases_s[now + step];
+  const now = starts_s.findLastIndex((start_s) => start_s <= time_s[Math.round(at)] + 1e-6);
+  const target = starts_s[now + step];
   if (playing) play(false);
   if (target !== undefined) seek(frameAt(target));
   else seek(step < 0 ? 0 : time_s.length - 1);
@@ -113,7 +134,7 @@ function rememberTime(whole) {
 
 function play(on) {
   playing = on;
-  if (on && at >= time_s.length - 1) seek(0);
+  if (on && (at >= range.to || at < range.from)) seek(range.from);
   playButton.setAttribute("aria-pressed", String(on));
   playButton.setAttribute("aria-label", on ? "Pause (space)" : "Play (space)");
   playButton.querySelector("[data-icon=play]").toggleAttribute("hidden", on);
@@ -128,15 +149,12 @@ function tick(now_ms) {
   const rate_hz = (time_s.length - 1) / (time_s.at(-1) - time_s[0]);
   let next = at + (Math.max(0, now_ms - last_ms) / 1000) * Number(speed.value) * rate_hz;
   last_ms = now_ms;
-  if (next > time_s.length - 1) {
-    if (!loop.checked) {
-      seek(time_s.length - 1);
-      play(false);
-      return;
-    }
-    next %= time_s.length - 1;
+  if (next > range.to && !loop.checked) {
+    seek(range.to);
+    play(false);
+    return;
   }
-  seek(next);
+  seek(range.wrapped(next));
   requestAnimationFrame(tick);
 }
 
@@ -145,6 +163,9 @@ const deeds = {
   back: () => step(-1),
   forward: () => step(1),
   play: () => play(!playing),
+  from: () => range.set("from", Math.round(at)),
+  to: () => range.set("to", Math.round(at)),
+  whole: () => range.clear(),
 };
 function step(frames) {
   if (playing) play(false);
@@ -174,6 +195,26 @@ function to(t_s) {
   seek(frameAt(t_s));
 }
 
+// The range stays in the address, so that a reload and a link keep it.
+function rememberRange() {
+  const url = new URL(location.href);
+  for (const end of ["from", "to"]) {
+    if (range.whole) url.searchParams.delete(end);
+    else url.searchParams.set(end, time_s[range[end]].toFixed(3));
+  }
+  history.replaceState(null, "", url);
+}
+
+view.addEventListener("change", () => look(view.value));
+function look(from) {
+  view.value = from;
+  if (scene?.nodes.viser) camera.look(from);
+}
+followed.addEventListener("change", () => scene?.nodes.viser && camera.follow(followed.checked, at));
+player.querySelector("[data-do=picture]").addEventListener("click", () => {
+  if (scene?.nodes.viser) snapshot(scene.nodes.viser, `${player.dataset.name} ${time_s[Math.round(at)].toFixed(3)} s`);
+});
+
 function applyShown() {
   scene.through = through.checked;
   scene.magnified = Number(magnified.value);
@@ -198,7 +239,9 @@ through.addEventListener("change", () => {
 });
 
 // In our page arrows step too; inside the scene they belong to viser's camera.
-const KEYS = { " ": deeds.play, ",": () => step(-1), ".": () => step(1) };
+const follow = () => followed.click();
+const VIEWS = { 1: () => look("side"), 2: () => look("front"), 3: () => look("above"), 4: follow };
+const KEYS = { " ": deeds.play, ",": () => step(-1), ".": () => step(1), "[": deeds.from, "]": deeds.to, "\\": deeds.whole, ...VIEWS };
 const PAGE_KEYS = { ArrowLeft: () => step(-1), ArrowRight: () => step(1), Home: deeds.start, End: () => seek(time_s.length - 1) };
 const PHASE_KEYS = { PageUp: () => toPhase(-1), PageDown: () => toPhase(1) };
 function onKey(event, ours) {
@@ -207,7 +250,7 @@ function onKey(event, ours) {
   if (name === "SELECT" || (name === "INPUT" && event.target.type !== "range" && event.key !== "," && event.key !== ".")) return;
   if ((name === "BUTTON" || name === "A") && event.key === " ") return;
   if (name === "INPUT" && event.key in PAGE_KEYS) return; // the slider steps by itself
-  const deed = KEYS[event.key] ?? (ours ? PAGE_KEYS[event.key] : undefined) ?? (phases_s.length ? PHASE_KEYS[event.key] : undefined);
+  const deed = KEYS[event.key] ?? (ours ? PAGE_KEYS[event.key] : undefined) ?? (starts_s.length ? PHASE_KEYS[event.key] : undefined);
   if (!deed) return;
   event.preventDefault();
   deed();

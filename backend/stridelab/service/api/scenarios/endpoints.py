@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Body, Response
+from fastapi import APIRouter, Body, Header, Response
 from sqlalchemy import delete, func, insert, update
 
 from stridelab.schemas.base import Page
@@ -12,7 +12,7 @@ from stridelab.service.api.paging import Cursor, Limit
 from stridelab.service.api.parts import AppParts
 from stridelab.service.api.scenarios.examples import IN_THE_AIR, ONE_STEP
 from stridelab.service.api.scenarios.judging import judge, refuse_invalid
-from stridelab.service.api.scenarios.rows import own_row, scenario_of, scenario_row, scenarios_page
+from stridelab.service.api.scenarios.rows import own_row, refuse_changed, scenario_of, scenario_row, scenarios_page
 from stridelab.service.api.strict import StrictRoute
 from stridelab.service.bundled_scenarios import new_id
 from stridelab.service.storage.tables import scenario
@@ -23,6 +23,7 @@ _STEP: Final[Any] = {"step": {"summary": "One step on a flat floor", "value": ON
 _CHECKED: Final[Any] = {**_STEP, "air": {"summary": "A foot that touches nothing", "value": IN_THE_AIR}}
 _UNKNOWN: Final = failures(s404="No scenario with this id (`scenario-not-found`).")
 _READ_ONLY: Final = failures(s409="It comes with the program (`scenario-read-only`).")
+_CHANGED: Final = failures(s412="It is no longer what `If-Match` names (`scenario-changed`).")
 _INVALID: Final = failures(
     s422="It is no scenario (`invalid-request`), or one that the robot cannot do (`scenario-invalid`); `errors` names "
     "phase, effector and field."
@@ -64,25 +65,38 @@ async def check_scenario(parts: AppParts, body: Annotated[Scenario, Body(openapi
 
 
 @router.get("/{scenario_id}", summary="One scenario", responses=_UNKNOWN)
-async def get_scenario(parts: AppParts, scenario_id: str) -> StoredScenario:
-    """One scenario: robot, terrain and contact phases."""
+async def get_scenario(parts: AppParts, scenario_id: str, response: Response) -> StoredScenario:
+    """One scenario: robot, terrain and contact phases. `ETag` is its `updated_at` in quotes."""
     async with parts.engine.connect() as connection:
-        return scenario_of(await scenario_row(connection, scenario_id))
+        stored = scenario_of(await scenario_row(connection, scenario_id))
+    response.headers["ETag"] = stored.etag
+    return stored
 
 
-@router.put("/{scenario_id}", summary="Replace a scenario", responses={**_UNKNOWN, **_READ_ONLY, **_INVALID})
+@router.put(
+    "/{scenario_id}", summary="Replace a scenario", responses={**_UNKNOWN, **_READ_ONLY, **_CHANGED, **_INVALID}
+)
 async def put_scenario(
-    parts: AppParts, scenario_id: str, body: Annotated[Scenario, Body(openapi_examples=_STEP)]
+    parts: AppParts,
+    scenario_id: str,
+    body: Annotated[Scenario, Body(openapi_examples=_STEP)],
+    response: Response,
+    if_match: Annotated[str | None, Header(description="replace it only while this is its `ETag`")] = None,
 ) -> StoredScenario:
-    """Replace a scenario as a whole, checked like a new one. Jobs that run already keep what they began with."""
+    """Replace a scenario as a whole, checked like a new one. Jobs that run already keep what they began with.
+
+    With `If-Match`, nothing that somebody else has stored since is overwritten.
+    """
     async with parts.engine.connect() as connection:
-        await own_row(connection, scenario_id)
+        refuse_changed(await own_row(connection, scenario_id), if_match)
     await refuse_invalid(body, parts.judges)
     async with parts.engine.begin() as connection:
-        await own_row(connection, scenario_id)
+        refuse_changed(await own_row(connection, scenario_id), if_match)
         values = {"body": body.model_dump(mode="json"), "updated_at": func.now()}
         await connection.execute(update(scenario).where(scenario.c.id == scenario_id).values(values))
-        return scenario_of(await scenario_row(connection, scenario_id))
+        stored = scenario_of(await scenario_row(connection, scenario_id))
+    response.headers["ETag"] = stored.etag
+    return stored
 
 
 @router.delete("/{scenario_id}", status_code=204, summary="Delete a scenario", responses={**_UNKNOWN, **_READ_ONLY})

@@ -48,6 +48,16 @@ async def own_row(connection: AsyncConnection, scenario_id: str) -> Row:
     return row
 
 
+def refuse_changed(row: Row, if_match: str | None) -> None:
+    """Keep what somebody else has stored.
+
+    Raises ``Conflict`` (``scenario-changed``) where ``if_match``, an If-Match header, names another state of the row.
+    """
+    asked = {tag.strip() for tag in (if_match or "*").split(",")}
+    if not asked & {"*", scenario_of(row).etag}:
+        raise Conflict("scenario-changed", "This scenario has been changed elsewhere since it was read.")
+
+
 async def scenarios_page(connection: AsyncConnection, limit: int, cursor: str | None) -> Page[StoredScenario]:
     """One page, newest first; no more rows are fetched than it can hold."""
     query: Select[Any] = newest_first(select(scenario), scenario, limit, cursor)

@@ -1,0 +1,155 @@
+"""The player of the viewer: a range that is played again and again, views, following, pictures."""
+
+import io
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+from playwright.sync_api import Page, expect
+
+from support.fake_lab import Lab, running_lab
+from support.scene_view import opened, until
+from support.tab import Service, Tab
+
+CAMERA = """() => {
+    const { camera, cameraControl, nodeRefFromName } = document.querySelector("iframe").contentWindow.__viserMutable;
+    const root = nodeRefFromName[""], at = camera.position.clone();
+    const target = root.worldToLocal(cameraControl.getTarget(at.clone())).toArray();
+    return { at: root.worldToLocal(cameraControl.getPosition(at.clone())).toArray(), target };
+}"""
+"""Where the camera is and looks at, in the world of the scene."""
+
+
+@pytest.fixture(scope="module")
+def lab() -> Iterator[Lab]:
+    with running_lab() as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def service(lab: Lab) -> Service:
+    return Service(lab.url, lab.fake.client())
+
+
+@pytest.fixture
+def tab(open_tab: Callable[..., Tab]) -> Tab:
+    return open_tab(900, 640)
+
+
+def frame(page: Page) -> int:
+    return int(page.get_by_role("slider", name="Time").input_value())
+
+
+def test_a_range_is_played_again_and_again_and_kept_in_the_address(tab: Tab, lab: Lab) -> None:
+    job = lab.fake.add_plan()
+    page = opened(tab, f"/view/?plan={job.id}&t=2")
+    page.locator("body").press("[")
+    page.get_by_role("slider", name="Time").fill("120")
+    page.locator("body").press("]")
+    begin = page.get_by_role("slider", name="Begin of what is played")
+    end = page.get_by_role("slider", name="End of what is played")
+    expect(begin).to_have_attribute("aria-valuenow", "100")
+    expect(end).to_have_attribute("aria-valuenow", "120")
+    begin.press("ArrowLeft")
+    end.press("PageDown")
+    expect(begin).to_have_attribute("aria-valuetext", "1.980 seconds, frame 100")
+    expect(end).to_have_attribute("aria-valuenow", "110")
+    assert "from=1.980" in page.url
+    assert "to=2.200" in page.url
+
+    frames = """() => new Promise((done) => {
+        const slider = document.querySelector("#time"), seen = [];
+        const look = () => {
+            seen.push(Number(slider.value));
+            if (seen.length < 90 || !seen.some((at, k) => at < seen[k - 1])) requestAnimationFrame(look);
+            else done(seen);
+        };
+        look();
+    })"""
+    page.get_by_label("Speed").select_option("2")
+    page.get_by_role("button", name="Play (space)").click()
+    until(page, lambda: 99 <= frame(page) <= 110)
+    seen = page.evaluate(frames)
+    assert min(seen) >= 99
+    assert max(seen) <= 110, "it goes back from the end of the range"
+    page.get_by_role("button", name="Pause (space)").click()
+
+    page.reload()
+    page.wait_for_selector("[data-player][data-ready]", timeout=90_000)
+    expect(begin).to_have_attribute("aria-valuenow", "99")
+    expect(end).to_have_attribute("aria-valuenow", "110")
+    box, row = end.bounding_box(), page.locator("[data-range]").bounding_box()
+    assert box is not None
+    assert row is not None
+    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + 5)
+    page.mouse.down()
+    page.mouse.move(row["x"] + row["width"] * 0.75, box["y"] + 5, steps=4)
+    page.mouse.up()
+    until(page, lambda: abs(float(end.get_attribute("aria-valuenow") or 0) - 0.75 * 290) < 4)
+    page.locator("h1").press("\\")
+    expect(begin).to_have_attribute("aria-valuenow", "0")
+    assert "from=" not in page.url
+
+
+def test_the_scene_is_looked_at_from_its_sides_and_along_the_way(tab: Tab, lab: Lab) -> None:
+    job = lab.fake.add_plan()
+    page = opened(tab, f"/view/?plan={job.id}&t=1")
+
+    def seen(key: str) -> np.ndarray:
+        page.locator("body").press(key)
+        state = page.evaluate(CAMERA)
+        towards = np.subtract(state["at"], state["target"])
+        return np.asarray(towards / np.linalg.norm(towards))
+
+    assert seen("1") @ [0, -1, 0] > 0.95
+    expect(page.get_by_label("View")).to_have_value("side")
+    assert seen("2") @ [1, 0, 0] > 0.95
+    assert seen("3") @ [0, 0, 1] > 0.95
+
+    page.get_by_label("Follow").check()
+    before = page.evaluate(CAMERA)
+    page.get_by_role("slider", name="Time").fill("150")
+    until(page, lambda: page.evaluate(CAMERA)["target"][0] > before["target"][0] + 0.05)
+    after = page.evaluate(CAMERA)
+    assert np.subtract(after["at"], before["at"]) == pytest.approx(
+        np.subtract(after["target"], before["target"]), abs=1e-3
+    ), "it moves along without turning"
+    page.get_by_label("Follow").uncheck()
+    page.get_by_role("slider", name="Time").fill("200")
+    assert page.evaluate(CAMERA)["target"] == pytest.approx(after["target"], abs=1e-6)
+
+
+def test_what_is_seen_can_be_kept_as_a_picture(tab: Tab, lab: Lab, tmp_path: Path) -> None:
+    page = opened(tab, f"/view/?plan={lab.fake.add_plan().id}&t=1")
+    with page.expect_download(timeout=60_000) as download:
+        page.get_by_role("button", name="Picture").click()
+    assert download.value.suggested_filename == "Two steps 1.000 s.png"
+    picture = Image.open(io.BytesIO(Path(download.value.path()).read_bytes())).convert("RGB")
+    frame_box = page.locator("iframe").bounding_box()
+    assert frame_box is not None
+    assert picture.size == pytest.approx((frame_box["width"], frame_box["height"]), abs=1)
+    assert len(picture.getcolors(1 << 20) or []) > 200, "there is more than a background"
+
+
+def test_the_player_fits_a_small_window(tab: Tab, lab: Lab) -> None:
+    tab.page.set_viewport_size({"width": 800, "height": 600})
+    page = opened(tab, f"/view/?plan={lab.fake.add_plan(replay=True).id}")
+    for side in ("Width", "Height"):
+        assert page.evaluate(f"() => document.documentElement.scroll{side} <= window.inner{side}")
+    stage = page.locator("[data-stage]").bounding_box()
+    assert stage is not None
+    assert stage["height"] > 200
+    sizes = page.evaluate("""() => [...document.querySelectorAll(".player button, .player [role=slider]")]
+        .map((node) => [node.getBoundingClientRect().width, node.getBoundingClientRect().height])""")
+    assert min(width for width, _ in sizes) >= 24
+
+
+def test_steps_are_told_of_a_walk_whose_wheel_is_known(tab: Tab, lab: Lab) -> None:
+    recording = lab.fake.add_recording()
+    page = opened(tab, f"/view/?recording={recording.id}&t=1")
+    assert json.loads(page.locator("[data-player]").get_attribute("data-steps") or "") == []
+    expect(page.get_by_role("link", name="Upload another")).to_have_attribute("href", "/recordings")
+    expect(page.locator("[data-time]")).not_to_contain_text("step")
