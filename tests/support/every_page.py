@@ -10,6 +10,7 @@ from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.jobs import Artifact, JobResult, Progress
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
 from stridelab.schemas.sweeps import SweepAxis, SweepSummary
+from stridelab_web.pages.home import SAMPLE_RECORDING
 from support import fake_population, fake_reach, fake_wheel
 from support.fake_service import FakeService
 
@@ -20,6 +21,9 @@ def every_page(fake: FakeService) -> dict[str, str]:
     """Fill ``fake`` with one of everything, and say under which address each page shows it."""
     walk, person = fake.add_recording('<b>walk</b> "1".c3d'), fake.add_recording("standing.c3d")
     sample, own = fake.add_scenario(bundled=True), fake.add_scenario()
+    somebody = fake.subjects.add("<i>P07</i>", height_m=1.71)
+    fake.recordings[walk.id] = walk.model_copy(update={"subject_id": somebody.subject_id})
+    fake.recordings[SAMPLE_RECORDING] = walk.model_copy(update={"id": SAMPLE_RECORDING, "bundled": True})
     estimate = fake.add_job("estimate-com", "succeeded", recording_id=walk.id)
     wheel = fake.add_job(fake_wheel.KIND, "succeeded", recording_id=walk.id)
     plan = fake.add_plan(replay=True, scenario_id=sample.id)
@@ -39,8 +43,13 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "home": "/",
         "recordings": "/recordings",
         "recording": f"/recordings/{walk.id}",
+        "sample": f"/recordings/{SAMPLE_RECORDING}",
+        "subjects": "/subjects",
+        "subject": f"/subjects/{somebody.subject_id}",
         "scenarios": "/scenarios",
         "scenario": f"/scenarios/{own.id}",
+        "sweeps": "/sweeps",
+        "settings": "/settings",
         "robots": "/robots",
         "robot": f"/robots/{ROBOT}",
         "population-new": f"/population?recording={person.id}",

@@ -21,5 +21,5 @@ function nameOf(region) {
   const before = (one) => headings.findLast((heading) => heading.compareDocumentPosition(one) & Node.DOCUMENT_POSITION_FOLLOWING);
   const heading = before(region), alike = regions.filter((one) => before(one) === heading);
   const title = heading ? heading.textContent.trim() : document.title;
-  return alike.length > 1 ? `${title}, ${alike.indexOf(region) + 1} of ${alike.length}` : title;
+  return `${title}, table or text to scroll${alike.length > 1 ? ` (${alike.indexOf(region) + 1} of ${alike.length})` : ""}`;
 }
