@@ -21,9 +21,9 @@ const ROW_PX = 170, GAP_PX = 26, TOP_PX = 10, BOTTOM_PX = 46, LETTER_PX = 8, SAM
 const box = document.getElementById("plots");
 const cursor = document.getElementById("cursor");
 const readout = document.getElementById("readout");
-const answer = await fetch(box.dataset.plots);
-if (answer.ok) draw(await answer.json());
-else box.textContent = "The curves could not be read.";
+const answer = await fetch(box.dataset.plots).catch(() => null);
+if (answer?.ok) draw(await answer.json());
+else box.textContent = "The curves could not be read. Load the page again to ask for them anew.";
 
 function tracesOf(row, columns) {
   return row.traces.flatMap((trace) => {
