@@ -8,8 +8,10 @@ from stridelab.client import ProblemError, Unreachable
 from stridelab_web import assets, scenes
 from stridelab_web.config import WebConfig
 from stridelab_web.pages import (
+    about,
     comparison,
     errors,
+    home,
     job,
     learned,
     login,
@@ -21,6 +23,8 @@ from stridelab_web.pages import (
     reproduction,
     robot,
     scenario,
+    subject,
+    sweeps,
     view,
 )
 from stridelab_web.pages.render import make_environment
@@ -47,9 +51,11 @@ def routes() -> list[BaseRoute]:
     """All addresses of the web app."""
     scene = "/view/scene/{kind}/{id}/{job}"
     return [
-        Route("/", overview.home),
+        Route("/", home.home),
         Route("/recordings", overview.recordings),
         Route("/recordings/{id}", recording.recording),
+        Route("/subjects", subject.subjects),
+        Route("/subjects/{id}", subject.subject),
         Route("/scenarios", scenario.scenarios),
         Route("/scenarios/{id}", scenario.scenario),
         Route("/plans/{id}", plan.plan),
@@ -57,6 +63,8 @@ def routes() -> list[BaseRoute]:
         Route("/robots", robot.robots),
         Route("/robots/{name}", robot.robot),
         Route("/robots/{name}/reach.json", robot.reach),
+        Route("/sweeps", sweeps.sweeps),
+        Route("/settings", about.settings),
         Route("/jobs", overview.jobs),
         Route("/reproduction", reproduction.reproduction),
         Route("/jobs/{id}", job.job),

@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 
 import httpx
 
+from stridelab.schemas.service import ShownSetting
+
 
 @dataclass(frozen=True)
 class WebConfig:
@@ -11,6 +13,7 @@ class WebConfig:
 
     ``transport`` short-cuts the network where the interface lives in the same process; ``token`` is the API token,
     if one is set; ``viewer_url`` is the loopback control address of the viewer process, or None where there is none.
+    ``settings`` are those in force, for whoever asks.
     """
 
     base_url: str
@@ -18,3 +21,4 @@ class WebConfig:
     transport: httpx.AsyncBaseTransport | None = field(default=None, repr=False)
     token: str | None = field(default=None, repr=False)
     viewer_url: str | None = None
+    settings: tuple[ShownSetting, ...] = ()

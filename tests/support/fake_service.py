@@ -23,7 +23,9 @@ from stridelab.schemas.previews import SolverFacts, Solvers
 from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
 from stridelab.schemas.robots import Measure
 from stridelab.schemas.scenarios import Scenario, StoredScenario
+from stridelab.schemas.service import Health
 from support import fake_comparison, fake_planner, fake_population, fake_reach, fake_wheel
+from support.fake_subjects import FakeSubjects
 from support.fake_walk import (
     DURATION_S,
     LABELS,
@@ -56,10 +58,12 @@ class Loop(httpx.BaseTransport):
 
 
 class FakeService:
-    """State of the fake: recordings, jobs, and how fast jobs move."""
+    """State of the fake: recordings, jobs, how fast jobs move, and for how many seconds it is too busy for new ones."""
 
     def __init__(self, step_s: float = 0.05) -> None:
         self.recordings: dict[str, Recording] = {}
+        self.subjects = FakeSubjects()
+        self.busy: int | None = None
         self.jobs: dict[str, Job] = {}
         self.inputs: dict[str, dict[str, Any]] = {}
         self.stopped: dict[str, StoppedMotion] = {}
@@ -205,6 +209,8 @@ class FakeService:
         """The ASGI app."""
         api = "/api/v1"
         routes = [
+            *self.subjects.routes(api),
+            Route(f"{api}/health", self._health),
             Route(f"{api}/recordings", self._recordings, methods=["GET", "POST"]),
             Route(f"{api}/recordings/{{id}}", self._recording, methods=["GET", "PATCH", "DELETE"]),
             Route(f"{api}/recordings/{{id}}/tracks.parquet", self._tracks),
@@ -252,7 +258,9 @@ class FakeService:
         if request.method == "PATCH":
             patch = await request.json()
             self.patches.append(patch)
-            changes: dict[str, Any] = {k: v for k, v in patch.items() if k in ("marker_map", "static_recording_id")}
+            changes: dict[str, Any] = {
+                k: v for k, v in patch.items() if k in ("marker_map", "static_recording_id", "subject_id")
+            }
             if "subject" in patch:
                 changes["subject"] = SubjectFields.model_validate(patch["subject"])
             self.recordings[key] = self.recordings[key].model_copy(update=changes)
@@ -277,7 +285,14 @@ class FakeService:
         limit = int(query.get("limit", 50))
         return _answer({"items": [j.model_dump(mode="json") for j in found[:limit]], "next": None})
 
+    async def _health(self, _: Request) -> Response:
+        return _answer(Health(version="0.1.0", uptime_s=12.5).model_dump(mode="json"))
+
     async def _submit(self, request: Request) -> Response:
+        if self.busy is not None:
+            refused = _problem(429, "queue-full", "200 jobs are waiting already.")
+            refused.headers["Retry-After"] = str(self.busy)
+            return refused
         given = await request.json()
         job = self.add_job(request.path_params["kind"], recording_id=given.get("recording_id"))
         self.inputs[job.id] = given

@@ -12,3 +12,12 @@ class Health(Contract):
     version: str
     database: Literal["ok"] = "ok"
     uptime_s: float
+
+
+class ShownSetting(Contract):
+    """A setting of the service as people may see it: ``value`` is in words, and never a secret."""
+
+    name: str
+    value: str
+    meaning: str
+    changed: bool

@@ -8,6 +8,7 @@ from starlette.types import Scope
 from stridelab import __version__
 from stridelab.service.api.auth import inside
 from stridelab.service.settings import Settings
+from stridelab.service.shown_settings import shown
 from stridelab_web.app import create_web
 from stridelab_web.config import WebConfig
 
@@ -34,5 +35,6 @@ def mount(app: FastAPI, settings: Settings) -> None:
         transport=httpx.ASGITransport(app=inside(app)),
         token=settings.token,
         viewer_url=settings.viewer_url,
+        settings=shown(settings),
     )
     app.router.routes.append(_Pages("", app=create_web(config)))

@@ -22,17 +22,20 @@ async def on_problem(request: Request, error: Exception) -> Response:
     if not isinstance(error, ProblemError):
         raise error
     problem = error.problem
-    title = _TITLES.get(problem.status, problem.title)
-    return page(
+    wait = error.retry_after_s
+    answer = page(
         request,
         "error.html",
         problem.status,
-        title=title,
-        detail=problem.detail,
+        title=_TITLES.get(problem.status, problem.title),
+        detail=problem.detail if wait is None else f"{problem.detail} Try again in {wait:g} s.",
         code=problem.code,
         status=problem.status,
         errors=problem.errors,
     )
+    if wait is not None:
+        answer.headers["Retry-After"] = f"{wait:g}"
+    return answer
 
 
 async def on_http(request: Request, error: Exception) -> Response:

@@ -1,4 +1,4 @@
-"""Home and the two lists."""
+"""The lists of recordings and jobs."""
 
 from collections.abc import Sequence
 
@@ -8,26 +8,7 @@ from starlette.responses import Response
 from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import Job
 from stridelab_web.pages.render import page
-from stridelab_web.pages.scenario import cards
 from stridelab_web.service import client_of
-
-LATEST, SCENARIOS = 6, 4
-
-
-async def home(request: Request) -> Response:
-    """``GET /``."""
-    client = client_of(request)
-    recordings, jobs = await client.recordings(limit=LATEST), await client.jobs(limit=LATEST)
-    filenames = await _filenames(client, jobs.items)
-    return page(
-        request,
-        "home.html",
-        section="Home",
-        recordings=recordings.items,
-        jobs=jobs.items,
-        filenames=filenames,
-        scenarios=cards((await client.scenarios(limit=SCENARIOS)).items),
-    )
 
 
 async def recordings(request: Request) -> Response:
@@ -48,11 +29,11 @@ async def jobs(request: Request) -> Response:
         jobs=found.items,
         next=found.next,
         state_filter=state,
-        filenames=await _filenames(client, found.items),
+        filenames=await filenames_of(client, found.items),
     )
 
 
-async def _filenames(client: AsyncClient, jobs: Sequence[Job]) -> dict[str, str]:
+async def filenames_of(client: AsyncClient, jobs: Sequence[Job]) -> dict[str, str]:
     """Names of the recordings that the jobs work on; one that is gone has none."""
     names: dict[str, str] = {}
     for recording_id in {job.recording_id for job in jobs if job.recording_id is not None}:

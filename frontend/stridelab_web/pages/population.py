@@ -33,7 +33,7 @@ async def population(request: Request) -> Response:
     return page(
         request,
         "population.html",
-        section="Jobs",
+        section="Population",
         job=found,
         took_s=None if took is None else took.total_seconds(),
         result=result,
@@ -50,7 +50,7 @@ async def new(request: Request) -> Response:
     return page(
         request,
         "population_new.html",
-        section="Recordings",
+        section="Population",
         recordings=ordered,
         chosen=chosen,
         people={item.id: _person(item) for item in ordered},

@@ -29,12 +29,14 @@ async def recording(request: Request) -> Response:
     found = await client.recording(request.path_params["id"])
     jobs = await client.jobs(recording_id=found.id)
     others = [item for item in (await client.recordings(limit=CANDIDATES)).items if item.id != found.id]
+    person = None if found.subject_id is None else await client.subject(found.subject_id)
     alternatives = {name for group in found.missing_landmarks for name in group.split("|")}
     return page(
         request,
         "recording.html",
         section="Recordings",
         recording=found,
+        person=person,
         jobs=jobs.items,
         others=others,
         windows=strips.bars(found.windows_s, found.duration_s),

@@ -1,17 +1,24 @@
 // The only place that talks to /api/v1. Every failure becomes a sentence.
+import { doubt } from "./offline.js";
 
 export class ApiError extends Error {
-  constructor(status, problem) {
-    super(sentence(status, problem));
+  constructor(status, problem, retryAfter = null) {
+    super(sentence(status, problem, retryAfter));
     this.status = status;
     this.problem = problem;
   }
 }
 
-export function sentence(status, problem) {
+export function sentence(status, problem, retryAfter = null) {
   if (!problem) return status === 0 ? "The service does not answer. Is it still running?" : `The service answered ${status}.`;
   const places = (problem.errors || []).map((item) => `${item.where}: ${item.message}`);
-  return [problem.detail || problem.title, ...places].join(" ");
+  const wait = Number(retryAfter) > 0 ? [`Try again in ${Number(retryAfter)} s.`] : [];
+  return [problem.detail || problem.title, ...places, ...wait].join(" ");
+}
+
+// One answer per press of a button: a lost answer can be asked for again without a second job.
+export function startJob(kind, input) {
+  return call("POST", `/jobs/${kind}`, input, { "Idempotency-Key": uniqueKey() });
 }
 
 export async function call(method, path, body, headers = {}) {
@@ -24,6 +31,7 @@ export async function call(method, path, body, headers = {}) {
   try {
     answer = await fetch(`/api/v1${path}`, options);
   } catch {
+    doubt();
     throw new ApiError(0, null);
   }
   if (answer.status === 401) location.assign(`/login?next=${encodeURIComponent(location.pathname + location.search)}`);
@@ -34,21 +42,7 @@ export async function call(method, path, body, headers = {}) {
   } catch {
     throw new ApiError(answer.status, null);
   }
-  if (!answer.ok) throw new ApiError(answer.status, value);
-  return value;
-}
-
-// One answer per press of a button: a lost answer can be asked for again without a second job.
-export async function startJob(kind, input) {
-  const answer = await fetch(`/api/v1/jobs/${kind}`, {
-    method: "POST",
-    headers: { "Content-Type": "application/json", "Idempotency-Key": uniqueKey() },
-    body: JSON.stringify(input),
-  }).catch(() => {
-    throw new ApiError(0, null);
-  });
-  const value = await answer.json().catch(() => null);
-  if (!answer.ok) throw new ApiError(answer.status, value);
+  if (!answer.ok) throw new ApiError(answer.status, value, answer.headers.get("Retry-After"));
   return value;
 }
 
@@ -111,6 +105,7 @@ export function followJob(id, seen = () => {}) {
       };
       for (const name of ["message", "progress", "state"]) source.addEventListener(name, onEvent);
       source.addEventListener("error", async () => {
+        doubt();
         if (source.readyState !== EventSource.CLOSED || over) return;
         const job = await call("GET", `/jobs/${id}?wait=20`).catch(() => null);
         if (job && FINAL.has(job.state)) finish(job);

@@ -1,17 +1,19 @@
 // One figure of stacked curves: one axis below them all, so zoom and cursor are shared by construction.
 /* global Plotly */
-const BLUE = "#0b5c9c", ORANGE = "#c06a00", BAND = "rgba(11,92,156,0.22)", SHADE = "rgba(11,92,156,0.09)";
-const GREY = "#56616c";
+import { colour, onScheme } from "./colours.js";
+
+// The names of colours in the style sheet.
 const STYLES = {
-  main: { color: BLUE, width: 2 }, second: { color: ORANGE, width: 1.4, dash: "dash" }, third: { color: GREY, width: 1.4, dash: "dot" },
-  x: { color: BLUE, width: 1.6 }, y: { color: ORANGE, width: 1.6, dash: "dash" }, z: { color: GREY, width: 1.6, dash: "dot" },
-  left: { color: BLUE, width: 1.6 }, right: { color: ORANGE, width: 1.6, dash: "dash" }, hand: { color: GREY, width: 1.6, dash: "dot" },
-  line1: { color: BLUE, width: 2 }, line2: { color: ORANGE, width: 1.6 }, line3: { color: ORANGE, width: 1.6, dash: "dash" },
-  line4: { color: "#00795c", width: 1.6 }, line5: { color: "#00795c", width: 1.6, dash: "dash" }, line6: { color: "#a3478c", width: 1.6, dash: "dashdot" },
-  line7: { color: GREY, width: 1.6, dash: "dot" }, line8: { color: "#1c2733", width: 1.2, dash: "longdash" },
-  full1: { color: BLUE, width: 1.8 }, full2: { color: ORANGE, width: 1.8 }, full3: { color: GREY, width: 1.8 }, full4: { color: "#a3478c", width: 1.8 },
-  dashed1: { color: BLUE, width: 1.8, dash: "dash" }, dashed2: { color: ORANGE, width: 1.8, dash: "dash" }, dashed3: { color: GREY, width: 1.8, dash: "dash" }, dashed4: { color: "#a3478c", width: 1.8, dash: "dash" },
+  main: { color: "blue", width: 2 }, second: { color: "orange-mid", width: 1.4, dash: "dash" }, third: { color: "slate", width: 1.4, dash: "dot" },
+  x: { color: "blue", width: 1.6 }, y: { color: "orange-mid", width: 1.6, dash: "dash" }, z: { color: "slate", width: 1.6, dash: "dot" },
+  left: { color: "blue", width: 1.6 }, right: { color: "orange-mid", width: 1.6, dash: "dash" }, hand: { color: "slate", width: 1.6, dash: "dot" },
+  line1: { color: "blue", width: 2 }, line2: { color: "orange-mid", width: 1.6 }, line3: { color: "orange-mid", width: 1.6, dash: "dash" },
+  line4: { color: "green", width: 1.6 }, line5: { color: "green", width: 1.6, dash: "dash" }, line6: { color: "purple", width: 1.6, dash: "dashdot" },
+  line7: { color: "slate", width: 1.6, dash: "dot" }, line8: { color: "ink", width: 1.2, dash: "longdash" },
+  full1: { color: "blue", width: 1.8 }, full2: { color: "orange-mid", width: 1.8 }, full3: { color: "slate", width: 1.8 }, full4: { color: "purple", width: 1.8 },
+  dashed1: { color: "blue", width: 1.8, dash: "dash" }, dashed2: { color: "orange-mid", width: 1.8, dash: "dash" }, dashed3: { color: "slate", width: 1.8, dash: "dash" }, dashed4: { color: "purple", width: 1.8, dash: "dash" },
 };
+const lineOf = (style) => ({ ...STYLES[style], color: colour(STYLES[style].color) });
 const SAMPLE_OF_DASH = { solid: "━━", dash: "╍╍", dot: "┈┈" };
 const ROUND = [-2, -1, 0, 1, 2].flatMap((power) => [1, 2, 5].map((digit) => digit * 10 ** power));
 const ROW_PX = 170, GAP_PX = 26, TOP_PX = 10, BOTTOM_PX = 46, LETTER_PX = 8, SAMPLE_PX = 44;
@@ -19,22 +21,38 @@ const ROW_PX = 170, GAP_PX = 26, TOP_PX = 10, BOTTOM_PX = 46, LETTER_PX = 8, SAM
 const box = document.getElementById("plots");
 const cursor = document.getElementById("cursor");
 const readout = document.getElementById("readout");
-const answer = await fetch(box.dataset.plots);
-if (answer.ok) draw(await answer.json());
-else box.textContent = "The curves could not be read.";
+const answer = await fetch(box.dataset.plots).catch(() => null);
+if (answer?.ok) draw(await answer.json());
+else box.textContent = "The curves could not be read. Load the page again to ask for them anew.";
 
 function tracesOf(row, columns) {
   return row.traces.flatMap((trace) => {
     const y = columns[trace.key], sd = trace.sd && columns[trace.sd];
-    const curve = { name: trace.name, y, line: STYLES[trace.style], key: trace.key, group: trace.group };
+    const curve = { name: trace.name, y, line: lineOf(trace.style), key: trace.key, group: trace.group };
     if (!sd) return [curve];
     const edge = (sign) => y.map((v, k) => (v === null || sd[k] === null ? null : v + sign * 1.96 * sd[k]));
-    const line = { width: 0, color: BLUE };
-    return [{ y: edge(-1), line, hoverinfo: "skip" }, { y: edge(1), line, fill: "tonexty", fillcolor: BAND, hoverinfo: "skip" }, curve];
+    const line = { width: 0, color: colour("blue") };
+    return [{ y: edge(-1), line, hoverinfo: "skip" }, { y: edge(1), line, fill: "tonexty", fillcolor: colour("band-fill"), hoverinfo: "skip" }, curve];
   });
 }
 
 function draw(data) {
+  const { traces, layout } = figureOf(data);
+  Plotly.newPlot(box, traces, layout, { displayModeBar: false, responsive: true, doubleClick: "reset" }).then(() => link(data.columns[data.x.key], data));
+  onScheme(() => recolour(data));
+}
+
+// The same figure in the colours of now, with what was zoomed, switched and pointed at.
+function recolour(data) {
+  const { traces, layout } = figureOf(data), shown = box.layout;
+  traces.forEach((trace, k) => Object.assign(trace, { visible: box.data[k].visible }));
+  Object.assign(layout.xaxis, { range: shown.xaxis.range, autorange: shown.xaxis.autorange });
+  const { x0, x1 } = shown.shapes.at(-1);
+  Object.assign(layout.shapes.at(-1), { x0, x1 });
+  Plotly.react(box, traces, layout);
+}
+
+function figureOf(data) {
   const { columns, rows, shades_s, x } = data;
   const t = columns[x.key];
   const height = TOP_PX + BOTTOM_PX + rows.length * ROW_PX;
@@ -42,18 +60,18 @@ function draw(data) {
   const traces = [], annotations = [];
   const layout = {
     height, margin: { l: 74, r: 16, t: TOP_PX, b: BOTTOM_PX }, showlegend: false, hovermode: "x", hoversubplots: "axis", dragmode: "zoom",
-    paper_bgcolor: "#fff", plot_bgcolor: "#fff", font: { family: "system-ui, DejaVu Sans, sans-serif", size: 12, color: "#1c2733" },
-    xaxis: { title: { text: x.title }, type: x.log ? "log" : "linear", range: rangeOf(x, t[0], t[t.length - 1]), gridcolor: "#edf1f4", zeroline: false, showspikes: true, spikemode: "across", spikethickness: 1, spikecolor: "#8b98a5", spikedash: "solid", spikesnap: "cursor", anchor: "free", position: 0 },
+    paper_bgcolor: colour("card"), plot_bgcolor: colour("card"), font: { family: "system-ui, DejaVu Sans, sans-serif", size: 12, color: colour("ink") },
+    xaxis: { title: { text: x.title }, type: x.log ? "log" : "linear", range: rangeOf(x, t[0], t[t.length - 1]), gridcolor: colour("grid"), zeroline: false, showspikes: true, spikemode: "across", spikethickness: 1, spikecolor: colour("grey"), spikedash: "solid", spikesnap: "cursor", anchor: "free", position: 0 },
     shapes: [
-      ...shades_s.map(([x0, x1]) => ({ type: "rect", xref: "x", yref: "paper", x0, x1, y0: 0, y1: 1, fillcolor: SHADE, line: { width: 0 }, layer: "below" })),
-      { type: "line", xref: "x", yref: "paper", x0: t[0], x1: t[0], y0: 0, y1: 1, line: { color: ORANGE, width: 1.5 } },
+      ...shades_s.map(([x0, x1]) => ({ type: "rect", xref: "x", yref: "paper", x0, x1, y0: 0, y1: 1, fillcolor: colour("shade-fill"), line: { width: 0 }, layer: "below" })),
+      { type: "line", xref: "x", yref: "paper", x0: t[0], x1: t[0], y0: 0, y1: 1, line: { color: colour("orange-mid"), width: 1.5 } },
     ],
   };
   if (x.log) Object.assign(layout.xaxis, { tickvals: ROUND, exponentformat: "none" });
   rows.forEach((row, k) => {
     const id = k === 0 ? "" : String(k + 1);
     const top = 1 - (k * ROW_PX) / inner, bottom = 1 - ((k + 1) * ROW_PX - GAP_PX) / inner;
-    layout[`yaxis${id}`] = { domain: [Math.max(0, bottom), top], title: { text: row.title, standoff: 6 }, type: row.log ? "log" : "linear", gridcolor: "#edf1f4", zeroline: false, automargin: false, fixedrange: true, exponentformat: "e" };
+    layout[`yaxis${id}`] = { domain: [Math.max(0, bottom), top], title: { text: row.title, standoff: 6 }, type: row.log ? "log" : "linear", gridcolor: colour("grid"), zeroline: false, automargin: false, fixedrange: true, exponentformat: "e" };
     if (row.log) Object.assign(layout[`yaxis${id}`], { dtick: 2, exponentformat: "none" });
     for (const trace of tracesOf(row, columns)) {
       if (row.steps) trace.line = { ...trace.line, shape: "hv" };
@@ -61,8 +79,7 @@ function draw(data) {
     }
     if (row.legend) annotations.push(...legend(row, top));
   });
-  layout.annotations = annotations;
-  Plotly.newPlot(box, traces, layout, { displayModeBar: false, responsive: true, doubleClick: "reset" }).then(() => link(t, data));
+  return { traces, layout: { ...layout, annotations } };
 }
 
 // A logarithmic axis is told its ends as exponents.
@@ -93,7 +110,7 @@ function addSwitches(switches, read) {
 function legend(row, top) {
   let right = 0;
   return row.traces.filter((trace) => trace.listed).reverse().map((trace) => {
-    const { color, dash } = STYLES[trace.style];
+    const { color, dash } = lineOf(trace.style);
     const entry = {
       xref: "paper", yref: "paper", x: 1, y: top, xanchor: "right", yanchor: "bottom", xshift: -right, showarrow: false,
       text: `${SAMPLE_OF_DASH[dash ?? "solid"]} ${trace.name}`, font: { color, size: 13 },

@@ -4,6 +4,8 @@ import { call, onSubmit, startJob } from "./api.js";
 const root = document.querySelector("[data-recording]");
 const id = root.dataset.recording;
 const find = (selector) => root.querySelector(selector);
+// As the page came, whatever a browser has filled in since.
+const givenIn = (field) => field.defaultValue ?? [...field.options].find((option) => option.defaultSelected)?.value ?? "";
 const number = (text) => (text === "" || text == null ? null : Number(text));
 
 // Saving may change what the windows and warnings are, so the page is asked for anew and says that it was saved.
@@ -13,17 +15,12 @@ async function save(patch) {
   return "Saved.";
 }
 
-onSubmit(find("[data-subject]"), (data) =>
-  save({
-    subject: {
-      name: data.get("name") || null,
-      sex: data.get("sex") || null,
-      height_m: number(data.get("height_m")),
-      mass_kg: number(data.get("mass_kg")),
-      age_years: number(data.get("age_years")),
-    },
-  }),
-);
+// Only what was changed is sent: the rest goes on following the person, or the file.
+onSubmit(find("[data-subject]"), () => {
+  const changed = [...find("[data-subject]").querySelectorAll("input, select")].filter((field) => field.value !== givenIn(field));
+  if (!changed.length) return "Nothing was changed.";
+  return save({ subject: Object.fromEntries(changed.map(({ name, value, type }) => [name, type === "number" ? number(value) : value || null])) });
+});
 find("[data-mass]")?.addEventListener("click", (event) => {
   find("[name=mass_kg]").value = event.currentTarget.dataset.mass;
 });

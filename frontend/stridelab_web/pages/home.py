@@ -1,0 +1,65 @@
+"""The front page: what a newcomer can look at within two clicks, and the latest work."""
+
+from collections.abc import Awaitable
+from typing import Final, TypeVar
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from stridelab.client import AsyncClient, ProblemError
+from stridelab.schemas.scenarios import StoredScenario
+from stridelab_web.pages.overview import filenames_of
+from stridelab_web.pages.render import page
+from stridelab_web.pages.scenario import cards
+from stridelab_web.service import client_of
+
+SAMPLE_RECORDING: Final = "sample-walk"
+SAMPLE_SCENARIO: Final = "six-stairs"
+LATEST, SCENARIOS = 6, 4
+
+T = TypeVar("T")
+
+
+async def home(request: Request) -> Response:
+    """``GET /``."""
+    client = client_of(request)
+    recordings, jobs = await client.recordings(limit=LATEST), await client.jobs(limit=LATEST)
+    shown = await _scenarios(client)
+    return page(
+        request,
+        "home.html",
+        section="Home",
+        sample=await _there(client.recording(SAMPLE_RECORDING)),
+        recordings=recordings.items,
+        jobs=jobs.items,
+        filenames=await filenames_of(client, jobs.items),
+        scenarios=[
+            {**card, "plan": await _motion_of(client, item.id)} for card, item in zip(cards(shown), shown, strict=True)
+        ],
+    )
+
+
+async def _scenarios(client: AsyncClient) -> list[StoredScenario]:
+    """The stairs first, then the newest."""
+    stairs = await _there(client.scenario(SAMPLE_SCENARIO))
+    newest = (await client.scenarios(limit=SCENARIOS)).items
+    first = [] if stairs is None else [stairs]
+    return [*first, *(item for item in newest if item.id != SAMPLE_SCENARIO)][:SCENARIOS]
+
+
+async def _motion_of(client: AsyncClient, scenario_id: str) -> str | None:
+    """The newest plan of a scenario, where it has a motion to watch."""
+    found = (await client.jobs(1, state="succeeded", kind="plan-motion", scenario_id=scenario_id)).items
+    if not found or (await client.result(found[0].id)).summary.get("certificate") is None:
+        return None
+    return found[0].id
+
+
+async def _there(asked: Awaitable[T]) -> T | None:
+    """What was asked for, or None where there is no such thing."""
+    try:
+        return await asked
+    except ProblemError as refusal:
+        if refusal.status == 404:
+            return None
+        raise

@@ -1,0 +1,33 @@
+"""The list of sweeps: over what each went, and how many of its scenarios have a motion."""
+
+import asyncio
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from stridelab.client import AsyncClient
+from stridelab.schemas.jobs import Job, JobResult
+from stridelab.schemas.sweeps import SweepSummary
+from stridelab_web.pages.render import page
+from stridelab_web.pages.sweep import KIND
+from stridelab_web.service import client_of
+
+
+async def sweeps(request: Request) -> Response:
+    """``GET /sweeps``."""
+    client = client_of(request)
+    found = await client.jobs(kind=KIND, cursor=request.query_params.get("cursor"))
+    named = await asyncio.gather(*(_name(client, job) for job in found.items))
+    names = {job.id: name for job, name in zip(found.items, named, strict=True) if name}
+    return page(request, "sweeps.html", section="Sweeps", jobs=found.items, names=names, next=found.next)
+
+
+async def _name(client: AsyncClient, job: Job) -> str:
+    return said(await client.result(job.id)) if job.state == "succeeded" else ""
+
+
+def said(result: JobResult) -> str:
+    """``Steps over stride, friction: 31 of 105``."""
+    summary = SweepSummary.model_validate(result.summary)
+    fields = ", ".join(axis.field for axis in summary.axes)
+    return f"{summary.scenario_name} over {fields}: {summary.feasible} of {summary.points}"

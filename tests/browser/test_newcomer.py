@@ -1,0 +1,67 @@
+"""A newcomer's way: from the front page of a fresh service to a moving result of either wing, in at most two clicks."""
+
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Locator, Page, expect
+
+from support.tab import Service, Tab
+
+CLICKS_AT_MOST = 2
+PLANNED_WITHIN_MS = 420_000
+"""On a machine with one busy core."""
+
+
+class Mouse:
+    """Clicks as a person does, and counts."""
+
+    def __init__(self) -> None:
+        self.clicks = 0
+
+    def click(self, target: Locator) -> None:
+        target.click()
+        self.clicks += 1
+
+
+def expect_motion(page: Page, timeout_ms: float = 60_000) -> None:
+    """The viewer plays: its button says so, and its clock goes on."""
+    page.wait_for_selector("[data-player][data-ready]", timeout=timeout_ms)
+    expect(page.get_by_role("button", name="Pause (space)")).to_be_visible()
+    first = page.locator("[data-time]").text_content()
+    expect(page.locator("[data-time]")).not_to_have_text(first or "")
+
+
+@pytest.fixture
+def page(open_tab: Callable[..., Tab]) -> Page:
+    tab = open_tab()
+    return tab.go("/")
+
+
+def test_a_walking_person(page: Page) -> None:
+    mouse = Mouse()
+    mouse.click(page.get_by_role("link", name="Watch the sample walk"))
+    page.wait_for_url("**/view/?recording=sample-walk*")
+    expect_motion(page)
+    expect(page.locator('[data-show="/paths/"]')).to_be_visible()
+    assert mouse.clicks <= CLICKS_AT_MOST
+
+
+@pytest.mark.timeout(600)
+def test_a_robot_that_climbs_stairs(page: Page, service: Service) -> None:
+    mouse = Mouse()
+    card = page.locator("li", has=page.get_by_role("heading", name="Six stairs"))
+    mouse.click(card.get_by_role("button", name="Plan"))
+    page.wait_for_url("**/plans/*")
+    expect(page.get_by_role("progressbar", name="Progress")).to_be_visible()
+    page.wait_for_url("**/view/?plan=*", timeout=PLANNED_WITHIN_MS)
+    expect_motion(page)
+    assert mouse.clicks <= CLICKS_AT_MOST
+    plan = service.client.jobs(kind="plan-motion", scenario_id="six-stairs").items[0]
+    assert service.client.result(plan.id).summary["certificate"]["passed"]
+
+    page.goto(service.url)
+    mouse = Mouse()
+    mouse.click(card.get_by_role("link", name="Watch"))
+    page.wait_for_url(f"**/view/?plan={plan.id}*")
+    expect_motion(page)
+    assert mouse.clicks <= CLICKS_AT_MOST

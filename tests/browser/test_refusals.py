@@ -1,0 +1,153 @@
+"""What goes wrong is told calmly, in words, with what to do; and nothing that a file brings becomes part of a page."""
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, Route, expect
+
+from support.fake_lab import Lab, running_lab
+from support.tab import Service, Tab
+
+HOSTILE = '<img src=x onerror="document.title=1">.c3d'
+
+
+@pytest.fixture(scope="module")
+def lab() -> Iterator[Lab]:
+    with running_lab() as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def service(lab: Lab) -> Service:
+    return Service(lab.url, lab.fake.client())
+
+
+@pytest.fixture
+def tab(open_tab: Callable[..., Tab]) -> Iterator[Tab]:
+    """A tab in which the browser's own word on a refused request is no misstep."""
+    made = open_tab(800, 600)
+    yield made
+    made.missteps = [m for m in made.missteps if "Failed to load resource" not in m]
+
+
+def drop(page: Page, name: str, content: str) -> None:
+    page.evaluate(
+        """([name, content]) => {
+            const data = new DataTransfer();
+            data.items.add(new File([content], name));
+            const zone = document.querySelector("[data-upload]");
+            for (const kind of ["dragenter", "dragover", "drop"])
+                zone.dispatchEvent(new DragEvent(kind, { dataTransfer: data, bubbles: true, cancelable: true }));
+        }""",
+        [name, content],
+    )
+
+
+def test_a_wrong_file_with_markup_in_its_name_is_refused_in_words(tab: Tab) -> None:
+    page = tab.go("/")
+    drop(page, HOSTILE, "%PDF-1.7")
+    row = page.locator("[data-uploads] li")
+    expect(row.get_by_role("alert")).to_contain_text("neither a C3D file nor a ZIP")
+    expect(row.locator("b")).to_have_text(HOSTILE)
+    assert page.locator("main img").count() == 0
+    assert page.title() == "Home · stridelab"
+
+
+def test_markup_in_stored_names_stays_text(tab: Tab, lab: Lab) -> None:
+    recording = lab.fake.add_recording(HOSTILE)
+    person = lab.fake.subjects.add(HOSTILE)
+    lab.fake.recordings[recording.id] = recording.model_copy(update={"subject_id": person.subject_id})
+    for address in ("/", "/recordings", f"/recordings/{recording.id}", "/subjects", f"/subjects/{person.subject_id}"):
+        page = tab.go(address)
+        expect(page.get_by_text(HOSTILE).first).to_be_visible()
+        assert page.locator("main img").count() == 0, address
+
+
+def test_a_file_that_is_no_scenario_is_named_and_refused(tab: Tab, tmp_path: Path) -> None:
+    page = tab.go("/scenarios")
+    for name, content, said in (
+        ("walk.txt.json", "feet first", "this is not JSON"),
+        ("list.json", json.dumps([1, 2]), "this is not a scenario"),
+    ):
+        (tmp_path / name).write_text(content)
+        page.set_input_files("#scenario-file", tmp_path / name)
+        expect(page.locator("[data-import] [data-said]")).to_have_text(f"{name}: {said}")
+
+
+@pytest.mark.parametrize("address", ["/recordings/sample", "/scenarios/stairs"])
+def test_a_full_queue_says_when_to_come_back(tab: Tab, lab: Lab, address: str) -> None:
+    if address.startswith("/recordings"):
+        page = tab.go(f"/recordings/{lab.fake.add_recording().id}")
+        button, said = (
+            page.get_by_role("button", name="Estimate", exact=True),
+            page.locator("[data-estimate] [data-said]"),
+        )
+    else:
+        page = tab.go(f"/scenarios/{lab.fake.add_scenario().id}")
+        form = page.locator("form[data-plan]")
+        button, said = form.get_by_role("button", name="Plan"), form.locator("[data-said]")
+    lab.fake.busy = 17
+    try:
+        button.click()
+        expect(said).to_have_text("200 jobs are waiting already. Try again in 17 s.")
+        expect(button).to_be_enabled()
+    finally:
+        lab.fake.busy = None
+    button.click()
+    page.wait_for_url(lambda url: "/jobs/" in url or "/plans/" in url or "/view/" in url)
+
+
+def test_links_to_what_was_deleted_lead_on(tab: Tab) -> None:
+    for address, said in (
+        ("/plans/gone", "There is no such job."),
+        ("/plans/gone?with=too", "There is no such job."),
+        ("/jobs/gone", "There is no such job."),
+        ("/view/?plan=gone", "There is no such job."),
+        ("/view/?recording=gone", "There is no such recording."),
+        ("/view/?scenario=gone", "There is no such scenario."),
+        ("/subjects/gone", "There is no such subject."),
+    ):
+        page = tab.go(address)
+        expect(page.get_by_role("heading", level=1)).to_have_text("Nothing here")
+        expect(page.get_by_text(said)).to_be_visible()
+        assert "Traceback" not in page.content()
+    page.get_by_role("main").get_by_role("link", name="Home").click()
+    expect(page).to_have_title("Home · stridelab")
+
+
+def test_a_service_that_goes_away_is_told_and_found_again(tab: Tab, lab: Lab) -> None:
+    recording = lab.fake.add_recording()
+    page = tab.go(f"/recordings/{recording.id}")
+    notice = page.get_by_role("complementary", name="Connection")
+
+    def hang_up(route: Route) -> None:
+        route.abort()
+
+    page.route("**/api/**", hang_up)
+    page.get_by_label("Height").fill("1.8")
+    page.get_by_role("button", name="Save subject").click()
+    expect(page.locator("[data-subject] [data-said]")).to_have_text("The service does not answer. Is it still running?")
+    expect(notice).to_contain_text("What you see here stays")
+    expect(page.get_by_label("Height")).to_have_value("1.8")
+    page.unroute("**/api/**", hang_up)
+    notice.get_by_role("button", name="Ask now").click()
+    expect(notice.get_by_role("status")).to_have_text("The service answers again.")
+    expect(notice).to_be_hidden()
+    page.get_by_role("button", name="Save subject").click()
+    page.wait_for_function("() => document.querySelector('[name=height_m]').defaultValue === '1.8'")
+    assert lab.fake.patches[-1] == {"subject": {"height_m": 1.8}}, "only what was changed is sent"
+
+
+def test_a_job_is_followed_through_a_lost_connection(tab: Tab, lab: Lab) -> None:
+    job = lab.fake.add_job(state="running")
+    page = tab.go("/jobs")
+    row = page.locator(f"tr[data-job='{job.id}']")
+    page.route("**/api/**", lambda route: route.abort())
+    notice = page.get_by_role("complementary", name="Connection")
+    expect(notice).to_contain_text("does not answer")
+    lab.fake.change(job.id, state="failed")
+    page.unroute_all()
+    expect(row.locator("[data-state]")).to_have_text("failed")
+    expect(notice).to_be_hidden()
