@@ -104,7 +104,7 @@ def plan(
 ) -> None:
     """Plan one motion here or on a server, write the result folder and show the summary.
 
-    Where the body cannot follow the plan, the folder here holds the motion until then, and the error is raised last.
+    Where the body cannot follow the plan, the folder holds the motion until then, and the error is raised last.
     """
     target = out_dir or Path(f"{request.title}-plan")
     refuse_to_overwrite(target, force=force)
@@ -112,7 +112,7 @@ def plan(
         if server is None:
             result, failure = plan_here(request, folder)
         else:
-            result, failure = plan_there(request, folder, server, token), None
+            result, failure = plan_there(request, folder, server, token)
     show_plan(result, target, as_json=as_json)
     if failure is not None:
         raise failure
@@ -133,16 +133,18 @@ def plan_here(request: PlanRequest, folder: Path) -> tuple[JobResult, StridelabE
     return write_result(folder, "plan-motion", task.input, outcome), outcome.failure
 
 
-def plan_there(request: PlanRequest, folder: Path, server: str, token: str | None) -> JobResult:
-    """Run ``plan-motion`` on ``server``; what is neither a file nor bundled is taken for the id of a scenario there."""
-    from stridelab.cli_remote import run_remotely
+def plan_there(
+    request: PlanRequest, folder: Path, server: str, token: str | None
+) -> tuple[JobResult, StridelabError | None]:
+    """``plan_here`` on ``server``; what is neither a file nor bundled is taken for the id of a scenario there."""
+    from stridelab.cli_remote import ended_remotely
 
     try:
         asked = request.of(read_scenario(request.scenario))
     except NotFound:
         asked = request.of(None)
 
-    return run_remotely(
+    return ended_remotely(
         "plan-motion", request.title, lambda _client, _bar: asked, folder, server, token, unprepared=InvalidInput
     )
 

@@ -55,6 +55,17 @@ def run_remotely(
     Raises the error that the same request would have raised here; ``unprepared`` is the class of what the service
     refuses to take in ``prepare``; ``Unavailable`` where nobody answers.
     """
+    result, failure = ended_remotely(kind, title, prepare, folder, server, token, unprepared=unprepared)
+    if failure is not None:
+        raise failure
+    return result
+
+
+def ended_remotely(
+    kind: str, title: str, prepare: Prepare, folder: Path, server: str, token: str | None, *, unprepared: ErrorClass
+) -> tuple[JobResult, StridelabError | None]:
+    """``run_remotely`` for a job that may leave files although it fails: the error beside them."""
+    failure: StridelabError | None = None
     refused = unprepared
     with translated(server, lambda: refused), Client(server, token) as client, progress_bar(title) as bar:
         job_input = prepare(client, bar)
@@ -62,15 +73,20 @@ def run_remotely(
         job = client.submit(kind, job_input, idempotency_key=uuid.uuid4().hex)
         finished = _follow(client, job.id, bar)
         if finished.state != "succeeded":
-            raise _failure(finished)
-        result = client.result(job.id)
+            failure = _failure(finished)
+        try:
+            result = client.result(job.id)
+        except ProblemError:
+            if failure is None:
+                raise
+            raise failure from None
         for done, artifact in enumerate(result.artifacts):
             bar(AFTER_JOB + (1.0 - AFTER_JOB) * done / len(result.artifacts), f"downloading {artifact.name}")
             client.download_artifact(job.id, artifact.name, folder / _plain_name(artifact.name))
         bar(1.0, "done")
     artifacts = tuple(ArtifactFile(a.name, a.media_type) for a in result.artifacts)
     outcome = Outcome(result.summary, tuple(result.references), artifacts)
-    return write_result(folder, result.kind, job_input, outcome, versions=result.versions)
+    return write_result(folder, result.kind, job_input, outcome, versions=result.versions), failure
 
 
 @contextmanager

@@ -44,7 +44,7 @@ def test_plans_for_what_the_limbs_take(scenario: str, shape: Shape) -> None:
     ours, theirs = solve(swung, "native"), solve(swung, "ipopt")
     assert ours.converged
     assert np.abs(ours.l_nms).max() > 3.0
-    assert ours.objective == pytest.approx(theirs.objective, rel=1e-5)
+    assert ours.objective == pytest.approx(theirs.objective, rel=2e-5)
     assert ours.com_m == pytest.approx(theirs.com_m, abs=1e-4)
     assert ours.l_nms == pytest.approx(theirs.l_nms, abs=1e-2)
 

@@ -256,10 +256,21 @@ def test_a_failed_plan_there_is_not_estimable_with_its_stage(
     service: ScriptedService, walk: str, tmp_path: Path
 ) -> None:
     service.ends = ("failed", problem(422, "plan-not-converged"))
+    service.refuse["result"] = ProblemError(problem(409, "job-not-succeeded"), None)
     with pytest.raises(NotEstimable) as refusal:
         act(PlanRequest(walk), tmp_path / "out", server="http://lab:8000")
     assert refusal.value.code == "plan-not-converged"
     assert not (tmp_path / "out").exists()
+
+
+def test_a_motion_that_stops_there_comes_home_before_the_error(
+    service: ScriptedService, walk: str, tmp_path: Path
+) -> None:
+    service.ends = ("failed", problem(422, "whole-body-failed"))
+    with pytest.raises(NotEstimable) as refusal:
+        act(PlanRequest(walk), tmp_path / "out", server="http://lab:8000")
+    assert refusal.value.code == "whole-body-failed"
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"motion.viser", "result.json", "references.bib"}
 
 
 def test_a_scenario_that_the_service_refuses_is_invalid_input(

@@ -258,9 +258,8 @@ class FakeService:
         if request.method == "PATCH":
             patch = await request.json()
             self.patches.append(patch)
-            changes: dict[str, Any] = {
-                k: v for k, v in patch.items() if k in ("marker_map", "static_recording_id", "subject_id")
-            }
+            names = ("marker_map", "static_recording_id", "subject_id")
+            changes: dict[str, Any] = {k: v for k, v in patch.items() if k in names}
             if "subject" in patch:
                 changes["subject"] = SubjectFields.model_validate(patch["subject"])
             self.recordings[key] = self.recordings[key].model_copy(update=changes)

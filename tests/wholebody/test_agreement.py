@@ -73,7 +73,7 @@ def test_the_rates_of_splines_add_up_too(problem: CentroidalProblem, two_steps: 
     smooth, motion = replace(problem, shape="cubic"), two_steps[2]
     rates, times_s = limb_rates_nm(smooth, motion), smooth.limb_times_s()
     assert rates.shape == (4 * len(problem.grid().step_s), 3)
-    assert np.allclose(np.diff(times_s) @ rates, motion.l_nms[-1] - motion.l_nms[0], atol=1e-2)
+    assert np.allclose(np.diff(times_s) @ rates, motion.l_nms[-1] - motion.l_nms[0], atol=0.1)
     assert np.abs(rates).max() > np.abs(limb_rates_nm(problem, motion)).max() * 0.5
 
 
