@@ -74,6 +74,27 @@ def test_nothing_near_is_missed(talos: Robot, seed: int) -> None:
     assert seen > 20
 
 
+def test_hardly_more_distances_are_computed_than_matter(talos: Robot, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of the pairs that are watched, the others move too little to come near."""
+    pairs, body, computed = NearPairs(talos, WALL, 0.06, 10.0), RigidBody(talos), list[int]()
+    compute = pin.computeDistance
+
+    def counted(geometry: pin.GeometryModel, results: pin.GeometryData, k: int) -> None:
+        computed.append(k)
+        compute(geometry, results, k)
+
+    monkeypatch.setattr(pin, "computeDistance", counted)
+    mattered, watched = 0, 0
+    for i, q in enumerate(walk(talos, 0, 100, 0.0005)):
+        placed(talos, pairs, body, q)
+        if i % 20 == 0:
+            pairs.search(0.12)
+        mattered += len(pairs.near(0.06, ALL).pair)
+        watched += pairs.watched
+    assert mattered > 100
+    assert len(computed) < mattered + 0.2 * watched
+
+
 def test_levers_of_a_chain() -> None:
     """A shape up to 0.3 m from the elbow, at the end of an arm of 1 m that slides out by up to 0.2 m more."""
     model = pin.Model()

@@ -85,6 +85,11 @@ class NearPairs:
         self._watched = np.flatnonzero(self._floor_m - spent < near_m * self.scale)
         self._levers = self.reach_m[self._watched]
 
+    @property
+    def watched(self) -> int:
+        """How many pairs are."""
+        return len(self._watched)
+
     def near(self, acts_m: float, most: int) -> Near:
         """The pairs that are watched, as they are now, nearer than ``acts_m`` times their scale.
 

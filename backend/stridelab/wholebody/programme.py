@@ -11,7 +11,7 @@ Unknowns ``z = (a, f)``: joint accelerations ``(nv,)`` and one force per contact
 The actuated rows of the equations of motion give the torques, ``tau = M_a a + h_a - J_a' f``, without unknowns.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -39,10 +39,10 @@ FIRM, MIDDLE, GENTLE = (Gain.critical(kp) for kp in (400.0, 60.0, 30.0))
 class Settings:
     """Gains, weights and margins of the hierarchy (found on TALOS; nothing in them names a robot).
 
-    ``posture_weight`` is per group of joints. ``contact_margin_m`` shrinks the rectangle of a surface, so that the
-    centre of pressure stays inside the real sole. ``joint_margin_rad``, ``velocity_share`` and ``torque_share`` keep
-    the programme inside the limits that the certificate checks. ``barrier_per_s`` and ``velocity_rate_per_s`` are the
-    constants of ``joint_limits``.
+    ``posture_weight`` is per group of joints; an arm whose hand has nothing to do is held ``free_arm`` times as firmly.
+    ``contact_margin_m`` shrinks the rectangle of a surface, so that the centre of pressure stays inside the real sole.
+    ``joint_margin_rad``, ``velocity_share`` and ``torque_share`` keep the programme inside the limits that the
+    certificate checks. ``barrier_per_s`` and ``velocity_rate_per_s`` are the constants of ``joint_limits``.
     """
 
     contact: Gain = FIRM
@@ -55,6 +55,7 @@ class Settings:
     momentum_weight: float = 0.05
     base_weight: float = 2.0
     posture_weight: Mapping[str, float] | None = None
+    free_arm: float = 2.0
     force_weight: float = 1e-3
     hand_weight: float = 0.3
     contact_margin_m: float = 0.01
@@ -66,10 +67,16 @@ class Settings:
     acceleration_rad_s2: float = 300.0
     avoid: Avoid | None = field(default_factory=Avoid)
 
-    def posture_weights(self, robot: Robot) -> Angles:
-        """Weight of every actuated joint ``(na,)``."""
+    def posture_weights(self, robot: Robot, busy: Iterable[str] = ()) -> Angles:
+        """Weight of every actuated joint ``(na,)``; ``busy`` are the effectors that touch or swing."""
         of = self.posture_weight or {"leg": 0.03, "torso": 0.5, "arm": 0.25, "head": 0.25}
-        return np.array([of[robot.group[joint]] for joint in robot.joint_names])
+        model = robot.model
+        ends = [model.frames[model.getFrameId(robot.effectors[name].frame)].parentJoint for name in busy]
+        occupied = {str(model.names[joint]) for end in ends for joint in model.supports[end]}
+        free = {joint for joint in robot.joint_names if robot.group[joint] == "arm" and joint not in occupied}
+        return np.array(
+            [of[robot.group[joint]] * (self.free_arm if joint in free else 1.0) for joint in robot.joint_names]
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +112,7 @@ class Programme:
             settings.joint_margin_rad, settings.velocity_share, settings.torque_share
         )
         self._rest = robot.q_reference[7:]
-        self._posture_weights = settings.posture_weights(robot)
+        self._posture_weights = settings.posture_weights(robot, self._surface)
         nv, na = body.model.nv, body.model.nv - 6
         cones = [pyramid(contact, len(self._points[name])) for name, contact in contacts.items()]
         nf = sum(cone.G.shape[1] for cone in cones)
