@@ -64,6 +64,23 @@ def test_the_plan_follows_a_contact_that_is_held(tab: Tab, service: Service) -> 
     until(page, lambda: way_m(page, "/live/planned") is None)
 
 
+def test_the_plan_follows_a_length_that_is_typed(tab: Tab, service: Service) -> None:
+    stored = service.client.scenario("flat-walk")
+    kept = service.client.add_scenario(Scenario(**{name: getattr(stored, name) for name in Scenario.model_fields}))
+    page = opened(tab, f"/view/?scenario={kept.id}&phase=3")
+    expect(page.locator("[data-live-said]")).to_contain_text("solved in", timeout=STARTED_WITHIN_MS)
+    until(page, lambda: way_m(page, "/live/planned") is not None)
+    before = way_m(page, "/live/planned")
+    assert before is not None
+    page.get_by_label("lasts").fill(str(kept.phases[3].duration_s + 0.6))
+    until(page, lambda: np.abs(np.asarray(way_m(page, "/live/planned")) - before).max() > 2e-3)
+    assert service.client.scenario(kept.id).phases == kept.phases, "nothing is stored while it is typed"
+    page.locator("h1").click()  # which leaves the field, and so stores
+    expect(page.locator("[data-said]").first).to_have_text("Phase 3 stored.")
+    changed = service.client.scenario(kept.id).phases
+    assert [k for k, (a, b) in enumerate(zip(kept.phases, changed, strict=True)) if a != b] == [3]
+
+
 def test_a_push_and_what_follows_it(tab: Tab, service: Service) -> None:
     page = opened(tab, "/view/?scenario=flat-walk")
     expect(page.locator("[data-live-said]")).to_contain_text("solved in", timeout=STARTED_WITHIN_MS)

@@ -241,6 +241,9 @@ def test_what_the_judge_refuses_in_a_phase_goes_back(
     text.fill('{"name": "half"')
     dialog.get_by_role("button", name="Store").click()
     expect(dialog).to_contain_text("This is not JSON.")
+    text.fill("null")
+    dialog.get_by_role("button", name="Store").click()
+    expect(dialog).to_contain_text("This is not a scenario")
 
     foot["position_m"][1] = -0.11
     body["name"] = "By hand"

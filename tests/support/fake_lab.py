@@ -19,7 +19,7 @@ from stridelab_web.app import create_web
 from stridelab_web.config import WebConfig
 from support.fake_service import FakeService
 
-STARTED_WITHIN_S = 60.0
+STARTED_WITHIN_S = 180.0
 
 
 @dataclass(frozen=True)

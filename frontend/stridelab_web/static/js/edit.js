@@ -1,5 +1,5 @@
 // A scenario in 3D beside its phases and the list of its contacts: drag, type or press keys; one place stores and undoes.
-import { ApiError, call } from "./api.js";
+import { call } from "./api.js";
 import { offerContacts } from "./find.js";
 import { JsonView } from "./json_view.js";
 import { Judged } from "./judged.js";
@@ -196,9 +196,11 @@ function change(edit, done) {
 async function storeWhole(body) {
   if (!own) return openNew(body, " (copy)");
   await flush();
-  work = work.then(() => store(() => bodyOf(body), "Stored."));
+  work = work.then(() => store(() => body, "Stored."));
   const failure = await work;
-  if (failure instanceof ApiError) throw failure;
+  if (!failure) return;
+  say("", false); // the dialog tells
+  throw failure;
 }
 
 // Where the numbers of a row would put its touch; null while one of them is no number.

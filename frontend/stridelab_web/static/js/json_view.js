@@ -32,6 +32,7 @@ export class JsonView {
       const line = at ? lineAt(this.text.value, Number(at[1])) : null;
       return this.tell("This is not JSON.", [{ where: "", message: error.message, line }]);
     }
+    if (typeof body?.name !== "string") return this.tell("This is not a scenario: it has no name.", []);
     this.tell("…", []);
     try {
       await this.store(body);
