@@ -62,7 +62,8 @@ def test_plots_and_drawings_follow_the_room_and_keep_their_place(tab: Tab, addre
 
 def test_nothing_moves_by_itself_for_who_wants_less_motion(tab: Tab, addresses: dict[str, str]) -> None:
     waiting: list[Route] = []
-    tab.page.route("**/frames.json", lambda route: waiting.append(route))  # noqa: PLW0108 (Playwright marks the function)
+    # A function of its own: Playwright writes a mark on it, which a bound method refuses.
+    tab.page.route("**/frames.json", lambda route: waiting.append(route))
     tab.page.emulate_media(reduced_motion="reduce")
     page = tab.go(addresses["view-plan"])
     expect(page.get_by_text("Loading the scene")).to_be_visible()
