@@ -2,11 +2,14 @@
 
 import re
 from collections.abc import Callable
+from pathlib import Path
 
 import httpx
 import pytest
+from starlette.routing import Route
 
 from stridelab.schemas.service import ShownSetting
+from stridelab_web.app import routes
 from stridelab_web.pages.home import SAMPLE_RECORDING, SAMPLE_SCENARIO
 from support.every_page import every_page
 from support.fake_service import FakeService
@@ -78,3 +81,14 @@ def test_every_page_is_reached_from_the_navigation(browse: Browse) -> None:
         found = browse(address)
         assert found.status_code == 200
         assert re.search(rf'<a href="{address}" aria-current="page"', found.text), address
+
+
+def test_every_page_is_documented() -> None:
+    said = (Path(__file__).parents[2] / "docs" / "pages.md").read_text(encoding="utf-8")
+    documented = set(re.findall(r"`(/[^`?]*)`", said))
+    pages = {
+        route.path
+        for route in routes()
+        if isinstance(route, Route) and "." not in route.path and "/scene/" not in route.path
+    }
+    assert documented == pages

@@ -42,9 +42,10 @@ async def population(request: Request) -> Response:
 
 
 async def new(request: Request) -> Response:
-    """``GET /population``: recordings to choose from; those named as ``recording=`` are chosen."""
+    """``GET /population``: recordings to choose from, those named as ``recording=`` chosen; and the studies so far."""
     asked = request.query_params.getlist("recording")
-    found = (await client_of(request).recordings(limit=OFFERED)).items
+    client = client_of(request)
+    found = (await client.recordings(limit=OFFERED)).items
     chosen = set(asked)
     ordered = sorted(found, key=lambda item: item.id not in chosen)
     return page(
@@ -55,6 +56,7 @@ async def new(request: Request) -> Response:
         chosen=chosen,
         people={item.id: _person(item) for item in ordered},
         methods=METHODS,
+        jobs=(await client.jobs(kind=KIND)).items,
     )
 
 

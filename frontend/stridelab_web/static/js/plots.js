@@ -16,7 +16,9 @@ const STYLES = {
 const lineOf = (style) => ({ ...STYLES[style], color: colour(STYLES[style].color) });
 const SAMPLE_OF_DASH = { solid: "━━", dash: "╍╍", dot: "┈┈" };
 const ROUND = [-2, -1, 0, 1, 2].flatMap((power) => [1, 2, 5].map((digit) => digit * 10 ** power));
-const ROW_PX = 170, GAP_PX = 26, TOP_PX = 10, BOTTOM_PX = 46, LETTER_PX = 8, SAMPLE_PX = 44;
+// On a large screen, where letters are larger, so is the figure.
+const LARGER = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
+const [ROW_PX, GAP_PX, TOP_PX, BOTTOM_PX, LETTER_PX, SAMPLE_PX, LEFT_PX, RIGHT_PX] = [170, 26, 10, 46, 8, 44, 74, 16].map((px) => px * LARGER);
 
 const box = document.getElementById("plots");
 const cursor = document.getElementById("cursor");
@@ -59,8 +61,8 @@ function figureOf(data) {
   const inner = height - TOP_PX - BOTTOM_PX;
   const traces = [], annotations = [];
   const layout = {
-    height, margin: { l: 74, r: 16, t: TOP_PX, b: BOTTOM_PX }, showlegend: false, hovermode: "x", hoversubplots: "axis", dragmode: "zoom",
-    paper_bgcolor: colour("card"), plot_bgcolor: colour("card"), font: { family: "system-ui, DejaVu Sans, sans-serif", size: 12, color: colour("ink") },
+    height, margin: { l: LEFT_PX, r: RIGHT_PX, t: TOP_PX, b: BOTTOM_PX }, showlegend: false, hovermode: "x", hoversubplots: "axis", dragmode: "zoom",
+    paper_bgcolor: colour("card"), plot_bgcolor: colour("card"), font: { family: "system-ui, DejaVu Sans, sans-serif", size: 12 * LARGER, color: colour("ink") },
     xaxis: { title: { text: x.title }, type: x.log ? "log" : "linear", range: rangeOf(x, t[0], t[t.length - 1]), gridcolor: colour("grid"), zeroline: false, showspikes: true, spikemode: "across", spikethickness: 1, spikecolor: colour("grey"), spikedash: "solid", spikesnap: "cursor", anchor: "free", position: 0 },
     shapes: [
       ...shades_s.map(([x0, x1]) => ({ type: "rect", xref: "x", yref: "paper", x0, x1, y0: 0, y1: 1, fillcolor: colour("shade-fill"), line: { width: 0 }, layer: "below" })),
@@ -113,7 +115,7 @@ function legend(row, top) {
     const { color, dash } = lineOf(trace.style);
     const entry = {
       xref: "paper", yref: "paper", x: 1, y: top, xanchor: "right", yanchor: "bottom", xshift: -right, showarrow: false,
-      text: `${SAMPLE_OF_DASH[dash ?? "solid"]} ${trace.name}`, font: { color, size: 13 },
+      text: `${SAMPLE_OF_DASH[dash ?? "solid"]} ${trace.name}`, font: { color, size: 13 * LARGER },
     };
     right += SAMPLE_PX + LETTER_PX * trace.name.length;
     return entry;

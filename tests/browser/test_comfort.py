@@ -1,0 +1,101 @@
+"""Comfortable in a dark room, with less motion, and on screens from 800 to 3840 pixels."""
+
+from collections.abc import Callable, Iterator
+
+import pytest
+from playwright.sync_api import Page, Route, expect
+
+from support.every_page import every_page
+from support.fake_lab import Lab, running_lab
+from support.tab import Service, Tab
+
+BACKGROUND = "() => getComputedStyle(document.body).backgroundColor"
+PAPER = "() => document.getElementById('plots')._fullLayout.paper_bgcolor"
+RUNNING = "() => document.getAnimations().filter((one) => one.playState === 'running').length"
+
+
+@pytest.fixture(scope="module")
+def lab() -> Iterator[Lab]:
+    with running_lab() as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def service(lab: Lab) -> Service:
+    return Service(lab.url, lab.fake.client())
+
+
+@pytest.fixture(scope="module")
+def addresses(lab: Lab) -> dict[str, str]:
+    return every_page(lab.fake)
+
+
+def lightness(css: str) -> float:
+    """Of ``rgb(r, g, b)`` or ``#rrggbb``, from 0 (black) to 1."""
+    if css.startswith("#"):
+        digits = css[1:] if len(css) == 7 else "".join(2 * letter for letter in css[1:])
+        parts = [int(digits[k : k + 2], 16) for k in (0, 2, 4)]
+    else:
+        parts = [int(part) for part in css.partition("(")[2].rstrip(")").split(",")[:3]]
+    return sum(parts) / 765
+
+
+def test_plots_and_drawings_follow_the_room_and_keep_their_place(tab: Tab, addresses: dict[str, str]) -> None:
+    page = tab.go(addresses["plan"])
+    page.wait_for_selector("#plots[data-ready]")
+    page.get_by_role("slider", name="Cursor").fill("40")
+    page.evaluate("() => Plotly.relayout('plots', { 'xaxis.range': [0.2, 0.9] })")
+    read = page.locator("#readout").inner_text()
+    assert min(lightness(page.evaluate(BACKGROUND)), lightness(page.evaluate(PAPER))) > 0.9
+    light = page.evaluate(PAPER)
+    page.emulate_media(color_scheme="dark")
+    page.wait_for_function(f"(before) => ({PAPER})() !== before", arg=light)
+    assert max(lightness(page.evaluate(BACKGROUND)), lightness(page.evaluate(PAPER))) < 0.2
+    assert page.locator("#readout").inner_text() == read
+    assert page.evaluate("() => document.getElementById('plots').layout.xaxis.range") == [0.2, 0.9]
+    page = tab.go(addresses["scenario"])
+    box = page.locator(".drawing .box").first
+    assert lightness(box.evaluate("(box) => getComputedStyle(box).fill")) < 0.35
+    page.emulate_media(color_scheme="light")
+    assert lightness(box.evaluate("(box) => getComputedStyle(box).fill")) > 0.8
+
+
+def test_nothing_moves_by_itself_for_who_wants_less_motion(tab: Tab, addresses: dict[str, str]) -> None:
+    waiting: list[Route] = []
+    # A function of its own: Playwright writes a mark on it, which a bound method refuses.
+    tab.page.route("**/frames.json", lambda route: waiting.append(route))
+    tab.page.emulate_media(reduced_motion="reduce")
+    page = tab.go(addresses["view-plan"])
+    expect(page.get_by_text("Loading the scene")).to_be_visible()
+    assert page.evaluate(RUNNING) == 0
+    page.emulate_media(reduced_motion="no-preference")
+    page.wait_for_function(f"() => ({RUNNING})() > 0")
+    page.unroute("**/frames.json")
+    for one in waiting:
+        one.continue_()
+    page.wait_for_selector("[data-player][data-ready]")
+
+
+@pytest.mark.parametrize(("width", "height"), [(800, 600), (1920, 1080), (2560, 1440), (3840, 2160)])
+def test_every_width_is_used_and_no_line_is_too_long(
+    open_tab: Callable[..., Tab], addresses: dict[str, str], width: int, height: int
+) -> None:
+    tab = open_tab(width, height)
+    for name in ("home", "recording", "subjects", "scenario", "jobs", "settings", "reproduction"):
+        page = tab.go(addresses[name])
+        used, letters_px = _measures(page)
+        assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0, name
+        assert used > 0.6, f"{name} is an island of {used:.0%}"
+        assert letters_px >= width / 175, f"{name} has letters of {letters_px} pixels"
+        for text in page.locator("main :is(.lead, .said, section > p)").all():
+            wide = text.evaluate("(p) => p.getBoundingClientRect().width / parseFloat(getComputedStyle(p).fontSize)")
+            inside = text.evaluate("(p) => p.textContent.trim().length")
+            assert min(2 * wide, inside) < 140, f"{name} has a line of {2 * wide:.0f} letters"
+
+
+def _measures(page: Page) -> tuple[float, float]:
+    used, letters_px = page.evaluate(
+        "() => [document.querySelector('main').getBoundingClientRect().width / innerWidth,"
+        " parseFloat(getComputedStyle(document.body).fontSize)]"
+    )
+    return used, letters_px
