@@ -3,6 +3,7 @@
 make_execution.py                      all that is not kept yet, then docs/theory/execution.md
 make_execution.py --robots talos hrp2  only these; --anew computes again, --page only writes the page
 make_execution.py --robustness talos   disturbances and boundaries of the three experiments of one robot
+make_execution.py --estimators talos   estimators in front of the stabiliser, in the same three
 """
 
 import argparse
@@ -14,13 +15,27 @@ from pathlib import Path
 from pydantic import TypeAdapter
 
 from stridelab.experiments.execution import CASES, Execution, execute, followed, replayed
+from stridelab.experiments.replay_estimation import CONDITIONS, GOOD, estimators
 from stridelab.experiments.robustness import EXPERIMENTS, applies, boundary, disturbances, growing
+from stridelab.robots.loader import load_robot
 from stridelab.wholebody.disturbance import Disturbances
 from stridelab.wholebody.motion import WholeBodyMotion
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "execution.md"
 KEPT: TypeAdapter[list[Execution]] = TypeAdapter(list[Execution])
 BORNE: TypeAdapter[dict[str, float]] = TypeAdapter(dict[str, float])
+TABLES = (
+    (
+        "borne",
+        "what the replay bears",
+        "Largest error of the CoM, mm; in rows that begin with *most*, the largest disturbance borne (bisection).",
+    ),
+    (
+        "estimated",
+        "an estimator in front of the stabiliser",
+        "Largest error of the CoM, mm (`experiments.replay_estimation`): the filter is that of chapter 2, online.",
+    ),
+)
 INTRO = """# Every bundled scenario, carried out
 
 Written by `scripts/make_execution.py`: each scenario planned with the default densities, followed by the whole body at
@@ -35,6 +50,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--robots", nargs="*", default=list(CASES))
     parser.add_argument("--robustness", metavar="ROBOT")
+    parser.add_argument("--estimators", metavar="ROBOT")
     parser.add_argument("--experiments", nargs="*", default=list(EXPERIMENTS), choices=EXPERIMENTS)
     parser.add_argument("--boundaries", action="store_true", help="bisect them as well")
     parser.add_argument("--out", type=Path, default=Path(".data") / "execution", metavar="DIR")
@@ -44,6 +60,8 @@ def main() -> None:
     asked.out.mkdir(parents=True, exist_ok=True)
     if asked.robustness:
         borne(asked.robustness, asked.experiments, asked.out, boundaries=asked.boundaries, anew=asked.anew)
+    elif asked.estimators:
+        estimated(asked.estimators, asked.experiments, asked.out, anew=asked.anew)
     elif not asked.page:
         for robot in asked.robots:
             carried_out(robot, asked.out, anew=asked.anew)
@@ -80,6 +98,21 @@ def borne(robot: str, experiments: list[str], folder: Path, *, boundaries: bool,
                 path.write_bytes(BORNE.dump_json(known, indent=1))
 
 
+def estimated(robot: str, experiments: list[str], folder: Path, *, anew: bool = False) -> None:
+    """Every estimator under every condition, a file per experiment, kept after each replay; a fall is -1."""
+    for name in experiments:
+        path = folder / f"{robot}-{name}-estimated.json"
+        known = {} if anew or not path.is_file() else BORNE.validate_json(path.read_bytes())
+        motion = followed(robot, name)
+        for condition, disturbed in CONDITIONS.items():
+            for who, observe in estimators(load_robot(robot), disturbed.sensor_noise or GOOD).items():
+                row = f"{condition}: {who}"
+                if row not in known:
+                    replay = replayed(robot, motion, disturbed, observe)
+                    known[row] = 1e3 * replay.com_error_max_m if replay.completed else -1.0
+                    path.write_bytes(BORNE.dump_json(known, indent=1))
+
+
 def survives(robot: str, motion: WholeBodyMotion, of_size: Callable[[float], Disturbances], size: float) -> bool:
     """Whether the replay under a disturbance of this size comes to its end."""
     return replayed(robot, motion, of_size(size)).completed
@@ -93,10 +126,11 @@ def page(folder: Path) -> Iterable[str]:
         if path.is_file():
             yield from _table(robot, KEPT.validate_json(path.read_bytes()))
     for robot in CASES:
-        paths = {name: folder / f"{robot}-{name}-borne.json" for name in EXPERIMENTS}
-        found = {name: BORNE.validate_json(path.read_bytes()) for name, path in paths.items() if path.is_file()}
-        if found:
-            yield from _borne(robot, found)
+        for kind, title, said in TABLES:
+            paths = {name: folder / f"{robot}-{name}-{kind}.json" for name in EXPERIMENTS}
+            found = {name: BORNE.validate_json(path.read_bytes()) for name, path in paths.items() if path.is_file()}
+            if found:
+                yield from _by_experiment(f"{robot}: {title}", said, found)
 
 
 def _table(robot: str, executions: list[Execution]) -> Iterable[str]:
@@ -137,9 +171,9 @@ def _figures(e: Execution) -> str:
     return " | ".join([*body, com, f"{r['foot_slip_max_m']:.1f}, {r['landing_error_max_m']:.1f}", hand])
 
 
-def _borne(robot: str, found: dict[str, dict[str, float]]) -> Iterable[str]:
-    yield f"## {robot}: what the replay bears\n"
-    yield "Largest error of the CoM, mm; in rows that begin with *most*, the largest disturbance borne (bisection).\n"
+def _by_experiment(title: str, said: str, found: dict[str, dict[str, float]]) -> Iterable[str]:
+    yield f"## {title}\n"
+    yield f"{said}\n"
     yield "| | " + " | ".join(EXPERIMENTS) + " |"
     yield "| --- " * (1 + len(EXPERIMENTS)) + "|"
     for what in dict.fromkeys(what for column in found.values() for what in column):

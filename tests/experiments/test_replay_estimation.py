@@ -8,7 +8,7 @@ import pytest
 
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.placement import Placement
-from stridelab.experiments.replay_estimation import Filtered, Kinematic
+from stridelab.experiments.replay_estimation import GOOD, Filtered, Kinematic, estimators
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.seen import Seen
@@ -60,3 +60,14 @@ def test_late_sensors_that_repeat_an_instant_are_borne(robot: Robot) -> None:
     estimator, first = Filtered(robot, 0.001), standing(robot, 0.0)
     once, again = estimator(first), estimator(replace(first))
     assert np.array_equal(once.com_m, again.com_m)
+
+
+def test_every_replay_begins_with_new_estimators(robot: Robot) -> None:
+    """One replay's noise and filter leave nothing behind for the next."""
+    seen = [standing(robot, k / 250.0) for k in range(5)]
+    first, second = estimators(robot, GOOD), estimators(robot, GOOD)
+    assert set(first) == {"the simulator's CoM with noise", "kinematics alone", "kinematics and forces, filtered"}
+    for name, observe in first.items():
+        told = [observe(one).com_m for one in seen]
+        assert np.array_equal(told, [second[name](one).com_m for one in seen])
+        assert (np.ptp(told, axis=0).max() > 0.0) == (name != "the simulator's CoM with noise")

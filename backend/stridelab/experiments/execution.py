@@ -34,6 +34,7 @@ from stridelab.wholebody.disturbance import NONE, Disturbances
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay import PhysicsReplay
 from stridelab.wholebody.replay_log import Replay
+from stridelab.wholebody.seen import Observe, as_sensed
 
 Scenario = dict[str, Any]
 Builder = Callable[[], Scenario]
@@ -130,9 +131,11 @@ def execute(robot_name: str, name: str) -> Execution:
     return Execution(robot_name, name, duration_s, "", checks, cpu_s, numbers(played), played.completed)
 
 
-def replayed(robot_name: str, motion: WholeBodyMotion, disturbed: Disturbances = NONE) -> Replay:
-    """The replay of a motion in a world that may be disturbed."""
-    return PhysicsReplay().run(load_robot(robot_name), motion.sequence, motion, _silent, disturbed=disturbed)
+def replayed(
+    robot_name: str, motion: WholeBodyMotion, disturbed: Disturbances = NONE, observe: Observe = as_sensed
+) -> Replay:
+    """The replay of a motion in a world that may be disturbed, seen through an estimator."""
+    return PhysicsReplay().run(load_robot(robot_name), motion.sequence, motion, _silent, observe, disturbed)
 
 
 def numbers(replay: Replay) -> dict[str, float]:

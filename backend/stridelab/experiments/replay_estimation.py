@@ -5,6 +5,7 @@ and the wrench of the surroundings. The online complementary filter (2.24-2.27) 
 geometry knows nothing of a load on the trunk; the central axis of the contact wrench does.
 """
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -14,12 +15,30 @@ import pinocchio as pin
 from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.online_complementary import OnlineComplementaryFilter
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.seen import Seen
+from stridelab.wholebody.disturbance import Disturbances, SensorNoise
+from stridelab.wholebody.seen import Observe, Seen, as_sensed
 
 LOW_HZ: Final = 0.2
 """Above it the geometry is believed rather than the axis, which angular momentum moves."""
 HIGH_HZ: Final = 4.0
 TABLE_SD_M: Final = (0.01, 0.01, 0.01)
+GOOD, POOR = SensorNoise(0.001, 0.01), SensorNoise(0.005, 0.05)
+CONDITIONS: Final[Mapping[str, Disturbances]] = {
+    "noise of 1 mm, 0.01 m/s": Disturbances(sensor_noise=GOOD),
+    "5 ms late as well": Disturbances(sensor_noise=GOOD, delay_s=0.005),
+    "5 kg heavier as well": Disturbances(sensor_noise=GOOD, delay_s=0.005, trunk_mass_kg=5.0),
+    "noise of 5 mm, 0.05 m/s": Disturbances(sensor_noise=POOR),
+}
+"""Under which estimators are compared."""
+
+
+def estimators(robot: Robot, noise: SensorNoise) -> Mapping[str, Observe]:
+    """What may stand in front of the stabiliser, each new, for one replay."""
+    return {
+        "the simulator's CoM with noise": as_sensed,
+        "kinematics alone": Kinematic(robot, noise.position_m, noise.velocity_m_s),
+        "kinematics and forces, filtered": Filtered(robot, noise.position_m),
+    }
 
 
 class Kinematic:
