@@ -10,6 +10,7 @@ A sample whose programme has no solution keeps the acceleration and forces of th
 ``failures_in_a_row`` or ``failures_in_all`` of them, or when the body leaves the plan, the run ends with an error.
 """
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -195,7 +196,7 @@ class _Run:
         if not np.all(np.isfinite(self._v)) or speed.max() > _SPEED_RAD_S:
             joint = self._robot.joint_names[int(np.argmax(np.nan_to_num(speed, nan=np.inf)))]
             raise self._stopped(i, f"{joint} moves at more than {_SPEED_RAD_S:g} rad/s", 0, [joint])
-        away_m = float(np.linalg.norm(self._body.com_m - com_reference_m))
+        away_m = math.dist(self._body.com_m.tolist(), com_reference_m.tolist())
         if away_m > _LOST_M:
             raise self._stopped(i, f"the centre of mass is {away_m:.2f} m away from the plan", 1, ["centre of mass"])
 

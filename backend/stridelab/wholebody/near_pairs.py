@@ -54,13 +54,14 @@ class NearPairs:
         for first, second in pairs:
             self._geometry.addCollisionPair(pin.CollisionPair(first, second))
         parts = self._geometry.geometryObjects
-        self.kind = np.array(kinds)
+        self._kinds, self.kind = tuple(kinds), np.array(kinds)
         self._of = np.array(pairs).reshape(-1, 2)
         self._spheres = [_sphere(part) for part in parts]
         self._radius_m = np.array([radius for _, radius in self._spheres])
         joints = np.array([part.parentJoint for part in parts])[self._of]
         self.sign, self.reach_m = Levers.of(robot.model, joints, self._of, self._spheres)
         self._results = self._geometry.createData()
+        self._distances = list(self._results.distanceResults)  # of the pairs, as they are now: looked up once
         self.scale = self._scales(robot, acts_m, shrunk)
         self._watched = np.zeros(0, dtype=int)
         # distance and what the joints had turned by then: a bound on the distance from below, whatever follows
@@ -103,22 +104,22 @@ class NearPairs:
             if d < acts_m * self.scale[k]:
                 found[k] = d
         nearest = sorted(found, key=lambda k: found[k] / self.scale[k])
-        chosen = [k for kind in KINDS for k in [k for k in nearest if self.kind[k] == kind][:most]]
-        results = self._results.distanceResults
+        chosen = [k for kind in KINDS for k in [k for k in nearest if self._kinds[k] == kind][:most]]
+        results = self._distances
         points = np.array([(results[k].getNearestPoint1(), results[k].getNearestPoint2()) for k in chosen])
         p_1_m, p_2_m = points.reshape(-1, 2, 3).swapaxes(0, 1)
         return Near(np.array(chosen, dtype=int), np.array([found[k] for k in chosen]), p_1_m, p_2_m)
 
     def _distance(self, k: int) -> float:
         pin.computeDistance(self._geometry, self._results, k)
-        return float(self._results.distanceResults[k].min_distance)
+        return float(self._distances[k].min_distance)
 
     def _scales(self, robot: Robot, acts_m: float, shrunk: float) -> Float[np.ndarray, "n"]:
         """Of the body's own pairs by their distances in the reference posture; 1 of those with the terrain."""
         pin.updateGeometryPlacements(
             robot.model, robot.model.createData(), self._geometry, self._results, robot.q_reference
         )
-        usual = [acts_m / shrunk if kind == "terrain" else self._distance(k) for k, kind in enumerate(self.kind)]
+        usual = [acts_m / shrunk if kind == "terrain" else self._distance(k) for k, kind in enumerate(self._kinds)]
         return np.clip(shrunk * np.array(usual) / acts_m, _SCALE_MIN, 1.0)
 
 
