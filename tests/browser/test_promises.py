@@ -20,13 +20,16 @@ from playwright.sync_api import Browser, Page
 from stridelab.robots.display import link_poses
 from stridelab.robots.loader import load_robot
 from stridelab_web.documents import Document
+from support import own_loop
 from support.consumption import Consumption
 from support.meter import Meter, metered
 from support.scene_poses import ScenePoses, apart
 from support.tab import Service
 
-PLANNED_WITHIN_S = 600.0
-READY_MS = 120_000
+pytestmark = pytest.mark.timeout(1500)
+"""The plan comes first; without a graphics card and beside other work even a picture can take a minute."""
+PLANNED_WITHIN_S = 900.0
+READY_MS = 240_000
 POSE_M, TURN_RAD = 1e-4, 1e-3
 PLAYERS = 8
 SCENE_CHANGES = 200
@@ -61,7 +64,7 @@ def show(page: Page, meter: Meter, plan: str) -> None:
     """Open the plan, until its scene is complete and nothing more is sent."""
     page.goto(f"{meter.url}/view/?plan={plan}&t=1")
     page.wait_for_selector("[data-ready]")
-    quiet(page, lambda: meter.down_bytes)
+    quiet(page, lambda: meter.answer_bytes + meter.said)
 
 
 def quiet(page: Page, count: Callable[[], int]) -> None:
@@ -86,19 +89,19 @@ def test_the_first_sight_of_talos_on_stairs_is_two_megabytes_at_most(page: Page,
 
 def test_scrubbing_and_playing_ask_the_service_for_nothing(page: Page, meter: Meter, climb: str) -> None:
     show(page, meter, climb)
-    before = (meter.said, meter.heard, meter.down_bytes)
+    before = (meter.said, meter.answer_bytes)
     assert before[0] > 0, "the door counts messages"
     slider = page.get_by_role("slider", name="Time")
     for frame in range(0, 300, 30):
         slider.fill(str(frame))
     page.get_by_label("Cones").check()
     page.get_by_label("Replay").check()
-    page.locator("body").press(" ")
+    page.get_by_role("button", name="Play").click()
     page.wait_for_function("() => Number(document.querySelector('#time').value) > 300")
-    page.locator("body").press(" ")
+    page.get_by_role("button", name="Pause").click()
     page.locator("body").press("PageDown")
     page.wait_for_timeout(500)
-    assert (meter.said, meter.heard, meter.down_bytes) == before
+    assert (meter.said, meter.answer_bytes) == before
 
 
 def test_every_link_is_where_the_motion_says_also_between_frames(
@@ -134,7 +137,13 @@ def test_eight_players_cost_less_than_half_a_core(service: Service, climb: str) 
             for part in ("/frames.json", "/frames.bin"):
                 (await http.get(f"{document.address}{part}")).raise_for_status()
         address = f"{service.url.replace('http', 'ws', 1)}{document.address}"
-        options = {"subprotocols": ["viser-v1.1.1"], "origin": service.url, "max_size": None, "proxy": None}
+        options = {
+            "subprotocols": ["viser-v1.1.1"],
+            "origin": service.url,
+            "max_size": None,
+            "proxy": None,
+            "open_timeout": None,
+        }
         async with websockets.connect(address, **options) as socket:  # type: ignore[arg-type]
             await socket.recv()
             ready.release()
@@ -157,7 +166,7 @@ def test_eight_players_cost_less_than_half_a_core(service: Service, climb: str) 
         await asyncio.gather(*tasks, return_exceptions=True)
         return share
 
-    assert asyncio.run(measured()) < 0.5
+    assert own_loop.run(measured()) < 0.5
 
 
 def test_memory_stays_flat_over_two_hundred_changes_of_scene(service: Service, climb: str) -> None:

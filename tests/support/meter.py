@@ -45,9 +45,9 @@ class Meter:
         return sum(wire.down_bytes for wire in self.wires)
 
     @property
-    def socket_bytes(self) -> int:
-        """Those of them that came through websockets."""
-        return sum(wire.down_bytes for wire in self.wires if wire.is_socket)
+    def answer_bytes(self) -> int:
+        """Those of them outside websockets, which ask now and then whether the other side is there."""
+        return sum(wire.down_bytes for wire in self.wires if not wire.is_socket)
 
     @property
     def said(self) -> int:

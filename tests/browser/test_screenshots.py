@@ -1,0 +1,79 @@
+"""Pictures of every page at both sizes, kept in the folder that STRIDELAB_SCREENSHOTS names, for people to look at."""
+
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from support.fake_lab import Lab, running_lab
+from support.tab import Service, Tab
+
+SIZES = ((1400, 850), (800, 600))
+LEAST_BYTES = 4_000
+"""An empty page is smaller."""
+
+
+@pytest.fixture(scope="module")
+def lab() -> Iterator[Lab]:
+    with running_lab() as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def service(lab: Lab) -> Service:
+    return Service(lab.url, lab.fake.client())
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    named = os.environ.get("STRIDELAB_SCREENSHOTS")
+    found = Path(named) if named else tmp_path
+    found.mkdir(parents=True, exist_ok=True)
+    return found
+
+
+def pages(lab: Lab) -> dict[str, str]:
+    """Address by name."""
+    fake = lab.fake
+    recording = fake.add_recording()
+    estimate = fake.add_job(state="succeeded", recording_id=recording.id)
+    running = fake.add_job(state="running", recording_id=recording.id)
+    plan, kept = fake.add_plan(replay=True), fake.add_scenario()
+    return {
+        "home": "/",
+        "recordings": "/recordings",
+        "recording": f"/recordings/{recording.id}",
+        "scenarios": "/scenarios",
+        "scenario": f"/scenarios/{kept.id}",
+        "plan": f"/plans/{plan.id}",
+        "robots": "/robots",
+        "robot": "/robots/boxes",
+        "jobs": "/jobs",
+        "estimate": f"/jobs/{estimate.id}",
+        "running": f"/jobs/{running.id}",
+        "population": "/population",
+        "reproduction": "/reproduction",
+        "login": "/login",
+        "nothing": "/nothing",
+        "view-recording": f"/view/?recording={recording.id}&job={estimate.id}&t=1",
+        "view-plan": f"/view/?plan={plan.id}&t=1.5",
+        "view-scenario": f"/view/?scenario={kept.id}",
+        "view-robot": "/view/?robot=boxes",
+    }
+
+
+def test_every_page_is_pictured(open_tab: Callable[..., Tab], lab: Lab, folder: Path) -> None:
+    shown = pages(lab)
+    for width, height in SIZES:
+        tab = open_tab(width, height)
+        for name, address in shown.items():
+            page = tab.go(address)
+            if name.startswith("view-"):
+                page.wait_for_selector("[data-ready]", timeout=90_000)
+            else:
+                page.wait_for_load_state("networkidle")
+            path = folder / f"{name}-{width}x{height}.png"
+            page.screenshot(path=path, full_page=not name.startswith("view-"))
+            assert path.stat().st_size > LEAST_BYTES, f"{name} is empty at {width}x{height}"
+        tab.missteps = [m for m in tab.missteps if "status of 404" not in m]
