@@ -11,7 +11,7 @@ from playwright.sync_api import Route, expect
 from stridelab.schemas.base import FaultItem, Problem
 from support import fake_planner
 from support.fake_lab import Lab, running_lab
-from support.scene_view import drag, hold, nodes, opened, until
+from support.scene_view import drag, nodes, opened, until
 from support.tab import Service, Tab
 
 FOOT = "/robot/leg_right_6_link"
@@ -248,23 +248,6 @@ def test_a_foothold_does_not_leave_its_tread(tab: Tab, lab: Lab) -> None:
     # the next step begins at 0.445, half the sole is 0.10 m long
     assert stored[0] == pytest.approx(0.345, abs=1e-3)
     assert stored[2] == pytest.approx(0.1)
-
-
-def test_a_foothold_that_is_dragged_into_the_sky_stays_on_its_tread(tab: Tab, lab: Lab) -> None:
-    kept = lab.fake.add_scenario()
-    page = opened(tab, f"/view/?scenario={kept.id}")
-    hold(page, "/contacts/4", (0.34, -0.15, 0.1))
-    stage = page.locator("[data-stage]").bounding_box()
-    assert stage is not None
-    page.mouse.move(stage["x"] + stage["width"] / 2, stage["y"] + 3, steps=4)  # above the horizon: on no surface at all
-    page.mouse.up()
-    expect(page.locator("[data-said]")).to_contain_text(re.compile(r"^(Stored\.|This scenario cannot be used)"))
-    x, y, z = positions(lab, kept.id, "right_foot")[2] or (0.0, 0.0, 0.0)
-    assert 0.145 < x < 0.445, "the lower step, up to where the next one begins"
-    assert abs(y) < 0.6
-    assert z == pytest.approx(0.1)
-    until(page, lambda: nodes(page, "/contacts/4")["/contacts/4"]["position"] == pytest.approx([x, y, z], abs=1e-6))
-    tab.missteps = [m for m in tab.missteps if "422" not in m]
 
 
 def test_what_the_service_refuses_goes_back_with_its_sentence(tab: Tab, lab: Lab) -> None:

@@ -10,7 +10,7 @@ from playwright.sync_api import Locator, Page, Route, expect
 from stridelab.schemas.scenarios import StoredScenario
 from stridelab_web.touches import touches
 from support.fake_lab import Lab, running_lab
-from support.scene_view import nodes, opened, until
+from support.scene_view import hold, nodes, opened, until
 from support.tab import Service, Tab
 
 MARKS = """() => Object.entries(document.querySelector("iframe").contentWindow.__viserMutable.nodeRefFromName)
@@ -275,6 +275,23 @@ def nodes_there(page: Page, name: str) -> bool:
     """Whether viser has such a node; it has none while the scene is loaded anew."""
     script = "(name) => Boolean(document.querySelector('iframe').contentWindow.__viserMutable?.nodeRefFromName[name])"
     return bool(page.evaluate(script, name))
+
+
+def test_a_foothold_that_is_dragged_into_the_sky_stays_on_its_tread(tab: Tab, lab: Lab, kept: StoredScenario) -> None:
+    page = opened(tab, f"/view/?scenario={kept.id}")
+    hold(page, "/contacts/4", (0.34, -0.15, 0.1))
+    stage = page.locator("[data-stage]").bounding_box()
+    assert stage is not None
+    page.mouse.move(stage["x"] + stage["width"] / 2, stage["y"] + 3, steps=4)  # above the horizon: on no surface at all
+    page.mouse.up()
+    expect(page.locator("[data-said]")).to_contain_text(re.compile(r"^(Stored\.|This scenario cannot be used)"))
+    contacts = {contact.effector: contact for contact in lab.fake.scenarios[kept.id].phases[2].contacts}
+    x, y, z = contacts["right_foot"].position_m
+    assert 0.145 < x < 0.445, "the lower step, up to where the next one begins"
+    assert abs(y) < 0.6
+    assert z == pytest.approx(0.1)
+    until(page, lambda: nodes(page, "/contacts/4")["/contacts/4"]["position"] == pytest.approx([x, y, z], abs=1e-6))
+    refused(tab, 422)
 
 
 def test_two_editors_of_one_scenario_are_told(open_tab: Callable[..., Tab], lab: Lab, kept: StoredScenario) -> None:

@@ -76,7 +76,7 @@ export class Live {
 
   hear(answer, push, took_ms) {
     const refused = answer instanceof Error;
-    if (this.on.checked) showLive(this.nodes, refused ? null : answer, push);
+    if (this.on.checked && this.nodes.viser) showLive(this.nodes, refused ? null : answer, push);
     this.root.dataset.lived = String(Number(this.root.dataset.lived ?? 0) + 1); // what tests wait for
     if (refused) {
       if (answer.problem?.code === NO_SOLVER) this.there = false;
