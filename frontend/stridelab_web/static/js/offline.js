@@ -49,6 +49,6 @@ function made() {
   button.textContent = "Ask now";
   button.addEventListener("click", again);
   box.append(said, button);
-  document.body.append(box);
+  document.querySelector("header.top").after(box);
   return box;
 }
