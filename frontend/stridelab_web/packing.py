@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-POINT_BITS: Final = 24
-"""Points are within half of 2^-24 m, 30 nanometres, of their file: semi-axes of a millimetre keep five digits."""
+POINT_BITS: Final = 20
+"""Points are within half of 2^-20 m, a micrometre, of their file."""
 POSE_BITS: Final = 16
 """Positions of bodies within 8 micrometres, the parts of quaternions within 8e-6."""
 FORCE_BITS: Final = 11
