@@ -9,7 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from stridelab_web.packing import FORCE_BITS, POINT_BITS, POSE_BITS, fitting, pack, unbroken
+from stridelab_web.packing import FORCE_BITS, POINT_BITS, POSE_BITS, SIZE_BITS, fitting, pack, unbroken
 
 ARROW_M_PER_N: Final = 1 / 1000
 """Length of a force arrow: a body weight of 700 N is 0.7 m long."""
@@ -166,6 +166,8 @@ class Frames:
             found[at : at + 7] = POSE_BITS
         for arrow in self.arrows:
             found[arrow.at + 3 : arrow.at + 6] = FORCE_BITS
+        for ball in self.ellipsoids:
+            found[ball.axes : ball.axes + 3] = SIZE_BITS
         return fitting(self.values, found)
 
 

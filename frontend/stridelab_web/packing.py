@@ -12,6 +12,8 @@ import numpy as np
 
 POINT_BITS: Final = 20
 """Points are within half of 2^-20 m, a micrometre, of their file."""
+SIZE_BITS: Final = 28
+"""Semi-axes of a millimetre keep five digits."""
 POSE_BITS: Final = 16
 """Positions of bodies within 8 micrometres, the parts of quaternions within 8e-6."""
 FORCE_BITS: Final = 11
