@@ -103,7 +103,7 @@ struct Problem {
   std::vector<Phase> phases;
   std::vector<Plane> planes;
   std::vector<Place> places;  // in the order of their last phases
-  std::vector<double> limbs;  // rate of the limbs' momentum about the CoM, three per interval, of splines per Gauss' point; empty: none
+  std::vector<double> limbs;  // rate of the limbs' momentum, three per interval, for splines per point of Gauss
   Freedom freedom;
   Shape shape = Shape::constant;
 };
