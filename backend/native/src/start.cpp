@@ -52,8 +52,9 @@ void cold_start(const Problem& problem, Iterate& it, double barrier) {
       Stage& s = it.stages[k];
       s.phase = &phase;
       s.h = phase.h;
-      for (std::size_t c = 0; c < 3 && problem.shape == Shape::constant && !problem.limbs.empty(); ++c)
-        s.limbs[c] = problem.limbs[3 * k + c];
+      if (problem.shape == Shape::constant && !problem.limbs.empty()) {
+        for (std::size_t c = 0; c < 3; ++c) s.limbs[c] = problem.limbs[3 * k + c];
+      }
       s.first_touch = slot;
       s.hold = phase.cone < 0 ? -1 : static_cast<int>(it.holds.size());
       if (s.hold >= 0) it.holds.push_back(upright(problem.cones[static_cast<std::size_t>(phase.cone)], barrier));
