@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from support.database import TestDatabases
 
 install_import_hook("stridelab", "beartype.beartype")
+os.environ.pop("COLUMNS", None)  # workers are told the terminal's width, and a console would keep it
 
 # How long one example takes depends on what else the machine does; no test is about that.
 settings.register_profile("untimed", deadline=None)

@@ -87,9 +87,14 @@ def test_one_stair_is_climbed_in_a_process_of_its_own(talos: Robot) -> None:
     found = result.check("com_error_max")
     assert found is not None
     assert found.passed
-    # the processes compute what this one does
+    # the processes compute what this one does, to the rounding of two address spaces
     again = attempt(talos, feet_at(0.8, 0.1), ONE_STAIR)
-    assert replace(again, cpu_s=0.0) == replace(result, cpu_s=0.0)
+    assert [check.name for check in again.checks] == [check.name for check in result.checks]
+    for here, there in zip(again.checks, result.checks, strict=True):
+        assert here.value == pytest.approx(there.value, rel=1e-6, abs=1e-9), here.name
+    assert again.replay_error_m == pytest.approx(result.replay_error_m, rel=1e-4)
+    bare = {"cpu_s": 0.0, "checks": (), "replay_error_m": None, "com_height_m": None}
+    assert replace(again, **bare) == replace(result, **bare)
 
 
 def test_densities_far_above_the_knees_fail_where_the_body_cannot_follow(talos: Robot) -> None:

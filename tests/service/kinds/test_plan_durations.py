@@ -61,7 +61,7 @@ def test_the_body_follows_the_chosen_durations_and_the_scenario_kept_is_lawful(t
         told_apart = np.abs(time_s[:, None] - ends_s).min(axis=1) > 1e-5  # beside an end rounding decides
         assert (phase == np.searchsorted(ends_s, time_s + 1e-6))[told_apart].all(), table
         assert told_apart.mean() > 0.5
-    again = plan_motion.run(plan_task(kept, whole_body=False), tmp_path, quiet).summary
+    again = plan_motion.run(plan_task(kept), tmp_path, quiet).summary
     assert again["objective"] == pytest.approx(summary.objective, abs=0.1)  # on a grid of its own
 
 
