@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 
+from support.every_page import every_page
 from support.fake_lab import Lab, running_lab
 from support.tab import Service, Tab
 
@@ -33,47 +34,17 @@ def folder(tmp_path: Path) -> Path:
     return found
 
 
-def pages(lab: Lab) -> dict[str, str]:
-    """Address by name."""
-    fake = lab.fake
-    recording = fake.add_recording()
-    estimate = fake.add_job(state="succeeded", recording_id=recording.id)
-    running = fake.add_job(state="running", recording_id=recording.id)
-    plan, kept = fake.add_plan(replay=True), fake.add_scenario()
-    return {
-        "home": "/",
-        "recordings": "/recordings",
-        "recording": f"/recordings/{recording.id}",
-        "scenarios": "/scenarios",
-        "scenario": f"/scenarios/{kept.id}",
-        "plan": f"/plans/{plan.id}",
-        "robots": "/robots",
-        "robot": "/robots/boxes",
-        "jobs": "/jobs",
-        "estimate": f"/jobs/{estimate.id}",
-        "running": f"/jobs/{running.id}",
-        "population": "/population",
-        "reproduction": "/reproduction",
-        "login": "/login",
-        "nothing": "/nothing",
-        "view-recording": f"/view/?recording={recording.id}&job={estimate.id}&t=1",
-        "view-plan": f"/view/?plan={plan.id}&t=1.5",
-        "view-scenario": f"/view/?scenario={kept.id}",
-        "view-robot": "/view/?robot=boxes",
-    }
-
-
-def test_every_page_is_pictured(open_tab: Callable[..., Tab], lab: Lab, folder: Path) -> None:
-    shown = pages(lab)
-    for width, height in SIZES:
-        tab = open_tab(width, height)
-        for name, address in shown.items():
-            page = tab.go(address)
-            if name.startswith("view-"):
-                page.wait_for_selector("[data-ready]", timeout=90_000)
-            elif page.locator("#plots").count():
-                page.wait_for_selector("#plots[data-ready]")
-            path = folder / f"{name}-{width}x{height}.png"
-            page.screenshot(path=path, full_page=not name.startswith("view-"))
-            assert path.stat().st_size > LEAST_BYTES, f"{name} is empty at {width}x{height}"
-        tab.missteps = [m for m in tab.missteps if "status of 404" not in m]
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_every_page_is_pictured(open_tab: Callable[..., Tab], lab: Lab, folder: Path, width: int, height: int) -> None:
+    tab = open_tab(width, height)
+    for name, address in every_page(lab.fake).items():
+        page = tab.go(address)
+        if name.startswith("view-"):
+            page.wait_for_selector("[data-ready]", timeout=90_000)
+        elif page.locator("#plots").count():
+            page.wait_for_selector("#plots[data-ready]")
+        path = folder / f"{name}-{width}x{height}.png"
+        page.screenshot(path=path, full_page=not name.startswith("view-"))
+        assert path.stat().st_size > LEAST_BYTES, f"{name} is empty at {width}x{height}"
+    tab.missteps = [m for m in tab.missteps if "status of 404" not in m]
