@@ -96,9 +96,9 @@ def test_scrubbing_and_playing_ask_the_service_for_nothing(page: Page, meter: Me
         slider.fill(str(frame))
     page.get_by_label("Cones").check()
     page.get_by_label("Replay").check()
-    page.get_by_role("button", name="Play").click()
+    page.get_by_role("button", name="Play (space)").click()
     page.wait_for_function("() => Number(document.querySelector('#time').value) > 300")
-    page.get_by_role("button", name="Pause").click()
+    page.get_by_role("button", name="Pause (space)").click()
     page.locator("body").press("PageDown")
     page.wait_for_timeout(500)
     assert (meter.said, meter.answer_bytes) == before

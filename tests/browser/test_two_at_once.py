@@ -52,7 +52,7 @@ def test_two_look_at_one_plan_at_different_times(two: tuple[Tab, Tab], lab: Lab)
     first.bring_to_front()
     first.get_by_label("Forces").uncheck()
     first.get_by_label("Speed").select_option("0.25")
-    first.get_by_role("button", name="Play").click()
+    first.get_by_role("button", name="Play (space)").click()
     first.wait_for_function("() => Number(document.querySelector('#time').value) > 55")
     assert foot_stands_at(second, 2.0)(), "nobody else's picture moves"
     expect(second.get_by_label("Forces")).to_be_checked()
@@ -61,7 +61,7 @@ def test_two_look_at_one_plan_at_different_times(two: tuple[Tab, Tab], lab: Lab)
     second.get_by_role("slider", name="Time").fill("150")
     until(second, foot_stands_at(second, 3.0))
     expect(first.get_by_role("button", name="Pause (space)")).to_have_attribute("aria-pressed", "true")
-    first.get_by_role("button", name="Pause").click()
+    first.get_by_role("button", name="Pause (space)").click()
 
 
 def test_one_drags_while_the_other_plays(two: tuple[Tab, Tab], lab: Lab) -> None:
