@@ -38,7 +38,7 @@ class Grip:
     """
 
     least_n: float = 25.0
-    pressure_m: float = 0.02
+    pressure_m: float = 0.03
     gain_m_per_ns: float = 0.001
     most_m: float = 0.03
     let_go_s: float = 0.05
