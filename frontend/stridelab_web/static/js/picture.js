@@ -5,7 +5,7 @@ import { contactIn } from "./sequence.js";
 import { SUPPORT } from "./support_view.js";
 
 const TURN = "/turn"; // the viewer moves it after every drag and every change from elsewhere (viewer/scenario_scene.py)
-const DRAGGED_M = 1e-4, LETS_GO_MS = 1000;
+const DRAGGED_M = 1e-4, LETS_GO_MS = 1000, STORED_WITHIN_MS = 3000;
 
 export class Picture {
   constructor(stage) {
@@ -74,7 +74,8 @@ export class Picture {
     const turn = this.nodes.position(TURN)?.[0] ?? this.turn;
     if (turn === this.turn) return null;
     this.turn = turn;
-    const { mine } = this;
+    // A drag that was over between two looks is known by the press alone.
+    const mine = this.mine || this.pressed || performance.now() - this.released_ms < STORED_WITHIN_MS;
     this.mine = false;
     return { mine };
   }
