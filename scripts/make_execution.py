@@ -41,7 +41,7 @@ INTRO = """# Every bundled scenario, carried out
 Written by `scripts/make_execution.py`: each scenario planned with the default densities, followed by the whole body at
 250 Hz, certified and replayed once in physics. What depends on the robot (its feet, where its hand reaches) is in
 `experiments/execution.py`. How certificate and replay judge: [whole body](whole-body.md). *Speed* is the length of the
-motion over the process seconds of the whole-body stage, on one core.
+motion over the process seconds of the whole-body stage, on one core while the other one was busy.
 """
 
 
