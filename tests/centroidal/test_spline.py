@@ -42,10 +42,10 @@ def spline(smooth: CentroidalProblem) -> CentroidalPlan:
 def test_weights_are_those_of_scipy_and_their_integrals() -> None:
     basis = [BPoly(np.eye(4)[:, i : i + 1], [0.0, 1.0]) for i in range(4)]
     for s in (0.0, 0.3, 1.0):
-        assert_allclose(weights(s), [float(b(s)) for b in basis], atol=1e-15)
-        assert_allclose(weights(s, 1), [quad(b, 0.0, s)[0] for b in basis], atol=1e-12)
-        assert_allclose(weights(s, 2), [quad(lambda t, b=b, s=s: (s - t) * b(t), 0.0, s)[0] for b in basis], atol=1e-12)
-        assert weights(s, 2, degree=0) == pytest.approx([s**2 / 2])
+        assert_allclose(weights(s)[0], [float(b(s)) for b in basis], atol=1e-15)
+        assert_allclose(weights(s)[1], [quad(b, 0.0, s)[0] for b in basis], atol=1e-12)
+        assert_allclose(weights(s)[2], [quad(lambda t, b=b, s=s: (s - t) * b(t), 0.0, s)[0] for b in basis], atol=1e-12)
+        assert weights(s, degree=0)[2] == pytest.approx([s**2 / 2])
 
 
 def test_gauss_is_exact_to_its_degree_and_no_further() -> None:

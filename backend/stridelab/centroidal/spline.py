@@ -35,19 +35,26 @@ N_GAUSS: Final = 4
 
 
 @cache
-def bernstein(degree: int, integrals: int = 0) -> tuple[Polynomial, ...]:
-    """``B_0 .. B_degree``, integrated so many times from 0."""
+def _monomials(degree: int) -> Float[np.ndarray, "4 d n"]:
+    """``B_0 .. B_degree`` in powers of s, as they are and integrated one to three times from 0."""
     s = Polynomial([0.0, 1.0])
-    basis = [comb(degree, i) * s**i * (1.0 - s) ** (degree - i) for i in range(degree + 1)]
-    return tuple(b.integ(integrals) if integrals else b for b in basis)
+    found = np.zeros((4, degree + 1, degree + 4))
+    for i in range(degree + 1):
+        basis = comb(degree, i) * s**i * (1.0 - s) ** (degree - i)
+        for integrals in range(4):
+            coefficients = (basis.integ(integrals) if integrals else basis).coef
+            found[integrals, i, : len(coefficients)] = coefficients
+    found.flags.writeable = False
+    return found
 
 
-def weights(s: float, integrals: int = 0, degree: int = DEGREE) -> Float[np.ndarray, "d"]:
-    """What the control points weigh at ``s`` in [0, 1], in the curve or in its integrals by s from 0.
+def weights(s: float, degree: int = DEGREE) -> Float[np.ndarray, "4 d"]:
+    """What the control points weigh at ``s`` in [0, 1]: in the curve, and in its one to three integrals by s from 0.
 
     Of degree 0 there is one control point: a constant.
     """
-    return np.array([float(b(s)) for b in bernstein(degree, integrals)])
+    rows = _monomials(degree)
+    return np.asarray(rows @ s ** np.arange(rows.shape[2]))
 
 
 @cache

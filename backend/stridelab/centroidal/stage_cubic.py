@@ -31,7 +31,7 @@ def _controls(y: ca.SX, at: int, last: bool, first: bool, own: ca.SX) -> list[ca
 
 
 def _sum(at: float, integrals: int, points: list[ca.SX]) -> ca.SX:
-    return ca.horzcat(*points) @ ca.DM(weights(at, integrals))
+    return ca.horzcat(*points) @ ca.DM(weights(at)[integrals])
 
 
 @cache

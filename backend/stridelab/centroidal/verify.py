@@ -84,7 +84,7 @@ def instants(mass_kg: float, motion: Motion, wrenches: Wrenches, share: float) -
     h = np.diff(motion.time_s)[:, None]
     c, v = motion.com_m[:-1], motion.com_v_m_s[:-1]
     F, M = wrenches
-    now, once, twice = (weights(share, n, motion.degree) for n in range(3))
+    now, once, twice, _ = weights(share, motion.degree)
     f = np.tensordot(now, F, (0, 1))
     there = c + h * share * v + h**2 * (np.tensordot(twice, F, (0, 1)) / mass_kg + share**2 / 2 * g)
     speed = v + h * (np.tensordot(once, F, (0, 1)) / mass_kg + share * g)
