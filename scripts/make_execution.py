@@ -16,7 +16,18 @@ from pydantic import TypeAdapter
 
 from stridelab.experiments.execution import CASES, Execution, execute, followed, replayed
 from stridelab.experiments.replay_estimation import CONDITIONS, GOOD, estimators
-from stridelab.experiments.robustness import EXPERIMENTS, applies, boundary, disturbances, growing
+from stridelab.experiments.robustness import (
+    EXPERIMENTS,
+    N_INSTANTS,
+    PUSH_NS,
+    SIDES,
+    applies,
+    boundary,
+    disturbances,
+    growing,
+    instants,
+    pushed,
+)
 from stridelab.robots.loader import load_robot
 from stridelab.wholebody.disturbance import Disturbances
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -28,7 +39,7 @@ TABLES = (
     (
         "borne",
         "what the replay bears",
-        "Largest error of the CoM, mm; in rows that begin with *most*, the largest disturbance borne (bisection).",
+        "Largest CoM error, mm; *most*: the largest disturbance borne (bisection); *survived*: how many, at even instants.",
     ),
     (
         "estimated",
@@ -95,6 +106,12 @@ def borne(robot: str, experiments: list[str], folder: Path, *, boundaries: bool,
             row = f"most: {what}"
             if row not in known and applies(name, what):
                 known[row] = boundary(partial(survives, robot, motion, of_size), too_much)
+                path.write_bytes(BORNE.dump_json(known, indent=1))
+        for side, y in SIDES.items() if boundaries else ():
+            row = f"survived, of {N_INSTANTS} pushes of {PUSH_NS:g} Ns to the {side}"
+            if row not in known:
+                tried = (pushed(at_s, y * PUSH_NS) for at_s in instants(float(motion.time_s[-1])))
+                known[row] = float(sum(replayed(robot, motion, disturbed).completed for disturbed in tried))
                 path.write_bytes(BORNE.dump_json(known, indent=1))
 
 

@@ -1,11 +1,16 @@
-"""How hard a hand presses where the plan asks for less."""
+"""How hard a hand presses where the plan asks for less, and where it is brought."""
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from stridelab.contacts.sequence import Contact
+from stridelab.conventions import Vector3
 from stridelab.dynamics.placement import Placement
-from stridelab.wholebody.grip import Grip
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.grip import Grip, Hands
+from stridelab.wholebody.posed import Posed
+from stridelab.wholebody.seen import Seen
 
 WEIGHT_N = 550.0
 GRIP = Grip(least_n=25.0, pressure_m=0.02)
@@ -39,3 +44,70 @@ def test_above_the_soles_a_hand_on_a_wall_presses_less_than_on_a_rail_beside_the
 def test_what_is_planned_is_pressed_and_near_the_soles_the_least_is() -> None:
     assert GRIP.pressed_n(60.0, hand([0.1, -0.75, 0.95], TO_THE_LEFT), SOLES_M, WEIGHT_N) == 60.0
     assert GRIP.pressed_n(0.0, hand([0.05, -0.1, 0.7], np.eye(3)), SOLES_M, WEIGHT_N) == GRIP.least_n
+
+
+DT_S = 0.004
+ANGLED = np.array([-0.2, 0.0, -0.1, -1.3])
+"""Of a right arm whose elbow is bent, so that its Jacobian has rank three."""
+
+
+@pytest.fixture(scope="module")
+def posed(talos: Robot) -> Posed:
+    found = Posed(talos, ("right_hand",))
+    q = talos.q_reference.copy()
+    q[7 + found.limb["right_hand"][:4]] = ANGLED
+    found.at(q)
+    return found
+
+
+def sensed(posed: Posed, base_off_m: Vector3, hand_off_m: Vector3, force_n: Vector3) -> Seen:
+    """The base and the hand beside their planned places."""
+    there = posed.contact("right_hand")
+    q = np.concatenate([posed.base.position_m + base_off_m, pin.Quaternion(posed.base.rotation).coeffs()])
+    at = {"right_hand": Placement(there.position_m + hand_off_m, there.rotation)}
+    still = np.zeros(3)
+    return Seen(0.0, q, np.zeros(6), still, still, at, {"right_hand": force_n}, {"right_hand": still})
+
+
+def after(posed: Posed, seen: Seen, planned_n: Vector3 | None, seconds: float = 1.0) -> tuple[Vector3, np.ndarray]:
+    """By how much the hand is told to be elsewhere, and its torques, after a while; planned to be in the air: None."""
+    touching = {} if planned_n is None else {"right_hand": on_top(posed)}
+    planned = {} if planned_n is None else {"right_hand": planned_n}
+    hands, n = Hands(Grip(), posed, ("right_hand",), DT_S), 32
+    for _ in range(round(seconds / DT_S)):
+        angles, tau = hands.at(seen, touching, planned, dict.fromkeys(touching, 25.0), n)
+    limb = posed.limb["right_hand"]
+    return posed.moved_by_limb("right_hand")[:3] @ angles[limb], tau[limb]
+
+
+def on_top(posed: Posed) -> Contact:
+    return hand(posed.contact("right_hand").position_m.tolist(), np.eye(3))
+
+
+def test_a_hand_in_the_air_is_brought_to_its_place_in_the_world(posed: Posed) -> None:
+    base_off_m = np.array([0.02, -0.03, 0.01])
+    moved_m, tau = after(posed, sensed(posed, base_off_m, base_off_m, np.zeros(3)), None)
+    assert moved_m == pytest.approx(-base_off_m, abs=2e-3)
+    assert not tau.any()
+
+
+def test_a_hand_that_touches_stays_where_it_landed_whatever_the_base_does(posed: Posed) -> None:
+    base_off_m, landed_m = np.array([0.0, -0.05, 0.0]), np.array([0.012, -0.008, 0.0])
+    moved_m, _ = after(
+        posed, sensed(posed, base_off_m, landed_m, np.array([0.0, 0.0, 25.0])), np.array([0.0, 0.0, 25.0])
+    )
+    assert moved_m == pytest.approx(landed_m, abs=1e-3)
+
+
+def test_a_hand_that_has_lost_its_rail_is_lifted_and_presses_on_nothing(posed: Posed) -> None:
+    """With the planned force taken off, feed-forward and correction press with nothing in all."""
+    planned_n = np.array([-8.0, 6.0, 24.0])
+    lost = sensed(posed, np.zeros(3), np.array([0.0, -0.04, -0.03]), np.zeros(3))
+    moved_m, tau = after(posed, lost, planned_n)
+    assert moved_m[2] == pytest.approx(Grip().lift_m, abs=3e-3)
+    assert tau == pytest.approx(posed.torques_nm("right_hand", planned_n), abs=1e-9)
+
+
+def test_a_rail_that_is_not_there_yet_is_sought_straight_below(posed: Posed) -> None:
+    moved_m, _ = after(posed, sensed(posed, np.zeros(3), np.zeros(3), np.zeros(3)), np.array([0.0, 0.0, 10.0]), 5.0)
+    assert moved_m == pytest.approx([0.0, 0.0, -Grip().most_m], abs=3e-3)

@@ -9,6 +9,10 @@ EXPERIMENTS: Final = ("long-stride", "six-stairs", "stairs-with-rail")
 OFF_M: Final = 0.015
 """By how much stairs and rail are elsewhere than planned."""
 BISECTIONS: Final = 4
+PUSH_NS: Final = 20.0
+N_INSTANTS: Final = 12
+"""At how many instants of the motion a push is tried: one that is survived on two soles need not be on one."""
+SIDES: Final[Mapping[str, float]] = {"left": 1.0, "right": -1.0}
 
 
 def disturbances(duration_s: float) -> Mapping[str, Disturbances]:
@@ -24,16 +28,24 @@ def disturbances(duration_s: float) -> Mapping[str, Disturbances]:
         "sensors 5 ms late": Disturbances(delay_s=0.005),
         "noisy sensors": Disturbances(sensor_noise=SensorNoise()),
         "trunk 5 kg heavier": Disturbances(trunk_mass_kg=5.0),
-        "push of 20 Ns to the left": Disturbances(push=Push(duration_s / 2.0, (0.0, 20.0, 0.0))),
-        "push of 20 Ns to the right": Disturbances(push=Push(duration_s / 2.0, (0.0, -20.0, 0.0))),
-    }
+    } | {f"push of 20 Ns to the {side}": pushed(duration_s / 2.0, y * PUSH_NS) for side, y in SIDES.items()}
+
+
+def pushed(time_s: float, impulse_ns: float) -> Disturbances:
+    """Pushed to the left, or to the right where the impulse is negative."""
+    return Disturbances(push=Push(time_s, (0.0, impulse_ns, 0.0)))
+
+
+def instants(duration_s: float) -> tuple[float, ...]:
+    """Times of pushes, even over the motion, none at its very ends."""
+    return tuple(duration_s * (k + 0.5) / N_INSTANTS for k in range(N_INSTANTS))
 
 
 def growing(duration_s: float) -> Mapping[str, tuple[float, Callable[[float], Disturbances]]]:
     """Disturbances by size, each with a size that is too much."""
 
     def push(y: float) -> Callable[[float], Disturbances]:
-        return lambda ns: Disturbances(push=Push(duration_s / 2.0, (0.0, y * ns, 0.0)))
+        return lambda ns: pushed(duration_s / 2.0, y * ns)
 
     def up(z: float) -> Callable[[float], Disturbances]:
         return lambda mm: Disturbances(terrain_up_m=z * 1e-3 * mm, rail_shift_m=(0.0, 0.0, z * 1e-3 * mm))

@@ -15,7 +15,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.conventions import Vector3
@@ -91,17 +90,10 @@ class Feet:
         if name in self._landed:
             return self._cut(self._landed[name] - planned_m - self._body_m)
         if swung < 1.0:
-            return self._cut(self._to_the_world(aim_m, seen) - planned_m)
+            return self._cut(self._posed.to_the_world(aim_m, seen) - planned_m)
         self._sought_m[name] = min(f.search_m, self._sought_m[name] + f.search_m_s * self._dt_s)
         down_m = np.array([0.0, 0.0, self._sought_m[name]])
-        return np.asarray(self._cut(self._to_the_world(aim_m, seen) - planned_m) - down_m)
-
-    def _to_the_world(self, place_m: Vector3, seen: Seen) -> Vector3:
-        """Where a foot has to be, seen from the planned base, to be at a place although the base is off its own."""
-        base = self._posed.base
-        seen_R = np.asarray(pin.Quaternion(seen.q[3:7]).toRotationMatrix())
-        in_seen_base = seen_R.T @ (place_m - seen.q[:3])
-        return np.asarray(base.rotation @ in_seen_base + base.position_m)
+        return np.asarray(self._cut(self._posed.to_the_world(aim_m, seen) - planned_m) - down_m)
 
     def _cut(self, off_m: Vector3) -> Vector3:
         length = float(np.linalg.norm(off_m))

@@ -10,6 +10,7 @@ from stridelab.conventions import Vector3
 from stridelab.dynamics.placement import Placement
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
+from stridelab.wholebody.seen import Seen
 
 
 class Posed:
@@ -33,6 +34,12 @@ class Posed:
         """Where an effector's contact frame is."""
         here = self._data.oMf[self._frames[effector]]
         return Placement(here.translation.copy(), here.rotation.copy())
+
+    def to_the_world(self, place_m: Vector3, seen: Seen) -> Vector3:
+        """Where an effector has to be, seen from the planned base, to be at a place whatever the base is off."""
+        seen_R = np.asarray(pin.Quaternion(seen.q[3:7]).toRotationMatrix())
+        in_seen_base = seen_R.T @ (place_m - seen.q[:3])
+        return np.asarray(self.base.rotation @ in_seen_base + self.base.position_m)
 
     def moved_by_limb(self, effector: str) -> Float[np.ndarray, "6 k"]:
         """Jacobian of the contact frame (linear over angular, world axes) with respect to the joints of its limb."""

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.contacts.sequence import Contact
-from stridelab.conventions import GRAVITY_M_S2
+from stridelab.conventions import GRAVITY_M_S2, Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.ankles import CapturePoint, Sole, ankle_torques_nm, ankles_of, pendulum_rate
 from stridelab.wholebody.capturable import Capturable
@@ -55,7 +55,7 @@ class Stabilising:
         self._feet = (
             None if stabiliser.footing is None else Feet(stabiliser.footing, self._posed, self._soles, self._dt_s)
         )
-        self._grips = None if stabiliser.grip is None else Hands(stabiliser.grip, self._posed, self._dt_s)
+        self._grips = None if stabiliser.grip is None else Hands(stabiliser.grip, self._posed, self._hands, self._dt_s)
         self._integral_m, self._body_off_m = np.zeros(2), np.zeros(2)
         half = {name: ankle.half_size_m for name, ankle in self._ankles.items() if name in self._soles}
         self._capturable = Capturable.of(motion, half, stabiliser.capture.edge_m)
@@ -74,23 +74,21 @@ class Stabilising:
             angles = self._feet.angles_rad(seen, swung, self.pace.off_m, self._body_off_m, n)
         if self._grips is not None:
             touching = {name: contacts[name] for name in self._hands if name in contacts}
-            planned_n = {
-                name: float(motion.forces_n[name][i].sum(axis=0) @ c.placement.rotation[:, 2])
-                for name, c in touching.items()
-            }
+            planned_n = {name: motion.forces_n[name][i].sum(axis=0) for name in touching}
             wanted_n = self._wanted_n(contacts, planned_n)
             pressed, pressing = self._grips.at(seen, touching, planned_n, wanted_n, n)
             angles, tau = angles + pressed, tau + pressing
         return angles, tau
 
-    def _wanted_n(self, contacts: Mapping[str, Contact], planned_n: Mapping[str, float]) -> dict[str, float]:
+    def _wanted_n(self, contacts: Mapping[str, Contact], planned_n: Mapping[str, Vector3]) -> dict[str, float]:
         """The normal force asked of every hand that touches; without a sole there is no pressure to move."""
         grip = self._by.grip
         soles_m = [contacts[name].placement.position_m for name in self._soles if name in contacts]
+        normal_n = {name: float(f @ contacts[name].placement.rotation[:, 2]) for name, f in planned_n.items()}
         if grip is None or not soles_m:
-            return dict(planned_n)
+            return normal_n
         weight_n, middle_m = self._robot.mass_kg * GRAVITY_M_S2, np.mean(soles_m, axis=0)
-        return {name: grip.pressed_n(f, contacts[name], middle_m, weight_n) for name, f in planned_n.items()}
+        return {name: grip.pressed_n(f, contacts[name], middle_m, weight_n) for name, f in normal_n.items()}
 
     def _balance(self, i: int, contacts: Mapping[str, Contact], swung: Mapping[str, float], seen: Seen) -> Angles:
         motion, capture, pace = self._motion, self._by.capture, self.pace
@@ -102,7 +100,10 @@ class Stabilising:
         w = pendulum_rate(float(seen.com_m[2]) - ground_m)
         can, ended = self._capturable, i == len(motion.time_s) - 1
         seen_m = seen.com_m[:2] + seen.com_v_m_s[:2] / w
-        pace.decide(seen_m, {name: self._posed.contact(name).position_m for name in swung}, swung)
+        places_m = {name: self._posed.contact(name).position_m for name in swung}
+        grip = self._by.grip
+        leans_m = 0.0 if grip is None or not any(name in contacts for name in self._hands) else grip.pressure_m
+        pace.decide(seen_m, places_m, swung, leans_m)
         # a clock that stands still asks the robot to rest on the capture point, from where the plan can go on
         still = 0.0 if ended else 1.0 - float(np.clip(pace.rate, 0.0, 1.0))
         reference_m = motion.com_reference_m[i, :2] if ended else can.capture_m[i]

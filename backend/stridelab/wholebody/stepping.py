@@ -84,8 +84,14 @@ class Pace:
         moved = (self._can.weight[name][i] * off for name, off in self.off_m.items())
         return np.asarray(sum(moved, start=np.zeros(2)))
 
-    def decide(self, capture_m: Shift, places_m: Mapping[str, Vector3], swung: Mapping[str, float]) -> None:
-        """Offsets and rate for a capture point; of the soles where the plan has them and how far they have swung."""
+    def decide(
+        self, capture_m: Shift, places_m: Mapping[str, Vector3], swung: Mapping[str, float], leans_m: float = 0.0
+    ) -> None:
+        """Offsets and rate for a capture point; of the soles where the plan has them and how far they have swung.
+
+        ``leans_m`` is by how much hands move the centre of pressure: a push may tear them off, so that a step is as
+        much larger.
+        """
         by, i, wanted = self._by, self.nearest, 1.0
         swinging = [name for name, share in swung.items() if share < 1.0]
         for name in swinging:
@@ -101,7 +107,7 @@ class Pace:
             (stands,) = (other for other in swung if other != name)
             k = int(np.argmax(over[1::2])) * 2 + 1
             if float(self._can.towards[i, k] @ (places_m[name] - places_m[stands])[:2]) > 0.0:
-                wanted = self._put_down(name, stands, swung[name], capture_m, k)
+                wanted = self._put_down(name, stands, swung[name], capture_m, k, by.margin_m + leans_m)
         if self._lost_s > by.most_lost_s:
             wanted = 1.0
         step = by.slew_per_s * self._dt_s
@@ -115,14 +121,14 @@ class Pace:
     def _may_stand(self, i: int) -> bool:
         return float(self._can.moving_m[i]) < self._by.still_m
 
-    def _put_down(self, name: str, stands: str, swung: float, capture_m: Shift, k: int) -> float:
+    def _put_down(self, name: str, stands: str, swung: float, capture_m: Shift, k: int, margin_m: float) -> float:
         """How fast the clock has to run; the offset of the landing is set."""
         by, can, i = self._by, self._can, self.nearest
         best, chosen, offset = np.inf, 1.0, 0.0
         for pace in by.paces:
             j = can.touch_down(name, i) if pace > 0.0 else can.lift_off(name, i)
             grown = float(np.exp(can.rate_per_s[i] * abs(j - i) / abs(pace) * self._dt_s))
-            aside_m, gain = self._beyond(capture_m, stands, i, j, k, grown) + by.margin_m, 1.0
+            aside_m, gain = self._beyond(capture_m, stands, i, j, k, grown) + margin_m, 1.0
             if not self._may_stand(j):
                 gain = max(float(can.weight[name][j]), 1e-6)
             along_m = max(self._behind(capture_m, i, j, ahead, grown) for ahead in (0, 2))
