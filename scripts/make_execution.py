@@ -39,7 +39,7 @@ TABLES = (
     (
         "borne",
         "what the replay bears",
-        "Largest CoM error, mm; *most*: the largest disturbance borne (bisection); *survived*: how many, at even instants.",
+        "Largest CoM error, mm; *most*: the largest that is borne (bisection); *survived*: how many, at even instants.",
     ),
     (
         "estimated",
