@@ -14,7 +14,7 @@ import pinocchio as pin
 from jaxtyping import Float, Int
 
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.conventions import Points, Series, g
+from stridelab.conventions import Points, Series, Vector3, g
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.motion import WholeBodyMotion
@@ -70,9 +70,9 @@ def recompute(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) 
             f = motion.forces_n[name][i]
             total = f.sum(axis=0)
             force_gap = force_gap - total
-            moment_gap = moment_gap - np.cross(p - com[i], f).sum(axis=0)
+            moment_gap = moment_gap - _moment(p - com[i], f)
             joint = model.frames[frames[name]].parentJoint
-            external[joint] = external[joint] + data.oMi[joint].actInv(pin.Force(total, np.cross(p, f).sum(axis=0)))
+            external[joint] = external[joint] + data.oMi[joint].actInv(pin.Force(total, _moment(p, f)))
         newton_euler[i] = max(np.linalg.norm(force_gap), np.linalg.norm(moment_gap))
         torque_gap[i] = pin.rnea(model, data, q, v, a, external)[6:] - motion.tau_nm[i]
         if i:
@@ -90,3 +90,9 @@ def recompute(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion) 
         torque_gap_nm=torque_gap,
         integration_gap=integration_gap,
     )
+
+
+def _moment(p_m: Points, f_n: Points) -> Vector3:
+    """``sum p x f``, the antisymmetric part of ``sum p f'``: a product in place of many small ones."""
+    S = p_m.T @ f_n
+    return np.array([S[1, 2] - S[2, 1], S[2, 0] - S[0, 2], S[0, 1] - S[1, 0]])
