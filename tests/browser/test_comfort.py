@@ -1,33 +1,17 @@
 """Comfortable in a dark room, with less motion, and on screens from 800 to 3840 pixels."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from support.every_page import every_page
-from support.fake_lab import Lab, running_lab
-from support.tab import Service, Tab
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
 
 BACKGROUND = "() => getComputedStyle(document.body).backgroundColor"
 PAPER = "() => document.getElementById('plots')._fullLayout.paper_bgcolor"
 RUNNING = "() => document.getAnimations().filter((one) => one.playState === 'running').length"
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    with running_lab() as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def service(lab: Lab) -> Service:
-    return Service(lab.url, lab.fake.client())
-
-
-@pytest.fixture(scope="module")
-def addresses(lab: Lab) -> dict[str, str]:
-    return every_page(lab.fake)
 
 
 def lightness(css: str) -> float:

@@ -9,7 +9,6 @@ import io
 import itertools
 import time
 from collections.abc import Callable, Iterator
-from urllib.parse import urlsplit
 
 import httpx
 import numpy as np
@@ -22,7 +21,7 @@ from stridelab.robots.loader import load_robot
 from stridelab_web.documents import Document
 from support import own_loop
 from support.consumption import Consumption
-from support.meter import Meter, metered
+from support.meter import Meter
 from support.scene_poses import ScenePoses, apart
 from support.tab import Service
 
@@ -42,12 +41,6 @@ def climb(service: Service) -> str:
     done = service.client.wait(job.id, PLANNED_WITHIN_S)
     assert done.state == "succeeded", done.error
     return job.id
-
-
-@pytest.fixture
-def meter(service: Service) -> Iterator[Meter]:
-    with metered(int(urlsplit(service.url).port or 0)) as counting:
-        yield counting
 
 
 @pytest.fixture

@@ -7,21 +7,12 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, Route, expect
 
-from support.fake_lab import Lab, running_lab
-from support.tab import Service, Tab
+from support.fake_lab import Lab
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
 
 HOSTILE = '<img src=x onerror="document.title=1">.c3d'
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    with running_lab() as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def service(lab: Lab) -> Service:
-    return Service(lab.url, lab.fake.client())
 
 
 @pytest.fixture
