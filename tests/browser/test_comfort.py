@@ -45,7 +45,7 @@ def test_plots_and_drawings_follow_the_room_and_keep_their_place(tab: Tab, addre
 
 
 def test_nothing_moves_by_itself_for_who_wants_less_motion(tab: Tab, addresses: dict[str, str]) -> None:
-    for part in ("frames.json", "open"):
+    for part in ("frames.bin", "open"):
         tab.page.route(f"**/{part}", lambda _: None)  # never answered: the page waits, as for a large scene
     tab.page.emulate_media(reduced_motion="reduce")
     page = tab.go(addresses["view-plan"])

@@ -4,7 +4,7 @@
 // objects in another (`nodeRefFromName`); both are private, so viser is pinned exactly and browser tests compare nodes
 // with the files that they show.
 
-const FIND_EVERY_MS = 100;
+const FIND_EVERY_MS = 30;
 export const HIDDEN = 1e-6; // a scale of zero would make a matrix that cannot be inverted
 
 function findViser(frame) {
@@ -31,6 +31,7 @@ export class Nodes {
     this.colours = new WeakMap();
     this.clear = new WeakMap();
     this.seen = new Map();
+    this.there = new WeakMap();
   }
 
   // Resolves once viser has made every node.
@@ -126,6 +127,7 @@ export class Nodes {
     }
   }
 
+  // Whether the layer of a node is switched off.
   isHidden(name) {
     return [...this.hidden].some((group) => name.startsWith(group));
   }
@@ -136,7 +138,10 @@ export class Nodes {
     // Some shapes carry their size as scale, so ours multiplies the one that viser gave.
     if (!this.own.has(object)) this.own.set(object, object.scale.clone());
     const own = this.own.get(object);
-    const off = this.isHidden(name);
+    const off = this.isHidden(name), there = !off && Math.max(x, y, z) > HIDDEN;
     object.scale.set(own.x * (off ? HIDDEN : x), own.y * (off ? HIDDEN : y), own.z * (off ? HIDDEN : z));
+    if (this.there.get(object) === there) return;
+    this.there.set(object, there);
+    this.see(name, there); // so small it cannot be seen, but it would be drawn
   }
 }

@@ -33,11 +33,9 @@ export class Picture {
     throw new Error(value?.detail || "The scene could not be read.");
   }
 
-  // Loads the scene; `onKey` hears the keys that are pressed in it.
+  // Waits for the scene; `onKey` hears the keys that are pressed in it.
   async load(touches, body, onKey) {
     this.onKey = onKey;
-    this.frame.src = `${this.scene}/?hideViserLogo&fixedDpr=1`;
-    this.frame.hidden = false;
     this.around = aroundOf(body);
     await this.fit(touches, body);
     this.turn = this.nodes.position(TURN)?.[0] ?? 0;

@@ -47,9 +47,7 @@ export class Scene {
     for (const [name, k, size] of this.layout.hoops) this.hoop(name, k, size);
     const t_s = this.timeAt(at);
     for (const [name, start_s, end_s] of this.layout.spans) {
-      const there = start_s <= t_s && t_s <= end_s;
-      this.nodes.scale(name, there ? 1 : HIDDEN);
-      this.nodes.see(name, there && !this.nodes.isHidden(name)); // what is large and away costs nothing
+      this.nodes.scale(name, start_s <= t_s && t_s <= end_s ? 1 : HIDDEN);
     }
     for (const name of this.layout.still) this.nodes.scale(name, 1);
     for (const [k, name] of this.inside.entries()) this.nodes.over(name, this.through ? k + 1 : 0);

@@ -4,6 +4,7 @@ import { LoopRange } from "./loop_range.js";
 import { unpack } from "./packed.js";
 import { Scene } from "./scene.js";
 import { snapshot } from "./snapshot.js";
+import { failed } from "./veil.js";
 
 const ADDRESS_EVERY_MS = 250, HEARTBEAT_MS = 400;
 const stage = document.querySelector("[data-stage]");
@@ -25,21 +26,17 @@ const range = new LoopRange(player.querySelector("[data-range]"), rememberRange)
 
 let scene = null, camera = null, time_s = [], phases_s = [], starts_s = [], at = 0, playing = false, last_ms = 0, addressed_ms = 0, addressLater = 0;
 
-start().catch((error) => {
-  veil.hidden = false;
-  veil.textContent = error.message;
-});
+start().catch((error) => failed(stage, error));
 
 async function start() {
-  const [layout, values] = await Promise.all([
-    get(`${base}/frames.json`).then((answer) => answer.json()),
-    get(`${base}/frames.bin`).then((answer) => answer.arrayBuffer()),
+  const [[layout, values]] = await Promise.all([
+    get(`${base}/frames.bin`).then((answer) => answer.arrayBuffer()).then(unpack),
     get(`${base}/open`, { method: "POST" }),
   ]);
   time_s = layout.time_s;
   phases_s = layout.phase_starts_s;
   starts_s = phases_s.length ? phases_s : steps_s.map(([start_s]) => start_s);
-  scene = new Scene(frame, layout, unpack(values, layout));
+  scene = new Scene(frame, layout, values);
   camera = new Camera(scene);
   // A layer of which nothing is there is not offered.
   for (const box of player.querySelectorAll("[data-show]")) {
@@ -49,8 +46,6 @@ async function start() {
   through.closest("label").hidden = scene.inside.length === 0;
   through.checked = new URLSearchParams(location.search).get("through") !== "0";
   magnified.closest("label").hidden = !layout.ellipsoids.length;
-  frame.src = `${base}/?hideViserLogo&fixedDpr=1`;
-  frame.hidden = false;
   await scene.nodes.ready();
   veil.hidden = true;
   slider.max = String(time_s.length - 1);
