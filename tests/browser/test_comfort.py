@@ -5,12 +5,24 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
+from support.scene_view import opened, until
 from support.tab import Tab
 
 pytestmark = pytest.mark.usefixtures("lab")
 
 BACKGROUND = "() => getComputedStyle(document.body).backgroundColor"
 PAPER = "() => document.getElementById('plots')._fullLayout.paper_bgcolor"
+SCENE_BACKGROUND = """() => {
+    const { canvas } = document.querySelector("iframe").contentWindow.__viserMutable;
+    let node = canvas;
+    const colour = () => canvas.ownerDocument.defaultView.getComputedStyle(node).backgroundColor;
+    while (colour() === "rgba(0, 0, 0, 0)") node = node.parentElement;
+    return colour();
+}"""
+PATH_COLOUR = """() => {
+    const node = document.querySelector("iframe").contentWindow.__viserMutable.nodeRefFromName["/paths/com"];
+    return `#${node.children.find((part) => part.isMesh).material.color.getHexString()}`;
+}"""
 RUNNING = "() => document.getAnimations().filter((one) => one.playState === 'running').length"
 
 
@@ -42,6 +54,22 @@ def test_plots_and_drawings_follow_the_room_and_keep_their_place(tab: Tab, addre
     assert lightness(box.evaluate("(box) => getComputedStyle(box).fill")) < 0.35
     page.emulate_media(color_scheme="light")
     assert lightness(box.evaluate("(box) => getComputedStyle(box).fill")) > 0.8
+
+
+def test_the_scene_follows_the_room_and_its_lines_stay_seen(tab: Tab, addresses: dict[str, str]) -> None:
+    page = opened(tab, addresses["view-plan"])
+    assert lightness(page.evaluate(SCENE_BACKGROUND)) > 0.9
+    light = lightness(page.evaluate(PATH_COLOUR))
+    assert light < 0.3
+    page.emulate_media(color_scheme="dark")
+    until(page, lambda: lightness(page.evaluate(SCENE_BACKGROUND)) < 0.2)
+    assert lightness(page.evaluate(PATH_COLOUR)) > 0.5
+    page.emulate_media(color_scheme="light")
+    until(page, lambda: lightness(page.evaluate(SCENE_BACKGROUND)) > 0.9)
+    assert lightness(page.evaluate(PATH_COLOUR)) == light
+    page.emulate_media(color_scheme="dark")
+    page = opened(tab, addresses["view-scenario"])
+    assert lightness(page.evaluate(SCENE_BACKGROUND)) < 0.2
 
 
 def test_nothing_moves_by_itself_for_who_wants_less_motion(tab: Tab, addresses: dict[str, str]) -> None:

@@ -7,18 +7,21 @@
 const FIND_EVERY_MS = 30;
 export const HIDDEN = 1e-6; // a scale of zero would make a matrix that cannot be inverted
 
-function findViser(frame) {
-  const inside = frame.contentWindow;
-  if (!inside) return null;
-  if (inside.__viserMutable?.nodePoseData) return inside.__viserMutable;
+// What viser's client hands down to its own parts: stores, and `mutable` with its scene; null before it is there.
+export function findContext(frame) {
   for (let node = frame.contentDocument?.querySelector("canvas"); node; node = node.parentElement) {
     const key = Object.keys(node).find((name) => name.startsWith("__reactFiber$"));
     for (let fiber = key && node[key]; fiber; fiber = fiber.return) {
-      const found = fiber.memoizedProps?.value?.mutable?.current;
-      if (found?.nodePoseData) return found;
+      const found = fiber.memoizedProps?.value;
+      if (found?.mutable?.current?.nodePoseData) return found;
     }
   }
   return null;
+}
+
+function findViser(frame) {
+  const known = frame.contentWindow?.__viserMutable;
+  return known?.nodePoseData ? known : (findContext(frame)?.mutable.current ?? null);
 }
 
 export class Nodes {

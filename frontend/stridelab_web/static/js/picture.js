@@ -1,6 +1,7 @@
 // The 3D scene of a scenario as its editor uses it: nodes that come and go, what is held there, and news from others.
 import { LIVE } from "./live_view.js";
 import { Nodes } from "./nodes.js";
+import { Room } from "./room.js";
 import { contactIn } from "./sequence.js";
 import { SUPPORT } from "./support_view.js";
 
@@ -38,6 +39,7 @@ export class Picture {
     this.onKey = onKey;
     this.around = aroundOf(body);
     await this.fit(touches, body);
+    new Room(this.nodes);
     this.turn = this.nodes.position(TURN)?.[0] ?? 0;
     this.listen();
   }
@@ -52,7 +54,9 @@ export class Picture {
       this.frame.contentWindow.location.reload();
     }
     await this.nodes.ready();
-    if (anew) this.listen();
+    if (!anew) return;
+    this.listen();
+    new Room(this.nodes);
   }
 
   listen() {

@@ -1,5 +1,6 @@
 // A robot in 3D with where its centre of mass can be: one effector and measure at a time, each part with a key.
 import { Nodes } from "./nodes.js";
+import { Room } from "./room.js";
 import { failed } from "./veil.js";
 
 const HEARTBEAT_MS = 400, LEVELS = ["50", "80", "95"], PARTS = ["cloud", "mode", ...LEVELS], LITRES = 1000;
@@ -22,10 +23,15 @@ async function start() {
   if (!answer?.ok) throw new Error((await answer?.json().catch(() => null))?.detail || "The scene could not be read.");
   await nodes.ready();
   part("veil").hidden = true;
+  const room = new Room(nodes);
   frame.contentWindow.addEventListener("keydown", onKey);
   show();
   root.dataset.ready = "true";
-  setInterval(() => nodes.isStale() && show(), HEARTBEAT_MS);
+  setInterval(() => {
+    if (!nodes.isStale()) return;
+    room.show();
+    show();
+  }, HEARTBEAT_MS);
 }
 
 function readAddress() {

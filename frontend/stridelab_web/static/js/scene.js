@@ -30,6 +30,13 @@ export class Scene {
     ]);
   }
 
+  // What is drawn as points, lines and arrows; the ball of the centre of mass has its light half with it.
+  get tinted() {
+    const { points, sticks, arrows, still } = this.layout;
+    const names = [...points.map(([name]) => name), ...sticks.map(([name]) => name), ...arrows.flatMap(([shaft, head]) => [shaft, head]), ...still];
+    return names.filter((name) => !COM.includes(name) && !name.startsWith("/cones/"));
+  }
+
   hide(prefixes) {
     this.nodes.hidden = new Set(prefixes);
   }

@@ -2,6 +2,7 @@
 import { Camera } from "./camera.js";
 import { LoopRange } from "./loop_range.js";
 import { unpack } from "./packed.js";
+import { Room } from "./room.js";
 import { Scene } from "./scene.js";
 import { snapshot } from "./snapshot.js";
 import { failed } from "./veil.js";
@@ -24,7 +25,7 @@ const base = stage.dataset.scene;
 const steps_s = JSON.parse(player.dataset.steps);
 const range = new LoopRange(player.querySelector("[data-range]"), rememberRange);
 
-let scene = null, camera = null, time_s = [], phases_s = [], starts_s = [], at = 0, playing = false, last_ms = 0, addressed_ms = 0, addressLater = 0;
+let scene = null, camera = null, room = null, time_s = [], phases_s = [], starts_s = [], at = 0, playing = false, last_ms = 0, addressed_ms = 0, addressLater = 0;
 
 start().catch((error) => failed(stage, error));
 
@@ -48,6 +49,7 @@ async function start() {
   magnified.closest("label").hidden = !layout.ellipsoids.length;
   await scene.nodes.ready();
   veil.hidden = true;
+  room = new Room(scene.nodes, scene.tinted);
   slider.max = String(time_s.length - 1);
   slider.disabled = false;
   frame.contentWindow.addEventListener("keydown", (event) => onKey(event, false));
@@ -57,7 +59,11 @@ async function start() {
   seek(frameAt(Number(query.get("t") ?? player.dataset.start)), false);
   player.dataset.ready = "true";
   if (query.has("play")) play(true);
-  setInterval(() => playing || (scene.nodes.isStale() && scene.show(at)), HEARTBEAT_MS);
+  setInterval(() => {
+    if (!scene.nodes.isStale()) return;
+    room.show();
+    if (!playing) scene.show(at);
+  }, HEARTBEAT_MS);
 }
 
 async function get(url, options) {
