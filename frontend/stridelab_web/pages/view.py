@@ -86,7 +86,6 @@ async def _recording(request: Request) -> Response:
     if job_id:
         layers += [*COM_LAYERS, *WHEEL_LAYERS]
         links.append(("Result", f"/jobs/{job_id}"))
-    links.append(("Upload another", "/recordings"))
     numbered = strips.numbered(steps_s, recording.duration_s, first=1)
     said = f"{len(steps_s)} steps, foot off to the next foot off, as the wheel was fitted to them"
     return page(
@@ -105,6 +104,7 @@ async def _recording(request: Request) -> Response:
         steps=steps_s,
         downloads=[(text, f"{scene}/{name}") for name, text in planner.EXPORTS.items()],
         layers=layers,
+        uploads=True,
         links=links,
     )
 

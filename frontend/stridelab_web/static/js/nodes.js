@@ -4,7 +4,7 @@
 // objects in another (`nodeRefFromName`); both are private, so viser is pinned exactly and browser tests compare nodes
 // with the files that they show.
 
-const FIND_EVERY_MS = 30;
+const FIND_EVERY_MS = 30, LOST_MS = 8000;
 export const HIDDEN = 1e-6; // a scale of zero would make a matrix that cannot be inverted
 
 // What viser's client hands down to its own parts: stores, and `mutable` with its scene; null before it is there.
@@ -37,11 +37,19 @@ export class Nodes {
     this.there = new WeakMap();
   }
 
-  // Resolves once viser has made every node.
+  // Resolves once viser has made every node. A client that lost its first connection, to a viewer that was starting,
+  // tries again only where it has the focus: it is loaded anew.
   ready() {
+    let lost_ms = null;
     return new Promise((done) => {
       const look = () => {
         this.find();
+        const alone = findContext(this.frame)?.useGui.get().websocketState === "inactive";
+        lost_ms = alone ? (lost_ms ?? performance.now()) : null;
+        if (alone && performance.now() - lost_ms > LOST_MS) {
+          lost_ms = this.viser = null;
+          this.frame.contentWindow.location.reload();
+        }
         if (this.viser && this.names.every((name) => this.viser.nodeRefFromName[name])) done();
         else setTimeout(look, FIND_EVERY_MS);
       };
