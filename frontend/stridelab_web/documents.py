@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from typing import Any, Final, Literal, get_args
 
 DocumentKind = Literal["recording", "plan", "scenario", "robot"]
+PlayerForm = Literal["viser", "html"]
+"""A file for viser's own player, or one page with that player and the file in it."""
 NO_JOB: Final = "-"
 """Stands for "no result" in an address."""
 

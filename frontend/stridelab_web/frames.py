@@ -4,6 +4,7 @@ The viewer process builds the nodes from the same ``Frames`` from which the web 
 and columns cannot disagree. Positions are in the world frame, metres; forces in newtons.
 """
 
+import json
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -147,6 +148,11 @@ class Frames:
             "arrow_m_per_n": ARROW_M_PER_N,
             "head_m": HEAD_M,
         }
+
+    def file(self) -> bytes:
+        """The layout as JSON behind its length (four bytes, little-endian), then the numbers, ``packed``."""
+        told = json.dumps(self.layout(), separators=(",", ":")).encode()
+        return len(told).to_bytes(4, "little") + told + self.packed()
 
     def packed(self) -> bytes:
         """``values`` as ``static/js/packed.js`` reads them; quaternions have no jumps of sign."""

@@ -7,6 +7,7 @@ from urllib.parse import urlsplit
 
 import httpx
 import websockets
+from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import JSONResponse, Response
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -50,21 +51,35 @@ async def open_scene(request: Request) -> Response:
     return JSONResponse({"ready": True, "said": opened["said"]})
 
 
+async def player(request: Request) -> Response:
+    """``GET /view/scene/{kind}/{id}/{job}/motion.{form}``: a recording of the scene for viser's own player."""
+    form = request.path_params["form"]
+    try:
+        answer = await _ask(request.app.state.config, f"players/{form}", _document(request))
+    except ViewerUnavailable as error:
+        raise HTTPException(503, str(error)) from error
+    headers = {"Content-Disposition": f'attachment; filename="motion.{form}"', "Cache-Control": "no-store"}
+    return Response(answer.content, media_type="application/octet-stream", headers=headers)
+
+
 async def pump(socket: WebSocket) -> None:
     """The websocket of viser's client (its page's address without the last slash).
 
     Host, origin and login have been checked by the front door's gate; the origin is checked here once more, since a
-    foreign page that could speak to this socket would see the recording.
+    foreign page that could speak to this socket would see the recording. The socket is accepted before the scene is
+    built: viser's client gives up after some seconds, and tries again only in a window that has the focus.
     """
     origin = socket.headers.get("origin")
     if origin is not None and urlsplit(origin).netloc != socket.headers.get("host"):
         await socket.close(4403, "foreign-origin")
         return
+    versions = socket.scope["subprotocols"]
+    await socket.accept(subprotocol=versions[0] if versions else None)
     try:
         opened = await _open(socket.app.state.config, _document(socket))
         upstream = await websockets.connect(
             f"ws://127.0.0.1:{opened['port']}/{opened['secret']}",
-            subprotocols=[websockets.Subprotocol(name) for name in socket.scope["subprotocols"]],
+            subprotocols=[websockets.Subprotocol(name) for name in versions[:1]],
             max_size=None,
             compression=None,
             proxy=None,
@@ -74,7 +89,6 @@ async def pump(socket: WebSocket) -> None:
         await socket.close(1013, "viewer-unavailable")
         return
     async with upstream:
-        await socket.accept(subprotocol=upstream.subprotocol)
         tasks = [asyncio.create_task(_up(socket, upstream)), asyncio.create_task(_down(socket, upstream))]
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
         for task in tasks:
@@ -110,16 +124,22 @@ def _document(connection: HTTPConnection) -> Document:
 
 async def _open(config: WebConfig, document: Document) -> dict[str, Any]:
     """Where the scene of ``document`` is (``port`` and ``secret``); the viewer builds it where it is not open."""
+    said: dict[str, Any] = (await _ask(config, "scenes", document)).json()
+    return said
+
+
+async def _ask(config: WebConfig, path: str, document: Document) -> httpx.Response:
+    """The viewer's answer about ``document``. Raises ``ViewerUnavailable`` where it refuses or gives none."""
     if config.viewer_url is None:
         raise ViewerUnavailable("This service runs without a viewer.")
     headers = {"Authorization": f"Bearer {config.token}"} if config.token else {}
     patient = httpx.AsyncHTTPTransport(retries=STARTING_TRIES)
     try:
         async with httpx.AsyncClient(transport=patient, timeout=OPENING_S) as viewer:
-            answer = await viewer.post(f"{config.viewer_url}/scenes", json=document.wanted, headers=headers)
-        said: dict[str, Any] = answer.json()
+            answer = await viewer.post(f"{config.viewer_url}/{path}", json=document.wanted, headers=headers)
+        refusal = answer.json() if answer.is_error else {}
     except (httpx.HTTPError, ValueError) as error:
         raise ViewerUnavailable("The viewer does not answer. It may be starting; try again.") from error
     if answer.is_error:
-        raise ViewerUnavailable(str(said.get("detail", "The viewer cannot show this.")))
-    return said
+        raise ViewerUnavailable(str(refusal.get("detail", "The viewer cannot show this.")))
+    return answer

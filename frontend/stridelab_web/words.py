@@ -55,7 +55,7 @@ def check_name(code: str) -> str:
 
 def kind(code: str) -> str:
     """Name of a kind of job."""
-    return _KINDS.get(code, words(code).capitalize())
+    return KINDS.get(code, words(code).capitalize())
 
 
 def item(code: str) -> str:
@@ -105,7 +105,7 @@ _VERDICTS = {
     "not_met": "not reached here",
     "thesis_in_error": "cannot hold as printed",
 }
-_KINDS = {
+KINDS = {
     "estimate-com": "Centre of mass",
     "compare-estimators": "Comparison of methods",
     "reproduce": "Reproduction",

@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import httpx
 import pytest
@@ -17,6 +18,9 @@ from playwright.sync_api import Browser, expect, sync_playwright
 
 from stridelab.client import Client
 from support.database import public_folder
+from support.every_page import every_page
+from support.fake_lab import Lab, running_lab
+from support.meter import Meter, metered
 from support.tab import Service, Tab
 
 CHROMIUM = next(
@@ -85,6 +89,36 @@ def _wait_until_healthy(url: str, process: subprocess.Popen[bytes], log: Path) -
 
 
 @pytest.fixture(scope="module")
+def lab() -> Iterator[Lab]:
+    """Pages and viewer on a fake interface, within seconds; a file whose tests all are on it is marked to use it."""
+    with running_lab() as made:
+        yield made
+
+
+@pytest.fixture(scope="module")
+def addresses(lab: Lab) -> dict[str, str]:
+    """Every kind of page of the lab, by a name."""
+    return every_page(lab.fake)
+
+
+@pytest.fixture
+def site(request: pytest.FixtureRequest) -> Service:
+    """What a tab shows: the lab in a test that uses it, else the whole service."""
+    if "lab" not in request.fixturenames:
+        whole: Service = request.getfixturevalue("service")
+        return whole
+    lab: Lab = request.getfixturevalue("lab")
+    return Service(lab.url, lab.fake.client())
+
+
+@pytest.fixture
+def meter(service: Service) -> Iterator[Meter]:
+    """A door in front of the whole service that counts what passes."""
+    with metered(int(urlsplit(service.url).port or 0)) as counting:
+        yield counting
+
+
+@pytest.fixture(scope="module")
 def chromium() -> Iterator[Browser]:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=list(FLAGS))
@@ -93,14 +127,14 @@ def chromium() -> Iterator[Browser]:
 
 
 @pytest.fixture
-def open_tab(chromium: Browser, service: Service) -> Iterator[Callable[..., Tab]]:
+def open_tab(chromium: Browser, site: Service) -> Iterator[Callable[..., Tab]]:
     """Opens tabs of a given size; at the end none may have logged an error or asked another host for anything."""
     tabs: list[Tab] = []
 
     def open_one(width: int = 1400, height: int = 850) -> Tab:
         page = chromium.new_page(viewport={"width": width, "height": height})
         page.set_default_timeout(30_000)
-        tab = Tab(page, service.url)
+        tab = Tab(page, site.url)
         page.on("console", tab.on_console)
         page.on("pageerror", tab.on_error)
         page.on("request", tab.on_request)

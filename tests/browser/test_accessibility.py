@@ -1,6 +1,6 @@
 """No page keeps anybody out: axe-core finds nothing serious on any of them, wide or narrow, light or dark."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import Any
 
 import pytest
@@ -8,29 +8,14 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
 
 from support.every_page import every_page
-from support.fake_lab import Lab, running_lab
 from support.fake_service import FakeService
-from support.tab import Service, Tab
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
 
 WITHOUT_FRAMES = {"resultTypes": ["violations"], "iframes": False}
 """What is inside a frame is viser's client."""
 COUNTED = ("serious", "critical")
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    with running_lab() as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def service(lab: Lab) -> Service:
-    return Service(lab.url, lab.fake.client())
-
-
-@pytest.fixture(scope="module")
-def addresses(lab: Lab) -> dict[str, str]:
-    return every_page(lab.fake)
 
 
 def found(page: Page) -> list[str]:

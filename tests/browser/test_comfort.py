@@ -1,33 +1,29 @@
 """Comfortable in a dark room, with less motion, and on screens from 800 to 3840 pixels."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 from playwright.sync_api import Page, expect
 
-from support.every_page import every_page
-from support.fake_lab import Lab, running_lab
-from support.tab import Service, Tab
+from support.scene_view import opened, until
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
 
 BACKGROUND = "() => getComputedStyle(document.body).backgroundColor"
 PAPER = "() => document.getElementById('plots')._fullLayout.paper_bgcolor"
+SCENE_BACKGROUND = """() => {
+    const { canvas } = document.querySelector("iframe").contentWindow.__viserMutable;
+    let node = canvas;
+    const colour = () => canvas.ownerDocument.defaultView.getComputedStyle(node).backgroundColor;
+    while (colour() === "rgba(0, 0, 0, 0)") node = node.parentElement;
+    return colour();
+}"""
+PATH_COLOUR = """() => {
+    const node = document.querySelector("iframe").contentWindow.__viserMutable.nodeRefFromName["/paths/com"];
+    return `#${node.children.find((part) => part.isMesh).material.color.getHexString()}`;
+}"""
 RUNNING = "() => document.getAnimations().filter((one) => one.playState === 'running').length"
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    with running_lab() as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def service(lab: Lab) -> Service:
-    return Service(lab.url, lab.fake.client())
-
-
-@pytest.fixture(scope="module")
-def addresses(lab: Lab) -> dict[str, str]:
-    return every_page(lab.fake)
 
 
 def lightness(css: str) -> float:
@@ -60,8 +56,24 @@ def test_plots_and_drawings_follow_the_room_and_keep_their_place(tab: Tab, addre
     assert lightness(box.evaluate("(box) => getComputedStyle(box).fill")) > 0.8
 
 
+def test_the_scene_follows_the_room_and_its_lines_stay_seen(tab: Tab, addresses: dict[str, str]) -> None:
+    page = opened(tab, addresses["view-plan"])
+    assert lightness(page.evaluate(SCENE_BACKGROUND)) > 0.9
+    light = lightness(page.evaluate(PATH_COLOUR))
+    assert light < 0.3
+    page.emulate_media(color_scheme="dark")
+    until(page, lambda: lightness(page.evaluate(SCENE_BACKGROUND)) < 0.2)
+    assert lightness(page.evaluate(PATH_COLOUR)) > 0.5
+    page.emulate_media(color_scheme="light")
+    until(page, lambda: lightness(page.evaluate(SCENE_BACKGROUND)) > 0.9)
+    assert lightness(page.evaluate(PATH_COLOUR)) == light
+    page.emulate_media(color_scheme="dark")
+    page = opened(tab, addresses["view-scenario"])
+    assert lightness(page.evaluate(SCENE_BACKGROUND)) < 0.2
+
+
 def test_nothing_moves_by_itself_for_who_wants_less_motion(tab: Tab, addresses: dict[str, str]) -> None:
-    for part in ("frames.json", "open"):
+    for part in ("frames.bin", "open"):
         tab.page.route(f"**/{part}", lambda _: None)  # never answered: the page waits, as for a large scene
     tab.page.emulate_media(reduced_motion="reduce")
     page = tab.go(addresses["view-plan"])

@@ -2,24 +2,17 @@
 
 from collections.abc import Iterator
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
 from support.consumption import Consumption
-from support.meter import Meter, metered
+from support.meter import Meter
 from support.tab import Service
 
 FILE_BYTES = 100_000_000
 HELD_AT_BYTES = 40_000_000
 MEMORY_MB = 60.0
-
-
-@pytest.fixture
-def meter(service: Service) -> Iterator[Meter]:
-    with metered(int(urlsplit(service.url).port or 0)) as counting:
-        yield counting
 
 
 @pytest.fixture

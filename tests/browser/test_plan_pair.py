@@ -2,29 +2,20 @@
 
 import io
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from playwright.sync_api import expect
 
-from support.fake_lab import Lab, running_lab
-from support.tab import Service, Tab
+from support.fake_lab import Lab
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
 
 TRACES = """() => document.getElementById("plots").data.filter((trace) => trace.key)
     .map((trace) => [trace.key, trace.line.dash ?? "solid", JSON.stringify(Array.from(trace.y))])"""
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    with running_lab() as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def service(lab: Lab) -> Service:
-    return Service(lab.url, lab.fake.client())
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -10,22 +10,13 @@ from playwright.sync_api import Route, expect
 
 from stridelab.schemas.base import FaultItem, Problem
 from support import fake_planner
-from support.fake_lab import Lab, running_lab
+from support.fake_lab import Lab
 from support.scene_view import drag, nodes, opened, until
-from support.tab import Service, Tab
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
 
 FOOT = "/robot/leg_right_6_link"
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    with running_lab() as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def service(lab: Lab) -> Service:
-    return Service(lab.url, lab.fake.client())
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 import io
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -10,9 +10,11 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page, expect
 
-from support.fake_lab import Lab, running_lab
+from support.fake_lab import Lab
 from support.scene_view import opened, until
-from support.tab import Service, Tab
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
 
 CAMERA = """() => {
     const { camera, cameraControl, nodeRefFromName } = document.querySelector("iframe").contentWindow.__viserMutable;
@@ -21,17 +23,6 @@ CAMERA = """() => {
     return { at: root.worldToLocal(cameraControl.getPosition(at.clone())).toArray(), target };
 }"""
 """Where the camera is and looks at, in the world of the scene."""
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    with running_lab() as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def service(lab: Lab) -> Service:
-    return Service(lab.url, lab.fake.client())
 
 
 @pytest.fixture

@@ -9,7 +9,6 @@ import io
 import itertools
 import time
 from collections.abc import Callable, Iterator
-from urllib.parse import urlsplit
 
 import httpx
 import numpy as np
@@ -22,7 +21,7 @@ from stridelab.robots.loader import load_robot
 from stridelab_web.documents import Document
 from support import own_loop
 from support.consumption import Consumption
-from support.meter import Meter, metered
+from support.meter import Meter
 from support.scene_poses import ScenePoses, apart
 from support.tab import Service
 
@@ -42,12 +41,6 @@ def climb(service: Service) -> str:
     done = service.client.wait(job.id, PLANNED_WITHIN_S)
     assert done.state == "succeeded", done.error
     return job.id
-
-
-@pytest.fixture
-def meter(service: Service) -> Iterator[Meter]:
-    with metered(int(urlsplit(service.url).port or 0)) as counting:
-        yield counting
 
 
 @pytest.fixture
@@ -134,8 +127,7 @@ def test_eight_players_cost_less_than_half_a_core(service: Service, climb: str) 
 
     async def player(document: Document, ready: asyncio.Semaphore) -> None:
         async with httpx.AsyncClient(base_url=service.url, trust_env=False, timeout=READY_MS / 1000) as http:
-            for part in ("/frames.json", "/frames.bin"):
-                (await http.get(f"{document.address}{part}")).raise_for_status()
+            (await http.get(f"{document.address}/frames.bin")).raise_for_status()
         address = f"{service.url.replace('http', 'ws', 1)}{document.address}"
         options = {
             "subprotocols": ["viser-v1.1.1"],

@@ -3,25 +3,19 @@
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+import websockets
 from playwright.sync_api import Page, Route, expect
 
-from support.fake_lab import Lab, running_lab
-from support.tab import Service, Tab
+from stridelab_web import scenes
+from support.fake_lab import Lab
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
 
 HOSTILE = '<img src=x onerror="document.title=1">.c3d'
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    with running_lab() as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def service(lab: Lab) -> Service:
-    return Service(lab.url, lab.fake.client())
 
 
 @pytest.fixture
@@ -151,3 +145,21 @@ def test_a_job_is_followed_through_a_lost_connection(tab: Tab, lab: Lab) -> None
     page.unroute_all()
     expect(row.locator("[data-state]")).to_have_text("failed")
     expect(notice).to_be_hidden()
+
+
+def test_a_scene_whose_first_connection_is_refused_is_taken_up(
+    tab: Tab, lab: Lab, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As by a viewer that is starting: viser's client itself would try again only in a window that has the focus."""
+    job, genuine, tries = lab.fake.add_plan(), websockets.connect, []
+
+    def once_refused(address: str, **options: Any) -> Any:
+        tries.append(address)
+        if len(tries) == 1:
+            raise ConnectionRefusedError(address)
+        return genuine(address, **options)
+
+    monkeypatch.setattr(scenes.websockets, "connect", once_refused)
+    page = tab.go(f"/view/?plan={job.id}")
+    page.wait_for_selector("[data-ready]", timeout=120_000)
+    assert len(tries) == 2

@@ -1,6 +1,6 @@
 """Robots in the browser: the list fills itself, maps are those of the service, and the viewer shows what is chosen."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -8,9 +8,11 @@ from playwright.sync_api import Page, expect
 
 from stridelab_web.reach_places import reach_places
 from support import fake_planner, fake_reach
-from support.fake_lab import Lab, running_lab
+from support.fake_lab import Lab
 from support.scene_view import nodes, opened, until
-from support.tab import Service, Tab
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
 
 PARTS = ("cloud", "mode", "50", "80", "95")
 SEEN = """(names) => {
@@ -27,17 +29,6 @@ A_METRE = """() => {
     const { xaxis, yaxis, xaxis5, yaxis5 } = document.getElementById("maps")._fullLayout;
     return [xaxis, yaxis, xaxis5, yaxis5].map((axis) => axis._length / (axis.range[1] - axis.range[0]));
 }"""
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    with running_lab() as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def service(lab: Lab) -> Service:
-    return Service(lab.url, lab.fake.client())
 
 
 @pytest.fixture

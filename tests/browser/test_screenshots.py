@@ -1,29 +1,20 @@
 """Pictures of every page at both sizes, kept in the folder that STRIDELAB_SCREENSHOTS names, for people to look at."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from support.every_page import every_page
-from support.fake_lab import Lab, running_lab
-from support.tab import Service, Tab
+from support.fake_lab import Lab
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
 
 SIZES = ((1400, 850), (800, 600))
 LEAST_BYTES = 4_000
 """An empty page is smaller."""
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    with running_lab() as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def service(lab: Lab) -> Service:
-    return Service(lab.url, lab.fake.client())
 
 
 @pytest.fixture

@@ -2,31 +2,22 @@
 
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 from playwright.sync_api import Locator, Page, Route, expect
 
 from stridelab.schemas.scenarios import StoredScenario
 from stridelab_web.touches import touches
-from support.fake_lab import Lab, running_lab
+from support.fake_lab import Lab
 from support.scene_view import hold, nodes, opened, until
-from support.tab import Service, Tab
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
 
 MARKS = """() => Object.entries(document.querySelector("iframe").contentWindow.__viserMutable.nodeRefFromName)
     .filter(([name, node]) => node?.parent && /^\\/contacts\\/\\d+$/.test(name)).length"""
 """How many contacts are in the scene."""
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    with running_lab() as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def service(lab: Lab) -> Service:
-    return Service(lab.url, lab.fake.client())
 
 
 @pytest.fixture

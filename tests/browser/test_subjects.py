@@ -1,23 +1,12 @@
 """A person from the first entry to the last: added, changed, given a recording, parted from it, deleted."""
 
-from collections.abc import Iterator
-
 import pytest
 from playwright.sync_api import expect
 
-from support.fake_lab import Lab, running_lab
-from support.tab import Service, Tab
+from support.fake_lab import Lab
+from support.tab import Tab
 
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    with running_lab() as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def service(lab: Lab) -> Service:
-    return Service(lab.url, lab.fake.client())
+pytestmark = pytest.mark.usefixtures("lab")
 
 
 def test_a_person_is_kept_with_recordings(tab: Tab, lab: Lab) -> None:

@@ -6,7 +6,7 @@ Playback is each page's own; what is dragged is a change of the stored scenario;
 
 import asyncio
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import pytest
 import websockets
@@ -14,24 +14,15 @@ from playwright.sync_api import Page, expect
 
 from stridelab_web.documents import Document
 from support import own_loop
-from support.fake_lab import Lab, running_lab
+from support.fake_lab import Lab
 from support.scene_view import drag, nodes, opened, until
-from support.tab import Service, Tab
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
 
 FOOT = "/robot/leg_right_6_link"
 FOOT_M_PER_S = 0.12
 """How fast the fake's foot moves along x."""
-
-
-@pytest.fixture(scope="module")
-def lab() -> Iterator[Lab]:
-    with running_lab() as made:
-        yield made
-
-
-@pytest.fixture(scope="module")
-def service(lab: Lab) -> Service:
-    return Service(lab.url, lab.fake.client())
 
 
 @pytest.fixture

@@ -5,11 +5,13 @@ import re
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 from playwright.sync_api import expect
 
+from support.packed import read_frames
 from support.scene_view import nodes, opened, until
 from support.tab import Service, Tab
 
@@ -76,8 +78,9 @@ def test_the_wheel_rolls_where_the_file_says_and_can_be_hidden(
     recording_id, job_id = fitted
     wheel, steps = wheel_of(service, job_id), service.client.result(job_id).summary["steps"]
     page = opened(tab, f"/view/?recording={recording_id}&job={job_id}")
-    time_s = page.evaluate(f"() => fetch('/view/scene/recording/{recording_id}/{job_id}/frames.json')"
-                           ".then((answer) => answer.json()).then((layout) => layout.time_s)")  # fmt: skip
+    with httpx.Client(base_url=service.url, trust_env=False) as http:
+        layout, _ = read_frames(http.get(f"/view/scene/recording/{recording_id}/{job_id}/frames.bin").content)
+    time_s = layout["time_s"]
     for number in (0, len(steps) // 2):
         rows = np.flatnonzero(wheel["step"] == number)
         row = int(rows[len(rows) // 3])

@@ -10,7 +10,7 @@ from stridelab_web.recording_frames import build_frames
 from stridelab_web.tables import read_columns
 from support.fake_service import FakeService
 from support.fake_walk import DURATION_S, LABELS, RATE_HZ, SD_M, WINDOW_S, com_m, marker_m
-from support.packed import unpack
+from support.packed import read_frames
 
 T = np.arange(int(RATE_HZ * DURATION_S)) / RATE_HZ
 
@@ -129,9 +129,7 @@ def test_a_table_of_an_older_version_lacks_the_axis_and_nothing_else(fake: FakeS
 def test_browser_gets_the_same_numbers(fake: FakeService, browse: Callable[[str], httpx.Response]) -> None:
     recording = fake.add_recording()
     job = fake.add_job(state="succeeded", recording_id=recording.id)
-    layout = browse(f"/view/scene/recording/{recording.id}/{job.id}/frames.json").json()
-    raw = browse(f"/view/scene/recording/{recording.id}/{job.id}/frames.bin").content
-    values = unpack(raw, layout)
+    layout, values = read_frames(browse(f"/view/scene/recording/{recording.id}/{job.id}/frames.bin").content)
     frames = build_frames(recording, read_columns(fake.tracks), read_columns(fake.com))
     moved = [column for _, at, _ in layout["points"] for column in range(at, at + 3)]
     np.testing.assert_allclose(values[:, moved], frames.values[:, moved], rtol=0, atol=5e-7)

@@ -112,6 +112,22 @@ def test_jobs_page_filters_by_state(fake: FakeService, browse: Browse) -> None:
     assert queued.id not in page
 
 
+def test_jobs_page_filters_by_kind_beside_the_state_and_keeps_both_in_its_links(
+    fake: FakeService, browse: Browse
+) -> None:
+    wheel, plan = (fake.add_job(kind, "failed") for kind in ("fit-cycloid", "plan-motion"))
+    page = browse("/jobs?state=failed&kind=plan-motion").text
+    assert plan.id in page
+    assert wheel.id not in page
+    assert '<option value="plan-motion" selected>Motion plan</option>' in page
+    assert 'href="/jobs?state=running&amp;kind=plan-motion"' in page
+    assert 'name="state" value="failed"' in page
+    assert "No job of this state and kind" in browse("/jobs?state=queued&kind=plan-motion").text
+    markup = browse("/jobs?kind=%3Cb%3E").text
+    assert "<b>" not in markup
+    assert "Show all" in markup
+
+
 def test_failed_job_says_why_and_where_and_shows_its_log(fake: FakeService, browse: Browse) -> None:
     problem = Problem(
         title="Unprocessable",

@@ -14,7 +14,7 @@ from stridelab_web.touches import touches
 from stridelab_web.viewer import shapes
 from support import fake_planner
 from support.fake_service import FakeService
-from support.packed import unpack
+from support.packed import read_frames
 
 SCENARIO = fake_planner.scenario()
 
@@ -122,16 +122,14 @@ def test_a_file_of_another_size_is_refused() -> None:
 
 def test_browser_gets_the_poses_of_the_file(fake: FakeService, browse: Callable[[str], httpx.Response]) -> None:
     job = fake.add_plan()
-    layout = browse(f"/view/scene/plan/{job.id}/-/frames.json").json()
-    raw = browse(f"/view/scene/plan/{job.id}/-/frames.bin").content
-    values = unpack(raw, layout)
+    layout, values = read_frames(browse(f"/view/scene/plan/{job.id}/-/frames.bin").content)
     at = dict(layout["bodies"])["/robot/leg_right_6_link"]
     expected = fake_planner.poses(SCENARIO)[:, fake_planner.LINKS.index("leg_right_6_link")]
     np.testing.assert_allclose(values[:, at : at + 3], expected[:, :3], rtol=0, atol=1e-5)
     sign = np.sign(np.einsum("ij,ij->i", values[:, at + 3 : at + 7], expected[:, 3:]))
     np.testing.assert_allclose(sign[:, None] * values[:, at + 3 : at + 7], expected[:, 3:], rtol=0, atol=1e-5)
-    assert browse("/view/scene/film/x/-/frames.json").status_code == 404
-    assert browse("/view/scene/scenario/x/-/frames.json").status_code == 404
+    assert browse("/view/scene/film/x/-/frames.bin").status_code == 404
+    assert browse("/view/scene/scenario/x/-/frames.bin").status_code == 404
 
 
 def test_what_is_drawn_twice_is_sent_once() -> None:

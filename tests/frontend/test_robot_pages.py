@@ -120,7 +120,7 @@ def test_the_viewer_of_a_robot_offers_what_was_learned(fake: FakeService, browse
     assert """"conditioned": {"left_foot": "contact", "right_foot": "contact", "right_hand": "heading"}""" in page
     fake.measures = []
     assert "Nothing has been learned of this robot yet" in browse("/view/?robot=boxes").text
-    assert browse("/view/scene/robot/boxes/-/frames.json").status_code == 404
+    assert browse("/view/scene/robot/boxes/-/frames.bin").status_code == 404
 
 
 def test_a_plan_can_show_its_densities_where_there_are_some(fake: FakeService, browse: Browse) -> None:

@@ -7,9 +7,8 @@ from playwright.sync_api import Page
 
 START = """async (base) => {
     const [{ Scene }, { unpack }] = await Promise.all([import("/static/js/scene.js"), import("/static/js/packed.js")]);
-    const layout = await fetch(`${base}/frames.json`).then((answer) => answer.json());
-    const values = await fetch(`${base}/frames.bin`).then((answer) => answer.arrayBuffer());
-    window.ownScene = new Scene(document.querySelector("iframe"), layout, unpack(values, layout));
+    const [layout, values] = unpack(await fetch(`${base}/frames.bin`).then((answer) => answer.arrayBuffer()));
+    window.ownScene = new Scene(document.querySelector("iframe"), layout, values);
     return { links: layout.bodies, time_s: layout.time_s };
 }"""
 TOLD = """(frames) => frames.map((at) => {

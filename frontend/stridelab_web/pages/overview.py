@@ -9,6 +9,8 @@ from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import Job
 from stridelab_web.pages.render import page
 from stridelab_web.service import client_of
+from stridelab_web.words import KINDS
+from stridelab_web.words import kind as name_of
 
 
 async def recordings(request: Request) -> Response:
@@ -18,10 +20,10 @@ async def recordings(request: Request) -> Response:
 
 
 async def jobs(request: Request) -> Response:
-    """``GET /jobs``, optionally of one state."""
+    """``GET /jobs?state=&kind=``: of one state, of one kind, of both, or all."""
     client, query = client_of(request), request.query_params
-    state = query.get("state", "")
-    found = await client.jobs(state=state or None, cursor=query.get("cursor"))
+    state, kind = query.get("state", ""), query.get("kind", "")
+    found = await client.jobs(state=state or None, kind=kind or None, cursor=query.get("cursor"))
     return page(
         request,
         "jobs.html",
@@ -29,6 +31,8 @@ async def jobs(request: Request) -> Response:
         jobs=found.items,
         next=found.next,
         state_filter=state,
+        kind_filter=kind,
+        kinds=sorted({*KINDS, kind} - {""}, key=name_of),
         filenames=await filenames_of(client, found.items),
     )
 

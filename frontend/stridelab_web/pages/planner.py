@@ -71,6 +71,7 @@ async def plan(request: Request, job_id: str) -> Response:
         rows=[*phase_rows(scenario, until_s(result)), *check_rows(moments, scenario_s)],
         moments=moments,
         layers=layers,
+        uploads=False,
         links=links,
         steps=(),
         downloads=[

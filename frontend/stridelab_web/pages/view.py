@@ -6,7 +6,7 @@ from typing import Final
 from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import Response
 
 from stridelab.client import AsyncClient
 from stridelab_web import strips
@@ -48,15 +48,10 @@ async def view(request: Request) -> Response:
     return await _recording(request)
 
 
-async def layout(request: Request) -> Response:
-    """``GET /view/scene/{kind}/{id}/{job}/frames.json``: what the numbers of ``frames.bin`` are."""
-    return JSONResponse((await _frames(request)).layout())
-
-
 async def values(request: Request) -> Response:
-    """``GET /view/scene/{kind}/{id}/{job}/frames.bin``: the numbers, packed and compressed (``packing``)."""
+    """``GET /view/scene/{kind}/{id}/{job}/frames.bin``: what moves, packed and compressed (``packing``)."""
     frames = await _frames(request)
-    gzipped = await run_in_threadpool(lambda: gzip.compress(frames.packed(), compresslevel=GZIP_LEVEL, mtime=0))
+    gzipped = await run_in_threadpool(lambda: gzip.compress(frames.file(), compresslevel=GZIP_LEVEL, mtime=0))
     return compressed(request, gzipped, "application/octet-stream", {"Cache-Control": "no-store"})
 
 
@@ -91,7 +86,6 @@ async def _recording(request: Request) -> Response:
     if job_id:
         layers += [*COM_LAYERS, *WHEEL_LAYERS]
         links.append(("Result", f"/jobs/{job_id}"))
-    links.append(("Upload another", "/recordings"))
     numbered = strips.numbered(steps_s, recording.duration_s, first=1)
     said = f"{len(steps_s)} steps, foot off to the next foot off, as the wheel was fitted to them"
     return page(
@@ -99,7 +93,7 @@ async def _recording(request: Request) -> Response:
         "view.html",
         section="",
         title=recording.filename,
-        scene=Document("recording", recording.id, job_id or None).address,
+        scene=(scene := Document("recording", recording.id, job_id or None).address),
         start_s=recording.windows_s[0][0] if recording.windows_s else 0.0,
         rows=[
             Row("Measured", measured, strips.windows_text(recording), "window"),
@@ -108,8 +102,9 @@ async def _recording(request: Request) -> Response:
         ],
         moments=(),
         steps=steps_s,
-        downloads=(),
+        downloads=[(text, f"{scene}/{name}") for name, text in planner.EXPORTS.items()],
         layers=layers,
+        uploads=True,
         links=links,
     )
 

@@ -1,6 +1,8 @@
 """The loopback address at which the web app asks for scenes."""
 
 import hmac
+from collections.abc import Awaitable, Callable
+from typing import get_args
 
 from starlette.applications import Starlette
 from starlette.concurrency import run_in_threadpool
@@ -9,12 +11,16 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from stridelab.client import ProblemError, Unreachable
-from stridelab_web.documents import document_of
+from stridelab_web.documents import PlayerForm, document_of
 from stridelab_web.viewer.library import Library
+
+Answer = Callable[[Request], Awaitable[Response]]
 
 
 def create_control(library: Library, token: str | None) -> Starlette:
-    """``GET /health`` and ``POST /scenes {kind, id, job_id}`` -> ``{port, secret, said}``.
+    """``GET /health``; ``POST /scenes`` and ``POST /players/{form}`` about the document ``{kind, id, job_id}``.
+
+    A scene is answered by ``{port, secret, said}``, a player by its file.
 
     Browsers cannot call it: a page's request carries an Origin and is refused, and a name that was rebound to this
     machine is not a loopback host. Where the service has a token, it is needed here too.
@@ -24,19 +30,37 @@ def create_control(library: Library, token: str | None) -> Starlette:
         return JSONResponse({"status": "ok", "scenes": len(library)})
 
     async def scenes(request: Request) -> Response:
-        if not _may(request, token):
-            return JSONResponse({"detail": "not allowed"}, status_code=403)
-        try:
-            opened = await run_in_threadpool(library.open, document_of(await request.json()))
-        except KeyError:
-            return JSONResponse({"detail": "There is no such scene."}, status_code=404)
-        except ProblemError as refusal:
-            return JSONResponse(refusal.problem.model_dump(mode="json"), status_code=refusal.status)
-        except Unreachable as silence:
-            return JSONResponse({"detail": str(silence)}, status_code=503)
+        opened = await run_in_threadpool(library.open, document_of(await request.json()))
         return JSONResponse({"port": opened.port, "secret": opened.secret, "said": opened.said})
 
-    return Starlette(routes=[Route("/health", health), Route("/scenes", scenes, methods=["POST"])])
+    async def players(request: Request) -> Response:
+        form = request.path_params["form"]
+        if form not in get_args(PlayerForm):
+            raise KeyError(form)
+        return Response(await run_in_threadpool(library.record, document_of(await request.json()), form))
+
+    def guarded(answer: Answer) -> Answer:
+        async def answered(request: Request) -> Response:
+            if not _may(request, token):
+                return JSONResponse({"detail": "not allowed"}, status_code=403)
+            try:
+                return await answer(request)
+            except KeyError:
+                return JSONResponse({"detail": "There is no such scene."}, status_code=404)
+            except ProblemError as refusal:
+                return JSONResponse(refusal.problem.model_dump(mode="json"), status_code=refusal.status)
+            except Unreachable as silence:
+                return JSONResponse({"detail": str(silence)}, status_code=503)
+
+        return answered
+
+    return Starlette(
+        routes=[
+            Route("/health", health),
+            Route("/scenes", guarded(scenes), methods=["POST"]),
+            Route("/players/{form}", guarded(players), methods=["POST"]),
+        ]
+    )
 
 
 def _may(request: Request, token: str | None) -> bool:

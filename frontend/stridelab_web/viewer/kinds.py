@@ -9,6 +9,7 @@ from typing import Any, Final, Protocol
 
 import trimesh
 import viser
+from viser.infra import StateSerializer
 
 from stridelab.client import Client, ProblemError
 from stridelab.schemas.reachability import RobotReachability
@@ -18,7 +19,7 @@ from stridelab_web.footholds import HalfSizes, half_sizes
 from stridelab_web.frames import Frames
 from stridelab_web.plan_files import needed, read_cones, read_plan
 from stridelab_web.result_tables import frames_of, shown_in_scene
-from stridelab_web.viewer import gait_scene, planner_scene, robot_scene
+from stridelab_web.viewer import film, gait_scene, planner_scene, robot_scene
 from stridelab_web.viewer.robot_links import read_links
 from stridelab_web.viewer.scenario_scene import ScenarioScene
 from stridelab_web.viewer.standing import Posed
@@ -39,10 +40,14 @@ class Live(Protocol):
 
 @dataclass(frozen=True)
 class Kind:
-    """``look_up`` reads what a scene depends on (compared with ==), ``build`` fills an empty server with it."""
+    """``look_up`` reads what a scene depends on (compared with ==), ``build`` fills an empty server with it.
+
+    ``record`` does the same and plays it through, for viser's own player; a plan has such a recording as a file.
+    """
 
     look_up: Callable[[Document], Any]
     build: Callable[[viser.ViserServer, Document, Any], Live | None]
+    record: Callable[[viser.ViserServer, Document, Any], StateSerializer] | None = None
 
 
 def kinds(client: Client) -> Mapping[DocumentKind, Kind]:
@@ -71,6 +76,11 @@ def kinds(client: Client) -> Mapping[DocumentKind, Kind]:
     def build_recording(server: viser.ViserServer, document: Document, recording: Any) -> None:
         gait_scene.build(server, recording, _recording_frames(client, document, recording))
 
+    def record_recording(server: viser.ViserServer, document: Document, recording: Any) -> StateSerializer:
+        frames = _recording_frames(client, document, recording)
+        gait_scene.build(server, recording, frames)
+        return film.record(server, frames)
+
     def build_plan(server: viser.ViserServer, document: Document, result: Any) -> None:
         files = {name: client.read_artifact(document.id, name) for name in needed(result)}
         scenario, frames = read_plan(files)
@@ -88,7 +98,7 @@ def kinds(client: Client) -> Mapping[DocumentKind, Kind]:
         robot_scene.build(server, facts, links(facts.name), reach)
 
     return {
-        "recording": Kind(lambda document: client.recording(document.id), build_recording),
+        "recording": Kind(lambda document: client.recording(document.id), build_recording, record_recording),
         "plan": Kind(lambda document: client.result(document.id), build_plan),
         "scenario": Kind(lambda document: client.scenario(document.id), build_scenario),
         "robot": Kind(lambda document: client.robot(document.id), build_robot),

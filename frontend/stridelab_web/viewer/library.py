@@ -9,7 +9,7 @@ from typing import Any
 
 import viser
 
-from stridelab_web.documents import Document, DocumentKind
+from stridelab_web.documents import Document, DocumentKind, PlayerForm
 from stridelab_web.viewer.guard import start_guarded_server
 from stridelab_web.viewer.kinds import Kind, Live
 
@@ -55,6 +55,7 @@ class Library:
         self._lock = threading.Lock()
         self._turns = tuple(threading.Lock() for _ in range(TURNS))
         self._open: OrderedDict[Document, OpenScene] = OrderedDict()
+        self._filming = threading.Lock()
 
     def __len__(self) -> int:
         return len(self._open)
@@ -82,6 +83,23 @@ class Library:
                 for oldest in list(self._open)[:-SCENES_AT_MOST]:
                     self._close(oldest)
             return found
+
+    def record(self, document: Document, form: PlayerForm) -> bytes:
+        """The document as a file for viser's own player, made in a server of its own, one at a time.
+
+        Raises ``KeyError`` for a kind that has none, and the client's errors.
+        """
+        kind = self._kinds[document.kind]
+        if kind.record is None:
+            raise KeyError(document.kind)
+        source = kind.look_up(document)
+        with self._filming:
+            server, _ = start_guarded_server()
+            try:
+                told = kind.record(server, document, source)
+                return told.serialize() if form == "viser" else told.as_html().encode()
+            finally:
+                server.stop()
 
     def close_idle(self) -> None:
         """Close scenes without a viewer for ``IDLE_S``."""

@@ -13,6 +13,7 @@ import { bodyOf, moved, openNew } from "./scenario_body.js";
 import { contactIn } from "./sequence.js";
 import { Strip } from "./strip.js";
 import { turned, yawOf } from "./turns.js";
+import { failed } from "./veil.js";
 
 const WATCH_MS = 100, AFTER_KEYS_MS = 500, NUDGE_M = 0.01, FINE_M = 0.001, CHANGED = 412;
 const ELSEWHERE = "Changed in another window: this is how it stands now. Undo takes that back, too.";
@@ -37,10 +38,7 @@ let touches = [], chosen = null, draft = null, pending = null, work = Promise.re
 const now = () => draft?.body ?? kept.body;
 const touchOf = (number) => touches.find((touch) => touch.number === number);
 
-start().catch((error) => {
-  part("veil").hidden = false;
-  part("veil").textContent = error.message;
-});
+start().catch((error) => failed(part("stage"), error));
 offerPlan(root, id, flush);
 offerContacts(root, id, flush);
 new JsonView(root, { read: () => now() ?? {}, store: storeWhole });

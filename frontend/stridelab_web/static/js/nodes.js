@@ -4,21 +4,24 @@
 // objects in another (`nodeRefFromName`); both are private, so viser is pinned exactly and browser tests compare nodes
 // with the files that they show.
 
-const FIND_EVERY_MS = 100;
+const FIND_EVERY_MS = 30, LOST_MS = 8000;
 export const HIDDEN = 1e-6; // a scale of zero would make a matrix that cannot be inverted
 
-function findViser(frame) {
-  const inside = frame.contentWindow;
-  if (!inside) return null;
-  if (inside.__viserMutable?.nodePoseData) return inside.__viserMutable;
+// What viser's client hands down to its own parts: stores, and `mutable` with its scene; null before it is there.
+export function findContext(frame) {
   for (let node = frame.contentDocument?.querySelector("canvas"); node; node = node.parentElement) {
     const key = Object.keys(node).find((name) => name.startsWith("__reactFiber$"));
     for (let fiber = key && node[key]; fiber; fiber = fiber.return) {
-      const found = fiber.memoizedProps?.value?.mutable?.current;
-      if (found?.nodePoseData) return found;
+      const found = fiber.memoizedProps?.value;
+      if (found?.mutable?.current?.nodePoseData) return found;
     }
   }
   return null;
+}
+
+function findViser(frame) {
+  const known = frame.contentWindow?.__viserMutable;
+  return known?.nodePoseData ? known : (findContext(frame)?.mutable.current ?? null);
 }
 
 export class Nodes {
@@ -31,13 +34,22 @@ export class Nodes {
     this.colours = new WeakMap();
     this.clear = new WeakMap();
     this.seen = new Map();
+    this.there = new WeakMap();
   }
 
-  // Resolves once viser has made every node.
+  // Resolves once viser has made every node. A client that lost its first connection, to a viewer that was starting,
+  // tries again only where it has the focus: it is loaded anew.
   ready() {
+    let lost_ms = null;
     return new Promise((done) => {
       const look = () => {
         this.find();
+        const alone = findContext(this.frame)?.useGui.get().websocketState === "inactive";
+        lost_ms = alone ? (lost_ms ?? performance.now()) : null;
+        if (alone && performance.now() - lost_ms > LOST_MS) {
+          lost_ms = this.viser = null;
+          this.frame.contentWindow.location.reload();
+        }
         if (this.viser && this.names.every((name) => this.viser.nodeRefFromName[name])) done();
         else setTimeout(look, FIND_EVERY_MS);
       };
@@ -126,6 +138,7 @@ export class Nodes {
     }
   }
 
+  // Whether the layer of a node is switched off.
   isHidden(name) {
     return [...this.hidden].some((group) => name.startsWith(group));
   }
@@ -136,7 +149,10 @@ export class Nodes {
     // Some shapes carry their size as scale, so ours multiplies the one that viser gave.
     if (!this.own.has(object)) this.own.set(object, object.scale.clone());
     const own = this.own.get(object);
-    const off = this.isHidden(name);
+    const off = this.isHidden(name), there = !off && Math.max(x, y, z) > HIDDEN;
     object.scale.set(own.x * (off ? HIDDEN : x), own.y * (off ? HIDDEN : y), own.z * (off ? HIDDEN : z));
+    if (this.there.get(object) === there) return;
+    this.there.set(object, there);
+    this.see(name, there); // so small it cannot be seen, but it would be drawn
   }
 }

@@ -1,6 +1,7 @@
 // The 3D scene of a scenario as its editor uses it: nodes that come and go, what is held there, and news from others.
 import { LIVE } from "./live_view.js";
 import { Nodes } from "./nodes.js";
+import { Room } from "./room.js";
 import { contactIn } from "./sequence.js";
 import { SUPPORT } from "./support_view.js";
 
@@ -33,13 +34,12 @@ export class Picture {
     throw new Error(value?.detail || "The scene could not be read.");
   }
 
-  // Loads the scene; `onKey` hears the keys that are pressed in it.
+  // Waits for the scene; `onKey` hears the keys that are pressed in it.
   async load(touches, body, onKey) {
     this.onKey = onKey;
-    this.frame.src = `${this.scene}/?hideViserLogo&fixedDpr=1`;
-    this.frame.hidden = false;
     this.around = aroundOf(body);
     await this.fit(touches, body);
+    new Room(this.nodes);
     this.turn = this.nodes.position(TURN)?.[0] ?? 0;
     this.listen();
   }
@@ -54,7 +54,9 @@ export class Picture {
       this.frame.contentWindow.location.reload();
     }
     await this.nodes.ready();
-    if (anew) this.listen();
+    if (!anew) return;
+    this.listen();
+    new Room(this.nodes);
   }
 
   listen() {

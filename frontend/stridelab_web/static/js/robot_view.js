@@ -1,5 +1,7 @@
 // A robot in 3D with where its centre of mass can be: one effector and measure at a time, each part with a key.
 import { Nodes } from "./nodes.js";
+import { Room } from "./room.js";
+import { failed } from "./veil.js";
 
 const HEARTBEAT_MS = 400, LEVELS = ["50", "80", "95"], PARTS = ["cloud", "mode", ...LEVELS], LITRES = 1000;
 const root = document.querySelector("[data-robot-view]");
@@ -13,23 +15,23 @@ const all = Object.entries(reach).flatMap(([under, frames]) => Object.keys(frame
 const nodes = new Nodes(frame, ["/robot", ...all, ...all.flatMap((name) => PARTS.map((below) => `${name}/${below}`))]);
 let asked = 0;
 
-start().catch((error) => {
-  part("veil").hidden = false;
-  part("veil").textContent = error.message;
-});
+start().catch((error) => failed(part("stage"), error));
 
 async function start() {
   readAddress();
   const answer = await fetch(`${scene}/open`, { method: "POST" }).catch(() => null);
   if (!answer?.ok) throw new Error((await answer?.json().catch(() => null))?.detail || "The scene could not be read.");
-  frame.src = `${scene}/?hideViserLogo&fixedDpr=1`;
-  frame.hidden = false;
   await nodes.ready();
   part("veil").hidden = true;
+  const room = new Room(nodes);
   frame.contentWindow.addEventListener("keydown", onKey);
   show();
   root.dataset.ready = "true";
-  setInterval(() => nodes.isStale() && show(), HEARTBEAT_MS);
+  setInterval(() => {
+    if (!nodes.isStale()) return;
+    room.show();
+    show();
+  }, HEARTBEAT_MS);
 }
 
 function readAddress() {

@@ -30,6 +30,13 @@ export class Scene {
     ]);
   }
 
+  // What is drawn as points, lines and arrows; the ball of the centre of mass has its light half with it.
+  get tinted() {
+    const { points, sticks, arrows, still } = this.layout;
+    const names = [...points.map(([name]) => name), ...sticks.map(([name]) => name), ...arrows.flatMap(([shaft, head]) => [shaft, head]), ...still];
+    return names.filter((name) => !COM.includes(name) && !name.startsWith("/cones/"));
+  }
+
   hide(prefixes) {
     this.nodes.hidden = new Set(prefixes);
   }
@@ -47,9 +54,7 @@ export class Scene {
     for (const [name, k, size] of this.layout.hoops) this.hoop(name, k, size);
     const t_s = this.timeAt(at);
     for (const [name, start_s, end_s] of this.layout.spans) {
-      const there = start_s <= t_s && t_s <= end_s;
-      this.nodes.scale(name, there ? 1 : HIDDEN);
-      this.nodes.see(name, there && !this.nodes.isHidden(name)); // what is large and away costs nothing
+      this.nodes.scale(name, start_s <= t_s && t_s <= end_s ? 1 : HIDDEN);
     }
     for (const name of this.layout.still) this.nodes.scale(name, 1);
     for (const [k, name] of this.inside.entries()) this.nodes.over(name, this.through ? k + 1 : 0);

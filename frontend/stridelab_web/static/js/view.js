@@ -2,8 +2,10 @@
 import { Camera } from "./camera.js";
 import { LoopRange } from "./loop_range.js";
 import { unpack } from "./packed.js";
+import { Room } from "./room.js";
 import { Scene } from "./scene.js";
 import { snapshot } from "./snapshot.js";
+import { failed } from "./veil.js";
 
 const ADDRESS_EVERY_MS = 250, HEARTBEAT_MS = 400;
 const stage = document.querySelector("[data-stage]");
@@ -23,23 +25,19 @@ const base = stage.dataset.scene;
 const steps_s = JSON.parse(player.dataset.steps);
 const range = new LoopRange(player.querySelector("[data-range]"), rememberRange);
 
-let scene = null, camera = null, time_s = [], phases_s = [], starts_s = [], at = 0, playing = false, last_ms = 0, addressed_ms = 0, addressLater = 0;
+let scene = null, camera = null, room = null, time_s = [], phases_s = [], starts_s = [], at = 0, playing = false, last_ms = 0, addressed_ms = 0, addressLater = 0;
 
-start().catch((error) => {
-  veil.hidden = false;
-  veil.textContent = error.message;
-});
+start().catch((error) => failed(stage, error));
 
 async function start() {
-  const [layout, values] = await Promise.all([
-    get(`${base}/frames.json`).then((answer) => answer.json()),
-    get(`${base}/frames.bin`).then((answer) => answer.arrayBuffer()),
+  const [[layout, values]] = await Promise.all([
+    get(`${base}/frames.bin`).then((answer) => answer.arrayBuffer()).then(unpack),
     get(`${base}/open`, { method: "POST" }),
   ]);
   time_s = layout.time_s;
   phases_s = layout.phase_starts_s;
   starts_s = phases_s.length ? phases_s : steps_s.map(([start_s]) => start_s);
-  scene = new Scene(frame, layout, unpack(values, layout));
+  scene = new Scene(frame, layout, values);
   camera = new Camera(scene);
   // A layer of which nothing is there is not offered.
   for (const box of player.querySelectorAll("[data-show]")) {
@@ -49,10 +47,9 @@ async function start() {
   through.closest("label").hidden = scene.inside.length === 0;
   through.checked = new URLSearchParams(location.search).get("through") !== "0";
   magnified.closest("label").hidden = !layout.ellipsoids.length;
-  frame.src = `${base}/?hideViserLogo&fixedDpr=1`;
-  frame.hidden = false;
   await scene.nodes.ready();
   veil.hidden = true;
+  room = new Room(scene.nodes, scene.tinted);
   slider.max = String(time_s.length - 1);
   slider.disabled = false;
   frame.contentWindow.addEventListener("keydown", (event) => onKey(event, false));
@@ -62,7 +59,11 @@ async function start() {
   seek(frameAt(Number(query.get("t") ?? player.dataset.start)), false);
   player.dataset.ready = "true";
   if (query.has("play")) play(true);
-  setInterval(() => playing || (scene.nodes.isStale() && scene.show(at)), HEARTBEAT_MS);
+  setInterval(() => {
+    if (!scene.nodes.isStale()) return;
+    room.show();
+    if (!playing) scene.show(at);
+  }, HEARTBEAT_MS);
 }
 
 async function get(url, options) {

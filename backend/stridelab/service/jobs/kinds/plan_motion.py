@@ -136,10 +136,10 @@ def _shares(request: PlanMotionInput) -> dict[str, float]:
 
 
 def _clock(tell: ProgressCallback, duration_s: float) -> ProgressCallback:
-    """Progress of a stage that goes through the motion, in the motion's own seconds."""
+    """Progress of a stage that goes through the motion: its percentage, and the motion's own seconds."""
 
     def on(fraction: float, _message: str) -> None:
-        tell(fraction, f"{fraction * duration_s:.1f} of {duration_s:.1f} s")
+        tell(fraction, f"{100 * fraction:.0f} %, {fraction * duration_s:.1f} of {duration_s:.1f} s")
 
     return on
 
