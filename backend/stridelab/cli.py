@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from stridelab import __version__
+from stridelab.cli_backup import adopt, backup, restore
 from stridelab.cli_console import FAILURE, INTERRUPTED, exit_code, out, show_error
 from stridelab.cli_fit import fit_cycloid
 from stridelab.cli_live import stream
@@ -100,6 +101,11 @@ def migrate() -> None:
     from stridelab.cli_service import migrate as run
 
     run()
+
+
+app.command()(backup)
+app.command()(restore)
+app.command()(adopt)
 
 
 @app.command()

@@ -1,23 +1,10 @@
 """A database of an earlier version keeps what is in it."""
 
 import psycopg
-import sqlalchemy
-from alembic import command
-from alembic.config import Config
 
-from stridelab.service.storage.database import parse_url
-from stridelab.service.storage.migrating import MIGRATIONS, is_migrated, migrate
+from stridelab.service.storage.migrating import is_migrated, migrate
 from support.database import TestDatabases
-
-
-def migrate_to(url: str, revision: str) -> None:
-    engine = sqlalchemy.create_engine(parse_url(url).set(drivername="postgresql+psycopg"))
-    with engine.begin() as connection:
-        config = Config()
-        config.set_main_option("script_location", str(MIGRATIONS))
-        config.attributes["connection"] = connection
-        command.upgrade(config, revision)
-    engine.dispose()
+from support.revisions import migrate_to
 
 
 def test_scenarios_and_jobs_of_revision_0001(postgres: TestDatabases) -> None:

@@ -128,8 +128,13 @@ class BlobStore:
                 raise _unavailable(error) from error
 
 
+def is_key(key: str) -> bool:
+    """Whether a blob may have this key."""
+    return len(key) <= _MAX_KEY and _KEY.fullmatch(key) is not None
+
+
 def _check(key: str) -> None:
-    if len(key) > _MAX_KEY or not _KEY.fullmatch(key):
+    if not is_key(key):
         raise InvalidInput("blob-key-invalid", "This cannot be the name of a stored file.")
 
 
