@@ -18,7 +18,7 @@ import structlog
 
 from stridelab.errors import StridelabError, Unavailable
 from stridelab.service.jobs import retention
-from stridelab.service.jobs.attempts import Attempts
+from stridelab.service.jobs.attempts import Attempt, Attempts
 from stridelab.service.jobs.board import Listener
 from stridelab.service.jobs.consumer import DATABASE_IS_AWAY, Consumer
 from stridelab.service.jobs.errand import Errand
@@ -118,22 +118,27 @@ class Worker:
 
     async def _deliver(self, delivery: Delivery, folder: Path) -> None:
         attempt = await self._patiently(lambda: self._attempts.start(delivery))
-        if attempt is not None and attempt.kind in self._kinds:
-            errand = Errand(attempt, self._kinds[attempt.kind], self._attempts, self._blobs, self._limits)
-            self._errands.append(errand)
-            log = _log.bind(job=attempt.job_id, kind=attempt.kind, attempt=attempt.number)
-            began = time.monotonic()
-            try:
-                if self._stopping.is_set():
-                    errand.interrupt()
-                state = await errand.run(self._engine, self._pool, folder, self._patiently)
-                log.info("job-ended", state=state, seconds=round(time.monotonic() - began, 3))
-            finally:
-                self._errands.remove(errand)
-        elif attempt is not None:
+        if attempt is not None:
+            named = {"job_id": attempt.job_id, "kind": attempt.kind, "attempt": attempt.number}
+            with structlog.contextvars.bound_contextvars(**named):  # every line from here on says whose it is
+                await self._carry_out(attempt, folder)
+        await self._patiently(lambda: self._consumer.finish(delivery))
+
+    async def _carry_out(self, attempt: Attempt, folder: Path) -> None:
+        if attempt.kind not in self._kinds:
             problem = {"code": "unknown-job-kind", "detail": f"This version cannot run {attempt.kind}.", "errors": []}
             await self._patiently(lambda: self._attempts.end(attempt, "failed", problem, ""))
-        await self._patiently(lambda: self._consumer.finish(delivery))
+            return
+        errand = Errand(attempt, self._kinds[attempt.kind], self._attempts, self._blobs, self._limits)
+        self._errands.append(errand)
+        began = time.monotonic()
+        try:
+            if self._stopping.is_set():
+                errand.interrupt()
+            state = await errand.run(self._engine, self._pool, folder, self._patiently)
+            _log.info("job-ended", state=state, seconds=round(time.monotonic() - began, 3))
+        finally:
+            self._errands.remove(errand)
 
     async def _patiently(self, act: Callable[[], Awaitable[T]]) -> T:
         """Do something with the database, however long that is away; a worker that stops gives up sooner."""
