@@ -282,11 +282,17 @@ def doctor(
     service: Annotated[
         str | None, typer.Option("--service", help="Only ask this service whether it is healthy.")
     ] = None,
+    worker: Annotated[
+        bool, typer.Option("--worker", help="Only ask whether the worker of the data folder is alive.")
+    ] = False,
 ) -> None:
     """Check this machine for what the service needs; prints a fix for each failed check."""
-    from stridelab.cli_doctor import ask, check_machine
+    from stridelab.cli_doctor import ask, ask_worker, check_machine
 
-    if not (ask(service) if service else check_machine()):
+    asked = [ask(service)] if service else []
+    if worker:
+        asked.append(ask_worker())
+    if not (all(asked) if asked else check_machine()):
         raise typer.Exit(FAILURE)
 
 

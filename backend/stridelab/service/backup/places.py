@@ -44,15 +44,20 @@ def place(settings: Settings, *, alone: bool, create: bool = False) -> Iterator[
         try:
             url = database.start()
         except Unavailable as error:
-            if alone or error.code != "data-folder-in-use":
+            url = None if alone or error.code != "data-folder-in-use" else running_url(folder)
+            if url is None:
                 raise
-            url = _running(folder)
         yield Place(url, blob_url(settings))
     finally:
         database.stop()
 
 
-def _running(folder: Path) -> str:
-    """Address of the server that the running service has started."""
-    known = json.loads((folder / "postgres.json").read_text(encoding="utf-8"))
-    return f"postgresql://postgres@/postgres?host={known['socket']}"
+def running_url(folder: Path) -> str | None:
+    """Address of the embedded server of ``folder``, where one runs."""
+    try:
+        known = json.loads((folder / "postgres.json").read_text(encoding="utf-8"))
+        socket = Path(str(known["socket"]))
+        runs = any(socket.glob(".s.PGSQL.*[0-9]"))
+    except (OSError, ValueError, KeyError):
+        return None
+    return f"postgresql://postgres@/postgres?host={socket}" if runs else None

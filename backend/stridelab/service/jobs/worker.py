@@ -33,6 +33,8 @@ from stridelab.service.storage.database import database_url, is_migrated, make_e
 
 MAX_SPARES: Final = 4
 """Ready-imported children cost some 100 MB each; more than this wait for their imports."""
+BEAT_FILE: Final = "worker.beat"
+"""Touched in the data folder whenever the worker has told the database that it lives; health checks look at its age."""
 _POLL_S: Final = 5.0
 _REAP_S: Final = 2.0
 _RETENTION_S: Final = 3600.0
@@ -164,6 +166,8 @@ class Worker:
         while True:
             try:
                 await self._consumer.beat()
+                with contextlib.suppress(OSError):  # a full disk makes only the health check fail
+                    (self._limits.data_folder / BEAT_FILE).touch()
                 if self._answering_since is None:
                     self._answering_since = time.monotonic()
                 await asyncio.sleep(self._limits.heartbeat_s)
