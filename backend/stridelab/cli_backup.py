@@ -20,7 +20,7 @@ def backup(
     from stridelab.service.backup.taking import take
 
     with place(read_settings(), alone=False) as source, progress_bar("backup") as bar:
-        taken = take(source.database_url, source.blob_url, file, force=force, on_progress=bar)
+        taken = take(source.database_url, source.store(), file, force=force, on_progress=bar)
     out.print(f"{file}: {_told(taken.rows, taken.files, taken.bytes)}")
     _tell_missing(taken.missing)
 
@@ -33,7 +33,6 @@ def restore(
     from stridelab.cli_service import read_settings
     from stridelab.service.backup.archive import open_archive
     from stridelab.service.backup.places import place
-    from stridelab.service.backup.restoring import Target
     from stridelab.service.backup.restoring import restore as run
 
     with (
@@ -41,7 +40,7 @@ def restore(
         open_archive(file, bar) as archive,  # before a database is made for it
         place(read_settings(), alone=True, create=True) as there,
     ):
-        taken = run(archive, Target(there.database_url, there.blob_url), replace=replace, on_progress=bar)
+        taken = run(archive, there, replace=replace, on_progress=bar)
     out.print(f"restored {_told(taken.rows, taken.files, taken.bytes)}")
     _tell_missing(taken.missing)
 

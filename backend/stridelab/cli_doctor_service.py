@@ -12,9 +12,9 @@ import psycopg
 
 from stridelab.cli_check import Check
 from stridelab.errors import StridelabError
-from stridelab.service.backup.places import blob_url, running_url
+from stridelab.service.embedded_postgres import running_url
+from stridelab.service.jobs.work_folder import BEAT_FILE
 from stridelab.service.settings import Settings
-from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.migrating import plain, present_revision, revisions
 
 CLOCKS_APART_S: Final = 5.0
@@ -75,8 +75,6 @@ def workers(settings: Settings) -> Check:
 
 def beat(settings: Settings) -> Check:
     """The worker of this data folder was in touch with the database a moment ago."""
-    from stridelab.service.jobs.worker import BEAT_FILE
-
     file = settings.data_folder / BEAT_FILE
     silent_s = time.time() - file.stat().st_mtime if file.exists() else None
     found = "never heard of" if silent_s is None else f"heard of {silent_s:.1f} s ago"
@@ -88,21 +86,23 @@ def storage(settings: Settings) -> Check:
     """A file can be stored, read and removed where uploads and results go."""
     if settings.blob_url is None and not (settings.data_folder / "blobs").exists():
         return Check("files", True, "will go into the data folder")
-    url = blob_url(settings)
-    fix = "Check STRIDELAB_BLOB_URL: folder and permissions, or bucket, address (AWS_ENDPOINT) and credentials."
+    fix = "Check STRIDELAB_BLOB_URL (folder, permissions, bucket) and STRIDELAB_BLOB_CREDENTIALS_FILE (address, keys)."
     try:
-        asyncio.run(asyncio.wait_for(_probe(url), _STORE_ANSWERS_S))
+        asyncio.run(asyncio.wait_for(_probe(settings), _STORE_ANSWERS_S))
     except StridelabError as error:
         return Check("files", False, error.message, fix)
     except TimeoutError:
         return Check("files", False, f"no answer within {_STORE_ANSWERS_S:.0f} s", fix)
     except OSError as error:
         return Check("files", False, f"{error.strerror}", fix)
-    return Check("files", True, f"stored, read and removed one ({url.partition(':')[0]})")
+    return Check("files", True, f"stored, read and removed one ({settings.blob_address.partition(':')[0]})")
 
 
-async def _probe(url: str) -> None:
-    store, key, content = BlobStore.from_url(url), f"doctor/{uuid.uuid4().hex}", b"stridelab"
+async def _probe(settings: Settings) -> None:
+    from stridelab.service.storage.blobs import BlobStore  # slow to import, and health checks have no need
+
+    store = BlobStore.from_url(settings.blob_address, settings.blob_options)
+    key, content = f"doctor/{uuid.uuid4().hex}", b"stridelab"
     with tempfile.TemporaryDirectory() as name:
         draft = Path(name) / "probe"
         draft.write_bytes(content)
@@ -139,7 +139,7 @@ def _url(settings: Settings) -> str | None:
 
 def _ask(url: str, query: str, *values: Any) -> list[tuple[Any, ...]]:
     with psycopg.connect(plain(url), connect_timeout=5) as connection:
-        return connection.execute(query, values).fetchall()  # type: ignore[call-overload,no-any-return]
+        return connection.execute(query, values).fetchall()
 
 
 def _away(name: str, error: Exception) -> Check:

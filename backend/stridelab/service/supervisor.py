@@ -178,7 +178,7 @@ def _programs(
     environment = {
         **os.environ,
         "STRIDELAB_DATABASE_URL": url,
-        "STRIDELAB_BLOB_URL": settings.blob_url or blobs.as_uri(),
+        "STRIDELAB_BLOB_URL": settings.blob_address,
         "STRIDELAB_DATA_DIR": str(settings.data_folder),
         "STRIDELAB_HOST": settings.host,
         "STRIDELAB_PORT": str(settings.port),

@@ -4,8 +4,10 @@ from pathlib import Path
 import pytest
 
 from stridelab.service.backup.archive import open_archive
-from stridelab.service.backup.restoring import Target, restore
+from stridelab.service.backup.places import Place
+from stridelab.service.backup.restoring import restore
 from stridelab.service.backup.taking import Taken, take
+from stridelab.service.storage.blobs import BlobStore
 from support.database import TestDatabases
 from support.filled import fill
 
@@ -16,7 +18,7 @@ def backup(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) ->
     folder = tmp_path_factory.mktemp("source")
     with postgres.fresh() as url:
         fill(url, folder / "blobs")
-        take(url, (folder / "blobs").as_uri(), folder / "lab.backup")
+        take(url, BlobStore.from_url((folder / "blobs").as_uri()), folder / "lab.backup")
     return folder / "lab.backup"
 
 
@@ -33,6 +35,6 @@ def put_back(tmp_path: Path) -> Callable[..., Taken]:
 
     def run(path: Path, url: str, *, replace: bool = False) -> Taken:
         with open_archive(path) as archive:
-            return restore(archive, Target(url, (tmp_path / "blobs").as_uri()), replace=replace)
+            return restore(archive, Place(url, (tmp_path / "blobs").as_uri(), {}), replace=replace)
 
     return run

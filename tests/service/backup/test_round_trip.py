@@ -14,6 +14,7 @@ from stridelab.service.backup import restoring, taking
 from stridelab.service.backup.archive import open_archive
 from stridelab.service.backup.files import Files
 from stridelab.service.backup.taking import Taken, take
+from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.migrating import is_migrated
 from support.database import TestDatabases
 from support.filled import AWKWARD, FILES, fill, rows, stored
@@ -23,11 +24,15 @@ from support.service import Jobs, worker
 PutBack = Callable[..., Taken]
 
 
+def of(folder: Path) -> BlobStore:
+    return BlobStore.from_url(folder.as_uri())
+
+
 def test_everything_comes_back(postgres: TestDatabases, empty: str, put_back: PutBack, tmp_path: Path) -> None:
     with postgres.fresh() as url:
         fill(url, tmp_path / "source")
         before = rows(url)
-        taken = take(url, (tmp_path / "source").as_uri(), tmp_path / "lab.backup")
+        taken = take(url, of(tmp_path / "source"), tmp_path / "lab.backup")
         assert rows(url) == before
     assert put_back(tmp_path / "lab.backup", empty) == taken
     assert is_migrated(empty)
@@ -72,7 +77,7 @@ def test_a_backup_of_the_first_schema_is_brought_up_to_date(
     with postgres.fresh(migrated=False) as url:
         migrate_to(url, "0001")
         fill(url, tmp_path / "source")
-        take(url, (tmp_path / "source").as_uri(), tmp_path / "old.backup")
+        take(url, of(tmp_path / "source"), tmp_path / "old.backup")
     put_back(tmp_path / "old.backup", empty)
     assert is_migrated(empty)
     assert [row["updated_at"] == row["created_at"] for row in rows(empty)["scenario"]] == [True]
@@ -158,7 +163,7 @@ def test_what_is_deleted_meanwhile_is_not_in_the_backup(
         return real(files, key, packer)
 
     monkeypatch.setattr(taking.Files, "pack", pack)
-    taken = take(database_url, (tmp_path / "source").as_uri(), tmp_path / "lab.backup")
+    taken = take(database_url, of(tmp_path / "source"), tmp_path / "lab.backup")
     assert taken.missing == ()
     put_back(tmp_path / "lab.backup", empty)
     assert [row["id"] for row in rows(empty)["recording"]] == ["rec1"]
@@ -171,13 +176,13 @@ def test_a_file_that_was_lost_before_is_told_and_the_rest_is_saved(
     fill(database_url, tmp_path / "source")
     lost = "results/done/1/com.csv"
     (tmp_path / "source" / lost).unlink()
-    assert take(database_url, (tmp_path / "source").as_uri(), tmp_path / "lab.backup").missing == (lost,)
+    assert take(database_url, of(tmp_path / "source"), tmp_path / "lab.backup").missing == (lost,)
     assert put_back(tmp_path / "lab.backup", empty).missing == (lost,)
     assert stored(tmp_path / "blobs") == {key: body for key, body in FILES.items() if key != lost}
 
 
 def test_an_earlier_backup_is_kept_unless_told_otherwise(database_url: str, tmp_path: Path) -> None:
-    target, blobs = tmp_path / "lab.backup", (tmp_path / "blobs").as_uri()
+    target, blobs = tmp_path / "lab.backup", of(tmp_path / "blobs")
     target.write_text("precious")
     with pytest.raises(Conflict) as caught:
         take(database_url, blobs, target)
@@ -197,10 +202,10 @@ def test_a_backup_that_fails_leaves_nothing(database_url: str, empty: str, tmp_p
     shutil.rmtree(tmp_path / "source" / "uploads")
     (tmp_path / "source" / "uploads").write_text("a file where a folder should be")
     with pytest.raises(Unavailable) as caught:
-        take(database_url, (tmp_path / "source").as_uri(), folder / "lab.backup")
+        take(database_url, of(tmp_path / "source"), folder / "lab.backup")
     assert caught.value.code == "storage-unavailable"
     with pytest.raises(Conflict) as refused:
-        take(empty, (tmp_path / "source").as_uri(), folder / "lab.backup")
+        take(empty, of(tmp_path / "source"), folder / "lab.backup")
     assert refused.value.code == "nothing-to-back-up"
     with pytest.raises(Unavailable) as away:
         take("postgresql://x@127.0.0.1:9/y", None, folder / "lab.backup")

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from stridelab.errors import InvalidInput
 from stridelab.service.backup.archive import Progress, open_archive, silent
-from stridelab.service.backup.places import blob_url, place
-from stridelab.service.backup.restoring import Target, restore
+from stridelab.service.backup.places import Place, place
+from stridelab.service.backup.restoring import restore
 from stridelab.service.backup.taking import Taken, take
 from stridelab.service.settings import Settings
 
@@ -21,7 +21,6 @@ def adopt(folder: Path, settings: Settings, *, replace: bool = False, on_progres
         raise InvalidInput(
             "database-url-missing", "stridelab adopt needs STRIDELAB_DATABASE_URL: the server that takes the data over."
         )
-    target = blob_url(settings)
     embedded = settings.model_copy(
         update={"data_dir": folder, "database_url": None, "blob_url": _own_store(folder, settings)}
     )
@@ -29,12 +28,12 @@ def adopt(folder: Path, settings: Settings, *, replace: bool = False, on_progres
         tempfile.TemporaryDirectory(prefix=".stridelab-adopt-", dir=folder if folder.is_dir() else None) as scratch,
         place(embedded, alone=True) as source,
     ):
-        kept = source.blob_url == target
+        kept = source.blob_url == settings.blob_address
         archive = Path(scratch) / "all"
-        take(source.database_url, None if kept else source.blob_url, archive, on_progress=on_progress)
+        take(source.database_url, None if kept else source.store(), archive, on_progress=on_progress)
         with open_archive(archive, on_progress) as opened:
-            goes_to = Target(str(settings.database_dsn), None if kept else target)
-            return restore(opened, goes_to, replace=replace, on_progress=on_progress)
+            target = Place(str(settings.database_dsn), settings.blob_address, settings.blob_options)
+            return restore(opened, target, with_files=not kept, replace=replace, on_progress=on_progress)
 
 
 def _own_store(folder: Path, settings: Settings) -> str | None:

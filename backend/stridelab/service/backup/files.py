@@ -17,8 +17,8 @@ T = TypeVar("T")
 class Files:
     """One store. A context manager."""
 
-    def __init__(self, url: str) -> None:
-        self._store = BlobStore.from_url(url)
+    def __init__(self, store: BlobStore) -> None:
+        self._store = store
         self._runner = asyncio.Runner()
 
     def __enter__(self) -> "Files":  # noqa: PYI034 (the tests' type checks know no Self here)

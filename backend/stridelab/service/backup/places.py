@@ -1,28 +1,27 @@
 """Which database and which store a backup is made of: those that are configured, or the embedded ones of a folder."""
 
-import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 
 from stridelab.errors import NotFound, Unavailable
-from stridelab.service.embedded_postgres import EmbeddedPostgres
+from stridelab.service.embedded_postgres import EmbeddedPostgres, running_url
 from stridelab.service.settings import Settings
+from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import database_url
 
 
 @dataclass(frozen=True)
 class Place:
-    """A database and a store of files."""
+    """A database and a store of files, the latter with the options that reach it."""
 
     database_url: str
     blob_url: str
+    blob_options: Mapping[str, str]
 
-
-def blob_url(settings: Settings) -> str:
-    """Where the files are."""
-    return settings.blob_url or (settings.data_folder / "blobs").as_uri()
+    def store(self) -> BlobStore:
+        """The store, opened."""
+        return BlobStore.from_url(self.blob_url, self.blob_options)
 
 
 @contextmanager
@@ -34,7 +33,7 @@ def place(settings: Settings, *, alone: bool, create: bool = False) -> Iterator[
     """
     url = database_url(settings)
     if url is not None:
-        yield Place(url, blob_url(settings))
+        yield Place(url, settings.blob_address, settings.blob_options)
         return
     folder = settings.data_folder
     if not (folder / "postgres.json").exists() and not create:
@@ -47,17 +46,6 @@ def place(settings: Settings, *, alone: bool, create: bool = False) -> Iterator[
             url = None if alone or error.code != "data-folder-in-use" else running_url(folder)
             if url is None:
                 raise
-        yield Place(url, blob_url(settings))
+        yield Place(url, settings.blob_address, settings.blob_options)
     finally:
         database.stop()
-
-
-def running_url(folder: Path) -> str | None:
-    """Address of the embedded server of ``folder``, where one runs."""
-    try:
-        known = json.loads((folder / "postgres.json").read_text(encoding="utf-8"))
-        socket = Path(str(known["socket"]))
-        runs = any(socket.glob(".s.PGSQL.*[0-9]"))
-    except (OSError, ValueError, KeyError):
-        return None
-    return f"postgresql://postgres@/postgres?host={socket}" if runs else None

@@ -7,7 +7,6 @@ take the place of what there was. All that is one transaction: whatever fails, n
 
 import shutil
 from contextlib import nullcontext
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 from urllib.parse import unquote, urlsplit
@@ -19,6 +18,7 @@ from psycopg import sql
 from stridelab.errors import Conflict, StorageFull, Unavailable, UnreadableFile
 from stridelab.service.backup.archive import Archive, Progress, file_member, silent, table_member
 from stridelab.service.backup.files import Files
+from stridelab.service.backup.places import Place
 from stridelab.service.backup.rows import Connection, Rows, refuse_company
 from stridelab.service.backup.taking import Taken
 from stridelab.service.bundled import SHIPPED_JOBS
@@ -41,16 +41,17 @@ _UNDELIVERED: Final = """
 """No delivery has a negative number: workers see that these are lost and deliver them again, in their old order."""
 
 
-@dataclass(frozen=True)
-class Target:
-    """Where a backup goes; without ``blob_url`` its files stay where they are."""
-
-    database_url: str
-    blob_url: str | None
-
-
-def restore(archive: Archive, target: Target, *, replace: bool = False, on_progress: Progress = silent) -> Taken:
+def restore(
+    archive: Archive,
+    target: Place,
+    *,
+    with_files: bool = True,
+    replace: bool = False,
+    on_progress: Progress = silent,
+) -> Taken:
     """Put a backup, checked by ``open_archive``, in the place of what ``target`` holds; returns what it held.
+
+    Without ``with_files``, the files stay where they are.
 
     Raises ``Conflict``: ``service-running`` while anything else uses the database, ``restore-over-data`` where it
     holds more than the samples and ``replace`` was not said; ``UnreadableFile`` (``backup-damaged``,
@@ -61,14 +62,14 @@ def restore(archive: Archive, target: Target, *, replace: bool = False, on_progr
         raise UnreadableFile(
             "backup-newer", f"The backup has revision {manifest.revision}, which this version does not know."
         )
-    if target.blob_url is not None:
+    if with_files:
         if not manifest.with_files:
             raise UnreadableFile("backup-damaged", "This backup has no files in it.")
         _refuse_small_disk(target.blob_url, manifest.file_bytes)
     migrate(target.database_url)
     engine = engine_of(target.database_url)
     new: list[str] = []
-    with Files(target.blob_url) if target.blob_url else nullcontext() as files:
+    with Files(target.store()) if with_files else nullcontext() as files:
         try:
             with engine.begin() as transaction:
                 driver: Connection = transaction.connection.driver_connection  # type: ignore[assignment]

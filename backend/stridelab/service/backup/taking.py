@@ -16,6 +16,7 @@ from stridelab.errors import Conflict, Unavailable
 from stridelab.service.backup.archive import FORMAT, Manifest, Packer, Progress, silent, table_member
 from stridelab.service.backup.files import Files
 from stridelab.service.backup.rows import Rows, snapshot
+from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.migrating import present_revision
 
 
@@ -37,13 +38,13 @@ class Taken:
 
 def take(
     database_url: str,
-    blob_url: str | None,
+    store: BlobStore | None,
     target: Path,
     *,
     force: bool = False,
     on_progress: Progress = silent,
 ) -> Taken:
-    """Write the backup ``target``; without ``blob_url`` the rows alone.
+    """Write the backup ``target``; without ``store`` the rows alone.
 
     Raises as ``Packer`` does, ``Conflict`` (``nothing-to-back-up``) where the database has no tables, ``Unavailable``
     (``database-unreachable``, ``storage-unavailable``).
@@ -53,11 +54,11 @@ def take(
         if revision is None:
             raise Conflict("nothing-to-back-up", "This database has no tables of stridelab.")
         with Packer(target, force=force) as packer:
-            if blob_url is None:
+            if store is None:
                 with snapshot(database_url) as rows:
                     manifest = _finish(packer, rows, revision, None)
             else:
-                with Files(blob_url) as files:
+                with Files(store) as files:
                     manifest = _with_files(packer, database_url, revision, files, on_progress)
             packer.finish(manifest)
     except psycopg.OperationalError as error:

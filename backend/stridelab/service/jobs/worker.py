@@ -26,15 +26,13 @@ from stridelab.service.jobs.isolated import PRELOAD, IsolatedPool
 from stridelab.service.jobs.kinds.kind import JobKind
 from stridelab.service.jobs.queue import LANES, Delivery, Lane
 from stridelab.service.jobs.store import CANCEL_CHANNEL
-from stridelab.service.jobs.work_folder import WorkFolder
+from stridelab.service.jobs.work_folder import BEAT_FILE, WorkFolder
 from stridelab.service.settings import Settings, settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import database_url, is_migrated, make_engine
 
 MAX_SPARES: Final = 4
 """Ready-imported children cost some 100 MB each; more than this wait for their imports."""
-BEAT_FILE: Final = "worker.beat"
-"""Touched in the data folder whenever the worker has told the database that it lives; health checks look at its age."""
 _POLL_S: Final = 5.0
 _REAP_S: Final = 2.0
 _RETENTION_S: Final = 3600.0
@@ -229,8 +227,8 @@ async def work(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence
                 "database-not-migrated", "The database does not answer, or `stridelab migrate` has not been run on it."
             )
         await asyncio.sleep(0.5)
-    blob_url = limits.blob_url or (limits.data_folder / "blobs").as_uri()
-    worker = Worker(url, BlobStore.from_url(blob_url), kinds, limits, preload)
+    blobs = BlobStore.from_url(limits.blob_address, limits.blob_options)
+    worker = Worker(url, blobs, kinds, limits, preload)
     loop = asyncio.get_running_loop()
     for signum in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(signum, worker.stop)
