@@ -74,10 +74,8 @@ def test_every_variable_is_a_setting_and_no_secret_is_a_variable() -> None:
                 assert variable.endswith("_FILE"), f"{name} {variable}"
                 assert value.removeprefix("/run/secrets/") in service["secrets"], f"{name} {value}"
     for name, service in own():
-        settings = {
-            variable.removeprefix("STRIDELAB_").lower(): value for variable, value in service["environment"].items()
-        }
-        assert Settings(**settings).database_url, name  # values that the settings take
+        values = {name.removeprefix("STRIDELAB_").lower(): value for name, value in service["environment"].items()}
+        assert Settings(**values).database_url, name  # and takes the values
 
 
 def test_folders_that_are_written_are_volumes_that_the_image_prepares() -> None:
