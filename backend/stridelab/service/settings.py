@@ -51,6 +51,7 @@ class Settings(BaseSettings):
     stream_idle_s: float = Field(default=60.0, gt=0, description="silence after which a stream is closed")
     viewer_url: str | None = Field(default=None, description="loopback control address of the viewer process")
     log_level: str = Field(default="info", description="debug, info, warning or error")
+    log_files: bool = Field(default=True, description="logs of serve's programs go to files, else to standard output")
 
     @property
     def data_folder(self) -> Path:
