@@ -12,6 +12,7 @@ import typer
 from typer.core import TyperGroup
 
 from stridelab import __version__
+from stridelab.cli_backup import adopt, backup, restore
 from stridelab.cli_console import FAILURE, INTERRUPTED, exit_code, out, show_error
 from stridelab.cli_fit import fit_cycloid
 from stridelab.cli_live import stream
@@ -100,6 +101,11 @@ def migrate() -> None:
     from stridelab.cli_service import migrate as run
 
     run()
+
+
+app.command()(backup)
+app.command()(restore)
+app.command()(adopt)
 
 
 @app.command()
@@ -276,11 +282,17 @@ def doctor(
     service: Annotated[
         str | None, typer.Option("--service", help="Only ask this service whether it is healthy.")
     ] = None,
+    worker: Annotated[
+        bool, typer.Option("--worker", help="Only ask whether the worker of the data folder is alive.")
+    ] = False,
 ) -> None:
     """Check this machine for what the service needs; prints a fix for each failed check."""
-    from stridelab.cli_doctor import ask, check_machine
+    from stridelab.cli_doctor import ask, ask_worker, check_machine
 
-    if not (ask(service) if service else check_machine()):
+    asked = [ask(service)] if service else []
+    if worker:
+        asked.append(ask_worker())
+    if not (all(asked) if asked else check_machine()):
         raise typer.Exit(FAILURE)
 
 

@@ -8,14 +8,13 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import httpx
 from pydantic import ValidationError
-from rich.markup import escape
 
-from stridelab.cli_console import out
+from stridelab import cli_doctor_service as parts
+from stridelab.cli_check import Check, nearest, show
 from stridelab.resources import models_dir
 from stridelab.service.postgres_home import ESCAPE, MAJOR
 from stridelab.service.settings import Settings
@@ -51,39 +50,40 @@ PACKAGES = [
 OLDEST_PYTHON, FIRST_UNTRIED_PYTHON = (3, 11), (3, 15)
 
 
-@dataclass(frozen=True)
-class Check:
-    """One finding; ``fix`` is what to do where ``ok`` is false."""
-
-    name: str
-    ok: bool
-    found: str
-    fix: str = ""
-
-
 def check_machine() -> bool:
     """Run all checks, print them, and say whether all passed."""
     try:
         settings = Settings()
     except ValidationError as error:
         wrong = "; ".join(f"STRIDELAB_{'_'.join(map(str, e['loc'])).upper()}: {e['msg']}" for e in error.errors())
-        return _show([Check("settings", False, wrong, "Correct or unset these environment variables.")])
+        return show([Check("settings", False, wrong, "Correct or unset these environment variables.")])
     checks: tuple[Callable[[Settings], Check], ...] = (
         lambda _: python_version(sys.version_info[:2]),
         lambda _: packages(PACKAGES),
         lambda _: models(),
         database,
+        parts.tables,
+        parts.clock,
+        parts.workers,
         data_folder,
+        parts.storage,
         disk,
+        parts.memory,
+        parts.solver,
         port,
         network,
     )
-    return _show([check(settings) for check in checks])
+    return show([check(settings) for check in checks])
 
 
 def ask(url: str) -> bool:
     """Whether the service at ``url`` says that it is healthy."""
-    return _show([service_answers(url)])
+    return show([service_answers(url)])
+
+
+def ask_worker() -> bool:
+    """Whether the worker of the data folder is in touch with its database."""
+    return show([parts.beat(Settings())])
 
 
 def python_version(found: tuple[int, int]) -> Check:
@@ -141,21 +141,19 @@ def database(settings: Settings) -> Check:
 def data_folder(settings: Settings) -> Check:
     """A file can be written in the data folder, or the folder can be created."""
     folder = settings.data_folder
-    nearest = next(path for path in (folder, *folder.parents) if path.exists())
+    place = nearest(folder)
     try:
-        with tempfile.NamedTemporaryFile(dir=nearest):
+        with tempfile.NamedTemporaryFile(dir=place):
             pass
     except OSError as error:
-        fix = f"Make {nearest} writable, or set STRIDELAB_DATA_DIR to a folder that is."
+        fix = f"Make {place} writable, or set STRIDELAB_DATA_DIR to a folder that is."
         return Check("data folder", False, f"{folder}: {error.strerror}", fix)
-    return Check("data folder", True, str(folder) if nearest == folder else f"{folder} (will be created)")
+    return Check("data folder", True, str(folder) if place == folder else f"{folder} (will be created)")
 
 
 def disk(settings: Settings) -> Check:
     """More than STRIDELAB_MIN_FREE_DISK_MB is free where the data go."""
-    folder = settings.data_folder
-    nearest = next(path for path in (folder, *folder.parents) if path.exists())
-    free_mb = shutil.disk_usage(nearest).free / 1e6
+    free_mb = shutil.disk_usage(nearest(settings.data_folder)).free / 1e6
     wanted = settings.min_free_disk_mb
     fix = f"Free {wanted} MB there, set STRIDELAB_DATA_DIR elsewhere, or lower STRIDELAB_MIN_FREE_DISK_MB."
     return Check("disk", free_mb > wanted, f"{free_mb:,.0f} MB free", fix)
@@ -220,12 +218,3 @@ def _bundled_binaries() -> Path | None:
         return None
     folder = Path(found.origin).parent / f"pginstall{MAJOR}" / "bin"
     return folder if folder.is_dir() else None
-
-
-def _show(checks: list[Check]) -> bool:
-    for check in checks:
-        mark = "[green]ok  [/]" if check.ok else "[bold red]FAIL[/]"
-        out.print(f"{mark} {check.name}: {escape(check.found)}")
-        if not check.ok and check.fix:
-            out.print(f"     {escape(check.fix)}")
-    return all(check.ok for check in checks)

@@ -39,7 +39,19 @@ def test_what_keeps_dying_is_started_later_and_later(program: _Program) -> None:
     assert pauses == sorted(pauses)
     assert pauses[-1] > 2 * pauses[0]
     assert len(calls) == 3
-    assert program.last_words() == "a word"
+    assert program.last_words() == f"a word (more in {program.log})"
+
+
+def test_without_log_files_it_writes_where_the_supervisor_does(
+    program: _Program, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert program.log is not None
+    file, program.log = program.log, None
+    program.keep_running()
+    until_ended(program)
+    assert capfd.readouterr().out == "a word\n"
+    assert program.last_words() == "its last words are above"
+    assert not file.exists()
 
 
 def test_program_that_has_proven_itself_is_restarted_at_once(program: _Program) -> None:
@@ -53,6 +65,7 @@ def test_program_that_has_proven_itself_is_restarted_at_once(program: _Program) 
 
 def test_log_does_not_grow_for_ever(program: _Program, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervisor, "_MAX_LOG_BYTES", 100)
+    assert program.log is not None
     program.log.write_bytes(b"x" * 101)
     program.keep_running()
     until_ended(program)

@@ -6,6 +6,7 @@ retried until they are gone, then PostgreSQL replays its log and every committed
 """
 
 import fcntl
+import json
 import os
 import shutil
 import signal
@@ -220,3 +221,14 @@ def _wait_gone(process: psutil.Process, timeout_s: float) -> None:
         except psutil.NoSuchProcess:
             return
         time.sleep(0.02)
+
+
+def running_url(folder: Path) -> str | None:
+    """Address of the embedded server of the data folder ``folder``, where one runs."""
+    try:
+        known = json.loads((folder / "postgres.json").read_text(encoding="utf-8"))
+        socket = Path(str(known["socket"]))
+        runs = any(socket.glob(".s.PGSQL.*[0-9]"))
+    except (OSError, ValueError, KeyError):
+        return None
+    return f"postgresql://postgres@/postgres?host={socket}" if runs else None

@@ -22,6 +22,9 @@ class Settings(BaseSettings):
     blob_url: str | None = Field(
         default=None, description="where files go: a folder (file:///...) or s3://bucket/prefix"
     )
+    blob_credentials_file: Path | None = Field(
+        default=None, description="file with address and keys of the object store, one name=value per line"
+    )
     pg_bin: Path | None = Field(default=None, description="folder with initdb and pg_ctl to use instead of the wheel's")
     api_token: SecretStr | None = Field(default=None, description="token for every request; required beyond loopback")
     api_token_file: Path | None = Field(default=None, description="file that holds the API token")
@@ -48,12 +51,27 @@ class Settings(BaseSettings):
     stream_idle_s: float = Field(default=60.0, gt=0, description="silence after which a stream is closed")
     viewer_url: str | None = Field(default=None, description="loopback control address of the viewer process")
     log_level: str = Field(default="info", description="debug, info, warning or error")
+    log_files: bool = Field(default=True, description="logs of serve's programs go to files, else to standard output")
 
     @property
     def data_folder(self) -> Path:
         """The data folder, absolute."""
         folder = self.data_dir or Path(".data") / str(self.port)
         return folder.expanduser().resolve()
+
+    @property
+    def blob_address(self) -> str:
+        """Where files go, as a URL."""
+        return self.blob_url or (self.data_folder / "blobs").as_uri()
+
+    @property
+    def blob_options(self) -> dict[str, str]:
+        """Address and keys of the object store from the credentials file; empty where there is none."""
+        if self.blob_credentials_file is None:
+            return {}
+        lines = self.blob_credentials_file.read_text(encoding="utf-8").splitlines()
+        pairs = (line.partition("=") for line in lines if line.strip() and not line.lstrip().startswith("#"))
+        return {name.strip(): value.strip() for name, _, value in pairs}
 
     @property
     def token(self) -> str | None:

@@ -5,7 +5,9 @@ from typing import Final
 from stridelab.schemas.service import ShownSetting
 from stridelab.service.settings import Settings
 
-SECRET: Final = frozenset({"api_token", "api_token_file", "database_url", "database_password_file", "blob_url"})
+SECRET: Final = frozenset(
+    {"api_token", "api_token_file", "database_url", "database_password_file", "blob_url", "blob_credentials_file"}
+)
 """Tokens, passwords, the files that hold them, and addresses that may carry them."""
 
 

@@ -50,10 +50,13 @@ class _StopAsked(BaseException):
 
 @dataclass
 class _Program:
-    """One program that is kept running; ``failures`` in a row decide how long it is left alone."""
+    """One program that is kept running; ``failures`` in a row decide how long it is left alone.
+
+    Without ``log`` it writes where the supervisor does.
+    """
 
     module: str
-    log: Path
+    log: Path | None
     environment: Mapping[str, str]
     before_restart: Callable[[], None] = lambda: None
     process: subprocess.Popen[bytes] | None = None
@@ -76,7 +79,8 @@ class _Program:
             self._start(now)
 
     def _start(self, now: float) -> None:
-        with self.log.open("ab") as log:  # appending, so that the file may be emptied under the program's hands
+        # appending, so that the file may be emptied under the program's hands
+        with self.log.open("ab") if self.log else contextlib.nullcontext() as log:
             self.process = subprocess.Popen(
                 tethered([sys.executable, "-m", self.module]),
                 stdin=subprocess.DEVNULL,
@@ -89,7 +93,7 @@ class _Program:
 
     def _trim_log(self) -> None:
         """Move what was written aside when it is much; a line that arrives meanwhile may be lost."""
-        if self.log.exists() and self.log.stat().st_size > _MAX_LOG_BYTES:
+        if self.log and self.log.exists() and self.log.stat().st_size > _MAX_LOG_BYTES:
             shutil.copyfile(self.log, self.log.with_suffix(".log.old"))
             os.truncate(self.log, 0)
 
@@ -100,8 +104,10 @@ class _Program:
 
     def last_words(self) -> str:
         """The last line of its log."""
-        lines = self.log.read_text(encoding="utf-8", errors="replace").strip().splitlines() if self.log.exists() else []
-        return lines[-1][-300:] if lines else "it said nothing"
+        if self.log is None:
+            return "its last words are above"
+        said = self.log.read_text(encoding="utf-8", errors="replace").strip() if self.log.exists() else ""
+        return f"{said.splitlines()[-1][-300:] if said else 'it said nothing'} (more in {self.log})"
 
 
 def serve(settings: Settings, *, with_worker: bool = True, say: Callable[[str], None] | None = None) -> None:
@@ -178,17 +184,21 @@ def _programs(
     environment = {
         **os.environ,
         "STRIDELAB_DATABASE_URL": url,
-        "STRIDELAB_BLOB_URL": settings.blob_url or blobs.as_uri(),
+        "STRIDELAB_BLOB_URL": settings.blob_address,
         "STRIDELAB_DATA_DIR": str(settings.data_folder),
         "STRIDELAB_HOST": settings.host,
         "STRIDELAB_PORT": str(settings.port),
         "STRIDELAB_VIEWER_URL": f"http://127.0.0.1:{_free_port()}",
     }
-    programs = [_Program(API, logs / "api.log", environment)]
+
+    def log(name: str) -> Path | None:
+        return logs / f"{name}.log" if settings.log_files else None
+
+    programs = [_Program(API, log("api"), environment)]
     if with_worker:
-        programs.append(_Program(WORKER, logs / "worker.log", environment, before_worker_restart))
+        programs.append(_Program(WORKER, log("worker"), environment, before_worker_restart))
     if importlib.util.find_spec("stridelab_web") is not None and importlib.util.find_spec(VIEWER) is not None:
-        programs.append(_Program(VIEWER, logs / "viewer.log", environment))
+        programs.append(_Program(VIEWER, log("viewer"), environment))
     return programs
 
 
@@ -200,9 +210,7 @@ def _until_healthy(settings: Settings, api: _Program) -> None:
         if _answers(settings):
             return
         if api.failures >= _HOPELESS or time.monotonic() > deadline:
-            raise Unavailable(
-                "service-does-not-start", f"The web server does not start: {api.last_words()} (more in {api.log})"
-            )
+            raise Unavailable("service-does-not-start", f"The web server does not start: {api.last_words()}")
         time.sleep(_TICK_S / 2)
 
 

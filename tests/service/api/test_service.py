@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import httpx
+import psycopg
 import pytest
 import structlog
 from prometheus_client.parser import text_string_to_metric_families
@@ -69,22 +70,42 @@ def test_an_application_without_database_address_does_not_start() -> None:
 def test_metrics_count_what_is_there(postgres: TestDatabases, tmp_path: Path) -> None:
     with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
         recording_id = service.run(add_recording(service.parts))
-        jobs = [service.run(add_job(service.parts, recording_id)) for _ in range(3)]
-        service.run(fail(service.parts, service.run(start_job(service.parts, jobs[0]))))
+        jobs = [service.run(add_job(service.parts, recording_id)) for _ in range(4)]
+        for job_id in jobs[:2]:
+            service.run(fail(service.parts, service.run(start_job(service.parts, job_id))))
+        with psycopg.connect(url) as connection:
+            connection.execute(
+                "UPDATE job SET started_at = created_at + interval '2 s', finished_at = created_at + interval '7 s',"
+                ' attempt = 3, error = \'{"code": "computation-crashed"}\' WHERE id = %s',
+                (jobs[0],),
+            )
+            connection.execute(
+                "INSERT INTO procrastinate_workers (last_heartbeat) VALUES (now()), (now() - interval '1 h')"
+            )
         answer = http.get("/metrics")
     assert answer.headers["content-type"].startswith("text/plain")
     samples = {
-        (sample.name, *sorted(sample.labels.values())): sample.value
+        (sample.name.removeprefix("stridelab_"), *sorted(sample.labels.values())): sample.value
         for family in text_string_to_metric_families(answer.text)
         for sample in family.samples
     }
-    assert samples["stridelab_jobs", "estimate-com", "queued"] == 2
-    assert samples["stridelab_jobs", "estimate-com", "failed"] == 1
-    assert samples["stridelab_job_duration_seconds_count", "estimate-com", "failed"] == 1
-    assert samples["stridelab_job_duration_seconds_sum", "estimate-com", "failed"] >= 0
-    assert samples["stridelab_queue_oldest_seconds",] > 0
-    assert samples["stridelab_recordings",] == 1
-    assert samples["stridelab_upload_bytes",] == 5
+    assert samples["jobs", "estimate-com", "queued"] == 2
+    assert samples["jobs", "estimate-com", "failed"] == 2
+    took = {limit: samples["job_duration_seconds_bucket", limit, "estimate-com", "failed"] for limit in ("3.0", "10.0")}
+    assert took == {"3.0": 1, "10.0": 2}
+    assert samples["job_duration_seconds_bucket", "+Inf", "estimate-com", "failed"] == 2
+    assert samples["job_duration_seconds_count", "estimate-com", "failed"] == 2
+    assert 5.0 <= samples["job_duration_seconds_sum", "estimate-com", "failed"] < 8.0
+    assert samples["job_wait_seconds_bucket", "3.0", "estimate-com"] == 2
+    assert samples["job_failures", "computation-crashed", "estimate-com"] == 1
+    assert samples["child_crashes", "crash", "estimate-com"] == 1
+    assert samples["job_lost_starts",] == 2
+    assert (samples["workers", "alive"], samples["workers", "silent"]) == (1, 1)
+    assert samples["queue_depth", "long"] + samples["queue_depth", "short"] == 4  # no worker here to take them
+    assert samples["queue_oldest_seconds",] > 0
+    assert samples["recordings",] == 1
+    assert samples["upload_bytes",] == 5
+    assert samples["database_bytes",] > 1e6
 
 
 @pytest.fixture

@@ -8,6 +8,7 @@ import psycopg
 import pytest
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from stridelab.service.jobs.consumer import Consumer
 from stridelab.service.jobs.retention import remove_old_events, remove_old_jobs, remove_orphans
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.blobs import BlobStore
@@ -134,3 +135,20 @@ def test_only_files_without_a_row_are_orphans(use: Any, blobs: BlobStore, databa
             assert await blobs.exists(key) is expected
 
     use(act)
+
+
+def test_workers_that_died_are_forgotten_after_a_day(database_url: str) -> None:
+    with psycopg.connect(database_url) as connection:
+        connection.execute(
+            "INSERT INTO procrastinate_workers (last_heartbeat)"
+            " VALUES (now() - interval '23 h'), (now() - interval '25 h')"
+        )
+
+    async def act() -> None:
+        async with Consumer(database_url) as consumer:
+            await consumer.remove_old(24)
+
+    asyncio.run(act())
+    with psycopg.connect(database_url) as connection:
+        left = connection.execute("SELECT now() - last_heartbeat < interval '24 h' FROM procrastinate_workers")
+        assert left.fetchall() == [(True,)]

@@ -9,6 +9,7 @@ from typing import Any
 
 import psutil
 import pytest
+import structlog
 
 from stridelab.errors import Conflict
 from stridelab.service.api.jobs.rows import job_of
@@ -167,6 +168,18 @@ def test_a_computation_that_cannot_say_where_it_was_is_located(in_shop: Open, ki
         assert record.error["code"] == code
         assert record.error["errors"] == [{"where": "stage: centroidal", "message": "last heard: centroidal: solving"}]
         assert record.error["detail"].endswith("The last that it told: centroidal: solving.")
+
+    in_shop(act)
+
+
+def test_every_line_about_a_job_carries_its_id(in_shop: Open) -> None:
+    async def act(shop: Shop) -> None:
+        with structlog.testing.capture_logs(processors=[structlog.contextvars.merge_contextvars]) as lines:
+            record = await shop.do("work")
+            while not any(line["event"] == "job-ended" for line in lines):
+                await asyncio.sleep(0.02)
+        (line,) = [line for line in lines if line["event"] == "job-ended"]
+        assert (line["job_id"], line["kind"], line["attempt"], line["state"]) == (record.id, "work", 1, "succeeded")
 
     in_shop(act)
 

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stridelab.errors import InvalidInput, NotFound, Unavailable
+from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 
 
@@ -103,3 +104,19 @@ def test_only_folders_and_s3(url: str) -> None:
 def test_s3_by_url() -> None:
     store = BlobStore.from_url("s3://bucket/prefix")
     assert type(store.backend).__name__ == "S3Store"
+
+
+def test_address_and_keys_of_the_object_store_come_from_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "credentials"
+    file.write_text("# of the lab\nendpoint = http://objects:8333\naccess_key_id=lab\n\nsecret_access_key=a=b\n")
+    settings = Settings(blob_url="s3://bucket/prefix", blob_credentials_file=file)
+    store = BlobStore.from_url(settings.blob_address, settings.blob_options)
+    assert store.backend.config["endpoint"] == "http://objects:8333"  # type: ignore[union-attr]
+    assert store.backend.config["secret_access_key"] == "a=b"  # type: ignore[union-attr]
+    file.write_text("colour=blue\nsecret_access_key=hidden\n")
+    with pytest.raises(InvalidInput, match="colour") as caught:
+        BlobStore.from_url(settings.blob_address, settings.blob_options)
+    assert caught.value.code == "blob-credentials-invalid"
+    assert "hidden" not in caught.value.message
+    file.write_text("")
+    assert settings.blob_options == {}

@@ -2,29 +2,21 @@ import threading
 
 import psycopg
 import pytest
-import sqlalchemy
-from alembic.autogenerate import compare_metadata
-from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from procrastinate.schema import SchemaManager
 
 from stridelab.errors import InvalidInput, Unavailable
 from stridelab.service.settings import Settings
 from stridelab.service.storage.database import database_url, parse_url
-from stridelab.service.storage.migrating import MIGRATIONS, is_migrated, migrate, revisions
-from stridelab.service.storage.tables import metadata
+from stridelab.service.storage.migrating import MIGRATIONS, engine_of, is_migrated, migrate, revisions
 from support.database import TestDatabases
+from support.revisions import differences
 
 
 def test_migrations_make_exactly_the_declared_tables(database_url: str) -> None:
-    def ours(_object: object, name: str, type_: str, _reflected: bool, _other: object) -> bool:
-        return not (type_ == "table" and name.startswith("procrastinate_"))
-
-    engine = sqlalchemy.create_engine(parse_url(database_url).set(drivername="postgresql+psycopg"))
-    options = {"include_object": ours, "compare_server_default": True}
+    engine = engine_of(database_url)
     with engine.connect() as connection:
-        context = MigrationContext.configure(connection, opts=options)
-        assert compare_metadata(context, metadata) == []
+        assert differences(connection) == []
     engine.dispose()
 
 

@@ -124,7 +124,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
     spool = _clean_spool(settings.data_folder / "spool")
     engine = make_engine(url)
     try:
-        blobs = BlobStore.from_url(settings.blob_url or (settings.data_folder / "blobs").as_uri())
+        blobs = BlobStore.from_url(settings.blob_address, settings.blob_options)
         async with (
             JobBoard(url) as board,
             IsolatedPool(spares=1) as pool,

@@ -20,6 +20,7 @@ _FINISH = """UPDATE procrastinate_jobs SET status = 'succeeded', attempts = atte
              WHERE id = %(id)s AND status = 'doing' AND worker_id = %(worker)s"""
 _RECLAIM = """UPDATE procrastinate_jobs SET status = 'todo', worker_id = NULL
               WHERE status = 'doing' AND worker_id = %(worker)s AND NOT id = ANY(%(known)s::bigint[])"""
+_FORGET = "DELETE FROM procrastinate_workers WHERE last_heartbeat < now() - make_interval(hours => %(hours)s)"
 
 
 class Consumer:
@@ -86,7 +87,8 @@ class Consumer:
             self._worker = None
 
     async def remove_old(self, hours: int) -> None:
-        """Delete deliveries that ended more than ``hours`` ago."""
+        """Delete deliveries that ended more than ``hours`` ago, and workers that have been silent for as long."""
+        await self._connector.execute_query_async(_FORGET, hours=hours)
         await self._manager.delete_old_jobs(
             nb_hours=hours, include_failed=True, include_cancelled=True, include_aborted=True
         )

@@ -86,7 +86,7 @@ class Errand:
         except DATABASE_IS_AWAY:
             raise  # the worker stops while the database is away: another one will take the job up
         except Exception as error:  # noqa: BLE001 (what staging and publishing were not made for fails this job only)
-            _log.exception("job-broke", job=self._attempt.job_id)
+            _log.exception("job-broke")
             problem = {
                 "code": "internal-error",
                 "detail": f"The service could not handle this job ({type(error).__name__}).",

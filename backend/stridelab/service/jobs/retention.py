@@ -15,7 +15,8 @@ from stridelab.service.storage import uploads
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.tables import job, job_event, recording
 
-_JANITOR_LOCK: Final = 0x5712DE1AE
+JANITOR_LOCK: Final = 0x5712DE1AE
+"""Held by whoever removes files, and shared by whoever must find all of them."""
 ORPHAN_AGE: Final = timedelta(hours=1)
 """Files younger than this may belong to a row that is about to be written."""
 _QUEUE_HOURS: Final = 24
@@ -25,7 +26,7 @@ _log = structlog.get_logger(__name__)
 async def sweep(engine: AsyncEngine, blobs: BlobStore, consumer: Consumer, limits: Settings) -> None:
     """Remove all that has had its time; does nothing while another worker does the same."""
     async with engine.connect() as connection:
-        locked = await connection.execute(select(func.pg_try_advisory_lock(_JANITOR_LOCK)))
+        locked = await connection.execute(select(func.pg_try_advisory_lock(JANITOR_LOCK)))
         if not locked.scalar_one():
             return
         try:
@@ -36,7 +37,7 @@ async def sweep(engine: AsyncEngine, blobs: BlobStore, consumer: Consumer, limit
             await consumer.remove_old(_QUEUE_HOURS)
         finally:
             await connection.rollback()
-            await connection.execute(select(func.pg_advisory_unlock(_JANITOR_LOCK)))
+            await connection.execute(select(func.pg_advisory_unlock(JANITOR_LOCK)))
             await connection.commit()
 
 

@@ -7,6 +7,8 @@ import uuid
 from pathlib import Path
 from types import TracebackType
 
+BEAT_FILE = "worker.beat"
+"""Touched in the data folder whenever the worker has told the database that it lives; health checks look at its age."""
 _LOCK = ".lock"
 
 

@@ -18,7 +18,7 @@ import structlog
 
 from stridelab.errors import StridelabError, Unavailable
 from stridelab.service.jobs import retention
-from stridelab.service.jobs.attempts import Attempts
+from stridelab.service.jobs.attempts import Attempt, Attempts
 from stridelab.service.jobs.board import Listener
 from stridelab.service.jobs.consumer import DATABASE_IS_AWAY, Consumer
 from stridelab.service.jobs.errand import Errand
@@ -26,7 +26,7 @@ from stridelab.service.jobs.isolated import PRELOAD, IsolatedPool
 from stridelab.service.jobs.kinds.kind import JobKind
 from stridelab.service.jobs.queue import LANES, Delivery, Lane
 from stridelab.service.jobs.store import CANCEL_CHANNEL
-from stridelab.service.jobs.work_folder import WorkFolder
+from stridelab.service.jobs.work_folder import BEAT_FILE, WorkFolder
 from stridelab.service.settings import Settings, settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import database_url, is_migrated, make_engine
@@ -118,22 +118,27 @@ class Worker:
 
     async def _deliver(self, delivery: Delivery, folder: Path) -> None:
         attempt = await self._patiently(lambda: self._attempts.start(delivery))
-        if attempt is not None and attempt.kind in self._kinds:
-            errand = Errand(attempt, self._kinds[attempt.kind], self._attempts, self._blobs, self._limits)
-            self._errands.append(errand)
-            log = _log.bind(job=attempt.job_id, kind=attempt.kind, attempt=attempt.number)
-            began = time.monotonic()
-            try:
-                if self._stopping.is_set():
-                    errand.interrupt()
-                state = await errand.run(self._engine, self._pool, folder, self._patiently)
-                log.info("job-ended", state=state, seconds=round(time.monotonic() - began, 3))
-            finally:
-                self._errands.remove(errand)
-        elif attempt is not None:
+        if attempt is not None:
+            named = {"job_id": attempt.job_id, "kind": attempt.kind, "attempt": attempt.number}
+            with structlog.contextvars.bound_contextvars(**named):  # every line from here on says whose it is
+                await self._carry_out(attempt, folder)
+        await self._patiently(lambda: self._consumer.finish(delivery))
+
+    async def _carry_out(self, attempt: Attempt, folder: Path) -> None:
+        if attempt.kind not in self._kinds:
             problem = {"code": "unknown-job-kind", "detail": f"This version cannot run {attempt.kind}.", "errors": []}
             await self._patiently(lambda: self._attempts.end(attempt, "failed", problem, ""))
-        await self._patiently(lambda: self._consumer.finish(delivery))
+            return
+        errand = Errand(attempt, self._kinds[attempt.kind], self._attempts, self._blobs, self._limits)
+        self._errands.append(errand)
+        began = time.monotonic()
+        try:
+            if self._stopping.is_set():
+                errand.interrupt()
+            state = await errand.run(self._engine, self._pool, folder, self._patiently)
+            _log.info("job-ended", state=state, seconds=round(time.monotonic() - began, 3))
+        finally:
+            self._errands.remove(errand)
 
     async def _patiently(self, act: Callable[[], Awaitable[T]]) -> T:
         """Do something with the database, however long that is away; a worker that stops gives up sooner."""
@@ -159,6 +164,8 @@ class Worker:
         while True:
             try:
                 await self._consumer.beat()
+                with contextlib.suppress(OSError):  # a full disk makes only the health check fail
+                    (self._limits.data_folder / BEAT_FILE).touch()
                 if self._answering_since is None:
                     self._answering_since = time.monotonic()
                 await asyncio.sleep(self._limits.heartbeat_s)
@@ -220,8 +227,8 @@ async def work(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence
                 "database-not-migrated", "The database does not answer, or `stridelab migrate` has not been run on it."
             )
         await asyncio.sleep(0.5)
-    blob_url = limits.blob_url or (limits.data_folder / "blobs").as_uri()
-    worker = Worker(url, BlobStore.from_url(blob_url), kinds, limits, preload)
+    blobs = BlobStore.from_url(limits.blob_address, limits.blob_options)
+    worker = Worker(url, blobs, kinds, limits, preload)
     loop = asyncio.get_running_loop()
     for signum in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(signum, worker.stop)

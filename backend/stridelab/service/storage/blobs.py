@@ -5,11 +5,11 @@ no key can point outside the store.
 """
 
 import re
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final, cast
 from urllib.parse import unquote, urlsplit
 
 import obstore
@@ -17,6 +17,9 @@ from obstore.exceptions import BaseError
 from obstore.store import LocalStore, ObjectStore, from_url
 
 from stridelab.errors import InvalidInput, NotFound, Unavailable
+
+if TYPE_CHECKING:
+    from obstore.store import ClientConfig, S3Config
 
 CHUNK_BYTES: Final = 1 << 20
 _KEY: Final = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*(/[A-Za-z0-9_-][A-Za-z0-9._-]*)*")
@@ -39,10 +42,12 @@ class BlobStore:
     backend: ObjectStore
 
     @staticmethod
-    def from_url(url: str) -> "BlobStore":
-        """``file:///folder`` (made where missing) or ``s3://bucket/prefix`` (credentials from the environment).
+    def from_url(url: str, options: Mapping[str, str] | None = None) -> "BlobStore":
+        """``file:///folder`` (made where missing) or ``s3://bucket/prefix``.
 
-        Raises ``InvalidInput`` (``blob-url-invalid``).
+        ``options`` are obstore's for S3 (``endpoint``, ``access_key_id``, ``secret_access_key``, ...); what is not
+        among them comes from the environment (``AWS_ENDPOINT``, ...). Raises ``InvalidInput`` (``blob-url-invalid``,
+        ``blob-credentials-invalid``).
         """
         parts = urlsplit(url)
         if parts.scheme == "file" and parts.netloc in ("", "localhost") and parts.path:
@@ -50,7 +55,7 @@ class BlobStore:
             folder.mkdir(parents=True, exist_ok=True)
             return BlobStore(LocalStore(folder, automatic_cleanup=True))
         if parts.scheme == "s3" and parts.netloc:
-            return BlobStore(from_url(url))
+            return BlobStore(_object_store(url, dict(options or {})))
         raise InvalidInput("blob-url-invalid", "STRIDELAB_BLOB_URL must be file:///folder or s3://bucket/prefix.")
 
     async def put_file(self, key: str, path: Path) -> int:
@@ -128,8 +133,25 @@ class BlobStore:
                 raise _unavailable(error) from error
 
 
+def _object_store(url: str, options: dict[str, str]) -> ObjectStore:
+    # an address that is given as http:// is meant so: a store inside one's own network
+    client: ClientConfig = {"allow_http": True} if options.get("endpoint", "").startswith("http://") else {}
+    try:
+        return from_url(url, config=cast("S3Config", options), client_options=client)
+    except BaseError as error:
+        raise InvalidInput(
+            "blob-credentials-invalid",
+            f"STRIDELAB_BLOB_CREDENTIALS_FILE with {', '.join(sorted(options)) or 'nothing'} in it addresses no store.",
+        ) from error
+
+
+def is_key(key: str) -> bool:
+    """Whether a blob may have this key."""
+    return len(key) <= _MAX_KEY and _KEY.fullmatch(key) is not None
+
+
 def _check(key: str) -> None:
-    if len(key) > _MAX_KEY or not _KEY.fullmatch(key):
+    if not is_key(key):
         raise InvalidInput("blob-key-invalid", "This cannot be the name of a stored file.")
 
 

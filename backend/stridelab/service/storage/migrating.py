@@ -7,11 +7,15 @@ the service asks.
 
 import time
 from pathlib import Path
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 import psycopg
 
 from stridelab.errors import Unavailable
+
+if TYPE_CHECKING:
+    import sqlalchemy
 
 MIGRATIONS = Path(__file__).with_name("migrations")
 _MIGRATION_LOCK = 0x5712DE1AB
@@ -61,21 +65,33 @@ def plain(url: str) -> str:
     return url.replace("postgresql+psycopg:", "postgresql:", 1)
 
 
-def _upgrade(url: str) -> None:
+def engine_of(url: str) -> "sqlalchemy.Engine":
+    """A synchronous engine without a pool, for work that is done once."""
     import sqlalchemy
+
+    address = plain(url).replace("postgresql:", "postgresql+psycopg:", 1)
+    return sqlalchemy.create_engine(address, poolclass=sqlalchemy.NullPool)
+
+
+def upgrade_on(connection: "sqlalchemy.Connection", revision: str) -> None:
+    """Run the migrations up to ``revision`` (or ``head``) in the connection's transaction and schema."""
     from alembic import command
     from alembic.config import Config
 
-    engine = sqlalchemy.create_engine(
-        plain(url).replace("postgresql:", "postgresql+psycopg:", 1), poolclass=sqlalchemy.NullPool
-    )
+    config = Config()
+    config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
+    config.attributes["connection"] = connection
+    command.upgrade(config, revision)
+
+
+def _upgrade(url: str) -> None:
+    from sqlalchemy import text
+
+    engine = engine_of(url)
     try:
         with engine.begin() as connection:
-            connection.execute(sqlalchemy.text("SELECT pg_advisory_xact_lock(:key)"), {"key": _MIGRATION_LOCK})
-            config = Config()
-            config.set_main_option("script_location", str(MIGRATIONS).replace("%", "%%"))
-            config.attributes["connection"] = connection
-            command.upgrade(config, "head")
+            connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _MIGRATION_LOCK})
+            upgrade_on(connection, "head")
     finally:
         engine.dispose()
 

@@ -1,0 +1,69 @@
+"""Stored files in and out of an archive, for programs without an event loop."""
+
+import asyncio
+import tempfile
+from collections.abc import Coroutine, Iterator
+from pathlib import Path
+from types import TracebackType
+from typing import Any, TypeVar
+
+from stridelab.errors import NotFound
+from stridelab.service.backup.archive import Packer, file_member
+from stridelab.service.storage.blobs import BlobStore
+
+T = TypeVar("T")
+
+
+class Files:
+    """One store. A context manager."""
+
+    def __init__(self, store: BlobStore) -> None:
+        self._store = store
+        self._runner = asyncio.Runner()
+
+    def __enter__(self) -> "Files":  # noqa: PYI034 (the tests' type checks know no Self here)
+        return self
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        self._runner.close()
+
+    def pack(self, key: str, packer: Packer) -> bool:
+        """Copy a file into the archive; False where there is none."""
+        return self._do(self._pack(key, packer))
+
+    async def _pack(self, key: str, packer: Packer) -> bool:
+        pieces = self._store.stream(key)
+        try:
+            first = await anext(pieces, b"")
+        except NotFound:
+            return False
+        with packer.member(file_member(key)) as append:
+            append(first)
+            async for piece in pieces:
+                append(piece)
+        return True
+
+    def has(self, key: str) -> bool:
+        """Whether there is such a file."""
+        return self._do(self._store.exists(key))
+
+    def put(self, key: str, pieces: Iterator[bytes], size: int) -> None:
+        """Store a file, unless one of that key and size is there: keys are never used for something else."""
+        known = self._do(self._store.info(key))
+        if known is not None and known.bytes == size:
+            return
+        with tempfile.NamedTemporaryFile(prefix="stridelab-restore-") as draft:
+            for piece in pieces:
+                draft.write(piece)
+            draft.flush()
+            self._do(self._store.put_file(key, Path(draft.name)))
+
+    def remove(self, keys: list[str]) -> None:
+        """Delete files; those that are not there are fine."""
+        for key in keys:
+            self._do(self._store.delete(key))
+
+    def _do(self, work: Coroutine[Any, Any, T]) -> T:
+        return self._runner.run(work)

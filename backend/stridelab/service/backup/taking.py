@@ -1,0 +1,102 @@
+"""``stridelab backup``: the rows of one moment and every file that they name, while the service goes on.
+
+Stored files are never changed, only added and removed, so a file may be copied at any time after the moment of the
+rows. One that is gone by then belongs to something that was deleted meanwhile: the rows are read anew, and what
+they still name although it is not there is reported, not hidden.
+"""
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+import psycopg
+
+from stridelab import __version__
+from stridelab.errors import Conflict, Unavailable
+from stridelab.service.backup.archive import FORMAT, Manifest, Packer, Progress, silent, table_member
+from stridelab.service.backup.files import Files
+from stridelab.service.backup.rows import Rows, snapshot
+from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.migrating import present_revision
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What a backup holds, and which named files were not there to be copied."""
+
+    rows: dict[str, int]
+    files: int
+    bytes: int
+    missing: tuple[str, ...]
+
+    @staticmethod
+    def of(manifest: Manifest) -> "Taken":
+        """The counts of a manifest."""
+        rows = {name: table.rows for name, table in manifest.tables.items()}
+        return Taken(rows, len(manifest.files), manifest.file_bytes, tuple(manifest.missing))
+
+
+def take(
+    database_url: str,
+    store: BlobStore | None,
+    target: Path,
+    *,
+    force: bool = False,
+    on_progress: Progress = silent,
+) -> Taken:
+    """Write the backup ``target``; without ``store`` the rows alone.
+
+    Raises as ``Packer`` does, ``Conflict`` (``nothing-to-back-up``) where the database has no tables, ``Unavailable``
+    (``database-unreachable``, ``storage-unavailable``).
+    """
+    try:
+        revision = present_revision(database_url)
+        if revision is None:
+            raise Conflict("nothing-to-back-up", "This database has no tables of stridelab.")
+        with Packer(target, force=force) as packer:
+            if store is None:
+                with snapshot(database_url) as rows:
+                    manifest = _finish(packer, rows, revision, None)
+            else:
+                with Files(store) as files:
+                    manifest = _with_files(packer, database_url, revision, files, on_progress)
+            packer.finish(manifest)
+    except psycopg.OperationalError as error:
+        raise Unavailable("database-unreachable", "The database does not answer.") from error
+    return Taken.of(manifest)
+
+
+def _with_files(packer: Packer, url: str, revision: str, files: Files, on_progress: Progress) -> Manifest:
+    missing: set[str] = set()
+    packed: set[str] = set()
+    while True:
+        with snapshot(url) as rows:
+            named = rows.named_files()
+            gone = set()
+            for key in sorted(named - packed):
+                on_progress(len(packed) / len(named), "copying files")
+                if files.pack(key, packer):
+                    packed.add(key)
+                else:
+                    gone.add(key)
+            if gone <= missing:
+                return _finish(packer, rows, revision, sorted(gone))
+            missing |= gone
+
+
+def _finish(packer: Packer, rows: Rows, revision: str, missing: list[str] | None) -> Manifest:
+    tables = {}
+    for table, columns in rows.tables().items():
+        with packer.member(table_member(table), compress=True) as append:
+            tables[table] = rows.read(table, columns, append)
+    return Manifest(
+        format=FORMAT,
+        kind="stridelab-backup",
+        made_at=datetime.now(UTC).isoformat(timespec="seconds"),
+        program=__version__,
+        revision=revision,
+        with_files=missing is not None,
+        tables=tables,
+        members=packer.members,
+        missing=missing or [],
+    )

@@ -1,0 +1,133 @@
+"""What doctor says of a service's parts, each well and each not."""
+
+import os
+import socket
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import psycopg
+import pytest
+from typer.testing import CliRunner
+
+from stridelab import cli_doctor_service as parts
+from stridelab.cli import app
+from stridelab.service.embedded_postgres import EmbeddedPostgres
+from stridelab.service.jobs.work_folder import BEAT_FILE
+from stridelab.service.settings import Settings
+from stridelab.service.storage.migrating import migrate
+from support.database import TestDatabases, public_folder
+from support.service import wait_until, worker
+
+NOWHERE = Settings(database_url="postgresql://nobody@127.0.0.1:9/x")
+
+
+@pytest.fixture
+def settings(database_url: str, tmp_path: Path) -> Settings:
+    return Settings(database_url=database_url, data_dir=tmp_path)
+
+
+def test_tables_of_this_program_an_older_and_a_newer_one(settings: Settings, postgres: TestDatabases) -> None:
+    assert parts.tables(settings).ok
+    with psycopg.connect(str(settings.database_url)) as connection:
+        connection.execute("UPDATE alembic_version SET version_num = '9999'")
+    newer = parts.tables(settings)
+    assert not newer.ok
+    assert "newer stridelab" in newer.fix
+    with postgres.fresh(migrated=False) as url:
+        empty = parts.tables(Settings(database_url=url))
+        assert not empty.ok
+        assert "stridelab migrate" in empty.fix
+        assert parts.workers(Settings(database_url=url)).ok
+
+
+def test_clocks(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert parts.clock(settings).ok
+    now = time.time
+    monkeypatch.setattr(parts.time, "time", lambda: now() + 60.0)
+    late = parts.clock(settings)
+    assert not late.ok
+    assert -62.0 < float(late.found.split()[0]) < -58.0
+    assert "NTP" in late.fix
+
+
+def test_waiting_jobs_need_a_worker(settings: Settings) -> None:
+    assert parts.workers(settings).found == "0 alive, 0 jobs waiting"
+    with psycopg.connect(str(settings.database_url)) as connection:
+        connection.execute("INSERT INTO job (id, kind, input, input_hash) VALUES ('j', 'work', '{}', 'h')")
+    idle = parts.workers(settings)
+    assert not idle.ok
+    assert "stridelab worker" in idle.fix
+    with psycopg.connect(str(settings.database_url)) as connection:
+        connection.execute("INSERT INTO procrastinate_workers DEFAULT VALUES")
+    assert parts.workers(settings).found == "1 alive, 1 jobs waiting"
+
+
+@pytest.mark.parametrize("check", [parts.tables, parts.clock, parts.workers])
+def test_a_database_that_is_away(check: object) -> None:
+    found = check(NOWHERE)  # type: ignore[operator]
+    assert not found.ok
+    assert "database" in found.fix
+
+
+def test_files(tmp_path: Path) -> None:
+    store = tmp_path / "store"
+    assert parts.storage(Settings(blob_url=store.as_uri())).ok
+    assert not list(store.iterdir())
+    (store / "doctor").write_text("a file where a folder should be")
+    for broken in (store.as_uri(), "ftp://x/y", (store / "doctor" / "deeper").as_uri()):
+        found = parts.storage(Settings(blob_url=broken))
+        assert not found.ok, broken
+        assert "STRIDELAB_BLOB_URL" in found.fix
+    assert parts.storage(Settings(data_dir=tmp_path / "new")).ok
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_store_that_never_answers(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(parts, "_STORE_ANSWERS_S", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as mute:
+        keys = tmp_path / "keys"
+        keys.write_text(f"endpoint=http://127.0.0.1:{mute.getsockname()[1]}\naccess_key_id=x\nsecret_access_key=y\n")
+        found = parts.storage(Settings(blob_url="s3://bucket/prefix", blob_credentials_file=keys))
+    assert not found.ok
+    assert "no answer within" in found.found
+
+
+def test_memory_and_solver() -> None:
+    assert parts.memory(Settings()).ok
+    short = parts.memory(Settings(job_memory_mb=10**9))
+    assert not short.ok
+    assert "STRIDELAB_JOB_MEMORY_MB" in short.fix
+    assert parts.solver(Settings()).ok
+
+
+def test_a_worker_is_known_by_its_beat(database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def asked() -> int:
+        return CliRunner().invoke(app, ["doctor", "--worker"]).exit_code
+
+    monkeypatch.setenv("STRIDELAB_DATA_DIR", str(tmp_path))
+    assert asked() == 1
+    with worker(database_url, tmp_path):
+        wait_until(lambda: asked() == 0, 30, "a beat")
+    old = time.time() - 21.0
+    os.utime(tmp_path / BEAT_FILE, (old, old))
+    assert asked() == 1
+
+
+@pytest.fixture(scope="module")
+def embedded() -> Iterator[Settings]:
+    with public_folder() as folder:
+        server = EmbeddedPostgres(folder / "data")
+        try:
+            migrate(server.start())
+            yield Settings(data_dir=folder / "data")
+        finally:
+            server.stop()
+
+
+def test_an_embedded_database_is_asked_while_it_runs(embedded: Settings, tmp_path: Path) -> None:
+    assert "revision" in parts.tables(embedded).found
+    assert parts.clock(embedded).ok
+    assert parts.workers(embedded).found == "0 alive, 0 jobs waiting"
+    asleep = Settings(data_dir=tmp_path)
+    assert all(check(asleep).ok for check in (parts.tables, parts.clock, parts.workers))

@@ -1,0 +1,40 @@
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from stridelab.service.backup.archive import open_archive
+from stridelab.service.backup.places import Place
+from stridelab.service.backup.restoring import restore
+from stridelab.service.backup.taking import Taken, take
+from stridelab.service.storage.blobs import BlobStore
+from support.database import TestDatabases
+from support.filled import fill
+
+
+@pytest.fixture(scope="module")
+def backup(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A backup of a database with something in every table."""
+    folder = tmp_path_factory.mktemp("source")
+    with postgres.fresh() as url:
+        fill(url, folder / "blobs")
+        take(url, BlobStore.from_url((folder / "blobs").as_uri()), folder / "lab.backup")
+    return folder / "lab.backup"
+
+
+@pytest.fixture
+def empty(postgres: TestDatabases) -> Iterator[str]:
+    """A database without tables."""
+    with postgres.fresh(migrated=False) as url:
+        yield url
+
+
+@pytest.fixture
+def put_back(tmp_path: Path) -> Callable[..., Taken]:
+    """Restore a backup into a database and the folder ``blobs`` of the test."""
+
+    def run(path: Path, url: str, *, replace: bool = False) -> Taken:
+        with open_archive(path) as archive:
+            return restore(archive, Place(url, (tmp_path / "blobs").as_uri(), {}), replace=replace)
+
+    return run

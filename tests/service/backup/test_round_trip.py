@@ -1,0 +1,219 @@
+"""What is backed up comes back: every row, every byte, open jobs waiting again; or nothing happens at all."""
+
+import shutil
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import psycopg
+import pytest
+
+from stridelab.errors import Conflict, InvalidInput, StorageFull, Unavailable, UnreadableFile
+from stridelab.service.backup import restoring, taking
+from stridelab.service.backup.archive import open_archive
+from stridelab.service.backup.files import Files
+from stridelab.service.backup.taking import Taken, take
+from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.migrating import is_migrated
+from support.database import TestDatabases
+from support.filled import AWKWARD, FILES, fill, rows, stored
+from support.revisions import migrate_to
+from support.service import Jobs, worker
+
+PutBack = Callable[..., Taken]
+
+
+def of(folder: Path) -> BlobStore:
+    return BlobStore.from_url(folder.as_uri())
+
+
+def test_everything_comes_back(postgres: TestDatabases, empty: str, put_back: PutBack, tmp_path: Path) -> None:
+    with postgres.fresh() as url:
+        fill(url, tmp_path / "source")
+        before = rows(url)
+        taken = take(url, of(tmp_path / "source"), tmp_path / "lab.backup")
+        assert rows(url) == before
+    assert put_back(tmp_path / "lab.backup", empty) == taken
+    assert is_migrated(empty)
+    after = rows(empty)
+    assert {name: after[name] for name in after if name != "job"} == {n: before[n] for n in before if n != "job"}
+    assert after["recording"][0]["filename"] == AWKWARD
+    assert stored(tmp_path / "blobs") == FILES
+    assert (taken.files, taken.bytes, taken.missing) == (len(FILES), sum(map(len, FILES.values())), ())
+    assert taken.rows == {"subject": 1, "scenario": 1, "recording": 2, "job": 6, "job_event": 6}
+    assert (tmp_path / "lab.backup").stat().st_mode & 0o777 == 0o600
+
+    was, now = ({row["id"]: row for row in side["job"]} for side in (before, after))
+    for job_id in ("done", "half", "gone"):
+        assert now[job_id] == {**was[job_id], "queue_id": None}
+    interrupted = {"state": "queued", "returned": 1, "message": "restored; waiting again", "fraction": 0.0}
+    assert now["at-work"] == {**was["at-work"], **interrupted, "queue_id": now["at-work"]["queue_id"]}
+    assert now["at-work"]["queue_id"] < now["first"]["queue_id"] < now["second"]["queue_id"] < 0
+
+
+def test_restored_jobs_run_in_their_old_order_and_new_ones_after_them(
+    backup: Path, empty: str, put_back: PutBack, tmp_path: Path
+) -> None:
+    put_back(backup, empty)
+    jobs = Jobs(empty)
+    with psycopg.connect(empty) as connection:
+        last = connection.execute("SELECT max(seq) FROM job_event").fetchone()
+    new = jobs.submit("work")
+    with worker(empty, tmp_path / "w", STRIDELAB_BLOB_URL=(tmp_path / "blobs").as_uri()):
+        ended = [jobs.until_final(job_id) for job_id in ("at-work", "first", "second", new)]
+    assert [record.state for record in ended] == ["succeeded"] * 4
+    assert [record.attempt for record in ended] == [3, 1, 1, 1]
+    starts = [record.started_at for record in ended[:3]]
+    assert starts == sorted(starts, key=str)
+    with psycopg.connect(empty) as connection:
+        assert last is not None
+        assert connection.execute("SELECT min(seq) FROM job_event WHERE job_id = %s", (new,)).fetchone() > last
+
+
+def test_a_backup_of_the_first_schema_is_brought_up_to_date(
+    postgres: TestDatabases, empty: str, put_back: PutBack, tmp_path: Path
+) -> None:
+    with postgres.fresh(migrated=False) as url:
+        migrate_to(url, "0001")
+        fill(url, tmp_path / "source")
+        take(url, of(tmp_path / "source"), tmp_path / "old.backup")
+    put_back(tmp_path / "old.backup", empty)
+    assert is_migrated(empty)
+    assert [row["updated_at"] == row["created_at"] for row in rows(empty)["scenario"]] == [True]
+    assert stored(tmp_path / "blobs") == FILES
+    with psycopg.connect(empty) as connection, pytest.raises(psycopg.errors.ForeignKeyViolation):
+        connection.execute("UPDATE job SET scenario_id = 'nowhere'")
+
+
+def test_data_are_replaced_only_when_that_was_said(
+    backup: Path, database_url: str, put_back: PutBack, tmp_path: Path
+) -> None:
+    with psycopg.connect(database_url) as connection:
+        connection.execute("INSERT INTO subject (id, fields) VALUES ('other', '{}')")
+    with pytest.raises(Conflict) as caught:
+        put_back(backup, database_url)
+    assert caught.value.code == "restore-over-data"
+    assert not stored(tmp_path / "blobs")
+    put_back(backup, database_url, replace=True)
+    assert [row["id"] for row in rows(database_url)["subject"]] == ["p1"]
+    put_back(backup, database_url, replace=True)  # and once more over itself
+    assert stored(tmp_path / "blobs") == FILES
+    with psycopg.connect(database_url) as connection:
+        keys = connection.execute(
+            "SELECT count(*) FROM pg_constraint WHERE contype = 'f' AND conrelid = 'job'::regclass"
+        )
+        assert keys.fetchone() == (2,)
+
+
+def test_a_running_service_is_not_restored_under(backup: Path, database_url: str, put_back: PutBack) -> None:
+    with psycopg.connect(database_url), pytest.raises(Conflict) as caught:
+        put_back(backup, database_url)
+    assert caught.value.code == "service-running"
+
+
+def test_a_restore_that_fails_leaves_everything_as_it_was(
+    backup: Path, database_url: str, put_back: PutBack, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with psycopg.connect(database_url) as connection:
+        connection.execute("INSERT INTO subject (id, fields) VALUES ('other', '{}')")
+    before, real = rows(database_url), Files.put
+    for failure, expected in (
+        (OSError(28, "No space left on device"), StorageFull),
+        (KeyboardInterrupt(), KeyboardInterrupt),
+    ):
+
+        def put(files: Files, key: str, *rest: Any, how: BaseException = failure) -> None:
+            if key.startswith("uploads/"):
+                raise how
+            real(files, key, *rest)
+
+        monkeypatch.setattr(Files, "put", put)
+        with pytest.raises(expected):
+            put_back(backup, database_url, replace=True)
+        assert rows(database_url) == before
+        assert stored(tmp_path / "blobs") == {}
+        with psycopg.connect(database_url) as connection:
+            assert connection.execute("SELECT to_regnamespace('stridelab_restore')").fetchone() == (None,)
+
+
+def test_a_small_disk_is_told_before_anything_is_done(
+    backup: Path, empty: str, put_back: PutBack, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(restoring.shutil, "disk_usage", lambda _: type("Usage", (), {"free": 1000})())
+    with pytest.raises(StorageFull, match="MB left"):
+        put_back(backup, empty)
+    assert not is_migrated(empty)
+
+
+def test_what_is_deleted_meanwhile_is_not_in_the_backup(
+    database_url: str, empty: str, put_back: PutBack, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A recording goes between the snapshot and the copying of its files."""
+    fill(database_url, tmp_path / "source")
+    real, done = Files.pack, threading.Event()
+
+    def pack(files: Files, key: str, packer: Any) -> bool:
+        if not done.is_set():
+            done.set()
+            with psycopg.connect(database_url) as connection:
+                connection.execute("DELETE FROM recording WHERE id = 'rec2'")
+            for name in ("trial.c3d", "tracks.parquet"):
+                (tmp_path / "source" / "recordings" / "rec2" / name).unlink()
+        return real(files, key, packer)
+
+    monkeypatch.setattr(taking.Files, "pack", pack)
+    taken = take(database_url, of(tmp_path / "source"), tmp_path / "lab.backup")
+    assert taken.missing == ()
+    put_back(tmp_path / "lab.backup", empty)
+    assert [row["id"] for row in rows(empty)["recording"]] == ["rec1"]
+    assert stored(tmp_path / "blobs") == {key: body for key, body in FILES.items() if "rec2" not in key}
+
+
+def test_a_file_that_was_lost_before_is_told_and_the_rest_is_saved(
+    database_url: str, empty: str, put_back: PutBack, tmp_path: Path
+) -> None:
+    fill(database_url, tmp_path / "source")
+    lost = "results/done/1/com.csv"
+    (tmp_path / "source" / lost).unlink()
+    assert take(database_url, of(tmp_path / "source"), tmp_path / "lab.backup").missing == (lost,)
+    assert put_back(tmp_path / "lab.backup", empty).missing == (lost,)
+    assert stored(tmp_path / "blobs") == {key: body for key, body in FILES.items() if key != lost}
+
+
+def test_an_earlier_backup_is_kept_unless_told_otherwise(database_url: str, tmp_path: Path) -> None:
+    target, blobs = tmp_path / "lab.backup", of(tmp_path / "blobs")
+    target.write_text("precious")
+    with pytest.raises(Conflict) as caught:
+        take(database_url, blobs, target)
+    assert caught.value.code == "backup-exists"
+    assert target.read_text() == "precious"
+    take(database_url, blobs, target, force=True)
+    with open_archive(target) as archive:
+        assert archive.manifest.with_files
+    with pytest.raises(InvalidInput, match="does not exist"):
+        take(database_url, blobs, tmp_path / "nowhere" / "lab.backup")
+
+
+def test_a_backup_that_fails_leaves_nothing(database_url: str, empty: str, tmp_path: Path) -> None:
+    fill(database_url, tmp_path / "source")
+    folder = tmp_path / "backups"
+    folder.mkdir()
+    shutil.rmtree(tmp_path / "source" / "uploads")
+    (tmp_path / "source" / "uploads").write_text("a file where a folder should be")
+    with pytest.raises(Unavailable) as caught:
+        take(database_url, of(tmp_path / "source"), folder / "lab.backup")
+    assert caught.value.code == "storage-unavailable"
+    with pytest.raises(Conflict) as refused:
+        take(empty, of(tmp_path / "source"), folder / "lab.backup")
+    assert refused.value.code == "nothing-to-back-up"
+    with pytest.raises(Unavailable) as away:
+        take("postgresql://x@127.0.0.1:9/y", None, folder / "lab.backup")
+    assert away.value.code == "database-unreachable"
+    assert list(folder.iterdir()) == []
+
+
+def test_rows_alone_do_not_restore_files(database_url: str, empty: str, put_back: PutBack, tmp_path: Path) -> None:
+    take(database_url, None, tmp_path / "rows")
+    with pytest.raises(UnreadableFile, match="no files"):
+        put_back(tmp_path / "rows", empty)

@@ -1,0 +1,108 @@
+"""Backups while others write, and restores that are killed."""
+
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import psycopg
+
+from stridelab.service.backup.taking import Taken, take
+from stridelab.service.storage.blobs import BlobStore
+from support.database import TestDatabases
+from support.filled import rows, stored
+from support.service import wait_until
+
+PutBack = Callable[..., Taken]
+SLOW_RESTORE = """
+import sys, time
+from pathlib import Path
+from stridelab.service.backup import restoring
+from stridelab.service.backup.archive import open_archive
+from stridelab.service.backup.places import Place
+put = restoring.Files.put
+def slowly(*how):
+    put(*how)
+    print("stored", flush=True)
+    time.sleep(60)
+restoring.Files.put = slowly
+with open_archive(Path(sys.argv[1])) as archive:
+    restoring.restore(archive, Place(sys.argv[2], sys.argv[3], {}), replace=True)
+"""
+
+
+def come_and_go(url: str, blobs: Path, stop: threading.Event) -> None:
+    """Recordings that are made and deleted in the service's order: files before the row, the row before its files."""
+    number = 0
+    with psycopg.connect(url, autocommit=True) as connection:
+        while not stop.is_set():
+            number += 1
+            folder = blobs / "recordings" / f"r{number}"
+            folder.mkdir(parents=True)
+            for name in ("trial", "tracks"):
+                (folder / name).write_bytes(f"{name} {number}".encode())
+            connection.execute(
+                "INSERT INTO recording (id, filename, sha256, bytes, blob_key, tracks_key, facts, subject_fields)"
+                " VALUES (%(id)s, 'f', 's', 1, 'recordings/' || %(id)s || '/trial',"
+                " 'recordings/' || %(id)s || '/tracks', '{}', '{}')",
+                {"id": f"r{number}"},
+            )
+            if number > 20:
+                connection.execute("DELETE FROM recording WHERE id = %s", (f"r{number - 20}",))
+                shutil.rmtree(blobs / "recordings" / f"r{number - 20}")
+
+
+def test_backups_among_writers_are_whole(
+    postgres: TestDatabases, database_url: str, put_back: PutBack, tmp_path: Path
+) -> None:
+    blobs, stop = tmp_path / "source", threading.Event()
+    blobs.mkdir()
+    writer = threading.Thread(target=come_and_go, args=(database_url, blobs, stop))
+    writer.start()
+    try:
+        wait_until(lambda: (blobs / "recordings" / "r30").exists(), 30, "recordings that go again")
+        taken = []
+        for number in range(4):
+            taken.append(take(database_url, BlobStore.from_url(blobs.as_uri()), tmp_path / f"{number}.backup"))
+            time.sleep(0.2)
+    finally:
+        stop.set()
+        writer.join()
+    assert [one.missing for one in taken] == [()] * 4
+    for number in range(4):
+        with postgres.fresh(migrated=False) as url:
+            put_back(tmp_path / f"{number}.backup", url)
+            kept = stored(tmp_path / "blobs")
+            there = rows(url)["recording"]
+            assert len(there) == taken[number].rows["recording"] >= 19
+            for row in there:
+                assert kept[row["blob_key"]].decode() == f"trial {row['id'][1:]}"
+                assert kept[row["tracks_key"]].decode() == f"tracks {row['id'][1:]}"
+
+
+def test_a_restore_that_is_killed_has_changed_no_row(backup: Path, database_url: str, tmp_path: Path) -> None:
+    with psycopg.connect(database_url) as connection:
+        connection.execute("INSERT INTO subject (id, fields) VALUES ('kept', '{}')")
+    before = rows(database_url)
+    process = subprocess.Popen(
+        [sys.executable, "-c", SLOW_RESTORE, str(backup), database_url, (tmp_path / "blobs").as_uri()],
+        stdout=subprocess.PIPE,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == b"stored\n"
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    process.stdout.close()
+
+    def free() -> bool:
+        with psycopg.connect(database_url) as connection:
+            others = "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database()"
+            return connection.execute(others).fetchone() == (1,)
+
+    wait_until(free, 20, "the server noticed")
+    assert rows(database_url) == before
+    assert len(stored(tmp_path / "blobs")) == 1  # which no row names: the janitor's
