@@ -2,6 +2,7 @@
 
 import io
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -231,7 +232,7 @@ def test_a_recording_that_does_not_exist_is_said(tab: Tab) -> None:
 def test_a_small_recording_goes_up_from_within_the_viewer(
     tab: Tab, estimated: tuple[str, str], trial: Path, tmp_path: Path
 ) -> None:
-    page = opened(tab, f"/view/?recording={estimated[0]}")
+    page = scene(tab, f"/view/?recording={estimated[0]}")
     wrong, large = tmp_path / "<b>holiday.c3d", tmp_path / "large.c3d"
     wrong.write_bytes(b"not a recording")
     with large.open("wb") as file:
