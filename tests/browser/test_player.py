@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from support.fake_lab import Lab
 from support.scene_view import opened, until
@@ -144,3 +144,33 @@ def test_steps_are_told_of_a_walk_whose_wheel_is_known(tab: Tab, lab: Lab) -> No
     assert json.loads(page.locator("[data-player]").get_attribute("data-steps") or "") == []
     expect(page.get_by_role("link", name="Upload another")).to_have_attribute("href", "/recordings")
     expect(page.locator("[data-time]")).not_to_contain_text("step")
+
+
+def test_a_small_recording_goes_up_from_within_the_viewer(tab: Tab, lab: Lab, tmp_path: Path) -> None:
+    shown, uploaded = lab.fake.add_recording(), lab.fake.add_recording("new.c3d")
+    refusal = {"title": "Unprocessable", "status": 422, "code": "not-c3d", "detail": "This is no C3D file."}
+    asked: list[str] = []
+
+    def answer(route: Route) -> None:
+        asked.append(route.request.method)
+        first = len(asked) == 1
+        route.fulfill(status=422 if first else 201, json=refusal if first else uploaded.model_dump(mode="json"))
+
+    wrong, large, small = (tmp_path / name for name in ("<b>holiday.c3d", "large.c3d", "new.c3d"))
+    wrong.write_bytes(b"not a recording")
+    small.write_bytes(b"a recording")
+    with large.open("wb") as file:
+        file.truncate(31_000_000)
+    page = opened(tab, f"/view/?recording={shown.id}")
+    page.route("**/api/v1/recordings", answer)
+    said = page.locator("[data-said-upload]")
+    page.set_input_files("[data-upload-file]", wrong)
+    expect(said).to_have_text("<b>holiday.c3d: This is no C3D file.")
+    page.set_input_files("[data-upload-file]", large)
+    expect(said).to_contain_text("page of recordings")
+    with page.expect_file_chooser() as chooser:
+        page.get_by_role("button", name="Upload…").press("Enter")
+    chooser.value.set_files(small)
+    page.wait_for_url(f"**/view/?recording={uploaded.id}*")
+    assert asked == ["POST", "POST"], "what is too large is not sent"
+    tab.missteps = [m for m in tab.missteps if "status of 422" not in m]

@@ -2,7 +2,6 @@
 
 import io
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -227,25 +226,3 @@ def test_a_recording_that_does_not_exist_is_said(tab: Tab) -> None:
     page = tab.go("/view/?recording=nothing")
     expect(page.get_by_role("heading", level=1)).to_have_text("Nothing here")
     tab.missteps = [m for m in tab.missteps if "status of 404" not in m]
-
-
-def test_a_small_recording_goes_up_from_within_the_viewer(
-    tab: Tab, estimated: tuple[str, str], trial: Path, tmp_path: Path
-) -> None:
-    page = scene(tab, f"/view/?recording={estimated[0]}")
-    wrong, large = tmp_path / "<b>holiday.c3d", tmp_path / "large.c3d"
-    wrong.write_bytes(b"not a recording")
-    with large.open("wb") as file:
-        file.truncate(31_000_000)
-    said = page.locator("[data-said-upload]")
-    page.set_input_files("[data-upload-file]", wrong)
-    expect(said).to_contain_text("<b>holiday.c3d: ", timeout=60_000)
-    expect(said).not_to_contain_text("goes up")
-    page.set_input_files("[data-upload-file]", large)
-    expect(said).to_contain_text("page of recordings")
-    with page.expect_file_chooser() as chooser:
-        page.get_by_role("button", name="Upload…").press("Enter")
-    chooser.value.set_files(trial)
-    page.wait_for_url(lambda url: "/view/?recording=" in url and estimated[0] not in url, timeout=90_000)
-    page.wait_for_selector("[data-ready]", timeout=90_000)
-    tab.missteps = [m for m in tab.missteps if "status of 422" not in m]

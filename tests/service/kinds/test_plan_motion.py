@@ -78,6 +78,10 @@ def test_progress_goes_through_the_stages_and_tells_the_motions_time(walked: Pla
         ticking = [m for m in told.messages if m.startswith(f"{stage}: ")]
         assert ticking[0] == f"{stage}: 0.0 of {walked.summary.duration_s:.1f} s"
         assert len(ticking) >= 10
+        for message in ticking[1:]:
+            percent, _, clock = message.removeprefix(f"{stage}: ").partition(" %, ")
+            done_s, _, all_s = clock.removesuffix(" s").partition(" of ")
+            assert abs(float(percent) - 100 * float(done_s) / float(all_s)) < 2, "the percentage is that of the stage"
 
 
 def test_references_name_the_methods(walked: Planned) -> None:
