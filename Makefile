@@ -1,4 +1,4 @@
-.PHONY: serve test check check-native bench docs lock
+.PHONY: serve test check check-native bench chaos docs lock
 
 serve:  ## start everything on http://127.0.0.1:8000
 	@scripts/serve
@@ -14,6 +14,9 @@ check-native:  ## the C++ solver: format, lint, unit tests under sanitizers
 
 bench:  ## run the benchmarks and write docs/benchmarks.md
 	@scripts/bench
+
+chaos:  ## many jobs under random kills (ARGS="--jobs 500 --kills 10")
+	@scripts/chaos $(ARGS)
 
 docs:  ## build the book into site/
 	@scripts/docs

@@ -1,6 +1,5 @@
 """kill -9 of the web server, the worker, the postmaster and everything: a job ends once, succeeded, with one result."""
 
-import asyncio
 import contextlib
 import os
 import signal
@@ -8,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from stridelab.service.storage.blobs import BlobStore
 from support.database import public_folder
+from support.ledger import assert_sound
 from support.service import Service, ended, wait_until
 
 MEMBERS = {"web server": "support.api_entry", "worker": "support.worker_entry", "postmaster": "postgres"}
@@ -23,13 +22,11 @@ def starts_and_ends(diary: Path, name: str) -> tuple[int, int]:
 def assert_published_once(service: Service, job_id: str) -> None:
     record = service.jobs.get(job_id)
     assert record.state == "succeeded"
-    assert service.jobs.states(job_id).count("succeeded") == 1
-
-    async def keys() -> list[str]:
-        store = BlobStore.from_url((service.folder / "blobs").as_uri())
-        return [info.key async for info in store.list_prefix(f"results/{job_id}")]
-
-    assert asyncio.run(keys()) == [f"{record.blob_prefix}/numbers.csv"]
+    store = service.folder / "blobs"
+    assert [str(path.relative_to(store)) for path in (store / "results" / job_id).rglob("*.*")] == [
+        f"{record.blob_prefix}/numbers.csv"
+    ]
+    assert_sound(service.url, store, [job_id])
 
 
 @pytest.mark.parametrize("member", MEMBERS)

@@ -6,6 +6,7 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
+from support.ledger import assert_sound
 from support.service import Jobs, worker
 
 
@@ -35,6 +36,7 @@ def test_zombie_publishes_nothing_and_a_survivor_takes_over(database_url: str, t
         (other if any((tmp_path / "b" / "work").glob("*/*/")) else sleeper).kill()
         record = jobs.until_final(taken)
         assert (record.state, record.attempt) == ("succeeded", 2)
+        assert_sound(database_url, tmp_path / "blobs", [job_id, taken])
     assert [line for line in diary.read_text().splitlines() if line.startswith("k")] == ["k start", "k start", "k end"]
 
 
@@ -51,6 +53,7 @@ def test_job_that_kills_its_workers_fails_in_the_end(database_url: str, tmp_path
         assert record.error is not None
         assert record.error["code"] == "worker-died"
         assert jobs.until_final(jobs.submit("work")).state == "succeeded"
+        assert_sound(database_url, tmp_path / "a" / "blobs", [job_id])
 
 
 def test_cancel_asked_of_a_dead_worker_is_kept_and_its_files_go(database_url: str, tmp_path: Path) -> None:
@@ -66,3 +69,4 @@ def test_cancel_asked_of_a_dead_worker_is_kept_and_its_files_go(database_url: st
     with worker(database_url, tmp_path / "a"):
         assert jobs.until_final(job_id).state == "cancelled"
         assert not left[0].exists()
+        assert_sound(database_url, tmp_path / "a" / "blobs", [job_id])

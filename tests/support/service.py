@@ -184,7 +184,7 @@ def worker(url: str, folder: Path, **settings: str) -> Iterator[subprocess.Popen
             [sys.executable, "-m", "support.worker_entry"],
             stdout=log,
             stderr=log,
-            env=environment(STRIDELAB_DATABASE_URL=url, STRIDELAB_DATA_DIR=str(folder), **settings),
+            env=environment(**{"STRIDELAB_DATABASE_URL": url, "STRIDELAB_DATA_DIR": str(folder), **settings}),
         )
         try:
             yield process

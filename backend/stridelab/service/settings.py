@@ -40,6 +40,9 @@ class Settings(BaseSettings):
     job_max_attempts: int = Field(
         default=3, ge=1, description="starts of a job before a dying worker counts as failure"
     )
+    storage_patience_s: float = Field(
+        default=300.0, ge=0, description="how long a job waits for file storage that does not answer, or a full disk"
+    )
     queue_limit: int = Field(default=200, ge=1, description="queued jobs before a new one is answered 429")
     heartbeat_s: float = Field(default=5.0, gt=0, description="how often a worker says that it lives")
     stall_s: float = Field(default=20.0, gt=0, description="silence after which a worker counts as dead")

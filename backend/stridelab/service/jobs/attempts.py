@@ -34,6 +34,16 @@ _LOST = text(
      ORDER BY j.queue_id LIMIT 100 FOR UPDATE OF j SKIP LOCKED
     """
 )
+_LEFT = text(
+    """
+    UPDATE procrastinate_jobs q SET status = 'failed'
+     WHERE q.status = 'doing'
+       AND NOT EXISTS (SELECT 1 FROM job j WHERE j.queue_id = q.id AND j.state IN ('queued', 'running'))
+       AND NOT EXISTS (SELECT 1 FROM procrastinate_workers w
+                        WHERE w.id = q.worker_id AND w.last_heartbeat >= now() - make_interval(secs => :silent_s))
+    """
+)
+"""Deliveries whose worker died between the end of the job and signing off: nobody else would."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +54,11 @@ class Attempt:
     number: int
     kind: str
     row: Mapping[str, Any]
+
+    @property
+    def starts(self) -> int:
+        """How often the job was started, this one included, but for starts that were handed back in good order."""
+        return int(self.number - self.row["returned"])
 
     @property
     def blob_prefix(self) -> str:
@@ -149,15 +164,22 @@ class Attempts:
             )
             return await _apply(connection, attempt, change)
 
-    async def hand_back(self, attempt: Attempt) -> bool:
-        """Queue the job again because its worker leaves in good order; this start does not count."""
+    async def hand_back(self, attempt: Attempt, *, counts: bool = False) -> bool:
+        """Queue the job again because its worker leaves in good order; this start does not count.
+
+        Where its process was killed from outside, ``counts`` is True: what is killed every time fails in the end.
+        """
         async with self._engine.begin() as connection:
             mine = select(job.c.id).where(*_still_mine(attempt)).with_for_update()
             if (await connection.execute(mine)).one_or_none() is None:
                 return False
             queue_id = await self._deliver_again(connection, attempt.row)
             change = _fenced(attempt).values(
-                state="queued", returned=job.c.returned + 1, queue_id=queue_id, fraction=0.0, message="waiting again"
+                state="queued",
+                returned=job.c.returned + (0 if counts else 1),
+                queue_id=queue_id,
+                fraction=0.0,
+                message="its process was killed; waiting again" if counts else "waiting again",
             )
             return await _apply(connection, attempt, change)
 
@@ -171,7 +193,9 @@ class Attempts:
             if not (await connection.execute(select(func.pg_try_advisory_xact_lock(_REAPER_LOCK)))).scalar_one():
                 return []
             never = 10.0 * 365 * 86400
-            found = await connection.execute(_LOST, {"silent_s": never if silent_s is None else silent_s})
+            silent = {"silent_s": never if silent_s is None else silent_s}
+            await connection.execute(_LEFT, silent)
+            found = await connection.execute(_LOST, silent)
             lost = list(found.scalars())
             for job_id in lost:
                 row = (await connection.execute(select(job).where(job.c.id == job_id))).mappings().one()

@@ -7,6 +7,7 @@ secrets in its environment. This module imports only the standard library, so th
 """
 
 import contextlib
+import errno
 import faulthandler
 import importlib
 import io
@@ -76,7 +77,9 @@ def answer(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
         traceback.print_exc()
         said = str(error).splitlines()[0][:300] if str(error) else "no message"
         detail = f"The computation stopped with an unexpected error ({type(error).__name__}: {said})."
-        return {"problem": {"code": "computation-failed", "detail": detail, "errors": []}, "raised": None}
+        full = isinstance(error, OSError) and error.errno == errno.ENOSPC
+        code = "scratch-full" if full else "computation-failed"
+        return {"problem": {"code": code, "detail": detail, "errors": []}, "raised": None}
 
 
 def _reporter(wire: IO[str]) -> Callable[[float, str], None]:

@@ -2,16 +2,18 @@
 
 import asyncio
 import contextlib
+import errno
 import shutil
 import tempfile
-from collections.abc import Awaitable, Callable
+import time
+from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeVar
 
 import structlog
 from sqlalchemy.ext.asyncio import AsyncEngine
 
-from stridelab.errors import StridelabError
+from stridelab.errors import StorageFull, StridelabError, Unavailable
 from stridelab.service.jobs.attempts import Attempt, Attempts, FinalState
 from stridelab.service.jobs.consumer import DATABASE_IS_AWAY
 from stridelab.service.jobs.isolated import IsolatedOutcome, IsolatedPool
@@ -23,7 +25,12 @@ PROGRESS_S: Final = 0.2
 """Progress is written to the database at most this often."""
 Patiently = Callable[[Callable[[], Awaitable[Any]]], Awaitable[Any]]
 """Repeats a database operation for as long as the database is away."""
+_NO_ROOM: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
+_PASSES: Final = frozenset({"storage-unavailable", "scratch-full"})
+"""Codes of what is not the job's fault and may be over in a while."""
+_LONGEST_PAUSE_S: Final = 5.0
 _log = structlog.get_logger(__name__)
+T = TypeVar("T")
 
 
 class Errand:
@@ -33,6 +40,7 @@ class Errand:
         self._attempt, self._kind, self._attempts, self._blobs = attempt, kind, attempts, blobs
         self._timeout_s = kind.timeout_s or limits.job_timeout_s
         self._memory_mb = kind.memory_mb or limits.job_memory_mb
+        self._patience_s, self._max_attempts = limits.storage_patience_s, limits.job_max_attempts
         self._kill = asyncio.Event()
         self._interrupted = False
         self._latest: tuple[float, str] | None = None
@@ -53,19 +61,22 @@ class Errand:
         """Find out whether this attempt should go on."""
         self._look.set()
 
-    async def run(self, engine: AsyncEngine, pool: IsolatedPool, folder: Path, patiently: Patiently) -> str:
-        """Do all of it; returns how it ended."""
-        mine = Path(tempfile.mkdtemp(dir=folder))
-        try:
-            return await self._run(engine, pool, mine, patiently)
-        finally:
-            await asyncio.to_thread(shutil.rmtree, mine, ignore_errors=True)
-
-    async def _run(self, engine: AsyncEngine, pool: IsolatedPool, folder: Path, patiently: Patiently) -> str:
+    async def run(self, engine: AsyncEngine, pool: IsolatedPool, root: Path, patiently: Patiently) -> str:
+        """Do all of it, in a folder of its own below ``root``; returns how it ended."""
         helpers = [asyncio.create_task(helper()) for helper in (self._report, self._watch)]
+        try:
+            return await self._run(engine, pool, root, patiently)
+        finally:
+            for helper in helpers:
+                helper.cancel()
+            await asyncio.gather(*helpers, return_exceptions=True)
+
+    async def _run(self, engine: AsyncEngine, pool: IsolatedPool, root: Path, patiently: Patiently) -> str:
+        folder: Path | None = None
         log_tail = ""
         try:
-            task = await patiently(lambda: self._stage(engine, folder))
+            folder = await self._outlast(lambda: _folder_below(root))
+            task = await self._staged(engine, folder, patiently)
             outcome = await pool.run(
                 self._kind.run,
                 task,
@@ -82,6 +93,8 @@ class Errand:
                 return await self._publish(outcome, folder, patiently)
             return await self._give_up(outcome, patiently)
         except StridelabError as error:
+            if self._kill.is_set():
+                return await self._stop(log_tail, patiently)
             return await self._end("failed", problem_of(error), log_tail, patiently)
         except DATABASE_IS_AWAY:
             raise  # the worker stops while the database is away: another one will take the job up
@@ -94,14 +107,35 @@ class Errand:
             }
             return await self._end("failed", problem, log_tail, patiently)
         finally:
-            for helper in helpers:
-                helper.cancel()
-            await asyncio.gather(*helpers, return_exceptions=True)
+            if folder is not None:
+                await asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True)
+
+    async def _outlast(self, act: Callable[[], Awaitable[T]]) -> T:
+        """Do something with files, though their storage is away or the disk full for a while.
+
+        Gives up, with the error of the last try, after ``storage_patience_s`` or when the attempt shall stop.
+        """
+        since, pause_s = time.monotonic(), 0.1
+        while True:
+            try:
+                return await act()
+            except Unavailable as error:
+                waited_s = time.monotonic() - since
+                if error.code not in _PASSES or waited_s > self._patience_s or self._kill.is_set():
+                    raise
+                _log.warning("files-are-away", code=error.code, waited_s=round(waited_s, 1))
+            with contextlib.suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._kill.wait(), pause_s)
+            pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+
+    async def _staged(self, engine: AsyncEngine, folder: Path, patiently: Patiently) -> Json:
+        return await self._outlast(lambda: patiently(lambda: self._stage(engine, folder)))
 
     async def _stage(self, engine: AsyncEngine, folder: Path) -> Json:
         request = self._kind.input_model.model_validate(self._attempt.row["input"])
-        async with engine.connect() as connection:
-            return await self._kind.stage(connection, self._blobs, request, folder)
+        with no_room_named():
+            async with engine.connect() as connection:
+                return await self._kind.stage(connection, self._blobs, request, folder)
 
     async def _publish(self, outcome: IsolatedOutcome, folder: Path, patiently: Patiently) -> str:
         async def publish(artifacts: list[Json]) -> bool:
@@ -133,11 +167,15 @@ class Errand:
         """Store the files and ``write`` the row that names them; where that is not to be, no file stays."""
         artifacts = [artifact_file(folder, item) for item in outcome.value["artifacts"]]
         prefix = self._attempt.blob_prefix
-        for artifact in artifacts:
-            await self._blobs.put_file(f"{prefix}/{artifact['name']}", folder / artifact["name"])
+
+        async def store_and_write() -> bool:
+            for artifact in artifacts:
+                await self._blobs.put_file(f"{prefix}/{artifact['name']}", folder / artifact["name"])
+            return bool(await patiently(lambda: write(artifacts)))
+
         written = False
         try:
-            written = bool(await patiently(lambda: write(artifacts)))
+            written = await self._outlast(store_and_write)
         finally:
             if not written:
                 with contextlib.suppress(StridelabError):  # what stays is removed by the janitor
@@ -145,16 +183,23 @@ class Errand:
         return written
 
     async def _give_up(self, outcome: IsolatedOutcome, patiently: Patiently) -> str:
-        if outcome.state == "cancelled" and self._interrupted:
-            handed_back = await patiently(lambda: self._attempts.hand_back(self._attempt))
-            return "handed-back" if handed_back else "superseded"
         if outcome.state == "cancelled":
-            return await self._end("cancelled", None, outcome.log_tail, patiently)
+            return await self._stop(outcome.log_tail, patiently)
+        if outcome.state == "killed" and self._attempt.starts < self._max_attempts:
+            back = await patiently(lambda: self._attempts.hand_back(self._attempt, counts=True))
+            return "killed" if back else "superseded"
         state: FinalState = "timed_out" if outcome.state == "timeout" else "failed"
         problem = outcome.problem
         if problem is not None and outcome.raised is None and self._latest is not None:
             problem = located(problem, self._latest[1])
         return await self._end(state, problem, outcome.log_tail, patiently)
+
+    async def _stop(self, log_tail: str, patiently: Patiently) -> str:
+        """End an attempt that was told to stop: by whoever cancelled it, or by a worker that leaves."""
+        if not self._interrupted:
+            return await self._end("cancelled", None, log_tail, patiently)
+        handed_back = await patiently(lambda: self._attempts.hand_back(self._attempt))
+        return "handed-back" if handed_back else "superseded"
 
     async def _end(self, state: FinalState, problem: Json | None, log_tail: str, patiently: Patiently) -> str:
         ended = await patiently(lambda: self._attempts.end(self._attempt, state, problem, log_tail))
@@ -186,6 +231,22 @@ class Errand:
             except DATABASE_IS_AWAY:
                 await asyncio.sleep(0.5)
                 self._look.set()
+
+
+async def _folder_below(root: Path) -> Path:
+    with no_room_named():
+        return Path(await asyncio.to_thread(tempfile.mkdtemp, dir=root))
+
+
+@contextlib.contextmanager
+def no_room_named() -> Iterator[None]:
+    """Raise ``StorageFull`` (``scratch-full``) where the worker's own disk has no room."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _NO_ROOM:
+            raise
+        raise StorageFull("scratch-full", "The disk on which the worker works is full.") from error
 
 
 def located(problem: Json, message: str) -> Json:

@@ -36,7 +36,8 @@ _SECRETS: Final = ("STRIDELAB_", "AWS_", "PG", "AZURE_", "GOOGLE_")
 _NEEDED: Final = frozenset({"STRIDELAB_NATIVE_PATH"})
 """The folder of the C++ solver: no secret, and computations look there for it."""
 
-State = Literal["ok", "error", "crashed", "timeout", "cancelled", "memory"]
+State = Literal["ok", "error", "crashed", "killed", "timeout", "cancelled", "memory"]
+"""``killed`` is a SIGKILL that did not come from here: the kernel's for want of memory, or somebody's."""
 OnProgress = Callable[[float, str], None]
 
 
@@ -245,7 +246,7 @@ class _Child:
         return IsolatedOutcome("memory", None, _memory_problem(), None, log)
 
     async def _crashed(self) -> IsolatedOutcome:
-        self._kill_unless_ended()
+        stopped_here = self._kill_unless_ended()
         code = await self._process.wait()
         log = await self._log()
         if "bad_alloc" in log or "MemoryError" in log:
@@ -254,15 +255,18 @@ class _Child:
             how = f"was ended by the signal {signal.Signals(-code).name}"
         else:
             how = f"ended with exit code {code} and no answer"
+        state: State = "killed" if code == -signal.SIGKILL and not stopped_here else "crashed"
         return IsolatedOutcome(
-            "crashed", None, _problem("computation-crashed", f"The computation {how}; see its log."), None, log
+            state, None, _problem("computation-crashed", f"The computation {how}; see its log."), None, log
         )
 
-    def _kill_unless_ended(self) -> None:
-        """A child whose answer could not be read is stopped; one that has just ended keeps its exit code."""
+    def _kill_unless_ended(self) -> bool:
+        """Stop a child whose answer could not be read (True); one that has just ended keeps its exit code."""
         with contextlib.suppress(psutil.NoSuchProcess):
             if psutil.Process(self._process.pid).status() != psutil.STATUS_ZOMBIE and not self._at_end():
                 self._kill()
+                return True
+        return False
 
     def _at_end(self) -> bool:
         return self._process.stdout is not None and self._process.stdout.at_eof()

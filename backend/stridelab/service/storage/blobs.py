@@ -7,7 +7,7 @@ no key can point outside the store.
 import re
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Final, cast
 from urllib.parse import unquote, urlsplit
@@ -19,11 +19,14 @@ from obstore.store import LocalStore, ObjectStore, from_url
 from stridelab.errors import InvalidInput, NotFound, Unavailable
 
 if TYPE_CHECKING:
-    from obstore.store import ClientConfig, S3Config
+    from obstore.store import ClientConfig, RetryConfig, S3Config
 
 CHUNK_BYTES: Final = 1 << 20
 _KEY: Final = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*(/[A-Za-z0-9_-][A-Za-z0-9._-]*)*")
 _MAX_KEY: Final = 400
+_RETRY: "Final[RetryConfig]" = {"max_retries": 4, "retry_timeout": timedelta(seconds=10)}
+"""A store that is away is told within seconds (by default it is minutes): people wait for some answers, and jobs
+have a patience of their own that can be cancelled."""
 
 
 @dataclass(frozen=True)
@@ -137,7 +140,7 @@ def _object_store(url: str, options: dict[str, str]) -> ObjectStore:
     # an address that is given as http:// is meant so: a store inside one's own network
     client: ClientConfig = {"allow_http": True} if options.get("endpoint", "").startswith("http://") else {}
     try:
-        return from_url(url, config=cast("S3Config", options), client_options=client)
+        return from_url(url, config=cast("S3Config", options), client_options=client, retry_config=_RETRY)
     except BaseError as error:
         raise InvalidInput(
             "blob-credentials-invalid",

@@ -19,6 +19,10 @@ TRACKS: Final = "tracks.parquet"
 
 _BROKEN: Final[Mapping[str, tuple[str, str]]] = {
     "crashed": ("parser-crashed", "The file broke its reader; it is damaged, or not what it claims to be."),
+    "killed": (
+        "parser-killed",
+        "Reading the file was stopped from outside, perhaps for want of memory.",
+    ),
     "timeout": ("parser-timed-out", "Reading the file took longer than this service allows."),
     "memory": ("parser-out-of-memory", "Reading the file needed more memory than this service allows."),
     "error": ("unreadable-file", "The file could not be read; it is damaged, or not what it claims to be."),

@@ -1,0 +1,167 @@
+"""A long run under random kills: ``python -m support.chaos --jobs 500 --kills 10`` (``make chaos``).
+
+Jobs go to a whole service (supervisor, web server, worker, database) of their own while its programs are killed one
+after another with SIGKILL. A submission whose answer is lost is sent again with its key. In the end every accepted job
+must have succeeded once (``ledger``).
+"""
+
+import argparse
+import asyncio
+import random
+import threading
+import time
+from collections import Counter
+from dataclasses import dataclass, field
+
+import psutil
+import psycopg
+from psycopg import OperationalError as DriverError
+from sqlalchemy.exc import OperationalError
+
+from stridelab.service.jobs.store import JobStore
+from stridelab.service.storage.database import make_engine
+from support.database import public_folder
+from support.kinds import KINDS
+from support.ledger import assert_sound
+from support.service import Service
+
+VICTIMS = {"worker": 4, "computation": 3, "postmaster": 2, "web server": 1}
+"""How often each is chosen, relative to the others."""
+LINES = {"worker": "support.worker_entry", "postmaster": "postgres", "web server": "support.api_entry"}
+SETTINGS = {"STRIDELAB_WORKER_SLOTS": "2", "STRIDELAB_JOB_MAX_ATTEMPTS": "1000"}
+WAITING = 40
+STATES = "SELECT state, count(*) FROM job WHERE kind = 'work' GROUP BY state"
+STARTS = "SELECT sum(attempt - 1), max(attempt) FROM job WHERE kind = 'work'"
+
+
+@dataclass
+class Run:
+    """What happened so far."""
+
+    service: Service
+    work_s: float
+    accepted: list[str] = field(default_factory=list)
+    again: int = 0
+    killed: Counter[str] = field(default_factory=Counter)
+    failure: list[BaseException] = field(default_factory=list)
+
+    def submit(self, jobs: int) -> None:
+        """Have ``jobs`` accepted, with some waiting at any time."""
+        try:
+            asyncio.run(self._submit(jobs))
+        except BaseException as error:
+            self.failure.append(error)
+            raise
+
+    async def _submit(self, jobs: int) -> None:
+        engine = make_engine(self.service.url, pool_size=2)
+        store = JobStore(engine, KINDS, queue_limit=10**6)
+        try:
+            for number in range(jobs):
+                while True:
+                    try:
+                        task = {"work_s": self.work_s, "number": number}
+                        done = await store.submit("work", task, idempotency_key=f"chaos-{number}")
+                        break
+                    except (OperationalError, DriverError, OSError):
+                        self.again += 1
+                        await asyncio.sleep(0.2)
+                self.accepted.append(done.job_id)
+                while number % 10 == 9 and self._open() > WAITING:
+                    await asyncio.sleep(0.3)
+        finally:
+            await engine.dispose()
+
+    def _open(self) -> int:
+        return sum(count for state, count in self.counts().items() if state in {"queued", "running"})
+
+    def counts(self) -> dict[str, int]:
+        """Jobs by state; empty while the database is away."""
+        try:
+            with psycopg.connect(self.service.url, connect_timeout=5) as connection:
+                return dict(
+                    connection.execute("SELECT state, count(*) FROM job WHERE kind = 'work' GROUP BY state").fetchall()
+                )
+        except DriverError:
+            return {}
+
+    def kill(self, kind: str) -> bool:
+        """SIGKILL one; False where there is none just now."""
+        if kind == "computation":
+            inside = self.service.member(LINES["worker"]).children()
+            busy = [child for child in inside if _is_child(child)]
+            if not busy:
+                return False
+            victim = random.choice(busy)
+        else:
+            victim = self.service.member(LINES[kind])
+        victim.kill()
+        self.killed[kind] += 1
+        return True
+
+
+def _is_child(process: psutil.Process) -> bool:
+    try:
+        return "stridelab.service.jobs.child" in process.cmdline()
+    except psutil.NoSuchProcess:
+        return False
+
+
+def run(jobs: int, kills: int, *, work_s: float, pause_s: tuple[float, float], limit_s: float) -> str:
+    """Do it; returns what to write down. Raises ``AssertionError`` naming every job that was lost, doubled or stuck."""
+    began = time.monotonic()
+    with public_folder() as folder:
+        service = Service(folder / "data")
+        service.start(**SETTINGS)
+        try:
+            made = Run(service, work_s)
+            submitting = threading.Thread(target=made.submit, args=(jobs,), daemon=True)
+            submitting.start()
+            while made.killed.total() < kills:
+                time.sleep(random.uniform(*pause_s))
+                assert time.monotonic() - began < limit_s, f"{made.killed.total()} kills in {limit_s} s"
+                try:
+                    made.kill(random.choices(list(VICTIMS), list(VICTIMS.values()))[0])
+                except psutil.NoSuchProcess:
+                    continue
+            submitting.join(max(0.0, limit_s - (time.monotonic() - began)))
+            assert not made.failure, made.failure
+            assert len(made.accepted) == jobs, f"{len(made.accepted)} of {jobs} accepted in {limit_s} s"
+            while made.counts() != {"succeeded": jobs}:
+                assert time.monotonic() - began < limit_s, f"after {limit_s} s: {made.counts()}"
+                time.sleep(0.5)
+            assert len(set(made.accepted)) == jobs
+            assert_sound(service.url, service.folder / "blobs", made.accepted)
+            with psycopg.connect(service.url) as connection:
+                found = connection.execute(
+                    "SELECT sum(attempt - 1), max(attempt) FROM job WHERE kind = 'work'"
+                ).fetchone()
+            repeated, most = found or (0, 0)
+        finally:
+            service.stop()
+    victims = ", ".join(f"{count} {kind}" for kind, count in sorted(made.killed.items()))
+    return (
+        f"{jobs} jobs under {kills} kills ({victims}): all finished exactly once in {time.monotonic() - began:.0f} s; "
+        f"{repeated} second starts, at most {most} starts of one job; {made.again} submissions sent again"
+    )
+
+
+def main() -> None:
+    """Entry point."""
+    asked = argparse.ArgumentParser(prog="make chaos", description=__doc__)
+    asked.add_argument("--jobs", type=int, default=10_000)
+    asked.add_argument("--kills", type=int, default=100)
+    asked.add_argument("--work", type=float, default=0.2, help="seconds that one job computes")
+    asked.add_argument("--pause", type=float, default=15.0, help="mean seconds between two kills")
+    asked.add_argument("--limit", type=float, default=6 * 3600.0, help="seconds until the run counts as stuck")
+    asked.add_argument("--seed", type=int, default=None)
+    given = asked.parse_args()
+    seed = given.seed if given.seed is not None else random.randrange(10**6)
+    random.seed(seed)
+    pause_s = (0.2 * given.pause, 1.8 * given.pause)
+    print(f"seed {seed}", flush=True)
+    print(run(given.jobs, given.kills, work_s=given.work, pause_s=pause_s, limit_s=given.limit), flush=True)
+
+
+if __name__ == "__main__":
+    main()
