@@ -83,6 +83,7 @@ def _in_database(work: Callable[[Any], Awaitable[T]]) -> T:
     """``work`` in one transaction of the service's database, whose tables are brought up to date first."""
     from stridelab.cli_service import read_settings
     from stridelab.service.backup.places import place
+    from stridelab.service.logs import configure_logging
     from stridelab.service.storage.database import make_engine
     from stridelab.service.storage.migrating import migrate
 
@@ -94,6 +95,7 @@ def _in_database(work: Callable[[Any], Awaitable[T]]) -> T:
         finally:
             await engine.dispose()
 
+    configure_logging("warning")  # the audit table has what was done; standard output is for the token
     with place(read_settings(), alone=False, create=True) as there:
         migrate(there.database_url)
         return asyncio.run(run(there.database_url))
