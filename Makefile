@@ -1,4 +1,4 @@
-.PHONY: serve test check check-native bench chaos docs lock
+.PHONY: serve test check check-native chaos fuzz bench docs lock
 
 serve:  ## start everything on http://127.0.0.1:8000
 	@scripts/serve
@@ -11,6 +11,9 @@ check:  ## lint, format, types, compose files
 
 check-native:  ## the C++ solver: format, lint, unit tests under sanitizers
 	@scripts/check-native
+
+fuzz:  ## mutated files for the readers, ten minutes each
+	@scripts/fuzz
 
 bench:  ## run the benchmarks and write docs/benchmarks.md
 	@scripts/bench

@@ -45,6 +45,7 @@ from stridelab.cli_options import (
 )
 from stridelab.cli_robot import export_contacts, import_contacts, learn_reachability, plan, plan_contacts, sweep
 from stridelab.cli_study import study_population
+from stridelab.cli_token import tokens
 from stridelab.errors import StridelabError
 
 
@@ -106,6 +107,7 @@ def migrate() -> None:
 app.command()(backup)
 app.command()(restore)
 app.command()(adopt)
+app.add_typer(tokens, name="token")
 
 
 @app.command()

@@ -71,6 +71,8 @@ def test_settings_say_what_is_in_force_and_who_one_is(fake: FakeService, browse:
     assert 'data-setting="STRIDELAB_PORT"' in guarded
     assert "the &lt;one&gt; port" in guarded
     assert token not in guarded
+    assert "data-tokens" in guarded
+    assert "data-tokens" not in page
 
 
 def test_every_page_is_reached_from_the_navigation(browse: Browse) -> None:

@@ -34,7 +34,10 @@ def test_every_setting_is_documented() -> None:
 
 def test_every_command_and_option_is_documented() -> None:
     page = (DOCS / "cli.md").read_text(encoding="utf-8")
-    for name, command in get_command(command_line).commands.items():  # type: ignore[attr-defined]
+    commands = dict(get_command(command_line).commands)  # type: ignore[attr-defined]
+    for group, command in list(commands.items()):
+        commands |= {f"{group} {name}": inner for name, inner in getattr(command, "commands", {}).items()}
+    for name, command in commands.items():
         assert f"stridelab {name}" in page
         for parameter in command.params:
             for flag in parameter.opts:

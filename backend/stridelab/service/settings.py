@@ -44,10 +44,16 @@ class Settings(BaseSettings):
         default=300.0, ge=0, description="how long a job waits for file storage that does not answer, or a full disk"
     )
     queue_limit: int = Field(default=200, ge=1, description="queued jobs before a new one is answered 429")
+    user_queue_limit: int = Field(default=0, ge=0, description="queued jobs of one user before a 429; 0 for no limit")
+    user_storage_mb: int = Field(default=0, ge=0, description="MB of uploads and results of one user; 0 for no limit")
+    rate_limit_hz: float = Field(
+        default=300.0, ge=0, description="requests per second of one token, a tenth without a token; 0 for no limit"
+    )
     heartbeat_s: float = Field(default=5.0, gt=0, description="how often a worker says that it lives")
     stall_s: float = Field(default=20.0, gt=0, description="silence after which a worker counts as dead")
     event_retention_days: float = Field(default=7.0, gt=0, description="how long progress events are kept")
     result_retention_days: float = Field(default=90.0, gt=0, description="how long finished jobs and results are kept")
+    audit_retention_days: float = Field(default=365.0, gt=0, description="how long the audit log is kept")
     stream_limit: int = Field(default=8, ge=0, description="online streams at a time per web server process")
     stream_rate_hz: float = Field(default=2000.0, gt=0, description="samples per second taken from one stream")
     stream_message_kb: int = Field(default=256, ge=1, description="largest message of a stream in kB (10^3 bytes)")

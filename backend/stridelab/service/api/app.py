@@ -16,10 +16,13 @@ from fastapi import APIRouter, FastAPI
 from stridelab import __version__
 from stridelab.errors import Unavailable
 from stridelab.service import bundled, bundled_scenarios
+from stridelab.service.access.book import TokenBook
 from stridelab.service.api import health, metrics, openapi, problems, session
-from stridelab.service.api.auth import Gate, Keys
+from stridelab.service.api.access import endpoints as access
+from stridelab.service.api.auth import Gate
 from stridelab.service.api.edge import Edge
 from stridelab.service.api.jobs import endpoints as jobs
+from stridelab.service.api.keys import Keys
 from stridelab.service.api.linger import Linger
 from stridelab.service.api.parts import Parts
 from stridelab.service.api.plans import endpoints as plans
@@ -79,7 +82,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     problems.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")
-    for part in (health, recordings, subjects, robots, scenarios, plans, jobs, stream):
+    for part in (health, recordings, subjects, robots, scenarios, plans, jobs, stream, access):
         api.include_router(part.router)
     app.include_router(api)
     app.include_router(metrics.router)
@@ -135,12 +138,15 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 settings=settings,
                 engine=engine,
                 blobs=blobs,
-                store=JobStore(engine, KINDS, queue_limit=settings.queue_limit),
+                store=JobStore(
+                    engine, KINDS, queue_limit=settings.queue_limit, user_queue_limit=settings.user_queue_limit
+                ),
                 board=board,
                 pool=pool,
                 spool=spool,
                 parsers=anyio.CapacityLimiter(PARSERS),
                 judges=anyio.CapacityLimiter(JUDGES),
+                tokens=TokenBook(engine),
                 robots=shelf,
                 resident=resident,
                 streams=StreamPlaces(settings.stream_limit),

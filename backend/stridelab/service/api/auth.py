@@ -1,69 +1,45 @@
-"""Who may call: the host and origin of a request, then its token or cookie.
+"""Who may call: the host and origin of a request, then its token or cookie, how often it comes, and its scope.
 
 Without a token (loopback only) everybody on this machine may call, so a page from elsewhere must not be able to speak
 for them: the Host header must name this machine (DNS rebinding) and a foreign Origin is refused (cross-site requests,
-cross-site websockets). With a token, a request carries it as ``Authorization: Bearer``, or the cookie that a browser
-got for it at ``POST /login``. The cookie is an expiry date signed with a key derived from the token, so any number of
-API processes accept it and nothing is stored.
+cross-site websockets). With a token in the settings, a request carries that one, or one of the table, as
+``Authorization: Bearer``, or the cookie that a browser got for it at ``POST /login``.
 """
 
-import hashlib
-import hmac
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 from urllib.parse import quote, urlsplit
 
+import structlog
+from sqlalchemy.exc import DBAPIError
 from starlette.datastructures import Headers
 from starlette.requests import HTTPConnection
 from starlette.responses import RedirectResponse, Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from stridelab.errors import Fault, Forbidden, StridelabError, Unauthenticated
+from stridelab.errors import Busy, Fault, Forbidden, StridelabError, Unauthenticated, Unavailable
+from stridelab.service.access import audit
+from stridelab.service.access.book import TokenBook
+from stridelab.service.access.callers import ADMIN, ANYBODY, STRANGER, Caller, needed_scope, require
 from stridelab.service.api import problems
+from stridelab.service.api.callers import KEY
+from stridelab.service.api.keys import COOKIE, Keys
+from stridelab.service.api.parts import parts_of
+from stridelab.service.api.rates import STRANGERS, Rates
 from stridelab.service.settings import LOOPBACK, Settings
 
-COOKIE: Final = "stridelab_session"
-SESSION_S: Final = 12 * 3600
-OPEN_PATHS: Final = frozenset({"/login", "/api/v1/health"})
+_LOGIN: Final = "/login"
+OPEN_PATHS: Final = frozenset({_LOGIN, "/api/v1/health"})
 """Answered without a login; so is everything below ``OPEN_FOLDER``."""
 OPEN_FOLDER: Final = "/static/"
 
+log = structlog.get_logger(__name__)
+_NOTED_HZ: Final = 1.0
+"""Refusals per second that are written into the audit table; all others are only in the log."""
+_ADMIN: Final = Caller(ADMIN, "admin", ADMIN)
 _INSIDE: Final = "stridelab.inside"
 _DEFAULT_PORT: Final = {"http": ":80", "https": ":443", "ws": ":80", "wss": ":443"}
-
-
-@dataclass(frozen=True)
-class Keys:
-    """What is kept of the token: a hash to compare with, and a key that signs cookies."""
-
-    token_hash: bytes
-    cookie_key: bytes
-
-    @staticmethod
-    def of(token: str) -> "Keys":
-        """The keys of ``token``."""
-        raw = token.encode()
-        return Keys(hashlib.sha256(b"token:" + raw).digest(), hashlib.sha256(b"cookie:" + raw).digest())
-
-    def accepts_token(self, token: str) -> bool:
-        """Whether ``token`` is the right one, in a time that does not depend on it."""
-        return hmac.compare_digest(Keys.of(token).token_hash, self.token_hash)
-
-    def cookie(self, now_s: float) -> str:
-        """A cookie that is good for ``SESSION_S`` from ``now_s`` on."""
-        expires_s = str(int(now_s) + SESSION_S)
-        return f"{expires_s}.{self._sign(expires_s)}"
-
-    def accepts_cookie(self, cookie: str, now_s: float) -> bool:
-        """Whether ``cookie`` was signed with this token and has not expired."""
-        expires_s, _, signature = cookie.partition(".")
-        genuine = hmac.compare_digest(self._sign(expires_s).encode(), signature.encode("utf-8", "surrogateescape"))
-        return genuine and int(expires_s) > now_s
-
-    def _sign(self, expires_s: str) -> str:
-        return hmac.new(self.cookie_key, expires_s.encode("utf-8", "surrogateescape"), hashlib.sha256).hexdigest()
 
 
 class Gate:
@@ -73,6 +49,8 @@ class Gate:
         self.app = app
         self._keys = keys
         self._clock = clock
+        self._rates = Rates(settings.rate_limit_hz)
+        self._noted = Rates(_NOTED_HZ)
         extra = {name.strip().lower() for name in settings.allowed_hosts.split(",") if name.strip()}
         # Behind a token a rebound name gains nothing: it has neither the token nor the cookie, which belongs to our
         # own name. So hosts are free there, unless a list was given.
@@ -83,18 +61,22 @@ class Gate:
             await self.app(scope, receive, send)
             return
         connection = HTTPConnection(scope)
+        caller = STRANGER
         try:
             self._check_host(connection.headers)
             self._check_origin(connection.headers)
-            self._check_login(connection)
+            caller = await self._identify(connection)
+            if not _is_open(scope["path"]):
+                require(caller, needed_scope(scope["type"], scope.get("method", ""), scope["path"]))
         except StridelabError as refusal:
+            await self._note(connection, caller, refusal)
             if scope["type"] == "websocket":
                 code = 4401 if isinstance(refusal, Unauthenticated) else 4403
                 await send({"type": "websocket.close", "code": code, "reason": refusal.code})
             else:
                 await self._refuse(connection, refusal)(scope, receive, send)
             return
-        await self.app(scope, receive, send)
+        await self.app({**scope, KEY: caller}, receive, send)
 
     def _check_host(self, headers: Headers) -> None:
         if self._hosts is not None and _host_name(headers.get("host", "")) not in self._hosts:
@@ -114,19 +96,50 @@ class Gate:
                 [Fault("Origin", "not this service")],
             )
 
-    def _check_login(self, connection: HTTPConnection) -> None:
+    async def _identify(self, connection: HTTPConnection) -> Caller:
+        """Who calls. Raises ``Unauthenticated`` (``login-needed``), ``Busy`` (``too-many-requests``)."""
+        if self._keys is None:
+            return ANYBODY
         path = connection.scope["path"]
-        if self._keys is None or path in OPEN_PATHS or path.startswith(OPEN_FOLDER):
-            return
-        scheme, _, token = connection.headers.get("authorization", "").partition(" ")
-        if scheme.lower() == "bearer" and self._keys.accepts_token(token.strip()):
-            return
-        if self._keys.accepts_cookie(connection.cookies.get(COOKIE, ""), self._clock()):
-            return
+        if _is_open(path) and path != _LOGIN:
+            return STRANGER
+        caller = None if path == _LOGIN else await self._known(connection, self._keys)
+        if caller is not None:
+            self._rates.take(f"token {caller.token_id}")
+            return caller
+        self._rates.take(f"address {connection.client.host if connection.client else ''}", STRANGERS)
+        if path == _LOGIN:
+            return STRANGER
         raise Unauthenticated(
             "login-needed",
             "This service needs its API token: send it as 'Authorization: Bearer ...', or log in at /login.",
         )
+
+    async def _known(self, connection: HTTPConnection, keys: Keys) -> Caller | None:
+        scheme, _, secret = connection.headers.get("authorization", "").partition(" ")
+        try:
+            if scheme.lower() == "bearer" and secret.strip():
+                return await holder(secret.strip(), keys, parts_of(connection).tokens)
+            token_id = keys.token_of(connection.cookies.get(COOKIE, ""), self._clock())
+            if token_id is None or token_id == ADMIN:
+                return _ADMIN if token_id else None
+            return await parts_of(connection).tokens.of_id(token_id)
+        except DBAPIError as error:
+            raise Unavailable("database-unreachable", "The database does not answer. Try again shortly.") from error
+
+    async def _note(self, connection: HTTPConnection, caller: Caller, refusal: StridelabError) -> None:
+        """Write down that somebody was refused; not every time, for that would be a way to fill the disk."""
+        if isinstance(refusal, Unavailable) or connection.scope["type"] != "http":
+            return
+        audit.tell(caller, "refused", refusal.code)
+        try:
+            self._noted.take("all")
+            async with parts_of(connection).engine.begin() as database:
+                await audit.write(database, caller, "refused", refusal.code)
+        except Busy:
+            return  # the log has it
+        except DBAPIError:
+            log.warning("refusal not in the audit table: the database does not answer")
 
     def _refuse(self, connection: HTTPConnection, refusal: StridelabError) -> Response:
         wants_page = "text/html" in connection.headers.get("accept", "")
@@ -134,6 +147,15 @@ class Gate:
         if isinstance(refusal, Unauthenticated) and wants_page and is_page:
             return RedirectResponse(f"/login?next={quote(_relative(connection.scope))}", status_code=303)
         return problems.answer_error(refusal)
+
+
+async def holder(secret: str, keys: Keys, book: TokenBook) -> Caller | None:
+    """Who holds the token ``secret``: the admin of the settings, somebody of the table, or nobody."""
+    return _ADMIN if keys.accepts_token(secret) else await book.of_secret(secret)
+
+
+def _is_open(path: str) -> bool:
+    return path in OPEN_PATHS or path.startswith(OPEN_FOLDER)
 
 
 def inside(app: ASGIApp) -> ASGIApp:

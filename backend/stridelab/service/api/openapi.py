@@ -19,7 +19,9 @@ submission is 202 with a `Location`; wait there with `?wait=60`, or follow `/eve
 
 _COMMON: Final[Mapping[str, str]] = {
     "401": "The API token is missing or wrong (`login-needed`).",
-    "403": "The request comes from a foreign host name or page (`foreign-host`, `foreign-origin`).",
+    "403": "A foreign host name or page (`foreign-host`, `foreign-origin`), a token of a lower scope "
+    "(`scope-missing`), or a thing of somebody else (`not-owner`).",
+    "429": "Too many requests (`too-many-requests`); `Retry-After` says when to come back.",
     "503": "The database or the file store does not answer.",
 }
 _WITH_BODY: Final[Mapping[str, str]] = {

@@ -12,6 +12,7 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 from starlette.requests import HTTPConnection
 
 from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.service.access.book import TokenBook
 from stridelab.service.api.plans.resident import Resident
 from stridelab.service.api.robots.shelf import RobotShelf
 from stridelab.service.api.stream.limits import StreamPlaces
@@ -37,6 +38,7 @@ class Parts:
     spool: Path
     parsers: anyio.CapacityLimiter
     judges: anyio.CapacityLimiter
+    tokens: TokenBook
     robots: RobotShelf
     resident: Resident
     streams: StreamPlaces
@@ -45,14 +47,15 @@ class Parts:
     """Set when the server has been told to stop."""
 
 
-def _parts(connection: HTTPConnection) -> Parts:
+def parts_of(connection: HTTPConnection) -> Parts:
+    """The parts of the application that was called."""
     parts = connection.app.state.parts
     if not isinstance(parts, Parts):
         raise TypeError("the application was called before it started")
     return parts
 
 
-AppParts = Annotated[Parts, Depends(_parts)]
+AppParts = Annotated[Parts, Depends(parts_of)]
 
 
 def known_form(identifier: str, what: str) -> str:

@@ -8,7 +8,11 @@ from fastapi import APIRouter, Request
 from starlette.responses import RedirectResponse, Response
 
 from stridelab.errors import InvalidInput
-from stridelab.service.api.auth import COOKIE, SESSION_S, Keys, local_target
+from stridelab.service.access import audit
+from stridelab.service.access.callers import STRANGER
+from stridelab.service.api.auth import holder, local_target
+from stridelab.service.api.keys import COOKIE, SESSION_S, Keys
+from stridelab.service.api.parts import AppParts
 from stridelab.service.api.strict import read_limited
 
 router = APIRouter(tags=["session"])
@@ -39,8 +43,8 @@ _AWAY: Final[dict[int | str, dict[str, Any]]] = {303: {"description": "To the pa
     responses=_AWAY,
     response_class=Response,
 )
-async def login(request: Request) -> Response:
-    """Swap the API token for a cookie (HttpOnly, SameSite=strict); then go to `next`. For browsers."""
+async def login(parts: AppParts, request: Request) -> Response:
+    """Swap a token for a cookie (HttpOnly, SameSite=strict); then go to `next`. For browsers."""
     if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/x-www-form-urlencoded":
         raise InvalidInput("unsupported-media-type", "This address reads a form; scripts use the token directly.")
     raw = await read_limited(request, FORM_LIMIT_BYTES)
@@ -49,12 +53,22 @@ async def login(request: Request) -> Response:
     keys: Keys | None = request.app.state.keys
     if keys is None:
         return RedirectResponse(target, status_code=303)
-    if not keys.accepts_token(form.get("token", [""])[0].strip()):
+    caller = await holder(form.get("token", [""])[0].strip(), keys, parts.tokens)
+    if caller is None or caller.token_id is None:
+        audit.tell(STRANGER, "refused", "login")
         return RedirectResponse(f"/login?wrong=1&next={quote(target, safe='')}", status_code=303)
+    async with parts.engine.begin() as connection:
+        await audit.note(connection, caller, "login")
     answer = RedirectResponse(target, status_code=303)
     secure = request.url.scheme == "https" or request.headers.get("x-forwarded-proto") == "https"
     answer.set_cookie(
-        COOKIE, keys.cookie(time.time()), max_age=SESSION_S, path="/", secure=secure, httponly=True, samesite="strict"
+        COOKIE,
+        keys.cookie(time.time(), caller.token_id),
+        max_age=SESSION_S,
+        path="/",
+        secure=secure,
+        httponly=True,
+        samesite="strict",
     )
     return answer
 

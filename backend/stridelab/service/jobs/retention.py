@@ -8,6 +8,7 @@ from sqlalchemy import delete, exists, func, select
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.schemas.jobs import FINAL_STATES
+from stridelab.service.access import audit
 from stridelab.service.bundled import SHIPPED_JOBS
 from stridelab.service.jobs.consumer import Consumer
 from stridelab.service.settings import Settings
@@ -32,6 +33,7 @@ async def sweep(engine: AsyncEngine, blobs: BlobStore, consumer: Consumer, limit
         try:
             await remove_old_events(connection, timedelta(days=limits.event_retention_days))
             await remove_old_jobs(connection, blobs, timedelta(days=limits.result_retention_days))
+            await audit.remove_old(connection, timedelta(days=limits.audit_retention_days))
             await remove_orphans(connection, blobs)
             await uploads.remove_unused(connection, blobs, ORPHAN_AGE)
             await consumer.remove_old(_QUEUE_HOURS)

@@ -93,8 +93,11 @@ async def emit(connection: AsyncConnection, job_id: str) -> None:
 class JobStore:
     """All that the web layer does with jobs. Raises only errors of this project for what users do wrong."""
 
-    def __init__(self, engine: AsyncEngine, kinds: Mapping[str, JobKind], *, queue_limit: int = 200) -> None:
-        self._engine, self._kinds, self._queue_limit = engine, kinds, queue_limit
+    def __init__(
+        self, engine: AsyncEngine, kinds: Mapping[str, JobKind], *, queue_limit: int = 200, user_queue_limit: int = 0
+    ) -> None:
+        self._engine, self._kinds = engine, kinds
+        self._queue_limit, self._user_queue_limit = queue_limit, user_queue_limit
 
     async def submit(
         self,
@@ -111,7 +114,7 @@ class JobStore:
 
         Raises ``NotFound`` (``unknown-job-kind``, ``recording-not-found``, ``scenario-not-found``), ``InvalidInput``
         (``priority-out-of-range``, ``idempotency-key-invalid``), ``Conflict`` (``idempotency-key-reused``) where the
-        key came with another input before, ``Busy`` (``queue-full``).
+        key came with another input before, ``Busy`` (``queue-full``, ``user-queue-full``).
         """
         if kind not in self._kinds:
             raise NotFound("unknown-job-kind", f"There is no job kind {kind!r}; there are {', '.join(self._kinds)}.")
@@ -131,7 +134,7 @@ class JobStore:
                     earlier = await self._earlier(connection, owner, idempotency_key, body_hash)
                     if earlier is not None:
                         return Submitted(earlier, created=False)
-                await self._admit(connection)
+                await self._admit(connection, owner)
                 await connection.execute(
                     insert(job).values(
                         id=job_id,
@@ -265,12 +268,22 @@ class JobStore:
             )
         return str(row["id"])
 
-    async def _admit(self, connection: AsyncConnection) -> None:
+    async def _admit(self, connection: AsyncConnection, owner: str | None) -> None:
         waiting = (await connection.execute(select(func.count()).where(job.c.state == "queued"))).scalar_one()
         if waiting >= self._queue_limit:
             raise Busy(
                 "queue-full",
                 f"{waiting} jobs are waiting already, which is the limit. Try again in a few seconds.",
+                _RETRY_AFTER_S,
+            )
+        if owner is None or self._user_queue_limit == 0:
+            return
+        own = select(func.count()).where(job.c.state == "queued", job.c.owner == owner)
+        waiting = (await connection.execute(own)).scalar_one()
+        if waiting >= self._user_queue_limit:
+            raise Busy(
+                "user-queue-full",
+                f"{waiting} of your jobs are waiting already, which is the limit for one user. Try again later.",
                 _RETRY_AFTER_S,
             )
 

@@ -124,3 +124,28 @@ job_event = Table(
     Index("job_event_of", "job_id", "seq"),
     Index("job_event_age", "at"),
 )
+
+token = Table(
+    "token",
+    metadata,
+    Column("id", Text, primary_key=True),
+    _created_at(),
+    Column("name", Text, nullable=False),
+    Column("scope", Text, nullable=False),
+    Column("token_hash", Text, nullable=False, comment="SHA-256"),
+    Column("expires_at", DateTime(timezone=True)),
+    Column("revoked_at", DateTime(timezone=True)),
+    Index("token_hash", "token_hash", unique=True),
+    Index("token_name", "name", unique=True, postgresql_where=text("revoked_at IS NULL")),
+)
+
+audit = Table(
+    "audit",
+    metadata,
+    Column("id", Text, primary_key=True),
+    _created_at(),
+    Column("action", Text, nullable=False),
+    Column("caller", Text),
+    Column("what", Text),
+    Index("audit_newest", "created_at", "id"),
+)

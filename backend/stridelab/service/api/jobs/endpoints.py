@@ -9,6 +9,9 @@ from starlette.responses import StreamingResponse
 from stridelab.errors import NotFound
 from stridelab.schemas.base import Page
 from stridelab.schemas.jobs import Job, JobResult, JobState
+from stridelab.service.access import audit
+from stridelab.service.access.callers import require_owner
+from stridelab.service.api.callers import CallerOf
 from stridelab.service.api.closing import unless
 from stridelab.service.api.files import OCTETS, send_blob
 from stridelab.service.api.jobs import bundle, events
@@ -72,9 +75,11 @@ async def get_job(parts: AppParts, job_id: str, wait: Wait = 0.0) -> Job:
 
 
 @router.delete("/{job_id}", summary="Cancel a job", responses=_UNKNOWN)
-async def cancel_job(parts: AppParts, job_id: str) -> Job:
-    """Cancel a job: a queued one at once, a running one within half a second. A finished job stays as it is."""
-    await _known(parts, job_id)
+async def cancel_job(parts: AppParts, caller: CallerOf, job_id: str) -> Job:
+    """Cancel a job of one's own: a queued one at once, a running one within half a second. A finished one stays."""
+    require_owner(caller, (await _known(parts, job_id)).owner, "job")
+    async with parts.engine.begin() as connection:
+        await audit.note(connection, caller, "job-cancelled", job_id)
     return job_of(await parts.store.request_cancel(job_id))
 
 

@@ -9,10 +9,12 @@ from fastapi import APIRouter, Body, Header, Query, Response
 from stridelab.errors import NotFound
 from stridelab.schemas.base import Contract
 from stridelab.schemas.jobs import Job
+from stridelab.service.api.callers import CallerOf
 from stridelab.service.api.jobs.admitting import admit
 from stridelab.service.api.jobs.rows import job_of
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.parts import AppParts
+from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.scenarios.examples import ONE_STEP, STANDING, STANDING_AHEAD
 from stridelab.service.bundled import SAMPLE_ID
 from stridelab.service.bundled_scenarios import EXAMPLE_ID
@@ -142,13 +144,15 @@ def add_kinds(router: APIRouter) -> None:
 
 def _add_kind(router: APIRouter, kind: JobKind) -> None:
     async def submit(
-        parts: AppParts, response: Response, body: Contract, priority: Priority = 0, key: Key = None
+        parts: AppParts, caller: CallerOf, response: Response, body: Contract, priority: Priority = 0, key: Key = None
     ) -> Job:
         subject = await admit(parts, body)
+        await refuse_full(parts, caller.name)
         request = body.model_dump(mode="json", exclude_unset=True)
         submitted = await parts.store.submit(
             kind.name,
             request,
+            owner=caller.name,
             priority=priority,
             idempotency_key=key,
             recording_id=subject.recording_id,
@@ -175,6 +179,8 @@ def _add_kind(router: APIRouter, kind: JobKind) -> None:
         responses=failures(
             s404="The input names an unknown recording or scenario (`recording-not-found`, `scenario-not-found`).",
             s409="The idempotency key came with another body before (`idempotency-key-reused`).",
-            s429="Too many jobs are waiting (`queue-full`); `Retry-After` says when to come back.",
+            s413="Your uploads and results are over your limit (`storage-limit`).",
+            s429="Too many jobs are waiting (`queue-full`), or of yours (`user-queue-full`); `Retry-After` says when "
+            "to come back.",
         ),
     )

@@ -17,6 +17,7 @@ from stridelab.schemas.population import (
     SubjectOfRecording,
 )
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
+from stridelab.service.access.callers import Caller
 from stridelab.service.api.parts import Parts
 from stridelab.service.api.recordings.multipart import Limits, ReceivedForm, ReceivedForms, receive_forms, safe_filename
 from stridelab.service.api.recordings.parsing import Parsed
@@ -39,7 +40,7 @@ class _Line:
     person: PersonFields
 
 
-async def receive_batch(parts: Parts, request: Request, folder: Path) -> RecordingBatch:
+async def receive_batch(parts: Parts, request: Request, folder: Path, caller: Caller) -> RecordingBatch:
     """Read the form of ``request`` into ``folder``, store what can be read, and say what cannot.
 
     Raises as ``receive_forms`` does, ``UnreadableFile`` (``zip-...``; ``nothing-readable`` where no file is a
@@ -60,7 +61,7 @@ async def receive_batch(parts: Parts, request: Request, folder: Path) -> Recordi
     if unknown:
         faults = [Fault(name, "unknown field") for name in unknown]
         raise InvalidInput("invalid-request", f"The form is not valid: see {', '.join(unknown)}.", faults)
-    return await _store_all(parts, await _read_all(parts, forms, folder), folder)
+    return await _store_all(parts, await _read_all(parts, forms, folder), folder, caller)
 
 
 async def _read_all(parts: Parts, forms: ReceivedForms, folder: Path) -> dict[str, Any]:
@@ -91,7 +92,7 @@ async def _read_all(parts: Parts, forms: ReceivedForms, folder: Path) -> dict[st
     return dict(outcome.value)
 
 
-async def _store_all(parts: Parts, read: dict[str, Any], folder: Path) -> RecordingBatch:
+async def _store_all(parts: Parts, read: dict[str, Any], folder: Path, caller: Caller) -> RecordingBatch:
     """Store what was read and link static trials; what was stored goes again where something fails."""
     lines = {row["place"]: _Line(row["static"], PersonFields.model_validate(row["person"])) for row in read["rows"]}
     refused = [
@@ -109,7 +110,7 @@ async def _store_all(parts: Parts, read: dict[str, Any], folder: Path) -> Record
             )
             parsed = Parsed(RecordingFacts.model_validate(one["facts"]), folder / one["tracks"])
             person = lines[place].person if place in lines else PersonFields()
-            ids[place] = (await store_upload(parts, form, parsed, _stated(person))).id
+            ids[place] = (await store_upload(parts, form, parsed, _stated(person), caller.name)).id
         async with parts.engine.begin() as connection:
             for place, line in lines.items():
                 if place in ids and line.static in ids:
@@ -118,7 +119,7 @@ async def _store_all(parts: Parts, read: dict[str, Any], folder: Path) -> Record
             stored = [recording_of(await recording_row(connection, recording_id)) for recording_id in ids.values()]
     except BaseException:
         for recording_id in ids.values():
-            await delete_recording(parts, recording_id)
+            await delete_recording(parts, recording_id, caller)
         raise
     subjects = [
         SubjectOfRecording(recording_id=ids[place], **line.person.model_dump())

@@ -9,6 +9,7 @@ from starlette.responses import StreamingResponse
 from stridelab.schemas.base import Page
 from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, RecordingPatch
+from stridelab.service.api.callers import CallerOf
 from stridelab.service.api.files import OCTETS, PARQUET, send_blob
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.paging import Cursor, Limit, cut, newest_first
@@ -98,12 +99,12 @@ _TABLE: Final[dict[int | str, dict[str, Any]]] = {
     summary="Upload a recording",
     openapi_extra=_FORM,
     responses=failures(
-        s413="The file is over the limit (`upload-too-large`).",
+        s413="The file is over the limit (`upload-too-large`), or over yours (`storage-limit`).",
         s422="The file cannot be read (for example `unreadable-file`, `empty-file`), or a field is not valid.",
         s507="No disk space is left (`disk-full`).",
     ),
 )
-async def upload_recording(parts: AppParts, request: Request, response: Response) -> Recording:
+async def upload_recording(parts: AppParts, caller: CallerOf, request: Request, response: Response) -> Recording:
     """Upload a `.c3d` file, or a `.zip` of `.trc` and `.mot`/`.sto`, as the form field `file`.
 
     The file is read before the answer: 201 means that it is stored and understood, and what is in it. A file that
@@ -115,7 +116,7 @@ async def upload_recording(parts: AppParts, request: Request, response: Response
         form = await receive_form(request, folder / "trial", limits)
         subject = subject_of_form(form.fields)
         parsed = await parse(parts, folder, form.path.name, form.filename, NO_SWITCHES)
-        stored = await storing.store_upload(parts, form, parsed, subject)
+        stored = await storing.store_upload(parts, form, parsed, subject, caller.name)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     response.headers["Location"] = f"/api/v1/recordings/{stored.id}"
@@ -128,19 +129,19 @@ async def upload_recording(parts: AppParts, request: Request, response: Response
     summary="Upload many recordings",
     openapi_extra=_BATCH,
     responses=failures(
-        s413="The files are over the limit (`upload-too-large`).",
+        s413="The files are over the limit (`upload-too-large`), or over yours (`storage-limit`).",
         s422="No file can be read (`nothing-readable`), or a zip or the table cannot be used.",
         s507="No disk space is left (`disk-full`).",
     ),
 )
-async def upload_recordings(parts: AppParts, request: Request) -> RecordingBatch:
+async def upload_recordings(parts: AppParts, caller: CallerOf, request: Request) -> RecordingBatch:
     """Upload many recordings, or zips of them, with one subject table.
 
     What can be read is stored, what cannot be is listed in `refused`; a zip or a table that cannot be used refuses all.
     """
     folder = storing.spool_folder(parts)
     try:
-        return await receive_batch(parts, request, folder)
+        return await receive_batch(parts, request, folder, caller)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
 
@@ -186,9 +187,9 @@ async def change_recording(
     summary="Delete a recording",
     responses={**_UNKNOWN, **failures(s409="A sample that comes with the program (`bundled-read-only`).")},
 )
-async def delete_recording(parts: AppParts, recording_id: str) -> None:
-    """Delete a recording with its jobs, their results and all files. Running jobs are cancelled."""
-    await storing.delete_recording(parts, recording_id)
+async def delete_recording(parts: AppParts, caller: CallerOf, recording_id: str) -> None:
+    """Delete a recording of one's own with its jobs, their results and all files. Running jobs are cancelled."""
+    await storing.delete_recording(parts, recording_id, caller)
 
 
 @router.get(

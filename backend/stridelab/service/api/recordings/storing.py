@@ -11,7 +11,10 @@ from sqlalchemy import delete, insert, select, update
 from stridelab.errors import Conflict
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.schemas.recordings import Recording, SubjectFields
+from stridelab.service.access import audit
+from stridelab.service.access.callers import Caller, require_owner
 from stridelab.service.api.parts import Parts
+from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.recordings.multipart import ReceivedForm
 from stridelab.service.api.recordings.parsing import NO_SWITCHES, Parsed, Switches
 from stridelab.service.api.recordings.rows import recording_of, recording_row
@@ -26,12 +29,19 @@ def own_prefix(recording_id: str) -> str:
     return f"recordings/{recording_id}"
 
 
-async def store_upload(parts: Parts, form: ReceivedForm, parsed: Parsed, subject: SubjectFields) -> Recording:
-    """Store a parsed upload: both files, then the row, or nothing."""
+async def store_upload(
+    parts: Parts, form: ReceivedForm, parsed: Parsed, subject: SubjectFields, owner: str | None
+) -> Recording:
+    """Store a parsed upload: both files, then the row, or nothing.
+
+    Raises ``TooLarge`` (``storage-limit``) where ``owner`` has no room left for it.
+    """
+    await refuse_full(parts, owner, form.size_bytes)
     recording_id = uuid.uuid4().hex
     tracks_key = _tracks_key(recording_id)
     values = {
         "id": recording_id,
+        "owner": owner,
         "filename": form.filename,
         "sha256": form.sha256,
         "bytes": form.size_bytes,
@@ -85,14 +95,15 @@ async def replace_facts(
         await parts.blobs.delete(superseded)
 
 
-async def delete_recording(parts: Parts, recording_id: str) -> None:
+async def delete_recording(parts: Parts, recording_id: str, caller: Caller) -> None:
     """Delete a recording with its jobs, results and files; running jobs are cancelled.
 
-    Raises ``NotFound`` (``recording-not-found``), ``Conflict`` (``bundled-read-only``).
+    Raises ``NotFound`` (``recording-not-found``), ``Conflict`` (``bundled-read-only``), ``Forbidden`` (``not-owner``).
     """
     async with parts.engine.connect() as connection:
         row = await recording_row(connection, recording_id)
         refuse_bundled(row)
+        require_owner(caller, row["owner"], "recording")
         unfinished = select(job.c.id).where(job.c.recording_id == recording_id, job.c.state.not_in(FINAL_STATES))
         for job_id in (await connection.execute(unfinished)).scalars().all():
             await parts.store.request_cancel(job_id)
@@ -100,6 +111,7 @@ async def delete_recording(parts: Parts, recording_id: str) -> None:
         row = await recording_row(connection, recording_id, lock=True)
         jobs = (await connection.execute(select(job.c.id).where(job.c.recording_id == recording_id))).scalars().all()
         await connection.execute(delete(recording).where(recording.c.id == recording_id))
+        await audit.note(connection, caller, "recording-deleted", recording_id)
     for job_id in jobs:
         await parts.blobs.delete_prefix(f"results/{job_id}")
     await _discard(parts, recording_id, row["blob_key"])

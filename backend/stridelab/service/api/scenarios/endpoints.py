@@ -7,6 +7,9 @@ from sqlalchemy import delete, func, insert, update
 
 from stridelab.schemas.base import Page
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
+from stridelab.service.access import audit
+from stridelab.service.access.callers import require_owner
+from stridelab.service.api.callers import CallerOf
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.paging import Cursor, Limit
 from stridelab.service.api.parts import AppParts
@@ -42,13 +45,14 @@ async def list_scenarios(parts: AppParts, limit: Limit = 50, cursor: Cursor = No
 
 @router.post("", status_code=201, summary="Add a scenario", responses=_INVALID)
 async def add_scenario(
-    parts: AppParts, body: Annotated[Scenario, Body(openapi_examples=_STEP)], response: Response
+    parts: AppParts, caller: CallerOf, body: Annotated[Scenario, Body(openapi_examples=_STEP)], response: Response
 ) -> StoredScenario:
     """Store a scenario. It is checked first: one that the robot cannot do is refused, naming phase and effector."""
     await refuse_invalid(body, parts.judges)
     async with parts.engine.begin() as connection:
         scenario_id = new_id()
-        await connection.execute(insert(scenario).values(id=scenario_id, body=body.model_dump(mode="json")))
+        values = {"id": scenario_id, "owner": caller.name, "body": body.model_dump(mode="json")}
+        await connection.execute(insert(scenario).values(values))
         stored = scenario_of(await scenario_row(connection, scenario_id))
     response.headers["Location"] = f"/api/v1/scenarios/{stored.id}"
     return stored
@@ -100,8 +104,10 @@ async def put_scenario(
 
 
 @router.delete("/{scenario_id}", status_code=204, summary="Delete a scenario", responses={**_UNKNOWN, **_READ_ONLY})
-async def delete_scenario(parts: AppParts, scenario_id: str) -> None:
-    """Delete a scenario. Its jobs and their results stay, without the link."""
+async def delete_scenario(parts: AppParts, caller: CallerOf, scenario_id: str) -> None:
+    """Delete a scenario of one's own. Its jobs and their results stay, without the link."""
     async with parts.engine.begin() as connection:
-        await own_row(connection, scenario_id)
+        row = await own_row(connection, scenario_id)
+        require_owner(caller, row["owner"], "scenario")
+        await audit.note(connection, caller, "scenario-deleted", scenario_id)
         await connection.execute(delete(scenario).where(scenario.c.id == scenario_id))

@@ -8,6 +8,9 @@ from sqlalchemy import delete, insert, select, update
 
 from stridelab.schemas.base import Page
 from stridelab.schemas.recordings import Subject, SubjectInput
+from stridelab.service.access import audit
+from stridelab.service.access.callers import require_owner
+from stridelab.service.api.callers import CallerOf
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.paging import Cursor, Limit, cut, newest_first
 from stridelab.service.api.parts import AppParts
@@ -38,12 +41,16 @@ async def list_subjects(parts: AppParts, limit: Limit = 50, cursor: Cursor = Non
 
 @router.post("", status_code=201, summary="Add a subject")
 async def add_subject(
-    parts: AppParts, body: Annotated[SubjectInput, Body(openapi_examples=_EXAMPLE)], response: Response
+    parts: AppParts,
+    caller: CallerOf,
+    body: Annotated[SubjectInput, Body(openapi_examples=_EXAMPLE)],
+    response: Response,
 ) -> Subject:
     """Add a person. `name` is a pseudonym of your own choice; names inside uploaded files are never shown."""
     subject_id = f"s{uuid.uuid4().hex[:12]}"
     async with parts.engine.begin() as connection:
-        await connection.execute(insert(subject).values(id=subject_id, fields=body.model_dump(mode="json")))
+        values = {"id": subject_id, "owner": caller.name, "fields": body.model_dump(mode="json")}
+        await connection.execute(insert(subject).values(values))
         stored = subject_of(await subject_row(connection, subject_id))
     response.headers["Location"] = f"/api/v1/subjects/{stored.subject_id}"
     return stored
@@ -69,8 +76,10 @@ async def change_subject(
 
 
 @router.delete("/{subject_id}", status_code=204, summary="Delete a subject", responses=_UNKNOWN)
-async def delete_subject(parts: AppParts, subject_id: str) -> None:
-    """Delete a subject. Recordings linked to it stay, without the link."""
+async def delete_subject(parts: AppParts, caller: CallerOf, subject_id: str) -> None:
+    """Delete a subject of one's own. Recordings linked to it stay, without the link."""
     async with parts.engine.begin() as connection:
-        await subject_row(connection, subject_id, lock=True)
+        row = await subject_row(connection, subject_id, lock=True)
+        require_owner(caller, row["owner"], "subject")
+        await audit.note(connection, caller, "subject-deleted", subject_id)
         await connection.execute(delete(subject).where(subject.c.id == subject_id))

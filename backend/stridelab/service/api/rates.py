@@ -1,0 +1,42 @@
+"""How often somebody may ask: token buckets in the memory of one API process."""
+
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Final
+
+from stridelab.errors import Busy
+
+BURST_S: Final = 10.0
+"""A bucket that has rested holds the requests of this many seconds."""
+STRANGERS: Final = 0.1
+"""Share of the rate that those have, by address, who show no valid token."""
+_MOST_BUCKETS: Final = 10_000
+
+
+class Rates:
+    """Buckets by name, each filled with ``rate_hz`` requests per second; 0 limits nothing."""
+
+    def __init__(self, rate_hz: float, clock: Callable[[], float] = time.monotonic) -> None:
+        self._rate_hz, self._clock = rate_hz, clock
+        self._buckets: OrderedDict[str, tuple[float, float]] = OrderedDict()
+
+    def take(self, name: str, share: float = 1.0) -> None:
+        """Count a request of ``name``. Raises ``Busy`` (``too-many-requests``) where its bucket is empty."""
+        rate_hz = self._rate_hz * share
+        if rate_hz == 0:
+            return
+        now_s = self._clock()
+        most = max(1.0, rate_hz * BURST_S)
+        left, at_s = self._buckets.pop(name, (most, now_s))
+        left = min(most, left + (now_s - at_s) * rate_hz)
+        allowed = left >= 1.0
+        self._buckets[name] = (left - 1.0 if allowed else left, now_s)
+        if len(self._buckets) > _MOST_BUCKETS:
+            self._buckets.popitem(last=False)  # the one that has rested longest is the fullest
+        if not allowed:
+            raise Busy(
+                "too-many-requests",
+                f"More than {rate_hz:g} requests per second; STRIDELAB_RATE_LIMIT_HZ is the limit. Try again later.",
+                (1.0 - left) / rate_hz,
+            )

@@ -1,0 +1,64 @@
+"""Mutated files, the short form of ``make fuzz``; and that the fuzzer sees what it looks for."""
+
+import faulthandler
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from stridelab.errors import UnreadableFile
+from support.fuzzing import Reader, inputs, outcome
+
+
+def test_no_reader_falls_over_mutated_files() -> None:
+    environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
+    command = [sys.executable, "-m", "support.fuzzing", "--count", "60", "--seconds", "5"]
+    ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
+    assert ran.returncode == 0, ran.stdout + ran.stderr
+    lines = ran.stdout.splitlines()
+    assert [line.partition(":")[0] for line in lines] == ["c3d", "trc", "mot", "scenario"]
+    for line in lines:  # seeds are good, and mutations matter
+        words = line.split()
+        assert int(words[1]) > 0
+        assert int(words[3]) > 0
+
+
+def crash(_: bytes, __: Path) -> None:
+    faulthandler.disable()  # pytest would print where
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def hang(_: bytes, __: Path) -> None:
+    time.sleep(60)
+
+
+def swell(_: bytes, __: Path) -> None:
+    bytearray(8 << 30)
+
+
+def blunder(_: bytes, __: Path) -> None:
+    raise KeyError("not an error of ours")
+
+
+def refuse(_: bytes, __: Path) -> None:
+    raise UnreadableFile("unknown-format", "No.")
+
+
+@pytest.mark.parametrize(
+    ("read", "said"),
+    [(crash, "died"), (hang, "longer"), (swell, "MemoryError"), (blunder, "KeyError"), (refuse, "refused")],
+)
+def test_the_fuzzer_sees_what_it_looks_for(read, said: str, tmp_path: Path) -> None:
+    assert said in outcome(Reader((b"x",), read), b"x", tmp_path, timeout_s=3.0)
+
+
+def test_a_number_makes_the_same_input_again() -> None:
+    reader = Reader((b"0123456789" * 9,), refuse)
+    made = inputs("c3d", reader)
+    first = [next(made) for _ in range(5)]
+    assert next(inputs("c3d", reader, first=4)) == first[4]
+    assert len({raw for _, raw in first}) == 5
