@@ -162,12 +162,13 @@ def main(rounds: int) -> None:
         service(Path(folder)) as (http, supervisor),
     ):
         worker = member(supervisor, "stridelab.service.jobs.worker")
-        measured = {
+        measured: dict[str, Any] = {
             "machine": {"cores": os.cpu_count(), "load_at_start": round(os.getloadavg()[0], 1)},
             "kinds": kinds(http, worker, rounds),
             "calls": calls(http, member(supervisor, "stridelab.service.api")),
             "progress": progress(str(running_url(Path(folder)))),
         }
+    measured["machine"]["load_at_end"] = round(os.getloadavg()[0], 1)
     TARGET.write_text(json.dumps(measured, indent=1) + "\n", encoding="utf-8")
 
 

@@ -2,7 +2,7 @@
 
 Jobs arrive at random (Poisson) at the rate of the busiest hour, kinds by their shares, and take the processor time that
 was measured for them, spread out. Slots serve as the workers' do: first come first served, and beside every
-``GENERAL_PER_SHORT`` slots for any job there is one for short jobs alone. Prints the table of the sizing page.
+``GENERAL_PER_SHORT`` slots for any job there is one for short jobs alone. Prints the tables of the sizing page.
 usage: simulate_queue.py
 """
 
@@ -15,6 +15,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 COSTS = Path(__file__).parents[1] / "docs" / "job_costs.json"
 JOBS_PER_USER_AND_DAY, HOURS_PER_DAY, BUSIEST = 12.0, 8.0, 2.5
@@ -38,6 +39,13 @@ SPREAD = 0.6
 SHORT = frozenset({"compare-estimators", "estimate-com", "fit-cycloid", "plan-contacts"})
 """Kinds of the short lane."""
 GENERAL_PER_SHORT = 4
+READINGS_PER_JOB = 20
+"""Assumed: how often a page or a script looks at a job."""
+REPORTS_PER_S = 5.0
+"""The most that a running job reports (``PROGRESS_S`` of the errand); most say less."""
+WORKING_DAYS_KEPT = 64
+"""Working days within the 90 days that results are kept."""
+CROWDS = (10, 1000, 100_000)
 PATIENCE_S = {True: 2.0, False: 60.0}
 """Waits that 95 of 100 jobs stay below: short ones, and others."""
 
@@ -148,7 +156,7 @@ def rows(costs: dict[str, list[dict[str, float]]], crowds: Sequence[int], number
         general = fewest_slots(arrivals, offered)
         waited = waits(arrivals, general, reserved(general))
         yield [
-            f"{users:,}".replace(",", " "),
+            _spaced(users),
             f"{rate_per_s:.3g}",
             f"{offered:.3g}",
             f"{general} + {reserved(general)}",
@@ -157,13 +165,43 @@ def rows(costs: dict[str, list[dict[str, float]]], crowds: Sequence[int], number
         ]
 
 
+def loads(measurements: dict[str, Any], crowds: Sequence[int]) -> Iterator[list[str]]:
+    """What else so many users ask for, by arithmetic: processors of web servers, reports of progress, storage."""
+    kinds, calls = measurements["kinds"], measurements["calls"]
+    job_bytes = sum(share * sum(one["bytes"] for one in kinds[k]) / len(kinds[k]) for k, share in SHARES.items())
+    for users in crowds:
+        jobs_per_day = users * JOBS_PER_USER_AND_DAY
+        rate_per_s = jobs_per_day / (HOURS_PER_DAY * 3600) * BUSIEST
+        web_ms = calls["submission_cpu_ms"] + READINGS_PER_JOB * calls["reading_cpu_ms"]
+        kept = jobs_per_day * WORKING_DAYS_KEPT
+        yield [
+            _spaced(users),
+            f"{rate_per_s * web_ms / 1e3:.3g}",
+            f"{rate_per_s * mean_cost_s(kinds) * REPORTS_PER_S:.3g}",
+            f"{kept / 1e6:.3g} million",
+            f"{kept * job_bytes / 1e12:.3g} TB",
+        ]
+
+
+def _spaced(number: int) -> str:
+    return f"{number:,}".replace(",", " ")
+
+
 def main() -> None:
-    """Print the table."""
-    costs = json.loads(COSTS.read_text(encoding="utf-8"))["kinds"]
+    """Print the tables."""
+    measurements = json.loads(COSTS.read_text(encoding="utf-8"))
+    costs = measurements["kinds"]
     sys.stdout.write(f"mean cost of a job: {mean_cost_s(costs):.2f} s of one core\n\n")
     heads = ["users", "jobs/s", "cores busy", "slots (any + short)", "short: p50 / p95 wait", "others: p50 / p95 wait"]
-    for row in (heads, ["---"] * len(heads), *rows(costs, (10, 1000, 100_000), 40_000)):
+    _print(heads, rows(costs, CROWDS, 40_000))
+    more = ["users", "web cores", "reports of progress/s", "jobs kept 90 days", "their results"]
+    _print(more, loads(measurements, CROWDS))
+
+
+def _print(heads: list[str], table: Iterator[list[str]]) -> None:
+    for row in (heads, ["---"] * len(heads), *table):
         sys.stdout.write(f"| {' | '.join(row)} |\n")
+    sys.stdout.write("\n")
 
 
 if __name__ == "__main__":

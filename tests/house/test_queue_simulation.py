@@ -79,8 +79,16 @@ def test_shares_and_lanes_are_those_of_the_service(simulation: ModuleType) -> No
 
 
 def test_the_page_shows_what_the_simulation_says(simulation: ModuleType) -> None:
-    costs = json.loads((ROOT / "docs" / "job_costs.json").read_text(encoding="utf-8"))["kinds"]
+    measurements = json.loads((ROOT / "docs" / "job_costs.json").read_text(encoding="utf-8"))
+    costs, calls = measurements["kinds"], measurements["calls"]
     page = (ROOT / "docs" / "sizing.md").read_text(encoding="utf-8")
-    (row,) = simulation.rows(costs, (1000,), 40_000)
-    assert f"| {' | '.join(row)} |" in page
+    for row in (*simulation.rows(costs, (10, 1000), 40_000), *simulation.loads(measurements, simulation.CROWDS)):
+        assert f"| {' | '.join(row)} |" in page
     assert f"{simulation.mean_cost_s(costs):.2f} s" in page
+    assert f"{calls['submission_cpu_ms']:.1f} ms" in page
+    assert f"{calls['reading_cpu_ms']:.1f} ms" in page
+    assert f"{measurements['progress']['reports_per_s']:.0f} reports" in page
+    for kind, measured in costs.items():
+        times = [one["cpu_s"] for one in measured]
+        mean, spread = sum(times) / len(times), f"{min(times):.1f} to {max(times):.1f}"
+        assert f"| `{kind}` | {mean:.1f} | {spread} | {measured[0]['bytes'] / 1e6:.2f} |" in page

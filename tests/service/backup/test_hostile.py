@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import random
 import zipfile
 from collections.abc import Callable
@@ -58,6 +59,8 @@ def test_what_is_no_archive(body: bytes, tmp_path: Path) -> None:
     refused(tmp_path / "x", "backup-unreadable")
     refused(tmp_path, "backup-unreadable")
     refused(tmp_path / "nowhere", "backup-unreadable")
+    os.mkfifo(tmp_path / "pipe")
+    refused(tmp_path / "pipe", "backup-unreadable")
 
 
 @pytest.mark.parametrize("share", [0.1, 0.5, 0.9, 0.999])

@@ -9,7 +9,8 @@ from typing import Any
 import psycopg
 import pytest
 
-from stridelab.errors import Conflict, InvalidInput, StorageFull, Unavailable, UnreadableFile
+from stridelab.errors import Conflict, InvalidInput, StorageFull, TooLarge, Unavailable, UnreadableFile
+from stridelab.service.backup import archive as archive_module
 from stridelab.service.backup import restoring, taking
 from stridelab.service.backup.archive import open_archive
 from stridelab.service.backup.files import Files
@@ -179,6 +180,16 @@ def test_a_file_that_was_lost_before_is_told_and_the_rest_is_saved(
     assert take(database_url, of(tmp_path / "source"), tmp_path / "lab.backup").missing == (lost,)
     assert put_back(tmp_path / "lab.backup", empty).missing == (lost,)
     assert stored(tmp_path / "blobs") == {key: body for key, body in FILES.items() if key != lost}
+
+
+def test_more_files_than_a_backup_lists_are_refused_at_once(
+    database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fill(database_url, tmp_path / "source")
+    monkeypatch.setattr(archive_module, "MAX_MANIFEST_BYTES", 1000)
+    with pytest.raises(TooLarge, match="6 files"):
+        take(database_url, of(tmp_path / "source"), tmp_path / "lab.backup")
+    assert not list(tmp_path.glob("*.backup*"))
 
 
 def test_an_earlier_backup_is_kept_unless_told_otherwise(database_url: str, tmp_path: Path) -> None:

@@ -17,14 +17,15 @@ from typing import Final, Literal
 
 from pydantic import Field, ValidationError
 
-from stridelab.errors import Conflict, InvalidInput, StorageFull, UnreadableFile
+from stridelab.errors import Conflict, InvalidInput, StorageFull, TooLarge, UnreadableFile
 from stridelab.schemas.base import Contract
 from stridelab.service.storage.blobs import CHUNK_BYTES, is_key
 
 FORMAT: Final = 1
 """Raised when a program that knows only earlier ones could not read the file."""
 MANIFEST: Final = "manifest.json"
-_MAX_MANIFEST_BYTES: Final = 256 << 20
+MAX_MANIFEST_BYTES: Final = 256 << 20
+"""A list of contents that is longer is neither written nor read."""
 _TABLE: Final = re.compile(r"tables/[a-z][a-z_]{0,60}\.copy")
 _HASH: Final = r"^[0-9a-f]{64}$"
 Progress = Callable[[float, str], None]
@@ -123,10 +124,19 @@ class Packer:
         self.members[name] = Member(bytes=size, sha256=digest.hexdigest())
 
     def finish(self, manifest: Manifest) -> None:
-        """Write the manifest, make sure that all is on the disk, and move the archive to its place."""
+        """Write the manifest, make sure that all is on the disk, and move the archive to its place.
+
+        Raises ``TooLarge`` (``backup-too-large``) for some two million files.
+        """
+        listed = manifest.model_dump_json().encode()
+        if len(listed) > MAX_MANIFEST_BYTES:
+            raise TooLarge(
+                "backup-too-large",
+                f"{len(manifest.files)} files are too many for one backup; let the object store copy them itself.",
+            )
         with _room():
             with self._zip.open(MANIFEST, "w") as entry:
-                entry.write(manifest.model_dump_json(indent=1).encode())
+                entry.write(listed)
             self._zip.close()
             self._file.flush()
             os.fsync(self._file.fileno())
@@ -182,6 +192,8 @@ def open_archive(path: Path, on_progress: Progress = silent) -> Iterator[Archive
     Raises ``UnreadableFile``: ``backup-unreadable`` (no such archive), ``backup-damaged`` (truncated, changed,
     something in it that does not belong there), ``backup-newer`` (made by a program of a later format).
     """
+    if not path.is_file():  # a pipe would be waited for
+        raise UnreadableFile("backup-unreadable", f"{path} cannot be read: it is no file.")
     try:
         archive = zipfile.ZipFile(path)
     except (OSError, zipfile.BadZipFile, ValueError, NotImplementedError) as error:
@@ -204,7 +216,7 @@ def _checked_manifest(archive: zipfile.ZipFile) -> Manifest:
     infos = {info.filename: info for info in archive.infolist()}
     if MANIFEST not in infos or len(infos) != len(archive.infolist()):
         raise _damaged("it has no list of contents, or one name twice")
-    if infos[MANIFEST].file_size > _MAX_MANIFEST_BYTES:
+    if infos[MANIFEST].file_size > MAX_MANIFEST_BYTES:
         raise _damaged("its list of contents is too long to be one")
     try:
         raw = archive.read(MANIFEST)
