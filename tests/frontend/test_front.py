@@ -1,9 +1,14 @@
 """The front door: pages and interface on one port, each answering for its own addresses."""
 
+from collections.abc import Iterator
+
+import httpx
 import pytest
 
 from stridelab.service.api.app import create_app
 from stridelab.service.settings import Settings
+from support.database import TestDatabases
+from support.interface import served
 from support.web import Caller
 
 PAGE = {"Accept": "text/html"}
@@ -15,8 +20,14 @@ def door() -> Caller:
 
 
 @pytest.fixture(scope="module")
-def locked_door() -> Caller:
-    return Caller(create_app(Settings(api_token="open sesame")))  # type: ignore[arg-type]
+def locked_door(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> Iterator[httpx.Client]:
+    """With a database, where tokens are looked up and refusals noted."""
+    with (
+        postgres.fresh() as url,
+        served(url, tmp_path_factory.mktemp("data"), api_token="open sesame") as running,
+        running.http() as client,
+    ):
+        yield client
 
 
 def test_interface_answers_its_own_mistakes_as_problems(door: Caller) -> None:
@@ -45,7 +56,7 @@ def test_pages_and_frame_have_policies_of_their_own(door: Caller) -> None:
     assert "'unsafe-eval'" not in frame
 
 
-def test_without_login_a_page_sends_to_the_login_and_back(locked_door: Caller) -> None:
+def test_without_login_a_page_sends_to_the_login_and_back(locked_door: httpx.Client) -> None:
     answer = locked_door.get("/view/?recording=1&t=2", headers=PAGE)
     assert answer.status_code == 303
     assert answer.headers["location"] == "/login?next=/view/%3Frecording%3D1%26t%3D2"
@@ -55,7 +66,7 @@ def test_without_login_a_page_sends_to_the_login_and_back(locked_door: Caller) -
     assert locked_door.get("/static/css/app.css").status_code == 200
 
 
-def test_wrong_token_is_said_and_the_right_one_opens(locked_door: Caller) -> None:
+def test_wrong_token_is_said_and_the_right_one_opens(locked_door: httpx.Client) -> None:
     form = {"token": "guess", "next": "/jobs"}
     answer = locked_door.request("POST", "/login", data=form)
     again = locked_door.get(answer.headers["location"], headers=PAGE)
@@ -65,4 +76,5 @@ def test_wrong_token_is_said_and_the_right_one_opens(locked_door: Caller) -> Non
     assert answer.headers["location"] == "/jobs"
     cookie = answer.headers["set-cookie"].partition(";")[0]
     assert locked_door.get("/nothing", headers={**PAGE, "Cookie": cookie}).status_code == 404
+    locked_door.cookies.clear()
     assert locked_door.get("/nothing", headers=PAGE).status_code == 303
