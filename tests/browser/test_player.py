@@ -142,7 +142,7 @@ def test_steps_are_told_of_a_walk_whose_wheel_is_known(tab: Tab, lab: Lab) -> No
     recording = lab.fake.add_recording()
     page = opened(tab, f"/view/?recording={recording.id}&t=1")
     assert json.loads(page.locator("[data-player]").get_attribute("data-steps") or "") == []
-    expect(page.get_by_role("link", name="Upload another")).to_have_attribute("href", "/recordings")
+    expect(page.get_by_role("button", name="Upload…")).to_be_visible()
     expect(page.locator("[data-time]")).not_to_contain_text("step")
 
 
