@@ -26,13 +26,11 @@ def drawn(service: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> I
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
     monkeypatch.setenv("ROBOT_DIARY", str(tmp_path / "diary"))
     before = service.parts
-
-    async def made() -> RobotShelf:
-        stubs = {name: f"support.robot_children:{name}" for name in ("describe", "draw", "enclose")}
-        return RobotShelf(IsolatedPool(0, preload=()), before.blobs, before.spool, 500, **stubs)
-
-    service.app.state.parts = replace(before, robots=service.run(made()))
+    stubs = {name: f"support.robot_children:{name}" for name in ("describe", "draw", "enclose")}
+    shelf = RobotShelf(IsolatedPool(), before.blobs, before.spool, 500, **stubs)
+    service.app.state.parts = replace(before, robots=shelf)
     yield service
+    service.run(shelf.pool.close())
     service.app.state.parts = before
 
 

@@ -18,6 +18,7 @@ import psycopg
 from psycopg import OperationalError as DriverError
 from sqlalchemy.exc import OperationalError
 
+from stridelab.service.jobs.child import NAME
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.database import make_engine
 from support.database import public_folder
@@ -88,7 +89,7 @@ class Run:
     def kill(self, kind: str) -> bool:
         """SIGKILL one; False where there is none just now."""
         if kind == "computation":
-            inside = self.service.member(LINES["worker"]).children()
+            inside = self.service.member(LINES["worker"]).children(recursive=True)
             busy = [child for child in inside if _is_child(child)]
             if not busy:
                 return False
@@ -102,7 +103,7 @@ class Run:
 
 def _is_child(process: psutil.Process) -> bool:
     try:
-        return "stridelab.service.jobs.child" in process.cmdline()
+        return process.name() == NAME
     except psutil.NoSuchProcess:
         return False
 

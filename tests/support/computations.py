@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -129,6 +130,15 @@ def environment(_task: dict[str, Any], folder: Path, _progress: Any) -> dict[str
         "session": os.getsid(0) == os.getpid(),
         "cwd": str(Path.cwd()) == str(folder),
         "threads": os.environ.get("OPENBLAS_NUM_THREADS"),
+    }
+
+
+def inheritance(task: dict[str, Any], _folder: Path, _progress: Any) -> dict[str, Any]:
+    """Which modules this process did not find imported, and the threads of the one that it was forked from."""
+    threads = Path(f"/proc/{os.getppid()}/task")
+    return {
+        "missing": [name for name in task["modules"] if name not in sys.modules],
+        "threads_of_the_nursery": len(list(threads.iterdir())) if threads.exists() else 1,
     }
 
 

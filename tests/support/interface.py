@@ -79,7 +79,7 @@ def served(database_url: str, data: Path, **options: Any) -> Iterator[Served]:
 
     thread = threading.Thread(target=lambda: asyncio.run(serve()), daemon=True)
     # A child that waits for an upload costs seconds of imports, and most tests upload nothing.
-    with mock.patch("stridelab.service.api.app.IsolatedPool", lambda spares: IsolatedPool(0 * spares)):
+    with mock.patch("stridelab.service.api.app.IsolatedPool", side_effect=lambda _: IsolatedPool()):
         thread.start()
         assert started.wait(60)
     assert server.started, "the application did not start; see the log"

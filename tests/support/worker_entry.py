@@ -9,4 +9,4 @@ from support.kinds import KINDS
 
 if __name__ == "__main__":
     configure_logging("info")
-    asyncio.run(work(settings(), KINDS, preload=()))
+    asyncio.run(work(settings(), KINDS))

@@ -35,12 +35,17 @@ def diary(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def shelve(service: Served, **children: str) -> None:
     """Give the application a shelf that knows nothing yet and runs stand-ins."""
     parts = service.parts
+    close_shelf(service)
+    shelf = RobotShelf(IsolatedPool(), parts.blobs, parts.spool, 500, **{**STUBS, **children})
+    service.app.state.parts = replace(parts, robots=shelf)
 
-    async def made() -> RobotShelf:
-        pool = IsolatedPool(0, preload=())
-        return RobotShelf(pool, parts.blobs, parts.spool, 500, **{**STUBS, **children})
 
-    service.app.state.parts = replace(parts, robots=service.run(made()))
+def close_shelf(service: Served) -> None:
+    """Nothing stays of a shelf that was made by a test, whose children saw that test's environment."""
+    parts = service.parts
+    if parts.robots.pool is not parts.pool:
+        service.run(parts.robots.aclose())
+        service.run(parts.robots.pool.close())
 
 
 @pytest.fixture
@@ -48,7 +53,7 @@ def stubbed(service: Served, diary: Path) -> Iterator[Served]:
     before = service.parts
     shelve(service)
     yield service
-    service.run(service.parts.robots.aclose())
+    close_shelf(service)
     service.run(before.blobs.delete_prefix("robots"))
     service.app.state.parts = before
 

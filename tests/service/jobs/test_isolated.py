@@ -1,5 +1,6 @@
 import asyncio
 import os
+import signal
 import time
 from collections.abc import Callable, Coroutine
 from pathlib import Path
@@ -10,8 +11,22 @@ import pytest
 
 from stridelab.errors import NotEstimable, StridelabError
 from stridelab.service.jobs.isolated import LOG_BYTES, IsolatedOutcome, IsolatedPool
+from stridelab.service.jobs.kinds.registry import COMPUTING, READING
 
 Run = Callable[..., IsolatedOutcome]
+
+
+def is_gone(pid: int) -> bool:
+    """Whether a process has ended, or does so within 5 s."""
+    deadline = time.monotonic() + 5
+    while time.monotonic() < deadline:
+        try:
+            if psutil.Process(pid).status() == psutil.STATUS_ZOMBIE:
+                return True
+        except psutil.NoSuchProcess:
+            return True
+        time.sleep(0.02)
+    return False
 
 
 @pytest.fixture
@@ -20,7 +35,7 @@ def with_pool(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[IsolatedPo
 
     def run(act: Callable[[IsolatedPool], Coroutine[Any, Any, Any]]) -> Any:
         async def inside() -> Any:
-            async with IsolatedPool(1, preload=()) as pool:
+            async with IsolatedPool() as pool:
                 return await act(pool)
 
         return asyncio.run(inside())
@@ -120,10 +135,7 @@ def test_cancelling_kills_the_child_and_what_it_started(with_pool: Any, tmp_path
 
     assert with_pool(act).state == "cancelled"
     grandchild = int(heard[0].split()[1])
-    deadline = time.monotonic() + 5
-    while psutil.pid_exists(grandchild) and psutil.Process(grandchild).status() != psutil.STATUS_ZOMBIE:
-        assert time.monotonic() < deadline
-        time.sleep(0.02)
+    assert is_gone(grandchild)
 
 
 def test_cancelling_the_caller_kills_the_child(with_pool: Any, tmp_path: Path) -> None:
@@ -145,7 +157,7 @@ def test_cancelling_the_caller_kills_the_child(with_pool: Any, tmp_path: Path) -
         task.cancel()
         with pytest.raises(asyncio.CancelledError):
             await task
-        assert not psutil.pid_exists(pids[0])
+        assert is_gone(pids[0])
 
     with_pool(act)
 
@@ -183,12 +195,68 @@ def test_every_task_has_a_child_of_its_own(with_pool: Any, tmp_path: Path) -> No
     assert outcomes[4].state == "crashed"
 
 
-def test_dead_spare_is_replaced(with_pool: Any, tmp_path: Path) -> None:
-    async def act(pool: IsolatedPool) -> IsolatedOutcome:
-        while not pool._spares:
+def test_nothing_is_left_of_the_children(with_pool: Any, tmp_path: Path) -> None:
+    async def act(pool: IsolatedPool) -> None:
+        ask = {"timeout_s": 30.0, "memory_mb": 500}
+        for function in ("add", "segfault", "leave"):
+            await pool.run(f"support.computations:{function}", {"a": 1, "b": 1}, tmp_path, **ask)
+        nursery = psutil.Process(pool._nursery.pid)
+        deadline = time.monotonic() + 5
+        while nursery.children():  # they are let go as soon as the nursery comes to it
+            assert time.monotonic() < deadline
             await asyncio.sleep(0.02)
-        os.kill(pool._spares[0]._process.pid, 9)
-        await pool._spares[0]._process.wait()
+        assert nursery.num_fds() == before
+
+    async def counted(pool: IsolatedPool) -> None:
+        nonlocal before
+        await pool.run("support.computations:add", {"a": 1, "b": 1}, tmp_path, timeout_s=30.0, memory_mb=500)
+        before = psutil.Process(pool._nursery.pid).num_fds()
+        await act(pool)
+
+    before = 0
+    with_pool(counted)
+
+
+def test_dead_nursery_is_replaced_and_its_children_count_as_killed(with_pool: Any, tmp_path: Path) -> None:
+    ask: dict[str, Any] = {"timeout_s": 30.0, "memory_mb": 500}
+
+    async def act(pool: IsolatedPool) -> tuple[IsolatedOutcome, IsolatedOutcome]:
+        def kill(_fraction: float, _message: str) -> None:
+            os.kill(pool._nursery.pid, signal.SIGKILL)
+
+        torn = await pool.run("support.computations:spin", {}, tmp_path, on_progress=kill, **ask)
+        return torn, await pool.run("support.computations:add", {"a": 1, "b": 1}, tmp_path, **ask)
+
+    torn, after = with_pool(act)
+    assert torn.state == "killed"
+    assert after.value == {"sum": 2}
+
+
+def test_one_that_died_unnoticed_is_replaced(with_pool: Any, tmp_path: Path) -> None:
+    async def act(pool: IsolatedPool) -> IsolatedOutcome:
+        os.kill(pool._nursery.pid, signal.SIGKILL)
+        time.sleep(0.2)  # the loop hears nothing of it
         return await pool.run("support.computations:add", {"a": 1, "b": 1}, tmp_path, timeout_s=30.0, memory_mb=500)
 
     assert with_pool(act).value == {"sum": 2}
+
+
+def test_what_is_imported_ahead_is_there_and_starts_no_thread(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    # a lock that another thread holds at the fork would be held for ever in the child
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+
+    preload = {*READING, *COMPUTING}
+
+    async def inside() -> Any:
+        async with IsolatedPool(sorted(preload)) as pool:
+            while True:
+                task = {"modules": sorted(preload)}
+                outcome = await pool.run(
+                    "support.computations:inheritance", task, tmp_path, timeout_s=60.0, memory_mb=500
+                )
+                if outcome.value is None or not outcome.value["missing"]:
+                    return outcome.value
+                await asyncio.sleep(0.5)
+
+    found = asyncio.run(asyncio.wait_for(inside(), 120.0))
+    assert found == {"missing": [], "threads_of_the_nursery": 1}

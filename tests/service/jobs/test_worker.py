@@ -63,7 +63,7 @@ def in_shop(database_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
     @asynccontextmanager
     async def opened() -> AsyncIterator[Shop]:
         engine = make_engine(database_url)
-        worker = Worker(database_url, blobs, KINDS, limits, preload=())
+        worker = Worker(database_url, blobs, KINDS, limits)
         working = asyncio.create_task(worker.run())
         try:
             async with JobBoard(database_url) as board:
@@ -288,5 +288,5 @@ def test_children_of_the_worker_are_gone_afterwards(in_shop: Open) -> None:
 
     in_shop(act)
     time.sleep(0.1)
-    left = [p for p in psutil.Process(os.getpid()).children() if "jobs.child" in " ".join(p.cmdline())]
+    left = [p for p in psutil.Process(os.getpid()).children() if "jobs.forking" in " ".join(p.cmdline())]
     assert left == []

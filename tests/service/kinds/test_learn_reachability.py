@@ -140,7 +140,7 @@ def test_a_cancelled_job_leaves_no_process_behind(tmp_path: Path) -> None:
             if fraction > 0.05:
                 cancel.set()
 
-        async with IsolatedPool(1, preload=()) as pool:
+        async with IsolatedPool() as pool:
             target, task = KINDS["learn-reachability"].run, {"input": {"robot": "talos"}}
             limits = {"timeout_s": 120.0, "memory_mb": KINDS["learn-reachability"].memory_mb}
             return await pool.run(target, task, tmp_path, **limits, cancel=cancel, on_progress=on_progress)

@@ -309,7 +309,7 @@ def test_a_solver_that_hangs_is_ended_and_its_stage_is_known(tmp_path: Path, mon
     heard: list[str] = []
 
     async def act() -> Any:
-        async with IsolatedPool(1, preload=("stridelab.service.jobs.kinds.plan_motion",)) as pool:
+        async with IsolatedPool(["stridelab.service.jobs.kinds.plan_motion"]) as pool:
             return await pool.run(
                 "support.planning:plan_with_a_hanging_solver",
                 plan_task().model_dump(mode="json"),

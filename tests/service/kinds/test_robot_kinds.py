@@ -149,7 +149,7 @@ def test_children_answer_like_the_functions_that_they_run(tmp_path: Path, facts:
     """The service runs both in children of their own, with their memory limited."""
 
     async def ask(target: str, robot: str) -> IsolatedOutcome:
-        async with IsolatedPool(spares=0, preload=()) as pool:
+        async with IsolatedPool() as pool:
             return await pool.run(
                 f"{KINDS}.{target}:run_in_child", {"robot": robot}, tmp_path, timeout_s=60.0, memory_mb=2048
             )

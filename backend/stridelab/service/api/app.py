@@ -36,7 +36,7 @@ from stridelab.service.api.stream.limits import StreamPlaces
 from stridelab.service.api.subjects import endpoints as subjects
 from stridelab.service.jobs.board import JobBoard
 from stridelab.service.jobs.isolated import IsolatedPool
-from stridelab.service.jobs.kinds.registry import KINDS
+from stridelab.service.jobs.kinds.registry import KINDS, READING
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
@@ -130,7 +130,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
         blobs = BlobStore.from_url(settings.blob_address, settings.blob_options)
         async with (
             JobBoard(url) as board,
-            IsolatedPool(spares=1) as pool,
+            IsolatedPool(READING) as pool,
             Resident() as resident,
             aclosing(RobotShelf(pool, blobs, spool, settings.job_memory_mb)) as shelf,
         ):

@@ -1,9 +1,8 @@
-"""The process in which one computation runs: ``python -m stridelab.service.jobs.child PARENT MODULES``.
+"""The process in which one computation runs, forked from one that has imported what it needs (``forking``).
 
-It is started ahead of time, imports what computations need, waits for one task on its standard input, answers on its
-standard output, and ends. JSON lines only, both ways; files lie in the task's folder. It ends with its parent, has a
-session of its own (so that what it starts can be killed with it), little priority, one thread per library, and no
-secrets in its environment. This module imports only the standard library, so that starting is cheap.
+It waits for one task on its wire, answers on it, and ends. JSON lines only, both ways; files lie in the task's folder.
+It ends with its parent, has a session of its own (so that what it starts can be killed with it), little priority, one
+thread per library, and no secrets in its environment. This module imports only the standard library.
 """
 
 import contextlib
@@ -19,35 +18,25 @@ import time
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, Final, NoReturn
 
+NAME: Final = "stridelab-job"
+"""What the system calls a child that computes, to tell it from the process that it was forked from."""
 _MIN_PROGRESS_S = 0.02
-_NICENESS = 10
 
 
-def main(parent_pid: int, modules: list[str]) -> None:
-    """Wait for one task, do it, answer."""
-    from stridelab.service.tether import die_with_parent
-
-    die_with_parent(parent_pid)
-    forbid_core_files()
+def live(wire: int) -> NoReturn:
+    """Wait for one task on the socket ``wire``, do it, answer."""
     _be_modest()
-    wire = os.fdopen(os.dup(1), "w", encoding="utf-8")
-    os.dup2(2, 1)  # what libraries print belongs into the log, not between the answers
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # line by line, so that a killed child's last words are kept
     faulthandler.enable()
-    for module in modules:
-        try:
-            importlib.import_module(module)
-        except ImportError:
-            traceback.print_exc()  # a task that needs it will say so
-    _send(wire, {"ready": True})
-    line = sys.stdin.readline()
+    heard, told = os.fdopen(wire, encoding="utf-8"), os.fdopen(os.dup(wire), "w", encoding="utf-8")
+    _send(told, {"ready": os.getpid(), "held_bytes": _pages(1)})
+    line = heard.readline()
     if line:
-        os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-        _send(wire, answer(json.loads(line), wire))
-        wire.close()
+        _send(told, answer(json.loads(line), told))
+    sys.stdout.flush()
     sys.stderr.flush()
     os._exit(0)  # no finalisers of native libraries: the answer is out
 
@@ -108,24 +97,25 @@ def forbid_core_files() -> None:
 
 
 def _be_modest() -> None:
-    os.nice(_NICENESS)
-    with contextlib.suppress(OSError):  # not Linux, or not allowed: the memory limit still holds
-        Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
+    """Be the first to go where memory is short, under a name of its own."""
+    for file, text in (("oom_score_adj", "1000"), ("comm", NAME)):
+        with contextlib.suppress(OSError):  # not Linux, or not allowed: the memory limit still holds
+            Path("/proc/self", file).write_text(text, encoding="ascii")
 
 
 def limit_memory(memory_mb: int) -> None:
     """Let ``memory_mb`` be reserved beyond what the imported libraries have reserved already."""
-    reserved = 0
-    with contextlib.suppress(OSError):
-        reserved = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
-    limit = reserved + (memory_mb << 20)
+    limit = _pages(0) + (memory_mb << 20)
     with contextlib.suppress(ValueError, OSError):  # a lower hard limit is set already
         resource.setrlimit(resource.RLIMIT_AS, (limit, resource.getrlimit(resource.RLIMIT_AS)[1]))
 
 
+def _pages(column: int) -> int:
+    """Bytes that this process has reserved (column 0) or holds (1); 0 where the system does not tell."""
+    with contextlib.suppress(OSError):
+        return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[column]) * resource.getpagesize()
+    return 0
+
+
 def _without_limit() -> None:
     resource.setrlimit(resource.RLIMIT_AS, (resource.getrlimit(resource.RLIMIT_AS)[1],) * 2)
-
-
-if __name__ == "__main__":
-    main(int(sys.argv[1]), [name for name in sys.argv[2].split(",") if name])

@@ -1,8 +1,7 @@
 """Computations in killable single-use processes: a crash, a hang or a memory hog costs only its own task.
 
-A few children wait ready-imported (``child``), so that handing over a task takes milliseconds. A child does one task
-and ends, so nothing leaks from one to the next. Children are spawned from the event loop's thread, which must live as
-long as they do: the kernel kills them when that thread ends.
+Children are forked from a process that has imported what they need (``nursery``), so that handing over a task takes
+milliseconds. A child does one task and ends, so nothing leaks from one to the next.
 """
 
 import asyncio
@@ -11,7 +10,6 @@ import itertools
 import json
 import os
 import signal
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,20 +19,14 @@ import psutil
 
 from stridelab import errors
 from stridelab.errors import Fault, StridelabError
+from stridelab.service.jobs.nursery import Forked, Nursery
 
-PRELOAD: Final = ("numpy", "scipy.signal", "scipy.optimize", "scipy.spatial.transform", "ezc3d", "pyarrow.parquet")
-"""What children import while they wait."""
 LOG_BYTES: Final = 64 * 1024
 """How much of the end of a child's log is kept."""
 _MEMORY_WATCH_S: Final = 0.1
 _TICKS_PER_FAMILY: Final = 10
-_LINE_BYTES: Final = 64 * 1024 * 1024
 _START_S: Final = 60.0
 _AFTER_DEATH_S: Final = 0.5
-_THREADS: Final = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB", "BLIS")
-_SECRETS: Final = ("STRIDELAB_", "AWS_", "PG", "AZURE_", "GOOGLE_")
-_NEEDED: Final = frozenset({"STRIDELAB_NATIVE_PATH"})
-"""The folder of the C++ solver: no secret, and computations look there for it."""
 
 State = Literal["ok", "error", "crashed", "killed", "timeout", "cancelled", "memory"]
 """``killed`` is a SIGKILL that did not come from here: the kernel's for want of memory, or somebody's."""
@@ -65,25 +57,25 @@ class IsolatedOutcome:
 
 
 class IsolatedPool:
-    """Children for one event loop, ``spares`` of them ready in advance. An asynchronous context manager."""
+    """Children for one event loop that have imported ``preload``. An asynchronous context manager."""
 
-    def __init__(self, spares: int = 1, preload: Sequence[str] = PRELOAD) -> None:
-        self._wanted, self._preload = spares, tuple(preload)
-        self._spares: list[_Child] = []
-        self._refilling: asyncio.Task[None] | None = None
-        self._closed = False
+    def __init__(self, preload: Sequence[str] = ()) -> None:
+        self._preload = tuple(preload)
+        self._nursery: Nursery | None = None
+        self._starting = asyncio.Lock()
 
     async def __aenter__(self) -> "IsolatedPool":  # noqa: PYI034
-        self._refill()
+        await self._living()
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        self._closed = True
-        if self._refilling is not None:
-            await asyncio.wait([self._refilling])
-        for child in self._spares:
-            await child.end()
-        self._spares.clear()
+        await self.close()
+
+    async def close(self) -> None:
+        """Kill the children; one that is asked for later would find everything started anew."""
+        if self._nursery is not None:
+            await self._nursery.close()
+            self._nursery = None
 
     async def run(
         self,
@@ -101,7 +93,7 @@ class IsolatedPool:
         ``timeout_s`` counts from the moment at which the child is ready. Setting ``cancel``, or cancelling the
         calling task, kills the child and all that it started.
         """
-        child = await self._take()
+        child = await self._born()
         try:
             return await child.work(
                 {"target": target, "task": dict(task), "folder": str(folder.resolve()), "memory_mb": memory_mb},
@@ -113,54 +105,32 @@ class IsolatedPool:
         finally:
             await asyncio.shield(child.end())
 
-    async def _take(self) -> "_Child":
-        while self._spares:
-            child = self._spares.pop(0)
-            if child.is_alive:
-                self._refill()
-                return child
-            await child.end()
-        child = await _Child.spawn(self._preload)
-        self._refill()
-        return child
+    async def _born(self) -> "_Child":
+        try:
+            nursery = await self._living()
+            return _Child(nursery, await nursery.fork())
+        except OSError:  # it ended between the two
+            nursery = await self._living()
+            return _Child(nursery, await nursery.fork())
 
-    def _refill(self) -> None:
-        if self._refilling is None or self._refilling.done():
-            self._refilling = asyncio.get_running_loop().create_task(self._fill())
-
-    async def _fill(self) -> None:
-        while len(self._spares) < self._wanted and not self._closed:
-            self._spares.append(await _Child.spawn(self._preload))
+    async def _living(self) -> Nursery:
+        async with self._starting:
+            if self._nursery is not None and self._nursery.is_gone:
+                await self.close()
+            if self._nursery is None:
+                self._nursery = await Nursery.start(self._preload)
+            return self._nursery
 
 
 class _Child:
     """One child process and the two streams that come from it."""
 
-    def __init__(self, process: asyncio.subprocess.Process) -> None:
-        self._process = process
+    def __init__(self, nursery: Nursery, forked: Forked) -> None:
+        self._nursery, self._forked = nursery, forked
+        self._pid: int | None = None
+        self._held_bytes = 0
         self._tail = bytearray()
         self._logging = asyncio.get_running_loop().create_task(self._keep_log())
-
-    @staticmethod
-    async def spawn(preload: Sequence[str]) -> "_Child":
-        process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-m",
-            "stridelab.service.jobs.child",
-            str(os.getpid()),
-            ",".join(preload),
-            stdin=asyncio.subprocess.PIPE,
-            stdout=asyncio.subprocess.PIPE,
-            stderr=asyncio.subprocess.PIPE,
-            env=child_environment(),
-            limit=_LINE_BYTES,
-            start_new_session=True,
-        )
-        return _Child(process)
-
-    @property
-    def is_alive(self) -> bool:
-        return self._process.returncode is None
 
     async def work(
         self,
@@ -172,9 +142,9 @@ class _Child:
         on_progress: OnProgress,
     ) -> IsolatedOutcome:
         stop = asyncio.create_task(cancel.wait())
-        ready = asyncio.create_task(self._next_message())
+        ready = asyncio.create_task(self._ready())
         reading = asyncio.create_task(self._converse(ready, task, on_progress))
-        watching = asyncio.create_task(self._watch_memory(memory_mb << 20))
+        watching = asyncio.create_task(self._watch_memory(ready, memory_mb << 20))
         try:
             await asyncio.wait({ready, stop}, timeout=_START_S, return_when=asyncio.FIRST_COMPLETED)
             if ready.done() and not stop.done():
@@ -196,27 +166,39 @@ class _Child:
 
     async def end(self) -> None:
         """Kill the child and everything in its session, and collect what is left of it."""
-        self._kill()
-        await self._process.wait()
+        await self._dead()
         with contextlib.suppress(asyncio.TimeoutError):
             await asyncio.wait_for(asyncio.shield(self._logging), _AFTER_DEATH_S)
         self._logging.cancel()
-        if self._process.stdin is not None:
-            self._process.stdin.close()
+        self._nursery.let_go(self._forked)
+
+    async def _dead(self) -> None:
+        self._kill()
+        # a nursery that is importing tells late; one that was never ready ends when its wire is cut
+        await asyncio.wait([self._forked.ended], timeout=_AFTER_DEATH_S if self._pid is None else _START_S)
 
     def _kill(self) -> None:
-        with contextlib.suppress(ProcessLookupError, PermissionError):
-            os.killpg(self._process.pid, signal.SIGKILL)
+        if self._pid is not None:
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._pid, signal.SIGKILL)
+
+    async def _ready(self) -> bool:
+        """Whether the child has come up; its process number is known from then on."""
+        message = await self._next_message()
+        if message is None:
+            return False
+        self._pid, self._held_bytes = int(message["ready"]), int(message["held_bytes"])
+        return True
 
     async def _converse(
-        self, ready: "asyncio.Task[dict[str, Any] | None]", task: Mapping[str, Any], on_progress: OnProgress
+        self, ready: "asyncio.Task[bool]", task: Mapping[str, Any], on_progress: OnProgress
     ) -> dict[str, Any] | None:
         """Hand over the task and listen until the answer; None where the child ended without one."""
-        if await asyncio.shield(ready) is None or self._process.stdin is None:
+        if not await asyncio.shield(ready):
             return None
         try:
-            self._process.stdin.write(json.dumps(task).encode() + b"\n")
-            await self._process.stdin.drain()
+            self._forked.told.write(json.dumps(task).encode() + b"\n")
+            await self._forked.told.drain()
         except (BrokenPipeError, ConnectionResetError):
             return None
         while (message := await self._next_message()) is not None:
@@ -226,12 +208,10 @@ class _Child:
         return None
 
     async def _next_message(self) -> dict[str, Any] | None:
-        if self._process.stdout is None:
-            return None
         try:
-            line = await self._process.stdout.readline()
+            line = await self._forked.heard.readline()
             message = json.loads(line) if line else None
-        except ValueError:  # longer than the limit, or not ours
+        except (ValueError, ConnectionResetError):  # longer than the limit, not ours, or cut
             return None
         return message if isinstance(message, dict) else None
 
@@ -247,7 +227,7 @@ class _Child:
 
     async def _crashed(self) -> IsolatedOutcome:
         stopped_here = self._kill_unless_ended()
-        code = await self._process.wait()
+        code = await self._forked.ended
         log = await self._log()
         if "bad_alloc" in log or "MemoryError" in log:
             return IsolatedOutcome("memory", None, _memory_problem(), None, log)
@@ -262,42 +242,34 @@ class _Child:
 
     def _kill_unless_ended(self) -> bool:
         """Stop a child whose answer could not be read (True); one that has just ended keeps its exit code."""
-        with contextlib.suppress(psutil.NoSuchProcess):
-            if psutil.Process(self._process.pid).status() != psutil.STATUS_ZOMBIE and not self._at_end():
-                self._kill()
-                return True
-        return False
-
-    def _at_end(self) -> bool:
-        return self._process.stdout is not None and self._process.stdout.at_eof()
+        if self._forked.ended.done() or self._forked.heard.at_eof():
+            return False
+        self._kill()
+        return True
 
     async def _killed(self, state: State, code: str, detail: str) -> IsolatedOutcome:
-        self._kill()
-        await self._process.wait()
+        await self._dead()
         return IsolatedOutcome(state, None, _problem(code, detail), None, await self._log())
 
     async def _out_of_memory(self, memory_mb: int) -> IsolatedOutcome:
-        self._kill()
-        await self._process.wait()
+        await self._dead()
         return IsolatedOutcome("memory", None, _memory_problem(memory_mb), None, await self._log())
 
-    async def _watch_memory(self, limit_bytes: int) -> None:
-        """Return when the child and its own children hold more than the limit."""
+    async def _watch_memory(self, ready: "asyncio.Task[bool]", limit_bytes: int) -> None:
+        """Return when the child and its own children hold more than the limit beyond what was imported for it."""
+        await asyncio.shield(ready)
         for tick in itertools.count():
             await asyncio.sleep(_MEMORY_WATCH_S)
             with contextlib.suppress(psutil.Error):
-                process = psutil.Process(self._process.pid)
+                process = psutil.Process(self._pid)
                 held = [process]
                 if tick % _TICKS_PER_FAMILY == 0:
                     held += process.children(recursive=True)  # looks at every process of the machine
-                if sum(each.memory_info().rss for each in held) > limit_bytes:
+                if sum(each.memory_info().rss for each in held) > limit_bytes + self._held_bytes:
                     return
 
     async def _keep_log(self) -> None:
-        while self._process.stderr is not None:
-            chunk = await self._process.stderr.read(LOG_BYTES)
-            if not chunk:
-                return
+        while chunk := await self._forked.log.read(LOG_BYTES):
             self._tail += chunk
             del self._tail[:-LOG_BYTES]
 
@@ -305,12 +277,6 @@ class _Child:
         # the answer may overtake the last lines of the log; a grandchild may hold the log open for ever
         await asyncio.wait([self._logging], timeout=_AFTER_DEATH_S)
         return bytes(self._tail).decode("utf-8", errors="replace").replace("\0", "")
-
-
-def child_environment() -> dict[str, str]:
-    """The environment of a process that computes: no secrets, one thread per library."""
-    environment = {key: value for key, value in os.environ.items() if key in _NEEDED or not key.startswith(_SECRETS)}
-    return environment | {f"{library}_NUM_THREADS": "1" for library in _THREADS}
 
 
 def _problem(code: str, detail: str) -> dict[str, Any]:

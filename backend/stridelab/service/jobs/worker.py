@@ -22,7 +22,7 @@ from stridelab.service.jobs.attempts import Attempt, Attempts
 from stridelab.service.jobs.board import Listener
 from stridelab.service.jobs.consumer import DATABASE_IS_AWAY, Consumer
 from stridelab.service.jobs.errand import Errand
-from stridelab.service.jobs.isolated import PRELOAD, IsolatedPool
+from stridelab.service.jobs.isolated import IsolatedPool
 from stridelab.service.jobs.kinds.kind import JobKind
 from stridelab.service.jobs.queue import LANES, Delivery, Lane
 from stridelab.service.jobs.store import CANCEL_CHANNEL
@@ -31,8 +31,6 @@ from stridelab.service.settings import Settings, settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import database_url, is_migrated, make_engine
 
-MAX_SPARES: Final = 4
-"""Ready-imported children cost some 100 MB each; more than this wait for their imports."""
 _POLL_S: Final = 5.0
 _REAP_S: Final = 2.0
 _RETENTION_S: Final = 3600.0
@@ -50,7 +48,7 @@ class Worker:
         blobs: BlobStore,
         kinds: Mapping[str, JobKind],
         limits: Settings,
-        preload: Sequence[str] = PRELOAD,
+        preload: Sequence[str] = (),
     ) -> None:
         self._url, self._blobs, self._kinds, self._limits = url, blobs, kinds, limits
         self._engine = make_engine(url)
@@ -58,7 +56,7 @@ class Worker:
         self._consumer = Consumer(url)
         slots = limits.worker_slots or max(1, (os.cpu_count() or 2) - 1)
         self._slots: tuple[tuple[Lane, ...], ...] = (("short",), *((LANES,) * slots))
-        self._pool = IsolatedPool(min(len(self._slots), MAX_SPARES), preload)
+        self._pool = IsolatedPool(preload)
         self._errands: list[Errand] = []
         self._news: list[asyncio.Event] = []
         self._stopping = asyncio.Event()
@@ -212,8 +210,8 @@ class Worker:
             errand.look_again()
 
 
-async def work(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence[str] = PRELOAD) -> None:
-    """Run one worker on the configured database until SIGTERM or SIGINT.
+async def work(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence[str] = ()) -> None:
+    """Run one worker, whose children have imported ``preload``, on the configured database until SIGTERM or SIGINT.
 
     Raises ``Unavailable`` (``database-url-missing``, ``database-not-migrated``).
     """
@@ -237,13 +235,13 @@ async def work(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence
 
 def main() -> None:
     """Entry point: a worker for all job kinds."""
-    from stridelab.service.jobs.kinds.registry import KINDS
+    from stridelab.service.jobs.kinds.registry import COMPUTING, KINDS
     from stridelab.service.logs import configure_logging
 
     limits = settings()
     configure_logging(limits.log_level)
     try:
-        asyncio.run(work(limits, KINDS))
+        asyncio.run(work(limits, KINDS, COMPUTING))
     except StridelabError as error:
         sys.exit(error.message)
 

@@ -15,7 +15,8 @@ from types import TracebackType
 from typing import Any, Final
 
 from stridelab.errors import Busy, Unavailable
-from stridelab.service.jobs.isolated import IsolatedOutcome, child_environment
+from stridelab.service.jobs.isolated import IsolatedOutcome
+from stridelab.service.jobs.nursery import child_environment
 
 Json = dict[str, Any]
 

@@ -11,7 +11,8 @@ from typing import Final
 
 from stridelab.errors import StridelabError
 from stridelab.service.api.stream.wire import HEADER, PROBLEM, Parcel
-from stridelab.service.jobs.isolated import IsolatedOutcome, child_environment
+from stridelab.service.jobs.isolated import IsolatedOutcome
+from stridelab.service.jobs.nursery import child_environment
 
 MEMORY_MB: Final = 256
 """What a stream may take beyond its libraries."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from types import MappingProxyType
+from typing import Final
 
 from stridelab.schemas.comparison import CompareEstimatorsInput, CompareEstimatorsSummary
 from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary
@@ -154,3 +155,14 @@ PARSE_UPLOAD = "stridelab.service.jobs.kinds.parse_upload:run_in_child"
 
 PARSE_BATCH = "stridelab.service.jobs.kinds.parse_batch:run_in_child"
 """Import path of the reader of bulk uploads; it is run by ``POST /recordings/batch``."""
+
+_LIBRARIES: Final = ("numpy", "scipy.optimize", "scipy.spatial", "scipy.stats", "scipy.signal")
+READING: Final = (*_LIBRARIES, "ezc3d", "pyarrow.parquet", PARSE_UPLOAD.partition(":")[0])
+"""What is imported ahead for the children that parse uploads, dear libraries by themselves (``forking``)."""
+COMPUTING: Final = (
+    *_LIBRARIES,
+    *("ezc3d", "pyarrow.parquet", "pinocchio", "casadi", "sqlalchemy.ext.asyncio", "trimesh", "sklearn.mixture"),
+    *(kind.run.partition(":")[0] for kind in KINDS.values()),
+    *("mujoco", "viser", "stridelab.wholebody.replay"),
+)
+"""What is imported ahead for the children that run jobs; the last three are imported by runs that need them."""
