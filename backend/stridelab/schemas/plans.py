@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.scenarios import Friction, OneLine, Scenario, ScenarioContact, TerrainSurface
 
-PLAN_STAGES: Final = ("check", "reachability", "centroidal", "whole body", "certificate", "replay", "export")
+PLAN_STAGES: Final = ("check", "reachability", "centroidal", "whole body", "certificate", "export", "replay")
 """Stages of ``plan-motion`` in their order: keys of ``stage_times_s``, first words of its progress messages."""
 
 Formulation = Literal["forces", "circular-cones", "wrench"]

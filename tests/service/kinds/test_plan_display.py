@@ -33,7 +33,7 @@ def test_poses_are_forward_kinematics_and_survive_the_file(tmp_path: Path) -> No
     links = tuple(link.name for link in link_meshes(robot))
     poses = display_poses(robot, motion.q[frames])
     forces = display_forces(motion, frames)
-    written = write_display(tmp_path, "talos", links, FEET, motion.time_s[frames], Shown(poses, forces), None)
+    written = write_display(tmp_path, "talos", links, FEET, motion.time_s[frames], Shown(poses, forces))
     assert (
         {a.name for a in written} == {"poses.f32", "poses.json", "forces.f32"} == {p.name for p in tmp_path.iterdir()}
     )

@@ -7,8 +7,9 @@ socket on which it is asked, and answers, in records:
     LET_GO, serial                 the child's process number may become somebody else's
     serial, code  (answer)         the child has ended; until it is let go it stays a zombie and can be signalled safely
 
-It has one thread, so that no fork copies a lock that somebody holds, and serves between its imports, so that nobody
-waits for all of them. It imports only the standard library by itself, ends with its parent, and its children with it.
+It has one thread, so that no fork copies a lock that somebody holds, imports only the standard library by itself, and
+ends with its parent, as its children end with it. It forks nothing before it has imported everything: the time that a
+child may take counts from its birth.
 """
 
 import gc
@@ -49,19 +50,15 @@ class Forking:
         self._ended: set[int] = set()
         self._let_go: set[int] = set()
 
-    def attend(self, *, wait: bool) -> None:
-        """Do what is asked, and tell of the dead, until there is nothing more; ``wait`` for the first of it."""
-        timeout_s = None if wait else 0.0
+    def attend(self) -> NoReturn:
+        """Do what is asked, and tell of the dead, for as long as somebody is there to ask."""
         while True:
-            ready, _, _ = select.select([self._asked, self._woken], [], [], timeout_s)
-            if not ready:
-                return
+            ready, _, _ = select.select([self._asked, self._woken], [], [])
             if self._woken in ready:
                 os.read(self._woken, select.PIPE_BUF)
             if self._asked in ready:
                 self._take()
             self._look_after()
-            timeout_s = 0.0
 
     def _take(self) -> None:
         asked, files, _, _ = socket.recv_fds(self._control, REQUEST.size, 2, socket.MSG_WAITALL)
@@ -134,15 +131,13 @@ def main(parent_pid: int, modules: list[str]) -> None:
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     forking = Forking(control)
     for module in modules:
-        forking.attend(wait=False)
         try:
             importlib.import_module(module)
         except ImportError:
             traceback.print_exc()  # a task that needs it will say so
     gc.collect()
     gc.freeze()  # a collection in a child would touch, and so copy, every page
-    while True:
-        forking.attend(wait=True)
+    forking.attend()
 
 
 if __name__ == "__main__":

@@ -25,7 +25,8 @@ LOG_BYTES: Final = 64 * 1024
 """How much of the end of a child's log is kept."""
 _MEMORY_WATCH_S: Final = 0.1
 _TICKS_PER_FAMILY: Final = 10
-_START_S: Final = 60.0
+_START_S: Final = 120.0
+"""How long a child may wait for the nursery's imports."""
 _AFTER_DEATH_S: Final = 0.5
 
 State = Literal["ok", "error", "crashed", "killed", "timeout", "cancelled", "memory"]
@@ -174,8 +175,8 @@ class _Child:
 
     async def _dead(self) -> None:
         self._kill()
-        # a nursery that is importing tells late; one that was never ready ends when its wire is cut
-        await asyncio.wait([self._forked.ended], timeout=_AFTER_DEATH_S if self._pid is None else _START_S)
+        # one that was never ready may not have been forked yet; it ends when its wire is cut
+        await asyncio.wait([self._forked.ended], timeout=_AFTER_DEATH_S if self._pid is None else None)
 
     def _kill(self) -> None:
         if self._pid is not None:

@@ -52,7 +52,7 @@ class Nursery:
 
     @staticmethod
     async def start(preload: Sequence[str]) -> "Nursery":
-        """Start the process, which imports ``preload`` while it is not asked for children."""
+        """Start the process, which imports ``preload`` first."""
         ours, theirs = socket.socketpair()
         with theirs:
             process = await asyncio.create_subprocess_exec(

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import BaseModel
 
 from stridelab.centroidal.plan import CentroidalPlan
-from stridelab.robots.display import link_meshes
+from stridelab.robots.display import link_meshes, link_names
 from stridelab.robots.robot import Robot
 from stridelab.schemas.plans import Film
 from stridelab.service.jobs.kinds.kind import ArtifactFile, ProgressCallback
@@ -17,6 +17,7 @@ from stridelab.service.jobs.kinds.plan_display import (
     JSON,
     RAW,
     Shown,
+    add_replayed,
     display_forces,
     display_frames,
     display_poses,
@@ -53,13 +54,17 @@ def write_motion(
     folder: Path,
     robot: Robot,
     motion: WholeBodyMotion,
-    replay: "Replay | None",
     film: Film | None,
     tell: ProgressCallback,
 ) -> tuple[ArtifactFile, ...]:
-    """The motion for programs and for people, the display files with those of the replay, the player and the film."""
+    """What a viewer needs first; then the motion for programs and for people, the player and the film."""
     sequence = motion.sequence
-    tell(0.1, "writing the motion")
+    tell(0.1, "placing the links")
+    frames = display_frames(len(motion.time_s), motion.rate_hz)
+    shown = Shown(display_poses(robot, motion.q[frames]), display_forces(motion, frames))
+    effectors = tuple(motion.forces_n)
+    display = write_display(folder, robot.name, link_names(robot), effectors, motion.time_s[frames], shown)
+    tell(0.3, "writing the motion")
     limits_nm = np.asarray(robot.model.effortLimit)[6:]
     about = _about(sequence.name, robot.name) | {"rate_hz": motion.rate_hz}
     tables = (
@@ -68,39 +73,31 @@ def write_motion(
     )
     arrays = write_arrays(folder / "motion.npz", motion_arrays(robot, motion))
     trajectory = write_trajectory(folder, robot, motion)
-    tell(0.4, "placing the links")
+    tell(0.5, "recording it for viser")
     links = link_meshes(robot)
-    frames = display_frames(len(motion.time_s), motion.rate_hz)
-    poses = display_poses(robot, motion.q[frames])
-    shown = write_display(
-        folder,
-        robot.name,
-        tuple(link.name for link in links),
-        tuple(motion.forces_n),
-        motion.time_s[frames],
-        Shown(poses, display_forces(motion, frames)),
-        None if replay is None else replayed_display(robot, replay, motion.time_s[frames], tuple(motion.forces_n)),
-    )
-    tell(0.7, "recording it for viser")
     lasts_s = float(motion.time_s[-1] - motion.time_s[0])
     every = max(1, round((len(frames) - 1) / lasts_s / RECORDING_HZ)) if lasts_s > 0.0 else 1
-    recording = record(sequence.terrain, links, poses[::every], RECORDING_HZ)
+    recording = record(sequence.terrain, links, shown.poses[::every], RECORDING_HZ)
     atomically(folder / RECORDING_FILE, lambda path: path.write_bytes(recording))
     atomically(folder / PAGE_FILE, lambda path: path.write_text(player_page(recording), encoding="utf-8"))
     player = [ArtifactFile(RECORDING_FILE, RAW), ArtifactFile(PAGE_FILE, HTML)]
     if film is not None:
-        player.append(write_film(folder, film, sequence.terrain, links, poses[::every], RECORDING_HZ, tell))
-    return (*tables, arrays, *trajectory, *shown, *player)
+        player.append(write_film(folder, film, sequence.terrain, links, shown.poses[::every], RECORDING_HZ, tell))
+    return (*display, *tables, arrays, *trajectory, *player)
 
 
-def write_replay(folder: Path, replay: "Replay") -> tuple[ArtifactFile, ...]:
+def write_replay(folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "Replay") -> tuple[ArtifactFile, ...]:
     """``replay.npz``: ``time_s``, ``q``, ``v`` in pinocchio's order and the total contact force per effector.
 
-    ``replay.parquet`` with its CSV twin: the CoM and the forces as columns.
+    ``replay.parquet`` with its CSV twin: the CoM and the forces as columns. What a viewer shows of it joins what
+    ``write_motion`` has left of ``motion``.
     """
+    frames = display_frames(len(motion.time_s), motion.rate_hz)
+    replayed = replayed_display(robot, replay, motion.time_s[frames], tuple(motion.forces_n))
     forces = {f"forces_{effector}": track for effector, track in replay.forces_n.items()}
     arrays = {"time_s": replay.time_s, "q": replay.q, "v": replay.v, **forces}
-    return write_arrays(folder / "replay.npz", arrays), *write_table(folder, "replay", replay_columns(replay), {})
+    tables = write_table(folder, "replay", replay_columns(replay), {})
+    return *add_replayed(folder, replayed), write_arrays(folder / "replay.npz", arrays), *tables
 
 
 def write_json(folder: Path, name: str, value: BaseModel) -> ArtifactFile:

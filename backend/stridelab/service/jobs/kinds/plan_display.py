@@ -3,7 +3,7 @@
 import json
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 DISPLAY_HZ = 50.0
 RAW, JSON, HTML = "application/octet-stream", "application/json", "text/html"
+DESCRIPTION_FILE: Final = "poses.json"
 POSE_COLUMNS = ("px", "py", "pz", "qw", "qx", "qy", "qz")
 FORCE_COLUMNS = ("px", "py", "pz", "fx", "fy", "fz")
 
@@ -103,12 +104,8 @@ def write_display(
     effectors: tuple[str, ...],
     time_s: Series,
     shown: Shown,
-    replayed: Shown | None,
 ) -> tuple[ArtifactFile, ...]:
-    """Write ``poses.f32`` and ``forces.f32`` (little endian, C order) and ``poses.json``, which describes both.
-
-    Those of a replay are ``replay_poses.f32`` and ``replay_forces.f32``, of the same shape.
-    """
+    """Write ``poses.f32`` and ``forces.f32`` (little endian, C order) and ``poses.json``, which describes both."""
     about = {
         "robot": robot_name,
         "n_frames": len(time_s),
@@ -117,15 +114,30 @@ def write_display(
         "columns": list(POSE_COLUMNS),
         "forces": {"file": "forces.f32", "effectors": list(effectors), "columns": list(FORCE_COLUMNS)},
     }
-    arrays = {"poses.f32": shown.poses, "forces.f32": shown.forces}
-    if replayed is not None:
-        about["replay"] = {"poses": "replay_poses.f32", "forces": "replay_forces.f32"}
-        arrays |= {"replay_poses.f32": replayed.poses, "replay_forces.f32": replayed.forces}
+    written = _write_shown(folder, shown, "")
+    _describe(folder, about)
+    return *written, ArtifactFile(DESCRIPTION_FILE, JSON)
+
+
+def add_replayed(folder: Path, replayed: Shown) -> tuple[ArtifactFile, ...]:
+    """Write ``replay_poses.f32`` and ``replay_forces.f32``, of the same shape, and have ``poses.json`` name them."""
+    written = _write_shown(folder, replayed, "replay_")
+    about = json.loads((folder / DESCRIPTION_FILE).read_text(encoding="utf-8"))
+    poses, forces = (file.name for file in written)
+    _describe(folder, about | {"replay": {"poses": poses, "forces": forces}})
+    return written
+
+
+def _write_shown(folder: Path, shown: Shown, prefix: str) -> tuple[ArtifactFile, ...]:
+    arrays = {f"{prefix}poses.f32": shown.poses, f"{prefix}forces.f32": shown.forces}
     for name, values in arrays.items():
         atomically(folder / name, partial(_write_floats, values=values))
+    return tuple(ArtifactFile(name, RAW) for name in arrays)
+
+
+def _describe(folder: Path, about: dict[str, Any]) -> None:
     text = json.dumps(about, allow_nan=False)
-    atomically(folder / "poses.json", lambda path: path.write_text(text, encoding="utf-8"))
-    return (*(ArtifactFile(name, RAW) for name in arrays), ArtifactFile("poses.json", JSON))
+    atomically(folder / DESCRIPTION_FILE, lambda path: path.write_text(text, encoding="utf-8"))
 
 
 def _write_floats(path: Path, values: np.ndarray) -> None:

@@ -1,8 +1,9 @@
 """``plan-motion``: from a scenario to a motion of the whole robot, checked and replayed (chapter 4).
 
-    Scenario -> ContactSequence -> CentroidalPlan -> WholeBodyMotion -> Certificate -> Replay -> artifacts
+    Scenario -> ContactSequence -> CentroidalPlan -> WholeBodyMotion -> Certificate -> artifacts -> Replay
 
-Every stage has its share of the progress bar and its time in the summary, and every failure names its stage.
+The replay takes longest and comes last, so that what is asked for most is there first. Every stage has its share of
+the progress bar and its time in the summary, and every failure names its stage.
 """
 
 from dataclasses import asdict, replace
@@ -45,7 +46,7 @@ from stridelab.wholebody.stopped import WholeBodyStopped
 if TYPE_CHECKING:
     from stridelab.wholebody.replay import Replay
 
-CHECK, REACHABILITY, CENTROIDAL, WHOLE_BODY, CERTIFICATE, REPLAY, EXPORT = PLAN_STAGES
+CHECK, REACHABILITY, CENTROIDAL, WHOLE_BODY, CERTIFICATE, EXPORT, REPLAY = PLAN_STAGES
 
 REFERENCES: Final = ("carpentier2017thesis", "carpentier2018multicontact", "carpentier2019pinocchio")
 SOLVER_REFERENCES: Final = {"ipopt": "wachter2006ipopt", "fatrop": "vanroye2023fatrop"}
@@ -89,7 +90,7 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
         problem, plan = planned(problem, request, tell)
         given, sequence = sequence, plan.sequence
 
-    motion, certificate, replay, replayed, stopped = None, None, None, None, None
+    motion, certificate, replayed, stopped = None, None, None, None
     passes: tuple[Pass, ...] = ()
     if request.whole_body:
         try:
@@ -102,19 +103,17 @@ def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outco
     if motion is not None and stopped is None:
         with stages.at(CERTIFICATE, "checking the motion"):
             certificate = certificate_of(certify(robot, sequence, plan, proxies, motion))
-        if request.replay:
-            with stages.at(REPLAY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
-                replay = _replayed(robot, sequence, motion, _clock(tell, sequence.duration_s))
-                replayed = replay_of(replay)
+            artifacts.append(write_json(folder, "certificate.json", certificate))
     with stages.at(EXPORT, "writing the plan") as tell:
         scenario = as_planned(task.scenario, sequence)
         artifacts += [*write_plan(folder, plan), write_json(folder, "scenario.json", scenario)]
         if motion is not None:
-            artifacts += write_motion(folder, robot, motion, replay, request.film, tell)
-        if certificate is not None:
-            artifacts.append(write_json(folder, "certificate.json", certificate))
-        if replay is not None:
-            artifacts += write_replay(folder, replay)
+            artifacts += write_motion(folder, robot, motion, request.film, tell)
+    if request.replay and certificate is not None and motion is not None:
+        with stages.at(REPLAY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
+            replay = _replayed(robot, sequence, motion, _clock(tell, sequence.duration_s))
+            replayed = replay_of(replay)
+            artifacts += write_replay(folder, robot, motion, replay)
 
     warnings = (*noted, *jumps(problem, request), *remarks(plan, motion, certificate, replayed))
     found = summary(plan, given, problem, request, certificate, replayed, stages.times_s, warnings)
@@ -130,9 +129,8 @@ def _shares(request: PlanMotionInput) -> dict[str, float]:
     shares = {CHECK: 0.3, REACHABILITY: 0.1, CENTROIDAL: 2.0}
     if request.whole_body:
         shares |= {WHOLE_BODY: 4.0, CERTIFICATE: 2.0}
-    if request.replay:
-        shares |= {REPLAY: 5.0}
-    return shares | {EXPORT: 4.0 if request.whole_body else 0.3}
+    shares |= {EXPORT: 4.0 if request.whole_body else 0.3}
+    return shares | ({REPLAY: 6.0} if request.replay else {})
 
 
 def _clock(tell: ProgressCallback, duration_s: float) -> ProgressCallback:
