@@ -1,7 +1,7 @@
 """Measure what every job kind costs, on a service of its own; writes docs/job_costs.json, which the sizing page uses.
 
-Processor time is that of the job's child with its imports, read from the worker's account of ended children, so it
-holds on a busy machine, too. Wall times are given beside it and mean something on an idle machine only.
+Processor time is that of the job's child, read from the account of ended children of the process that they are forked
+from, so it holds on a busy machine, too. Wall times are given beside it and mean something on an idle machine only.
 usage: measure_jobs.py [ROUNDS]
 """
 
@@ -53,8 +53,22 @@ def service(folder: Path) -> Iterator[tuple[httpx.Client, psutil.Process]]:
 
 
 def member(supervisor: psutil.Process, module: str) -> psutil.Process:
-    """The service's process that runs ``module``."""
-    return next(child for child in supervisor.children() if module in child.cmdline())
+    """The process below the service's that runs ``module``, as soon as it is there."""
+    until = time.monotonic() + 60.0
+    while time.monotonic() < until:
+        for child in supervisor.children(recursive=True):
+            if module in child.cmdline():
+                return child
+        time.sleep(0.2)
+    raise SystemExit(f"nothing runs {module}")
+
+
+def nursery(supervisor: psutil.Process) -> psutil.Process:
+    """What the worker's children are forked from, when it has imported everything."""
+    found = member(member(supervisor, "stridelab.service.jobs.worker"), "stridelab.service.jobs.forking")
+    while found.status() == psutil.STATUS_RUNNING:
+        time.sleep(0.5)
+    return found
 
 
 def ended_children_s(process: psutil.Process) -> float:
@@ -69,10 +83,9 @@ def own_s(process: psutil.Process) -> float:
     return float(times.user + times.system)
 
 
-def run(http: httpx.Client, worker: psutil.Process, kind: str, body: Any) -> dict[str, float]:
+def run(http: httpx.Client, forked_from: psutil.Process, kind: str, body: Any) -> dict[str, float]:
     """One job: seconds of processor and of the clock, bytes left."""
-    time.sleep(3.0)  # the next child gets ready
-    before = ended_children_s(worker)
+    before = ended_children_s(forked_from)
     job = http.post(f"/api/v1/jobs/{kind}", json=body).raise_for_status().json()
     while (job := http.get(f"/api/v1/jobs/{job['id']}?wait=30").json())["state"] in ("queued", "running"):
         pass
@@ -82,13 +95,13 @@ def run(http: httpx.Client, worker: psutil.Process, kind: str, body: Any) -> dic
     result = http.get(f"/api/v1/jobs/{job['id']}/result").json()
     clock = [time.mktime(time.strptime(job[name][:19], "%Y-%m-%dT%H:%M:%S")) for name in ("started_at", "finished_at")]
     return {
-        "cpu_s": round(ended_children_s(worker) - before, 2),
+        "cpu_s": round(ended_children_s(forked_from) - before, 2),
         "wall_s": clock[1] - clock[0],
         "bytes": sum(artifact["bytes"] for artifact in result["artifacts"]),
     }
 
 
-def kinds(http: httpx.Client, worker: psutil.Process, rounds: int) -> dict[str, list[dict[str, float]]]:
+def kinds(http: httpx.Client, forked_from: psutil.Process, rounds: int) -> dict[str, list[dict[str, float]]]:
     """All kinds with the first of their examples."""
     measured: dict[str, list[dict[str, float]]] = {}
     for path, calls in http.get("/api/v1/openapi.json").json()["paths"].items():
@@ -97,9 +110,9 @@ def kinds(http: httpx.Client, worker: psutil.Process, rounds: int) -> dict[str, 
             continue
         kind = path.rsplit("/", 1)[1]
         body = next(iter(content["examples"].values()))["value"]
-        measured[kind] = [run(http, worker, kind, body)]
+        measured[kind] = [run(http, forked_from, kind, body)]
         while len(measured[kind]) < rounds and measured[kind][0]["cpu_s"] < SLOW_S:
-            measured[kind].append(run(http, worker, kind, body))
+            measured[kind].append(run(http, forked_from, kind, body))
         sys.stdout.write(f"{kind} {measured[kind]}\n")
         sys.stdout.flush()
     return measured
@@ -161,10 +174,13 @@ def main(rounds: int) -> None:
         tempfile.TemporaryDirectory(prefix="stridelab-measure-") as folder,
         service(Path(folder)) as (http, supervisor),
     ):
-        worker = member(supervisor, "stridelab.service.jobs.worker")
+        forked_from = nursery(supervisor)
+        imports_s = own_s(forked_from)
         measured: dict[str, Any] = {
+            "imports_cpu_s": round(imports_s, 2),
+            "nursery_mb": forked_from.memory_info().rss >> 20,
             "machine": {"cores": os.cpu_count(), "load_at_start": round(os.getloadavg()[0], 1)},
-            "kinds": kinds(http, worker, rounds),
+            "kinds": kinds(http, forked_from, rounds),
             "calls": calls(http, member(supervisor, "stridelab.service.api")),
             "progress": progress(str(running_url(Path(folder)))),
         }

@@ -117,6 +117,12 @@ def with_a_grandchild(_task: dict[str, Any], _folder: Path, progress: Any) -> No
     time.sleep(600)
 
 
+def die_before_a_grandchild(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
+    if os.fork() == 0:
+        time.sleep(600)  # with the wire and the log open
+    ctypes.string_at(0)
+
+
 def chatter(task: dict[str, Any], _folder: Path, _progress: Any) -> dict[str, int]:
     os.write(2, b"x" * int(task["bytes"]))
     os.write(1, b"last words\n")

@@ -79,6 +79,7 @@ def test_own_errors_keep_their_class_code_and_places(run: Run) -> None:
         ("segfault", "crashed", "computation-crashed"),
         ("abort", "crashed", "computation-crashed"),
         ("leave", "crashed", "computation-crashed"),
+        ("die_before_a_grandchild", "crashed", "computation-crashed"),
     ],
 )
 def test_other_ends_have_names(run: Run, function: str, state: str, code: str) -> None:

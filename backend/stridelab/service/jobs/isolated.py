@@ -149,7 +149,13 @@ class _Child:
         try:
             await asyncio.wait({ready, stop}, timeout=_START_S, return_when=asyncio.FIRST_COMPLETED)
             if ready.done() and not stop.done():
-                await asyncio.wait({reading, stop, watching}, timeout=timeout_s, return_when=asyncio.FIRST_COMPLETED)
+                ended = self._forked.ended
+                any_of: set[asyncio.Future[Any]] = {reading, stop, watching, ended}
+                await asyncio.wait(any_of, timeout=timeout_s, return_when=asyncio.FIRST_COMPLETED)
+                if ended.done():  # what it said last may still be on its way; what it started may hold the wire open
+                    await asyncio.wait({reading}, timeout=_AFTER_DEATH_S)
+                    if not reading.done():
+                        return await self._crashed()
             if reading.done():
                 return await self._outcome(reading.result())
             if stop.done():

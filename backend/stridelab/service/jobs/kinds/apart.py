@@ -1,7 +1,8 @@
 """One process per item, a few at a time: an item that crashes or hangs its process costs itself and nothing else.
 
-The processes are forked from a server process that has imported what they need, so that each starts in milliseconds.
-They belong to the caller's session, so that whoever kills that session kills them. Answers are JSON.
+The processes are forked, from the caller where that is safe and else from a server process that has imported what they
+need, so that each starts in milliseconds. They belong to the caller's session, so that whoever kills that session
+kills them. Answers are JSON.
 """
 
 import json
@@ -13,6 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
+from pathlib import Path
 from typing import Any, Final
 
 from stridelab import errors
@@ -46,7 +48,8 @@ def each_apart(
     ``work`` is a function of a module; ``preload`` are modules that it needs. A process that ends without an answer is
     the error ``computation-crashed``, one that takes too long ``computation-timed-out``. Closing the iterator ends all.
     """
-    context = multiprocessing.get_context("forkserver")
+    forks_itself = _has_one_thread()
+    context = multiprocessing.get_context("fork") if forks_itself else multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["__main__", *preload])
     waiting = deque(enumerate(items))
     running: dict[Connection, _Running] = {}
@@ -77,6 +80,12 @@ def each_apart(
     finally:
         for pipe, one in running.items():
             _end(pipe, one.process)
+
+
+def _has_one_thread() -> bool:
+    """Whether a fork of this process copies no lock that another thread holds: so in the child of a job."""
+    tasks = Path("/proc/self/task")
+    return tasks.exists() and len(list(tasks.iterdir())) == 1
 
 
 def _answer(pipe: Connection, work: Callable[[Json], Json], item: Json) -> None:
