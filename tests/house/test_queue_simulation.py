@@ -90,5 +90,5 @@ def test_the_page_shows_what_the_simulation_says(simulation: ModuleType) -> None
     assert f"{measurements['progress']['reports_per_s']:.0f} reports" in page
     for kind, measured in costs.items():
         times = [one["cpu_s"] for one in measured]
-        mean, spread = sum(times) / len(times), f"{min(times):.1f} to {max(times):.1f}"
-        assert f"| `{kind}` | {mean:.1f} | {spread} | {measured[0]['bytes'] / 1e6:.2f} |" in page
+        mean, spread = sum(times) / len(times), f"{min(times):.2f} to {max(times):.2f}"
+        assert f"| `{kind}` | {mean:.2f} | {spread} | {measured[0]['bytes'] / 1e6:.2f} |" in page
