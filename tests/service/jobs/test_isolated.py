@@ -248,11 +248,14 @@ def test_what_is_imported_ahead_is_there_and_starts_no_thread(monkeypatch: pytes
 
     preload = {*READING, *COMPUTING}
 
+    heard: list[str] = []
+
     async def inside() -> Any:
         async with IsolatedPool(sorted(preload)) as pool:
             task = {"modules": sorted(preload)}
-            ask = {"timeout_s": 60.0, "memory_mb": 500}
+            ask = {"timeout_s": 60.0, "memory_mb": 500, "on_progress": lambda _fraction, text: heard.append(text)}
             return (await pool.run("support.computations:inheritance", task, tmp_path, **ask)).value
 
     found = asyncio.run(inside())
+    assert heard == ["start: waiting for the libraries"]  # the first task of a process that has just been started
     assert found == {"missing": [], "threads_of_the_nursery": 1}

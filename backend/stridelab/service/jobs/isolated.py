@@ -27,6 +27,7 @@ _MEMORY_WATCH_S: Final = 0.1
 _TICKS_PER_FAMILY: Final = 10
 _START_S: Final = 120.0
 """How long a child may wait for the nursery's imports."""
+_PATIENCE_S: Final = 1.0
 _AFTER_DEATH_S: Final = 0.5
 
 State = Literal["ok", "error", "crashed", "killed", "timeout", "cancelled", "memory"]
@@ -147,7 +148,10 @@ class _Child:
         reading = asyncio.create_task(self._converse(ready, task, on_progress))
         watching = asyncio.create_task(self._watch_memory(ready, memory_mb << 20))
         try:
-            await asyncio.wait({ready, stop}, timeout=_START_S, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait({ready, stop}, timeout=_PATIENCE_S, return_when=asyncio.FIRST_COMPLETED)
+            if not ready.done():
+                on_progress(0.0, "start: waiting for the libraries")
+                await asyncio.wait({ready, stop}, timeout=_START_S, return_when=asyncio.FIRST_COMPLETED)
             if ready.done() and not stop.done():
                 ended = self._forked.ended
                 any_of: set[asyncio.Future[Any]] = {reading, stop, watching, ended}
