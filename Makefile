@@ -1,4 +1,4 @@
-.PHONY: serve test check check-native chaos fuzz bench docs lock
+.PHONY: serve test check check-native chaos orphans fuzz bench docs lock
 
 serve:  ## start everything on http://127.0.0.1:8000
 	@scripts/serve
@@ -20,6 +20,9 @@ bench:  ## run the benchmarks and write docs/benchmarks.md
 
 chaos:  ## many jobs under random kills (ARGS="--jobs 500 --kills 10")
 	@scripts/chaos $(ARGS)
+
+orphans:  ## how long the job of a killed worker waits for another one (ARGS=kills)
+	@scripts/orphans $(ARGS)
 
 docs:  ## build the book into site/
 	@scripts/docs
