@@ -1,4 +1,5 @@
 import asyncio
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,16 @@ from hypothesis import strategies as st
 from stridelab.errors import InvalidInput, NotFound, Unavailable
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
+from support.s3 import ADDRESS, object_store
+
+
+@pytest.fixture(params=["folder", "object store"])
+def any_store(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[BlobStore]:
+    if request.param == "folder":
+        yield BlobStore.from_url((tmp_path / "blobs").as_uri())
+    else:
+        with object_store(tmp_path / "objects") as options:
+            yield BlobStore.from_url(ADDRESS, options)
 
 
 @pytest.fixture
@@ -20,7 +31,8 @@ def store(folder: Path) -> BlobStore:
     return BlobStore.from_url(folder.as_uri())
 
 
-def test_file_comes_back_as_it_went_in(store: BlobStore, tmp_path: Path) -> None:
+def test_file_comes_back_as_it_went_in(any_store: BlobStore, tmp_path: Path) -> None:
+    store = any_store
     content = bytes(range(256)) * 40_000  # 10 MB: more than one part
     source, target = tmp_path / "in", tmp_path / "out"
     source.write_bytes(content)
@@ -39,7 +51,8 @@ def test_file_comes_back_as_it_went_in(store: BlobStore, tmp_path: Path) -> None
     assert target.read_bytes() == content
 
 
-def test_prefix_is_deleted_by_whole_segments(store: BlobStore, folder: Path, tmp_path: Path) -> None:
+def test_prefix_is_deleted_by_whole_segments(any_store: BlobStore, tmp_path: Path) -> None:
+    store = any_store
     (tmp_path / "x").write_bytes(b"x")
 
     async def act() -> None:
@@ -53,14 +66,37 @@ def test_prefix_is_deleted_by_whole_segments(store: BlobStore, folder: Path, tmp
         assert await store.exists("results/ab/1/x.csv")
         await store.delete("results/ab/1/x.csv")
         await store.delete("results/ab/1/x.csv")
+        assert [info.key async for info in store.list_prefix("results")] == ["results/a/10/x.csv"]
 
     asyncio.run(act())
-    assert not (folder / "results" / "ab").exists()  # no empty folders are left
 
 
-def test_missing_blob_is_named_by_its_file(store: BlobStore, tmp_path: Path) -> None:
+def test_more_files_than_one_answer_holds_are_listed_and_deleted(any_store: BlobStore, tmp_path: Path) -> None:
+    (tmp_path / "x").write_bytes(b"x")
+
+    async def act() -> None:
+        await asyncio.gather(*(any_store.put_file(f"results/a/1/{n}", tmp_path / "x") for n in range(1100)))
+        assert len([info async for info in any_store.list_prefix("results")]) == 1100
+        assert await any_store.delete_prefix("results/a") == 1100
+        assert [info async for info in any_store.list_prefix("results")] == []
+
+    asyncio.run(act())
+
+
+def test_folder_keeps_no_empty_folders(store: BlobStore, folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "x").write_bytes(b"x")
+
+    async def act() -> None:
+        await store.put_file("results/ab/1/x.csv", tmp_path / "x")
+        await store.delete("results/ab/1/x.csv")
+
+    asyncio.run(act())
+    assert not (folder / "results" / "ab").exists()
+
+
+def test_missing_blob_is_named_by_its_file(any_store: BlobStore, tmp_path: Path) -> None:
     with pytest.raises(NotFound, match=r"com\.csv") as caught:
-        asyncio.run(store.get_file("results/a/1/com.csv", tmp_path / "out"))
+        asyncio.run(any_store.get_file("results/a/1/com.csv", tmp_path / "out"))
     assert caught.value.code == "blob-not-found"
 
 
