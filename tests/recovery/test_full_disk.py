@@ -1,0 +1,71 @@
+"""The disk under the whole service fills up: database, files and scratch at once. What was accepted is not lost."""
+
+import contextlib
+import subprocess
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import httpx
+import pytest
+from sqlalchemy.exc import DBAPIError
+
+from stridelab.errors import StridelabError
+from support.database import public_folder
+from support.ledger import assert_sound
+from support.service import Service, wait_until
+
+
+@pytest.fixture
+def disk() -> Iterator[Path]:
+    """A file system of 128 MB, where this machine lets us mount one."""
+    with public_folder() as folder:
+        disk = folder / "disk"
+        disk.mkdir()
+        mount = ["mount", "-t", "tmpfs", "-o", "size=128m,mode=755", "stridelab-test", str(disk)]
+        if subprocess.run(mount, capture_output=True, check=False).returncode != 0:
+            pytest.skip("mounting a small file system needs root")
+        try:
+            yield disk
+        finally:
+            subprocess.run(["umount", "-l", str(disk)], check=True)
+
+
+def fill(disk: Path) -> Path:
+    """Leave not a byte; returns what takes it."""
+    ballast = disk / "ballast"
+    with contextlib.suppress(OSError), ballast.open("wb", buffering=0) as file:
+        while file.write(b"\0" * 65536):
+            pass
+    return ballast
+
+
+def test_a_full_disk_refuses_what_it_cannot_keep_and_goes_on_afterwards(disk: Path) -> None:
+    service = Service(disk / "data")
+    service.start(STRIDELAB_STORAGE_PATIENCE_S="60")
+    try:
+        jobs, accepted = service.jobs, []
+        accepted.append(jobs.submit("work"))
+        jobs.until_final(accepted[0])
+        ballast = fill(disk)
+        refused, until = None, time.monotonic() + 60.0
+        while refused is None:  # the database has room in files that it has already; then it has not
+            assert time.monotonic() < until, f"{len(accepted)} were accepted"
+            try:
+                accepted.append(jobs.submit("work"))
+            except (DBAPIError, OSError, StridelabError) as error:
+                refused = error
+            fill(disk)
+        with contextlib.suppress(httpx.TransportError):  # it may be starting again
+            answer = httpx.get(f"http://127.0.0.1:{service.port}/api/v1/jobs", timeout=30.0)
+            assert answer.status_code == 200 or answer.json()["code"] == "database-unreachable"
+        ballast.unlink()
+        wait_until(service.healthy, 60.0, "the service is back")
+        ended = [jobs.until_final(job_id, 120.0) for job_id in accepted]
+        assert {job.state for job in ended} <= {"succeeded", "failed"}
+        codes = {job.error["code"] for job in ended if job.error is not None}
+        assert codes <= {"scratch-full", "storage-unavailable"}, codes
+        assert jobs.until_final(jobs.submit("work")).state == "succeeded"
+        assert_sound(service.url, disk / "data" / "blobs", accepted)
+    finally:
+        service.stop()
