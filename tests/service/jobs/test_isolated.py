@@ -10,6 +10,7 @@ import psutil
 import pytest
 
 from stridelab.errors import NotEstimable, StridelabError
+from stridelab.service.jobs import isolated
 from stridelab.service.jobs.isolated import LOG_BYTES, IsolatedOutcome, IsolatedPool
 from stridelab.service.jobs.kinds.registry import COMPUTING, READING
 
@@ -240,6 +241,22 @@ def test_one_that_died_unnoticed_is_replaced(with_pool: Any, tmp_path: Path) -> 
         return await pool.run("support.computations:add", {"a": 1, "b": 1}, tmp_path, timeout_s=30.0, memory_mb=500)
 
     assert with_pool(act).value == {"sum": 2}
+
+
+def test_nursery_that_hangs_is_replaced(with_pool: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(isolated, "_PATIENCE_S", 0.1)
+    monkeypatch.setattr(isolated, "_START_S", 0.3)
+    ask: dict[str, Any] = {"timeout_s": 30.0, "memory_mb": 500}
+
+    async def act(pool: IsolatedPool) -> tuple[IsolatedOutcome, IsolatedOutcome]:
+        os.kill(pool._nursery.pid, signal.SIGSTOP)
+        hung = await pool.run("support.computations:add", {"a": 1, "b": 1}, tmp_path, **ask)
+        monkeypatch.setattr(isolated, "_START_S", 60.0)
+        return hung, await pool.run("support.computations:add", {"a": 1, "b": 1}, tmp_path, **ask)
+
+    hung, after = with_pool(act)
+    assert hung.state == "killed"  # and so started again, as the job of any other process that is lost
+    assert after.value == {"sum": 2}
 
 
 def test_what_is_imported_ahead_is_there_and_starts_no_thread(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from typing import IO, Any, Final, NoReturn
 NAME: Final = "stridelab-job"
 """What the system calls a child that computes, to tell it from the process that it was forked from."""
 _MIN_PROGRESS_S = 0.02
+_NICENESS = 10
 
 
 def live(wire: int) -> NoReturn:
@@ -97,7 +98,8 @@ def forbid_core_files() -> None:
 
 
 def _be_modest() -> None:
-    """Be the first to go where memory is short, under a name of its own."""
+    """Leave the processor to who answers people, be the first to go where memory is short, and have a name."""
+    os.nice(_NICENESS)
     for file, text in (("oom_score_adj", "1000"), ("comm", NAME)):
         with contextlib.suppress(OSError):  # not Linux, or not allowed: the memory limit still holds
             Path("/proc/self", file).write_text(text, encoding="ascii")

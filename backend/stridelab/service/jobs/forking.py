@@ -32,7 +32,6 @@ ANSWER: Final = struct.Struct("<qi")
 """Serial number and exit code, negative for a signal."""
 FORK: Final = b"F"
 LET_GO: Final = b"L"
-_NICENESS: Final = 10
 
 
 class Forking:
@@ -126,7 +125,6 @@ def main(parent_pid: int, modules: list[str]) -> None:
     """Import ``modules``, and fork when asked, for as long as the parent is there."""
     die_with_parent(parent_pid)
     child.forbid_core_files()
-    os.nice(_NICENESS)
     control = socket.socket(fileno=os.dup(0))
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
     forking = Forking(control)

@@ -25,8 +25,8 @@ LOG_BYTES: Final = 64 * 1024
 """How much of the end of a child's log is kept."""
 _MEMORY_WATCH_S: Final = 0.1
 _TICKS_PER_FAMILY: Final = 10
-_START_S: Final = 120.0
-"""How long a child may wait for the nursery's imports."""
+_START_S: Final = 600.0
+"""How long a child may wait for the nursery's imports, seconds of processor on a machine that may be very busy."""
 _PATIENCE_S: Final = 1.0
 _AFTER_DEATH_S: Final = 0.5
 
@@ -152,6 +152,9 @@ class _Child:
             if not ready.done():
                 on_progress(0.0, "start: waiting for the libraries")
                 await asyncio.wait({ready, stop}, timeout=_START_S, return_when=asyncio.FIRST_COMPLETED)
+            if not ready.done() and not stop.done():
+                await self._nursery.close()  # it hangs: its children count as killed, and the next one finds another
+                return await self._crashed()
             if ready.done() and not stop.done():
                 ended = self._forked.ended
                 any_of: set[asyncio.Future[Any]] = {reading, stop, watching, ended}
