@@ -14,8 +14,8 @@ told it, into the surface or out of it,
 A rail that is not where it should be is found like that, straight along the normal, and where there is none the search
 ends at ``delta_max`` without any force on the body. Along the surface, o keeps a hand that touches where it landed, and
 brings one that does not to its place in the world, whatever the base is off, as swinging feet are brought to theirs.
-Told to be where it has slid, a hand would slide on: a light one creeps up its wall, letting go and touching by turns. So
-where it landed is where it first touched, until it has been off its surface for longer than it takes to come back.
+Told to be where it has slid, a hand would slide on: a light one creeps up its wall, letting go and touching by turns.
+So where it landed is where it first touched, until it has been off its surface for longer than it takes to come back.
 
 A hand that has lost its rail must not hook itself under it. The force that the arm was planned to press with is taken
 off it at once, or it would be pressed down beside the rail; and if it stays off, it is lifted while it is beside its
