@@ -5,19 +5,28 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import jaxtyping
 import pytest
 from hypothesis import settings
-from jaxtyping import install_import_hook
+
+from support.type_checks import OftenEnough
 
 if TYPE_CHECKING:
     from support.database import TestDatabases
 
-install_import_hook("stridelab", "beartype.beartype")
+type_checks = OftenEnough(jaxtyping.jaxtyped)
+vars(jaxtyping)["jaxtyped"] = type_checks  # the decorator that the hook puts on every function and dataclass
+jaxtyping.install_import_hook("stridelab", "beartype.beartype")
 os.environ.pop("COLUMNS", None)  # workers are told the terminal's width, and a console would keep it
 
 # How long one example takes depends on what else the machine does; no test is about that.
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
+
+
+def pytest_runtest_setup() -> None:
+    """Every test has all types checked, whatever those before it called."""
+    type_checks.next_test()
 
 
 @pytest.fixture(scope="session")

@@ -1,5 +1,7 @@
 """How hard a hand presses where the plan asks for less, and where it is brought."""
 
+from collections.abc import Iterable
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -71,11 +73,19 @@ def sensed(posed: Posed, base_off_m: Vector3, hand_off_m: Vector3, force_n: Vect
 
 def after(posed: Posed, seen: Seen, planned_n: Vector3 | None, seconds: float = 1.0) -> tuple[Vector3, np.ndarray]:
     """By how much the hand is told to be elsewhere, and its torques, after a while; planned to be in the air: None."""
+    return after_all(posed, ((seen, seconds),), planned_n)
+
+
+def after_all(
+    posed: Posed, seen: Iterable[tuple[Seen, float]], planned_n: Vector3 | None
+) -> tuple[Vector3, np.ndarray]:
+    """The same after one thing has been seen for some seconds, and then another."""
     touching = {} if planned_n is None else {"right_hand": on_top(posed)}
     planned = {} if planned_n is None else {"right_hand": planned_n}
     hands, n = Hands(Grip(), posed, ("right_hand",), DT_S), 32
-    for _ in range(round(seconds / DT_S)):
-        angles, tau = hands.at(seen, touching, planned, dict.fromkeys(touching, 25.0), n)
+    for what, seconds in seen:
+        for _ in range(round(seconds / DT_S)):
+            angles, tau = hands.at(what, touching, planned, dict.fromkeys(touching, 25.0), n)
     limb = posed.limb["right_hand"]
     return posed.moved_by_limb("right_hand")[:3] @ angles[limb], tau[limb]
 
@@ -97,6 +107,40 @@ def test_a_hand_that_touches_stays_where_it_landed_whatever_the_base_does(posed:
         posed, sensed(posed, base_off_m, landed_m, np.array([0.0, 0.0, 25.0])), np.array([0.0, 0.0, 25.0])
     )
     assert moved_m == pytest.approx(landed_m, abs=1e-3)
+
+
+PRESSED_N = np.array([0.0, 0.0, 25.0])
+LANDED_M, SLID_M = np.array([0.012, -0.008, 0.0]), np.array([0.020, 0.030, 0.0])
+
+
+@pytest.mark.parametrize("off_s", [0.0, 0.04])
+def test_a_hand_that_slides_or_lets_go_for_a_moment_is_drawn_back_to_where_it_landed(
+    posed: Posed, off_s: float
+) -> None:
+    """It is neither told to be where it has slid, nor lifted."""
+    landed, slid = (sensed(posed, np.zeros(3), off_m, PRESSED_N) for off_m in (LANDED_M, SLID_M))
+    let_go = sensed(posed, np.zeros(3), SLID_M, np.zeros(3))
+    moved_m, _ = after_all(posed, ((landed, 0.5), (slid, 0.1), (let_go, off_s)), PRESSED_N)
+    assert moved_m == pytest.approx(LANDED_M, abs=2e-3)
+
+
+def test_after_a_longer_moment_a_hand_lands_anew(posed: Posed) -> None:
+    landed, elsewhere = (sensed(posed, np.zeros(3), off_m, PRESSED_N) for off_m in (LANDED_M, SLID_M))
+    let_go = sensed(posed, np.zeros(3), SLID_M, np.zeros(3))
+    moved_m, _ = after_all(posed, ((landed, 0.5), (let_go, 0.06), (elsewhere, 0.5)), PRESSED_N)
+    assert moved_m[:2] == pytest.approx(SLID_M[:2], abs=2e-3)
+
+
+def test_a_hand_that_lets_go_for_a_moment_presses_on_nothing_at_once(posed: Posed) -> None:
+    """Its force goes as fast as torques may change, 8 N in 0.04 s, while its place is still kept."""
+    planned_n = np.array([0.0, 0.0, 8.0])
+    landed = sensed(posed, np.zeros(3), LANDED_M, PRESSED_N)
+    let_go = sensed(posed, np.zeros(3), LANDED_M, np.zeros(3))
+    _, pressing = after_all(posed, ((landed, 0.5),), planned_n)
+    _, tau = after_all(posed, ((landed, 0.5), (let_go, 0.04)), planned_n)
+    expected_n = np.array([0.0, 0.0, 8.0 - 25.0 + Grip().rate_n_s * 0.04])
+    assert pressing == pytest.approx(posed.torques_nm("right_hand", planned_n - PRESSED_N), abs=1e-9)
+    assert tau == pytest.approx(posed.torques_nm("right_hand", expected_n), abs=1e-9)
 
 
 def test_a_hand_that_has_lost_its_rail_is_lifted_and_presses_on_nothing(posed: Posed) -> None:

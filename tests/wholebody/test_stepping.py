@@ -103,6 +103,23 @@ def test_a_foot_in_the_air_comes_down_sooner_or_farther_out_on_its_own_side_only
     assert not crossing.off_m[foot].any()
 
 
+@pytest.mark.parametrize("foot", ["left_foot", "right_foot"])
+def test_who_has_waited_long_enough_still_hurries_but_neither_waits_nor_goes_back(
+    talos: Robot, two_steps: tuple[ContactSequence, CentroidalPlan, WholeBodyMotion], foot: str
+) -> None:
+    motion, outwards = two_steps[2], 1.0 if foot == "left_foot" else -1.0
+    (air,) = np.nonzero(capturable(talos, motion).touches[foot] == 0)
+
+    def rates(stepping: Stepping) -> list[float]:
+        at = (int(air[k]) for k in range(10, len(air) - 10, 20))
+        return [paced(talos, motion, i, outwards * 0.10, times=8, stepping=stepping).rate for i in at]
+
+    fresh, late = rates(Stepping()), rates(Stepping(most_lost_s=-1.0))
+    assert min(fresh) < 0.0, "some feet go back"
+    assert min(late) >= 1.0
+    assert max(late) > 1.5
+
+
 def test_who_is_not_pushed_does_not_notice(
     talos: Robot, two_steps: tuple[ContactSequence, CentroidalPlan, WholeBodyMotion]
 ) -> None:

@@ -14,9 +14,12 @@ told it, into the surface or out of it,
 A rail that is not where it should be is found like that, straight along the normal, and where there is none the search
 ends at ``delta_max`` without any force on the body. Along the surface, o keeps a hand that touches where it landed, and
 brings one that does not to its place in the world, whatever the base is off, as swinging feet are brought to theirs.
+Told to be where it has slid, a hand would slide on: a light one creeps up its wall, letting go and touching by turns.
+So where it landed is where it first touched, until it has been off its surface for longer than it takes to come back.
 
 A hand that has lost its rail must not hook itself under it. The force that the arm was planned to press with is taken
-off it, or it would be pressed down beside the rail; and while it is beside its place it is lifted, to come down anew.
+off it at once, or it would be pressed down beside the rail; and if it stays off, it is lifted while it is beside its
+place, to come down anew.
 """
 
 from collections.abc import Mapping
@@ -39,8 +42,8 @@ class Grip:
     """``pressure_m`` is d, ``gain_m_per_ns`` k, ``most_m`` delta_max; a free hand forgets delta within ``let_go_s``.
 
     From ``touching_n`` on a hand counts as touching; the torques follow by ``rate_n_s`` at most. Along the surface it
-    follows by ``aside_m_s`` and up to ``most_aside_m``; farther than ``beside_m`` beside its place a hand that does not
-    touch is lifted by ``lift_m``, with ``lift_m_s``.
+    follows by ``aside_m_s`` and up to ``most_aside_m``. One that has not touched for ``lost_s`` is lost; farther than
+    ``beside_m`` beside its place it is lifted by ``lift_m``, with ``lift_m_s``.
     """
 
     least_n: float = 25.0
@@ -49,6 +52,7 @@ class Grip:
     most_m: float = 0.03
     let_go_s: float = 0.05
     touching_n: float = 3.0
+    lost_s: float = 0.04
     rate_n_s: float = 200.0
     aside_m_s: float = 0.25
     most_aside_m: float = 0.10
@@ -101,6 +105,8 @@ class _Hand:
         self._grip, self._dt_s = grip, dt_s
         self._aside_m, self._delta_m, self._normal = np.zeros(3), 0.0, np.zeros(3)
         self.added_n: Vector3 = np.zeros(3)
+        self._landed_m: Vector3 | None = None
+        self._without_s = np.inf
 
     @property
     def moved_m(self) -> Vector3:
@@ -115,13 +121,20 @@ class _Hand:
         self._normal = n
         pressed_n = float(force_n @ n)
         beside_m = _along(here_m - contact.placement.position_m, n)
-        if pressed_n > g.touching_n:
-            self._follow(beside_m, -(wanted_n - float(planned_n @ n)) * n)
-        else:
-            self._follow(_along(home_m, n), planned_n)
-        if pressed_n <= g.touching_n and float(np.linalg.norm(beside_m)) > g.beside_m:
+        touches = pressed_n > g.touching_n
+        self._without_s = 0.0 if touches else self._without_s + self._dt_s
+        lost = self._without_s > g.lost_s
+        if lost:
+            self._landed_m = None
+        elif self._landed_m is None:
+            self._landed_m = beside_m
+        self._follow(
+            _along(home_m, n) if self._landed_m is None else self._landed_m,
+            -(wanted_n - float(planned_n @ n)) * n if touches else planned_n,
+        )
+        if lost and float(np.linalg.norm(beside_m)) > g.beside_m:
             rate_m_s = -g.lift_m_s
-        elif pressed_n <= g.touching_n and self._delta_m < 0.0:
+        elif lost and self._delta_m < 0.0:
             rate_m_s = g.lift_m_s
         else:
             rate_m_s = g.gain_m_per_ns * (wanted_n - pressed_n)
@@ -129,6 +142,7 @@ class _Hand:
 
     def swing(self, home_m: Vector3) -> None:
         """A sample in the air, by the plan."""
+        self._landed_m, self._without_s = None, np.inf
         self._follow(home_m, np.zeros(3))
         self._delta_m *= 1.0 - min(1.0, self._dt_s / self._grip.let_go_s)
 

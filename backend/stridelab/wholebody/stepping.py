@@ -28,7 +28,8 @@ class Stepping:
     None is larger than ``most_step_m``, and none changes from ``fixed_from`` of the swing on. A capture point that
     would be too far ahead or behind counts ``along`` times. The plan's own pace is kept where a step of ``small_m``
     is enough. The clock takes one of ``paces``, changes by ``slew_per_s`` and stands still where the plan's capture
-    point is no farther from its CoM than ``still_m``; all in all it loses ``most_lost_s`` at most.
+    point is no farther from its CoM than ``still_m``; all in all it loses ``most_lost_s`` at most, and may only hurry
+    from then on.
     """
 
     least_m: float = 0.02
@@ -108,8 +109,8 @@ class Pace:
             k = int(np.argmax(over[1::2])) * 2 + 1
             if float(self._can.towards[i, k] @ (places_m[name] - places_m[stands])[:2]) > 0.0:
                 wanted = self._put_down(name, stands, swung[name], capture_m, k, by.margin_m + leans_m)
-        if self._lost_s > by.most_lost_s:
-            wanted = 1.0
+        if self._late:
+            wanted = max(wanted, 1.0)
         step = by.slew_per_s * self._dt_s
         self.rate += float(np.clip(wanted - self.rate, -step, step))
 
@@ -118,6 +119,10 @@ class Pace:
         self._lost_s += max(0.0, 1.0 - self.rate) * self._dt_s
         self.sample = float(np.clip(self.sample + self.rate, 0.0, self._last))
 
+    @property
+    def _late(self) -> bool:
+        return self._lost_s > self._by.most_lost_s
+
     def _may_stand(self, i: int) -> bool:
         return float(self._can.moving_m[i]) < self._by.still_m
 
@@ -125,7 +130,7 @@ class Pace:
         """How fast the clock has to run; the offset of the landing is set."""
         by, can, i = self._by, self._can, self.nearest
         best, chosen, offset = np.inf, 1.0, 0.0
-        for pace in by.paces:
+        for pace in (pace for pace in by.paces if pace > 0.0 or not self._late):
             j = can.touch_down(name, i) if pace > 0.0 else can.lift_off(name, i)
             grown = float(np.exp(can.rate_per_s[i] * abs(j - i) / abs(pace) * self._dt_s))
             aside_m, gain = self._beyond(capture_m, stands, i, j, k, grown) + margin_m, 1.0

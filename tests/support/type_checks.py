@@ -1,0 +1,53 @@
+"""Types and shapes are checked while the tests run: in every test anew, but not at each of a hundred thousand calls.
+
+A check takes about 40 us, several times as long as what the functions of a control loop do themselves. So a function is
+checked at its first calls within each test, and then at every so many; which ones these are depends on nothing else.
+"""
+
+import functools
+import inspect
+from collections.abc import Callable
+from typing import Any, Final
+
+FIRST: Final = 20
+"""So many calls of a function are checked in every test,"""
+EVERY: Final = 50
+"""and every so many of those that follow."""
+
+
+class OftenEnough:
+    """In place of ``jaxtyping.jaxtyped``, which is ``checks``; ``next_test`` begins to count anew."""
+
+    def __init__(self, checks: Callable[..., Any]) -> None:
+        self._checks, self._test = checks, 0
+
+    def next_test(self) -> None:
+        """All functions are new again."""
+        self._test += 1
+
+    def __call__(self, what: Any = None, *, typechecker: Any) -> Any:
+        """What ``checks`` makes of a function or a class, but without its checks at most of many calls."""
+        if what is None:
+            return functools.partial(self, typechecker=typechecker)
+        if not inspect.isclass(what):
+            return self._at_some_calls(what, self._checks(what, typechecker=typechecker))
+        unchecked = what.__init__
+        checked = self._checks(what, typechecker=typechecker)
+        if checked.__init__ is not unchecked:
+            checked.__init__ = self._at_some_calls(unchecked, checked.__init__)
+        return checked
+
+    def _at_some_calls(self, unchecked: Callable[..., Any], checked: Callable[..., Any]) -> Callable[..., Any]:
+        test, calls = -1, 0
+
+        @functools.wraps(checked)
+        def called(*args: Any, **kwargs: Any) -> Any:
+            nonlocal test, calls
+            if test != self._test:
+                test, calls = self._test, 0
+            calls += 1
+            if calls <= FIRST or calls % EVERY == 0:
+                return checked(*args, **kwargs)
+            return unchecked(*args, **kwargs)
+
+        return called
