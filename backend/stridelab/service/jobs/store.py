@@ -136,6 +136,7 @@ class JobStore:
                     if earlier is not None:
                         return Submitted(earlier, created=False)
                 await self._admit(connection, owner)
+                delivery = await queue.enqueue(connection, job_id, self._kinds[kind].lane, priority)
                 await connection.execute(
                     insert(job).values(
                         id=job_id,
@@ -147,10 +148,9 @@ class JobStore:
                         idempotency_key=idempotency_key,
                         recording_id=recording_id,
                         scenario_id=scenario_id,
+                        queue_id=delivery,
                     )
                 )
-                delivery = await queue.enqueue(connection, job_id, self._kinds[kind].lane, priority)
-                await connection.execute(update(job).where(job.c.id == job_id).values(queue_id=delivery))
                 await emit(connection, job_id)
         except IntegrityError as error:
             raise _unknown_reference(error, recording_id, scenario_id) from error
@@ -302,12 +302,14 @@ def _unknown_reference(error: IntegrityError, recording_id: str | None, scenario
 
 
 def _shown() -> Select[Any]:
-    ahead = job.alias()
-    # the order in which the queue delivers: priority, then first come first served
-    before = (ahead.c.priority > job.c.priority) | (
-        (ahead.c.priority == job.c.priority) & (ahead.c.queue_id <= job.c.queue_id)
-    )
-    position = select(func.count()).where(ahead.c.state == "queued", before).correlate(job).scalar_subquery()
+    """A job with its place in the queue, as if every owner with waiting jobs were served in turn (``consumer``)."""
+    order = (job.c.priority.desc(), job.c.queue_id)
+    turn = func.row_number().over(partition_by=job.c.owner, order_by=order).label("turn")
+    waiting = select(job.c.id, job.c.priority, job.c.queue_id, turn).where(job.c.state == "queued").subquery()
+    place = func.row_number().over(order_by=(waiting.c.turn, waiting.c.priority.desc(), waiting.c.queue_id))
+    # found out once for all rows, and not at all where none of them is waiting
+    placed = select(waiting.c.id, place.label("place")).cte("placed").prefix_with("MATERIALIZED")
+    position = select(placed.c.place).where(placed.c.id == job.c.id).scalar_subquery()
     return select(job, case((job.c.state == "queued", position)).label("queue_position"))
 
 
