@@ -103,17 +103,18 @@ class Jobs:
 
 @dataclass
 class Service:
-    """``supervisor_entry`` on a data folder of its own."""
+    """``supervisor_entry``, or the module and arguments of ``command``, on a data folder of its own."""
 
     folder: Path
     port: int = field(default_factory=free_port)
+    command: tuple[str, ...] = ("support.supervisor_entry",)
     process: subprocess.Popen[str] | None = None
 
     def start(self, **settings: str) -> float:
         """Start and wait for the address; returns how many seconds that took."""
         began = time.monotonic()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "support.supervisor_entry"],
+            [sys.executable, "-m", *self.command],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
