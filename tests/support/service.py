@@ -170,7 +170,7 @@ class Service:
         assert self.process is not None
         began = time.monotonic()
         self.process.send_signal(signum)
-        self.process.wait(15)
+        self.process.wait(60)
         if self.process.stdout is not None:
             self.process.stdout.close()
         return time.monotonic() - began

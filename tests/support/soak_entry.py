@@ -42,11 +42,12 @@ def main() -> None:
         soak = Soak(service, users(service.port, 2), task, 60 * given.minutes, given.round, given.clients)
         began = time.monotonic()
         soak.run()
-    minutes = (time.monotonic() - began) / 60
-    sys.stdout.write(
-        f"{soak.table()}\n\n{len(soak.accepted)} jobs in {minutes:.1f} min, each ended once; "
-        f"load {os.getloadavg()[0]:.1f} at the end.\n"
-    )
+        minutes = (time.monotonic() - began) / 60
+        sys.stdout.write(
+            f"{soak.table()}\n\n{len(soak.accepted)} jobs in {minutes:.1f} min, each ended once; "
+            f"load {os.getloadavg()[0]:.1f} at the end.\n"
+        )
+        sys.stdout.flush()
     if faults := soak.faults():
         raise SystemExit("\n".join(faults))
 
