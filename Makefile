@@ -1,4 +1,4 @@
-.PHONY: serve test check check-native chaos orphans fuzz bench docs lock
+.PHONY: serve test check check-native chaos orphans fuzz bench docs lock load soak
 
 serve:  ## start everything on http://127.0.0.1:8000
 	@scripts/serve
@@ -21,8 +21,16 @@ bench:  ## run the benchmarks and write docs/benchmarks.md
 chaos:  ## many jobs under random kills (ARGS="--jobs 500 --kills 10")
 	@scripts/chaos $(ARGS)
 
+<<<<<<< HEAD
 orphans:  ## how long the job of a killed worker waits for another one (ARGS=kills)
 	@scripts/orphans $(ARGS)
+=======
+load:  ## 200 clients while both cores solve (ARGS="--clients 50 --seconds 30")
+	@scripts/load $(ARGS)
+
+soak:  ## half an hour of work, watching what grows (ARGS="--minutes 10")
+	@scripts/soak $(ARGS)
+>>>>>>> cluster
 
 docs:  ## build the book into site/
 	@scripts/docs

@@ -109,6 +109,13 @@ def spin(_task: dict[str, Any], _folder: Path, progress: Any) -> None:
         pass
 
 
+def crunch(task: dict[str, Any], _folder: Path, _progress: Any) -> dict[str, Any]:
+    """Compute, and nothing else."""
+    for _ in range(int(task["turns"])):
+        pass
+    return {"summary": {}, "references": [], "artifacts": []}
+
+
 def with_a_grandchild(_task: dict[str, Any], _folder: Path, progress: Any) -> None:
     pid = os.fork()
     if pid == 0:

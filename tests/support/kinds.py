@@ -45,7 +45,9 @@ KINDS: Mapping[str, JobKind] = {
         kind("hang-in-a-stage", "hang_in_a_stage", timeout_s=1.0),
         kind("stumble-in-a-stage", "stumble_in_a_stage"),
         kind("spin", "spin", lane="long"),
+        kind("crunch", "crunch", lane="long"),
         kind("mark", "mark"),
         kind("echo", "echo", lane="long"),
+        kind("reproduce", "write_outcome", lane="long"),  # a name that the web server takes
     )
 }

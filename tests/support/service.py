@@ -103,17 +103,18 @@ class Jobs:
 
 @dataclass
 class Service:
-    """``supervisor_entry`` on a data folder of its own."""
+    """``supervisor_entry``, or the module and arguments of ``command``, on a data folder of its own."""
 
     folder: Path
     port: int = field(default_factory=free_port)
+    command: tuple[str, ...] = ("support.supervisor_entry",)
     process: subprocess.Popen[str] | None = None
 
     def start(self, **settings: str) -> float:
         """Start and wait for the address; returns how many seconds that took."""
         began = time.monotonic()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "support.supervisor_entry"],
+            [sys.executable, "-m", *self.command],
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             text=True,
@@ -169,7 +170,7 @@ class Service:
         assert self.process is not None
         began = time.monotonic()
         self.process.send_signal(signum)
-        self.process.wait(15)
+        self.process.wait(60)
         if self.process.stdout is not None:
             self.process.stdout.close()
         return time.monotonic() - began

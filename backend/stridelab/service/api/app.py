@@ -82,7 +82,8 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     problems.install(app)
     openapi.install(app)
     api = APIRouter(prefix="/api/v1")
-    for part in (health, recordings, subjects, robots, scenarios, plans, jobs, stream, access):
+    # routes are tried one after another, and jobs are what is asked for most
+    for part in (jobs, health, recordings, subjects, robots, scenarios, plans, stream, access):
         api.include_router(part.router)
     app.include_router(api)
     app.include_router(metrics.router)

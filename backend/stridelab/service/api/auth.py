@@ -76,7 +76,8 @@ class Gate:
             else:
                 await self._refuse(connection, refusal)(scope, receive, send)
             return
-        await self.app({**scope, KEY: caller}, receive, send)
+        scope[KEY] = caller  # in place, for the edge reads from the same scope which route was matched
+        await self.app(scope, receive, send)
 
     def _check_host(self, headers: Headers) -> None:
         if self._hosts is not None and _host_name(headers.get("host", "")) not in self._hosts:

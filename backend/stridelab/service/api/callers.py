@@ -11,8 +11,11 @@ KEY: Final = "stridelab.caller"
 """Where in a request's scope the gate puts the caller."""
 
 
-def caller_of(connection: HTTPConnection) -> Caller:
-    """Who calls; calls that did not pass the gate come from the pages."""
+async def caller_of(connection: HTTPConnection) -> Caller:
+    """Who calls; calls that did not pass the gate come from the pages.
+
+    A coroutine, since FastAPI calls any other dependency in a thread.
+    """
     caller = connection.scope.get(KEY, STRANGER)
     if not isinstance(caller, Caller):
         raise TypeError("the gate has put something else than a caller into the request")

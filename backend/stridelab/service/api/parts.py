@@ -55,7 +55,11 @@ def parts_of(connection: HTTPConnection) -> Parts:
     return parts
 
 
-AppParts = Annotated[Parts, Depends(parts_of)]
+async def _parts(connection: HTTPConnection) -> Parts:
+    return parts_of(connection)  # a dependency that is no coroutine would be called in a thread
+
+
+AppParts = Annotated[Parts, Depends(_parts)]
 
 
 def known_form(identifier: str, what: str) -> str:

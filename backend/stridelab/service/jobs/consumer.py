@@ -1,4 +1,10 @@
-"""A worker's side of the queue: procrastinate fetches by priority, counts heartbeats and announces what is new."""
+"""A worker's side of the queue: whose turn it is, heartbeats, and who holds what.
+
+A free slot goes to the owner with the fewest jobs in workers' hands, among several to the one whose last job was
+started longest ago. So whoever has one job waiting and none in hand waits for at most one job of every other owner,
+however many these have waiting. Priority, then age, order the jobs of one owner; all jobs without an owner have the
+same one. Workers that fetch at the same moment know nothing of each other's choice: each may be ahead by one job.
+"""
 
 import asyncio
 from collections.abc import Sequence
@@ -15,6 +21,24 @@ from stridelab.service.storage.database import PATIENCE, conninfo
 
 DATABASE_IS_AWAY: Final = (OperationalError, InterfaceError, DriverError, ConnectorException, TimeoutError)
 """What a database that does not answer looks like, by whichever way it was asked."""
+_FETCH = """
+    WITH held AS (
+        SELECT q.id, q.status, coalesce(j.owner, '') AS owner
+          FROM procrastinate_jobs q LEFT JOIN job j ON j.id = q.args ->> 'job_id'
+         WHERE q.status IN ('todo', 'doing')
+    ), share AS (
+        SELECT owner, count(*) FILTER (WHERE status = 'doing') AS in_hand,
+               (SELECT max(j.started_at) FROM job j WHERE coalesce(j.owner, '') = held.owner) AS served_at
+          FROM held GROUP BY owner
+    ), next AS (
+        SELECT q.id FROM procrastinate_jobs q JOIN held USING (id) JOIN share USING (owner)
+         WHERE q.status = 'todo' AND q.queue_name = ANY(%(lanes)s)
+         ORDER BY share.in_hand, share.served_at NULLS FIRST, q.priority DESC, q.id
+         LIMIT 1 FOR UPDATE OF q SKIP LOCKED
+    )
+    UPDATE procrastinate_jobs q SET status = 'doing', worker_id = %(worker)s
+      FROM next WHERE q.id = next.id RETURNING q.id, q.args ->> 'job_id' AS job_id
+"""
 _BEAT = "UPDATE procrastinate_workers SET last_heartbeat = now() WHERE id = %(worker)s RETURNING id"
 _FINISH = """UPDATE procrastinate_jobs SET status = 'succeeded', attempts = attempts + 1
              WHERE id = %(id)s AND status = 'doing' AND worker_id = %(worker)s"""
@@ -57,7 +81,7 @@ class Consumer:
             self._worker = await self._manager.register_worker()
 
     async def fetch(self, lanes: Sequence[Lane]) -> Delivery | None:
-        """The most urgent waiting delivery of ``lanes``, or None; it is this worker's from now on."""
+        """The waiting delivery of ``lanes`` whose turn it is, or None; it is this worker's from now on."""
         async with self._fetching:
             if self._worker is None:
                 await self.beat()
@@ -66,14 +90,17 @@ class Consumer:
                 await self._connector.execute_query_async(_RECLAIM, worker=self._worker, known=list(self._held))
                 self._in_doubt = False
             try:
-                job = await self._manager.fetch_job(queues=list(lanes), worker_id=self._known_worker())
+                found = await self._connector.execute_query_all_async(
+                    _FETCH, lanes=list(lanes), worker=self._known_worker()
+                )
             except BaseException:
                 self._in_doubt = True
                 raise
-            if job is None or job.id is None:
+            if not found:
                 return None
-            self._held.add(job.id)
-        return Delivery(job.id, str(job.task_kwargs["job_id"]))
+            made = Delivery(int(found[0]["id"]), str(found[0]["job_id"]))
+            self._held.add(made.id)
+        return made
 
     async def finish(self, delivery: Delivery) -> None:
         """Sign off a delivery; does nothing where it is no longer this worker's."""

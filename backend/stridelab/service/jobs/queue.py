@@ -1,10 +1,10 @@
 """The queue's port: procrastinate carries job ids to workers, and nothing else.
 
-Used of it: its tables and functions (admission in the caller's transaction, fetching by priority with SKIP LOCKED,
-workers with heartbeats, NOTIFY on insert). Not used: its worker loop, which stops fetching and beating when the
-database restarts, and its retry strategies, which end an aborted job as a failed one. Every delivery is a row of
-its own; a job that must be delivered again gets a new row, so that whoever still holds an old one can do no harm
-with it.
+Used of it: its tables and functions (admission in the caller's transaction, workers with heartbeats, NOTIFY on
+insert). Not used: its fetching, which knows priorities but no owners, its worker loop, which stops fetching and
+beating when the database restarts, and its retry strategies, which end an aborted job as a failed one. Every
+delivery is a row of its own; a job that must be delivered again gets a new row, so that whoever still holds an old
+one can do no harm with it.
 
 Here is what happens inside somebody's transaction, by the versioned functions of the queue's schema; the library
 itself is needed by workers only (``consumer``).

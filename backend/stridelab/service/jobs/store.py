@@ -15,7 +15,7 @@ from datetime import datetime
 from typing import Any, Final
 
 import psycopg
-from sqlalchemy import case, func, insert, literal, select, tuple_, update
+from sqlalchemy import Select, bindparam, case, func, insert, literal, select, tuple_, update
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
@@ -23,6 +23,7 @@ from stridelab.errors import Busy, Conflict, Fault, InvalidInput, NotFound
 from stridelab.schemas.jobs import FINAL_STATES, Artifact, JobEvent, JobResult, JobState, Progress
 from stridelab.service.jobs import queue
 from stridelab.service.jobs.kinds.kind import JobKind
+from stridelab.service.storage.database import reading
 from stridelab.service.storage.tables import job, job_event
 
 CHANNEL: Final = "stridelab_job"
@@ -96,7 +97,7 @@ class JobStore:
     def __init__(
         self, engine: AsyncEngine, kinds: Mapping[str, JobKind], *, queue_limit: int = 200, user_queue_limit: int = 0
     ) -> None:
-        self._engine, self._kinds = engine, kinds
+        self._engine, self._reading, self._kinds = engine, reading(engine), kinds
         self._queue_limit, self._user_queue_limit = queue_limit, user_queue_limit
 
     async def submit(
@@ -135,6 +136,7 @@ class JobStore:
                     if earlier is not None:
                         return Submitted(earlier, created=False)
                 await self._admit(connection, owner)
+                delivery = await queue.enqueue(connection, job_id, self._kinds[kind].lane, priority)
                 await connection.execute(
                     insert(job).values(
                         id=job_id,
@@ -146,10 +148,9 @@ class JobStore:
                         idempotency_key=idempotency_key,
                         recording_id=recording_id,
                         scenario_id=scenario_id,
+                        queue_id=delivery,
                     )
                 )
-                delivery = await queue.enqueue(connection, job_id, self._kinds[kind].lane, priority)
-                await connection.execute(update(job).where(job.c.id == job_id).values(queue_id=delivery))
                 await emit(connection, job_id)
         except IntegrityError as error:
             raise _unknown_reference(error, recording_id, scenario_id) from error
@@ -157,8 +158,8 @@ class JobStore:
 
     async def get(self, job_id: str) -> JobRecord:
         """One job; raises ``NotFound`` (``job-not-found``)."""
-        async with self._engine.connect() as connection:
-            found = (await connection.execute(_select().where(job.c.id == job_id))).mappings().one_or_none()
+        async with self._reading.connect() as connection:
+            found = (await connection.execute(_ONE, {"job_id": job_id})).mappings().one_or_none()
         if found is None:
             raise NotFound("job-not-found", f"There is no job {job_id}; it may have been removed after its time.")
         return _record(found)
@@ -174,7 +175,7 @@ class JobStore:
         scenario_id: str | None = None,
     ) -> JobPage:
         """Jobs, newest first; raises ``InvalidInput`` (``cursor-invalid``)."""
-        wanted = _select().order_by(job.c.created_at.desc(), job.c.id.desc()).limit(limit + 1)
+        wanted = _SHOWN.order_by(job.c.created_at.desc(), job.c.id.desc()).limit(limit + 1)
         asked = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
         for column, value in asked.items():
             if value is not None:
@@ -182,7 +183,7 @@ class JobStore:
         if cursor is not None:
             at, job_id = _read_cursor(cursor)
             wanted = wanted.where(tuple_(job.c.created_at, job.c.id) < tuple_(literal(at), literal(job_id)))
-        async with self._engine.connect() as connection:
+        async with self._reading.connect() as connection:
             rows = [_record(row) for row in (await connection.execute(wanted)).mappings()]
         more = len(rows) > limit
         items = tuple(rows[:limit])
@@ -219,7 +220,7 @@ class JobStore:
     async def events_after(self, job_id: str, seq: int = 0, *, limit: int = 500) -> tuple[JobEvent, ...]:
         """The job's events with a number above ``seq``, in order."""
         wanted = select(job_event).where(job_event.c.job_id == job_id, job_event.c.seq > seq)
-        async with self._engine.connect() as connection:
+        async with self._reading.connect() as connection:
             rows = (await connection.execute(wanted.order_by(job_event.c.seq).limit(limit))).mappings().all()
         return tuple(
             JobEvent(
@@ -300,14 +301,21 @@ def _unknown_reference(error: IntegrityError, recording_id: str | None, scenario
     return NotFound(f"{what}-not-found", f"There is no {what} {named}.", [Fault(f"{what}_id", "unknown")])
 
 
-def _select() -> Any:
-    ahead = job.alias()
-    # the order in which the queue delivers: priority, then first come first served
-    before = (ahead.c.priority > job.c.priority) | (
-        (ahead.c.priority == job.c.priority) & (ahead.c.queue_id <= job.c.queue_id)
-    )
-    position = select(func.count()).where(ahead.c.state == "queued", before).correlate(job).scalar_subquery()
+def _shown() -> Select[Any]:
+    """A job with its place in the queue, as if every owner with waiting jobs were served in turn (``consumer``)."""
+    order = (job.c.priority.desc(), job.c.queue_id)
+    turn = func.row_number().over(partition_by=job.c.owner, order_by=order).label("turn")
+    waiting = select(job.c.id, job.c.priority, job.c.queue_id, turn).where(job.c.state == "queued").subquery()
+    place = func.row_number().over(order_by=(waiting.c.turn, waiting.c.priority.desc(), waiting.c.queue_id))
+    # found out once for all rows, and not at all where none of them is waiting
+    placed = select(waiting.c.id, place.label("place")).cte("placed").prefix_with("MATERIALIZED")
+    position = select(placed.c.place).where(placed.c.id == job.c.id).scalar_subquery()
     return select(job, case((job.c.state == "queued", position)).label("queue_position"))
+
+
+# built once: building costs more than asking
+_SHOWN: Final = _shown()
+_ONE: Final = _SHOWN.where(job.c.id == bindparam("job_id"))
 
 
 def _record(row: Mapping[Any, Any]) -> JobRecord:

@@ -1,16 +1,18 @@
 """How the database is reached. PostgreSQL only, by psycopg."""
 
+import select
 from typing import Any, Final
 
+from sqlalchemy import event
 from sqlalchemy.engine import URL, make_url
-from sqlalchemy.exc import ArgumentError
+from sqlalchemy.exc import ArgumentError, InvalidatePoolError
 from sqlalchemy.ext.asyncio import AsyncEngine, create_async_engine
 
 from stridelab.errors import InvalidInput
 from stridelab.service.settings import Settings
 from stridelab.service.storage.migrating import is_migrated, migrate
 
-__all__ = ["conninfo", "database_url", "is_migrated", "make_engine", "migrate", "parse_url"]
+__all__ = ["conninfo", "database_url", "is_migrated", "make_engine", "migrate", "parse_url", "reading"]
 
 PATIENCE: Final[dict[str, Any]] = {
     "connect_timeout": 10,
@@ -47,11 +49,28 @@ def conninfo(url: str) -> str:
 
 
 def make_engine(url: str, *, pool_size: int = 8) -> AsyncEngine:
-    """Asynchronous engine; connections are checked before use, so that a restarted database goes unnoticed."""
-    return create_async_engine(
+    """Asynchronous engine; connections are looked at before use, so that a restarted database goes unnoticed."""
+    engine = create_async_engine(
         parse_url(url).set(drivername="postgresql+psycopg"),
-        pool_pre_ping=True,
         pool_size=pool_size,
         max_overflow=pool_size,
         connect_args={**PATIENCE, "application_name": "stridelab"},
     )
+    event.listen(engine.sync_engine, "checkout", _refuse_ended)
+    return engine
+
+
+def reading(engine: AsyncEngine) -> AsyncEngine:
+    """The same connections for single questions: each is its own transaction, asked in one round trip."""
+    return engine.execution_options(isolation_level="AUTOCOMMIT")
+
+
+def _refuse_ended(connection: Any, _record: object, _proxy: object) -> None:
+    """Have the pool connect anew where the server has ended a resting connection, which makes its socket readable.
+
+    Asking the server whether it is there would cost every question another round trip.
+    """
+    socket = select.poll()
+    socket.register(connection.driver_connection, select.POLLIN)
+    if socket.poll(0):
+        raise InvalidatePoolError

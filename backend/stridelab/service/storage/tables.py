@@ -101,6 +101,7 @@ job = Table(
     Index("job_newest", "created_at", "id"),
     Index("job_recording", "recording_id"),
     Index("job_scenario", "scenario_id"),
+    Index("job_served", text("coalesce(owner, '')"), "started_at"),
     Index(
         "job_idempotency",
         "owner",

@@ -24,7 +24,6 @@ from stridelab.service.api.strict import StrictRoute
 from stridelab.service.jobs.store import JobRecord
 
 router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
-add_kinds(router)
 
 Wait = Annotated[float, Query(ge=0, le=60, description="seconds to wait for the job to finish")]
 Text = Annotated[str | None, Query(max_length=64, pattern=r"^[A-Za-z0-9_-]*$")]
@@ -144,6 +143,9 @@ async def get_artifact(parts: AppParts, job_id: str, name: str) -> StreamingResp
 async def get_bundle(parts: AppParts, job_id: str) -> StreamingResponse:
     """Input, result, versions, references.bib and all files of a succeeded job in one archive, with the recording."""
     return await bundle.stream(parts, await _known(parts, job_id), await parts.store.result(job_id))
+
+
+add_kinds(router)
 
 
 async def _known(parts: Parts, job_id: str) -> JobRecord:

@@ -21,7 +21,7 @@ from stridelab.service.bundled_scenarios import EXAMPLE_ID
 from stridelab.service.jobs.kinds.kind import JobKind
 from stridelab.service.jobs.kinds.registry import KINDS
 
-Priority = Annotated[int, Query(ge=-100, le=100, description="higher runs earlier")]
+Priority = Annotated[int, Query(ge=-100, le=100, description="of the jobs of one owner, higher runs earlier")]
 Key = Annotated[
     str | None,
     Header(

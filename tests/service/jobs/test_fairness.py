@@ -1,0 +1,178 @@
+"""Whose turn it is: nobody's many jobs keep another's few waiting."""
+
+import asyncio
+from collections import Counter, defaultdict
+from collections.abc import Awaitable, Callable
+from typing import Any
+
+import psycopg
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from stridelab.service.jobs.attempts import Attempts
+from stridelab.service.jobs.consumer import Consumer
+from stridelab.service.jobs.queue import LANES, Delivery
+from stridelab.service.jobs.store import JobStore
+from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.database import make_engine
+from support.database import TestDatabases
+from support.kinds import KINDS
+
+OUTCOME = {"summary": {}, "references": [], "artifacts": []}
+OWNERS = ("anna", "ben", "carla", None)
+
+
+class Queue:
+    """Owners who submit, and slots that fetch and finish, on a real database."""
+
+    def __init__(self, url: str, folder: Any) -> None:
+        self.engine, self.consumer, self.folder = make_engine(url), Consumer(url), folder
+        self.store, self.attempts = JobStore(self.engine, KINDS, queue_limit=10**6), Attempts(self.engine, KINDS)
+        self.blobs = BlobStore.from_url(folder.as_uri())
+        self.owner: dict[str, str | None] = {}
+        self.rank: dict[str, tuple[int, int]] = {}
+        self.waiting: dict[str | None, list[str]] = defaultdict(list)
+        self.held: dict[str, tuple[Delivery, Any]] = {}
+
+    async def submit(self, owner: str | None, priority: int = 0) -> str:
+        job_id = (await self.store.submit("work", {}, owner=owner, priority=priority)).job_id
+        self.owner[job_id], self.rank[job_id] = owner, (-priority, len(self.rank))
+        self.waiting[owner].append(job_id)
+        return job_id
+
+    async def fetch(self) -> str | None:
+        delivery = await self.consumer.fetch(LANES)
+        if delivery is None:
+            return None
+        attempt = await self.attempts.start(delivery)
+        assert attempt is not None
+        self.held[delivery.job_id] = delivery, attempt
+        self.waiting[self.owner[delivery.job_id]].remove(delivery.job_id)
+        return delivery.job_id
+
+    async def finish(self, job_id: str) -> None:
+        delivery, attempt = self.held.pop(job_id)
+        assert await self.attempts.succeed(attempt, self.blobs, OUTCOME, [], self.folder, "")
+        await self.consumer.finish(delivery)
+
+    def in_hand(self, owner: str | None) -> int:
+        return sum(self.owner[job_id] == owner for job_id in self.held)
+
+    def waits(self) -> list[str | None]:
+        return [owner for owner, jobs in self.waiting.items() if jobs]
+
+
+@pytest.fixture(scope="module")
+def queue(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> Any:
+    """Run an asynchronous function with an empty queue."""
+    with postgres.fresh() as url:
+
+        def run(act: Callable[[Queue], Awaitable[Any]]) -> Any:
+            async def inside() -> Any:
+                made = Queue(url, tmp_path_factory.mktemp("blobs"))
+                async with made.consumer:
+                    try:
+                        return await act(made)
+                    finally:
+                        await made.engine.dispose()
+
+            with psycopg.connect(url) as connection:
+                connection.execute("TRUNCATE job, job_event, procrastinate_jobs CASCADE")
+            return asyncio.run(inside())
+
+        yield run
+
+
+submissions = st.tuples(st.sampled_from(OWNERS), st.integers(-1, 1))
+endings = st.integers(0, 2)
+"""Which of the running jobs ends where no slot is free."""
+
+
+@settings(max_examples=25)
+@given(moves=st.lists(st.one_of(submissions, endings), min_size=4, max_size=30), slots=st.integers(1, 3))
+def test_turns_are_fair_whatever_is_submitted(queue: Any, moves: list[Any], slots: int) -> None:
+    async def act(made: Queue) -> None:
+        passed_over: Counter[tuple[str | None, str | None]] = Counter()
+        running: list[str] = []
+
+        async def slot(ending: int = 0) -> bool:
+            if len(running) == slots:
+                await made.finish(running.pop(ending % slots))
+            waiting = {owner: list(made.waiting[owner]) for owner in made.waits()}
+            in_hand = {owner: made.in_hand(owner) for owner in waiting}
+            job_id = await made.fetch()
+            if job_id is None:
+                assert not waiting
+                return False
+            running.append(job_id)
+            winner = made.owner[job_id]
+            # of one's own jobs, the most urgent, then the oldest
+            assert job_id == min(waiting[winner], key=made.rank.__getitem__)
+            for other in waiting:
+                passed_over[other, winner] += other != winner
+                if other != winner:
+                    # nobody gets another slot while somebody has fewer ...
+                    assert in_hand[winner] <= in_hand[other]
+                    # ... and whoever has none in hand is passed over once by each of the others at most
+                    assert in_hand[other] > 0 or passed_over[other, winner] <= 1
+            for rival in OWNERS:
+                passed_over[winner, rival] = 0
+            return True
+
+        for move in moves:
+            if isinstance(move, int):
+                await slot(move)
+            else:
+                await made.submit(*move)
+        while await slot():
+            pass
+        while running:
+            await made.finish(running.pop(0))
+        assert not any(made.waiting.values())
+
+    queue(act)
+
+
+def test_a_single_job_does_not_wait_for_a_hundred_of_somebody_else(queue: Any) -> None:
+    async def act(made: Queue) -> None:
+        for _ in range(100):
+            await made.submit("many", priority=100)
+        running = await made.fetch()
+        assert running is not None
+        single = await made.submit("one", priority=-100)
+        assert (await made.store.get(single)).queue_position == 2
+        await made.finish(running)
+        assert await made.fetch() == single
+
+    queue(act)
+
+
+def test_who_has_a_slot_gets_another_after_those_who_have_none(queue: Any) -> None:
+    async def act(made: Queue) -> None:
+        long_job, next_job = await made.submit("anna"), await made.submit("anna")
+        short_jobs = [await made.submit("ben") for _ in range(3)]
+        assert await made.fetch() == long_job
+        for job_id in short_jobs:  # though ben was served later each time
+            assert await made.fetch() == job_id
+            await made.finish(job_id)
+        assert await made.fetch() == next_job
+
+    queue(act)
+
+
+def test_a_delivery_whose_job_was_deleted_is_handed_out_and_leads_nowhere(queue: Any) -> None:
+    """Nobody else would ever take it out of the queue."""
+
+    async def act(made: Queue) -> None:
+        job_id = await made.submit("anna")
+        async with made.engine.begin() as connection:
+            await connection.exec_driver_sql("DELETE FROM job")
+        delivery = await made.consumer.fetch(LANES)
+        assert delivery is not None
+        assert delivery.job_id == job_id
+        assert await made.attempts.start(delivery) is None
+        await made.consumer.finish(delivery)
+        assert await made.consumer.fetch(LANES) is None
+
+    queue(act)
