@@ -21,16 +21,14 @@ bench:  ## run the benchmarks and write docs/benchmarks.md
 chaos:  ## many jobs under random kills (ARGS="--jobs 500 --kills 10")
 	@scripts/chaos $(ARGS)
 
-<<<<<<< HEAD
 orphans:  ## how long the job of a killed worker waits for another one (ARGS=kills)
 	@scripts/orphans $(ARGS)
-=======
+
 load:  ## 200 clients while both cores solve (ARGS="--clients 50 --seconds 30")
 	@scripts/load $(ARGS)
 
 soak:  ## half an hour of work, watching what grows (ARGS="--minutes 10")
 	@scripts/soak $(ARGS)
->>>>>>> cluster
 
 docs:  ## build the book into site/
 	@scripts/docs
