@@ -29,6 +29,7 @@ from stridelab_web.pages import (
 )
 from stridelab_web.pages.render import make_environment
 from stridelab_web.service import make_client
+from stridelab_web.viser_client import FOLDER
 
 
 def create_web(config: WebConfig) -> Starlette:
@@ -82,5 +83,6 @@ def routes() -> list[BaseRoute]:
         WebSocketRoute(scene, scenes.pump),
         Route("/login", login.login),
         Route("/static/plotly.min.js", assets.plotly_script),
+        Route(f"{FOLDER}{{name}}", assets.viser_file),
         Mount("/static", assets.OwnFiles(directory=assets.STATIC)),
     ]

@@ -57,6 +57,29 @@ export class Nodes {
     });
   }
 
+  // Resolves once viser has drawn a picture. It notices only with the next ones that it is in sight again.
+  drawn() {
+    const { gl } = this.root, before = gl.info.render.frame;
+    return new Promise((done) => {
+      const look = () => {
+        if (gl.info.render.frame > before) return done();
+        this.redraw();
+        requestAnimationFrame(look);
+      };
+      look();
+    });
+  }
+
+  // What draws the scene.
+  get root() {
+    return this.viser.scene.__r3f.root.getState();
+  }
+
+  // Asks for one picture; viser's own request is for all that a quarter of a second has room for.
+  redraw() {
+    this.root.invalidate();
+  }
+
   find() {
     this.viser = findViser(this.frame) ?? this.viser;
   }
@@ -64,7 +87,7 @@ export class Nodes {
   // Draws what was changed, and remembers which nodes it was drawn with.
   draw() {
     for (const name of this.names) this.seen.set(name, this.viser.nodeRefFromName[name]);
-    this.viser.requestRender();
+    this.redraw();
   }
 
   // Whether viser has made nodes anew since the last `draw` (after a lost connection): they stand where it put them.
