@@ -35,6 +35,7 @@ export class Nodes {
     this.clear = new WeakMap();
     this.seen = new Map();
     this.there = new WeakMap();
+    this.once = () => this.redraw();
   }
 
   // Resolves once viser has made every node. A client that lost its first connection, to a viewer that was starting,
@@ -44,6 +45,7 @@ export class Nodes {
     return new Promise((done) => {
       const look = () => {
         this.find();
+        if (this.frame.closest("[data-held]")) this.calm();
         const alone = findContext(this.frame)?.useGui.get().websocketState === "inactive";
         lost_ms = alone ? (lost_ms ?? performance.now()) : null;
         if (alone && performance.now() - lost_ms > LOST_MS) {
@@ -62,7 +64,7 @@ export class Nodes {
     const { gl } = this.root, before = gl.info.render.frame;
     return new Promise((done) => {
       const look = () => {
-        if (gl.info.render.frame > before) return done();
+        if (gl.info.render.frame > before) return done(this.uncalm());
         this.redraw();
         requestAnimationFrame(look);
       };
@@ -78,6 +80,17 @@ export class Nodes {
   // Asks for one picture; viser's own request is for all that a quarter of a second has room for.
   redraw() {
     this.root.invalidate();
+  }
+
+  // Until its scene is drawn, viser's requests are for one picture too: what comes after the first would be the same.
+  calm() {
+    if (!this.viser?.scene || this.viser.requestRender === this.once) return;
+    this.request = this.viser.requestRender;
+    this.viser.requestRender = this.once;
+  }
+
+  uncalm() {
+    if (this.viser.requestRender === this.once) this.viser.requestRender = this.request;
   }
 
   find() {
