@@ -84,6 +84,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     api = APIRouter(prefix="/api/v1")
     for part in (health, recordings, subjects, robots, scenarios, plans, jobs, stream, access):
         api.include_router(part.router)
+    api.include_router(access.anybody)
     app.include_router(api)
     app.include_router(metrics.router)
     app.include_router(session.router)
