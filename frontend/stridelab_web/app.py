@@ -34,7 +34,7 @@ from stridelab_web.viser_client import FOLDER
 
 
 def create_web(config: WebConfig) -> Starlette:
-    """The ASGI app of all pages. It holds nothing that another one would need, so any number of processes may serve it."""
+    """The ASGI app of all pages. What it holds no other needs: any number of processes may serve it."""
     app = Starlette(
         routes=routes(),
         exception_handlers={

@@ -23,9 +23,7 @@ from typing import Final
 import numpy as np
 import zstandard
 
-ALPHABET: Final = (
-    b"!#$%()*+,-./0123456789:;=?@ABCDEFGHIJKLMNOPQRSTUVWXYZ[\\]^_abcdefghijklmnopqrstuvwxyz{|}~"
-)
+ALPHABET: Final = b"!#$%()*+,-./0123456789:;=?@ABCDEFGHIJKLMNOPQRSTUVWXYZ[\\]^_abcdefghijklmnopqrstuvwxyz{|}~"
 FOLDER: Final = "/static/viser/"
 """Where the files lie in the web app; their names change with their content."""
 CONTENT_POLICY: Final = (
@@ -60,7 +58,7 @@ def installed() -> ViserClient:
 
 
 def unpacked(html: bytes) -> ViserClient:
-    """viser's page in three parts. Raises ``ValueError`` where it has another form."""
+    """The page of viser in its parts. Raises ``ValueError`` where it has another form."""
     found = _SCRIPT.search(html)
     if found is None:
         raise ValueError("the client page of this viser version has another form: its scripts cannot be found")
@@ -78,7 +76,7 @@ def unpacked(html: bytes) -> ViserClient:
 
 
 def unlit(code: bytes) -> bytes:
-    """The application that begins without an image around its scene. Raises ``ValueError`` where it has another form."""
+    """The application, without an image around its scene. Raises ``ValueError`` where it has another form."""
     if code.count(LIT_BY_A_CITY) != 1:
         raise ValueError("the client of this viser version has another form: its first environment cannot be found")
     return code.replace(LIT_BY_A_CITY, LIT_BY_NOTHING)

@@ -54,13 +54,13 @@ async def values(request: Request) -> Response:
     A plan that was made stays as it is, and its frames take longer to pack than viser's client to start: they are kept.
     """
     document, kept = _moving(request), request.app.state.packed
-    found = await kept.of(client_of(request), document) if document.kind == "plan" else None
-    if found is None:
+    packed: bytes | None = await kept.of(client_of(request), document)
+    if packed is None:
         frames = await _frames(client_of(request), document)
-        found = await run_in_threadpool(lambda: gzip.compress(frames.file(), compresslevel=GZIP_LEVEL, mtime=0))
+        packed = await run_in_threadpool(lambda: gzip.compress(frames.file(), compresslevel=GZIP_LEVEL, mtime=0))
         if document.kind == "plan":
-            kept.keep(document, found)
-    return compressed(request, found, "application/octet-stream", {"Cache-Control": "no-store"})
+            kept.keep(document, packed)
+    return compressed(request, packed, "application/octet-stream", {"Cache-Control": "no-store"})
 
 
 async def _recording(request: Request) -> Response:
