@@ -137,7 +137,7 @@ def test_browser_gets_the_poses_of_the_file(fake: FakeService, browse: Callable[
     assert browse("/view/scene/scenario/x/-/frames.bin").status_code == 404
 
 
-def test_frames_of_a_plan_are_packed_once_and_gone_with_their_plan(fake: FakeService) -> None:
+def test_frames_of_a_plan_are_packed_once(fake: FakeService) -> None:
     """One app for all requests, since what is kept is the app's."""
     web, job = make_client(fake), fake.add_plan()
     address = f"/view/scene/plan/{job.id}/-/frames.bin"
@@ -146,23 +146,26 @@ def test_frames_of_a_plan_are_packed_once_and_gone_with_their_plan(fake: FakeSer
     kept.keep(Document("plan", job.id), gzip.compress(b"kept"))
     assert len(first) > 100
     assert web.get(address).content == b"kept"
-    del fake.jobs[job.id]
-    assert web.get(address).status_code == 404
 
 
-def test_frames_that_were_asked_for_last_are_kept() -> None:
+def test_frames_that_were_asked_for_last_are_kept_for_those_who_may_see_the_plan() -> None:
     kept, documents = KeptFrames(), [Document("plan", str(k)) for k in range(PLANS_AT_MOST + 1)]
     for document in documents:
         kept.keep(document, document.id.encode())
 
-    class Anybody:
+    class Lab:
         async def result(self, job_id: str) -> None:
-            """Everybody may see everything."""
+            """The last plan is gone."""
+            if job_id == str(PLANS_AT_MOST):
+                raise LookupError(job_id)
 
-    async def found() -> list[bytes | None]:
-        return [await kept.of(Anybody(), document) for document in documents]  # type: ignore[arg-type]
+    async def found(document: Document) -> bytes | None:
+        return await kept.of(Lab(), document)  # type: ignore[arg-type]
 
-    assert asyncio.run(found()) == [None, *(document.id.encode() for document in documents[1:])]
+    there = [asyncio.run(found(document)) for document in documents[:-1]]
+    assert there == [None, *(document.id.encode() for document in documents[1:-1])]
+    with pytest.raises(LookupError):
+        asyncio.run(found(documents[-1]))
 
 
 def test_what_is_drawn_twice_is_sent_once() -> None:

@@ -324,8 +324,6 @@ class FakeService:
         return StreamingResponse(stream(), media_type="text/event-stream")
 
     async def _result(self, request: Request) -> Response:
-        if request.path_params["id"] not in self.jobs:
-            return _problem(404, "job-not-found", "There is no such job.")
         return _answer(self.result(request.path_params["id"]).model_dump(mode="json"))
 
     async def _scenarios(self, request: Request) -> Response:
