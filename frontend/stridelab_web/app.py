@@ -7,6 +7,7 @@ from starlette.routing import BaseRoute, Mount, Route, WebSocketRoute
 from stridelab.client import ProblemError, Unreachable
 from stridelab_web import assets, scenes
 from stridelab_web.config import WebConfig
+from stridelab_web.kept_frames import KeptFrames
 from stridelab_web.pages import (
     about,
     comparison,
@@ -29,10 +30,11 @@ from stridelab_web.pages import (
 )
 from stridelab_web.pages.render import make_environment
 from stridelab_web.service import make_client
+from stridelab_web.viser_client import FOLDER
 
 
 def create_web(config: WebConfig) -> Starlette:
-    """The ASGI app of all pages. It holds no state of its own, so any number of processes may serve it."""
+    """The ASGI app of all pages. What it holds no other needs: any number of processes may serve it."""
     app = Starlette(
         routes=routes(),
         exception_handlers={
@@ -44,6 +46,7 @@ def create_web(config: WebConfig) -> Starlette:
     app.state.config = config
     app.state.client = make_client(config)
     app.state.environment = make_environment(config)
+    app.state.packed = KeptFrames()
     return app
 
 
@@ -82,5 +85,6 @@ def routes() -> list[BaseRoute]:
         WebSocketRoute(scene, scenes.pump),
         Route("/login", login.login),
         Route("/static/plotly.min.js", assets.plotly_script),
+        Route(f"{FOLDER}{{name}}", assets.viser_file),
         Mount("/static", assets.OwnFiles(directory=assets.STATIC)),
     ]

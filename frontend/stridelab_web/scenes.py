@@ -1,12 +1,12 @@
 """The door to the viewer process: viser's page and, through the web app's gate, its websocket."""
 
 import asyncio
-from importlib.metadata import version
 from typing import Any
 from urllib.parse import urlsplit
 
 import httpx
 import websockets
+from starlette.concurrency import run_in_threadpool
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection, Request
 from starlette.responses import JSONResponse, Response
@@ -15,7 +15,6 @@ from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed
 
 from stridelab_web import viser_client
-from stridelab_web.assets import compressed
 from stridelab_web.config import WebConfig
 from stridelab_web.documents import Document, document_of
 
@@ -31,12 +30,10 @@ class ViewerUnavailable(Exception):
 
 
 async def page(request: Request) -> Response:
-    """``GET /view/scene/{kind}/{id}/{job}/``: viser's client."""
-    tag = f'"viser-{version("viser")}"'
-    headers = {"Content-Security-Policy": viser_client.content_policy(), "Cache-Control": "no-cache", "ETag": tag}
-    if request.headers.get("if-none-match") == tag:
-        return Response(status_code=304, headers=headers)
-    return compressed(request, viser_client.page_gzip(), "text/html; charset=utf-8", headers)
+    """``GET /view/scene/{kind}/{id}/{job}/``: the page of viser's client, which asks for the rest by its name."""
+    client = await run_in_threadpool(viser_client.installed)
+    headers = {"Content-Security-Policy": viser_client.CONTENT_POLICY, "Cache-Control": "no-cache"}
+    return Response(client.page, media_type="text/html; charset=utf-8", headers=headers)
 
 
 async def open_scene(request: Request) -> Response:

@@ -1,59 +1,85 @@
-"""viser's client page as it is installed, and the content policy under which its scripts may run.
+"""viser's client as it is installed, unpacked into files that a browser may keep.
 
-The page holds one small script. That unpacks styles and the application from an attribute (base 88, zstandard) and
-adds both to the document, so the browser meets two inline scripts. Both are fixed by the installed version and are
-allowed by their hashes. The application generates styles while it runs, so in this frame, and nowhere else, styles
-are not restricted; nothing can be fetched from outside.
+The installed page holds one small script. That unpacks styles and the application from an attribute (base 88,
+zstandard, with a decoder in WebAssembly) and writes both into the document, in every scene anew: of a text that a page
+writes into itself a browser keeps neither the text nor what it has made of it. Here all are unpacked once and become
+files with addresses of their own; static/js/viser_start.js does what is left of the script.
+
+One word of the application is another one: what lights a scene of which its server has said nothing yet. viser takes
+an image of a city, whose decoding and filtering keeps a computer without a graphics card busy for a second, and lets
+go of it at the first message: no scene here has one (``viewer/parts.py``).
 """
 
-import base64
 import gzip
 import hashlib
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cache
+from importlib.metadata import version
 from importlib.resources import files
+from typing import Final
 
 import numpy as np
 import zstandard
 
-ALPHABET = b"!#$%()*+,-./0123456789:;=?@ABCDEFGHIJKLMNOPQRSTUVWXYZ[\\]^_abcdefghijklmnopqrstuvwxyz{|}~"
+ALPHABET: Final = b"!#$%()*+,-./0123456789:;=?@ABCDEFGHIJKLMNOPQRSTUVWXYZ[\\]^_abcdefghijklmnopqrstuvwxyz{|}~"
+FOLDER: Final = "/static/viser/"
+"""Where the files lie in the web app; their names change with their content."""
+CONTENT_POLICY: Final = (
+    "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data: blob:; font-src data:; connect-src 'self' data: blob:; worker-src blob:; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
+)
+"""The application writes styles while it runs, so in its frame, and nowhere else, styles are not restricted."""
+SUFFIXES: Final = {"text/css": ".css", "text/javascript": ".js", "application/wasm": ".wasm"}
+LIT_BY_A_CITY: Final = b"environmentMap:null"
+LIT_BY_NOTHING: Final = b"environmentMap:{hdri_data:null}"
 _SCRIPT = re.compile(
-    rb'<script data-p="(?P<packed>[^"]*)" data-ss="(?P<styles>\d+)" data-cs="(?P<code>\d+)">(?P<loader>.*?)</script>',
+    rb'<script data-p="(?P<packed>[^"]*)" data-ss="(?P<styles>\d+)" data-cs="(?P<code>\d+)">'
+    rb'.*?gzWasm="(?P<decoder>[^"]*)".*?</script>',
     re.DOTALL,
 )
 
 
-@cache
-def page() -> bytes:
-    """The client page of the installed viser package: one HTML file."""
-    return files("viser").joinpath("client", "build", "index.html").read_bytes()
+@dataclass(frozen=True)
+class ViserClient:
+    """``page`` asks for the three ``files`` by their names, which are ``media_types``' too."""
+
+    page: bytes
+    files: Mapping[str, bytes]
+    media_types: Mapping[str, str]
 
 
 @cache
-def page_gzip() -> bytes:
-    """The page, compressed once."""
-    return gzip.compress(page(), mtime=0)
+def installed() -> ViserClient:
+    """The client of the installed viser package. Raises ``ValueError`` where it has another form."""
+    return unpacked(files("viser").joinpath("client", "build", "index.html").read_bytes())
 
 
-@cache
-def content_policy() -> str:
-    """Value of Content-Security-Policy for the page. Raises ``ValueError`` where the page has another form."""
-    hashes = " ".join(f"'sha256-{_sha256(script)}'" for script in scripts(page()))
-    return (
-        f"default-src 'none'; script-src {hashes} 'wasm-unsafe-eval'; style-src 'unsafe-inline'; "
-        "img-src 'self' data: blob:; font-src data:; connect-src 'self' data: blob:; worker-src blob:; "
-        "base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
-    )
-
-
-def scripts(html: bytes) -> tuple[bytes, bytes]:
-    """The two scripts that the page runs: its loader, and the application that the loader unpacks."""
+def unpacked(html: bytes) -> ViserClient:
+    """The page of viser in its parts. Raises ``ValueError`` where it has another form."""
     found = _SCRIPT.search(html)
     if found is None:
         raise ValueError("the client page of this viser version has another form: its scripts cannot be found")
-    unpacked = zstandard.ZstdDecompressor().decompress(decode88(found["packed"]))
-    styles, code = int(found["styles"]), int(found["code"])
-    return found["loader"], unpacked[styles : styles + code]
+    whole = zstandard.ZstdDecompressor().decompress(decode88(found["packed"]))
+    end = int(found["styles"])
+    parts = {
+        "text/css": whole[:end],
+        "text/javascript": unlit(whole[end : end + int(found["code"])]),
+        "application/wasm": gzip.decompress(decode88(found["decoder"].replace(b"\\\\", b"\\"))),
+    }
+    names = {media_type: _name(content) + SUFFIXES[media_type] for media_type, content in parts.items()}
+    page = html[: found.start()] + _links(*(FOLDER + name for name in names.values())) + html[found.end() :]
+    files = {names[media_type]: content for media_type, content in parts.items()}
+    return ViserClient(page, files, {name: media_type for media_type, name in names.items()})
+
+
+def unlit(code: bytes) -> bytes:
+    """The application, without an image around its scene. Raises ``ValueError`` where it has another form."""
+    if code.count(LIT_BY_A_CITY) != 1:
+        raise ValueError("the client of this viser version has another form: its first environment cannot be found")
+    return code.replace(LIT_BY_A_CITY, LIT_BY_NOTHING)
 
 
 def decode88(text: bytes) -> bytes:
@@ -70,5 +96,13 @@ def decode88(text: bytes) -> bytes:
     return head + (tail.to_bytes(len(rest) - 1, "big") if len(rest) else b"")
 
 
-def _sha256(script: bytes) -> str:
-    return base64.b64encode(hashlib.sha256(script).digest()).decode()
+def _name(content: bytes) -> str:
+    return f"{version('viser')}-{hashlib.sha256(content).hexdigest()[:16]}"
+
+
+def _links(styles: str, code: str, decoder: str) -> bytes:
+    return (
+        f'<link rel="stylesheet" href="{styles}"><link rel="modulepreload" href="{code}">'
+        f'<link rel="preload" href="{decoder}" as="fetch" crossorigin>'
+        '<script type="module" src="/static/js/viser_start.js"></script>'
+    ).encode()

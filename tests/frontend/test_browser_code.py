@@ -1,13 +1,11 @@
 """Third-party browser code comes from the installed packages and runs under a policy that names it."""
 
-import base64
-import gzip
-import hashlib
 from collections.abc import Callable
 from importlib.resources import files
 
 import httpx
 import pytest
+import zstandard
 
 from stridelab_web import assets, viser_client
 from support.fake_service import FakeService
@@ -29,28 +27,46 @@ def test_styles_that_plotly_would_write_are_known() -> None:
     assert assets.plotly_style_ids()
 
 
-def test_application_inside_the_viser_page_is_found() -> None:
-    loader, application = viser_client.scripts(viser_client.page())
-    assert b"ZSTD_decompress" in loader
-    for name in (b"nodePoseData", b"nodeRefFromName", b"poseUpdateState", b"requestRender"):
-        assert name in application, "static/js/scene.js moves nodes by this name"
+def test_the_client_of_viser_is_unpacked() -> None:
+    client = viser_client.installed()
+    kinds = {client.media_types[name]: content for name, content in client.files.items()}
+    assert set(kinds) == {"text/css", "text/javascript", "application/wasm"}
+    for name in (b"nodePoseData", b"nodeRefFromName", b"poseUpdateState", b"requestRender", b"__viserZstdWasm"):
+        assert name in kinds["text/javascript"], "static/js takes hold of it by this name"
+    assert kinds["application/wasm"].startswith(b"\0asm")
+    assert b"mantine" in kinds["text/css"]
+    for name in client.files:
+        assert f'"{viser_client.FOLDER}{name}"'.encode() in client.page
+    assert client.page.count(b"<script") == 1, "and no script is written into the page itself"
 
 
-def test_policy_of_the_frame_allows_exactly_those_two_scripts() -> None:
-    policy = viser_client.content_policy()
+def test_one_word_of_the_application_is_another_one() -> None:
+    html = files("viser").joinpath("client", "build", "index.html").read_bytes()
+    found = viser_client.installed()
+    code = next(content for name, content in found.files.items() if name.endswith(".js"))
+    back = code.replace(viser_client.LIT_BY_NOTHING, viser_client.LIT_BY_A_CITY)
+    assert code.count(viser_client.LIT_BY_NOTHING) == 1
+    assert f'data-cs="{len(back)}"'.encode() in html
+    assert viser_client.unlit(back) == code
+
+
+@pytest.mark.parametrize("code", [b"{fog:null}", b"{environmentMap:null},{environmentMap:null}"])
+def test_an_application_of_another_form_is_refused(code: bytes) -> None:
+    with pytest.raises(ValueError, match="another form"):
+        viser_client.unlit(code)
+
+
+def test_policy_of_the_frame_allows_files_of_this_service_alone() -> None:
+    policy = viser_client.CONTENT_POLICY
     scripts = next(part for part in policy.split("; ") if part.startswith("script-src")).split()[1:]
-    hashes = [
-        f"'sha256-{base64.b64encode(hashlib.sha256(s).digest()).decode()}'"
-        for s in viser_client.scripts(viser_client.page())
-    ]
-    assert scripts == [*hashes, "'wasm-unsafe-eval'"]
+    assert scripts == ["'self'", "'wasm-unsafe-eval'"]
     assert "default-src 'none'" in policy
     assert "http" not in policy
 
 
 def test_a_page_of_another_form_is_refused() -> None:
     with pytest.raises(ValueError, match="another form"):
-        viser_client.scripts(b"<html><script>new()</script></html>")
+        viser_client.unpacked(b"<html><script>new()</script></html>")
 
 
 @pytest.mark.parametrize("content", [b"", b"a", b"ab", b"abc", b"abcd", b"abcde\xff\x00"])
@@ -71,14 +87,24 @@ def encode88(content: bytes) -> bytes:
     return bytes(text)
 
 
-def test_frame_is_the_installed_page(browse: Callable[[str], httpx.Response]) -> None:
+def test_frame_asks_for_files_that_are_kept_for_ever(
+    browse: Callable[[str], httpx.Response], fake: FakeService
+) -> None:
+    client, web = viser_client.installed(), make_client(fake)
     answer = browse("/view/scene/recording/some/-/")
-    assert answer.content == viser_client.page() == gzip.decompress(viser_client.page_gzip())
-    assert answer.headers["content-security-policy"] == viser_client.content_policy()
+    assert answer.content == client.page
+    assert answer.headers["content-security-policy"] == viser_client.CONTENT_POLICY
+    for name, content in client.files.items():
+        for coding in ("gzip", "zstd", "identity"):
+            file = web.get(f"{viser_client.FOLDER}{name}", headers={"Accept-Encoding": coding})
+            assert file.headers.get("content-encoding", "identity") == coding
+            assert file.headers["content-type"].startswith(client.media_types[name])
+            assert "immutable" in file.headers["cache-control"]
+            assert (file.content if coding != "zstd" else decompressed(file)) == content
+    assert web.get(f"{viser_client.FOLDER}1.0.0-0123456789abcdef.js").status_code == 404
 
 
-def test_frame_is_sent_once(fake: FakeService) -> None:
-    web = make_client(fake)
-    tag = web.get("/view/scene/recording/some/-/").headers["etag"]
-    again = web.get("/view/scene/plan/other/-/", headers={"If-None-Match": tag})
-    assert (again.status_code, again.content) == (304, b"")
+def decompressed(file: httpx.Response) -> bytes:
+    """Whether httpx has undone zstandard depends on what is installed beside it."""
+    whole = file.content
+    return whole if not whole.startswith(b"\x28\xb5\x2f\xfd") else zstandard.ZstdDecompressor().decompress(whole)

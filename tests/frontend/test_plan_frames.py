@@ -1,13 +1,17 @@
 """Frames of a plan are the numbers of its files, and what is there for a while is there in its phases."""
 
+import asyncio
+import gzip
 from collections.abc import Callable
 
 import httpx
 import numpy as np
 import pytest
 
+from stridelab_web.documents import Document
 from stridelab_web.frames import ARROW_M_PER_N
 from stridelab_web.friction_cones import GROUP, cones
+from stridelab_web.kept_frames import PLANS_AT_MOST, KeptFrames
 from stridelab_web.plan_files import read_plan
 from stridelab_web.plan_frames import COM, MOMENTUM, MOMENTUM_M_PER_NMS, com_m, plan_frames, read_motion
 from stridelab_web.touches import touches
@@ -15,6 +19,7 @@ from stridelab_web.viewer import shapes
 from support import fake_planner
 from support.fake_service import FakeService
 from support.packed import read_frames
+from support.web import make_client
 
 SCENARIO = fake_planner.scenario()
 
@@ -130,6 +135,37 @@ def test_browser_gets_the_poses_of_the_file(fake: FakeService, browse: Callable[
     np.testing.assert_allclose(sign[:, None] * values[:, at + 3 : at + 7], expected[:, 3:], rtol=0, atol=1e-5)
     assert browse("/view/scene/film/x/-/frames.bin").status_code == 404
     assert browse("/view/scene/scenario/x/-/frames.bin").status_code == 404
+
+
+def test_frames_of_a_plan_are_packed_once(fake: FakeService) -> None:
+    """One app for all requests, since what is kept is the app's."""
+    web, job = make_client(fake), fake.add_plan()
+    address = f"/view/scene/plan/{job.id}/-/frames.bin"
+    first = web.get(address).content
+    kept: KeptFrames = web.app.state.packed  # type: ignore[attr-defined]
+    kept.keep(Document("plan", job.id), gzip.compress(b"kept"))
+    assert len(first) > 100
+    assert web.get(address).content == b"kept"
+
+
+def test_frames_that_were_asked_for_last_are_kept_for_those_who_may_see_the_plan() -> None:
+    kept, documents = KeptFrames(), [Document("plan", str(k)) for k in range(PLANS_AT_MOST + 1)]
+    for document in documents:
+        kept.keep(document, document.id.encode())
+
+    class Lab:
+        async def result(self, job_id: str) -> None:
+            """The last plan is gone."""
+            if job_id == str(PLANS_AT_MOST):
+                raise LookupError(job_id)
+
+    async def found(document: Document) -> bytes | None:
+        return await kept.of(Lab(), document)  # type: ignore[arg-type]
+
+    there = [asyncio.run(found(document)) for document in documents[:-1]]
+    assert there == [None, *(document.id.encode() for document in documents[1:-1])]
+    with pytest.raises(LookupError):
+        asyncio.run(found(documents[-1]))
 
 
 def test_what_is_drawn_twice_is_sent_once() -> None:

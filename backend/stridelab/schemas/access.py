@@ -16,6 +16,13 @@ TokenName = Annotated[
 ]
 
 
+class CallerFacts(Contract):
+    """Who calls: the name of the token, if there are names, and what it allows."""
+
+    name: str | None = None
+    scope: TokenScope
+
+
 class TokenInput(Contract):
     """A token to make; without ``days`` it is good until it is revoked."""
 

@@ -72,6 +72,8 @@ async def plan(request: Request, job_id: str) -> Response:
         moments=moments,
         layers=layers,
         uploads=False,
+        bodies="poses.f32" in files,
+        bands=False,
         links=links,
         steps=(),
         downloads=[

@@ -49,10 +49,18 @@ async def view(request: Request) -> Response:
 
 
 async def values(request: Request) -> Response:
-    """``GET /view/scene/{kind}/{id}/{job}/frames.bin``: what moves, packed and compressed (``packing``)."""
-    frames = await _frames(request)
-    gzipped = await run_in_threadpool(lambda: gzip.compress(frames.file(), compresslevel=GZIP_LEVEL, mtime=0))
-    return compressed(request, gzipped, "application/octet-stream", {"Cache-Control": "no-store"})
+    """``GET /view/scene/{kind}/{id}/{job}/frames.bin``: what moves, packed and compressed (``packing``).
+
+    A plan that was made stays as it is, and its frames take longer to pack than viser's client to start: they are kept.
+    """
+    document, kept = _moving(request), request.app.state.packed
+    packed: bytes | None = await kept.of(client_of(request), document)
+    if packed is None:
+        frames = await _frames(client_of(request), document)
+        packed = await run_in_threadpool(lambda: gzip.compress(frames.file(), compresslevel=GZIP_LEVEL, mtime=0))
+        if document.kind == "plan":
+            kept.keep(document, packed)
+    return compressed(request, packed, "application/octet-stream", {"Cache-Control": "no-store"})
 
 
 async def _recording(request: Request) -> Response:
@@ -84,7 +92,7 @@ async def _recording(request: Request) -> Response:
     links = [("Recording", f"/recordings/{recording.id}")]
     steps_s = await _steps_s(client, recording.id, job_id)
     if job_id:
-        layers += [*COM_LAYERS, *WHEEL_LAYERS]
+        layers += [*COM_LAYERS, *(WHEEL_LAYERS if (await client.job(job_id)).kind == WHEEL else ())]
         links.append(("Result", f"/jobs/{job_id}"))
     numbered = strips.numbered(steps_s, recording.duration_s, first=1)
     said = f"{len(steps_s)} steps, foot off to the next foot off, as the wheel was fitted to them"
@@ -105,20 +113,26 @@ async def _recording(request: Request) -> Response:
         downloads=[(text, f"{scene}/{name}") for name, text in planner.EXPORTS.items()],
         layers=layers,
         uploads=True,
+        bodies=False,
+        bands=bool(job_id),
         links=links,
     )
 
 
-async def _frames(request: Request) -> Frames:
-    client = client_of(request)
+def _moving(request: Request) -> Document:
+    """The document of a request. Raises ``HTTPException`` where there is none, or none that moves."""
     try:
         document = document_of(request.path_params)
     except KeyError as error:
         raise HTTPException(404, "There is no such scene.") from error
-    if document.kind == "plan":
-        return await planner.frames(client, document.id)
     if document.kind in ("scenario", "robot"):
         raise HTTPException(404, f"A {document.kind} does not move by itself.")
+    return document
+
+
+async def _frames(client: AsyncClient, document: Document) -> Frames:
+    if document.kind == "plan":
+        return await planner.frames(client, document.id)
     recording = await client.recording(document.id)
     tracks = await read_tracks(client, recording.id)
     job_id = document.job_id

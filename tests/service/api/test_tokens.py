@@ -77,6 +77,7 @@ def test_each_scope_allows_what_it_names(lab: Served, admin: httpx.Client) -> No
                 http.get(TOKENS).status_code,
                 http.get("/api/v1/audit").status_code,
             ]
+            assert http.get("/api/v1/caller").json() == {"name": f"a-{scope}", "scope": scope}
     assert allowed == {"read": [200, 403, 403, 403], "submit": [200, 201, 403, 403], "admin": [200, 201, 200, 200]}
 
 
@@ -245,3 +246,4 @@ def test_without_a_token_nobody_is_asked_and_nothing_has_an_owner(service: Serve
     with service.http() as http:
         assert http.post(SIMULATION, json={}).json()["owner"] is None
         assert http.get(TOKENS).json()["items"] == []
+        assert http.get("/api/v1/caller").json() == {"name": None, "scope": "admin"}

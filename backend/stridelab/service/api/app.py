@@ -85,6 +85,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     # routes are tried one after another, and jobs are what is asked for most
     for part in (jobs, health, recordings, subjects, robots, scenarios, plans, stream, access):
         api.include_router(part.router)
+    api.include_router(access.anybody)
     app.include_router(api)
     app.include_router(metrics.router)
     app.include_router(session.router)

@@ -13,7 +13,7 @@ import { bodyOf, moved, openNew } from "./scenario_body.js";
 import { contactIn } from "./sequence.js";
 import { Strip } from "./strip.js";
 import { turned, yawOf } from "./turns.js";
-import { failed } from "./veil.js";
+import { failed, lift } from "./veil.js";
 
 const WATCH_MS = 100, AFTER_KEYS_MS = 500, NUDGE_M = 0.01, FINE_M = 0.001, CHANGED = 412;
 const ELSEWHERE = "Changed in another window: this is how it stands now. Undo takes that back, too.";
@@ -50,12 +50,12 @@ async function start() {
   strip.draw(kept.body, touches);
   await picture.open();
   await picture.load(touches, kept.body, onKey);
-  part("veil").hidden = true;
   const wanted = new URLSearchParams(location.search), [number, phase] = ["contact", "phase"].map((name) => (wanted.has(name) ? Number(wanted.get(name)) : null));
   if (touchOf(number)) choose(number, false);
   if (phase in kept.body.phases) judged.choosePhase(phase);
   show();
   live.start(picture.nodes);
+  await lift(part("stage"), picture.nodes);
   root.dataset.ready = "true";
   setInterval(watch, WATCH_MS);
 }

@@ -35,6 +35,7 @@ export class Nodes {
     this.clear = new WeakMap();
     this.seen = new Map();
     this.there = new WeakMap();
+    this.once = () => this.redraw();
   }
 
   // Resolves once viser has made every node. A client that lost its first connection, to a viewer that was starting,
@@ -44,6 +45,7 @@ export class Nodes {
     return new Promise((done) => {
       const look = () => {
         this.find();
+        if (this.frame.closest("[data-held]")) this.calm();
         const alone = findContext(this.frame)?.useGui.get().websocketState === "inactive";
         lost_ms = alone ? (lost_ms ?? performance.now()) : null;
         if (alone && performance.now() - lost_ms > LOST_MS) {
@@ -57,6 +59,40 @@ export class Nodes {
     });
   }
 
+  // Resolves once viser has drawn a picture. It notices only with the next ones that it is in sight again.
+  drawn() {
+    const { gl } = this.root, before = gl.info.render.frame;
+    return new Promise((done) => {
+      const look = () => {
+        if (gl.info.render.frame > before) return done(this.uncalm());
+        this.redraw();
+        requestAnimationFrame(look);
+      };
+      look();
+    });
+  }
+
+  // What draws the scene.
+  get root() {
+    return this.viser.scene.__r3f.root.getState();
+  }
+
+  // Asks for one picture; viser's own request is for all that a quarter of a second has room for.
+  redraw() {
+    this.root.invalidate();
+  }
+
+  // Until its scene is drawn, viser's requests are for one picture too: what comes after the first would be the same.
+  calm() {
+    if (!this.viser?.scene || this.viser.requestRender === this.once) return;
+    this.request = this.viser.requestRender;
+    this.viser.requestRender = this.once;
+  }
+
+  uncalm() {
+    if (this.viser.requestRender === this.once) this.viser.requestRender = this.request;
+  }
+
   find() {
     this.viser = findViser(this.frame) ?? this.viser;
   }
@@ -64,7 +100,7 @@ export class Nodes {
   // Draws what was changed, and remembers which nodes it was drawn with.
   draw() {
     for (const name of this.names) this.seen.set(name, this.viser.nodeRefFromName[name]);
-    this.viser.requestRender();
+    this.redraw();
   }
 
   // Whether viser has made nodes anew since the last `draw` (after a lost connection): they stand where it put them.

@@ -1,7 +1,7 @@
 // A robot in 3D with where its centre of mass can be: one effector and measure at a time, each part with a key.
 import { Nodes } from "./nodes.js";
 import { Room } from "./room.js";
-import { failed } from "./veil.js";
+import { failed, lift } from "./veil.js";
 
 const HEARTBEAT_MS = 400, LEVELS = ["50", "80", "95"], PARTS = ["cloud", "mode", ...LEVELS], LITRES = 1000;
 const root = document.querySelector("[data-robot-view]");
@@ -22,10 +22,10 @@ async function start() {
   const answer = await fetch(`${scene}/open`, { method: "POST" }).catch(() => null);
   if (!answer?.ok) throw new Error((await answer?.json().catch(() => null))?.detail || "The scene could not be read.");
   await nodes.ready();
-  part("veil").hidden = true;
   const room = new Room(nodes);
   frame.contentWindow.addEventListener("keydown", onKey);
   show();
+  await lift(part("stage"), nodes);
   root.dataset.ready = "true";
   setInterval(() => {
     if (!nodes.isStale()) return;

@@ -19,7 +19,7 @@ export class Room {
     this.nodes.viser.nodeRefFromName[FLOOR]?.traverse(({ material }) => {
       for (const [name, colour] of Object.entries(GRID)) if (material?.uniforms?.[name]) this.tint(material.uniforms[name].value, (_, color) => color.setStyle(colour));
     });
-    this.nodes.viser.requestRender();
+    this.nodes.redraw();
   }
 
   theme() {

@@ -59,7 +59,7 @@ async function list() {
     find("[data-admin]").hidden = false;
     say(items.length ? "" : "None yet: everybody would use the admin’s.");
   } catch (error) {
-    say(error.status === 403 ? "Your token does not manage others; an admin’s does." : error.message);
+    say(error.message);
   }
 }
 
@@ -73,4 +73,7 @@ onSubmit(find("[data-make]"), async (data) => {
   await list();
   return "Made. Copy it now.";
 });
-list();
+
+call("GET", "/caller")
+  .then(({ scope }) => (scope === "admin" ? list() : say("Your token does not manage others; an admin’s does.")))
+  .catch((error) => say(error.message));

@@ -5,13 +5,12 @@ import { unpack } from "./packed.js";
 import { Room } from "./room.js";
 import { Scene } from "./scene.js";
 import { snapshot } from "./snapshot.js";
-import { failed } from "./veil.js";
+import { failed, lift } from "./veil.js";
 
 const ADDRESS_EVERY_MS = 250, HEARTBEAT_MS = 400;
 const stage = document.querySelector("[data-stage]");
 const player = document.querySelector("[data-player]");
 const frame = stage.querySelector("iframe");
-const veil = stage.querySelector("[data-veil]");
 const slider = player.querySelector("#time");
 const clock = player.querySelector("[data-time]");
 const speed = player.querySelector("[data-speed]");
@@ -48,7 +47,6 @@ async function start() {
   through.checked = new URLSearchParams(location.search).get("through") !== "0";
   magnified.closest("label").hidden = !layout.ellipsoids.length;
   await scene.nodes.ready();
-  veil.hidden = true;
   room = new Room(scene.nodes, scene.tinted);
   slider.max = String(time_s.length - 1);
   slider.disabled = false;
@@ -57,6 +55,7 @@ async function start() {
   const query = new URLSearchParams(location.search);
   range.begin(time_s, ...["from", "to"].map((name) => (query.has(name) ? Number(query.get(name)) : NaN)));
   seek(frameAt(Number(query.get("t") ?? player.dataset.start)), false);
+  await lift(stage, scene.nodes);
   player.dataset.ready = "true";
   if (query.has("play")) play(true);
   setInterval(() => {

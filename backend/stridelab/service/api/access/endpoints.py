@@ -1,11 +1,11 @@
-"""``/tokens`` and ``/audit``; the gate lets only admins through, and so does each call."""
+"""``/caller`` for everybody; ``/tokens`` and ``/audit``: the gate lets only admins through, and so does each call."""
 
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Body, Depends
 from sqlalchemy import select
 
-from stridelab.schemas.access import AuditEntry, NewToken, TokenFacts, TokenInput
+from stridelab.schemas.access import AuditEntry, CallerFacts, NewToken, TokenFacts, TokenInput
 from stridelab.schemas.base import Page
 from stridelab.service.access import audit, tokens
 from stridelab.service.access.callers import require
@@ -21,11 +21,18 @@ def _admin(caller: CallerOf) -> None:
     require(caller, "admin")
 
 
+anybody = APIRouter(tags=["access"], route_class=StrictRoute)
 router = APIRouter(tags=["access"], route_class=StrictRoute, dependencies=[Depends(_admin)])
 
 _EXAMPLE: Final[Any] = {
     "person": {"summary": "Somebody who works here", "value": {"name": "p07", "scope": "submit", "days": 365}},
 }
+
+
+@anybody.get("/caller", summary="Who calls")
+async def read_caller(caller: CallerOf) -> CallerFacts:
+    """Who you are here and what you may do; without a login nobody has a name, and may do everything."""
+    return CallerFacts(name=caller.name, scope=caller.scope)
 
 
 @router.get("/tokens", summary="List tokens")

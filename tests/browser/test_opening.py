@@ -1,0 +1,104 @@
+"""What opening a scene may cost without a clock: files, contexts, pictures (docs/viewer.md has the seconds)."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from playwright.sync_api import Page
+
+from support.every_page import ROBOT
+from support.fake_lab import Lab
+from support.scene_view import opened
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
+
+WATCHED = """(() => {
+    const told = window.top.__told ??= { contexts: 0, shaders: [], pictures: [], draws: 0 };
+    const all = WebGL2RenderingContext.prototype, element = HTMLCanvasElement.prototype;
+    const { getContext } = element, { shaderSource } = all;
+    element.getContext = function (kind, ...options) {
+        if (kind.startsWith("webgl")) told.contexts += 1;
+        return getContext.call(this, kind, ...options);
+    };
+    all.shaderSource = function (shader, text) {
+        told.shaders.push(/#define SHADER_NAME (\\w+)/.exec(text)?.[1] ?? "");
+        return shaderSource.call(this, shader, text);
+    };
+    for (const name of ["drawElements", "drawArrays", "drawElementsInstanced", "drawArraysInstanced"]) {
+        const draw = all[name];
+        all[name] = function (...how) {
+            told.draws += 1;
+            told.held ??= window.top.document.querySelector("[data-stage]").hasAttribute("data-held");
+            return draw.apply(this, how);
+        };
+    }
+})()"""
+VISER = """() => document.querySelector("iframe").contentWindow.performance.getEntriesByType("resource")
+    .filter(({ name }) => name.includes("/static/viser/"))
+    .map(({ name, transferSize }) => [name.split("/").at(-1), transferSize])"""
+PAGES = ("plan", "recording", "scenario", "robot")
+
+
+@pytest.fixture
+def addresses(lab: Lab) -> dict[str, str]:
+    fake = lab.fake
+    return {
+        "plan": f"/view/?plan={fake.add_plan().id}",
+        "recording": f"/view/?recording={fake.add_recording().id}",
+        "scenario": f"/view/?scenario={fake.add_scenario().id}",
+        "robot": f"/view/?robot={ROBOT}",
+    }
+
+
+def watched(tab: Tab, address: str) -> tuple[Page, dict[str, Any]]:
+    """A page whose scene is complete, and what it took until then."""
+    tab.page.add_init_script(WATCHED)
+    page = opened(tab, address)
+    told: dict[str, Any] = page.evaluate("() => ({ ...window.__told })")
+    return page, told
+
+
+@pytest.mark.parametrize("kind", PAGES)
+def test_nothing_is_drawn_before_the_scene_is_complete(tab: Tab, addresses: dict[str, str], kind: str) -> None:
+    """Without a graphics card each picture costs a third of a second, and the image of a city a whole one."""
+    page, told = watched(tab, addresses[kind])
+    assert told["draws"] > 0
+    assert told["held"] is False
+    assert told["contexts"] == 2, "one to look whether there is WebGL, one to draw"
+    assert "GainMapDecoderMaterial" not in told["shaders"]
+    assert page.locator("[data-veil]").is_hidden()
+
+
+def test_the_client_of_viser_is_fetched_once_for_all_scenes(tab: Tab, addresses: dict[str, str]) -> None:
+    page = opened(tab, addresses["plan"])
+    first = dict(page.evaluate(VISER))
+    assert sorted(name.rpartition(".")[2] for name in first) == ["css", "js", "wasm"]
+    assert 500_000 < sum(first.values()) < 850_000
+    for kind in ("recording", "scenario", "plan"):
+        again = dict(opened(tab, addresses[kind]).evaluate(VISER))
+        assert again == dict.fromkeys(first, 0), "nothing of it crosses the network again"
+
+
+def test_the_timeline_keeps_its_height_while_a_scene_loads(tab: Tab, addresses: dict[str, str]) -> None:
+    """A stage of another size makes viser begin anew with its picture, and wait for what is being drawn."""
+    tab.page.add_init_script(
+        """document.addEventListener("DOMContentLoaded", () => {
+            const stage = document.querySelector("[data-stage]"); // viser's page has none
+            const note = ([{ contentRect }]) => (window.__heights ??= []).push(contentRect.height);
+            if (stage) new ResizeObserver(note).observe(stage);
+        })"""
+    )
+    page = opened(tab, addresses["plan"])
+    assert len(page.evaluate("() => window.__heights")) == 1
+
+
+@pytest.mark.parametrize("size", [(480, 360), (360, 640)])
+def test_a_window_as_small_as_a_hand_shows_a_scene(
+    open_tab: Callable[..., Tab], addresses: dict[str, str], size: tuple[int, int]
+) -> None:
+    page = opened(open_tab(*size), addresses["plan"])
+    box = page.locator("[data-stage]").bounding_box()
+    assert box is not None
+    assert box["height"] >= 190
+    assert page.evaluate("() => document.documentElement.scrollWidth <= window.innerWidth")
