@@ -2,7 +2,7 @@
 
 It waits for one task on its wire, answers on it, and ends. JSON lines only, both ways; files lie in the task's folder.
 It ends with its parent, has a session of its own (so that what it starts can be killed with it), little priority, one
-thread per library, and no secrets in its environment. This module imports only the standard library.
+thread per library, and no secrets in its environment. This module imports no library but the standard one.
 """
 
 import contextlib
@@ -20,10 +20,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any, Final, NoReturn
 
+from stridelab.service.niceness import yield_processor
+
 NAME: Final = "stridelab-job"
 """What the system calls a child that computes, to tell it from the process that it was forked from."""
 _MIN_PROGRESS_S = 0.02
-_NICENESS = 10
 
 
 def live(wire: int) -> NoReturn:
@@ -99,7 +100,7 @@ def forbid_core_files() -> None:
 
 def _be_modest() -> None:
     """Leave the processor to who answers people, be the first to go where memory is short, and have a name."""
-    os.nice(_NICENESS)
+    yield_processor()
     for file, text in (("oom_score_adj", "1000"), ("comm", NAME)):
         with contextlib.suppress(OSError):  # not Linux, or not allowed: the memory limit still holds
             Path("/proc/self", file).write_text(text, encoding="ascii")

@@ -181,15 +181,14 @@ class _Child:
     async def end(self) -> None:
         """Kill the child and everything in its session, and collect what is left of it."""
         await self._dead()
-        with contextlib.suppress(asyncio.TimeoutError):
-            await asyncio.wait_for(asyncio.shield(self._logging), _AFTER_DEATH_S)
+        await self._log()
         self._logging.cancel()
         self._nursery.let_go(self._forked)
 
     async def _dead(self) -> None:
         self._kill()
-        # one that was never ready may not have been forked yet; it ends when its wire is cut
-        await asyncio.wait([self._forked.ended], timeout=_AFTER_DEATH_S if self._pid is None else None)
+        if self._pid is not None:  # one that was never ready is not waited for: it ends when its wire is cut
+            await asyncio.wait([self._forked.ended])
 
     def _kill(self) -> None:
         if self._pid is not None:
@@ -289,7 +288,8 @@ class _Child:
 
     async def _log(self) -> str:
         # the answer may overtake the last lines of the log; a grandchild may hold the log open for ever
-        await asyncio.wait([self._logging], timeout=_AFTER_DEATH_S)
+        if self._pid is not None:
+            await asyncio.wait([self._logging], timeout=_AFTER_DEATH_S)
         return bytes(self._tail).decode("utf-8", errors="replace").replace("\0", "")
 
 
