@@ -3,11 +3,13 @@
 import base64
 import io
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
+import pytest
 from playwright.sync_api import Page, expect
 
 from support.tab import Service, Tab
@@ -137,6 +139,34 @@ def test_cursor_is_shared_by_readout_plots_and_viewer_link(
         "([a, b]) => { const r = document.getElementById('plots').layout.xaxis.range; return r[0] === a && r[1] === b }"
     )
     page.wait_for_function(zoomed, arg=window_s)
+
+
+def test_the_newest_estimate_and_the_strip_of_its_recording_share_a_cursor(
+    tab: Tab, estimated: tuple[str, str]
+) -> None:
+    recording_id, _job_id = estimated
+    page = tab.go(f"/recordings/{recording_id}")
+    page.wait_for_selector("#plots[data-ready]")
+    mark = page.locator(".strip .now").first
+    duration_s = float(page.locator(".strip").get_attribute("data-duration") or "nan")
+
+    def places() -> tuple[float, float]:
+        at = page.evaluate("() => document.getElementById('plots').layout.shapes.at(-1).x0")
+        return float(at), float((mark.get_attribute("x1") or "nan%").removesuffix("%")) / 100.0 * duration_s
+
+    at_s, marked_s = places()
+    assert marked_s == pytest.approx(at_s)
+    page.get_by_role("slider", name="Cursor").press("Home")
+    assert places() == (0.0, 0.0)
+    strip = page.locator(".strip svg").first
+    box = strip.bounding_box()
+    assert box is not None
+    strip.click(position={"x": 0.75 * box["width"], "y": 5})
+    at_s, marked_s = places()
+    assert at_s == pytest.approx(0.75 * duration_s, abs=0.02)
+    assert marked_s == pytest.approx(at_s)
+    link = page.get_by_role("link", name="See this instant in 3D")
+    expect(link).to_have_attribute("href", re.compile(rf"&t={at_s:.3f}$"))
 
 
 def test_many_files_at_once_each_with_its_own_answer(tab: Tab, trial: Path, tmp_path: Path) -> None:

@@ -1,10 +1,11 @@
-"""The page of one recording: what was found, the switches, and the button that starts an estimate."""
+"""The page of one recording: what was found, its newest estimate, the switches, and the button that starts one."""
 
 from starlette.requests import Request
 from starlette.responses import Response
 
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab_web import strips
+from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.render import page
 from stridelab_web.service import client_of
 
@@ -30,6 +31,7 @@ async def recording(request: Request) -> Response:
     jobs = await client.jobs(recording_id=found.id)
     others = [item for item in (await client.recordings(limit=CANDIDATES)).items if item.id != found.id]
     person = None if found.subject_id is None else await client.subject(found.subject_id)
+    estimated = next((job for job in jobs.items if job.kind == "estimate-com" and job.state == "succeeded"), None)
     alternatives = {name for group in found.missing_landmarks for name in group.split("|")}
     return page(
         request,
@@ -38,6 +40,11 @@ async def recording(request: Request) -> Response:
         recording=found,
         person=person,
         jobs=jobs.items,
+        job=estimated,
+        plots=estimated is not None,
+        plots_url=f"/jobs/{estimated.id}/plots.json" if estimated else None,
+        plotly_style_ids=plotly_style_ids() if estimated else (),
+        viewer_url=f"/view/?recording={found.id}&job={estimated.id}" if estimated else None,
         others=others,
         windows=strips.bars(found.windows_s, found.duration_s),
         windows_text=strips.windows_text(found),

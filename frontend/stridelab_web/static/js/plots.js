@@ -140,7 +140,12 @@ function link(t, { columns, readings, shades_s, switches, x }) {
     Plotly.relayout(box, { [`${line}.x0`]: at, [`${line}.x1`]: at });
     links.forEach((link, n) => link.setAttribute("href", `${bases[n]}&t=${at.toFixed(3)}`));
     read();
+    document.dispatchEvent(new CustomEvent("instant", { detail: at }));
   };
+  document.addEventListener("seek", ({ detail }) => {
+    const next = t.findIndex((value) => value >= detail);
+    show(next < 0 ? t.length - 1 : next);
+  });
   cursor.addEventListener("input", () => show(Number(cursor.value)));
   box.on("plotly_click", (event) => show(event.points[0].pointIndex ?? event.points[0].pointNumber));
   const zoom = ([from, to]) => Plotly.relayout(box, { "xaxis.range": rangeOf(x, from, to) });
