@@ -3,7 +3,6 @@
 import contextlib
 import os
 import shutil
-import subprocess
 import time
 from collections.abc import Iterator
 from itertools import count
@@ -13,6 +12,7 @@ import pytest
 
 from support.ledger import assert_sound
 from support.service import Jobs, wait_until, worker
+from support.small_disk import mounted
 
 
 def take_away(store: Path) -> None:
@@ -68,16 +68,9 @@ def test_storage_that_stays_away_ends_the_wait_and_a_cancelled_job_does_not_wait
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system with room for 64 files and folders, where this machine lets us mount one."""
-    folder = tmp_path / "small"
-    folder.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=2m,nr_inodes=64", "stridelab-test", str(folder)]
-    if subprocess.run(mount, capture_output=True, check=False).returncode != 0:
-        pytest.skip("mounting a small file system needs root")
-    try:
+    """A file system with room for 64 files and folders."""
+    with mounted(tmp_path / "small", "size=2m,nr_inodes=64") as folder:
         yield folder
-    finally:
-        subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
 def fill(disk: Path) -> Path:

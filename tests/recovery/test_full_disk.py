@@ -1,7 +1,6 @@
 """The disk under the whole service fills up: database, files and scratch at once. What was accepted is not lost."""
 
 import contextlib
-import subprocess
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -14,21 +13,14 @@ from stridelab.errors import StridelabError
 from support.database import public_folder
 from support.ledger import assert_sound
 from support.service import Service, wait_until
+from support.small_disk import mounted
 
 
 @pytest.fixture
 def disk() -> Iterator[Path]:
-    """A file system of 128 MB, where this machine lets us mount one."""
-    with public_folder() as folder:
-        disk = folder / "disk"
-        disk.mkdir()
-        mount = ["mount", "-t", "tmpfs", "-o", "size=128m,mode=755", "stridelab-test", str(disk)]
-        if subprocess.run(mount, capture_output=True, check=False).returncode != 0:
-            pytest.skip("mounting a small file system needs root")
-        try:
-            yield disk
-        finally:
-            subprocess.run(["umount", "-l", str(disk)], check=True)
+    """A file system of 128 MB."""
+    with public_folder() as folder, mounted(folder / "disk", "size=128m,mode=755") as disk:
+        yield disk
 
 
 def fill(disk: Path) -> Path:
