@@ -166,10 +166,14 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(content)
 
 
+class _Server(ThreadingHTTPServer):
+    request_queue_size = 1024  # who is not let in at once asks again only after seconds
+
+
 def server_on(port: int, folder: Path) -> ThreadingHTTPServer:
     """A server on loopback that keeps its objects in ``folder``."""
     handler = type("Handler", (_Handler,), {"folder": folder})
-    return ThreadingHTTPServer(("127.0.0.1", port), handler)
+    return _Server(("127.0.0.1", port), handler)
 
 
 @contextmanager

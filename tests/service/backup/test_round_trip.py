@@ -1,7 +1,6 @@
 """What is backed up comes back: every row, every byte, open jobs waiting again; or nothing happens at all."""
 
 import shutil
-import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import pytest
 
 from stridelab.errors import Conflict, InvalidInput, StorageFull, TooLarge, Unavailable, UnreadableFile
 from stridelab.service.backup import archive as archive_module
-from stridelab.service.backup import restoring, taking
+from stridelab.service.backup import restoring
 from stridelab.service.backup.archive import open_archive
 from stridelab.service.backup.files import Files
 from stridelab.service.backup.taking import Taken, take
@@ -145,30 +144,6 @@ def test_a_small_disk_is_told_before_anything_is_done(
     with pytest.raises(StorageFull, match="MB left"):
         put_back(backup, empty)
     assert not is_migrated(empty)
-
-
-def test_what_is_deleted_meanwhile_is_not_in_the_backup(
-    database_url: str, empty: str, put_back: PutBack, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """A recording goes between the snapshot and the copying of its files."""
-    fill(database_url, tmp_path / "source")
-    real, done = Files.pack, threading.Event()
-
-    def pack(files: Files, key: str, packer: Any) -> bool:
-        if not done.is_set():
-            done.set()
-            with psycopg.connect(database_url) as connection:
-                connection.execute("DELETE FROM recording WHERE id = 'rec2'")
-            for name in ("trial.c3d", "tracks.parquet"):
-                (tmp_path / "source" / "recordings" / "rec2" / name).unlink()
-        return real(files, key, packer)
-
-    monkeypatch.setattr(taking.Files, "pack", pack)
-    taken = take(database_url, of(tmp_path / "source"), tmp_path / "lab.backup")
-    assert taken.missing == ()
-    put_back(tmp_path / "lab.backup", empty)
-    assert [row["id"] for row in rows(empty)["recording"]] == ["rec1"]
-    assert stored(tmp_path / "blobs") == {key: body for key, body in FILES.items() if "rec2" not in key}
 
 
 def test_a_file_that_was_lost_before_is_told_and_the_rest_is_saved(

@@ -13,6 +13,7 @@ import psycopg
 
 from stridelab.service.backup.taking import Taken, take
 from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.removal import REMOVAL_LOCK
 from support.database import TestDatabases
 from support.filled import rows, stored
 from support.service import wait_until
@@ -35,8 +36,8 @@ with open_archive(Path(sys.argv[1])) as archive:
 """
 
 
-def come_and_go(url: str, blobs: Path, stop: threading.Event) -> None:
-    """Recordings that are made and deleted in the service's order: files before the row, the row before its files."""
+def come_and_go(url: str, blobs: Path, stop: threading.Event, busy: threading.Event) -> None:
+    """Recordings that are made and deleted as the service does it: files before the row, the row before its files."""
     number = 0
     with psycopg.connect(url, autocommit=True) as connection:
         while not stop.is_set():
@@ -53,18 +54,22 @@ def come_and_go(url: str, blobs: Path, stop: threading.Event) -> None:
             )
             if number > 20:
                 connection.execute("DELETE FROM recording WHERE id = %s", (f"r{number - 20}",))
-                shutil.rmtree(blobs / "recordings" / f"r{number - 20}")
+                with connection.transaction():
+                    asked = connection.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (REMOVAL_LOCK,))
+                    if asked.fetchone() == (True,):
+                        shutil.rmtree(blobs / "recordings" / f"r{number - 20}")
+                busy.set()
 
 
 def test_backups_among_writers_are_whole(
     postgres: TestDatabases, database_url: str, put_back: PutBack, tmp_path: Path
 ) -> None:
-    blobs, stop = tmp_path / "source", threading.Event()
+    blobs, stop, busy = tmp_path / "source", threading.Event(), threading.Event()
     blobs.mkdir()
-    writer = threading.Thread(target=come_and_go, args=(database_url, blobs, stop))
+    writer = threading.Thread(target=come_and_go, args=(database_url, blobs, stop, busy))
     writer.start()
     try:
-        wait_until(lambda: (blobs / "recordings" / "r30").exists(), 30, "recordings that go again")
+        assert busy.wait(30), "no recording came and went"
         taken = []
         for number in range(4):
             taken.append(take(database_url, BlobStore.from_url(blobs.as_uri()), tmp_path / f"{number}.backup"))
@@ -82,6 +87,23 @@ def test_backups_among_writers_are_whole(
             for row in there:
                 assert kept[row["blob_key"]].decode() == f"trial {row['id'][1:]}"
                 assert kept[row["tracks_key"]].decode() == f"tracks {row['id'][1:]}"
+
+
+def test_a_backup_waits_for_a_removal_at_work(database_url: str, tmp_path: Path) -> None:
+    """Rows of a moment at which their files were just going would name what is not there."""
+    store, target = BlobStore.from_url(tmp_path.as_uri()), tmp_path / "lab.backup"
+    with psycopg.connect(database_url) as removing, psycopg.connect(database_url, autocommit=True) as watching:
+        asked = removing.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (REMOVAL_LOCK,))
+        assert asked.fetchone() == (True,)
+        backup = threading.Thread(target=take, args=(database_url, store, target))
+        backup.start()
+        waiting = "SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
+        wait_until(lambda: watching.execute(waiting).fetchone() == (1,), 20, "a backup that waits")
+        refused = watching.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (REMOVAL_LOCK,))
+        assert refused.fetchone() == (False,), "removals that go on for ever would keep a backup waiting"
+        removing.rollback()
+        backup.join(20)
+    assert target.exists()
 
 
 def test_a_restore_that_is_killed_has_changed_no_row(backup: Path, database_url: str, tmp_path: Path) -> None:

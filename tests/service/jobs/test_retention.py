@@ -123,15 +123,23 @@ def test_only_files_without_a_row_are_orphans(use: Any, blobs: BlobStore, databa
             f"results/{running}/3/x",
             "results/gone/1/x",
             "recordings/kept/a",
+            "recordings/kept/b",
+            "recordings/kept/tracks-of-other-switches",
             "recordings/lost/a",
         ]
         for key in keys:
             await blobs.put_file(key, tmp_path / "x")
         assert await remove_orphans(connection, blobs) == []  # all too young to be called orphans
         removed = await remove_orphans(connection, blobs, timedelta(seconds=-1))
-        assert set(removed) == {f"results/{done}/1", f"results/{running}/2", "results/gone/1", "recordings/lost"}
+        assert set(removed) == {
+            f"results/{done}/1",
+            f"results/{running}/2",
+            "results/gone/1",
+            "recordings/kept/tracks-of-other-switches",
+            "recordings/lost/a",
+        }
         for key in keys:
-            expected = key.rsplit("/", 1)[0] not in removed
+            expected = key not in removed and key.rsplit("/", 1)[0] not in removed
             assert await blobs.exists(key) is expected
 
     use(act)

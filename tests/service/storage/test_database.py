@@ -1,13 +1,16 @@
+import asyncio
 import threading
 
 import psycopg
 import pytest
 from alembic.script import ScriptDirectory
 from procrastinate.schema import SchemaManager
+from sqlalchemy import text
 
 from stridelab.errors import InvalidInput, Unavailable
 from stridelab.service.settings import Settings
-from stridelab.service.storage.database import database_url, parse_url
+from stridelab.service.storage import database
+from stridelab.service.storage.database import database_url, make_engine, parse_url
 from stridelab.service.storage.migrating import MIGRATIONS, engine_of, is_migrated, migrate, revisions
 from support.database import TestDatabases
 from support.revisions import differences
@@ -78,3 +81,35 @@ def test_password_comes_from_its_file(tmp_path) -> None:
     settings = Settings(database_url="postgresql://lab@db:5432/lab", database_password_file=secret)
     assert parse_url(str(database_url(settings))).password == "p@ss:word/1"
     assert database_url(Settings(database_url=None)) is None
+
+
+def test_who_is_frozen_in_a_transaction_holds_a_lock_for_a_while_only(
+    database_url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(database, "IDLE_MS", 500)
+
+    async def act() -> None:
+        frozen, other = make_engine(database_url), make_engine(database_url)
+        take = text("SELECT version_num FROM alembic_version FOR UPDATE")
+        async with frozen.connect() as holds:
+            await holds.execute(take)
+            async with asyncio.timeout(20.0), other.begin() as waits:
+                await waits.execute(take)
+            await holds.invalidate()
+        await frozen.dispose()
+        await other.dispose()
+
+    asyncio.run(act())
+
+
+def test_options_of_the_address_are_kept(database_url: str) -> None:
+    async def shown() -> list[str]:
+        mark = "&" if "?" in database_url else "?"
+        engine = make_engine(f"{database_url}{mark}options=-c%20statement_timeout%3D7000")
+        async with engine.connect() as connection:
+            names = ("statement_timeout", "idle_in_transaction_session_timeout")
+            found = [(await connection.execute(text(f"SHOW {name}"))).scalar_one() for name in names]
+        await engine.dispose()
+        return found
+
+    assert asyncio.run(shown()) == ["7s", "2min"]

@@ -11,9 +11,9 @@ from psycopg import sql
 
 from stridelab.errors import Conflict
 from stridelab.service.backup.archive import Table
-from stridelab.service.jobs.retention import JANITOR_LOCK
 from stridelab.service.storage.database import PATIENCE
 from stridelab.service.storage.migrating import plain
+from stridelab.service.storage.removal import REMOVAL_LOCK
 
 Connection = psycopg.Connection[tuple[Any, ...]]
 _QUEUE: Final = "procrastinate_"
@@ -93,12 +93,12 @@ class Rows:
 
 @contextmanager
 def snapshot(url: str) -> Iterator[Rows]:
-    """The rows as they are at one moment; what is written meanwhile is not seen, and the janitor waits."""
+    """The rows as they are at one moment; what is written meanwhile is not seen, and no file is removed."""
     with psycopg.connect(plain(url), autocommit=True, application_name="stridelab-backup", **PATIENCE) as connection:
         connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
         connection.read_only = True
-        # before the snapshot is taken, so that it does not show what a janitor at work is just removing
-        connection.execute("SELECT pg_advisory_lock_shared(%s)", (JANITOR_LOCK,))
+        # before the snapshot is taken, so that it does not show what somebody is just removing
+        connection.execute("SELECT pg_advisory_lock(%s)", (REMOVAL_LOCK,))
         with connection.transaction():
             yield Rows(connection)
 

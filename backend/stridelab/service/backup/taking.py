@@ -1,8 +1,7 @@
 """``stridelab backup``: the rows of one moment and every file that they name, while the service goes on.
 
-Stored files are never changed, only added and removed, so a file may be copied at any time after the moment of the
-rows. One that is gone by then belongs to something that was deleted meanwhile: the rows are read anew, and what
-they still name although it is not there is reported, not hidden.
+Stored files are never changed, only added and removed, and none is removed while a backup is made: every file that the
+rows of that moment name can be copied at any time after it. What was lost before is reported, not hidden.
 """
 
 from dataclasses import dataclass
@@ -53,38 +52,28 @@ def take(
         revision = present_revision(database_url)
         if revision is None:
             raise Conflict("nothing-to-back-up", "This database has no tables of stridelab.")
-        with Packer(target, force=force) as packer:
-            if store is None:
-                with snapshot(database_url) as rows:
-                    manifest = _finish(packer, rows, revision, None)
-            else:
-                with Files(store) as files:
-                    manifest = _with_files(packer, database_url, revision, files, on_progress)
+        with Packer(target, force=force) as packer, snapshot(database_url) as rows:
+            missing = None if store is None else _pack_files(packer, rows, store, on_progress)
+            manifest = _pack_rows(packer, rows, revision, missing)
             packer.finish(manifest)
     except psycopg.OperationalError as error:
         raise Unavailable("database-unreachable", "The database does not answer.") from error
     return Taken.of(manifest)
 
 
-def _with_files(packer: Packer, url: str, revision: str, files: Files, on_progress: Progress) -> Manifest:
-    missing: set[str] = set()
-    packed: set[str] = set()
-    while True:
-        with snapshot(url) as rows:
-            named = rows.named_files()
-            gone = set()
-            for key in sorted(named - packed):
-                on_progress(len(packed) / len(named), "copying files")
-                if files.pack(key, packer):
-                    packed.add(key)
-                else:
-                    gone.add(key)
-            if gone <= missing:
-                return _finish(packer, rows, revision, sorted(gone))
-            missing |= gone
+def _pack_files(packer: Packer, rows: Rows, store: BlobStore, on_progress: Progress) -> list[str]:
+    """Copy the files that rows name; returns those that are not there."""
+    named = sorted(rows.named_files())
+    missing = []
+    with Files(store) as files:
+        for number, key in enumerate(named):
+            on_progress(number / len(named), "copying files")
+            if not files.pack(key, packer):
+                missing.append(key)
+    return missing
 
 
-def _finish(packer: Packer, rows: Rows, revision: str, missing: list[str] | None) -> Manifest:
+def _pack_rows(packer: Packer, rows: Rows, revision: str, missing: list[str] | None) -> Manifest:
     tables = {}
     for table, columns in rows.tables().items():
         with packer.member(table_member(table), compress=True) as append:

@@ -14,10 +14,10 @@ from stridelab.service.jobs.consumer import Consumer
 from stridelab.service.settings import Settings
 from stridelab.service.storage import uploads
 from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.removal import REMOVAL_LOCK
 from stridelab.service.storage.tables import job, job_event, recording
 
-JANITOR_LOCK: Final = 0x5712DE1AE
-"""Held by whoever removes files, and shared by whoever must find all of them."""
+_JANITOR_LOCK: Final = 0x5712DE1AE
 ORPHAN_AGE: Final = timedelta(hours=1)
 """Files younger than this may belong to a row that is about to be written."""
 _QUEUE_HOURS: Final = 24
@@ -25,12 +25,12 @@ _log = structlog.get_logger(__name__)
 
 
 async def sweep(engine: AsyncEngine, blobs: BlobStore, consumer: Consumer, limits: Settings) -> None:
-    """Remove all that has had its time; does nothing while another worker does the same."""
+    """Remove all that has had its time; does nothing while another worker does the same, or a backup is made."""
     async with engine.connect() as connection:
-        locked = await connection.execute(select(func.pg_try_advisory_lock(JANITOR_LOCK)))
-        if not locked.scalar_one():
-            return
         try:
+            for lock in (func.pg_try_advisory_lock(_JANITOR_LOCK), func.pg_try_advisory_lock_shared(REMOVAL_LOCK)):
+                if not (await connection.execute(select(lock))).scalar_one():
+                    return
             await remove_old_events(connection, timedelta(days=limits.event_retention_days))
             await remove_old_jobs(connection, blobs, timedelta(days=limits.result_retention_days))
             await audit.remove_old(connection, timedelta(days=limits.audit_retention_days))
@@ -39,7 +39,7 @@ async def sweep(engine: AsyncEngine, blobs: BlobStore, consumer: Consumer, limit
             await consumer.remove_old(_QUEUE_HOURS)
         finally:
             await connection.rollback()
-            await connection.execute(select(func.pg_advisory_unlock(JANITOR_LOCK)))
+            await connection.execute(select(func.pg_advisory_unlock_all()))
             await connection.commit()
 
 
@@ -66,23 +66,23 @@ async def remove_old_jobs(connection: AsyncConnection, blobs: BlobStore, age: ti
 
 
 async def remove_orphans(connection: AsyncConnection, blobs: BlobStore, age: timedelta = ORPHAN_AGE) -> list[str]:
-    """Delete files older than ``age`` that no job and no recording refers to; returns the prefixes."""
+    """Delete files older than ``age`` that no job and no recording refers to; returns the prefixes and the keys."""
     results = await _old_prefixes(blobs, "results", 3, age)
-    recordings = await _old_prefixes(blobs, "recordings", 2, age)
+    recordings = await _old_prefixes(blobs, "recordings", 3, age)  # keys: a recording may have got other tracks
     # the rows are read after the files: a row written meanwhile is seen
     rows = (await connection.execute(select(job.c.id, job.c.attempt, job.c.state, job.c.blob_prefix))).all()
     referred = {row.blob_prefix for row in rows}
     referred |= {f"results/{row.id}/{row.attempt}" for row in rows if row.state == "running"}
-    known = {
-        f"recordings/{recording_id}" for recording_id in (await connection.execute(select(recording.c.id))).scalars()
-    }
+    files = (await connection.execute(select(recording.c.blob_key, recording.c.tracks_key))).all()
     await connection.rollback()
-    orphans = sorted((results - referred) | (recordings - known))
-    for prefix in orphans:
+    prefixes, keys = sorted(results - referred), sorted(recordings - {key for row in files for key in row})
+    for prefix in prefixes:
         await blobs.delete_prefix(prefix)
-    if orphans:
-        _log.info("orphaned-files-removed", prefixes=len(orphans))
-    return orphans
+    for key in keys:
+        await blobs.delete(key)
+    if prefixes or keys:
+        _log.info("orphaned-files-removed", results=len(prefixes), files=len(keys))
+    return prefixes + keys
 
 
 async def _old_prefixes(blobs: BlobStore, root: str, depth: int, age: timedelta) -> set[str]:

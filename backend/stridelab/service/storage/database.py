@@ -22,6 +22,8 @@ PATIENCE: Final[dict[str, Any]] = {
     "tcp_user_timeout": 20_000,
 }
 """Connection parameters that notice a server which vanished from the network within half a minute."""
+IDLE_MS: Final = 120_000
+"""After this the server ends who does nothing within a transaction: a frozen worker would keep its job locked."""
 
 
 def database_url(settings: Settings) -> str | None:
@@ -50,11 +52,13 @@ def conninfo(url: str) -> str:
 
 def make_engine(url: str, *, pool_size: int = 8) -> AsyncEngine:
     """Asynchronous engine; connections are looked at before use, so that a restarted database goes unnoticed."""
+    address = parse_url(url).set(drivername="postgresql+psycopg")
+    options = f"{address.query.get('options', '')} -c idle_in_transaction_session_timeout={IDLE_MS}".strip()
     engine = create_async_engine(
-        parse_url(url).set(drivername="postgresql+psycopg"),
+        address,
         pool_size=pool_size,
         max_overflow=pool_size,
-        connect_args={**PATIENCE, "application_name": "stridelab"},
+        connect_args={**PATIENCE, "application_name": "stridelab", "options": options},
     )
     event.listen(engine.sync_engine, "checkout", _refuse_ended)
     return engine

@@ -1,7 +1,7 @@
 """A recording's row and its files belong together: no row without files, no files that nobody needs."""
 
 import uuid
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.recordings.multipart import ReceivedForm
 from stridelab.service.api.recordings.parsing import NO_SWITCHES, Parsed, Switches
 from stridelab.service.api.recordings.rows import recording_of, recording_row
+from stridelab.service.storage.removal import may_remove
 from stridelab.service.storage.tables import job, recording
 from stridelab.service.storage.uploads import delete_if_unused, lock_blob, upload_key
 
@@ -92,7 +93,9 @@ async def replace_facts(
             await connection.execute(update(recording).where(recording.c.id == before["id"]).values(values))
         superseded = before["tracks_key"]
     finally:
-        await parts.blobs.delete(superseded)
+        async with parts.engine.begin() as connection:
+            if await may_remove(connection):
+                await parts.blobs.delete(superseded)
 
 
 async def delete_recording(parts: Parts, recording_id: str, caller: Caller) -> None:
@@ -112,9 +115,7 @@ async def delete_recording(parts: Parts, recording_id: str, caller: Caller) -> N
         jobs = (await connection.execute(select(job.c.id).where(job.c.recording_id == recording_id))).scalars().all()
         await connection.execute(delete(recording).where(recording.c.id == recording_id))
         await audit.note(connection, caller, "recording-deleted", recording_id)
-    for job_id in jobs:
-        await parts.blobs.delete_prefix(f"results/{job_id}")
-    await _discard(parts, recording_id, row["blob_key"])
+    await _discard(parts, recording_id, row["blob_key"], jobs)
 
 
 def refuse_bundled(row: Mapping[str, Any]) -> None:
@@ -123,10 +124,13 @@ def refuse_bundled(row: Mapping[str, Any]) -> None:
         raise Conflict("bundled-read-only", "This sample comes with the program and cannot be changed or deleted.")
 
 
-async def _discard(parts: Parts, recording_id: str, blob_key: str) -> None:
-    """Remove the files of a recording that has no row, and its blob unless another recording uses it."""
-    await parts.blobs.delete_prefix(own_prefix(recording_id))
+async def _discard(parts: Parts, recording_id: str, blob_key: str, jobs: Sequence[str] = ()) -> None:
+    """Remove the files of a recording and of jobs that have no row, and its blob unless another recording uses it."""
     async with parts.engine.begin() as connection:
+        if not await may_remove(connection):
+            return
+        for prefix in (*(f"results/{job_id}" for job_id in jobs), own_prefix(recording_id)):
+            await parts.blobs.delete_prefix(prefix)
         await delete_if_unused(connection, parts.blobs, blob_key)
 
 

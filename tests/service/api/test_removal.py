@@ -1,0 +1,67 @@
+"""What is deleted while a backup is made loses its rows at once, and its files after the backup."""
+
+from collections.abc import Iterator
+from datetime import timedelta
+from pathlib import Path
+
+import pytest
+
+from stridelab.service.backup.rows import snapshot
+from stridelab.service.jobs import retention
+from stridelab.service.jobs.consumer import Consumer
+from stridelab.service.settings import Settings
+from support.answers import refusal, upload
+from support.c3d_files import small_trial
+from support.database import TestDatabases
+from support.interface import Served, served
+
+RECORDINGS = "/api/v1/recordings"
+
+
+@pytest.fixture
+def url(postgres: TestDatabases) -> Iterator[str]:
+    with postgres.fresh() as made:
+        yield made
+
+
+@pytest.fixture
+def lab(url: str, tmp_path: Path) -> Iterator[Served]:
+    with served(url, tmp_path / "data") as running:
+        yield running
+
+
+def sweep(lab: Served, url: str) -> None:
+    """What a worker's janitor does, with files that have just been written called old."""
+
+    async def act() -> None:
+        async with Consumer(url) as consumer:
+            await retention.sweep(lab.parts.engine, lab.parts.blobs, consumer, Settings(database_url=url))
+
+    lab.run(act())
+
+
+def two_trials(folder: Path) -> list[bytes]:
+    """Two files of different content."""
+    return [small_trial(folder / f"{s}.c3d", seconds=s).read_bytes() for s in (0.5, 0.6)]
+
+
+def test_files_stay_until_a_backup_is_done(
+    lab: Served, url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(retention.remove_orphans, "__defaults__", (timedelta(seconds=-1),))
+    monkeypatch.setattr(retention, "ORPHAN_AGE", timedelta(seconds=-1))
+    with lab.http() as http:
+        kept, gone = (str(upload(http, content).json()["id"]) for content in two_trials(tmp_path))
+        before = lab.stored_files()
+        with snapshot(url) as rows:
+            named = rows.named_files()
+            assert http.patch(f"{RECORDINGS}/{kept}", json={"plates": {"1": {"use": False}}}).status_code == 200
+            assert http.delete(f"{RECORDINGS}/{gone}").status_code == 204
+            assert refusal(http.get(f"{RECORDINGS}/{gone}")) == (404, "recording-not-found")
+            sweep(lab, url)
+            assert named <= lab.stored_files()
+            assert before < lab.stored_files()
+        sweep(lab, url)
+        assert named & lab.stored_files() == {f"uploads/{http.get(f'{RECORDINGS}/{kept}').json()['sha256']}"}
+        assert len(lab.stored_files()) == 2
+        assert http.get(f"{RECORDINGS}/{kept}/tracks.parquet").status_code == 200
