@@ -16,6 +16,7 @@ import httpx
 import pytest
 
 from stridelab.service.storage.database import parse_url
+from support.collector import Collector, Span, collector, said
 from support.cut import relay
 from support.database import TestDatabases
 from support.ledger import assert_sound
@@ -31,6 +32,7 @@ class Cluster:
     database_url: str
     folder: Path
     store_port: int
+    heard: Collector
     store: "subprocess.Popen[bytes] | None" = None
 
     @property
@@ -93,8 +95,10 @@ def cluster(tmp_path_factory: pytest.TempPathFactory, postgres: TestDatabases) -
             "STRIDELAB_BLOB_URL": ADDRESS,
             "STRIDELAB_BLOB_CREDENTIALS_FILE": str(credentials),
         }
+        heard = stack.enter_context(collector())
+        settings["STRIDELAB_OTLP_URL"] = heard.url
         http = stack.enter_context(httpx.Client(base_url=f"http://127.0.0.1:{port}/api/v1", timeout=30.0))
-        made = Cluster(http, url, folder, store_port)
+        made = Cluster(http, url, folder, store_port, heard)
         made.start_store()
         stack.callback(made.end_store)
         for name in ("a", "b"):
@@ -149,6 +153,33 @@ def test_both_workers_share_the_work_and_files_go_through_the_store(cluster: Clu
     started = [(job["started_at"], job["finished_at"]) for job in jobs]
     overlapping = sum(a[0] < b[1] and b[0] < a[1] for n, a in enumerate(started) for b in started[:n])
     assert overlapping, "no two of them were computed at a time"
+
+
+def test_a_request_and_its_job_on_another_machine_are_one_trace(cluster: Cluster, recording: str) -> None:
+    trace, above = "0af7651916cd43dd8448eb211c80319c", "b7ad6b7169203331"
+    body = {"recording_id": recording, "latency": 0.05}
+    sent = cluster.http.post("/jobs/estimate-com", json=body, headers={"traceparent": f"00-{trace}-{above}-01"})
+    job_id = sent.raise_for_status().json()["id"]
+    cluster.finished(job_id)
+
+    def spans() -> list[tuple[str, Span]]:
+        return [(service, span) for service, span in cluster.heard.spans if span.trace_id.hex() == trace]
+
+    wait_until(lambda: len(spans()) >= 5, 30.0, "five spans of one trace")
+    by_name = {span.name: (service, span) for service, span in spans()}
+    assert {name: service for name, (service, _) in by_name.items()} == {
+        "POST /jobs/estimate-com": "stridelab-api",
+        "job estimate-com": "stridelab-worker",
+        "stage": "stridelab-worker",
+        "compute": "stridelab-worker",
+        "publish": "stridelab-worker",
+    }
+    request, job = by_name["POST /jobs/estimate-com"][1], by_name["job estimate-com"][1]
+    assert request.parent_span_id.hex() == above
+    assert job.parent_span_id == request.span_id
+    assert {by_name[name][1].parent_span_id for name in ("stage", "compute", "publish")} == {job.span_id}
+    assert said(job) == {"job_id": job_id, "kind": "estimate-com", "attempt": 1, "state": "succeeded"}
+    assert said(request).keys() == {"request_id", "http.response.status_code"}
 
 
 def test_a_store_that_is_away_is_waited_for_and_told(cluster: Cluster, recording: str) -> None:

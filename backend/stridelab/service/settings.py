@@ -59,6 +59,9 @@ class Settings(BaseSettings):
     stream_message_kb: int = Field(default=256, ge=1, description="largest message of a stream in kB (10^3 bytes)")
     stream_idle_s: float = Field(default=60.0, gt=0, description="silence after which a stream is closed")
     viewer_url: str | None = Field(default=None, description="loopback control address of the viewer process")
+    otlp_url: str | None = Field(
+        default=None, description="collector of OpenTelemetry traces (OTLP over HTTP), such as http://127.0.0.1:4318"
+    )
     log_level: str = Field(default="info", description="debug, info, warning or error")
     log_files: bool = Field(default=True, description="logs of serve's programs go to files, else to standard output")
 

@@ -6,7 +6,15 @@ from stridelab.schemas.service import ShownSetting
 from stridelab.service.settings import Settings
 
 SECRET: Final = frozenset(
-    {"api_token", "api_token_file", "database_url", "database_password_file", "blob_url", "blob_credentials_file"}
+    {
+        "api_token",
+        "api_token_file",
+        "database_url",
+        "database_password_file",
+        "blob_url",
+        "blob_credentials_file",
+        "otlp_url",
+    }
 )
 """Tokens, passwords, the files that hold them, and addresses that may carry them."""
 

@@ -6,6 +6,7 @@ import uvicorn
 from fastapi import FastAPI
 
 from stridelab.errors import InvalidInput
+from stridelab.service import telemetry
 from stridelab.service.api.app import create_app
 from stridelab.service.api.parts import Parts
 from stridelab.service.logs import configure_logging
@@ -56,7 +57,8 @@ def main() -> None:
     settings = load_settings()
     configure_logging(settings.log_level)
     try:
-        server(settings).run()
+        with telemetry.exported(settings.otlp_url, "api"):
+            server(settings).run()
     except InvalidInput as error:
         raise SystemExit(error.message) from error
 

@@ -75,6 +75,8 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
         docs_url=None,  # FastAPI's pages load their scripts from elsewhere
         redoc_url=None,
         redirect_slashes=False,
+        # its own spans would tell addresses of clients and what was typed; the edge makes ours
+        telemetry={"tracing": False, "metrics": False, "logs": False, "auto_configure": False},
     )
     token = settings.token
     keys = None if token is None else Keys.of(token)

@@ -5,9 +5,11 @@ import uuid
 from typing import Final
 
 import structlog
-from starlette.datastructures import MutableHeaders
+from opentelemetry.trace import Span, SpanKind
+from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from stridelab.service import telemetry
 from stridelab.service.api import problems
 
 log = structlog.get_logger(__name__)
@@ -44,9 +46,12 @@ class Edge:
             if scope["type"] == "websocket":
                 await self.app(scope, receive, send)
             else:
-                await self._answer(scope, receive, send, request_id)
+                parent = Headers(scope=scope).get("traceparent")
+                named = {"request_id": request_id}
+                with telemetry.span(scope["method"], named, parent=parent, kind=SpanKind.SERVER) as span:
+                    await self._answer(scope, receive, send, request_id, span)
 
-    async def _answer(self, scope: Scope, receive: Receive, send: Send, request_id: str) -> None:
+    async def _answer(self, scope: Scope, receive: Receive, send: Send, request_id: str, span: Span) -> None:
         status = 0
         started_at = time.perf_counter()
 
@@ -68,10 +73,15 @@ class Edge:
             )
             await problems.answer(sorry)(scope, receive, send_with_headers)
         finally:
+            route = _route_of(scope)
+            span.update_name(f"{scope['method']} {route}")
+            span.set_attribute("http.response.status_code", status)
+            if status >= 500:
+                telemetry.failed(span)
             log.info(
                 "request",
                 method=scope["method"],
-                route=_route_of(scope),
+                route=route,
                 status=status,
                 took_ms=round(1000 * (time.perf_counter() - started_at), 1),
             )

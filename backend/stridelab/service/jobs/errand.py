@@ -14,6 +14,7 @@ import structlog
 from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.errors import StorageFull, StridelabError, Unavailable
+from stridelab.service import telemetry
 from stridelab.service.jobs.attempts import Attempt, Attempts, FinalState
 from stridelab.service.jobs.consumer import DATABASE_IS_AWAY
 from stridelab.service.jobs.isolated import IsolatedOutcome, IsolatedPool
@@ -76,16 +77,19 @@ class Errand:
         log_tail = ""
         try:
             folder = await self._outlast(lambda: _folder_below(root))
-            task = await self._staged(engine, folder, patiently)
-            outcome = await pool.run(
-                self._kind.run,
-                task,
-                folder,
-                timeout_s=self._timeout_s,
-                memory_mb=self._memory_mb,
-                cancel=self._kill,
-                on_progress=self._note,
-            )
+            with telemetry.span("stage"):
+                task = await self._staged(engine, folder, patiently)
+            with telemetry.span("compute") as computing:
+                outcome = await pool.run(
+                    self._kind.run,
+                    task,
+                    folder,
+                    timeout_s=self._timeout_s,
+                    memory_mb=self._memory_mb,
+                    cancel=self._kill,
+                    on_progress=self._note,
+                )
+                computing.set_attribute("outcome", outcome.state)
             log_tail = outcome.log_tail
             if outcome.state == "ok" and "problem" in outcome.value:
                 return await self._keep(outcome, folder, patiently)
@@ -143,7 +147,8 @@ class Errand:
                 self._attempt, self._blobs, outcome.value, artifacts, folder, outcome.log_tail
             )
 
-        published = await self._with_files(outcome, folder, patiently, publish)
+        with telemetry.span("publish"):
+            published = await self._with_files(outcome, folder, patiently, publish)
         return "succeeded" if published else await self._end("cancelled", None, outcome.log_tail, patiently)
 
     async def _keep(self, outcome: IsolatedOutcome, folder: Path, patiently: Patiently) -> str:

@@ -21,6 +21,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.errors import Busy, Conflict, Fault, InvalidInput, NotFound
 from stridelab.schemas.jobs import FINAL_STATES, Artifact, JobEvent, JobResult, JobState, Progress
+from stridelab.service import telemetry
 from stridelab.service.jobs import queue
 from stridelab.service.jobs.kinds.kind import JobKind
 from stridelab.service.storage.database import reading
@@ -149,6 +150,7 @@ class JobStore:
                         recording_id=recording_id,
                         scenario_id=scenario_id,
                         queue_id=delivery,
+                        traceparent=telemetry.traceparent(),
                     )
                 )
                 await emit(connection, job_id)

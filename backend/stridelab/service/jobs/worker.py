@@ -15,8 +15,10 @@ from pathlib import Path
 from typing import Final, TypeVar
 
 import structlog
+from opentelemetry.trace import SpanKind
 
 from stridelab.errors import StridelabError, Unavailable
+from stridelab.service import telemetry
 from stridelab.service.jobs import retention
 from stridelab.service.jobs.attempts import Attempt, Attempts
 from stridelab.service.jobs.board import Listener
@@ -117,16 +119,22 @@ class Worker:
     async def _deliver(self, delivery: Delivery, folder: Path) -> None:
         attempt = await self._patiently(lambda: self._attempts.start(delivery))
         if attempt is not None:
-            named = {"job_id": attempt.job_id, "kind": attempt.kind, "attempt": attempt.number}
-            with structlog.contextvars.bound_contextvars(**named):  # every line from here on says whose it is
-                await self._carry_out(attempt, folder)
+            named: dict[str, str | int] = {"job_id": attempt.job_id, "kind": attempt.kind, "attempt": attempt.number}
+            # every line and every span from here on says whose it is
+            parent = attempt.row["traceparent"]
+            with (
+                structlog.contextvars.bound_contextvars(**named),
+                telemetry.span(f"job {attempt.kind}", named, parent=parent, kind=SpanKind.CONSUMER) as span,
+            ):
+                state = await self._carry_out(attempt, folder)
+                span.set_attribute("state", state)
         await self._patiently(lambda: self._consumer.finish(delivery))
 
-    async def _carry_out(self, attempt: Attempt, folder: Path) -> None:
+    async def _carry_out(self, attempt: Attempt, folder: Path) -> str:
         if attempt.kind not in self._kinds:
             problem = {"code": "unknown-job-kind", "detail": f"This version cannot run {attempt.kind}.", "errors": []}
             await self._patiently(lambda: self._attempts.end(attempt, "failed", problem, ""))
-            return
+            return "failed"
         errand = Errand(attempt, self._kinds[attempt.kind], self._attempts, self._blobs, self._limits)
         self._errands.append(errand)
         began = time.monotonic()
@@ -135,6 +143,7 @@ class Worker:
                 errand.interrupt()
             state = await errand.run(self._engine, self._pool, folder, self._patiently)
             _log.info("job-ended", state=state, seconds=round(time.monotonic() - began, 3))
+            return state
         finally:
             self._errands.remove(errand)
 
@@ -213,7 +222,8 @@ class Worker:
 async def work(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence[str] = ()) -> None:
     """Run one worker, whose children have imported ``preload``, on the configured database until SIGTERM or SIGINT.
 
-    Raises ``Unavailable`` (``database-url-missing``, ``database-not-migrated``).
+    Raises ``Unavailable`` (``database-url-missing``, ``database-not-migrated``), ``InvalidInput``
+    (``otlp-url-invalid``).
     """
     url = database_url(limits)
     if url is None:
@@ -230,7 +240,8 @@ async def work(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence
     loop = asyncio.get_running_loop()
     for signum in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(signum, worker.stop)
-    await worker.run()
+    with telemetry.exported(limits.otlp_url, "worker"):
+        await worker.run()
 
 
 def main() -> None:

@@ -97,6 +97,7 @@ job = Table(
     Column("blob_prefix", Text, comment="results/<job>/<attempt> once published"),
     Column("error", JSONB, comment="Problem"),
     Column("log_tail", Text),
+    Column("traceparent", Text, comment="trace of the submission"),
     Index("job_state", "state", "priority", "created_at"),
     Index("job_newest", "created_at", "id"),
     Index("job_recording", "recording_id"),

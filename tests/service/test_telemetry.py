@@ -1,0 +1,65 @@
+"""Traces are off by default, and nothing waits for a collector; tests/recovery/test_cluster.py sees whole ones."""
+
+import subprocess
+import sys
+import time
+
+import pytest
+
+from stridelab.errors import InvalidInput
+from stridelab.service import telemetry
+from support.collector import collector
+from support.service import environment, free_port
+
+SCRIPT = """
+import sys
+from stridelab.service import telemetry
+with telemetry.exported(sys.argv[1], "test"):
+    for _ in range(3000):
+        with telemetry.span("work"):
+            pass
+print("done")
+"""
+
+
+def test_without_a_collector_there_is_no_trace() -> None:
+    with telemetry.exported(None, "test"), telemetry.span("request") as span:
+        assert not span.is_recording()
+        assert telemetry.traceparent() is None
+
+
+def test_what_a_client_began_is_passed_on_without_a_collector_too() -> None:
+    begun = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01"
+    with telemetry.span("request", parent=begun):
+        assert telemetry.traceparent() == begun
+
+
+@pytest.mark.parametrize("odd", ["00-0-0-0", "x", "00-" + "0" * 32 + "-" + "0" * 16 + "-01", "\n"])
+def test_an_odd_parent_is_no_parent(odd: str) -> None:
+    with telemetry.span("request", parent=odd):
+        assert telemetry.traceparent() is None
+
+
+@pytest.mark.parametrize("url", ["collector:4318", "file:///x", "http://", ""])
+def test_an_address_that_is_none_is_refused(url: str) -> None:
+    with pytest.raises(InvalidInput) as caught, telemetry.exported(url, "test"):
+        pass
+    assert caught.value.code == "otlp-url-invalid"
+
+
+def run(url: str) -> float:
+    began = time.monotonic()
+    done = subprocess.run([sys.executable, "-c", SCRIPT, url], capture_output=True, text=True, env=environment())
+    assert done.stdout == "done\n", done.stderr
+    return time.monotonic() - began
+
+
+def test_every_span_arrives_before_a_program_ends() -> None:
+    with collector() as heard:
+        run(heard.url)
+    assert len(heard.named("work")) == 3000
+    assert {service for service, _ in heard.spans} == {"stridelab-test"}
+
+
+def test_a_collector_that_is_away_does_not_hold_a_program_up() -> None:
+    assert run(f"http://127.0.0.1:{free_port()}") < 20.0
