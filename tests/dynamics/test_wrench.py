@@ -31,6 +31,15 @@ def test_free_fall_needs_no_contact_wrench():
     assert_allclose(wrench.moment_nm, 0.0, atol=1e-12)
 
 
+def test_contacts_add_their_forces_levers_and_moments_of_their_own():
+    at = np.array([[[1.0, 0.0, 0.0]], [[0.0, 2.0, 0.0]]])
+    f = np.array([[[0.0, 0.0, 10.0]], [[0.0, 0.0, 20.0]]])
+    nu = np.array([[[1.0, 2.0, 3.0]], [[0.5, 0.0, -7.0]]])
+    wrench = total_wrench(at, f, nu)
+    assert_allclose(wrench.force_n, [[0.0, 0.0, 30.0]])
+    assert_allclose(wrench.moment_nm, [[40.0 + 1.5, -10.0 + 2.0, -4.0]])
+
+
 def test_no_contact_at_all_is_the_zero_wrench():
     none = np.zeros((0, 4, 3))
     wrench = total_wrench(none, none, none)

@@ -63,3 +63,17 @@ def test_without_load_there_is_no_zmp():
     assert np.isnan(z).all()
     falling = zmp_of_motion(np.ones((1, 3)), np.array([[0.0, 0.0, -9.81]]), np.zeros((1, 3)), 70.0)
     assert np.isnan(falling).all()
+
+
+@pytest.mark.parametrize("length", [0.1, 1.0, 3.0])
+def test_twenty_newton_along_the_normal_are_too_little_whatever_its_length(length):
+    """Nothing is said of a foot that hardly touches."""
+    f = np.array([[0.0, 0.0, 20.0], [0.0, 0.0, 20.5], [0.0, 0.0, 60.0]])
+    z = zmp(Wrench(f, np.zeros((3, 3))), np.zeros(3), length * UP)
+    assert np.isnan(z[:, 0]).tolist() == [True, False, False]
+
+
+def test_shortly_before_free_fall_the_motion_still_has_a_zmp():
+    c, a = np.array([[0.1, 0.2, 0.9]]), np.array([[0.2, -0.1, 0.4 - GRAVITY_M_S2]])
+    wrench = contact_wrench(c, a, np.zeros((1, 3)), 70.0)
+    assert_allclose(zmp_of_motion(c, a, np.zeros((1, 3)), 70.0), zmp(wrench, np.zeros(3), UP)[:, :2], atol=1e-9)
