@@ -1,0 +1,96 @@
+"""What the tests of a package do not notice: ``python -m support.mutation contacts --sample 300`` (``make mutants``).
+
+mutmut changes the package's code in one place at a time and runs those of its own tests that reach the place. Prints how
+many changes they noticed, and every change that they did not, as lines of a table for docs/mutants.md.
+"""
+
+import argparse
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+PACKAGES = ("dynamics", "estimation", "contacts")
+CONFIGURATION = """
+[tool.mutmut]
+source_paths = ["src"]
+only_mutate = ["src/stridelab/{package}/*"]
+also_copy = ["models"]
+pytest_add_cli_args = ["-q", "-p", "no:cacheprovider", "--hypothesis-seed=0"]
+pytest_add_cli_args_test_selection = ["tests/{package}"]
+"""
+NONE = "stridelab.no.mutant.is.called.so"
+
+
+def prepare(folder: Path, package: str) -> None:
+    """A copy of the code in the form that mutmut knows: below ``src``."""
+    without = shutil.ignore_patterns("__pycache__", "native", "*.so")
+    shutil.copytree(ROOT / "backend" / "stridelab", folder / "src" / "stridelab", ignore=without)
+    for name in ("tests", "models"):
+        shutil.copytree(ROOT / name, folder / name, ignore=without)
+    settings = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    (folder / "pyproject.toml").write_text(settings + CONFIGURATION.format(package=package), encoding="utf-8")
+
+
+def mutmut(folder: Path, *arguments: str) -> str:
+    """Run it in ``folder``; returns what it says."""
+    done = subprocess.run(
+        [sys.executable, "-m", "mutmut", *arguments], cwd=folder, capture_output=True, text=True, check=False
+    )
+    return done.stdout
+
+
+def verdicts(folder: Path) -> dict[str, str]:
+    """What became of every mutant, by its name."""
+    return dict(re.findall(r"^ +(\S+): (.+)$", mutmut(folder, "results", "--all", "true"), re.MULTILINE))
+
+
+def change(folder: Path, mutant: str) -> str:
+    """The changed line before and after, with its file."""
+    lines = mutmut(folder, "show", mutant).splitlines()
+    file = next(line.removeprefix("--- src/stridelab/") for line in lines if line.startswith("--- "))
+    before = [line[1:].strip() for line in lines if line.startswith("-") and not line.startswith("---")]
+    after = [line[1:].strip() for line in lines if line.startswith("+") and not line.startswith("+++")]
+    return f"| `{file}` | `{' '.join(before)}` | `{' '.join(after)}` |".replace("||", "\\|\\|")
+
+
+def survey(package: str, sample: int | None, seed: int) -> str:
+    """Try the mutants of a package, or some of them; returns lines of Markdown."""
+    with tempfile.TemporaryDirectory(prefix="stridelab-mutants-") as place:
+        folder = Path(place)
+        prepare(folder, package)
+        mutmut(folder, "run", NONE)  # makes them all and tries none
+        every = sorted(verdicts(folder))
+        if not every:
+            raise SystemExit(f"mutmut made no mutant of {package}")
+        tried = every if sample is None else random.Random(seed).sample(every, min(sample, len(every)))
+        said = mutmut(folder, "run", "--max-children", str(os.cpu_count() or 1), *tried)
+        found = {name: verdict for name, verdict in verdicts(folder).items() if name in set(tried)}
+        counts = Counter(found.values())
+        if counts["not checked"]:
+            raise SystemExit(f"{counts['not checked']} mutants of {package} were not tried:\n{said[-2000:]}")
+        missed = sorted(name for name, verdict in found.items() if verdict in {"survived", "no tests"})
+        noticed = len(found) - len(missed)
+        head = f"| {package} | {len(every)} | {len(tried)} | {noticed} | {100 * noticed / len(tried):.1f} % |"
+        return "\n".join([head, "", *(change(folder, name) for name in missed)])
+
+
+def main() -> None:
+    """Entry point."""
+    asked = argparse.ArgumentParser(prog="make mutants", description=__doc__)
+    asked.add_argument("packages", nargs="*", default=PACKAGES, help=f"of {', '.join(PACKAGES)} or any other")
+    asked.add_argument("--sample", type=int, help="so many mutants of each, drawn at random")
+    asked.add_argument("--seed", type=int, default=0)
+    given = asked.parse_args()
+    for package in given.packages:
+        print(survey(package, given.sample, given.seed), flush=True)
+
+
+if __name__ == "__main__":
+    main()
