@@ -1,7 +1,11 @@
-"""A network that can be cut: a TCP relay in front of a server, which stops forwarding but closes nothing."""
+"""A network that can be cut: a TCP relay in front of a server, which stops forwarding but closes nothing.
+
+``python -m support.cut SOCKET ADDRESS PORT`` is one that is never cut, for another host.
+"""
 
 import contextlib
 import socket
+import sys
 import threading
 from collections.abc import Iterator
 
@@ -9,11 +13,11 @@ from collections.abc import Iterator
 class Cut:
     """While it is pulled, bytes are taken from nobody and given to nobody, as with a cable that lies on the floor."""
 
-    def __init__(self, target: str) -> None:
+    def __init__(self, target: str, address: str, port: int = 0) -> None:
         self._target = target
         self._whole = threading.Event()
         self._whole.set()
-        self._listener = socket.create_server(("127.0.0.1", 0))
+        self._listener = socket.create_server((address, port))
         self._sockets: list[socket.socket] = [self._listener]
         self._threads = [threading.Thread(target=self._accept, daemon=True)]
         self._threads[0].start()
@@ -67,8 +71,13 @@ class Cut:
 @contextlib.contextmanager
 def relay(target: str) -> Iterator[Cut]:
     """A relay to a server's Unix socket, on a TCP port of the loopback address."""
-    made = Cut(target)
+    made = Cut(target, "127.0.0.1")
     try:
         yield made
     finally:
         made.close()
+
+
+if __name__ == "__main__":
+    Cut(sys.argv[1], sys.argv[2], int(sys.argv[3]))
+    threading.Event().wait()

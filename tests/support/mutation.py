@@ -1,7 +1,7 @@
 """What the tests of a package do not notice: ``python -m support.mutation contacts --sample 300`` (``make mutants``).
 
-mutmut changes the package's code in one place at a time and runs those of its own tests that reach the place. Prints how
-many changes they noticed, and every change that they did not, as lines of a table for docs/mutants.md.
+mutmut changes the package's code in one place at a time and runs those of its own tests that reach the place. Prints
+how many changes they noticed, and every change that they did not, as lines of a table for docs/mutants.md.
 """
 
 import argparse

@@ -177,12 +177,12 @@ class Service:
 
 
 @contextmanager
-def worker(url: str, folder: Path, **settings: str) -> Iterator[subprocess.Popen[bytes]]:
-    """A worker of its own on an existing database."""
+def worker(url: str, folder: Path, *, on: tuple[str, ...] = (), **settings: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A worker of its own on an existing database; ``on`` goes before its command line."""
     folder.mkdir(parents=True, exist_ok=True)
     with (folder / f"worker-{time.monotonic_ns()}.log").open("wb") as log:
         process = subprocess.Popen(
-            [sys.executable, "-m", "support.worker_entry"],
+            [*on, sys.executable, "-m", "support.worker_entry"],
             stdout=log,
             stderr=log,
             env=environment(**{"STRIDELAB_DATABASE_URL": url, "STRIDELAB_DATA_DIR": str(folder), **settings}),
