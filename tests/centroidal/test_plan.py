@@ -21,6 +21,7 @@ def test_it_converges_and_verifies(plan: CentroidalPlan) -> None:
 
 def test_scipy_integrates_the_planned_forces_to_the_planned_states(plan: CentroidalPlan) -> None:
     """(4.20b), written as (4.2a) and (4.2b)."""
+
     def rate(_: float, x: np.ndarray, k: int) -> np.ndarray:
         c, v = x[0:3], x[3:6]
         f, moment = np.zeros(3), np.zeros(3)

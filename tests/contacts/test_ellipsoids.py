@@ -1,4 +1,4 @@
-"""The smallest ellipsoid around points (4.19), by the condition that is both necessary and enough."""
+"""The smallest ellipsoid around points, by the condition that is both necessary and enough."""
 
 import numpy as np
 import pytest
@@ -10,7 +10,7 @@ from stridelab.contacts.ellipsoids import smallest_around
 @pytest.mark.parametrize("centred", [False, True])
 @pytest.mark.parametrize("dimension", [2, 5])
 def test_it_is_the_smallest_by_johns_condition(dimension: int, centred: bool) -> None:
-    """(4.19c) holds, and weights of points on the boundary make the unit matrix, about the centre where that is free."""
+    """(4.19a), (4.19c): weights of points on the boundary make the unit matrix, about the centre where that is free."""
     points = np.random.default_rng(dimension).normal(size=(40, dimension)) + 0.3
     found = smallest_around(points, centred=centred)
     u = np.linalg.solve(found.axes, (points - found.center).T).T

@@ -66,7 +66,7 @@ def moment(state: np.ndarray, jerk: np.ndarray, t: float) -> np.ndarray:
 
 @pytest.mark.parametrize("jerk", [np.zeros(3), np.array([1.0, -2.0, 0.5])])
 def test_the_matrices_are_the_derivatives_of_the_moment(jerk: np.ndarray) -> None:
-    """Independent truth: finite differences of the moment in time and in the state. (2.19) from the moment of (2.17) along (2.15)."""
+    """Independent truth: finite differences of the moment in time and in the state: (2.19) of (2.17), (2.15)."""
     state = np.random.default_rng(4).normal(size=9)
     matrix = constant_jerk_matrix(*state.reshape(3, 3), jerk) * GRAVITY_M_S2
     t = np.linspace(-1.0, 1.0, 9)

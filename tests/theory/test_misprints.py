@@ -97,7 +97,7 @@ def test_2_8_second_row_needs_the_derivative_about_x():
 
 
 def test_2_11_says_more_than_that_force_and_moment_are_orthogonal():
-    """Orthogonality holds for every L' that is orthogonal to f; the CoM is then beside the axis all the same. (2.11)."""
+    """Orthogonality holds for every L' that is orthogonal to f; the CoM is then beside the axis all the same (2.11)."""
     c, f, L_dot = np.array([[1.0, 0.5, 0.9]]), np.array([[0.0, 0.0, 700.0]]), np.array([[0.0, 20.0, 0.0]])
     wrench = Wrench(f, np.cross(c, f) + L_dot)
     assert_allclose(np.sum(wrench.force_n * wrench.moment_nm), 0.0, atol=1e-9)

@@ -6,8 +6,8 @@ push up): it sees only forces, so that neither the reference point nor the unit 
 another frame is an affine image of this one. Volumes of sections compare, and the largest ellipsoid goes along.
 
 A Lorentz cone (4.16) is the image of the standard one (4.14), ``{y : M y = (tau, eta, 0), |tau| <= eta}`` with ``M``
-square and invertible; where the rays span less than six dimensions the last rows of ``M`` vanish on them. It lies in the
-half-space ``a y <= 0`` if, with ``a M^-1 = (r, s, .)``,
+square and invertible; where the rays span less than six dimensions the last rows of ``M`` vanish on them. It lies in
+the half-space ``a y <= 0`` if, with ``a M^-1 = (r, s, .)``,
 
     |r| + s <= 0,    and shrunk by alpha (tau <= alpha eta) as far as   alpha_max = min -s / |r|.
 """
