@@ -1,19 +1,21 @@
-"""What mkdocs asks while it builds the book: pages that are made of the program itself, and links to the literature.
+"""What mkdocs asks while it builds the book: pages made of the program itself, links to the literature, formulas.
 
 Nothing of it is kept in docs/: endpoints and models come of the interface's own description, the numeric packages of
 their docstrings, the literature of models/references.bib.
 """
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from posixpath import relpath
 
+from formulas import in_page, in_title
 from http_pages import endpoints_page, models_page
 from literature import bibliography_page, entries
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
 from mkdocs.structure.pages import Page
+from mkdocs.structure.toc import AnchorLink
 from python_pages import PACKAGES, package_page
 
 ROOT = Path(__file__).parents[2]
@@ -42,3 +44,15 @@ def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: 
     there = relpath("reference/literature.md", str(Path(page.file.src_uri).parent))
     known = "|".join(entries(ROOT))
     return re.sub(rf"(?<!\[)`({known})`", rf"[`\1`]({there}#\1)", markdown)
+
+
+def on_page_content(html: str, *, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Show formulas, in the table of contents too."""
+
+    def titled(links: Iterable[AnchorLink]) -> None:
+        for link in links:
+            link.title = in_title(link.title)
+            titled(link.children)
+
+    titled(page.toc)
+    return in_page(html)

@@ -17,6 +17,7 @@ from support.contract import description
 
 BOOK = ROOT / "scripts" / "book"
 sys.path.insert(0, str(BOOK))  # where mkdocs looks for what the hook imports
+import formulas  # noqa: E402
 import hook  # noqa: E402
 import http_pages  # noqa: E402
 import literature  # noqa: E402
@@ -113,3 +114,21 @@ def test_all_literature_is_there_without_tex_and_is_cited() -> None:
 def test_keys_that_a_page_cites_are_known(page: Path) -> None:
     cited = {code for code in inline_code(page) if re.fullmatch(r"[a-z]{3,}(?:19|20)\d\d[a-z]*", code)}
     assert cited <= known_references()
+
+
+def test_formulas_become_mathml() -> None:
+    marked = '<p>of <span class="arithmatex">\\(a &lt; \\dot L_c\\)</span></p>\n<div class="arithmatex">\\[ b \\]</div>'
+    shown = formulas.in_page(marked)
+    assert "arithmatex" not in shown
+    assert shown.count("<math ") == 2
+    assert "<mo>&#x0003C;</mo>" in shown
+    assert "<mover><mi>L</mi><mo>&#x002D9;</mo></mover>" in shown
+    assert formulas.in_title("the moment \\(\\nu_c\\)").startswith("the moment <math")
+    with pytest.raises(ValueError, match="nonsense"):
+        formulas.mathml("\\nonsense")
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+def test_every_formula_of_a_page_is_understood(page: Path) -> None:
+    for inline, block in re.findall(r"\\\((.+?)\\\)|\\\[(.+?)\\\]", page.read_text(encoding="utf-8"), re.DOTALL):
+        assert "<math" in formulas.mathml(inline or block)
