@@ -4,6 +4,7 @@ import importlib
 import json
 import pkgutil
 import re
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 from urllib.parse import parse_qs, urlsplit
@@ -44,27 +45,58 @@ def operation(method: str, path: str) -> dict[str, Any] | None:
     return min(fits, key=lambda fit: fit[0])[1] if fits else None
 
 
-def complaints(method: str, url: str, body: str | None = None, fields: tuple[str, ...] = ()) -> list[str]:
+@dataclass(frozen=True)
+class Call:
+    """A request as somebody writes it down; ``url`` begins with the path."""
+
+    method: str
+    url: str
+    body: str | None = None
+    fields: tuple[str, ...] = ()
+
+    @property
+    def path(self) -> str:
+        """Without the query."""
+        return urlsplit(self.url).path
+
+
+def complaints(call: Call) -> list[str]:
     """What is wrong with a call: its path, method, query, JSON body or form fields."""
-    parts = urlsplit(url)
-    found = operation(method, parts.path)
+    what, found = f"{call.method} {call.path}", operation(call.method, call.path)
     if found is None:
-        return [f"there is no {method} {parts.path}"]
+        return [f"there is no {what}"]
     known = {p["name"] for p in found.get("parameters", []) if p["in"] == "query"}
-    wrong = [f"{method} {parts.path} has no query parameter {name}" for name in set(parse_qs(parts.query)) - known]
+    wrong = [f"{what} has no query parameter {name}" for name in set(parse_qs(urlsplit(call.url).query)) - known]
     content = found.get("requestBody", {}).get("content", {})
-    if body is not None:
+    if call.body is not None:
         if "application/json" not in content:
-            wrong.append(f"{method} {parts.path} reads no JSON")
-        elif not body.startswith("@"):
-            name = content["application/json"]["schema"]["$ref"].rpartition("/")[2]
-            wrong += misfits(name, body)
-    if fields:
-        form = content.get("multipart/form-data", {}).get("schema", {})
-        wrong += [
-            f"{method} {parts.path} has no field {name}" for name in set(fields) - set(form.get("properties", {}))
-        ]
+            wrong.append(f"{what} reads no JSON")
+        elif not call.body.startswith("@"):
+            wrong += misfits(content["application/json"]["schema"]["$ref"].rpartition("/")[2], call.body)
+    if call.fields:
+        form = content.get("multipart/form-data", {}).get("schema", {}).get("properties", {})
+        wrong += [f"{what} has no field {name}" for name in set(call.fields) - set(form)]
     return wrong
+
+
+def answers(call: Call, path: list[str]) -> bool:
+    """Whether the answer to a call, where all goes well, has a field of a field of it."""
+    found = operation(call.method, call.path) or {}
+    good = [answer for status, answer in found.get("responses", {}).items() if status.startswith("2")]
+    schemas = [content["schema"] for answer in good for content in answer.get("content", {}).values()]
+    return any(_has(schema, path) for schema in schemas)
+
+
+def _has(schema: dict[str, Any], path: list[str]) -> bool:
+    if "$ref" in schema:
+        return _has(description()["components"]["schemas"][schema["$ref"].rpartition("/")[2]], path)
+    if not path:
+        return True
+    if parts := schema.get("anyOf") or schema.get("oneOf"):
+        return any(_has(part, path) for part in parts)
+    if path[0] in schema.get("properties", {}):
+        return _has(schema["properties"][path[0]], path[1:])
+    return bool(schema.get("additionalProperties")) or schema == {}
 
 
 def misfits(name: str, body: str) -> list[str]:

@@ -7,15 +7,21 @@ from dataclasses import dataclass
 
 ASSIGNMENT = re.compile(r"([A-Za-z_]\w*)=(.*)", re.DOTALL)
 SEPARATORS = {"|", "||", "&&", ";", "&"}
+GRAMMAR = {"if", "then", "else", "fi", "while", "until", "do", "done", "!"}
+"""Words of the shell itself, before a command."""
 
 
 @dataclass(frozen=True)
 class Command:
-    """``program`` with its arguments, and what is assigned before it; what ``$(...)`` stands for reads ``$VALUE``."""
+    """``program`` with its arguments, what is assigned before it, and the command whose output it reads.
+
+    What ``$(...)`` stands for reads ``$VALUE``.
+    """
 
     program: str
     arguments: tuple[str, ...]
     assigned: dict[str, str]
+    fed_by: "Command | None" = None
 
 
 def commands(text: str) -> list[Command]:
@@ -32,12 +38,15 @@ def _of_line(line: str) -> Iterator[Command]:
     reader = shlex.shlex(outer, posix=True, punctuation_chars="|&;<>")
     reader.whitespace_split = True
     words: list[str] = []
+    before: Command | None = None
     for word in [*reader, ";"]:
         if word in SEPARATORS:
             if words:
-                yield _command(words)
+                before = _command(words, before)
+                yield before
+            before = before if word == "|" else None
             words = []
-        else:
+        elif words or word not in GRAMMAR:
             words.append(word)
 
 
@@ -56,7 +65,7 @@ def _substituted(line: str) -> tuple[str, list[str]]:
     return line, inner
 
 
-def _command(words: list[str]) -> Command:
+def _command(words: list[str], fed_by: Command | None) -> Command:
     kept: list[str] = []
     place = iter(words)
     for word in place:
@@ -70,4 +79,4 @@ def _command(words: list[str]) -> Command:
         kept.pop(0)
     if kept and kept[0] == "export":
         assigned |= {m[1]: m[2] for word in kept[1:] if (m := ASSIGNMENT.fullmatch(word))}
-    return Command(kept[0] if kept else "", tuple(kept[1:]), assigned)
+    return Command(kept[0] if kept else "", tuple(kept[1:]), assigned, fed_by)
