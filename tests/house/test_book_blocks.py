@@ -125,6 +125,8 @@ def test_bodies_inside_of_sentences_are_true(page: Path) -> None:
         "curl -s $api/jobs/$job | jq .nonsense",
         "until curl -s $api/nonsense; do sleep 1; done",
         "cp models/nonsense.c3d trial.c3d",
+        ".venv/bin/python scripts/nonsense.py",
+        "docker compose -f nonsense.yml up",
         "curl -s $api/jobs?nonsense=1",
         "curl -s -F nonsense=1 $api/recordings",
         """curl -s --json '{"nonsense": 1}' $api/jobs/plan-motion""",

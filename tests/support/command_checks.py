@@ -1,6 +1,7 @@
 """Commands that the book shows, held against the program, the Makefile, the scripts and the interface; none is run."""
 
 import re
+from itertools import pairwise
 from typing import Any
 
 import typer
@@ -13,8 +14,10 @@ from support.book import ROOT
 from support.shell import Command
 
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
-FOREIGN = {"mkdir", "cd", "cp", "openssl", "cat", "printf", "echo", "install", "export", "git", "tee", "sleep"}
-"""Programs of the system: of theirs only the files are checked that lie in this tree."""
+FOREIGN = {
+    "cat", "cd", "cp", "echo", "export", "git", "install", "mkdir", "openssl", "printf", "python", "sleep", "tee",
+}  # fmt: skip
+"""Of other programs only the files are checked that lie in this tree."""
 CURL_VALUES = {"-X", "-H", "-F", "-o", "-d", "-u", "--json", "--request", "--header", "--form", "--output", "--data"}
 USAGE_ERROR = typer.BadParameter.__mro__[1]
 """What the command line raises where it cannot read its arguments; typer gives it no public name."""
@@ -96,36 +99,34 @@ def check_make(command: Command) -> list[str]:
     return [f"make {t}" for t in targets if not re.search(rf"^{re.escape(t)}:", MAKEFILE, re.MULTILINE)]
 
 
-def check_script(name: str) -> list[str]:
+def check_file(name: str) -> list[str]:
     """The file exists, wherever below the checkout one stands."""
-    return [] if (ROOT / re.sub(r"^(\.\./|\./)+", "", name)).is_file() else [f"{name} does not exist"]
+    path = re.sub(r"^(\.\./|\./)+", "", name.partition("::")[0])
+    return [] if (ROOT / path).exists() else [f"{name} does not exist"]
+
+
+def check_docker(command: Command) -> list[str]:
+    """The compose files exist."""
+    return [wrong for flag, name in pairwise(command.arguments) if flag == "-f" for wrong in check_file(name)]
+
+
+CHECKS = {"stridelab": check_stridelab, "curl": check_curl, "jq": check_jq, "make": check_make, "docker": check_docker}
 
 
 def check_command(command: Command) -> list[str]:
     """What is wrong with one command of a shell."""
     wrong = [f"{name} is no setting" for name in command.assigned if not known_variable(name)]
     program = re.sub(r"^(?:\.\./)*\.venv/bin/", "", command.program)
-    if program == "stridelab":
-        wrong += check_stridelab(command)
-    elif program == "curl":
-        wrong += check_curl(command)
-    elif program == "jq":
-        wrong += check_jq(command)
-    elif program == "make":
-        wrong += check_make(command)
-    elif program == "python":
-        wrong += check_script(command.arguments[0])
+    if program in CHECKS:
+        wrong += CHECKS[program](command)
     elif "scripts/" in program:
-        wrong += check_script(program)
-    elif program == "docker":
-        files = [b for a, b in zip(command.arguments, command.arguments[1:], strict=False) if a == "-f"]
-        wrong += [complaint for name in files for complaint in check_script(name)]
-    elif program in FOREIGN:
-        kept = [word for word in command.arguments if re.match(r"(?:\.\./)*(?:models|docs|deploy)/[^*]*$", word)]
-        wrong += [complaint for name in kept for complaint in check_script(name)]
-    elif program:
+        wrong += check_file(program)
+    elif program and program not in FOREIGN:
         wrong.append(f"{program} is not known to this test")
-    return wrong
+    kept = [
+        word for word in command.arguments if re.match(r"(?:\.\./)*(?:models|docs|deploy|scripts|tests)/[^*]*$", word)
+    ]
+    return wrong + [complaint for name in kept for complaint in check_file(name)]
 
 
 def known_variable(name: str) -> bool:
