@@ -30,13 +30,14 @@ def docstring(node: ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunct
 
 
 def signature(function: ast.FunctionDef | ast.AsyncFunctionDef, *, method: bool) -> str:
-    """As it stands in the source, without ``self``."""
+    """As it stands in the source, without ``self``; a property is written as the attribute that it looks like."""
+    back = f" -> {ast.unparse(function.returns)}" if function.returns else ""
+    if {ast.unparse(d) for d in function.decorator_list} & {"property", "cached_property"}:
+        return f"{function.name}{back.replace(' -> ', ': ')}"
     arguments = function.args
     if method and arguments.args and arguments.args[0].arg in {"self", "cls"}:
         arguments = ast.arguments(**{**vars(arguments), "args": arguments.args[1:]})
-    text = ast.unparse(arguments)
-    back = f" -> {ast.unparse(function.returns)}" if function.returns else ""
-    return f"{function.name}({text}){back}"
+    return f"{function.name}({ast.unparse(arguments)}){back}"
 
 
 def fields(class_: ast.ClassDef) -> list[str]:

@@ -100,6 +100,8 @@ def test_a_signature_is_that_of_the_source() -> None:
     node: Any = ast.parse("def f(self, a: int, *, b: float = 2.0) -> str: ...").body[0]
     assert python_pages.signature(node, method=True) == "f(a: int, *, b: float=2.0) -> str"
     assert python_pages.signature(node, method=False).startswith("f(self, ")
+    node = ast.parse("@property\ndef g(self) -> Series: ...").body[0]
+    assert python_pages.signature(node, method=True) == "g: Series"
 
 
 def test_all_literature_is_there_without_tex_and_is_cited() -> None:
