@@ -6,7 +6,7 @@ serve:  ## start everything on http://127.0.0.1:8000
 test:  ## run the whole test suite
 	@scripts/test
 
-check:  ## lint, format, types, compose files
+check:  ## lint, format, types, compose files, the book
 	@scripts/check
 
 check-native:  ## the C++ solver: format, lint, unit tests under sanitizers

@@ -1,4 +1,4 @@
-"""Figures of section 4.3: the divergence over the size of a mixture (4.3), and the projected densities (4.2, 4.4)."""
+"""Figures of section 4.3: the divergence over the size of a mixture, and the projected densities."""
 
 from collections.abc import Sequence
 from typing import Any, Final

@@ -1,4 +1,4 @@
-"""Pictures of one step: the wheel at true scale, the path stretched (fig. 3.5), what is left over, and theta (3.9a)."""
+"""Pictures of one step: the wheel at true scale, the path stretched (fig. 3.5), what is left, and theta (fig. 3.9a)."""
 
 from dataclasses import dataclass
 from typing import Final

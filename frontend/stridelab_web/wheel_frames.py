@@ -1,7 +1,7 @@
 """The rolling wheel in the scene (the yoyo-man): rim, hub, the point on its spoke, ground line, and traced curve.
 
 The wheel is one of radius 1 that the page places, turns and sizes, because R differs from step to step. In its own
-frame x is ahead and z up; it turns about y by theta, and the point hangs below the hub at theta = 0 (3.1, 3.2).
+frame x is ahead and z up; it turns about y by theta, and the point hangs below the hub at theta = 0 (3.1), (3.2).
 """
 
 from dataclasses import dataclass

@@ -53,6 +53,7 @@ def test_angular_momentum_at_the_start_is_slowed_down(walk: CentroidalProblem) -
 def test_a_capturable_end_costs_less_than_rest_and_can_be_stopped(
     walk: CentroidalProblem, walked: CentroidalPlan
 ) -> None:
+    """(4.9f)."""
     horizon = replace(walk.sequence, phases=walk.sequence.phases[:3])
     cut = replace(walk, sequence=horizon, terminal="capturable")
     plan = solve(cut)

@@ -68,6 +68,7 @@ def test_in_flight_the_wrench_is_zero() -> None:
 
 
 def test_sharing_gives_the_wrench_within_the_cones_wherever_there_are_forces(problem: CentroidalProblem) -> None:
+    """(4.5) back to (4.4)."""
     touches = problem.touches(3, problem.com_start_m)
     contacts, sharing, rng = point_contacts(touches), Sharing(touches), np.random.default_rng(4)
     held = 0
@@ -113,6 +114,7 @@ def test_a_cone_of_all_contacts_leans_on_the_hand(problem: CentroidalProblem, by
 def test_the_cone_of_the_wrench_is_inside_that_of_the_contacts_wherever_they_are(
     problem: CentroidalProblem, contacts: Literal["soles", "all"]
 ) -> None:
+    """(4.6)."""
     rng = np.random.default_rng(6)
     for origin_m in (problem.com_start_m, np.array([40.0, -7.0, 3.0])):
         touches = problem.touches(3, origin_m)

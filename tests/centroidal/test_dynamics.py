@@ -20,6 +20,7 @@ def newton_euler(t: float, x: np.ndarray, force: np.ndarray, moment: np.ndarray)
 
 @given(seed=st.integers(0, 2**32 - 1), h=st.floats(0.01, 0.3))
 def test_a_step_is_the_exact_integral_of_newton_and_euler(seed: int, h: float) -> None:
+    """(4.8) with the wrench (4.5) of whatever forces."""
     rng = np.random.default_rng(seed)
     c, v, L = rng.normal(size=(3, 3))
     F, T = rng.normal(size=(2, 3))

@@ -23,6 +23,7 @@ def near(mixture_name: str, place: Placement, rng: np.random.Generator) -> np.nd
 
 @pytest.mark.parametrize("name", MIXTURES)
 def test_equals_numpy_to_ten_digits_wherever_the_contact_is(name: str) -> None:
+    """The log-density of (4.13)."""
     functions, rng = likelihood(MIXTURES[name]), np.random.default_rng(1)
     for place in PLACES:
         c = near(name, place, rng)

@@ -20,6 +20,8 @@ def test_it_converges_and_verifies(plan: CentroidalPlan) -> None:
 
 
 def test_scipy_integrates_the_planned_forces_to_the_planned_states(plan: CentroidalPlan) -> None:
+    """(4.20b), written as (4.2a) and (4.2b)."""
+
     def rate(_: float, x: np.ndarray, k: int) -> np.ndarray:
         c, v = x[0:3], x[3:6]
         f, moment = np.zeros(3), np.zeros(3)
@@ -39,6 +41,7 @@ def test_scipy_integrates_the_planned_forces_to_the_planned_states(plan: Centroi
 
 
 def test_every_force_lies_in_the_cone_of_its_contact_and_is_zero_where_nothing_touches(plan: CentroidalPlan) -> None:
+    """(4.20c)."""
     for name, forces in plan.forces_n.items():
         for k, f in enumerate(forces):
             contact = plan.sequence.phases[plan.phase[k]].contacts.get(name)
@@ -50,12 +53,14 @@ def test_every_force_lies_in_the_cone_of_its_contact_and_is_zero_where_nothing_t
 
 
 def test_it_goes_from_rest_to_rest_and_stays_there(plan: CentroidalPlan, problem: CentroidalProblem) -> None:
+    """(4.20d), (4.20e)."""
     assert plan.com_m[[0, -1]] == pytest.approx(np.array([problem.com_start_m, problem.com_end_m]), abs=1e-9)
     for still in (plan.com_v_m_s[[0, -1]], plan.l_nms[[0, -1]], plan.com_a_m_s2[-1]):
         assert np.abs(still).max() < 1e-9
 
 
 def test_force_and_acceleration_agree(plan: CentroidalPlan) -> None:
+    """(4.4a)."""
     total = sum(f.sum(axis=1) for f in plan.forces_n.values())
     assert plan.com_a_m_s2 == pytest.approx(total / plan.mass_kg + g)
 

@@ -114,6 +114,7 @@ def test_with_the_majoriser_the_curvature_is_positive_semidefinite() -> None:
 
 
 def test_the_objective_is_the_sum_of_the_cost_terms_of_any_motion(programme: Transcription) -> None:
+    """(4.20a)."""
     other = transcribe(replace(programme.problem, weights=Weights(likelihood=0.1, point_force=30.0)))
     w = run("ipopt", other).point.w
     terms = cost_terms(programme.problem, read(programme, programme.problem.sequence, w))

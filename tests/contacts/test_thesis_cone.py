@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 from stridelab.contacts.point_contacts import PointContacts, change_of_frame
-from stridelab.contacts.thesis_cone import outer_cone
+from stridelab.contacts.thesis_cone import ROOM, _first_direction, outer_cone
 from stridelab.contacts.wrench_cone import LinearCone
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import NotEstimable
@@ -21,11 +22,30 @@ def about(contacts: PointContacts, point_m: np.ndarray) -> tuple[LinearCone, flo
 
 
 def test_it_holds_all_rays_and_touches_one() -> None:
+    """(4.17b)."""
     rng = np.random.default_rng(0)
     for k in range(6):
         contacts = random_contacts(rng, 3 + k % 2)
         rays = contacts.rays() @ change_of_frame(-com_m(contacts)).T
         assert outer_cone(rays).gauge(rays).max() == pytest.approx(1.0, abs=1e-9)
+
+
+def test_the_first_direction_is_the_nearest_before_which_all_rays_lie() -> None:
+    """(4.18) as a general programme, by sequential quadratic programming."""
+    rng = np.random.default_rng(1)
+    many = np.vstack([rng.normal([3.0, 0.0, 0.0, 0.0, 0.0, 0.0], 0.2, (30, 6)), [[-0.2, 1.0, 0.3, 0.0, 0.0, 0.0]]])
+    unit = many / np.linalg.norm(many, axis=1, keepdims=True)
+    assert (unit @ unit.mean(axis=0)).min() < 0.0  # the mean itself will not do
+    d = _first_direction(unit)
+    assert (unit @ d).min() > 0.0
+    mean = unit.mean(axis=0)
+    nearest = minimize(
+        lambda x: float(((x - mean) ** 2).sum()),
+        unit[-1] + mean,
+        constraints={"type": "ineq", "fun": lambda x: unit @ x - ROOM},
+        options={"ftol": 1e-14},
+    ).x
+    np.testing.assert_allclose(d, nearest / np.linalg.norm(nearest), atol=1e-6)
 
 
 def test_the_circular_cone_exceeds_it() -> None:

@@ -40,7 +40,7 @@ def test_four_rays_are_those_of_the_solver() -> None:
 
 
 def test_facets_and_rays_describe_the_same_cone() -> None:
-    """No ray violates a facet, every facet holds five rays, and a wrench is inside by facets iff it is by LP."""
+    """No ray violates a facet, every facet holds five rays, and a wrench is inside by facets iff it is by LP. (4.7)."""
     rng = np.random.default_rng(1)
     for contacts in some_sets(6):
         cone = LinearCone.of(contacts, 4)
@@ -56,6 +56,7 @@ def test_facets_and_rays_describe_the_same_cone() -> None:
 
 
 def test_largest_cone_is_inside_by_every_facet_and_by_linear_programmes() -> None:
+    """(4.14), (4.16), (4.6)."""
     rng = np.random.default_rng(2)
     for contacts in some_sets(30):
         linear = LinearCone.of(contacts)
@@ -124,7 +125,7 @@ def test_turning_the_world_about_the_vertical_turns_the_cone() -> None:
 
 
 def test_volumes_against_draws() -> None:
-    """Share of a polytope's volume by draws of the rays' simplices: here of the box around the section."""
+    """Share of a polytope's volume by draws of the rays' simplices: here of the box around the section (4.15)."""
     rng = np.random.default_rng(5)
     contacts = some_sets(1)[0]
     linear = LinearCone.of(contacts)

@@ -39,6 +39,7 @@ def test_projection_does_not_depend_on_the_origin(f, nu, c, o):
 
 @given(points, points)
 def test_without_angular_momentum_the_com_is_its_own_projection(c, a):
+    """(2.11)."""
     wrench = contact_wrench(c, a, np.zeros((3, 3)), 70.0)
     axis = central_axis(wrench, threshold_n=1.0)
     assert_allclose(axis.project(c)[axis.defined], c[axis.defined], atol=1e-6)
@@ -55,6 +56,7 @@ def test_angular_momentum_moves_the_projection_by_f_cross_l_over_f_squared(c, l_
 
 @given(forces, moments)
 def test_the_moment_on_the_axis_is_the_smallest(f, nu):
+    """(2.14)."""
     axis = central_axis(Wrench(f, nu))
     on_axis = transport(Wrench(f, nu), axis.point_m).moment_nm
     assert_allclose(np.linalg.norm(on_axis, axis=1), np.abs(axis.pitch_moment_nm), atol=1e-6)
@@ -78,6 +80,7 @@ def distance_between_parallel_lines(p, q, direction):
 
 @given(forces, moments)
 def test_theorem_1_the_zmp_axis_is_the_central_axis_only_if_force_is_vertical_or_moment_orthogonal(f, nu):
+    """(2.13) and (2.14) are one moment only there."""
     n = np.array([0.0, 0.0, 1.0])
 
     def gap(force, moment):

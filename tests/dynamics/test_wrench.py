@@ -18,6 +18,7 @@ contacts = arrays(float, (3, 4, 3), elements=st.floats(-100, 100))
 
 
 def test_standing_still_the_ground_pushes_up_with_the_weight():
+    """(2.3)."""
     f = contact_force(np.zeros((1, 3)), 70.0)
     assert_allclose(f, [[0.0, 0.0, 70.0 * 9.81]])
     assert_allclose(f, [-70.0 * g])
@@ -58,6 +59,7 @@ def test_transport_is_a_group_action(f, nu, p, q):
 
 @given(contacts, contacts, contacts, point)
 def test_summing_and_transporting_commute(at, f, nu, p):
+    """(2.5)."""
     moved = total_wrench(at - p, f, nu)
     assert_allclose(moved.moment_nm, transport(total_wrench(at, f, nu), p).moment_nm, atol=1e-8)
 
@@ -72,6 +74,7 @@ def test_the_power_of_a_wrench_does_not_depend_on_the_point(f, nu, p):
 
 @given(points, points, points)
 def test_newton_euler_is_its_own_inverse(c, a, l_dot):
+    """(2.3), (2.4) undo (2.6)."""
     wrench = contact_wrench(c, a, l_dot, 70.0)
     assert_allclose(momentum_rate(c, wrench), l_dot, atol=1e-8)
     assert_allclose(com_acceleration(wrench.force_n, 70.0), a, atol=1e-10)

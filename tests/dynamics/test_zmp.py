@@ -36,6 +36,7 @@ def test_2_8_as_printed_is_not_the_zmp_of_the_wrench():
 
 @given(points, moments, arrays(float, 3, elements=st.floats(-1, 1)))
 def test_on_any_plane_the_moment_about_the_zmp_is_along_the_normal(c, nu, tilt):
+    """(2.7) for any plane, by what defines it, (2.13)."""
     n = UP + 0.5 * tilt
     wrench = Wrench(np.tile([30.0, -20.0, 700.0], (3, 1)), nu)
     q = c[0]
@@ -51,6 +52,7 @@ def test_for_one_point_force_the_zmp_is_its_point():
 
 
 def test_the_cart_table_model_is_exact_for_constant_height_without_angular_momentum():
+    """(2.9) against (2.8)."""
     c = np.array([[0.1, 0.2, 0.8]] * 3)
     a = np.array([[1.0, -0.5, 0.0], [0.0, 0.0, 0.0], [-2.0, 1.0, 0.0]])
     full = zmp_of_motion(c, a, np.zeros((3, 3)), 70.0)

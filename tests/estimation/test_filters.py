@@ -16,6 +16,7 @@ THESIS = (0.4, 4.0)
 @pytest.mark.parametrize("cutoffs", [THESIS, (0.2, 1.0), (0.1, 20.0)])
 @pytest.mark.parametrize("order", [2, 3])
 def test_the_three_filters_add_up_to_one_at_every_frequency(rate_hz, cutoffs, order):
+    """(2.27)."""
     f = np.geomspace(1e-3, 0.4999 * rate_hz, 1000)
     filters = complementary_filters(*cutoffs, rate_hz, order)
     total = filters.h1.response(f) + filters.s2_h2.response(f) + filters.h3.response(f)
@@ -25,6 +26,7 @@ def test_the_three_filters_add_up_to_one_at_every_frequency(rate_hz, cutoffs, or
 @pytest.mark.parametrize("rate_hz", RATES_HZ)
 @pytest.mark.parametrize("order", [2, 3])
 def test_s2_h2_is_h2_of_the_bilinear_second_derivative(rate_hz, order):
+    """(2.24) and (2.25)."""
     f = np.geomspace(0.01, 0.45 * rate_hz, 100)
     filters = complementary_filters(*THESIS, rate_hz, order)
     z = np.exp(2j * np.pi * f / rate_hz)
@@ -33,6 +35,7 @@ def test_s2_h2_is_h2_of_the_bilinear_second_derivative(rate_hz, order):
 
 
 def test_the_discrete_filters_are_the_analogue_ones_up_to_the_warping_of_the_bilinear_rule():
+    """(2.24), (2.26)."""
     f, rate_hz = np.geomspace(0.05, 20, 50), 1000.0
     s = 2j * rate_hz * np.tan(np.pi * f / rate_hz)
     tau_1, tau_2 = 1 / (2 * np.pi * 4.0), 1 / (2 * np.pi * 0.4)

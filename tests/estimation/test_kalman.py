@@ -31,6 +31,7 @@ def axis_of(rate_hz: float, sigma: float, start: np.ndarray, measured: np.ndarra
 @pytest.mark.parametrize("start", STARTS)
 @pytest.mark.parametrize(("rate_hz", "sigma", "n"), [(100.0, 20.0, 400), (200.0, 1.0, 900), (1000.0, 1.0, 1500)])
 def test_partitioning_is_the_textbook_filter_to_the_last_digits(rate_hz: float, sigma: float, n: int, start: str):
+    """(2.28)-(2.31)."""
     y, measured = masked_record(rate_hz, n)
     axis = axis_of(rate_hz, sigma, STARTS[start], measured)
     x0 = np.array([y[0, 0], 0.0, 0.0])

@@ -1,4 +1,4 @@
-"""Kalman filter and smoother in the simulation study (2.5): what the thesis compares with, and why it is late."""
+"""Kalman filter and smoother in the simulation study: what the thesis compares with, and why it is late."""
 
 from dataclasses import replace
 

@@ -66,7 +66,7 @@ def moment(state: np.ndarray, jerk: np.ndarray, t: float) -> np.ndarray:
 
 @pytest.mark.parametrize("jerk", [np.zeros(3), np.array([1.0, -2.0, 0.5])])
 def test_the_matrices_are_the_derivatives_of_the_moment(jerk: np.ndarray) -> None:
-    """Independent truth: finite differences of the moment in time and in the state."""
+    """Independent truth: finite differences of the moment in time and in the state: (2.19) of (2.17), (2.15)."""
     state = np.random.default_rng(4).normal(size=9)
     matrix = constant_jerk_matrix(*state.reshape(3, 3), jerk) * GRAVITY_M_S2
     t = np.linspace(-1.0, 1.0, 9)
@@ -79,7 +79,19 @@ def test_the_matrices_are_the_derivatives_of_the_moment(jerk: np.ndarray) -> Non
         assert row == pytest.approx(taylor, abs=1e-6)
 
 
+def test_the_rows_of_the_geometry_are_those_of_a_linear_system_with_a_constant_bias() -> None:
+    """C, C A, C A^2 with the integrators of (2.15), (2.16), the bias of (2.21), (2.22), and y = c + b (2.20)."""
+    A, C = np.zeros((12, 12)), np.zeros((3, 12))
+    A[:6, 3:9] = np.eye(6)
+    C[:, :3] = C[:, 9:] = np.eye(3)
+    matrix = force_and_geometry_matrix(*np.random.default_rng(2).normal(size=(3, 3)))
+    for order, first in enumerate((6, 12, 18)):
+        assert (matrix[first : first + 3] == C @ np.linalg.matrix_power(A, order)).all()
+    assert not (C @ np.linalg.matrix_power(A, 3)).any()
+
+
 def test_a_shift_along_the_force_is_in_the_null_space() -> None:
+    """(2.18)."""
     c, v, a = np.random.default_rng(1).normal(size=(3, 3))
     f = a - g
     assert force_matrix(c, v, a) @ np.concatenate([f, np.zeros(6)]) == pytest.approx(np.zeros(15), abs=1e-12)

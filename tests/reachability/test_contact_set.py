@@ -26,7 +26,7 @@ def some(count: int) -> ContactSet:
 
 @pytest.mark.parametrize("count", [1, 2, 3, 4])
 def test_the_product_is_that_of_its_factors(count: int) -> None:
-    """The mixture, normalised by construction, against the sum of logarithms less ``log Z``."""
+    """The mixture, normalised by construction, against the sum of logarithms less ``log Z``. (4.12)."""
     contacts = some(count)
     c = contacts.sample(400, np.random.default_rng(0))
     np.testing.assert_allclose(contacts.product.log_density(c), contacts.log_density(c), atol=1e-3)

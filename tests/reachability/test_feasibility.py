@@ -91,6 +91,7 @@ def test_the_bundled_correction_is_a_proxy(name: str) -> None:
 
 
 def test_many_sets_at_once_agree_with_one(pairs: dict[bool, Pairs]) -> None:
+    """(4.13)."""
     drawn = pairs[True]
     proxies = load_proxies("talos", "conditioned")
     many = log_density(proxies, drawn.contacts, drawn.com_m)

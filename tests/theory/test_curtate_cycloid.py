@@ -18,6 +18,7 @@ REVERSED = Wheel(R_m=R, r_m=r, z0_m=Z0, x0_m=0.0, branch=-1)
 
 
 def test_without_an_offset_in_x_the_wheel_takes_its_radius_from_the_place_in_the_laboratory():
+    """(3.1), (3.3)."""
     theta = np.linspace(-2.5, 3.5, 60)
     path = Wheel(R_m=R, r_m=r, z0_m=Z0, x0_m=2.3).position_m(theta)
     with_offset = fit_path(theta / OMEGA, path, STEP_S).wheel

@@ -32,6 +32,7 @@ def com_and_momentum(t: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_2_6_holds_with_the_derivative_of_the_angular_momentum_and_not_without():
+    """(2.6) against particles."""
     t, h = 0.7, 1e-4
     m, p = particles(t)
     a = (particles(t + h)[1] - 2 * p + particles(t - h)[1]) / h**2
@@ -46,6 +47,7 @@ def test_2_6_holds_with_the_derivative_of_the_angular_momentum_and_not_without()
 
 
 def test_2_29_lacks_the_identity():
+    """(2.29) against the matrix exponential of (2.15), (2.16)."""
     dt, E, O = 0.005, np.eye(3), np.zeros((3, 3))
     A = np.block([[O, E, O], [O, O, E], [O, O, O]])
     printed = np.block([[O, dt * E, dt**2 / 2 * E], [O, O, dt * E], [O, O, O]])
@@ -55,6 +57,7 @@ def test_2_29_lacks_the_identity():
 
 
 def test_2_30_needs_the_acceleration_to_fit_the_three_rows_of_2_31():
+    """(2.30), (2.31)."""
     c, v, a = np.random.default_rng(1).normal(size=(3, 3))
     y = np.kron(C, np.eye(3)) @ np.concatenate([c, v, a])
     assert_allclose(y, np.concatenate([c, a, c]))
@@ -70,6 +73,7 @@ def test_gravity_has_one_sign_and_standing_still_the_ground_pushes_up():
 
 
 def test_2_7_needs_the_height_of_the_plate():
+    """(2.7)."""
     top = np.array([[[0.4, -0.1, 0.584]]])  # the highest plate of the stairs among the recordings at hand
     wrench = total_wrench(top, np.array([[[150.0, -40.0, 700.0]]]), np.zeros((1, 1, 3)))
     printed = np.array([-wrench.moment_nm[0, 1], wrench.moment_nm[0, 0], 0.0]) / wrench.force_n[0, 2]
@@ -79,7 +83,7 @@ def test_2_7_needs_the_height_of_the_plate():
 
 
 def test_2_8_second_row_needs_the_derivative_about_x():
-    """Both rows against the moment balance about the floor, and the printed second row."""
+    """Both rows against the moment balance about the floor, and the printed second row. (2.8)."""
     m, h, rng = 70.0, 0.2, np.random.default_rng(3)
     c, a, L_dot = rng.uniform(0.5, 1.5, (5, 3)), rng.normal(size=(5, 3)), 20 * rng.normal(size=(5, 3))
     f = m * (a + GRAVITY_M_S2 * UP)
@@ -93,7 +97,7 @@ def test_2_8_second_row_needs_the_derivative_about_x():
 
 
 def test_2_11_says_more_than_that_force_and_moment_are_orthogonal():
-    """Orthogonality holds for every L' that is orthogonal to f; the CoM is then beside the axis all the same."""
+    """Orthogonality holds for every L' that is orthogonal to f; the CoM is then beside the axis all the same (2.11)."""
     c, f, L_dot = np.array([[1.0, 0.5, 0.9]]), np.array([[0.0, 0.0, 700.0]]), np.array([[0.0, 20.0, 0.0]])
     wrench = Wrench(f, np.cross(c, f) + L_dot)
     assert_allclose(np.sum(wrench.force_n * wrench.moment_nm), 0.0, atol=1e-9)
@@ -101,6 +105,7 @@ def test_2_11_says_more_than_that_force_and_moment_are_orthogonal():
 
 
 def test_2_12_mixes_no_origins():
+    """(2.12)."""
     c, f = np.array([[2.0, 0.3, 0.9]]), np.array([[60.0, -20.0, 700.0]])
     plate = np.array([1.8, 0.2, 0.0])
     about_world = Wrench(f, np.cross(c, f))

@@ -44,7 +44,7 @@ def test_samples_cover_the_motion(swaying: Swaying) -> None:
 
 @pytest.mark.parametrize("which", ["swaying", "two_steps"])
 def test_the_rate_of_momentum_is_forces_and_weight(which: str, talos: Robot, request: pytest.FixtureRequest) -> None:
-    """d(m v)/dt by central differences of the CoM's velocity, away from where the contacts change."""
+    """d(m v)/dt by central differences of the CoM's velocity, away from where the contacts change. (4.2a)."""
     motion: WholeBodyMotion = request.getfixturevalue(which)[-1]
     dt = 1 / motion.rate_hz
     rate = talos.mass_kg * (motion.com_v_m_s[2:] - motion.com_v_m_s[:-2]) / (2 * dt)

@@ -25,7 +25,7 @@ def at_random(robot: Robot, seed: int) -> tuple[RigidBody, np.random.Generator]:
 
 @pytest.mark.parametrize("seed", range(3))
 def test_equations_of_motion_are_those_of_inverse_dynamics(talos: Robot, seed: int) -> None:
-    """``M a + h - J' f`` against recursive Newton-Euler with the forces applied link by link."""
+    """``M a + h - J' f`` against recursive Newton-Euler with the forces applied link by link. (2.1), (4.1)."""
     body, rng = at_random(talos, seed)
     a = rng.normal(size=talos.model.nv)
     model, data = talos.model, talos.model.createData()
@@ -46,6 +46,7 @@ def test_equations_of_motion_are_those_of_inverse_dynamics(talos: Robot, seed: i
 
 
 def test_momentum_is_mass_times_velocity_of_the_com(talos: Robot) -> None:
+    """(4.3)."""
     body, _ = at_random(talos, 5)
     momentum = body.A_g @ body.v
     assert np.allclose(momentum[:3], talos.mass_kg * body.com_v_m_s)
@@ -53,6 +54,7 @@ def test_momentum_is_mass_times_velocity_of_the_com(talos: Robot) -> None:
 
 
 def test_without_forces_the_com_falls(talos: Robot) -> None:
+    """Rows of the base alone, (2.2)."""
     body, rng = at_random(talos, 7)
     a = rng.normal(size=talos.model.nv)
     a[:6] = np.linalg.solve(body.M[:6, :6], -body.h[:6] - body.M[:6, 6:] @ a[6:])

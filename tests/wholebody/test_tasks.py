@@ -52,6 +52,7 @@ def state(request: pytest.FixtureRequest, talos: Robot) -> State:
 
 
 def test_centre_of_mass(state: State) -> None:
+    """(4.3)."""
     p, v, a = state.rng.normal(size=(3, 3))
     a_joint = state.solution(tasks.centre_of_mass(state.body, Reference(p, v, a, np.zeros(3), np.zeros(3), 0), GAIN))
     error = spring(lambda t: p + v * t + 0.5 * a * t * t - state.after(a_joint, t).com_m)

@@ -1,4 +1,4 @@
-"""How a motion begins and ends (4.20d, 4.20e), and the bounds on the way that are ours.
+"""How a motion begins and ends (4.20d), (4.20e), and the bounds on the way that are ours.
 
 Rest at the end may be too much to ask of a horizon that ends in the middle of a walk. Viability (4.9f) then asks that
 the robot *could* still stop: ``capturable`` lets the CoM end anywhere with any horizontal velocity for which the

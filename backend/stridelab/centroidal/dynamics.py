@@ -1,7 +1,7 @@
 """Centroidal dynamics as a linear system, by the momentum about a fixed point instead of about the CoM.
 
 With ``K = L_c + m c x c'`` (momentum about a point o that does not move; all positions are relative to o) the bilinear
-(4.2b) becomes linear, and so the whole of (4.2):
+(4.2b) becomes linear, and so the whole of (4.2), with point forces (4.4) as with their wrench (4.5):
 
     c'' = F + g,     K' = T + c x g,     F = sum f / m,   T = sum p x f / m
 

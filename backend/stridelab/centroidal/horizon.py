@@ -1,4 +1,4 @@
-"""(4.20) on a horizon that recedes: model-predictive control of the CoM over a contact sequence (4.6.1, 4.8).
+"""(4.20) on a horizon that recedes: model-predictive control of the CoM over a contact sequence.
 
 Every period the problem is solved anew from where the CoM is, over the next ``horizon_s`` of the sequence, and the
 first period of its solution is carried out. A horizon that ends before the sequence asks for viability (4.9f) in place

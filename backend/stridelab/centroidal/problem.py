@@ -1,9 +1,9 @@
 """The optimal control problem (4.20) with the forces of the contact points as control, u_f.
 
     min   sum_k int  w_c |c''|^2 + w_L |L_c'|^2 - sum_i log p_i(c)  dt           (4.20a)
-    s.t.  m c'' = sum f + m g,   L_c' = sum (p - c) x f                          (4.2)
+    s.t.  m c'' = sum f + m g,   L_c' = sum (p - c) x f                          (4.2), which is (4.20b)
           f in the friction cone of its contact                                  (4.20c)
-          c, c', L_c given at both ends, c' = L_c = c'' = 0 at the last
+          c, c', L_c given at both ends, c' = L_c = c'' = 0 at the last          (4.20d), (4.20e)
 
 The condition on the last acceleration is ours: rest that stays rest. So is the weight on the forces: a small one on
 all makes them unique, a larger one on points keeps a hand from carrying what its arm cannot

@@ -5,9 +5,9 @@ Section. With a functional ``d`` that is positive on all rays, the cone is the c
 push up): it sees only forces, so that neither the reference point nor the unit of length enters, and the section of
 another frame is an affine image of this one. Volumes of sections compare, and the largest ellipsoid goes along.
 
-A Lorentz cone is the image (4.16) of the standard one, ``{y : M y = (tau, eta, 0), |tau| <= eta}`` with ``M`` square
-and invertible; where the rays span less than six dimensions the last rows of ``M`` vanish on them. It lies in the
-half-space ``a y <= 0`` if, with ``a M^-1 = (r, s, .)``,
+A Lorentz cone (4.16) is the image of the standard one (4.14), ``{y : M y = (tau, eta, 0), |tau| <= eta}`` with ``M``
+square and invertible; where the rays span less than six dimensions the last rows of ``M`` vanish on them. It lies in
+the half-space ``a y <= 0`` if, with ``a M^-1 = (r, s, .)``,
 
     |r| + s <= 0,    and shrunk by alpha (tau <= alpha eta) as far as   alpha_max = min -s / |r|.
 """
@@ -99,7 +99,7 @@ class LorentzCone:
 
 @dataclass(frozen=True, eq=False)
 class LinearCone:
-    """The cone over rays, cut into a polytope by ``d y = 1`` and whitened there.
+    """The cone (4.7) over rays, cut into a polytope by ``d y = 1`` and whitened there.
 
     ``to_section`` ``(6, 6)`` maps a wrench to ``(x d y, d y, 0)``; ``normals x <= offsets`` are the facets of the
     polytope, ``volume`` its content in these coordinates (only ratios of such volumes mean anything).
@@ -145,7 +145,7 @@ class LinearCone:
         return np.asarray(np.hstack([self.normals, -self.offsets[:, np.newaxis]]) @ self.to_section[: k + 1])
 
     def lorentz(self, ellipsoid: Ellipsoid) -> LorentzCone:
-        """The cone over an ellipsoid in the section."""
+        """The cone over an ellipsoid in the section (4.15)."""
         M, k = self.to_section.copy(), self.dimension
         M[:k] = np.linalg.solve(ellipsoid.axes, M[:k] - np.outer(ellipsoid.center, M[k]))
         return LorentzCone(M, k)

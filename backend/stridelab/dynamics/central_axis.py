@@ -4,7 +4,8 @@
     c_p = f x nu / f.f + (c . n) n                                    (2.12)
 
 Both hold for any origin, as long as nu and c refer to the same one: ``f x nu / f.f`` is the point of the axis that is
-closest to that origin.
+closest to that origin. On the axis the moment is along the force, ``(nu . n) n``, the smallest there is (2.14). Where
+``L_c'`` vanishes ``c x f = nu`` (2.11), and the CoM lies on it.
 """
 
 from dataclasses import dataclass

@@ -14,7 +14,7 @@ PlanePoints = Float[np.ndarray, "n 2"]
 
 
 def zmp(wrench: Wrench, plane_point_m: Vector3, normal: Vector3, threshold_n: float = 20.0) -> Points:
-    """Point z of a contact plane where the moment is along the normal (2.7), in world coordinates.
+    """Point z of a contact plane (2.7) where the moment is along the normal (2.13), in world coordinates.
 
     With q a point of the plane and n its unit normal: ``z = q + n x nu_q / (f . n)``; on the flat floor through the
     origin this is ``(-nu_y, nu_x, 0) / f_z``. NaN where the force along the normal is below ``threshold_n``.

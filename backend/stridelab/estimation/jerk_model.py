@@ -7,7 +7,8 @@
     A_d = | 0   1  dt     |   B_d = | dt^2/2 |   C_d = | 0  0  1 |                              (2.29), (2.31)
           | 0   0  1      |         | dt     |         | 1  0  0 |
 
-per axis: the axes share no noise, so they are three filters. The thesis prints A_d without its diagonal and y without
+per axis, exactly what the integrators ``x' = A x + B u`` (2.15), (2.16) become over dt with a constant jerk u. The axes
+share no noise, so they are three filters. The thesis prints A_d without its diagonal and y without
 the acceleration (docs/theory/misprints.md).
 
 A row of C_d counts where it is measured: the acceleration where all contact force is, the axis point where there is

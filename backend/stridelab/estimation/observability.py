@@ -1,8 +1,9 @@
 """What force and moment can say of the CoM, and what they cannot (section 2.3.1).
 
-The contact wrench does not change when the CoM moves along the contact force (2.18), so that direction is known from
-the geometry alone. (2.19) is the observability matrix of (c, c', c'') from the wrench, (2.23) that of (c, c', c'', b)
-with the geometry c + b added; both are for u = 0. Written with f = m (c'' - g), g pointing down.
+The wrench of a body without a rate of angular momentum, (f, c x f) with f = m (c'' - g) (2.17), does not change when
+the CoM moves along the contact force (2.18), so that direction is known from the geometry alone. (2.19) is the
+observability matrix of (c, c', c''), driven by the jerk u (2.15), from the wrench; (2.23) that of (c, c', c'', b) with
+the geometry c + b (2.20) added and a bias that stays as it is (2.21), (2.22). Both are for u = 0, g points down.
 
 A measured force is never exactly zero. Below a tenth of the body's weight it has no usable axis (2.6.2); there it is
 taken for zero, so that flight is recognised as what it is: the wrench knows the acceleration and nothing else.

@@ -1,7 +1,7 @@
 """Centre of mass that keeps the zero-moment point where the feet are meant to press.
 
-Moments about the point ``p`` on the ground vanish horizontally (2.7, with ``dL`` the rate of the angular momentum about
-the centre of mass):
+Moments about the point ``p`` on the ground vanish horizontally (2.7); with ``dL``, the rate of the angular momentum
+about the centre of mass, that is the corrected (2.8):
 
     p_x = c_x - c_z c_x'' / (c_z'' + g) - dL_y / (m (c_z'' + g))
     p_y = c_y - c_z c_y'' / (c_z'' + g) + dL_x / (m (c_z'' + g))

@@ -3,7 +3,7 @@
 Under one foot the centre of pressure rolls from the heel over the flat sole to the ball; in double support the load
 passes smoothly (minimum jerk) from the trailing to the leading foot. The zero-moment point to track is
 
-    p = sum_feet share_i p_i,   share_left + share_right = 1   (2.7 on level ground).
+    p = sum_feet share_i p_i,   share_left + share_right = 1   on level ground (2.7).
 
 People who stand sway: the pressure wanders by a few millimetres (Winter 1995: 4 mm forward, 2 mm sideways rms).
 """

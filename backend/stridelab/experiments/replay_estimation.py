@@ -1,8 +1,8 @@
 """The CoM estimator of chapter 2 as the eyes of the replay's stabiliser.
 
 What a robot has is kinematics and force sensors: the CoM that its own model sees in the joint angles, with white noise,
-and the wrench of the surroundings. The online complementary filter (2.24-2.27) makes position and velocity of them. Its
-geometry knows nothing of a load on the trunk; the central axis of the contact wrench does.
+and the wrench of the surroundings. The online complementary filter (2.24)-(2.27) makes position and velocity of them.
+Its geometry knows nothing of a load on the trunk; the central axis of the contact wrench does.
 """
 
 from collections.abc import Mapping

@@ -4,7 +4,7 @@
 2. the soles on swing curves, arms and torso against the legs       (``contacts.swing``)
 3. the CoM by Kajita's preview control of the zero-moment point     (``centroidal.preview``)
 4. base and legs by inverse kinematics of the second order          (``whole_body``)
-5. CoM, momentum and their rates from q, q', q'' (Pinocchio); wrench by Newton and Euler (4.2a, 4.2b)
+5. CoM, momentum and their rates from q, q', q'' (Pinocchio); wrench by Newton and Euler (4.2a), (4.2b)
 
 Steps 3 to 5 repeat with the zero-moment point's error, which the cart-table model does not foresee (height and angular
 momentum), handed to the same preview controller: Kajita's dynamic filter.

@@ -1,7 +1,7 @@
 """Exact centre of mass, momentum and contact wrench of a motion.
 
     m c'' = f + m g              (4.2a)
-    dL/dt = tau_o - c x f        (4.2b, for the angular momentum L about the centre of mass)
+    dL/dt = tau_o - c x f        (4.2b), L the angular momentum about the centre of mass
 
 so that the wrench at the world origin is ``f = m (c'' - g)``, ``tau_o = c x f + dL/dt``. Momenta and their rates come
 from Pinocchio's centroidal algorithm with the spline's own first and second derivative.

@@ -6,7 +6,7 @@
 4. centre of mass that keeps it, whole-body inverse kinematics  (``balance``, ``leg_kinematics``);
    repeated, because the angular momentum moves the zero-moment point
 5. joint angles as quintic splines of time: *this* is the motion, and everything below is exact for it
-6. wrench by Newton and Euler: f = m (c'' - g), moment at the origin = c x f + dL/dt   (4.2a, 4.2b), shared by the feet.
+6. wrench by Newton and Euler: f = m (c'' - g), moment at the origin = c x f + dL/dt, (4.2a), (4.2b), shared by feet
 """
 
 import math

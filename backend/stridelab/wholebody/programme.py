@@ -8,7 +8,8 @@ Unknowns ``z = (a, f)``: joint accelerations ``(nv,)`` and one force per contact
               orientation of hands                                                               (weighted)
     always    friction pyramids ;  |tau| <= tau_max ;  accelerations that keep joints inside their limits
 
-The actuated rows of the equations of motion give the torques, ``tau = M_a a + h_a - J_a' f``, without unknowns.
+The actuated rows of the equations of motion, apart from those of the base (2.2), give the torques,
+``tau = M_a a + h_a - J_a' f``, without unknowns.
 """
 
 from collections.abc import Iterable, Mapping

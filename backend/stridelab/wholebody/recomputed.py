@@ -3,7 +3,7 @@
 Nothing of the controller enters. The external forces go to the recursive Newton-Euler algorithm link by link, without
 contact Jacobians; the centroidal side is the time derivative of the body's momentum,
 
-    m (c'' - g) = sum f ,      L_c' = sum (p - c) x f .                                (4.2)
+    m (c'' - g) = sum f ,      L_c' = sum (p - c) x f .                        (4.2a), (4.2b)
 """
 
 from collections.abc import Mapping

@@ -1,7 +1,7 @@
 """Everything the tasks need to know of the body at one state ``(q, v)``, each quantity computed once.
 
-M a + h = S' tau + J' f        equations of motion, S' tau = (0, tau)
-A_g a + dA_g v = d(m c', L)/dt      centroidal map and its drift
+M a + h = S' tau + J' f        equations of motion (2.1), (4.1), S' tau = (0, tau)
+A_g a + dA_g v = d(m c', L)/dt      centroidal map (4.3) and its drift
 J a + dJ v = (p'', w')         classical acceleration of a frame, in world axes
 
 ``J`` of the whole body holds every joint's own motion about the world's origin, linear over angular: of a point p that

@@ -52,7 +52,7 @@ def contact(frame: FrameState, place: Placement, surface: bool, gain: Gain) -> R
 
 
 def centre_of_mass(body: RigidBody, reference: Reference, gain: Gain) -> Rows:
-    """CoM on the plan, through the linear rows of the centroidal map: ``A_G a + dA_G v = m c''``."""
+    """CoM on the plan, through the linear rows of the centroidal map (4.3): ``A_G a + dA_G v = m c''``."""
     e, e_v = reference.com_m - body.com_m, reference.com_v_m_s - body.com_v_m_s
     c_a = reference.com_a_m_s2 + gain.kp * e + gain.kd * e_v
     return Rows(body.A_g[:3] / body.mass_kg, c_a - body.A_g_drift[:3] / body.mass_kg)

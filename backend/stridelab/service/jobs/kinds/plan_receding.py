@@ -1,4 +1,4 @@
-"""``plan-receding``: a scenario carried out by plans of a receding horizon, pushed on the way if asked (4.6.1, 4.8).
+"""``plan-receding``: a scenario carried out by plans of a receding horizon, pushed on the way if asked.
 
 Leaves ``receding`` (Parquet and CSV), one row per period: where the CoM was, and what its replan took; and the motion
 as a plan has it, ``centroidal`` with ``scenario.json``, for whoever shows plans.

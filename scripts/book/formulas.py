@@ -1,0 +1,33 @@
+"""Formulas in TeX become MathML while the book is built: a browser shows them without a script from elsewhere."""
+
+import html
+import re
+
+from latex2mathml.converter import convert
+
+MARKED = re.compile(r'<(span|div) class="arithmatex">\\[\[(](.*?)\\[\])]</\1>', re.DOTALL)
+IN_TITLE = re.compile(r"\\\((.*?)\\\)")
+
+
+def mathml(tex: str, *, block: bool = False) -> str:
+    """A formula as a browser reads it. Raises ``ValueError`` for what the converter does not know."""
+    made = convert(html.unescape(tex).strip(), display="block" if block else "inline")
+    if "\\" in made:
+        raise ValueError(f"not understood: {tex}")
+    return made
+
+
+def in_page(text: str) -> str:
+    """HTML of a page with all formulas that arithmatex has marked; one of its own line scrolls where it is too long."""
+
+    def shown(found: re.Match[str]) -> str:
+        if found[1] == "span":
+            return mathml(found[2])
+        return f'<div class="md-typeset__scrollwrap">{mathml(found[2], block=True)}</div>'
+
+    return MARKED.sub(shown, text)
+
+
+def in_title(text: str) -> str:
+    """A heading as the table of contents has it."""
+    return IN_TITLE.sub(lambda m: mathml(m[1]), text)
