@@ -5,6 +5,8 @@ from typing import Annotated, Literal
 
 import typer
 
+from stridelab.schemas.plans import NODE_RATE_HZ, Formulation
+
 Sex = Literal["female", "male"]
 Lab = Literal["walkway", "two_plates"]
 Walker = Literal["human", "talos"]
@@ -14,6 +16,15 @@ PlanSolver = Literal["auto", "native", "casadi", "ipopt", "fatrop"]
 Method = Literal["complementary", "geometry", "kalman", "rts", "smoother"]
 OnlineMethod = Literal["complementary", "smoother"]
 SegmentTable = Literal["auto", "dumas2007", "deleva1996", "carried"]
+
+Control = Annotated[
+    Formulation, typer.Option("--formulation", help="The control: contact forces, in exact cones, or the wrench.")
+]
+Solver = Annotated[PlanSolver, typer.Option("--solver", help="auto: the C++ solver where it is there, else CasADi's.")]
+NodeRate = Annotated[
+    float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
+]
+Densities = Annotated[PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")]
 
 Trial = Annotated[Path, typer.Argument(help="A .c3d file, or a .zip of a .trc and a .mot or .sto file.")]
 Height = Annotated[float | None, typer.Option("--height", help="Stature in metres.")]

@@ -8,8 +8,19 @@ from typing import Annotated
 
 import typer
 
-from stridelab.cli_options import AsJson, Force, OutFolder, PlanSolver, PostureMeasure, Server, Token
-from stridelab.schemas.plans import DURATION_RANGE, NODE_RATE_HZ, Film, Formulation, Shape
+from stridelab.cli_options import (
+    AsJson,
+    Control,
+    Densities,
+    Force,
+    NodeRate,
+    OutFolder,
+    PostureMeasure,
+    Server,
+    Solver,
+    Token,
+)
+from stridelab.schemas.plans import DURATION_RANGE, Film, Shape
 
 OutFile = Annotated[Path | None, typer.Option("--out-file", help="The file to write; must not exist yet.")]
 ForceFile = Annotated[bool, typer.Option("--force", help="Replace that file.")]
@@ -24,18 +35,10 @@ def plan(
         bool | None,
         typer.Option("--replay/--no-replay", help="Replay the motion in physics; done unless --no-whole-body."),
     ] = None,
-    measure: Annotated[
-        PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")
-    ] = None,
-    formulation: Annotated[
-        Formulation, typer.Option("--formulation", help="The control: contact forces, in exact cones, or the wrench.")
-    ] = "forces",
-    solver: Annotated[
-        PlanSolver, typer.Option("--solver", help="auto: the C++ solver where it is there, else CasADi's.")
-    ] = "auto",
-    node_rate: Annotated[
-        float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
-    ] = 10.0,
+    measure: Densities = None,
+    formulation: Control = "forces",
+    solver: Solver = "auto",
+    node_rate: NodeRate = 10.0,
     shape: Annotated[
         Shape | None,
         typer.Option("--shape", help="Forces between nodes: cubic splines, or constant; splines where a body follows."),
@@ -87,18 +90,10 @@ def sweep(
             "--vary", help="FIELD=FROM:TO:NUMBER, up to three times; stride, height (metres), timing, friction."
         ),
     ],
-    formulation: Annotated[
-        Formulation, typer.Option("--formulation", help="The control: contact forces, in exact cones, or the wrench.")
-    ] = "forces",
-    solver: Annotated[
-        PlanSolver, typer.Option("--solver", help="auto: the C++ solver where it is there, else CasADi's.")
-    ] = "auto",
-    node_rate: Annotated[
-        float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
-    ] = 10.0,
-    measure: Annotated[
-        PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")
-    ] = None,
+    formulation: Control = "forces",
+    solver: Solver = "auto",
+    node_rate: NodeRate = 10.0,
+    measure: Densities = None,
     processes: Annotated[
         int | None, typer.Option("--processes", min=1, help="Scenarios at a time; all cores by default.")
     ] = None,

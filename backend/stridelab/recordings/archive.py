@@ -4,6 +4,7 @@ import zipfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 from stridelab.errors import Fault, UnreadableFile
 
@@ -11,6 +12,16 @@ MAX_MEMBERS = 64
 MAX_MEMBER_BYTES = 64 * 1024 * 1024
 """Largest text that is unpacked; ten minutes of full-body markers are about 40 MB."""
 MAX_TOTAL_BYTES = 2 * MAX_MEMBER_BYTES
+ZIP_ERRORS: Final = (
+    zipfile.BadZipFile,
+    zipfile.LargeZipFile,
+    zlib.error,
+    EOFError,
+    NotImplementedError,
+    RuntimeError,
+    ValueError,
+)
+"""What reading a zip raises that is damaged, encrypted or packed in an unknown way."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +32,15 @@ class TrialTexts:
     trc_name: str
     mot: str | None
     mot_name: str
+
+
+def damaged(path: Path, error: Exception) -> UnreadableFile:
+    """What is told of such a zip (``zip-damaged``)."""
+    return UnreadableFile(
+        "zip-damaged",
+        "The zip file is damaged, encrypted or of an unknown kind.",
+        [Fault(path.name, str(error)[:200])],
+    )
 
 
 def open_trial(path: Path) -> TrialTexts:
@@ -35,21 +55,8 @@ def open_trial(path: Path) -> TrialTexts:
                     [Fault(path.name, "too many files")],
                 )
             texts = _unpack_all(archive, members)
-    except (
-        zipfile.BadZipFile,
-        zipfile.LargeZipFile,
-        zlib.error,
-        EOFError,
-        OSError,
-        NotImplementedError,
-        RuntimeError,
-        ValueError,
-    ) as error:
-        raise UnreadableFile(
-            "zip-damaged",
-            "The zip file is damaged, encrypted or of an unknown kind.",
-            [Fault(path.name, str(error)[:200])],
-        ) from error
+    except (*ZIP_ERRORS, OSError) as error:
+        raise damaged(path, error) from error
     trc = [name for name, text in texts.items() if text.lstrip("\ufeff").startswith("PathFileType")]
     mot = [name for name, text in texts.items() if name not in trc and has_ground_forces(text)]
     if not trc:

@@ -5,12 +5,12 @@ deeper), and at most one ``.csv``: the subject table.
 """
 
 import zipfile
-import zlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
 
 from stridelab.errors import Fault, UnreadableFile
+from stridelab.recordings.archive import ZIP_ERRORS, damaged
 
 RECORDINGS: Final = (".c3d", ".zip")
 TABLE: Final = ".csv"
@@ -64,20 +64,8 @@ def unpack_batch(path: Path, folder: Path, limits: BatchLimits) -> Unpacked:
                 left -= _unpack(archive, member, target, min(left, limits.file_bytes), limits)
                 files.append((_plain(member), target))
             return Unpacked(tuple(files), _table(archive, tables, limits))
-    except (
-        zipfile.BadZipFile,
-        zipfile.LargeZipFile,
-        zlib.error,
-        EOFError,
-        NotImplementedError,
-        RuntimeError,
-        ValueError,
-    ) as error:
-        raise UnreadableFile(
-            "zip-damaged",
-            "The zip file is damaged, encrypted or of an unknown kind.",
-            [Fault(path.name, str(error)[:200])],
-        ) from error
+    except ZIP_ERRORS as error:
+        raise damaged(path, error) from error
 
 
 def _refuse(name: str, recordings: list[zipfile.ZipInfo], tables: list[zipfile.ZipInfo], limits: BatchLimits) -> None:
