@@ -1,4 +1,4 @@
-.PHONY: serve test check check-native chaos orphans fuzz mutants bench docs lock load soak
+.PHONY: serve test coverage check check-native chaos orphans fuzz mutants bench docs lock load soak
 
 serve:  ## start everything on http://127.0.0.1:8000
 	@scripts/serve
@@ -14,6 +14,9 @@ check-native:  ## the C++ solver: format, lint, unit tests under sanitizers
 
 fuzz:  ## mutated files for the readers, ten minutes each
 	@scripts/fuzz
+
+coverage:  ## lines of the numeric packages that their tests run; at least 90 %
+	@scripts/coverage
 
 mutants:  ## changes of the numeric code that its tests do not notice (ARGS="--sample 300 contacts")
 	@scripts/mutants $(ARGS)
