@@ -13,12 +13,13 @@ def track(n: int = 200) -> np.ndarray:
     return np.column_stack([1.2 * t, 0.1 * np.sin(6 * t), 0.5 + 0.05 * np.cos(12 * t)])
 
 
-def test_nan_infinity_and_exact_zeros_are_missing() -> None:
-    cloud = np.ones((4, 1, 3))
+def test_nan_infinity_exact_zeros_and_what_nobody_measures_are_missing() -> None:
+    cloud = np.ones((5, 1, 3))
+    cloud[4, 0, 1] = -1e30
     cloud[1, 0] = 0.0
     cloud[2, 0, 1] = np.nan
     cloud[3, 0, 2] = np.inf
-    assert np.isnan(mark_missing(cloud)[:, 0, :]).all(axis=1).tolist() == [False, True, True, True]
+    assert np.isnan(mark_missing(cloud)[:, 0, :]).all(axis=1).tolist() == [False, True, True, True, True]
 
 
 def test_a_zero_in_one_coordinate_is_a_position() -> None:

@@ -241,3 +241,13 @@ def test_channels_that_are_not_in_the_file(tmp_path: Path) -> None:
     extra = {("FORCE_PLATFORM", "CHANNEL"): np.arange(4, 10)[:, None]}
     recording = read_recording(write_file(tmp_path / "a.c3d", markers(), plates=[plate], parameters=extra))
     assert "plate-unusable" in codes(recording)
+
+
+@pytest.mark.parametrize("value", [1e30, -np.inf])
+def test_a_plate_with_a_damaged_channel_is_left_out(value: float, tmp_path: Path) -> None:
+    channels = type2_channels(np.zeros(3))
+    channels[7, 2] = value
+    recording = read_recording(write_file(tmp_path / "a.c3d", markers(), plates=[PlateChannels(2, channels)]))
+    assert recording.plates == ()
+    (remark,) = [remark for remark in recording.remarks if remark.code == "plate-unusable"]
+    assert "impossible" in remark.message

@@ -219,9 +219,10 @@ def test_litter_in_a_zip_is_no_second_trial(tmp_path: Path) -> None:
         (TRC[: TRC.index("1\t0\t1")], "no-frames"),
         (TRC.replace("0.01\t1\t2", "0.01\tabc\t2"), "trc-broken"),
         (TRC.replace("2\t0.01", "2\t-1"), "trc-broken"),
+        (TRC.replace("0.01\t1\t2", "0.01\t-1e200\t2"), "trc-broken"),
         ("PathFileType", "trc-broken"),
     ],
-    ids=["marker count", "no rows", "not a number", "time", "header only"],
+    ids=["marker count", "no rows", "not a number", "time", "beyond all measure", "header only"],
 )
 def test_broken_trc(text: str, code: str, tmp_path: Path) -> None:
     assert refused_zip(tmp_path, {"a.trc": text, "a.mot": MOT}).code == code
@@ -240,9 +241,10 @@ def test_times_that_do_not_overlap_are_said_on_both_sides(tmp_path: Path) -> Non
         (MOT.replace("700\t0\t0", "x\t0\t0", 1), "mot-broken"),
         (MOT.replace("ground_force_px", "other_px").replace("_py", "y").replace("_pz", "z"), "mot-without-forces"),
         (MOT.replace("\n0.01\t", "\n-5\t"), "mot-broken"),
+        (MOT.replace("700", "7e200", 1), "mot-broken"),
         (MOT.replace("\n0\t0\t7", "\n50\t0\t7").replace("\n0.01\t", "\n50.01\t"), "times-do-not-overlap"),
     ],
-    ids=["not a number", "no centre of pressure", "time", "other times"],
+    ids=["not a number", "no centre of pressure", "time", "beyond all measure", "other times"],
 )
 def test_broken_mot(text: str, code: str, tmp_path: Path) -> None:
     assert refused_zip(tmp_path, {"a.trc": TRC, "a.mot": text}).code == code

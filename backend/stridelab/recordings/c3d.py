@@ -15,7 +15,7 @@ from stridelab.recordings.c3d_guard import check_c3d
 from stridelab.recordings.events import read_events
 from stridelab.recordings.gaps import mark_missing
 from stridelab.recordings.plates import CHANNELS, corners_fault, sensor_wrench
-from stridelab.recordings.raw import Cloud, PlateSignals, RawTrial
+from stridelab.recordings.raw import LARGEST, Cloud, PlateSignals, RawTrial
 from stridelab.recordings.recording import Event, Remark
 from stridelab.recordings.subject import read_joint_widths_m, read_subject
 from stridelab.recordings.units import MOMENT_SCALE, length_scale
@@ -181,7 +181,12 @@ def _plates(P: Parameters, analogs: np.ndarray, scale: float) -> tuple[tuple[Pla
         if matrix is not None and P.text(group, "MATRIX_STORE").upper() == "BYROW":
             matrix = matrix.T
         origin_m = origin.reshape(3, -1)[:, k] * scale
-        signals = np.nan_to_num(analogs[:, used])
+        signals = np.where(np.isnan(analogs[:, used]), 0.0, analogs[:, used])
+        if (np.abs(signals) > LARGEST).any():
+            remarks.append(
+                Remark("plate-unusable", f"Plate {k + 1} was left out: its channels hold impossible values.")
+            )
+            continue
         force, moment, o = sensor_wrench(kind, signals, origin_m, matrix, moment_scale, scale)
         found.append(PlateSignals(k + 1, kind, corners_m, o, force, moment, zero_samples))
     return tuple(found), remarks

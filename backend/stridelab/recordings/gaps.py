@@ -4,15 +4,15 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from stridelab.conventions import Mask, Points
-from stridelab.recordings.raw import Cloud
+from stridelab.recordings.raw import LARGEST, Cloud
 
 MAX_GAP_S = 0.1
 """Longest gap that is interpolated: about 4 cm of a foot's swing, and below a fifth of a step's duration."""
 
 
 def mark_missing(points_m: Cloud) -> Cloud:
-    """Write every missing sample as NaN: NaN and infinity stay missing, and so does exactly (0, 0, 0)."""
-    missing = ~np.isfinite(points_m).all(axis=2) | (points_m == 0.0).all(axis=2)
+    """Write every missing sample as NaN: NaN, infinity and what no laboratory measures, and exactly (0, 0, 0)."""
+    missing = ~(np.abs(points_m) <= LARGEST).all(axis=2) | (points_m == 0.0).all(axis=2)
     return np.where(missing[:, :, None], np.nan, points_m)
 
 

@@ -12,6 +12,9 @@ from stridelab.recordings.recording import Event, Remark, Subject
 Cloud = Float[np.ndarray, "frames labels 3"]
 """Positions of all labels at all frames."""
 
+LARGEST = 1e9
+"""No laboratory measures more, in whatever unit: larger numbers are damage, and overflow in what follows."""
+
 CONTACT_TYPE = 0
 """``Plate.type`` of a measured contact without a known plate (OpenSim MOT): its corners bound the loaded COP."""
 

@@ -17,7 +17,7 @@ from stridelab.recordings import labels as names
 from stridelab.recordings.archive import open_trial
 from stridelab.recordings.axes import axis_vector, nearest_axis
 from stridelab.recordings.gaps import mark_missing
-from stridelab.recordings.raw import CONTACT_TYPE, Cloud, FilePlate, RawTrial
+from stridelab.recordings.raw import CONTACT_TYPE, LARGEST, Cloud, FilePlate, RawTrial
 from stridelab.recordings.recording import Remark, Subject
 from stridelab.recordings.units import length_scale
 
@@ -137,7 +137,7 @@ def parse_mot(text: str, name: str) -> tuple[Series, dict[str, dict[str, Points]
         contact = contacts.setdefault((match["pre"] + (match["post"] or "")).strip("_").lower(), {})
         kind = match["kind"].lower() if match["what"].lower() == "force" else "t"
         track = contact.setdefault(kind, np.zeros((len(table), 3)))
-        track[:, "xyz".index(match["axis"].lower())] = np.nan_to_num(table[:, i])
+        track[:, "xyz".index(match["axis"].lower())] = np.nan_to_num(table[:, i], posinf=0.0, neginf=0.0)
     whole = {key: c for key, c in contacts.items() if {"v", "p"} <= set(c)}
     if not whole:
         raise UnreadableFile(
@@ -166,15 +166,21 @@ def even_times_s(time_s: Series, zero_s: float) -> Series:
 
 
 def _table(rows: list[str], width: int) -> Table:
-    """Numbers of tab (or blank) separated rows; empty cells are NaN. Raises ``ValueError`` on a short row."""
+    """Numbers of tab (or blank) separated rows; empty cells are NaN.
+
+    Raises ``ValueError`` on a short row, or one with a number that no laboratory measures.
+    """
     values = []
-    for row in rows:
+    for number, row in enumerate(rows, start=1):
         cells = row.rstrip("\r\n").split("\t") if "\t" in row else row.split()
         if len(cells) < width and "\t" in row and width - len(cells) <= 3:
             cells += [""] * (width - len(cells))
         if len(cells) < width:
             raise ValueError(f"a row has {len(cells)} of {width} values")
         values.append([float(cell) if cell.strip() else np.nan for cell in cells[:width]])
+        beyond = [value for value in values[-1] if LARGEST < abs(value) < np.inf]
+        if beyond:
+            raise ValueError(f"row {number} of the data holds {beyond[0]:.3g}")
     return np.array(values, dtype=np.float64).reshape(len(values), width)
 
 
