@@ -113,12 +113,25 @@ async def _probe(settings: Settings) -> None:
 
 def memory(settings: Settings) -> Check:
     """The jobs that may run at once fit into the memory."""
-    have_mb = psutil.virtual_memory().total / 1e6
+    have_mb = memory_bytes() / 1e6
     slots = (settings.worker_slots or max(1, (psutil.cpu_count() or 2) - 1)) + 1
     needed_mb = _SERVICE_MB + settings.job_memory_mb
     found = f"{have_mb:,.0f} MB for {slots} slots of up to {settings.job_memory_mb} MB"
     fix = f"One job and the service take up to {needed_mb} MB: lower STRIDELAB_JOB_MEMORY_MB."
     return Check("memory", have_mb > needed_mb, found, fix)
+
+
+def memory_bytes(groups: Path = Path("/sys/fs/cgroup"), own: Path = Path("/proc/self/cgroup")) -> int:
+    """Memory of the machine, or of the container or service unit that this process is in, where that has less."""
+    limits = [psutil.virtual_memory().total]
+    if own.is_file():
+        name = next((line[3:] for line in own.read_text(encoding="ascii").splitlines() if line.startswith("0::")), "/")
+        inside = groups / name.lstrip("/")
+        for folder in (inside, *inside.parents):
+            limit = folder / "memory.max"
+            if limit.is_file() and (text := limit.read_text(encoding="ascii").strip()).isdigit():
+                limits.append(int(text))
+    return min(limits)
 
 
 def solver(_settings: Settings) -> Check:

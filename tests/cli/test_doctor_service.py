@@ -93,6 +93,20 @@ def test_a_store_that_never_answers(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert "no answer within" in found.found
 
 
+def test_memory_is_that_of_the_container_or_unit(tmp_path: Path) -> None:
+    unit, own = tmp_path / "lab.slice" / "api.service", tmp_path / "own"
+    unit.mkdir(parents=True)
+    own.write_text("0::/lab.slice/api.service\n", encoding="ascii")
+    whole = parts.memory_bytes(tmp_path, tmp_path / "none")
+    assert parts.memory_bytes(tmp_path, own) == whole > 0
+    (unit / "memory.max").write_text("max\n", encoding="ascii")
+    assert parts.memory_bytes(tmp_path, own) == whole
+    (unit.parent / "memory.max").write_text("3000000\n", encoding="ascii")
+    assert parts.memory_bytes(tmp_path, own) == 3_000_000
+    (unit / "memory.max").write_text("2000000\n", encoding="ascii")
+    assert parts.memory_bytes(tmp_path, own) == 2_000_000
+
+
 def test_memory_and_solver() -> None:
     assert parts.memory(Settings()).ok
     short = parts.memory(Settings(job_memory_mb=10**9))
