@@ -21,7 +21,7 @@ CONFIGURATION = """
 [tool.mutmut]
 source_paths = ["src"]
 only_mutate = ["src/stridelab/{package}/*"]
-also_copy = ["models"]
+also_copy = ["models", "scripts", "docs"]
 pytest_add_cli_args = ["-q", "-p", "no:cacheprovider", "--hypothesis-seed=0"]
 pytest_add_cli_args_test_selection = ["tests/{package}"]
 """
@@ -32,7 +32,7 @@ def prepare(folder: Path, package: str) -> None:
     """A copy of the code in the form that mutmut knows: below ``src``."""
     without = shutil.ignore_patterns("__pycache__", "native", "*.so")
     shutil.copytree(ROOT / "backend" / "stridelab", folder / "src" / "stridelab", ignore=without)
-    for name in ("tests", "models"):
+    for name in ("tests", "models", "scripts", "docs"):
         shutil.copytree(ROOT / name, folder / name, ignore=without)
     settings = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     (folder / "pyproject.toml").write_text(settings + CONFIGURATION.format(package=package), encoding="utf-8")
