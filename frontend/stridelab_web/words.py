@@ -91,7 +91,7 @@ _METHODS = {
     "kalman": "Kalman filter",
     "geometry": "markers only",
 }
-_ITEMS = {"fig": "Figure", "table": "Table"}
+_ITEMS = {"fig": "Figure", "table": "Table", "numbers": "Numbers of chapter"}
 _TABLES = {
     "errors": "Errors of all methods",
     "lag": "Lag of all methods",
