@@ -71,14 +71,20 @@ ITEMS: Final[Mapping[str, Item]] = MappingProxyType({m.ITEM.name: m.ITEM for m i
 MOST_SEEDS: Final = 200
 
 
+def item_of(name: str) -> Item:
+    """The item of a name. Raises ``NotFound`` (``item-not-found``)."""
+    item = ITEMS.get(name)
+    if item is None:
+        raise NotFound("item-not-found", f"There is no item {name!r}; there are {', '.join(ITEMS)}.")
+    return item
+
+
 def reproduce(name: str, seeds: int | None, tell: Tell) -> Reproduction:
     """Compute one item; ``seeds`` None takes what answers within a minute.
 
     Raises ``NotFound`` (``item-not-found``) and ``InvalidInput`` (``seeds-out-of-range``).
     """
-    item = ITEMS.get(name)
-    if item is None:
-        raise NotFound("item-not-found", f"There is no item {name!r}; there are {', '.join(ITEMS)}.")
+    item = item_of(name)
     repeats = item.default_seeds if seeds is None else seeds
     if not 1 <= repeats <= MOST_SEEDS:
         message = f"seeds must lie between 1 and {MOST_SEEDS}, not {repeats}."

@@ -76,7 +76,7 @@ def run(seeds: int, tell: Tell) -> Reproduction:
         note="Processor seconds of one thread of this machine, beside the thesis' on an i7 at 2.2 GHz with MUSCOD-II; "
         "ours is the least of three. Forces constant over tenths of a second; u_f in pyramids of eight rays, u_c in "
         "the largest Lorentz cone inside the soles' wrench cone. The table's last two rows, the shares of the QP and "
-        "of the sensitivities, have no counterpart: an interior point method has no QP, and its derivatives are formulas.",
+        "of the sensitivities, have no counterpart: an interior point method has no QP, its derivatives are formulas.",
         tables={"times": table(found)},
         drawing=svg([Bars("time of the solver", "ms", [(name(t.printed), 1e3 * t.time_s) for t in found])]),
     )

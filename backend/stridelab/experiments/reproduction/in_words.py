@@ -1,0 +1,46 @@
+"""Numbers, verdicts and columns of a reproduction as a page or a terminal shows them."""
+
+from collections.abc import Iterable, Mapping
+from typing import Final
+
+import numpy as np
+
+from stridelab.experiments.reproduction.item import VERDICTS, Claim, Column, Verdict
+
+UNITS: Final = {"m": ("mm", 1e3), "s": ("ms", 1e3), "n": ("N", 1.0), "s2": ("m/s²", 1.0)}
+"""What the last word of a column's name says about its numbers, and how they are printed."""
+
+
+def measured(value: float, unit: str) -> str:
+    """To three digits; metres and seconds below a tenth in thousandths, a ratio as a bare number."""
+    if unit in ("m", "s") and 0 < abs(value) < 0.1:
+        value, unit = 1000 * value, f"m{unit}"
+    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
+
+
+def numbers(claim: Claim) -> tuple[str, str]:
+    """The thesis' number, or its words, and ours."""
+    thesis = claim.thesis if isinstance(claim.thesis, str) else measured(claim.thesis, claim.unit)
+    return thesis, measured(claim.ours, claim.unit)
+
+
+def counted(claims: Iterable[Claim]) -> dict[Verdict, int]:
+    """How many claims have each verdict, the one that weighs most first."""
+    given = [claim.verdict for claim in claims]
+    return {verdict: given.count(verdict) for verdict in VERDICTS}
+
+
+def cells(columns: Mapping[str, Column]) -> tuple[list[str], list[tuple[str, ...]]]:
+    """Headings and rows of a table; the unit of a column's name moves into its heading."""
+    heads, values = zip(*(_column(name, column) for name, column in columns.items()), strict=True)
+    return list(heads), list(zip(*values, strict=True))
+
+
+def _column(name: str, values: Column) -> tuple[str, list[str]]:
+    if values.dtype.kind not in "fi":
+        return name.replace("_", " "), [str(value) for value in values]
+    stem, _, last = name.rpartition("_")
+    unit, scale = UNITS.get(last, ("", 1.0))
+    head = stem.removesuffix("_m") if last == "s2" else stem if unit else name
+    written = ["" if not np.isfinite(value) else f"{scale * value:.3g}" for value in values.astype(float)]
+    return f"{head} {unit}".replace("_", " ").strip(), written
