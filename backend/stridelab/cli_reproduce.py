@@ -16,7 +16,7 @@ from stridelab.service.jobs.kinds.tasks import ReproduceTask
 
 WORDS = {
     "met": "[green]met[/]",
-    "beaten": "[green]aim reached[/]",
+    "beaten": "[green]better, or our aim reached[/]",
     "not_met": "[red]not met[/]",
     "thesis_in_error": "[yellow]thesis in error[/]",
 }

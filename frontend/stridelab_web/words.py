@@ -101,7 +101,7 @@ _TABLES = {
 }
 _VERDICTS = {
     "met": "as the thesis says",
-    "beaten": "our aim, reached",
+    "beaten": "better, or our aim reached",
     "not_met": "not reached here",
     "thesis_in_error": "cannot hold as printed",
 }

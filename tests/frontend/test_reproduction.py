@@ -40,7 +40,7 @@ def test_every_claim_stands_beside_our_number_with_its_verdict(page: str) -> Non
         "claim a", "0.25 m", "12.5 mm", "not reached here",
     ]  # fmt: skip
     assert "about the same" in rows["b"]
-    assert "our aim, reached" in rows["b"]
+    assert "better, or our aim reached" in rows["b"]
     assert 'data-verdict="not_met"' in page
     assert "Figure 2.6: Spectra of &lt;the&gt; errors" in page
     assert "Repeated on 50 simulated walks." in page

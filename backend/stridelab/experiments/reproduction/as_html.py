@@ -10,7 +10,7 @@ from stridelab.experiments.reproduction.item import VERDICTS, Claim, Column, Rep
 
 WORDS: Final = {
     "met": "met",
-    "beaten": "beaten, or our own aim reached",
+    "beaten": "better, or our aim reached",
     "not_met": "not met",
     "thesis_in_error": "thesis in error",
 }

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.experiments.reproduction.item import VERDICTS, Claim, Column, Verdict
+from stridelab.experiments.reproduction.item import VERDICTS, Claim, Column, Verdict, three_digits
 
 UNITS: Final = {"m": ("mm", 1e3), "s": ("ms", 1e3), "n": ("N", 1.0), "s2": ("m/s²", 1.0)}
 """What the last word of a column's name says about its numbers, and how they are printed."""
@@ -15,7 +15,7 @@ def measured(value: float, unit: str) -> str:
     """To three digits; metres and seconds below a tenth in thousandths, a ratio as a bare number."""
     if unit in ("m", "s") and 0 < abs(value) < 0.1:
         value, unit = 1000 * value, f"m{unit}"
-    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"
+    return three_digits(value) if unit == "1" else f"{three_digits(value)} {unit}"
 
 
 def numbers(claim: Claim) -> tuple[str, str]:
@@ -42,5 +42,5 @@ def _column(name: str, values: Column) -> tuple[str, list[str]]:
     stem, _, last = name.rpartition("_")
     unit, scale = UNITS.get(last, ("", 1.0))
     head = stem.removesuffix("_m") if last == "s2" else stem if unit else name
-    written = ["" if not np.isfinite(value) else f"{scale * value:.3g}" for value in values.astype(float)]
+    written = ["" if not np.isfinite(value) else three_digits(scale * value) for value in values.astype(float)]
     return f"{head} {unit}".replace("_", " ").strip(), written

@@ -103,7 +103,8 @@ def _deviations(found: SimulatedPeople) -> tuple[Claim, ...]:
             good,
             "1",
             judged(good, at_least=QUARTER),
-            "Share of the people.",
+            "Share of the people; a quarter counts as numerous. The distance goes with the speed, with which the path "
+            "rises and falls more.",
         ),
         Claim(
             "radii_sd_m",
