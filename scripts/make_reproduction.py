@@ -3,7 +3,7 @@
     make_reproduction.py                 50 draws of the noise: 25 minutes on one core
     make_reproduction.py --quick         3 draws, for a first look
     make_reproduction.py --only errors   computes that item and keeps it, without writing the page
-    make_reproduction.py --real FOLDER   with the table of real recordings in FOLDER/gait (or STRIDELAB_TEST_DATA)
+    make_reproduction.py --real FOLDER   with the items on real recordings in FOLDER/gait (or STRIDELAB_TEST_DATA)
 
 What is computed is kept in .data/reproduction, under a digest of the code and data that computed it: a run that was
 interrupted goes on where it stopped, and what a change of the code can have moved is computed anew.
@@ -15,9 +15,8 @@ import sys
 import time
 from pathlib import Path
 
-from stridelab.experiments.reproduction import real
 from stridelab.experiments.reproduction.as_markdown import page
-from stridelab.experiments.reproduction.collected import FEW_SEEDS, Section, collect, recipes
+from stridelab.experiments.reproduction.collected import FEW_SEEDS, PEOPLE, Section, collect, recipes
 from stridelab.experiments.reproduction.kept import Kept
 from stridelab.experiments.reproduction.registry import ITEMS
 
@@ -31,7 +30,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seeds", type=int, default=SEEDS)
     parser.add_argument("--quick", action="store_const", const=FEW_SEEDS, dest="seeds", help=f"{FEW_SEEDS} draws")
-    parser.add_argument("--only", nargs="+", choices=[*ITEMS, real.NAME], help="compute these, write no page")
+    parser.add_argument("--only", nargs="+", choices=[*ITEMS, *PEOPLE], help="compute these, write no page")
     parser.add_argument("--real", type=Path, default=os.environ.get("STRIDELAB_TEST_DATA"), metavar="FOLDER")
     asked = parser.parse_args()
     folder = None if asked.real is None else Path(asked.real)
@@ -50,8 +49,8 @@ def main() -> None:
 
 def head(sections: list[Section], seeds: int) -> str:
     """What the page is."""
-    missing = "\nThe recordings were not at hand, so that the section on real walks is missing."
-    said = "" if any(section.name == real.NAME for section in sections) else missing
+    missing = "\nThe recordings were not at hand, so that the sections on people are missing."
+    said = "" if any(section.name in PEOPLE for section in sections) else missing
     return f"""# Reproduction
 
 Written by `scripts/make_reproduction.py --seeds {seeds}`: every figure and table, and the numbers of the text, with

@@ -11,11 +11,10 @@ from stridelab.errors import NotEstimable
 from stridelab.experiments.reproduction import code_digest, fig_2_5
 from stridelab.experiments.reproduction.as_html import report
 from stridelab.experiments.reproduction.as_markdown import page
-from stridelab.experiments.reproduction.collected import Recipe, Section, collect, recipes
+from stridelab.experiments.reproduction.collected import PEOPLE, Recipe, Section, collect, recipes
 from stridelab.experiments.reproduction.in_words import counted
 from stridelab.experiments.reproduction.item import Claim, Reproduction, Tell
 from stridelab.experiments.reproduction.kept import Kept
-from stridelab.experiments.reproduction.real import NAME as PEOPLE
 from stridelab.experiments.reproduction.registry import ITEMS
 
 BOOK = Path(__file__).parents[2] / "docs" / "reproduction.md"
@@ -209,7 +208,7 @@ def test_verdicts_are_counted_from_what_weighs_most() -> None:
 
 def test_recordings_of_people_are_an_item_where_they_are(tmp_path: Path) -> None:
     assert [each.name for each in recipes(ITEMS, None, None)] == list(ITEMS)
-    assert [each.name for each in recipes(["fig-2.5"], 3, tmp_path)] == ["fig-2.5", PEOPLE]
+    assert [each.name for each in recipes(["fig-2.5"], 3, tmp_path)] == ["fig-2.5", *PEOPLE]
     assert recipes(["fig-2.7"], None, None)[0].seeds == ITEMS["fig-2.7"].default_seeds
 
 
@@ -217,7 +216,7 @@ def test_the_book_misses_no_item() -> None:
     """Every item has a section in docs/reproduction.md with a verdict on every claim."""
     parts = BOOK.read_text(encoding="utf-8").split("\n## ")[1:]
     sections = {part.partition(":")[0]: part for part in parts}
-    assert set(sections) == {*ITEMS, PEOPLE}
+    assert set(sections) == {*ITEMS, *PEOPLE}
     for name, part in sections.items():
         claims = part.partition("| --- | --- | --- | --- |\n")[2].partition("\n\n")[0].splitlines()
         assert claims, name

@@ -2,16 +2,19 @@
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Final
 
 from stridelab.errors import StridelabError
-from stridelab.experiments.reproduction import real
+from stridelab.experiments.reproduction import fig_2_8_people, real
 from stridelab.experiments.reproduction.code_digest import digest_of
 from stridelab.experiments.reproduction.item import Reproduction, Tell
 from stridelab.experiments.reproduction.kept import Kept
 from stridelab.experiments.reproduction.registry import item_of, reproduce
 
+PEOPLE: Final = (fig_2_8_people.NAME, real.NAME)
+"""Items on recordings, which are computed where these are."""
 FEW_SEEDS: Final = 3
 """Draws for a first look."""
 
@@ -47,8 +50,10 @@ def recipes(names: Iterable[str], seeds: int | None, recordings: Path | None) ->
     """
     found = [recipe(name, seeds) for name in names]
     if recordings is not None:
-        gait = recordings / "gait"
-        found.append(Recipe(real.NAME, real.TITLE, 1, real.PRINTED, real.__name__, lambda tell: real.run(gait, tell)))
+        found += [
+            Recipe(each.NAME, each.TITLE, 1, each.PRINTED, each.__name__, partial(each.run, recordings / "gait"))
+            for each in (fig_2_8_people, real)
+        ]
     return found
 
 
