@@ -12,7 +12,7 @@ from stridelab.experiments.reproduction import code_digest, fig_2_5
 from stridelab.experiments.reproduction.as_html import report
 from stridelab.experiments.reproduction.as_markdown import page
 from stridelab.experiments.reproduction.collected import PEOPLE, Recipe, Section, collect, recipes
-from stridelab.experiments.reproduction.in_words import counted
+from stridelab.experiments.reproduction.in_words import cells, counted
 from stridelab.experiments.reproduction.item import Claim, Reproduction, Tell
 from stridelab.experiments.reproduction.kept import Kept
 from stridelab.experiments.reproduction.registry import ITEMS
@@ -187,7 +187,7 @@ def test_the_report_is_one_file_with_every_item_and_its_verdicts() -> None:
     ):
         assert shown in text
     assert '2 claims of 2 items: <b class="beaten">0</b> better, or our aim reached, <b class="met">1</b> met' in text
-    assert "1 items failed" in text
+    assert "1 item failed" in text
     assert "Not computed: No &lt;sole&gt; is there." in text
 
 
@@ -204,6 +204,13 @@ def test_the_page_of_the_book_has_the_same_numbers() -> None:
 
 def test_verdicts_are_counted_from_what_weighs_most() -> None:
     assert counted(FOUND.claims) == {"not_met": 0, "thesis_in_error": 1, "met": 1, "beaten": 0}
+
+
+def test_the_end_of_a_columns_name_is_its_unit() -> None:
+    one = np.array([1.5])
+    heads, rows = cells({"rms_x_m": one, "lag_y_s": one, "speed_m_s": one, "jerk_m_s2": one, "draws": one.astype(int)})
+    assert heads == ["rms x mm", "lag y ms", "speed m/s", "jerk m/s²", "draws"]
+    assert rows == [("1500", "1500", "1.5", "1.5", "1")]
 
 
 def test_recordings_of_people_are_an_item_where_they_are(tmp_path: Path) -> None:

@@ -40,7 +40,7 @@ def test_the_table_has_every_walk_with_the_speed_of_its_markers(few: Path, walks
     found = fig_2_8_people.run(few, lambda _fraction, _message: None)
     table = found.tables["walks"]
     assert sorted(set(table["person"])) == sorted(ADULTS)
-    slow, fast = (table["speed_m_per_s"][table["pace"] == pace] for pace in ("comfortable", "fast"))
+    slow, fast = (table["speed_m_s"][table["pace"] == pace] for pace in ("comfortable", "fast"))
     assert slow.mean() < fast.mean()
     com = walks[0].walk.geometric.com_m
     travelled_m = float(np.linalg.norm((com[-1] - com[0])[:2]))

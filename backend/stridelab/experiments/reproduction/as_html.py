@@ -20,7 +20,8 @@ STYLE: Final = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 0 auto; padding: 1rem; }
 h1, h2 { line-height: 1.2; } section { border-top: 1px solid var(--line); margin-top: 2rem; }
 table { border-collapse: collapse; } th, td { text-align: left; padding: .25rem .75rem .25rem 0; vertical-align: top; }
-th { border-bottom: 1px solid var(--line); } td.n, th.n { text-align: right; font-variant-numeric: tabular-nums; }
+th { border-bottom: 1px solid var(--line); }
+td.n, th.n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
 small { display: block; opacity: .75; } .scroll { overflow-x: auto; } figure { margin: 1rem 0; }
 svg { max-width: 100%; height: auto; }
 .met, .beaten { color: var(--good); } .not_met, .failed { color: var(--bad); } .thesis_in_error { color: var(--odd); }
@@ -49,7 +50,7 @@ def _summary(sections: Sequence[Section]) -> str:
     total = counted(claim for one in found for claim in one.claims)
     said = ", ".join(f'<b class="{v}">{total[v]}</b> {WORDS[v]}' for v in reversed(VERDICTS))
     failed = [section for section in sections if section.found is None]
-    missing = f' <b class="failed">{len(failed)} items failed.</b>' if failed else ""
+    missing = f' <b class="failed">{len(failed)} item{"s"[: len(failed) > 1]} failed.</b>' if failed else ""
     heads = "".join(f'<th class="n" scope="col">{WORDS[v].partition(",")[0]}</th>' for v in reversed(VERDICTS))
     rows = "".join(_summary_row(section) for section in sections)
     return (
@@ -90,8 +91,15 @@ def _claim(claim: Claim) -> str:
     remark = f"<small>{escape(claim.note)}</small>" if claim.note else ""
     return (
         f'<tr><td>{escape(claim.says)}{remark}</td><td class="n">{escape(thesis)}</td><td class="n">{escape(ours)}</td>'
-        f'<td class="{claim.verdict}">{WORDS[claim.verdict]}</td></tr>'
+        f'<td class="{claim.verdict}">{_word(claim)}</td></tr>'
     )
+
+
+def _word(claim: Claim) -> str:
+    """What was reached, or beaten, is known of a single claim."""
+    if claim.verdict != "beaten":
+        return WORDS[claim.verdict]
+    return "aim reached" if str(claim.thesis).startswith("aim") else "better"
 
 
 def _table(columns: Mapping[str, Column]) -> str:

@@ -24,7 +24,8 @@ from stridelab.experiments.reproduction.study_errors import as_columns, rms
 
 NAME: Final = "fig-2.8-people"
 TITLE: Final = "Walking on force plates, real recordings"
-PRINTED: Final = ("walks",)
+PRINTED: Final[tuple[str, ...]] = ()
+"""Nothing of single people."""
 COMFORTABLE, FAST = (f"rehazenter-adult-walking/*/*_{speed}_*.c3d" for speed in ("C4", "C5"))
 THESIS_HEIGHT_M: Final = 1.80
 WALK, SIDE, UP = range(3)
@@ -100,7 +101,7 @@ def _offset_m(walk: RecordedWalk, estimate: ComEstimate) -> Vector3:
 def _row(pace: str, one: Fused) -> dict[str, object]:
     along, left, up = one.offset_m.tolist()
     return {
-        "person": one.walk.person, "pace": pace, "speed_m_per_s": one.speed_m_s, "latency_s": one.latency_s,
+        "person": one.walk.person, "pace": pace, "speed_m_s": one.speed_m_s, "latency_s": one.latency_s,
         "along_m": along, "left_m": left, "up_m": up, "along_corrected_m": float(one.corrected_m[WALK]),
     }  # fmt: skip
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from stridelab.experiments.reproduction.item import VERDICTS, Claim, Column, Verdict, three_digits
 
-UNITS: Final = {"m": ("mm", 1e3), "s": ("ms", 1e3), "n": ("N", 1.0), "s2": ("m/s²", 1.0)}
-"""What the last word of a column's name says about its numbers, and how they are printed."""
+UNITS: Final = {"m_s2": ("m/s²", 1.0), "m_s": ("m/s", 1.0), "m": ("mm", 1e3), "s": ("ms", 1e3), "n": ("N", 1.0)}
+"""What the end of a column's name says about its numbers, and how they are printed; the longest first."""
 
 
 def measured(value: float, unit: str) -> str:
@@ -39,8 +39,8 @@ def cells(columns: Mapping[str, Column]) -> tuple[list[str], list[tuple[str, ...
 def _column(name: str, values: Column) -> tuple[str, list[str]]:
     if values.dtype.kind not in "fi":
         return name.replace("_", " "), [str(value) for value in values]
-    stem, _, last = name.rpartition("_")
-    unit, scale = UNITS.get(last, ("", 1.0))
-    head = stem.removesuffix("_m") if last == "s2" else stem if unit else name
+    ending = next((ending for ending in UNITS if name.endswith(f"_{ending}")), None)
+    unit, scale = UNITS[ending] if ending else ("", 1.0)
+    head = name.removesuffix(f"_{ending}")
     written = ["" if not np.isfinite(value) else three_digits(scale * value) for value in values.astype(float)]
     return f"{head} {unit}".replace("_", " ").strip(), written
