@@ -19,7 +19,7 @@ KIND: Final = "reproduce"
 ITEMS: Final[tuple[str, ...]] = get_args(ReproductionItem)
 AT_ONCE: Final = 50
 """Jobs that are listed, and results that are read, at a time."""
-FARTHEST: Final = 500
+FARTHEST: Final = 100
 """So many finished jobs are looked through; an item that is not among them counts as missing."""
 SVG: Final = "image/svg+xml"
 
