@@ -7,6 +7,8 @@ from scipy import stats
 from stridelab.experiments.reproduction import fig_3_3, numbers_2, numbers_3, numbers_4
 from stridelab.experiments.reproduction.item import Claim, Reproduction
 from stridelab.experiments.reproduction.simulated_people import THESIS_PEOPLE
+from stridelab.experiments.reproduction.simulated_steps import simulated_steps
+from stridelab.experiments.reproduction.table_4_1 import COLUMNS
 from stridelab.experiments.study import simulate
 from stridelab.walking.curtate_cycloid import Wheel
 
@@ -82,3 +84,26 @@ def test_facets_hold_their_rays_and_grow_with_the_contacts() -> None:
     two, three = numbers_4.facets_of(2), numbers_4.facets_of(3)
     assert 0.0 <= max(two.leaves, three.leaves) < 1e-9
     assert three.median > 2.0 * two.median
+
+
+def test_the_hub_varies_more_than_the_walker_whom_it_is_to_smooth() -> None:
+    """On an exact cycloid that turns evenly the hub is even and the point is not; on a walk it is the other way."""
+    for fit in simulated_steps().fits:
+        hub, com = numbers_3._speeds(fit)
+        assert hub > 2.0 * com
+        t = np.linspace(0.0, 1.0, len(fit.time_s))
+        theta = 2.0 * np.pi * t - np.pi
+        even = fit.path.wheel
+        assert np.gradient(even.hub_m(theta)[:, 0], t) == pytest.approx(np.full(len(t), 2.0 * np.pi * even.R_m))
+
+
+def test_table_4_1_contradicts_its_own_summary() -> None:
+    """10 s in 15 iterations on 36 s of motion; the text has 15 ms at most."""
+    each_ms = {
+        (c.experiment, c.control): 1e3 * c.time_s / c.iterations / c.duration_s
+        for c in COLUMNS
+        if np.isfinite(c.time_s)
+    }
+    assert each_ms[3, "u_c"] == pytest.approx(18.5, abs=0.05)
+    assert [each_ms[1, "u_c"], each_ms[1, "u_f"], each_ms[2, "u_c"]] == pytest.approx([7.0, 12.2, 7.9], abs=0.05)
+    assert 17.0 * each_ms[1, "u_f"] == pytest.approx(207.0, abs=1.0)
