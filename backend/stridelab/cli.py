@@ -256,9 +256,17 @@ app.command(name="learn-reachability")(learn_reachability)
 @app.command()
 def reproduce(
     item: Annotated[
-        str, typer.Argument(help="fig-2.2, fig-2.5 to fig-2.9, fig-3.4 to fig-3.10, fig-4.2 to fig-4.9, table-4.1.")
-    ],
+        str | None,
+        typer.Argument(
+            help="fig-2.2, fig-2.5 to fig-2.9, fig-3.3 to fig-3.10, fig-4.2 to fig-4.9, table-4.1, numbers-2 to -4."
+        ),
+    ] = None,
+    everything: Annotated[bool, typer.Option("--all", help="All of them, as one HTML report.")] = False,
     seeds: Annotated[int | None, typer.Option("--seeds", help="Simulated walks to repeat it on, 1 to 200.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="With --all: three draws, for a first look.")] = False,
+    recordings: Annotated[
+        Path | None, typer.Option("--recordings", help="With --all: folder whose gait/ holds walks of people.")
+    ] = None,
     out_dir: OutFolder = None,
     force: Force = False,
     as_json: AsJson = False,
@@ -267,8 +275,16 @@ def reproduce(
 ) -> None:
     """Compute a figure of the thesis anew: its numbers beside ours, and the drawing; needs no server."""
     from stridelab.cli_reproduce import reproduce as run
+    from stridelab.cli_reproduce import require_one
 
-    run(item, seeds, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+    name = require_one(item, everything=everything, quick=quick, recordings=recordings, server=server)
+    if name is not None:
+        run(name, seeds, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+        return
+    from stridelab.cli_reproduce_all import reproduce_all
+
+    if not reproduce_all(seeds=seeds, quick=quick, recordings=recordings, out_dir=out_dir, anew=force, as_json=as_json):
+        raise typer.Exit(FAILURE)
 
 
 @app.command()

@@ -26,13 +26,13 @@ def result_folder(target: Path, *, force: bool) -> Iterator[Path]:
         target.parent.mkdir(parents=True, exist_ok=True)
         part = Path(tempfile.mkdtemp(prefix=f".{target.name}.part-", dir=target.parent))
     except OSError as error:
-        raise _cannot_write(target, error) from error
+        raise cannot_write(target, error) from error
     try:
         yield part
         part.chmod(0o777 & ~_umask())
         _take_the_name(part, target)
     except OSError as error:
-        raise _cannot_write(target, error) from error
+        raise cannot_write(target, error) from error
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
@@ -62,7 +62,7 @@ def write_file(target: Path, text: str, *, force: bool, option: str) -> None:
             part.write_text(text, encoding="utf-8")
             part.replace(target)
     except OSError as error:
-        raise _cannot_write(target, error, option) from error
+        raise cannot_write(target, error, option) from error
 
 
 def _take_the_name(part: Path, target: Path) -> None:
@@ -86,6 +86,7 @@ def _umask() -> int:
     return mask
 
 
-def _cannot_write(target: Path, error: OSError, option: str = "--out") -> InvalidInput:
+def cannot_write(target: Path, error: OSError, option: str = "--out") -> InvalidInput:
+    """What is told of a place that cannot be written (``output-not-writable``)."""
     reason = error.strerror or type(error).__name__
     return InvalidInput("output-not-writable", f"Cannot write to {target}: {reason}.", [Fault(option, reason)])

@@ -8,17 +8,38 @@ from rich.table import Table
 from stridelab.cli_console import out, progress_bar
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_result import show_files, show_json, validated, write_result
-from stridelab.errors import InvalidInput
+from stridelab.errors import Fault, InvalidInput
+from stridelab.experiments.reproduction.in_words import measured
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
 from stridelab.service.jobs.kinds.tasks import ReproduceTask
 
 WORDS = {
     "met": "[green]met[/]",
-    "beaten": "[green]aim reached[/]",
+    "beaten": "[green]better, or our aim reached[/]",
     "not_met": "[red]not met[/]",
     "thesis_in_error": "[yellow]thesis in error[/]",
 }
+
+
+def require_one(
+    item: str | None, *, everything: bool, quick: bool, recordings: Path | None, server: str | None
+) -> str | None:
+    """The item asked for, None for all of them.
+
+    Raises ``InvalidInput`` (``option-invalid``) unless it is one or the other, and for options of the other one.
+    """
+    wrong = []
+    if everything == (item is not None):
+        wrong.append(Fault("ITEM", "give one item, or --all"))
+    if everything and server is not None:
+        wrong.append(Fault("--server", "--all computes on this machine; on a server the page /reproduction does"))
+    if not everything:
+        wrong += [Fault(option, "only with --all") for option, given in
+                  (("--quick", quick), ("--recordings", recordings is not None)) if given]  # fmt: skip
+    if wrong:
+        raise InvalidInput("option-invalid", "This cannot be reproduced as asked.", wrong)
+    return item
 
 
 def reproduce(
@@ -66,15 +87,8 @@ def show_reproduction(result: JobResult, target: Path, *, as_json: bool) -> None
     out.print(f"[bold]{escape(summary.item)}[/] {escape(summary.title)}: {WORDS[summary.verdict]}")
     table = Table("", "thesis, or our aim", "ours", "", box=None, pad_edge=False)
     for claim in summary.claims:
-        thesis = claim.thesis if isinstance(claim.thesis, str) else _measured(claim.thesis, claim.unit)
-        table.add_row(escape(claim.says), escape(thesis), _measured(claim.ours, claim.unit), WORDS[claim.verdict])
+        thesis = claim.thesis if isinstance(claim.thesis, str) else measured(claim.thesis, claim.unit)
+        table.add_row(escape(claim.says), escape(thesis), measured(claim.ours, claim.unit), WORDS[claim.verdict])
     out.print(table)
     out.print(escape(summary.note))
     show_files(result, target)
-
-
-def _measured(value: float, unit: str) -> str:
-    """To three digits; metres and seconds below a tenth in thousandths, a ratio as a bare number."""
-    if unit in ("m", "s") and 0 < abs(value) < 0.1:
-        value, unit = 1000 * value, f"m{unit}"
-    return f"{value:.3g}" if unit == "1" else f"{value:.3g} {unit}"

@@ -91,7 +91,7 @@ _METHODS = {
     "kalman": "Kalman filter",
     "geometry": "markers only",
 }
-_ITEMS = {"fig": "Figure", "table": "Table"}
+_ITEMS = {"fig": "Figure", "table": "Table", "numbers": "Numbers of chapter"}
 _TABLES = {
     "errors": "Errors of all methods",
     "lag": "Lag of all methods",
@@ -101,7 +101,7 @@ _TABLES = {
 }
 _VERDICTS = {
     "met": "as the thesis says",
-    "beaten": "our aim, reached",
+    "beaten": "better, or our aim reached",
     "not_met": "not reached here",
     "thesis_in_error": "cannot hold as printed",
 }

@@ -40,7 +40,7 @@ def test_every_claim_stands_beside_our_number_with_its_verdict(page: str) -> Non
         "claim a", "0.25 m", "12.5 mm", "not reached here",
     ]  # fmt: skip
     assert "about the same" in rows["b"]
-    assert "our aim, reached" in rows["b"]
+    assert "better, or our aim reached" in rows["b"]
     assert 'data-verdict="not_met"' in page
     assert "Figure 2.6: Spectra of &lt;the&gt; errors" in page
     assert "Repeated on 50 simulated walks." in page
@@ -49,6 +49,26 @@ def test_every_claim_stands_beside_our_number_with_its_verdict(page: str) -> Non
 def test_the_drawing_is_shown_as_a_picture_from_the_interface(page: str) -> None:
     assert re.search(r'<img class="figure" src="/api/v1/jobs/\w+/artifacts/fig-2.6.svg"', page)
     assert "<svg" not in page.partition("<main")[2], "a drawing is never part of the page itself"
+
+
+def add(fake: FakeService, name: str, judged: Verdict, seeds: int = 1) -> str:
+    """A finished job of an item with one claim."""
+    job = fake.add_job("reproduce", "succeeded")
+    summary = ReproduceSummary(
+        item=name, title=f"Title of {name}", verdict=judged, thesis={"a": 0.25}, ours={"a": 0.0125},
+        claims=[claim("a", judged)], seeds=seeds, note="What it means.",
+    )  # fmt: skip
+    drawing = Artifact(name=f"{name}.svg", media_type="image/svg+xml", bytes=10)
+    fake.results[job.id] = JobResult(
+        kind="reproduce", input={"item": name}, versions={}, references=[],
+        summary=summary.model_dump(mode="json"), artifacts=[drawing],
+    )  # fmt: skip
+    return job.id
+
+
+def shown(page: str) -> dict[str, str]:
+    """The part of the page of every item that has a result, by its name."""
+    return dict(re.findall(r'<details class="item" id="([^"]+)"(.*?)</details>', page, re.DOTALL))
 
 
 def test_every_item_of_the_interface_can_be_started(fake: FakeService, browse: Browse) -> None:
@@ -60,9 +80,50 @@ def test_every_item_of_the_interface_can_be_started(fake: FakeService, browse: B
     assert f"/jobs/{other.id}" not in page
 
 
-def test_what_was_computed_is_listed_by_its_name(page: str, browse: Browse) -> None:
-    listed = browse("/reproduction").text
-    assert "Figure 2.6: not reached here" in listed
+def test_what_has_no_result_is_said_with_a_button(fake: FakeService, browse: Browse) -> None:
+    add(fake, "fig-2.6", "met")
+    page = browse("/reproduction").text
+    without = [name for name in get_args(ReproductionItem) if name != "fig-2.6"]
+    assert re.findall(r'data-compute="([^"]+)"', page) == without
+    assert re.search(rf'data-missing="{" ".join(without)}">Compute all that is missing \({len(without)}\)', page)
+    assert f"1 of {len(without) + 1} items are computed" in page
+    for name in without:
+        add(fake, name, "met")
+    full = browse("/reproduction").text
+    assert "data-missing" not in full
+    assert "data-compute" not in full
+    assert list(shown(full)) == list(get_args(ReproductionItem))
+
+
+def test_an_item_is_shown_by_its_newest_result_with_claims_and_drawing(fake: FakeService, browse: Browse) -> None:
+    old = add(fake, "fig-2.6", "not_met")
+    new = add(fake, "fig-2.6", "met", seeds=7)
+    add(fake, "numbers-3", "thesis_in_error")
+    fake.add_job("reproduce", "failed")
+    page = browse("/reproduction").text
+    parts = shown(page)
+    assert set(parts) == {"fig-2.6", "numbers-3"}
+    assert 'data-verdict="met"' in parts["fig-2.6"]
+    assert f'src="/api/v1/jobs/{new}/artifacts/fig-2.6.svg"' in parts["fig-2.6"]
+    assert old not in page
+    assert "Repeated on 7 simulated walks." in parts["fig-2.6"]
+    assert "12.5 mm" in parts["fig-2.6"]
+    assert "Figure 2.6: Title of fig-2.6" in parts["fig-2.6"]
+    counts = re.search(r"<p data-counts>(.*?)</p>", page, re.DOTALL)
+    assert counts is not None
+    assert [re.sub(r"<[^>]+>", "", mark) for mark in re.findall(r'<span class="mark [^>]*>.*?</span>', counts[1])] == [
+        "1 as the thesis says",
+        "1 cannot hold as printed",
+    ]
+    assert "2 claims" in counts[1]
+
+
+def test_nothing_is_asked_for_twice_while_jobs_are_under_way(fake: FakeService, browse: Browse) -> None:
+    assert not re.search(r"data-missing=[^>]* disabled>", browse("/reproduction").text)
+    fake.add_job("reproduce", "queued")
+    page = browse("/reproduction").text
+    assert re.search(r"data-missing=[^>]* disabled>", page)
+    assert "when the jobs below are done" in page
 
 
 def test_items_and_verdicts_have_names() -> None:

@@ -13,6 +13,7 @@ ReproductionItem = Literal[
     "fig-2.7",
     "fig-2.8",
     "fig-2.9",
+    "fig-3.3",
     "fig-3.4",
     "fig-3.5",
     "fig-3.6",
@@ -29,13 +30,16 @@ ReproductionItem = Literal[
     "fig-4.8",
     "fig-4.9",
     "table-4.1",
+    "numbers-2",
+    "numbers-3",
+    "numbers-4",
     "errors",
     "lag",
     "coverage",
     "partial-force",
     "flight",
 ]
-"""A figure of the thesis, or a table on the simulated walks."""
+"""A figure of the thesis, the numbers in the text of a chapter, or a table on the simulated walks."""
 Verdict = Literal["met", "beaten", "not_met", "thesis_in_error"]
 """``met`` as the thesis says, ``beaten`` an aim of our own that is reached, ``not_met`` either not reached."""
 

@@ -1,34 +1,84 @@
-"""Figures of the thesis computed anew: where they are started, and what the page of a job adds for one."""
+"""Figures of the thesis computed anew: every item with its newest result, and what the page of a job adds for one."""
 
 import asyncio
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Final, get_args
 
 from starlette.requests import Request
 from starlette.responses import Response
 
-from stridelab.schemas.jobs import JobResult
-from stridelab.schemas.reproduction import ReproduceSummary, ReproductionItem
+from stridelab.client import AsyncClient
+from stridelab.schemas.jobs import FINAL_STATES, Artifact, Job, JobResult
+from stridelab.schemas.reproduction import ReproduceSummary, ReproductionItem, Verdict
 from stridelab_web.pages.render import page
 from stridelab_web.service import client_of
-from stridelab_web.words import item, verdict
 
 KIND: Final = "reproduce"
+ITEMS: Final[tuple[str, ...]] = get_args(ReproductionItem)
+AT_ONCE: Final = 50
+"""Jobs that are listed, and results that are read, at a time."""
+FARTHEST: Final = 100
+"""So many finished jobs are looked through; an item that is not among them counts as missing."""
+SVG: Final = "image/svg+xml"
+
+
+@dataclass(frozen=True)
+class Shown:
+    """The newest result of one item; ``drawing`` is the name of its SVG."""
+
+    job: Job
+    reproduction: ReproduceSummary
+    drawing: str | None
+
+    @property
+    def counts(self) -> Mapping[Verdict, int]:
+        """How many of its claims have each verdict."""
+        return counted([self.reproduction])
 
 
 async def reproduction(request: Request) -> Response:
     """``GET /reproduction``."""
     client = client_of(request)
-    jobs = (await client.jobs(kind=KIND)).items
-    done = [job for job in jobs if job.state == "succeeded"]
-    results = await asyncio.gather(*(client.result(job.id) for job in done))
-    names = {job.id: _named(reproduction_of(result)) for job, result in zip(done, results, strict=True)}
+    recent, found = await asyncio.gather(client.jobs(AT_ONCE, kind=KIND), _newest(client))
     return page(
-        request, "reproduction.html", section="Reproduction", items=get_args(ReproductionItem), jobs=jobs, names=names
+        request,
+        "reproduction.html",
+        section="Reproduction",
+        items=ITEMS,
+        found=found,
+        missing=[name for name in ITEMS if name not in found],
+        counts=counted(shown.reproduction for shown in found.values()),
+        verdicts=get_args(Verdict),
+        open_jobs=[job for job in recent.items if job.state not in FINAL_STATES],
     )
 
 
-def _named(summary: ReproduceSummary) -> str:
-    return f"{item(summary.item)}: {verdict(summary.verdict)}"
+async def _newest(client: AsyncClient) -> dict[str, Shown]:
+    """The newest result of every item that has one, in the order of the items."""
+    found: dict[str, Shown] = {}
+    cursor, seen = None, 0
+    while seen < FARTHEST and len(found) < len(ITEMS):
+        listed = await client.jobs(AT_ONCE, cursor, state="succeeded", kind=KIND)
+        results = await asyncio.gather(*(client.result(job.id) for job in listed.items))
+        for job, result in zip(listed.items, results, strict=True):
+            summary = reproduction_of(result)
+            if summary.item in ITEMS:
+                found.setdefault(summary.item, Shown(job, summary, _drawing(result.artifacts)))
+        seen, cursor = seen + len(listed.items), listed.next
+        if cursor is None:
+            break
+    return {name: found[name] for name in ITEMS if name in found}
+
+
+def counted(summaries: Iterable[ReproduceSummary]) -> Mapping[Verdict, int]:
+    """How many claims have each verdict."""
+    return Counter(claim.verdict for summary in summaries for claim in summary.claims)
+
+
+def _drawing(artifacts: Iterable[Artifact]) -> str | None:
+    return next((artifact.name for artifact in artifacts if artifact.media_type == SVG), None)
 
 
 def reproduction_of(result: JobResult) -> ReproduceSummary:

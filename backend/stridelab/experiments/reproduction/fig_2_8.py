@@ -134,7 +134,7 @@ def run(seeds: int, tell: Tell) -> Reproduction:
         note="Simulated, because the recordings of the thesis are not public. What the thesis' filter adds to the "
         "geometry is a correction of the table only where both clocks agree; a delay of two frames is larger.",
         tables={"offsets": columns},
-        drawing=svg(_panels(_trial(0))),
+        drawing=svg(_drawn(_trial(0))),
         references=("carpentier2017thesis", "carpentier2016spectral", "dumas2007"),
     )
 
@@ -162,8 +162,13 @@ def _size(rows: Float[np.ndarray, "draws k"]) -> float:
     return float(np.sqrt(np.mean((rows**2).sum(axis=1))))
 
 
-def _panels(trial: _Trial) -> list[Panel]:
-    t, g, fused, wrench = trial.geometric.time_s, trial.geometric.com_m, trial.fused(LATE_S), trial.wrench(LATE_S)
+def _drawn(trial: _Trial) -> list[Panel]:
+    return panels(trial.geometric, trial.fused(LATE_S), trial.wrench(LATE_S))
+
+
+def panels(geometric: GeometricCom, fused: ComEstimate, wrench: WrenchTrack) -> list[Panel]:
+    """Both panels of the figure: the CoM fused and from the geometry, and one second of the force."""
+    t, g = geometric.time_s, geometric.com_m
     path = [
         Curve(at, (track - g[0])[:, k], f"{axis}, {name}", k, name == "geometry")
         for name, at, track in (("fused", fused.time_s, fused.com_m), ("geometry", t, g))

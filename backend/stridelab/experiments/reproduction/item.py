@@ -89,8 +89,13 @@ def aimed(
     word, scale = (f"m{unit}", 1e3) if unit in ("m", "s") else (unit, 1.0)
     suffix = "" if unit == "1" else f" {word}"
     if at_least is not None and at_most is not None:
-        aim = f"{scale * at_least:.3g} to {scale * at_most:.3g}{suffix}"
+        aim = f"{three_digits(scale * at_least)} to {three_digits(scale * at_most)}{suffix}"
     else:
         bound, sign = (at_most, "≤") if at_most is not None else (at_least, "≥")
-        aim = f"{sign} {scale * (bound or 0.0):.3g}{suffix}"
+        aim = f"{sign} {three_digits(scale * (bound or 0.0))}{suffix}"
     return Claim(key, says, f"aim {aim}", ours, unit, "beaten" if inside and math.isfinite(ours) else "not_met", note)
+
+
+def three_digits(value: float) -> str:
+    """A number to three digits, all before the point where there are more (up to a million)."""
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"

@@ -7,16 +7,12 @@ pressure lies below the CoM. In none of the recordings does anybody leave the gr
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
-from stridelab.body.geometric_com import GeometricCom
-from stridelab.body.segment_model import SegmentModel
 from stridelab.conventions import GRAVITY_M_S2, Vector3
-from stridelab.errors import NotFound
 from stridelab.estimation.against_truth import BAND_95
 from stridelab.estimation.agreement import force_residual_track_n
 from stridelab.estimation.comparison import Assessment, Data, compare
@@ -31,12 +27,10 @@ from stridelab.estimation.walk_frame import walk_frame
 from stridelab.experiments.reproduction.drawing import Bars, svg
 from stridelab.experiments.reproduction.estimators import AUTO, GEOMETRY, KALMAN, RTS, SMOOTHER, THESIS, TUNED
 from stridelab.experiments.reproduction.item import Claim, Reproduction, Tell, aimed
+from stridelab.experiments.reproduction.recorded_walks import STATICS, RecordedWalk, geometry_of, recordings_in
 from stridelab.experiments.reproduction.study_errors import as_columns, rms
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
-from stridelab.recordings.recording import Recording, Window, WrenchTrack
-from stridelab.recordings.windows import measured_windows
-from stridelab.recordings.wrench import wrench_track
 
 NAME: Final = "real-walks"
 TITLE: Final = "People, against physics"
@@ -46,7 +40,6 @@ GROUPS: Final[Mapping[str, str]] = {
     "adults, fast": "rehazenter-adult-walking/*/*_C5_*.c3d",
     "children": "biomechzoo-sample-study/*/Straight*.c3d",
 }
-STATICS: Final = ("*_ST.c3d", "Static*.c3d")
 ESTIMATORS: Final[Mapping[str, ComEstimator]] = {
     GEOMETRY: GeometryOnly(),
     THESIS: ComplementaryFilter.thesis(),
@@ -86,10 +79,7 @@ def run(gait: Path, tell: Tell) -> Reproduction:
     walks: dict[str, list[Walked]] = {}
     for k, (group, pattern) in enumerate(GROUPS.items()):
         tell(k / (len(GROUPS) + 1), group)
-        paths = sorted(gait.glob(pattern))
-        if not paths:
-            raise NotFound("recordings-missing", f"There is no recording {pattern} in the folder {gait.name}.")
-        walks[group] = [_walked(path) for path in paths]
+        walks[group] = [_walked(RecordedWalk.of(path)) for path in recordings_in(gait, pattern)]
     tell(len(GROUPS) / (len(GROUPS) + 1), "standing")
     truth = {w.person: _table_error_m(gait / "biomechzoo-sample-study" / w.person) for w in walks["children"]}
     rows = [
@@ -136,28 +126,14 @@ def run(gait: Path, tell: Tell) -> Reproduction:
     )
 
 
-def _walked(path: Path) -> Walked:
-    recording = read_recording(path)
-    mass_kg = recording.subject.mass_kg
-    if mass_kg is None:
-        raise NotFound("recordings-missing", f"{path.name} does not say how heavy the person is.")
-    windows = measured_windows(recording, identify(list(recording.markers_m)).landmarks)
-    geometric = _geometry(recording, path.parent)
-    wrench_at = partial(_wrench, recording, windows)
-    latency = estimate_latency(geometric, wrench_at, mass_kg)
+def _walked(walk: RecordedWalk) -> Walked:
+    latency = estimate_latency(walk.geometric, walk.wrench, walk.mass_kg)
     applied_s = latency.latency_s if latency.significant else 0.0
-    wrench = wrench_at(applied_s)
-    found = compare(ESTIMATORS, Data(geometric, wrench, mass_kg)).assessments
-    residual = force_residual_track_n(found[SMOOTHER].estimate, wrench, mass_kg)
-    constant = np.nanmean(residual, axis=0) / (mass_kg * GRAVITY_M_S2)
-    return Walked(path.parent.name, found, mass_kg, applied_s, np.asarray(constant))
-
-
-def _geometry(recording: Recording, folder: Path) -> GeometricCom:
-    landmarks = identify(list(recording.markers_m)).landmarks
-    statics = sorted(path for pattern in STATICS for path in folder.glob(pattern))
-    static = read_recording(statics[0]) if statics else None
-    return SegmentModel().com(recording, landmarks, subject=recording.subject, static=static)
+    wrench = walk.wrench(applied_s)
+    found = compare(ESTIMATORS, Data(walk.geometric, wrench, walk.mass_kg)).assessments
+    residual = force_residual_track_n(found[SMOOTHER].estimate, wrench, walk.mass_kg)
+    constant = np.nanmean(residual, axis=0) / (walk.mass_kg * GRAVITY_M_S2)
+    return Walked(walk.person, found, walk.mass_kg, applied_s, np.asarray(constant))
 
 
 def _table_error_m(folder: Path) -> Vector3:
@@ -170,21 +146,16 @@ def _table_error_m(folder: Path) -> Vector3:
     nu = np.sum([plate.moment_nm.mean(axis=0) for plate in recording.plates], axis=0)
     pressure = np.array([-nu[1], nu[0], 0.0]) / f[2]
     ahead = (at["l_asis"] + at["r_asis"]) / 2 - at["sacrum"]
-    off = np.nanmean(_geometry(recording, folder).com_m, axis=0) - pressure
+    off = np.nanmean(geometry_of(recording, folder).com_m, axis=0) - pressure
     return np.asarray(walk_frame(ahead[None]) @ off * [1.0, 1.0, 0.0])
 
 
 def _still_m(folder: Path) -> dict[str, float]:
     """Horizontal distance between the CoM of a person who stands and the mean centre of pressure, per estimator."""
     (path,) = folder.glob(STATICS[1])
-    recording = read_recording(path)
-    mass_kg = recording.subject.mass_kg
-    if mass_kg is None:
-        raise NotFound("recordings-missing", f"{path.name} does not say how heavy the person is.")
-    windows = measured_windows(recording, identify(list(recording.markers_m)).landmarks)
-    floor_m = float(np.mean([plate.corners_m[:, 2].mean() for plate in recording.plates if plate.use]))
-    wrench = _wrench(recording, windows, 0.0)
-    found = compare(ESTIMATORS, Data(_geometry(recording, folder), wrench, mass_kg, floor_height_m=floor_m))
+    still = RecordedWalk.of(path)
+    floor_m = float(np.mean([plate.corners_m[:, 2].mean() for plate in still.recording.plates if plate.use]))
+    found = compare(ESTIMATORS, Data(still.geometric, still.wrench(0.0), still.mass_kg, floor_height_m=floor_m))
     return {name: a.standing.horizontal_m for name, a in found.assessments.items() if a.standing is not None}
 
 
@@ -306,7 +277,3 @@ def _claims(
             )
         )
     return claims
-
-
-def _wrench(recording: Recording, windows: tuple[Window, ...], latency_s: float) -> WrenchTrack:
-    return wrench_track(recording, windows, latency_s=latency_s)

@@ -14,6 +14,7 @@ from stridelab.experiments.reproduction import (
     fig_2_7,
     fig_2_8,
     fig_2_9,
+    fig_3_3,
     fig_3_4,
     fig_3_5,
     fig_3_6,
@@ -31,6 +32,9 @@ from stridelab.experiments.reproduction import (
     fig_4_9,
     flight,
     lag,
+    numbers_2,
+    numbers_3,
+    numbers_4,
     partial_force,
     table_4_1,
 )
@@ -43,6 +47,7 @@ _FIGURES: Final = (
     fig_2_7,
     fig_2_8,
     fig_2_9,
+    fig_3_3,
     fig_3_4,
     fig_3_5,
     fig_3_6,
@@ -60,9 +65,18 @@ _FIGURES: Final = (
     fig_4_9,
     table_4_1,
 )
+_NUMBERS: Final = (numbers_2, numbers_3, numbers_4)
 _TABLES: Final = (errors, lag, coverage, partial_force, flight)
-ITEMS: Final[Mapping[str, Item]] = MappingProxyType({m.ITEM.name: m.ITEM for m in (*_FIGURES, *_TABLES)})
+ITEMS: Final[Mapping[str, Item]] = MappingProxyType({m.ITEM.name: m.ITEM for m in (*_FIGURES, *_NUMBERS, *_TABLES)})
 MOST_SEEDS: Final = 200
+
+
+def item_of(name: str) -> Item:
+    """The item of a name. Raises ``NotFound`` (``item-not-found``)."""
+    item = ITEMS.get(name)
+    if item is None:
+        raise NotFound("item-not-found", f"There is no item {name!r}; there are {', '.join(ITEMS)}.")
+    return item
 
 
 def reproduce(name: str, seeds: int | None, tell: Tell) -> Reproduction:
@@ -70,9 +84,7 @@ def reproduce(name: str, seeds: int | None, tell: Tell) -> Reproduction:
 
     Raises ``NotFound`` (``item-not-found``) and ``InvalidInput`` (``seeds-out-of-range``).
     """
-    item = ITEMS.get(name)
-    if item is None:
-        raise NotFound("item-not-found", f"There is no item {name!r}; there are {', '.join(ITEMS)}.")
+    item = item_of(name)
     repeats = item.default_seeds if seeds is None else seeds
     if not 1 <= repeats <= MOST_SEEDS:
         message = f"seeds must lie between 1 and {MOST_SEEDS}, not {repeats}."

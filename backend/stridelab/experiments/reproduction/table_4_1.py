@@ -75,7 +75,8 @@ def run(seeds: int, tell: Tell) -> Reproduction:
         claims=claims(found),
         note="Processor seconds of one thread of this machine, beside the thesis' on an i7 at 2.2 GHz with MUSCOD-II; "
         "ours is the least of three. Forces constant over tenths of a second; u_f in pyramids of eight rays, u_c in "
-        "the largest Lorentz cone inside the soles' wrench cone.",
+        "the largest Lorentz cone inside the soles' wrench cone. The table's last two rows, the shares of the QP and "
+        "of the sensitivities, have no counterpart: an interior point method has no QP, its derivatives are formulas.",
         tables={"times": table(found)},
         drawing=svg([Bars("time of the solver", "ms", [(name(t.printed), 1e3 * t.time_s) for t in found])]),
     )
@@ -99,7 +100,8 @@ def claims(found: list[Timed]) -> tuple[Claim, ...]:
             key = f"time_{column.experiment}_{column.control}"
             says = f"experiment {column.experiment} with {column.control}: time of the solver"
             verdict = "beaten" if t.time_s < column.time_s else judged(t.time_s, at_most=column.time_s)
-            made.append(Claim(key, says, column.time_s, t.time_s, "s", verdict, f"{t.plan.iterations} iterations."))
+            made.append(Claim(key, says, column.time_s, t.time_s, "s", verdict))
+            made += _iterations(t)
     gains = [t.printed.time_s / t.time_s for t in found if np.isfinite(t.printed.time_s) and t.printed.control == "u_c"]
     of = {(t.printed.robot, t.printed.experiment, t.printed.control): t for t in found}
     slower = [of[r, e, "u_f"].time_s / of[r, e, "u_c"].time_s for r, e, c in of if c == "u_c"]
@@ -121,6 +123,19 @@ def claims(found: list[Timed]) -> tuple[Claim, ...]:
             for experiment, limit_s in AIMS.items()
         ),
         aimed("gap", "largest gap of the dynamics", most, "1", at_most=1e-8),
+    )  # fmt: skip
+
+
+def _iterations(t: Timed) -> tuple[Claim, Claim]:
+    """How many there are, and how long one takes."""
+    column, n = t.printed, t.plan.iterations
+    of = f"experiment {column.experiment} with {column.control}"
+    key, each_s, printed_s = f"{column.experiment}_{column.control}", t.time_s / n, column.time_s / column.iterations
+    return (
+        Claim(f"iterations_{key}", f"{of}: iterations", column.iterations, float(n), "1",
+              "beaten" if n < column.iterations else judged(float(n), at_most=column.iterations)),
+        Claim(f"iteration_{key}_s", f"{of}: time of an iteration", printed_s, each_s, "s",
+              "beaten" if each_s < printed_s else "not_met", f"{column.time_s:g} s in {column.iterations:g}."),
     )  # fmt: skip
 
 

@@ -1,0 +1,64 @@
+"""The page of the reproduction: what is missing is asked for once, a full queue is told, drawings are seen."""
+
+import re
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from stridelab.schemas.jobs import Artifact, JobResult
+from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
+from stridelab_web.pages.reproduction import ITEMS
+from support.fake_lab import Lab
+from support.tab import Tab
+
+SVG = b'<svg xmlns="http://www.w3.org/2000/svg" width="300" height="200"><rect width="300" height="200"/></svg>'
+
+
+@pytest.fixture
+def page(lab: Lab, tab: Tab) -> Page:
+    """With a result of figure 2.6; nothing that is asked for ever begins."""
+    fake = lab.fake
+    fake.step_s = 3600.0
+    fake.jobs.clear()
+    job = fake.add_job("reproduce", "succeeded")
+    claim = ClaimResult(key="a", says="a claim", thesis=0.25, ours=0.0125, unit="m", verdict="met", note="")
+    summary = ReproduceSummary(
+        item="fig-2.6", title="Spectra", verdict="met", thesis={}, ours={}, claims=[claim], seeds=5, note="Meaning."
+    )
+    fake.results[job.id] = JobResult(
+        kind="reproduce", input={}, versions={}, references=[], summary=summary.model_dump(mode="json"),
+        artifacts=[Artifact(name="fig-2.6.svg", media_type="image/svg+xml", bytes=len(SVG))],
+    )  # fmt: skip
+    tab.page.route("**/fig-2.6.svg", lambda route: route.fulfill(body=SVG, content_type="image/svg+xml"))
+    return tab.go("/reproduction")
+
+
+def test_an_item_unfolds_to_its_claims_and_its_drawing(page: Page) -> None:
+    drawing = page.get_by_role("img", name="Spectra")
+    expect(drawing).to_be_hidden()
+    page.get_by_text("Figure 2.6: Spectra").click()
+    expect(page.get_by_role("row", name="a claim")).to_be_visible()
+    drawing.scroll_into_view_if_needed()
+    page.wait_for_function("() => document.querySelector('details img').naturalWidth === 300")
+    page.get_by_role("button", name="Unfold all").click()
+    page.get_by_role("button", name="Fold all").click()
+    expect(drawing).to_be_hidden()
+
+
+def test_a_full_queue_is_told_and_what_is_missing_is_asked_for_once(page: Page, lab: Lab, tab: Tab) -> None:
+    wanted = [name for name in ITEMS if name != "fig-2.6"]
+    lab.fake.busy, lab.fake.inputs = 7, {}
+    everything = page.get_by_role("button", name=re.compile("all that is missing"))
+    everything.click()
+    said = page.get_by_role("status")
+    expect(said).to_contain_text(f"0 of {len(wanted)} are asked for. 200 jobs are waiting already. Try again in 7 s.")
+    expect(everything).to_be_enabled()
+    lab.fake.busy = None
+    page.get_by_label("Simulated walks").fill("3")
+    everything.click()
+    expect(page.get_by_role("heading", name="Under way")).to_be_visible()
+    assert [given["item"] for given in lab.fake.inputs.values()] == wanted
+    assert {given["seeds"] for given in lab.fake.inputs.values()} == {3}
+    expect(everything).to_be_disabled()
+    expect(said).to_contain_text("when the jobs below are done")
+    tab.missteps = [m for m in tab.missteps if "status of 429" not in m]

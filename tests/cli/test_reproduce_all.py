@@ -1,0 +1,95 @@
+"""``stridelab reproduce --all`` on two quick items: a report, nothing twice, a failure told with an exit code."""
+
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from stridelab import cli
+from stridelab.cli_reproduce_all import KEPT, REPORT, reproduce_all
+from stridelab.errors import InvalidInput
+from stridelab.experiments.reproduction import fig_2_5
+
+QUICK = ("fig-2.5", "fig-4.3")
+
+
+def everything(out_dir: Path, *, anew: bool = False, as_json: bool = False) -> bool:
+    return reproduce_all(
+        QUICK, seeds=None, quick=True, recordings=None, out_dir=out_dir, anew=anew, as_json=as_json
+    )  # fmt: skip
+
+
+def test_all_items_are_in_one_report_and_computed_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out_dir = tmp_path / "new" / "folder"
+    assert everything(out_dir)
+    shown = capsys.readouterr().out
+    assert "claims of 2 items" in shown
+    assert str(out_dir / REPORT) in shown.replace("\n", "")
+    text = (out_dir / REPORT).read_text(encoding="utf-8")
+    assert all(f'<section id="{name}">' in text for name in QUICK)
+    assert text.count("<svg") == 2
+    assert "3 draws of the noise" in text
+    assert {path.name.partition("-3-")[0] for path in (out_dir / KEPT).iterdir()} == set(QUICK)
+
+    def broken(*_: object) -> None:
+        raise RuntimeError("the filters are gone")
+
+    monkeypatch.setattr(fig_2_5, "bode", broken)
+    assert everything(out_dir), "what is kept needs no filters"
+    capsys.readouterr()
+    assert not everything(out_dir, anew=True, as_json=True)
+    captured = capsys.readouterr()
+    told = json.loads(captured.out)
+    assert told["items"]["fig-2.5"] == "failed"
+    assert told["items"]["fig-4.3"] != "failed"
+    assert told["claims"]["met"] > 0
+    assert "RuntimeError: the filters are gone" in captured.err
+    assert "Not computed: RuntimeError: the filters are gone" in (out_dir / REPORT).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "where"),
+    [
+        ([], "ITEM"),
+        (["fig-2.5", "--all"], "ITEM"),
+        (["--all", "--server", "http://127.0.0.1:1"], "--server"),
+        (["fig-2.5", "--quick"], "--quick"),
+        (["fig-2.5", "--recordings", "."], "--recordings"),
+        (["--all", "--quick", "--seeds", "5"], "--quick"),
+        (["--all", "--seeds", "201"], "--seeds"),
+    ],
+)
+def test_what_cannot_be_meant_is_refused_before_anything_is_computed(
+    arguments: list[str],
+    where: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
+    monkeypatch.setattr(sys, "argv", ["stridelab", "reproduce", *arguments])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert end.value.code == 2
+    assert f"{where}:" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_place_that_cannot_be_written_is_told_first(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    with pytest.raises(InvalidInput) as refused:
+        everything(tmp_path / "file")
+    assert refused.value.code == "output-not-writable"
+
+
+def test_the_exit_code_says_that_an_item_failed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
+    monkeypatch.setattr("stridelab.cli_reproduce_all.reproduce_all", lambda **_: False)
+    monkeypatch.setattr(sys, "argv", ["stridelab", "reproduce", "--all", "--out", str(tmp_path)])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert end.value.code == 1
