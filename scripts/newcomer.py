@@ -5,7 +5,6 @@ step that does not come to its end stops the run.
 """
 
 import argparse
-import json
 import os
 import re
 import shutil
@@ -14,7 +13,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import urllib.request
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -22,6 +20,8 @@ from pathlib import Path
 from typing import Final
 
 from playwright.sync_api import Page, sync_playwright
+
+from stridelab.client import Client
 
 ROOT: Final = Path(__file__).parents[1]
 PAGE: Final = ROOT / "docs" / "newcomer.md"
@@ -46,6 +46,7 @@ class Stopwatch:
 
 
 def say(line: str) -> None:
+    """Print at once."""
     sys.stdout.write(f"{line}\n")
     sys.stdout.flush()
 
@@ -134,6 +135,7 @@ def machine(began_load: str) -> str:
 
 
 def loads() -> str:
+    """Load averages of the last 1, 5 and 15 minutes."""
     return " ".join(f"{load:.1f}" for load in os.getloadavg())
 
 
@@ -143,15 +145,10 @@ def table(watch: Stopwatch, about: str, *, cold: bool) -> str:
         f"| {i} | {what} | {how} | {took_s:.1f} s | {'' if since is None else f'{since:.1f} s'} |"
         for i, (what, how, took_s, since) in enumerate(watch.rows, start=1)
     ]
-    head = f"Measured on {time.strftime('%Y-%m-%d', time.gmtime())}, {'without a' if cold else 'with a warm'} package cache, on {about}."
+    today, cache = time.strftime("%Y-%m-%d", time.gmtime()), "without a" if cold else "with a warm"
+    head = f"Measured on {today}, {cache} package cache, on {about}."
     return "\n".join(
-        [
-            head,
-            "",
-            "| step | what | typed or clicked | took | since `make serve` |",
-            "| --- | --- | --- | --- | --- |",
-            *rows,
-        ]
+        [head, "", "| step | what | typed or clicked | took | in all |", "| --- | --- | --- | --- | --- |", *rows]
     )
 
 
@@ -172,12 +169,10 @@ def run(place: Path, port: int, *, cold: bool) -> str:
         watch.serving = time.monotonic()
         with serving(clone, environment, watch, "the service for the first time"):
             plan = planned_in_the_browser(page, base, watch)
-            with urllib.request.urlopen(f"{base}/api/v1/jobs/{plan}?wait=60") as answer:
-                finished = json.load(answer)["state"]
-            with urllib.request.urlopen(f"{base}/api/v1/jobs/{plan}/result") as answer:
-                certificate = json.load(answer)["summary"]["certificate"]
-            if finished != "succeeded" or not certificate["passed"]:
-                raise SystemExit(f"the plan {finished}; certificate {certificate}")
+            with Client(base) as client:
+                client.wait(plan, PATIENCE_S)
+                if not client.result(plan).summary["certificate"]["passed"]:
+                    raise SystemExit("the plan's certificate is not passed")
             began = time.monotonic()
             said = scripted(human, port, clone, environment)
             assert '"method"' in said, said
