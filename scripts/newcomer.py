@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 from stridelab.client import Client
 
@@ -86,14 +86,23 @@ def serving(clone: Path, environment: dict[str, str], watch: Stopwatch, what: st
         process.wait(60)
 
 
+@contextmanager
+def tab(browser: Browser) -> Iterator[Page]:
+    """A tab that is closed at once, because scenes are drawn by the processor here."""
+    page = browser.new_page()
+    page.set_default_timeout(1e3 * PATIENCE_S)
+    yield page
+    page.close()
+
+
 def planned_in_the_browser(page: Page, base: str, watch: Stopwatch) -> str:
     """Press Plan under the stairs and wait until the viewer plays; the id of the plan."""
     began = time.monotonic()
     page.goto(base)
     card = page.locator("li", has=page.get_by_role("heading", name="Six stairs"))
     card.get_by_role("button", name="Plan").click()
-    page.wait_for_url("**/view/?plan=*", timeout=1e3 * PATIENCE_S)
-    page.wait_for_selector("[data-player][data-ready]", timeout=120_000)
+    page.wait_for_url("**/view/?plan=*")
+    page.wait_for_selector("[data-player][data-ready]")
     first = page.locator("[data-time]").text_content()
     page.wait_for_function("(first) => document.querySelector('[data-time]').textContent !== first", arg=first)
     watch.step(
@@ -165,10 +174,10 @@ def run(place: Path, port: int, *, cold: bool) -> str:
     human, robot = lines_of_readme()
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
-        page = browser.new_page()
         watch.serving = time.monotonic()
         with serving(clone, environment, watch, "the service for the first time"):
-            plan = planned_in_the_browser(page, base, watch)
+            with tab(browser) as page:
+                plan = planned_in_the_browser(page, base, watch)
             with Client(base) as client:
                 client.wait(plan, PATIENCE_S)
                 if not client.result(plan).summary["certificate"]["passed"]:
@@ -184,8 +193,9 @@ def run(place: Path, port: int, *, cold: bool) -> str:
         watch.serving = time.monotonic()
         with serving(clone, environment, watch, "the service for the second time"):
             began = time.monotonic()
-            page.goto(f"{base}/view/?plan={plan}")
-            page.wait_for_selector("[data-player][data-ready]", timeout=120_000)
+            with tab(browser) as page:
+                page.goto(f"{base}/view/?plan={plan}")
+                page.wait_for_selector("[data-player][data-ready]")
             watch.step("the plan of before, in the viewer", "press **Watch**", time.monotonic() - began)
         browser.close()
     return table(watch, machine(load), cold=cold)
