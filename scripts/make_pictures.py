@@ -106,7 +106,7 @@ def main(port: int) -> None:
         wheel = client.wait(client.submit("fit-cycloid", {"recording_id": trial}).id, COMPUTING_S)
         document(browser, f"{base}/jobs/{wheel.id}", "wheel", 1250, ".plotly .main-svg")
 
-        plan = client.wait(client.submit("plan-motion", {"scenario_id": SCENARIO}).id, COMPUTING_S)
+        plan = client.wait(client.submit("plan-motion", {"scenario_id": SCENARIO, "replay": True}).id, COMPUTING_S)
         document(browser, f"{base}/plans/{plan.id}", "certificate", 1000)
         scene(browser, f"{base}/view/?plan={plan.id}&t={CLIMBING_S}", "climb", "[data-player][data-ready=true]")
 
