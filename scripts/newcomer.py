@@ -5,6 +5,7 @@ step that does not come to its end stops the run.
 """
 
 import argparse
+import contextlib
 import os
 import re
 import shutil
@@ -19,6 +20,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Final
 
+import psutil
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from stridelab.client import Client
@@ -35,20 +37,30 @@ PATIENCE_S: Final = 1200.0
 class Stopwatch:
     """Steps with their seconds, and those that count from ``make serve`` on."""
 
-    began: float = field(default_factory=time.monotonic)
-    serving: float = 0.0
-    rows: list[tuple[str, str, float, float | None]] = field(default_factory=list)
+    serving: psutil.Process | None = None
+    rows: list[tuple[str, str, float, float | None, float | None]] = field(default_factory=list)
 
-    def step(self, what: str, how: str, took_s: float, *, counts: bool = True) -> None:
-        since = time.monotonic() - self.serving if counts else None
-        self.rows.append((what, how, took_s, since))
-        say(f"{took_s:7.1f} s  {what}")
+    def step(self, what: str, how: str, took_s: float) -> None:
+        since = None if self.serving is None else time.time() - self.serving.create_time()
+        busy = None if self.serving is None else processor_s(self.serving)
+        self.rows.append((what, how, took_s, since, busy))
+        say(f"{took_s:7.1f} s  {what} (in all {since or 0:.1f} s, {busy or 0:.1f} s of processor)")
 
 
 def say(line: str) -> None:
     """Print at once."""
     sys.stdout.write(f"{line}\n")
     sys.stdout.flush()
+
+
+def processor_s(process: psutil.Process) -> float:
+    """What it and all that it started have used of the processors: what it takes is less only on several cores."""
+    total_s = 0.0
+    for each in (process, *process.children(recursive=True)):
+        with contextlib.suppress(psutil.NoSuchProcess):
+            times = each.cpu_times()
+            total_s += times.user + times.system + times.children_user + times.children_system
+    return total_s
 
 
 def newcomers_environment(home: Path, port: int, *, cold: bool) -> dict[str, str]:
@@ -66,11 +78,12 @@ def newcomers_environment(home: Path, port: int, *, cold: bool) -> dict[str, str
 @contextmanager
 def serving(clone: Path, environment: dict[str, str], watch: Stopwatch, what: str) -> Iterator[None]:
     """``make serve`` until its address answers; Ctrl-C at the end."""
-    began = last = time.monotonic()
+    began = time.monotonic()
     process = subprocess.Popen(
         ["make", "serve"], cwd=clone, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
         start_new_session=True,
     )  # fmt: skip
+    watch.serving = psutil.Process(process.pid)
     try:
         assert process.stdout is not None
         for line in process.stdout:
@@ -79,7 +92,7 @@ def serving(clone: Path, environment: dict[str, str], watch: Stopwatch, what: st
                 break
         else:
             raise SystemExit("make serve came to no end")
-        watch.step(what, "`make serve`", time.monotonic() - last)
+        watch.step(what, "`make serve`", time.monotonic() - began)
         yield
     finally:
         os.killpg(process.pid, signal.SIGINT)
@@ -148,16 +161,27 @@ def loads() -> str:
     return " ".join(f"{load:.1f}" for load in os.getloadavg())
 
 
+def seconds(value: float | None) -> str:
+    """In a cell."""
+    return "" if value is None else f"{value:.1f} s"
+
+
 def table(watch: Stopwatch, about: str, *, cold: bool) -> str:
     """The run as Markdown."""
     rows = [
-        f"| {i} | {what} | {how} | {took_s:.1f} s | {'' if since is None else f'{since:.1f} s'} |"
-        for i, (what, how, took_s, since) in enumerate(watch.rows, start=1)
+        f"| {what} | {how} | {took_s:.1f} s | {seconds(since)} | {seconds(busy)} |"
+        for what, how, took_s, since, busy in watch.rows
     ]
     today, cache = time.strftime("%Y-%m-%d", time.gmtime()), "without a" if cold else "with a warm"
     head = f"Measured on {today}, {cache} package cache, on {about}."
     return "\n".join(
-        [head, "", "| step | what | typed or clicked | took | in all |", "| --- | --- | --- | --- | --- |", *rows]
+        [
+            head,
+            "",
+            "| what | typed or clicked | took | since `make serve` | of processor |",
+            "| --- | --- | --- | --- | --- |",
+            *rows,
+        ]
     )
 
 
@@ -169,12 +193,11 @@ def run(place: Path, port: int, *, cold: bool) -> str:
     clone, base = home / "stridelab", f"http://127.0.0.1:{port}"
     began = time.monotonic()
     subprocess.run(["git", "clone", "--quiet", str(ROOT), str(clone)], env=environment, check=True)
-    watch.step("a clone", "`git clone`", time.monotonic() - began, counts=False)
+    watch.step("a clone", "`git clone`", time.monotonic() - began)
     shutil.copyfile(clone / SAMPLE, clone / "trial.c3d")
     human, robot = lines_of_readme()
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
-        watch.serving = time.monotonic()
         with serving(clone, environment, watch, "the service for the first time"):
             with tab(browser) as page:
                 plan = planned_in_the_browser(page, base, watch)
@@ -190,7 +213,6 @@ def run(place: Path, port: int, *, cold: bool) -> str:
             said = scripted(robot, port, clone, environment)
             assert '"passed": true' in said, said
             watch.step("a certificate", "README's lines of the robot wing", time.monotonic() - began)
-        watch.serving = time.monotonic()
         with serving(clone, environment, watch, "the service for the second time"):
             began = time.monotonic()
             with tab(browser) as page:
