@@ -87,7 +87,7 @@ def document(browser: Browser, address: str, name: str, height: int, ready: str 
     page = browser.new_page(viewport={"width": 1200, "height": height})
     page.goto(address)
     page.wait_for_selector(ready, timeout=60_000)
-    page.wait_for_timeout(1_000)
+    page.wait_for_timeout(3_000)  # curves are drawn after the page
     keep(page, name)
 
 
@@ -104,7 +104,7 @@ def main(port: int) -> None:
         scene(browser, f"{base}/view/?recording={trial}&t=2.3", "viewer", "[data-player][data-ready=true]")
 
         wheel = client.wait(client.submit("fit-cycloid", {"recording_id": trial}).id, COMPUTING_S)
-        document(browser, f"{base}/jobs/{wheel.id}", "wheel", 1250, ".plotly .main-svg")
+        document(browser, f"{base}/jobs/{wheel.id}", "wheel", 1250)
 
         plan = client.wait(client.submit("plan-motion", {"scenario_id": SCENARIO, "replay": True}).id, COMPUTING_S)
         document(browser, f"{base}/plans/{plan.id}", "certificate", 1000)
