@@ -43,7 +43,7 @@ def service_url() -> Iterator[str]:
     """Database, worker and all."""
     with public_folder() as place:
         service = Service(place / "data", command=("stridelab.cli", "serve"))
-        service.start(STRIDELAB_MIN_FREE_DISK_MB="0", STRIDELAB_PARSE_TIMEOUT_S="60", STRIDELAB_STALL_S="30")
+        service.start(STRIDELAB_MIN_FREE_DISK_MB="0", STRIDELAB_PARSE_TIMEOUT_S="60", STRIDELAB_STALL_S="60")
         try:
             yield f"http://127.0.0.1:{service.port}"
         finally:
