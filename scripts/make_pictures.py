@@ -21,7 +21,8 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from stridelab.client import Client
 from stridelab.resources import models_dir
 
-PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
+ROOT = Path(__file__).parents[1]
+PICTURES = ROOT / "docs" / "pictures"
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
 SAMPLE = models_dir() / "recordings" / "sample-walk" / "recording.c3d"
 SCENARIO, CLIMBING_S = "six-stairs", 12.4
@@ -35,8 +36,7 @@ def service(port: int) -> Iterator[str]:
     with tempfile.TemporaryDirectory(prefix="pictures-") as folder:
         Path(folder).chmod(0o755)  # the database of root runs under another account
         environment = {**os.environ, "STRIDELAB_PORT": str(port), "STRIDELAB_DATA_DIR": f"{folder}/data"}
-        command = [sys.executable, "-m", "stridelab.cli", "serve"]
-        process = subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, text=True)
+        process = subprocess.Popen([ROOT / "scripts" / "serve"], env=environment, stdout=subprocess.PIPE, text=True)
         assert process.stdout is not None
         try:
             if not any("is running on" in line for line in process.stdout):
