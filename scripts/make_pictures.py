@@ -27,7 +27,7 @@ FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader
 SAMPLE = models_dir() / "recordings" / "sample-walk" / "recording.c3d"
 SCENARIO, CLIMBING_S = "six-stairs", 12.4
 COMPUTING_S = 900.0
-COLOURS = 128
+COLOURS = 256
 
 
 @contextmanager
@@ -99,7 +99,7 @@ def main(port: int) -> None:
 
         # a phase in which one foot and the hand hold the robot
         scene(browser, f"{base}/view/?scenario=stairs-with-rail", "editor", "[data-editor][data-judged=valid]", phase=9)
-        document(browser, base, "front", 900)
+        document(browser, base, "front", 960)
         browser.close()
 
 
