@@ -1,79 +1,107 @@
-"""Take the pictures of README and docs from a running service; usage: make_pictures.py http://127.0.0.1:8000.
+"""Take the pictures of README and docs; usage: make_pictures.py [PORT], which starts a service of its own there (8490).
 
-Needs Chromium on the PATH. The pictures show the bundled recording and a plan of a bundled scenario, which is computed
-for them, so nobody's data get into them.
+Needs Chromium on the PATH. The pictures show the bundled recording, uploaded as anybody would, and plans of bundled
+scenarios, which are computed for them, so nobody's data get into them. They are kept in few colours, to be small.
 """
 
+import io
+import os
 import shutil
+import signal
+import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
-from playwright.sync_api import Browser, sync_playwright
+from PIL import Image
+from playwright.sync_api import Browser, Page, sync_playwright
 
 from stridelab.client import Client
-from stridelab.schemas.plans import PlanMotionInput
+from stridelab.resources import models_dir
 
-PICTURES = Path(__file__).parents[1] / "docs" / "pictures"
+ROOT = Path(__file__).parents[1]
+PICTURES = ROOT / "docs" / "pictures"
 FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
-SAMPLE = "sample-walk"
+SAMPLE = models_dir() / "recordings" / "sample-walk" / "recording.c3d"
 SCENARIO, CLIMBING_S = "six-stairs", 12.4
+COMPUTING_S = 900.0
+COLOURS = 256
 
 
-def viewer(browser: Browser, base: str, what: str, picture: str) -> None:
+@contextmanager
+def service(port: int) -> Iterator[str]:
+    """A service with an empty data folder; its address."""
+    with tempfile.TemporaryDirectory(prefix="pictures-") as folder:
+        Path(folder).chmod(0o755)  # the database of root runs under another account
+        environment = {**os.environ, "STRIDELAB_PORT": str(port), "STRIDELAB_DATA_DIR": f"{folder}/data"}
+        process = subprocess.Popen([ROOT / "scripts" / "serve"], env=environment, stdout=subprocess.PIPE, text=True)
+        assert process.stdout is not None
+        try:
+            if not any("is running on" in line for line in process.stdout):
+                raise SystemExit("the service did not start")
+            yield f"http://127.0.0.1:{port}"
+        finally:
+            process.send_signal(signal.SIGINT)
+            process.wait(60)
+
+
+def keep(page: Page, name: str) -> None:
+    """What the page shows, in few colours."""
+    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    picture.quantize(COLOURS, dither=Image.Dither.NONE).save(PICTURES / f"{name}.png", optimize=True)
+    page.close()
+
+
+def scene(browser: Browser, address: str, name: str, ready: str, phase: int | None = None) -> None:
     """A scene at one instant, without the note on software rendering."""
     page = browser.new_page(viewport={"width": 1200, "height": 720})
-    page.goto(f"{base}/view/?{what}")
-    page.wait_for_selector("[data-player][data-ready=true]", timeout=120_000)
-    scene = page.frame_locator("iframe")
-    scene.locator("canvas").first.wait_for(timeout=120_000)
-    for close in scene.locator(".mantine-Notification-closeButton").all():
+    page.goto(address)
+    page.wait_for_selector(ready, timeout=120_000)
+    inside = page.frame_locator("iframe")
+    inside.locator("canvas").first.wait_for(timeout=120_000)
+    for close in inside.locator(".mantine-Notification-closeButton").all():
         close.click()
-    page.wait_for_timeout(6_000)  # nodes fade in, and software rendering draws few images a second
-    page.screenshot(path=PICTURES / picture)
-    page.close()
+    if phase is not None:
+        page.locator("[data-phases] button").nth(phase).click()
+    page.wait_for_timeout(8_000)  # nodes fade in, and software rendering draws few images a second
+    keep(page, name)
 
 
-def editor(browser: Browser, base: str) -> None:
-    """A scenario in the editor, with a phase chosen in which one foot and the hand hold the robot."""
-    page = browser.new_page(viewport={"width": 1200, "height": 720})
-    page.goto(f"{base}/view/?scenario=stairs-with-rail")
-    page.wait_for_selector("[data-editor][data-judged=valid]", timeout=120_000)
-    for close in page.frame_locator("iframe").locator(".mantine-Notification-closeButton").all():
-        close.click()
-    page.locator("[data-phases] button").nth(9).click()
-    page.wait_for_timeout(6_000)
-    page.screenshot(path=PICTURES / "editor.png")
-    page.close()
+def document(browser: Browser, address: str, name: str, height: int, ready: str = "main") -> None:
+    """The upper part of a page."""
+    page = browser.new_page(viewport={"width": 1200, "height": height})
+    page.goto(address)
+    page.wait_for_selector(ready, timeout=60_000)
+    page.wait_for_timeout(3_000)  # curves are drawn after the page
+    keep(page, name)
 
 
-def planned(base: str) -> str:
-    """A finished plan of the climb."""
-    with Client(base) as client:
-        job = client.submit("plan-motion", PlanMotionInput(scenario_id=SCENARIO))
-        return client.wait(job.id).id
-
-
-def result(browser: Browser, base: str) -> None:
-    """The result page from its numbers to its first curves."""
-    page = browser.new_page(viewport={"width": 1200, "height": 1500})
-    page.goto(f"{base}/jobs/{SAMPLE}-com")
-    page.wait_for_selector(".plotly .main-svg", timeout=60_000)
-    page.wait_for_timeout(1_000)
-    page.screenshot(path=PICTURES / "result.png")
-    page.close()
-
-
-def main(base: str) -> None:
+def main(port: int) -> None:
     """Take all pictures."""
     PICTURES.mkdir(parents=True, exist_ok=True)
-    with sync_playwright() as play:
+    with service(port) as base, Client(base) as client, sync_playwright() as play:
         browser = play.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
-        viewer(browser, base, f"recording={SAMPLE}&t=2.3", "viewer.png")
-        viewer(browser, base, f"plan={planned(base)}&t={CLIMBING_S}", "climb.png")
-        editor(browser, base)
-        result(browser, base)
+        trial = client.upload(SAMPLE, filename="trial.c3d").id
+        document(browser, f"{base}/recordings/{trial}", "recording", 800)
+
+        estimate = client.wait(client.submit("estimate-com", {"recording_id": trial}).id, COMPUTING_S)
+        document(browser, f"{base}/jobs/{estimate.id}", "result", 1500, ".plotly .main-svg")
+        scene(browser, f"{base}/view/?recording={trial}&t=2.3", "viewer", "[data-player][data-ready=true]")
+
+        wheel = client.wait(client.submit("fit-cycloid", {"recording_id": trial}).id, COMPUTING_S)
+        document(browser, f"{base}/jobs/{wheel.id}", "wheel", 1250)
+
+        plan = client.wait(client.submit("plan-motion", {"scenario_id": SCENARIO, "replay": True}).id, COMPUTING_S)
+        document(browser, f"{base}/plans/{plan.id}", "certificate", 1000)
+        scene(browser, f"{base}/view/?plan={plan.id}&t={CLIMBING_S}", "climb", "[data-player][data-ready=true]")
+
+        # a phase in which one foot and the hand hold the robot
+        scene(browser, f"{base}/view/?scenario=stairs-with-rail", "editor", "[data-editor][data-judged=valid]", phase=9)
+        document(browser, base, "front", 960)
         browser.close()
 
 
 if __name__ == "__main__":
-    main(sys.argv[1].rstrip("/"))
+    main(int(sys.argv[1]) if len(sys.argv) > 1 else 8490)

@@ -28,7 +28,6 @@ from stridelab.cli_options import (
     Markers,
     Mass,
     Measured,
-    Method,
     OutFolder,
     PersonSex,
     Priors,
@@ -47,6 +46,7 @@ from stridelab.cli_robot import export_contacts, import_contacts, learn_reachabi
 from stridelab.cli_study import study_population
 from stridelab.cli_token import tokens
 from stridelab.errors import StridelabError
+from stridelab.schemas.methods import Method
 
 
 class Commands(TyperGroup):

@@ -13,10 +13,10 @@ from stridelab.cli_result import show_files, show_json, show_remarks, write_resu
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.comparison import Axes, CompareEstimatorsInput, CompareEstimatorsSummary, MethodAssessment
 from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.methods import METHODS
 from stridelab.service.jobs.kinds.tasks import CompareEstimatorsTask
 
 TRUTH = "known-truth.parquet"
-_ORDER = ("smoother", "complementary", "rts", "kalman", "geometry")
 
 
 def compare(
@@ -92,7 +92,7 @@ def show_comparison(result: JobResult, target: Path, *, as_json: bool) -> None:
 def _place(name: str) -> tuple[int, str]:
     """The best method first, each followed by itself with the thesis' settings; a stored mapping keeps no order."""
     plain = name.removesuffix("-thesis")
-    return (_ORDER.index(plain) if plain in _ORDER else len(_ORDER), name)
+    return (METHODS.index(plain) if plain in METHODS else len(METHODS), name)
 
 
 def _errors(a: MethodAssessment) -> list[str]:

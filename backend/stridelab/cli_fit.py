@@ -14,7 +14,6 @@ from stridelab.cli_options import (
     Markers,
     Mass,
     Measured,
-    Method,
     OutFolder,
     PersonSex,
     Priors,
@@ -27,6 +26,7 @@ from stridelab.cli_options import (
     WithoutLearning,
     WithoutPlates,
 )
+from stridelab.schemas.methods import Method
 
 
 def fit_cycloid(

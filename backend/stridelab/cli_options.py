@@ -13,7 +13,6 @@ Walker = Literal["human", "talos"]
 Gait = Literal["walking", "running"]
 PostureMeasure = Literal["uniform", "conditioned"]
 PlanSolver = Literal["auto", "native", "casadi", "ipopt", "fatrop"]
-Method = Literal["complementary", "geometry", "kalman", "rts", "smoother"]
 OnlineMethod = Literal["complementary", "smoother"]
 SegmentTable = Literal["auto", "dumas2007", "deleva1996", "carried"]
 

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
-Method = Literal["complementary", "geometry", "kalman", "rts", "smoother"]
+from stridelab.schemas.methods import Method
 
 
 def study_population(

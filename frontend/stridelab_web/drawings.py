@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from scipy.spatial import ConvexHull, QhullError
 
 from stridelab.schemas.scenarios import BoxSurface, Scenario
 from stridelab_web.touches import Touch, box_corners_m, rotation, touches
@@ -100,11 +99,27 @@ def _footprint(touch: Touch, view: View, axes: tuple[int, int], to_px: Callable[
 
 
 def _outline(points: np.ndarray) -> np.ndarray:
-    """Convex outline of points of the plane; the points themselves where they span no area."""
-    try:
-        return np.asarray(points[ConvexHull(points).vertices])
-    except QhullError:
-        return points
+    """Convex outline of points of the plane (Andrew's monotone chain); the points themselves where they span no area.
+
+    A dozen points need no scipy, whose import would be a tenth of the web server's start.
+    """
+    along = sorted(tuple(point) for point in points.tolist())
+    outline = [*_left_of(along), *_left_of(along[::-1])]
+    return np.array(outline) if len(outline) > 2 else points
+
+
+def _left_of(along: Sequence[tuple[float, ...]]) -> list[tuple[float, ...]]:
+    """The chain that turns left all the way, from the first point to the one before the last."""
+    chain: list[tuple[float, ...]] = []
+    for x, y in along:
+        while len(chain) > 1 and _turn(chain[-2], chain[-1], (x, y)) <= 0.0:
+            chain.pop()
+        chain.append((x, y))
+    return chain[:-1]
+
+
+def _turn(a: tuple[float, ...], b: tuple[float, ...], c: tuple[float, ...]) -> float:
+    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
 
 
 def _bar(ends: np.ndarray) -> np.ndarray:

@@ -9,6 +9,7 @@ from typer.main import get_command
 from stridelab.cli import app
 from stridelab.cli_console import EXIT_CODES, FAILURE, INTERRUPTED
 from stridelab.schemas.jobs import SimulationNoise
+from stridelab.schemas.methods import METHODS
 from stridelab.service.settings import Settings
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -62,3 +63,8 @@ def test_the_settings_are_listed_with_their_defaults() -> None:
         if field.default not in (None, ""):
             stated = rows[name.upper()].strip("` ")
             assert stated == (f"{field.default:g}" if isinstance(field.default, float) else str(field.default)), name
+
+
+def test_every_estimator_is_named_where_one_is_chosen() -> None:
+    row = next(line for line in section_of("estimate").splitlines() if line.startswith("| `--method`"))
+    assert set(METHODS) <= set(re.findall(r"`([a-z-]+)`", row))

@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from stridelab.schemas.scenarios import BoxSurface, RailSurface, Scenario, ScenarioContact, ScenarioPhase
+from stridelab_web import drawings
 from stridelab_web.drawings import PX_PER_M, draw
 from stridelab_web.plan_plots import in_the_air_s, plan_curves
 from stridelab_web.touches import box_corners_m, rotation, touches
@@ -95,3 +97,13 @@ def test_plots_of_a_plan_add_up_the_corners_and_shade_steps(steps: Scenario) -> 
     assert drawn["columns"]["left_foot_fz_n"] == [60.0, 0.0, 4.0]
     assert [row["title"] for row in drawn["rows"]] == ["CoM x [m]", "Vertical force [N]"]
     assert drawn["shades_s"] == [[0.5, 2.0], [4.5, 8.0]]
+
+
+def test_the_outline_is_the_convex_hull() -> None:
+    rng = np.random.default_rng(0)
+    for n in (3, 4, 8, 30):
+        points = rng.standard_normal((n, 2))
+        hull = points[ConvexHull(points).vertices]
+        assert {tuple(p) for p in drawings._outline(points)} == {tuple(p) for p in hull}
+    line = np.array([[0.0, 0.0], [1.0, 1.0], [2.0, 2.0], [0.5, 0.5]])
+    assert np.array_equal(drawings._outline(line), line)

@@ -2,6 +2,10 @@
 
 import pytest
 
+from stridelab.schemas.methods import METHODS
+from stridelab.service.jobs.kinds.registry import KINDS
+from stridelab_web import words
+from stridelab_web.comparison_plots import STYLES
 from stridelab_web.words import fixed
 
 
@@ -10,3 +14,12 @@ from stridelab_web.words import fixed
 )
 def test_fixed_digits_and_no_negative_zero(value: float | None, text: str) -> None:
     assert fixed(value) == text
+
+
+def test_every_estimator_has_a_name_and_a_line_of_its_own() -> None:
+    assert set(METHODS) == set(words._METHODS)
+    assert set(METHODS) <= set(STYLES)
+
+
+def test_every_kind_of_job_has_a_name() -> None:
+    assert set(words.KINDS) == set(KINDS)

@@ -1,4 +1,4 @@
-"""The page docs/add-a-robot.md tells the truth: its card makes a robot, its table names every field and every code."""
+"""The page add-a-robot.md tells the truth: its card makes a robot, its table names every field and every code."""
 
 import dataclasses
 import re
@@ -17,7 +17,7 @@ from stridelab.robots.loader import load_robot, robot_names
 from stridelab.robots.robot import Robot
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "add-a-robot.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how-to" / "add-a-robot.md").read_text(encoding="utf-8")
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator, model_validator
 
 from stridelab.schemas.base import Contract, Interval, Problem, Remark
+from stridelab.schemas.methods import Method
 
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled", "timed_out"]
 FINAL_STATES: frozenset[JobState] = frozenset({"succeeded", "failed", "cancelled", "timed_out"})
@@ -111,7 +112,7 @@ class EstimateComInput(Contract):
     """Input of ``estimate-com``."""
 
     recording_id: str
-    method: Literal["complementary", "geometry", "kalman", "rts", "smoother"] | None = Field(
+    method: Method | None = Field(
         default=None,
         description=(
             "null: the smoother, or the complementary filter where the smoother refuses the recording; what was taken "

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Remark
+from stridelab.schemas.methods import Method
 from stridelab.schemas.recordings import AgeYears, HeightM, MassKg, Recording, Sex
 
 MAX_RECORDINGS = 500
@@ -55,7 +56,7 @@ class StudyPopulationInput(Contract):
 
     recording_ids: list[str] = Field(min_length=1, max_length=MAX_RECORDINGS)
     subjects: list[SubjectOfRecording] = Field(default_factory=list, max_length=MAX_RECORDINGS)
-    method: Literal["complementary", "geometry", "kalman", "rts", "smoother"] | None = Field(
+    method: Method | None = Field(
         default=None, description="estimator of the centre of mass; null takes the best, as in `estimate-com`"
     )
     steps: Literal["measured", "all"] = Field(default="measured", description="which steps count, as in `fit-cycloid`")

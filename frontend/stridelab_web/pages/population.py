@@ -6,9 +6,9 @@ from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 
 from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.methods import METHODS
 from stridelab.schemas.population import StudyPopulationSummary
 from stridelab.schemas.recordings import Recording
-from stridelab_web.pages.recording import METHODS
 from stridelab_web.pages.render import page
 from stridelab_web.population_bars import bars_of
 from stridelab_web.population_charts import AGAINST, charts_against, groups_of

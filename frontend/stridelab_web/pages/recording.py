@@ -4,12 +4,12 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from stridelab.schemas.jobs import EstimateComInput
+from stridelab.schemas.methods import METHODS
 from stridelab_web import strips
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.render import page
 from stridelab_web.service import client_of
 
-METHODS = ("smoother", "complementary", "rts", "kalman", "geometry")
 LATENCIES = (
     ("report", "estimate and report"),
     ("apply", "estimate and correct"),

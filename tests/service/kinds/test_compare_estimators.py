@@ -8,9 +8,9 @@ import pytest
 
 from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.schemas.comparison import CompareEstimatorsInput, CompareEstimatorsSummary
+from stridelab.schemas.methods import METHODS
 from stridelab.service.jobs.kinds import compare_estimators, estimate_com
 from stridelab.service.jobs.kinds.provenance import known_references
-from stridelab.service.jobs.kinds.requirements import METHODS
 from stridelab.service.jobs.kinds.tables_io import read_about
 from stridelab.service.jobs.kinds.tasks import CompareEstimatorsTask
 from stridelab.service.jobs.kinds.truth import com_errors_mm, known_motion

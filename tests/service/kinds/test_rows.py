@@ -150,7 +150,7 @@ def test_a_simulation_becomes_a_recording_once_however_often_it_is_tried(
         raise ConnectionError("the worker died before the commit")
 
     async def act(connection: AsyncConnection) -> Any:
-        staged = await rows.stage_simulate_recording(connection, blobs, asked, folder)
+        staged = await rows.stage_input(connection, blobs, asked, folder)
         assert SimulateRecordingTask.model_validate(staged).input == asked
         await connection.execute(insert(job).values(id="j1", kind="simulate-recording", input={}, input_hash="h"))
         summary = await rows.publish_simulated_recording(connection, blobs, job_row, outcome, folder)
@@ -249,7 +249,7 @@ def test_a_receding_horizon_takes_the_scenario_as_it_is_now(database_url: str, b
 def test_planning_contacts_stages_nothing(database_url: str, blobs: BlobStore, folder: Path) -> None:
     async def act(connection: AsyncConnection) -> Any:
         asked = PlanContactsInput(robot="talos", terrain=ONE_STEP["terrain"], start=STANDING, goal=STANDING_AHEAD)
-        return await rows.stage_plan_contacts(connection, blobs, asked, folder)
+        return await rows.stage_input(connection, blobs, asked, folder)
 
     assert PlanContactsTask.model_validate(within(database_url, act)).input.goal.contacts[0].position_m[0] == 0.5
     assert list(folder.iterdir()) == []
@@ -258,7 +258,7 @@ def test_planning_contacts_stages_nothing(database_url: str, blobs: BlobStore, f
 def test_learning_stages_nothing(database_url: str, blobs: BlobStore, folder: Path) -> None:
     async def act(connection: AsyncConnection) -> Any:
         asked = LearnReachabilityInput(robot="talos", samples=500)
-        return await rows.stage_learn_reachability(connection, blobs, asked, folder)
+        return await rows.stage_input(connection, blobs, asked, folder)
 
     assert LearnReachabilityTask.model_validate(within(database_url, act)).input.samples == 500
     assert list(folder.iterdir()) == []

@@ -29,10 +29,11 @@ from stridelab.schemas.comparison import (
     MethodAssessment,
     MomentumRateAgreement,
 )
+from stridelab.schemas.methods import METHODS
 from stridelab.service.jobs.kinds.estimate_com import estimator
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.preparing import Prepared, prepare
-from stridelab.service.jobs.kinds.requirements import METHODS, require_method
+from stridelab.service.jobs.kinds.requirements import require_method
 from stridelab.service.jobs.kinds.tables_io import write_table
 from stridelab.service.jobs.kinds.tasks import CompareEstimatorsTask
 from stridelab.service.jobs.kinds.truth import known_motion

@@ -9,10 +9,8 @@ from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.recordings import windows as measured
 from stridelab.recordings.marker_sets import MarkerSetMatch
 from stridelab.recordings.recording import Remark, Window
+from stridelab.schemas.methods import METHODS
 from stridelab.service.jobs.kinds.trial import Trial
-
-METHODS: Final = ("complementary", "geometry", "kalman", "rts", "smoother")
-"""Estimators of this version."""
 
 MASS_NOTED: Final = 0.05
 """Relative difference between the stated mass and the weight on the plates from which on it is noted."""

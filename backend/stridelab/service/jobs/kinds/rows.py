@@ -16,11 +16,10 @@ from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.schemas.base import Contract
 from stridelab.schemas.comparison import CompareEstimatorsInput
 from stridelab.schemas.cycloid import FitCycloidInput
-from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
-from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
+from stridelab.schemas.jobs import EstimateComInput
+from stridelab.schemas.plans import PlanMotionInput
 from stridelab.schemas.receding import PlanRecedingInput
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
-from stridelab.schemas.reproduction import ReproduceInput
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sweeps import SweepInput
 from stridelab.service.jobs.kinds.kind import Blobs, Json
@@ -28,13 +27,9 @@ from stridelab.service.jobs.kinds.tasks import (
     CompareEstimatorsTask,
     EstimateComTask,
     FitCycloidTask,
-    LearnReachabilityTask,
-    PlanContactsTask,
     PlanMotionTask,
     PlanRecedingTask,
     RecordingSource,
-    ReproduceTask,
-    SimulateRecordingTask,
     SweepTask,
 )
 from stridelab.service.storage.tables import job, recording, scenario, subject
@@ -91,10 +86,9 @@ async def stage_fit_cycloid(connection: AsyncConnection, blobs: Blobs, input: Co
     return FitCycloidTask(**(staged | {"input": request})).model_dump(mode="json")
 
 
-async def stage_simulate_recording(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
-    """Nothing to fetch."""
-    request = SimulateRecordingInput.model_validate(input.model_dump())
-    return SimulateRecordingTask(input=request).model_dump(mode="json")
+async def stage_input(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """Nothing to fetch: the task is the input."""
+    return {"input": input.model_dump(mode="json")}
 
 
 async def stage_plan_motion(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
@@ -119,24 +113,6 @@ async def stage_sweep(connection: AsyncConnection, blobs: Blobs, input: Contract
     request = SweepInput.model_validate(input.model_dump())
     body = request.scenario or await _scenario_body(connection, str(request.scenario_id))
     return SweepTask(scenario=body, input=request).model_dump(mode="json")
-
-
-async def stage_plan_contacts(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
-    """Nothing to fetch."""
-    request = PlanContactsInput.model_validate(input.model_dump())
-    return PlanContactsTask(input=request).model_dump(mode="json")
-
-
-async def stage_learn_reachability(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
-    """Nothing to fetch."""
-    request = LearnReachabilityInput.model_validate(input.model_dump())
-    return LearnReachabilityTask(input=request).model_dump(mode="json")
-
-
-async def stage_reproduce(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
-    """Nothing to fetch."""
-    request = ReproduceInput.model_validate(input.model_dump())
-    return ReproduceTask(input=request).model_dump(mode="json")
 
 
 async def publish_simulated_recording(

@@ -1,0 +1,50 @@
+"""A folder with what the first example writes, and a whole service as ``make serve`` starts it."""
+
+import runpy
+from collections.abc import Callable, Iterator
+from contextlib import chdir
+from pathlib import Path
+
+import pytest
+
+from support.database import public_folder
+from support.service import Service
+
+EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
+
+Example = Callable[..., str]
+"""``example(number, *arguments)``: runs an example in the folder and returns what it printed."""
+
+
+@pytest.fixture(scope="session")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where all examples run; the first of them has been here."""
+    made = tmp_path_factory.mktemp("examples")
+    with chdir(made):
+        runpy.run_path(str(EXAMPLES / "01_simulate_a_walk.py"), run_name="__main__")
+    return made
+
+
+@pytest.fixture
+def example(folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch) -> Example:
+    def run(number: str, *arguments: str) -> str:
+        (script,) = EXAMPLES.glob(f"{number}_*.py")
+        monkeypatch.chdir(folder)
+        monkeypatch.setattr("sys.argv", [str(script), *arguments])
+        capsys.readouterr()
+        runpy.run_path(str(script), run_name="__main__")
+        return capsys.readouterr().out
+
+    return run
+
+
+@pytest.fixture(scope="session")
+def service_url() -> Iterator[str]:
+    """Database, worker and all."""
+    with public_folder() as place:
+        service = Service(place / "data", command=("stridelab.cli", "serve"))
+        service.start(STRIDELAB_MIN_FREE_DISK_MB="0", STRIDELAB_PARSE_TIMEOUT_S="60", STRIDELAB_STALL_S="60")
+        try:
+            yield f"http://127.0.0.1:{service.port}"
+        finally:
+            service.stop()
