@@ -102,6 +102,18 @@ def test_frames_that_run_backwards(tmp_path: Path) -> None:
     assert refused_bytes(tmp_path, bytes(content)).code == "absurd-c3d-header"
 
 
+@pytest.mark.parametrize("name", ["DATA_START", "FRAMES", "USED", "RATE", "GEN_SCALE"])
+def test_a_parameter_that_must_be_a_number_and_is_text(name: str, tmp_path: Path) -> None:
+    """ezc3d takes the first of its numbers without a look, and ends the process."""
+    content = bytearray(good(tmp_path))
+    kind = content.index(name.encode(), 512) + len(name) + 2
+    assert content[kind] in {2, 4}
+    content[kind] = 0xFF
+    error = refused_bytes(tmp_path, bytes(content))
+    assert error.code == "c3d-parameters-broken"
+    assert "is text" in error.faults[0].message
+
+
 def test_parameter_chain_that_leaves_the_section(tmp_path: Path) -> None:
     content = bytearray(good(tmp_path))
     name_length = abs(struct.unpack_from("b", content, 516)[0])

@@ -18,17 +18,29 @@ _LAST_PARAMETER_BLOCK = 20
 _MAX_POINTS = 2000
 _MAX_ANALOG_PER_FRAME = 40000
 _MAX_VALUES = 200_000_000
+_NUMBERS = {
+    "POINT": {"USED", "SCALE", "RATE", "DATA_START", "FRAMES"},
+    "ANALOG": {"USED", "GEN_SCALE", "SCALE", "OFFSET", "RATE", "BITS"},
+    "FORCE_PLATFORM": {"USED", "TYPE", "ZERO", "CORNERS", "ORIGIN", "CHANNEL", "CAL_MATRIX"},
+    "ROTATION": {"USED", "DATA_START", "RATE", "RATIO"},
+}
+"""Parameters that ezc3d takes for numbers, and the first of them for the only one, without a look at their type."""
+_SINGLE = {"USED", "RATE", "DATA_START", "FRAMES", "GEN_SCALE", "RATIO"}
 _PROCESSORS = {84: "<", 85: "<", 86: ">"}
 """Intel, DEC and MIPS, with the byte order of their integers."""
 
 
 @dataclass(frozen=True)
 class _Record:
-    """One parameter record: number of its group, name, and how many values it holds (texts count as one)."""
+    """One record: number of its group, name, and how many values it holds (texts count as one) and whether of text.
+
+    A group's own record has its number below zero, and no values.
+    """
 
     group: int
     name: str
     n_values: int
+    is_text: bool
 
 
 def check_c3d(path: Path) -> None:
@@ -52,6 +64,7 @@ def check_c3d(path: Path) -> None:
     records = _follow_chain(path, section, order)
     _check_counts(path, n_points, n_analog, first, last)
     _check_data(path, head, order, size)
+    _check_numbers(path, records)
     if n_analog:
         _check_analog(path, records)
 
@@ -83,12 +96,12 @@ def _follow_chain(path: Path, section: bytes, order: str) -> list[_Record]:
             (step,) = struct.unpack_from(order + "H", section, link)
             if group == 0 or not name.strip(b" \0") or any(byte < 0x20 for byte in name.rstrip(b"\0")):
                 raise _broken(path, f"a record at byte {at} has no proper name")
-            length, n_values = _values(path, section, link + 2) if group > 0 else (0, 0)
+            length, n_values, is_text = _values(path, section, link + 2) if group > 0 else (0, 0, False)
             end = link + 2 + length
             end += 1 + section[end]
             if end > len(section):
                 raise _truncated(path, "the parameter section")
-            records.append(_Record(group, name.decode("latin-1").strip().upper(), n_values))
+            records.append(_Record(group, name.decode("latin-1").strip().upper(), n_values, is_text))
             if step == 0:
                 break
             if end > link + step:
@@ -99,14 +112,15 @@ def _follow_chain(path: Path, section: bytes, order: str) -> list[_Record]:
     return records
 
 
-def _values(path: Path, section: bytes, at: int) -> tuple[int, int]:
-    """Bytes of a parameter's type, dimensions and values, and the number of values."""
+def _values(path: Path, section: bytes, at: int) -> tuple[int, int, bool]:
+    """Bytes of a parameter's type, dimensions and values, the number of values, and whether they are text."""
     (kind,) = struct.unpack_from("b", section, at)
     n_dimensions = section[at + 1]
     if kind not in (-1, 1, 2, 4) or n_dimensions > 7:
         raise _broken(path, f"a parameter of type {kind} with {n_dimensions} dimensions")
     shape = section[at + 2 : at + 2 + n_dimensions]
-    return 2 + n_dimensions + abs(kind) * math.prod(shape), math.prod(shape[1:] if kind == -1 else shape)
+    n_values = math.prod(shape[1:] if kind == -1 else shape)
+    return 2 + n_dimensions + abs(kind) * math.prod(shape), n_values, kind == -1
 
 
 def _check_counts(path: Path, n_points: int, n_analog: int, first: int, last: int) -> None:
@@ -138,6 +152,19 @@ def _check_data(path: Path, head: bytes, order: str, size: int) -> None:
     width = 4 if any(byte & 0x80 for byte in signs) else 2
     if data_block < 2 or (data_block - 1) * _BLOCK + values * width > size:
         raise _truncated(path, "its frames")
+
+
+def _check_numbers(path: Path, records: list[_Record]) -> None:
+    """Parameters that are read as numbers must be numbers, and there where one is needed."""
+    groups = {-record.group: record.name for record in records if record.group < 0}
+    for record in records:
+        group = groups.get(record.group, "")
+        if record.name not in _NUMBERS.get(group, ()):
+            continue
+        if record.is_text:
+            raise _broken(path, f"{group}:{record.name} is text, not a number")
+        if record.name in _SINGLE and record.n_values == 0:
+            raise _broken(path, f"{group}:{record.name} has no value")
 
 
 def _check_analog(path: Path, records: list[_Record]) -> None:
