@@ -184,6 +184,10 @@ def test_child_is_modest_and_knows_no_secrets(run: Run, monkeypatch: pytest.Monk
     assert seen["threads"] == "1"
 
 
+def test_a_child_that_somebody_waits_for_keeps_its_rank(run: Run) -> None:
+    assert run("environment", yields=False).value["nice"] == os.nice(0)
+
+
 def test_every_task_has_a_child_of_its_own(with_pool: Any, tmp_path: Path) -> None:
     async def act(pool: IsolatedPool) -> list[IsolatedOutcome]:
         ask = {"timeout_s": 30.0, "memory_mb": 500}

@@ -1,8 +1,9 @@
 """The process in which one computation runs, forked from one that has imported what it needs (``forking``).
 
 It waits for one task on its wire, answers on it, and ends. JSON lines only, both ways; files lie in the task's folder.
-It ends with its parent, has a session of its own (so that what it starts can be killed with it), little priority, one
-thread per library, and no secrets in its environment. This module imports no library but the standard one.
+It ends with its parent, has a session of its own (so that what it starts can be killed with it), little priority
+unless it reads what somebody has just sent, one thread per library, and no secrets in its environment. This module
+imports no library but the standard one.
 """
 
 import contextlib
@@ -27,9 +28,11 @@ NAME: Final = "stridelab-job"
 _MIN_PROGRESS_S = 0.02
 
 
-def live(wire: int) -> NoReturn:
+def live(wire: int, *, yields: bool) -> NoReturn:
     """Wait for one task on the socket ``wire``, do it, answer."""
-    _be_modest()
+    if yields:
+        yield_processor()
+    _be_known()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # line by line, so that a killed child's last words are kept
     faulthandler.enable()
@@ -98,9 +101,8 @@ def forbid_core_files() -> None:
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
 
 
-def _be_modest() -> None:
-    """Leave the processor to who answers people, be the first to go where memory is short, and have a name."""
-    yield_processor()
+def _be_known() -> None:
+    """Have a name, and be the first to go where memory is short."""
     for file, text in (("oom_score_adj", "1000"), ("comm", NAME)):
         with contextlib.suppress(OSError):  # not Linux, or not allowed: the memory limit still holds
             Path("/proc/self", file).write_text(text, encoding="ascii")

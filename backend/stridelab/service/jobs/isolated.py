@@ -89,13 +89,15 @@ class IsolatedPool:
         memory_mb: int,
         cancel: asyncio.Event | None = None,
         on_progress: OnProgress | None = None,
+        yields: bool = True,
     ) -> IsolatedOutcome:
         """Run ``target`` (``"module:function"``) as ``f(task, folder, progress)`` in a child of its own.
 
         ``timeout_s`` counts from the moment at which the child is ready. Setting ``cancel``, or cancelling the
-        calling task, kills the child and all that it started.
+        calling task, kills the child and all that it started. It ``yields`` the processor, unless it is short and
+        somebody waits for it.
         """
-        child = await self._born()
+        child = await self._born(yields=yields)
         try:
             return await child.work(
                 {"target": target, "task": dict(task), "folder": str(folder.resolve()), "memory_mb": memory_mb},
@@ -107,13 +109,13 @@ class IsolatedPool:
         finally:
             await asyncio.shield(child.end())
 
-    async def _born(self) -> "_Child":
+    async def _born(self, *, yields: bool) -> "_Child":
         try:
             nursery = await self._living()
-            return _Child(nursery, await nursery.fork())
+            return _Child(nursery, await nursery.fork(yields=yields))
         except OSError:  # it ended between the two
             nursery = await self._living()
-            return _Child(nursery, await nursery.fork())
+            return _Child(nursery, await nursery.fork(yields=yields))
 
     async def _living(self) -> Nursery:
         async with self._starting:

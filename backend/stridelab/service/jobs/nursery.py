@@ -79,15 +79,20 @@ class Nursery:
         """Whether it has ended, so that another one is wanted."""
         return self._is_gone
 
-    async def fork(self) -> Forked:
-        """A new child. Raises ``OSError`` where the nursery has just ended."""
+    async def fork(self, *, yields: bool) -> Forked:
+        """A new child, which ``yields`` the processor to everybody else, or not.
+
+        Raises ``OSError`` where the nursery has just ended.
+        """
         self._serial += 1
         serial = self._serial
         wire, theirs = socket.socketpair()
         log, printed = os.pipe()
         with theirs, os.fdopen(printed, "wb") as their_log:
             try:
-                socket.send_fds(self._control, [REQUEST.pack(FORK, serial)], [theirs.fileno(), their_log.fileno()])
+                socket.send_fds(
+                    self._control, [REQUEST.pack(FORK, serial, yields)], [theirs.fileno(), their_log.fileno()]
+                )
             except OSError:
                 wire.close()
                 os.close(log)
@@ -107,7 +112,7 @@ class Nursery:
         child.log_transport.close()
         self._children.pop(child.serial, None)
         with contextlib.suppress(OSError):  # the nursery has ended, and its children with it
-            self._control.send(REQUEST.pack(LET_GO, child.serial))
+            self._control.send(REQUEST.pack(LET_GO, child.serial, False))
 
     async def close(self) -> None:
         """Kill it, and wait until it has ended."""

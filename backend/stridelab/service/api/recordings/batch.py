@@ -79,7 +79,7 @@ async def _read_all(parts: Parts, forms: ReceivedForms, folder: Path) -> dict[st
     }
     async with parts.parsers:
         outcome = await parts.pool.run(
-            PARSE_BATCH, task, folder, timeout_s=TIMEOUT_S, memory_mb=3 * settings.parse_memory_mb
+            PARSE_BATCH, task, folder, timeout_s=TIMEOUT_S, memory_mb=3 * settings.parse_memory_mb, yields=False
         )
     if outcome.raised is not None:
         raise outcome.as_error()

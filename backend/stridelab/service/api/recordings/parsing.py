@@ -75,6 +75,7 @@ async def parse(parts: Parts, folder: Path, file: str, filename: str, switches: 
             folder,
             timeout_s=parts.settings.parse_timeout_s,
             memory_mb=parts.settings.parse_memory_mb,
+            yields=False,
         )
     if outcome.raised is not None:
         raise outcome.as_error()
