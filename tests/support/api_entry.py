@@ -1,9 +1,9 @@
-"""The web server without libraries imported ahead for parsing: tests start it often."""
+"""The web server, which imports what reads uploads with the first one: tests start it often."""
 
 from stridelab.service.api import app
 from stridelab.service.api.__main__ import main
-from stridelab.service.jobs.isolated import IsolatedPool
+from support.late_pool import LatePool
 
 if __name__ == "__main__":
-    app.IsolatedPool = lambda _: IsolatedPool()  # type: ignore[assignment,misc]
+    app.IsolatedPool = LatePool  # type: ignore[misc]
     main()

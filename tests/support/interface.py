@@ -16,8 +16,8 @@ from fastapi import FastAPI
 
 from stridelab.service.api.app import create_app
 from stridelab.service.api.parts import Parts
-from stridelab.service.jobs.isolated import IsolatedPool
 from stridelab.service.settings import Settings
+from support.late_pool import LatePool
 
 T = TypeVar("T")
 
@@ -78,8 +78,7 @@ def served(database_url: str, data: Path, **options: Any) -> Iterator[Served]:
         await task
 
     thread = threading.Thread(target=lambda: asyncio.run(serve()), daemon=True)
-    # A child that waits for an upload costs seconds of imports, and most tests upload nothing.
-    with mock.patch("stridelab.service.api.app.IsolatedPool", side_effect=lambda _: IsolatedPool()):
+    with mock.patch("stridelab.service.api.app.IsolatedPool", LatePool):
         thread.start()
         assert started.wait(60)
     assert server.started, "the application did not start; see the log"
