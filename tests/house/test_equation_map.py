@@ -4,6 +4,7 @@ import importlib.util
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -17,11 +18,19 @@ SPEC.loader.exec_module(themap)
 
 LISTED = themap.equations()
 ORDER = [equation.number for equation in LISTED]
-COMPUTED = themap.implementations(ORDER)
-TESTED = themap.tests(ORDER)
 CITING = [
     path for folder in ("backend", "frontend", "tests", "scripts") for path in sorted((ROOT / folder).rglob("*.py"))
 ]
+
+
+@pytest.fixture(scope="module")
+def computed() -> Any:
+    return themap.implementations(ORDER)
+
+
+@pytest.fixture(scope="module")
+def tested() -> Any:
+    return themap.tests(ORDER)
 
 
 def natural(number: str) -> tuple[int, int, str]:
@@ -39,12 +48,14 @@ def test_the_list_is_whole_and_in_order() -> None:
 
 
 @pytest.mark.parametrize("equation", LISTED, ids=ORDER)
-def test_an_equation_has_a_module_and_a_test_or_a_reason(equation: "themap.Equation") -> None:
+def test_an_equation_has_a_module_and_a_test_or_a_reason(
+    equation: "themap.Equation", computed: Any, tested: Any
+) -> None:
     if equation.unused:
         assert equation.unused.endswith(".")
     else:
-        assert themap.places(equation, COMPUTED), "no docstring of a module that computes cites it"
-        assert themap.places(equation, TESTED), "no docstring of a test cites it"
+        assert themap.places(equation, computed), "no docstring of a module that computes cites it"
+        assert themap.places(equation, tested), "no docstring of a test cites it"
 
 
 def test_only_listed_equations_are_cited_and_in_one_way() -> None:
