@@ -102,7 +102,7 @@ def test_frames_that_run_backwards(tmp_path: Path) -> None:
     assert refused_bytes(tmp_path, bytes(content)).code == "absurd-c3d-header"
 
 
-@pytest.mark.parametrize("name", ["DATA_START", "FRAMES", "USED", "RATE", "GEN_SCALE"])
+@pytest.mark.parametrize("name", ["DATA_START", "FRAMES", "USED", "RATE", "GEN_SCALE", "CORNERS", "ORIGIN"])
 def test_a_parameter_that_must_be_a_number_and_is_text(name: str, tmp_path: Path) -> None:
     """ezc3d takes the first of its numbers without a look, and ends the process."""
     content = bytearray(good(tmp_path))
@@ -111,7 +111,28 @@ def test_a_parameter_that_must_be_a_number_and_is_text(name: str, tmp_path: Path
     content[kind] = 0xFF
     error = refused_bytes(tmp_path, bytes(content))
     assert error.code == "c3d-parameters-broken"
-    assert "is text" in error.faults[0].message
+    wanted = "is text" if name in {"CORNERS", "ORIGIN"} else "text at byte"  # the others have no dimensions
+    assert wanted in error.faults[0].message
+
+
+@pytest.mark.parametrize("name", ["UNITS", "LABELS", "DESCRIPTIONS"])
+def test_a_text_without_a_length(name: str, tmp_path: Path) -> None:
+    """ezc3d ends the process on text that has no dimension."""
+    content = bytearray(good(tmp_path))
+    kind = content.index(name.encode(), 512) + len(name) + 2
+    assert content[kind] == 0xFF
+    content[kind + 1] = 0
+    error = refused_bytes(tmp_path, bytes(content))
+    assert error.code == "c3d-parameters-broken"
+    assert "has no length" in error.faults[0].message
+
+
+def test_a_parameter_section_of_no_blocks(tmp_path: Path) -> None:
+    content = bytearray(good(tmp_path))
+    content[514] = 0
+    error = refused_bytes(tmp_path, bytes(content))
+    assert error.code == "c3d-parameters-broken"
+    assert "0 blocks" in error.faults[0].message
 
 
 def test_parameter_chain_that_leaves_the_section(tmp_path: Path) -> None:

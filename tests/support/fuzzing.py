@@ -202,14 +202,14 @@ def _child(reader: Reader, raw: bytes, folder: Path, report: Path) -> None:
 
 
 def fuzz(
-    name: str, reader: Reader, folder: Path, *, count: int, seconds: float
+    name: str, reader: Reader, folder: Path, *, count: int, seconds: float, first: int = 0
 ) -> tuple[dict[str, int], list[Finding]]:
-    """Run inputs until ``count`` or ``seconds`` is reached; how many were read and refused, and what was found."""
+    """Run inputs from ``first`` on for ``count`` or ``seconds``; how many were read and refused, what was found."""
     ends = time.monotonic() + seconds
     counts = {"read": 0, "refused": 0}
     findings: list[Finding] = []
-    for number, raw in inputs(name, reader):
-        if number >= count or time.monotonic() > ends:
+    for number, raw in inputs(name, reader, first):
+        if number >= first + count or time.monotonic() > ends:
             return counts, findings
         how = outcome(reader, raw, folder)
         if how in counts:
@@ -224,13 +224,16 @@ def main() -> int:
     options = argparse.ArgumentParser(description=__doc__)
     options.add_argument("--seconds", type=float, default=600.0, help="per reader")
     options.add_argument("--count", type=int, default=sys.maxsize, help="inputs per reader")
+    options.add_argument("--first", type=int, default=0, help="number of the first input, where another run ended")
     options.add_argument("--reader", help="only this one")
     asked = options.parse_args()
     bad = 0
     with tempfile.TemporaryDirectory(prefix="stridelab-fuzz-") as place:
         for name, reader in readers(Path(place)).items():
             if asked.reader in (None, name):
-                counts, findings = fuzz(name, reader, Path(place), count=asked.count, seconds=asked.seconds)
+                counts, findings = fuzz(
+                    name, reader, Path(place), count=asked.count, seconds=asked.seconds, first=asked.first
+                )
                 bad += len(findings)
                 print(
                     f"{name}: {counts['read']} read, {counts['refused']} refused, {len(findings)} findings", flush=True

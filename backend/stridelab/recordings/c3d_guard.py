@@ -59,6 +59,8 @@ def check_c3d(path: Path) -> None:
         order = _PROCESSORS.get(start[3])
         if order is None:
             raise _broken(path, f"unknown processor type {start[3]}")
+        if start[2] == 0:
+            raise _broken(path, "it says that it is 0 blocks long")
         section = start + file.read(start[2] * _BLOCK - 4)
     n_points, n_analog, first, last = struct.unpack_from(order + "4H", head, 2)
     records = _follow_chain(path, section, order)
@@ -118,6 +120,8 @@ def _values(path: Path, section: bytes, at: int) -> tuple[int, int, bool]:
     n_dimensions = section[at + 1]
     if kind not in (-1, 1, 2, 4) or n_dimensions > 7:
         raise _broken(path, f"a parameter of type {kind} with {n_dimensions} dimensions")
+    if kind == -1 and n_dimensions == 0:
+        raise _broken(path, f"the text at byte {at} has no length")  # ezc3d's process ends on it
     shape = section[at + 2 : at + 2 + n_dimensions]
     n_values = math.prod(shape[1:] if kind == -1 else shape)
     return 2 + n_dimensions + abs(kind) * math.prod(shape), n_values, kind == -1
