@@ -63,6 +63,7 @@ def service() -> Iterator[Service]:
             "STRIDELAB_WORKER_SLOTS": "1",
             "STRIDELAB_MIN_FREE_DISK_MB": "0",
             "STRIDELAB_PARSE_TIMEOUT_S": "60",  # the machine may be busy with other things
+            "STRIDELAB_JOB_NICENESS": "0",  # and jobs must get on beside them
         }
         command = [sys.executable, "-c", "from stridelab.cli import main; main()", "serve"]
         process = subprocess.Popen(command, env=environment, stdout=log, stderr=log, start_new_session=True)

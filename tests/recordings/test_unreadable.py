@@ -111,8 +111,7 @@ def test_a_parameter_that_must_be_a_number_and_is_text(name: str, tmp_path: Path
     content[kind] = 0xFF
     error = refused_bytes(tmp_path, bytes(content))
     assert error.code == "c3d-parameters-broken"
-    wanted = "is text" if name in {"CORNERS", "ORIGIN"} else "text at byte"  # the others have no dimensions
-    assert wanted in error.faults[0].message
+    assert f"{name} is text" in error.faults[0].message
 
 
 @pytest.mark.parametrize("name", ["UNITS", "LABELS", "DESCRIPTIONS"])
@@ -124,7 +123,27 @@ def test_a_text_without_a_length(name: str, tmp_path: Path) -> None:
     content[kind + 1] = 0
     error = refused_bytes(tmp_path, bytes(content))
     assert error.code == "c3d-parameters-broken"
-    assert "has no length" in error.faults[0].message
+    assert error.faults[0].message == f"{name} is text without a length"
+
+
+def test_a_name_in_small_letters_is_another_name(tmp_path: Path) -> None:
+    """ezc3d does not find the offsets then, and ends the process."""
+    content = bytearray(good(tmp_path))
+    content[content.index(b"OFFSET", 512)] = ord("o")
+    error = refused_bytes(tmp_path, bytes(content))
+    assert error.code == "c3d-parameters-broken"
+    assert "ANALOG:OFFSET has 0 of" in error.faults[0].message
+
+
+@pytest.mark.parametrize("rate_hz", [1e9, float("inf"), float("nan")])
+def test_an_analog_rate_that_no_recorder_has(rate_hz: float, tmp_path: Path) -> None:
+    """ezc3d would read 10^7 samples per frame, most of them behind the end of the file."""
+    content = bytearray(good(tmp_path))
+    analog = content.index(b"ANALOG", 512)
+    struct.pack_into("<f", content, content.index(b"RATE", analog) + len("RATE") + 4, rate_hz)
+    error = refused_bytes(tmp_path, bytes(content))
+    assert error.code == "c3d-parameters-broken"
+    assert f"ANALOG:RATE is {np.float32(rate_hz):g} Hz" in error.faults[0].message
 
 
 def test_a_parameter_section_of_no_blocks(tmp_path: Path) -> None:

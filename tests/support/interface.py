@@ -58,7 +58,9 @@ class Served:
 @contextmanager
 def served(database_url: str, data: Path, **options: Any) -> Iterator[Served]:
     """Run the application with ``options`` as settings; stopped at the end."""
-    settings = Settings(**{"database_url": database_url, "data_dir": data, "min_free_disk_mb": 0, **options})
+    settings = Settings(
+        **{"database_url": database_url, "data_dir": data, "min_free_disk_mb": 0, "job_niceness": 0, **options}
+    )
     app = create_app(settings)
     structlog.configure(
         logger_factory=structlog.stdlib.LoggerFactory(), processors=[structlog.processors.KeyValueRenderer()]

@@ -7,7 +7,7 @@ byte in the wrong place is a crash or an endless loop there, and a refusal with 
 
 import math
 import struct
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stridelab.errors import Fault, UnreadableFile
@@ -26,21 +26,23 @@ _NUMBERS = {
 }
 """Parameters that ezc3d takes for numbers, and the first of them for the only one, without a look at their type."""
 _SINGLE = {"USED", "RATE", "DATA_START", "FRAMES", "GEN_SCALE", "RATIO"}
-_PROCESSORS = {84: "<", 85: "<", 86: ">"}
+_DEC = 85
+_PROCESSORS = {84: "<", _DEC: "<", 86: ">"}
 """Intel, DEC and MIPS, with the byte order of their integers."""
 
 
 @dataclass(frozen=True)
 class _Record:
-    """One record: number of its group, name, and how many values it holds (texts count as one) and whether of text.
+    """One record: number of its group, name, how many values it holds (texts count as one), whether of text, the first.
 
-    A group's own record has its number below zero, and no values.
+    A group's own record has its number below zero, and no values. Names are as written: ezc3d knows capitals only.
     """
 
     group: int
     name: str
-    n_values: int
-    is_text: bool
+    n_values: int = 0
+    is_text: bool = False
+    first: float = math.nan
 
 
 def check_c3d(path: Path) -> None:
@@ -63,12 +65,13 @@ def check_c3d(path: Path) -> None:
             raise _broken(path, "it says that it is 0 blocks long")
         section = start + file.read(start[2] * _BLOCK - 4)
     n_points, n_analog, first, last = struct.unpack_from(order + "4H", head, 2)
-    records = _follow_chain(path, section, order)
+    records = _follow_chain(path, section, start[3])
     _check_counts(path, n_points, n_analog, first, last)
     _check_data(path, head, order, size)
     _check_numbers(path, records)
     if n_analog:
         _check_analog(path, records)
+        _check_rates(path, records, last - first + 1)
 
 
 def _truncated(path: Path, what: str) -> UnreadableFile:
@@ -83,13 +86,13 @@ def _broken(path: Path, what: str) -> UnreadableFile:
     )
 
 
-def _follow_chain(path: Path, section: bytes, order: str) -> list[_Record]:
+def _follow_chain(path: Path, section: bytes, processor: int) -> list[_Record]:
     """All records; each must be whole and sane, and all must fit into the section.
 
     A record is: length of the name, group number (negative for a group itself), name, offset to the next record, then
     for a parameter its type, number of dimensions, dimensions and values, then the description with its length.
     """
-    at, records = 4, []
+    at, records, order = 4, [], _PROCESSORS[processor]
     try:
         while name_length := abs(struct.unpack_from("b", section, at)[0]):
             (group,) = struct.unpack_from("b", section, at + 1)
@@ -98,12 +101,14 @@ def _follow_chain(path: Path, section: bytes, order: str) -> list[_Record]:
             (step,) = struct.unpack_from(order + "H", section, link)
             if group == 0 or not name.strip(b" \0") or any(byte < 0x20 for byte in name.rstrip(b"\0")):
                 raise _broken(path, f"a record at byte {at} has no proper name")
-            length, n_values, is_text = _values(path, section, link + 2) if group > 0 else (0, 0, False)
+            known, length = _Record(group, name.decode("latin-1").strip()), 0
+            if group > 0:
+                known, length = _with_values(path, known, section, link + 2, processor)
             end = link + 2 + length
             end += 1 + section[end]
             if end > len(section):
                 raise _truncated(path, "the parameter section")
-            records.append(_Record(group, name.decode("latin-1").strip().upper(), n_values, is_text))
+            records.append(known)
             if step == 0:
                 break
             if end > link + step:
@@ -114,17 +119,28 @@ def _follow_chain(path: Path, section: bytes, order: str) -> list[_Record]:
     return records
 
 
-def _values(path: Path, section: bytes, at: int) -> tuple[int, int, bool]:
-    """Bytes of a parameter's type, dimensions and values, the number of values, and whether they are text."""
+def _with_values(path: Path, record: _Record, section: bytes, at: int, processor: int) -> tuple[_Record, int]:
+    """A parameter with what it holds, and the bytes of its type, dimensions and values."""
     (kind,) = struct.unpack_from("b", section, at)
     n_dimensions = section[at + 1]
     if kind not in (-1, 1, 2, 4) or n_dimensions > 7:
         raise _broken(path, f"a parameter of type {kind} with {n_dimensions} dimensions")
     if kind == -1 and n_dimensions == 0:
-        raise _broken(path, f"the text at byte {at} has no length")  # ezc3d's process ends on it
+        raise _broken(path, f"{record.name} is text without a length")  # ezc3d's process ends on it
     shape = section[at + 2 : at + 2 + n_dimensions]
     n_values = math.prod(shape[1:] if kind == -1 else shape)
-    return 2 + n_dimensions + abs(kind) * math.prod(shape), n_values, kind == -1
+    length = 2 + n_dimensions + abs(kind) * math.prod(shape)
+    first = math.nan
+    if kind != -1 and n_values and at + length <= len(section):
+        first = _number(kind, section[at + 2 + n_dimensions :][:kind], processor)
+    return replace(record, n_values=n_values, is_text=kind == -1, first=first), length
+
+
+def _number(kind: int, raw: bytes, processor: int) -> float:
+    """One value of ``kind`` bytes; a DEC float has its halves exchanged and an exponent that is two higher."""
+    if kind == 4 and processor == _DEC:
+        return float(struct.unpack("<f", raw[2:] + raw[:2])[0]) / 4.0
+    return float(struct.unpack(_PROCESSORS[processor] + {1: "b", 2: "h", 4: "f"}[kind], raw)[0])
 
 
 def _check_counts(path: Path, n_points: int, n_analog: int, first: int, last: int) -> None:
@@ -179,6 +195,19 @@ def _check_analog(path: Path, records: list[_Record]) -> None:
         n = _entries(records, numbers, wanted)
         if n == 0 or n < n_channels:
             raise _broken(path, f"ANALOG:{wanted} has {n} of {n_channels} entries")
+
+
+def _check_rates(path: Path, records: list[_Record], n_frames: int) -> None:
+    """ezc3d reads as many samples per frame as the rates say, whatever the header says."""
+    groups = {record.name: -record.group for record in records if record.group < 0}
+    first = {(record.group, record.name): record.first for record in records}
+    used, rate_hz = (first.get((groups.get("ANALOG", 0), name), 0.0) for name in ("USED", "RATE"))
+    frames_hz = first.get((groups.get("POINT", 0), "RATE"), 0.0)
+    if frames_hz == 0.0:
+        return
+    per_frame = abs(used * rate_hz / frames_hz)
+    if not (per_frame <= _MAX_ANALOG_PER_FRAME and per_frame * n_frames <= _MAX_VALUES):
+        raise _broken(path, f"ANALOG:RATE is {rate_hz:g} Hz, for {used:g} channels and POINT:RATE {frames_hz:g} Hz")
 
 
 def _entries(records: list[_Record], groups: set[int], name: str) -> int:

@@ -15,17 +15,17 @@ _AGAIN_S: Final = (0.05, 0.1, 0.2, 0.4)
 """The kernel takes ten such changes per second from all users together; after that, it is done without."""
 
 
-def yield_processor() -> None:
-    """Make this process nicer, and its session, which it must lead."""
-    os.nice(NICENESS)
-    yield_session()
+def yield_processor(niceness: int = NICENESS) -> None:
+    """Make this process nicer by ``niceness``, and its session, which it must lead."""
+    os.nice(niceness)
+    yield_session(niceness)
 
 
-def yield_session(group: Path = _GROUP) -> None:
+def yield_session(niceness: int = NICENESS, group: Path = _GROUP) -> None:
     """Make this process' session nicer; for one that was forked from a nice process and has begun its own."""
     for pause_s in _AGAIN_S:
         try:
-            group.write_text(str(NICENESS), encoding="ascii")
+            group.write_text(str(niceness), encoding="ascii")
         except BlockingIOError:
             time.sleep(pause_s)
         except OSError:

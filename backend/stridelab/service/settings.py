@@ -6,6 +6,8 @@ from pathlib import Path
 from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from stridelab.service.niceness import NICENESS
+
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
 
 
@@ -37,6 +39,7 @@ class Settings(BaseSettings):
     worker_slots: int | None = Field(default=None, ge=1, description="jobs at a time per worker; cores - 1 by default")
     job_timeout_s: float = Field(default=600.0, gt=0, description="wall-clock limit of a job, unless its kind sets one")
     job_memory_mb: int = Field(default=3072, ge=128, description="memory limit of a job's process")
+    job_niceness: int = Field(default=NICENESS, ge=0, le=19, description="how far jobs yield the processor to others")
     job_max_attempts: int = Field(
         default=3, ge=1, description="starts of a job before a dying worker counts as failure"
     )

@@ -134,7 +134,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
         blobs = BlobStore.from_url(settings.blob_address, settings.blob_options)
         async with (
             JobBoard(url) as board,
-            IsolatedPool(READING) as pool,
+            IsolatedPool(READING, settings.job_niceness) as pool,
             Resident() as resident,
             aclosing(RobotShelf(pool, blobs, spool, settings.job_memory_mb)) as shelf,
         ):

@@ -28,10 +28,10 @@ NAME: Final = "stridelab-job"
 _MIN_PROGRESS_S = 0.02
 
 
-def live(wire: int, *, yields: bool) -> NoReturn:
+def live(wire: int, niceness: int) -> NoReturn:
     """Wait for one task on the socket ``wire``, do it, answer."""
-    if yields:
-        yield_processor()
+    if niceness > 0:
+        yield_processor(niceness)
     _be_known()
     if isinstance(sys.stdout, io.TextIOWrapper):
         sys.stdout.reconfigure(line_buffering=True)  # line by line, so that a killed child's last words are kept

@@ -3,7 +3,7 @@
 ``python -m stridelab.service.jobs.forking PARENT MODULES``; ``nursery`` is its parent's end. Its standard input is a
 socket on which it is asked, and answers, in records:
 
-    FORK, serial, yields, and two files
+    FORK, serial, niceness, and two files
                                    fork a child that converses on the one and prints into the other
     LET_GO, serial                 the child's process number may become somebody else's
     serial, code  (answer)         the child has ended; until it is let go it stays a zombie and can be signalled safely
@@ -27,8 +27,8 @@ from typing import Final, NoReturn
 from stridelab.service.jobs import child
 from stridelab.service.tether import die_with_parent
 
-REQUEST: Final = struct.Struct("<cq?")
-"""What is asked (``FORK`` or ``LET_GO``), the serial number that the asker gave to the child, whether it yields."""
+REQUEST: Final = struct.Struct("<cqB")
+"""What is asked (``FORK`` or ``LET_GO``), the serial number that the asker gave to the child, how nice it is."""
 ANSWER: Final = struct.Struct("<qi")
 """Serial number and exit code, negative for a signal."""
 FORK: Final = b"F"
@@ -64,13 +64,13 @@ class Forking:
         asked, files, _, _ = socket.recv_fds(self._control, REQUEST.size, 2, socket.MSG_WAITALL)
         if len(asked) < REQUEST.size:
             os._exit(0)  # nobody is left to ask
-        what, serial, yields = REQUEST.unpack(asked)
+        what, serial, niceness = REQUEST.unpack(asked)
         if what == FORK:
-            self._fork(serial, yields, *files)
+            self._fork(serial, niceness, *files)
         else:
             self._let_go.add(serial)
 
-    def _fork(self, serial: int, yields: bool, wire: int, log: int) -> None:
+    def _fork(self, serial: int, niceness: int, wire: int, log: int) -> None:
         nursery = os.getpid()
         try:
             pid = os.fork()
@@ -78,7 +78,7 @@ class Forking:
             os.write(log, f"No child could be forked: {error}.\n".encode())
             pid = None
         if pid == 0:
-            self._live(nursery, yields, wire, log)
+            self._live(nursery, niceness, wire, log)
         os.close(wire)
         os.close(log)
         if pid is None:
@@ -86,7 +86,7 @@ class Forking:
         else:
             self._pids[serial] = pid
 
-    def _live(self, nursery: int, yields: bool, wire: int, log: int) -> NoReturn:
+    def _live(self, nursery: int, niceness: int, wire: int, log: int) -> NoReturn:
         """In the child: leave everything of the nursery behind but what it has imported."""
         try:
             signal.set_wakeup_fd(-1)
@@ -100,7 +100,7 @@ class Forking:
             os.close(log)
             os.set_inheritable(wire, False)
             die_with_parent(nursery)
-            child.live(wire, yields=yields)
+            child.live(wire, niceness)
         except BaseException:  # noqa: BLE001 (it must not return into the nursery's loop)
             traceback.print_exc()
         finally:

@@ -20,6 +20,7 @@ import psutil
 from stridelab import errors
 from stridelab.errors import Fault, StridelabError
 from stridelab.service.jobs.nursery import Forked, Nursery
+from stridelab.service.niceness import NICENESS
 
 LOG_BYTES: Final = 64 * 1024
 """How much of the end of a child's log is kept."""
@@ -59,10 +60,13 @@ class IsolatedOutcome:
 
 
 class IsolatedPool:
-    """Children for one event loop that have imported ``preload``. An asynchronous context manager."""
+    """Children for one event loop that have imported ``preload``. An asynchronous context manager.
 
-    def __init__(self, preload: Sequence[str] = ()) -> None:
-        self._preload = tuple(preload)
+    They yield the processor by ``niceness`` (0 to 19), but those that are short and that somebody waits for.
+    """
+
+    def __init__(self, preload: Sequence[str] = (), niceness: int = NICENESS) -> None:
+        self._preload, self._niceness = tuple(preload), niceness
         self._nursery: Nursery | None = None
         self._starting = asyncio.Lock()
 
@@ -94,10 +98,10 @@ class IsolatedPool:
         """Run ``target`` (``"module:function"``) as ``f(task, folder, progress)`` in a child of its own.
 
         ``timeout_s`` counts from the moment at which the child is ready. Setting ``cancel``, or cancelling the
-        calling task, kills the child and all that it started. It ``yields`` the processor, unless it is short and
-        somebody waits for it.
+        calling task, kills the child and all that it started. Where it ``yields``, it
+        does so by the niceness of the pool.
         """
-        child = await self._born(yields=yields)
+        child = await self._born(self._niceness if yields else 0)
         try:
             return await child.work(
                 {"target": target, "task": dict(task), "folder": str(folder.resolve()), "memory_mb": memory_mb},
@@ -109,13 +113,13 @@ class IsolatedPool:
         finally:
             await asyncio.shield(child.end())
 
-    async def _born(self, *, yields: bool) -> "_Child":
+    async def _born(self, niceness: int) -> "_Child":
         try:
             nursery = await self._living()
-            return _Child(nursery, await nursery.fork(yields=yields))
+            return _Child(nursery, await nursery.fork(niceness))
         except OSError:  # it ended between the two
             nursery = await self._living()
-            return _Child(nursery, await nursery.fork(yields=yields))
+            return _Child(nursery, await nursery.fork(niceness))
 
     async def _living(self) -> Nursery:
         async with self._starting:

@@ -79,8 +79,8 @@ class Nursery:
         """Whether it has ended, so that another one is wanted."""
         return self._is_gone
 
-    async def fork(self, *, yields: bool) -> Forked:
-        """A new child, which ``yields`` the processor to everybody else, or not.
+    async def fork(self, niceness: int) -> Forked:
+        """A new child, which yields the processor to everybody else by ``niceness`` (0 to 19).
 
         Raises ``OSError`` where the nursery has just ended.
         """
@@ -91,7 +91,7 @@ class Nursery:
         with theirs, os.fdopen(printed, "wb") as their_log:
             try:
                 socket.send_fds(
-                    self._control, [REQUEST.pack(FORK, serial, yields)], [theirs.fileno(), their_log.fileno()]
+                    self._control, [REQUEST.pack(FORK, serial, niceness)], [theirs.fileno(), their_log.fileno()]
                 )
             except OSError:
                 wire.close()
@@ -112,7 +112,7 @@ class Nursery:
         child.log_transport.close()
         self._children.pop(child.serial, None)
         with contextlib.suppress(OSError):  # the nursery has ended, and its children with it
-            self._control.send(REQUEST.pack(LET_GO, child.serial, False))
+            self._control.send(REQUEST.pack(LET_GO, child.serial, 0))
 
     async def close(self) -> None:
         """Kill it, and wait until it has ended."""

@@ -58,7 +58,7 @@ class Worker:
         self._consumer = Consumer(url)
         slots = limits.worker_slots or max(1, (os.cpu_count() or 2) - 1)
         self._slots: tuple[tuple[Lane, ...], ...] = (("short",), *((LANES,) * slots))
-        self._pool = IsolatedPool(preload)
+        self._pool = IsolatedPool(preload, limits.job_niceness)
         self._errands: list[Errand] = []
         self._news: list[asyncio.Event] = []
         self._stopping = asyncio.Event()
