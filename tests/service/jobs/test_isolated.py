@@ -188,6 +188,16 @@ def test_a_child_that_somebody_waits_for_keeps_its_rank(run: Run) -> None:
     assert run("environment", yields=False).value["nice"] == os.nice(0)
 
 
+@pytest.mark.parametrize("niceness", [0, 3])
+def test_a_pool_says_how_far_its_children_yield(niceness: int, tmp_path: Path) -> None:
+    async def one() -> IsolatedOutcome:
+        async with IsolatedPool(niceness=niceness) as pool:
+            return await pool.run("support.computations:environment", {}, tmp_path, timeout_s=30.0, memory_mb=500)
+
+    with mock.patch.dict(os.environ, {"PYTHONPATH": str(Path(__file__).parents[2])}):
+        assert asyncio.run(one()).value["nice"] == min(19, os.nice(0) + niceness)
+
+
 def test_every_task_has_a_child_of_its_own(with_pool: Any, tmp_path: Path) -> None:
     async def act(pool: IsolatedPool) -> list[IsolatedOutcome]:
         ask = {"timeout_s": 30.0, "memory_mb": 500}
