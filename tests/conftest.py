@@ -53,6 +53,16 @@ def postgres() -> "Iterator[TestDatabases]":
         yield made
 
 
+@pytest.fixture(scope="session")
+def service_url() -> Iterator[str]:
+    """A whole service as ``make serve`` starts it, its own pages and samples and nothing else in it at first."""
+    from support.service import SERVE, running_service
+
+    patient = {"STRIDELAB_PARSE_TIMEOUT_S": "60", "STRIDELAB_STALL_S": "60"}  # the machine does other things as well
+    with running_service(*SERVE, STRIDELAB_MIN_FREE_DISK_MB="0", **patient) as service:
+        yield f"http://127.0.0.1:{service.port}"
+
+
 @pytest.fixture
 def database_url(postgres: "TestDatabases") -> Iterator[str]:
     """A migrated database of this test's own."""

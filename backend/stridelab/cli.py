@@ -15,33 +15,9 @@ from stridelab import __version__
 from stridelab.cli_backup import adopt, backup, restore
 from stridelab.cli_console import FAILURE, INTERRUPTED, exit_code, out, show_error
 from stridelab.cli_fit import fit_cycloid
+from stridelab.cli_groups import Delivery, Estimation, Preparation, Walk, with_groups
 from stridelab.cli_live import stream
-from stridelab.cli_options import (
-    Age,
-    AsJson,
-    Cutoffs,
-    Force,
-    Gait,
-    Height,
-    Lab,
-    Latency,
-    Markers,
-    Mass,
-    Measured,
-    OutFolder,
-    PersonSex,
-    Priors,
-    SegmentMomentum,
-    Segments,
-    Server,
-    Sex,
-    Static,
-    Token,
-    Trial,
-    Walker,
-    WithoutLearning,
-    WithoutPlates,
-)
+from stridelab.cli_options import AsJson, BestMethod, Force, Gait, Lab, OutFolder, Sex, Walker
 from stridelab.cli_robot import export_contacts, import_contacts, learn_reachability, plan, plan_contacts, sweep
 from stridelab.cli_study import study_population
 from stridelab.cli_token import tokens
@@ -111,104 +87,40 @@ app.add_typer(tokens, name="token")
 
 
 @app.command()
+@with_groups
 def estimate(
-    file: Trial,
-    height_m: Height = None,
-    mass_kg: Mass = None,
-    sex: PersonSex = None,
-    age_years: Age = None,
-    method: Annotated[
-        Method | None, typer.Option("--method", help="Estimator; the best that exists if omitted.")
-    ] = None,
-    latency: Latency = "apply",
-    segment_table: Segments = "auto",
-    cutoffs: Cutoffs = "auto",
-    prior: Priors = None,
-    no_learn: WithoutLearning = False,
-    segment_momentum: SegmentMomentum = False,
-    window: Measured = None,
-    static: Static = None,
-    marker: Markers = None,
-    without_plate: WithoutPlates = None,
-    out_dir: OutFolder = None,
-    force: Force = False,
-    as_json: AsJson = False,
-    server: Server = None,
-    token: Token = None,
+    *,
+    walk: Walk,
+    method: BestMethod = None,
+    estimation: Estimation,
+    preparation: Preparation,
+    delivery: Delivery,
 ) -> None:
     """Estimate the centre of mass of one recording; needs no server."""
     from stridelab.cli_estimate import EstimateRequest
     from stridelab.cli_estimate import estimate as run
 
-    request = EstimateRequest(
-        file=file,
-        height_m=height_m,
-        mass_kg=mass_kg,
-        sex=sex,
-        age_years=age_years,
-        method=method,
-        latency=latency,
-        segment_table=segment_table,
-        cutoffs=cutoffs,
-        priors=tuple(prior or ()),
-        learn=not no_learn,
-        segment_momentum=segment_momentum,
-        window=window,
-        static=static,
-        markers=tuple(marker or ()),
-        without_plates=tuple(without_plate or ()),
-    )
-    run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+    request = EstimateRequest(walk, method, estimation, preparation)
+    run(request, delivery)
 
 
 @app.command()
+@with_groups
 def compare(
-    file: Trial,
-    height_m: Height = None,
-    mass_kg: Mass = None,
-    sex: PersonSex = None,
-    age_years: Age = None,
+    *,
+    walk: Walk,
     method: Annotated[Method | None, typer.Option("--method", help="Only this one, beside the geometry.")] = None,
-    latency: Latency = "apply",
-    segment_table: Segments = "auto",
-    cutoffs: Cutoffs = "auto",
-    prior: Priors = None,
-    no_learn: WithoutLearning = False,
-    segment_momentum: SegmentMomentum = False,
-    window: Measured = None,
-    static: Static = None,
-    marker: Markers = None,
-    without_plate: WithoutPlates = None,
+    estimation: Estimation,
+    preparation: Preparation,
     truth: Annotated[Path | None, typer.Option("--truth", help="truth.parquet of a simulated recording.")] = None,
-    out_dir: OutFolder = None,
-    force: Force = False,
-    as_json: AsJson = False,
-    server: Server = None,
-    token: Token = None,
+    delivery: Delivery,
 ) -> None:
     """Compare all estimators on one recording; needs no server."""
     from stridelab.cli_compare import compare as run
     from stridelab.cli_estimate import EstimateRequest
 
-    request = EstimateRequest(
-        file=file,
-        height_m=height_m,
-        mass_kg=mass_kg,
-        sex=sex,
-        age_years=age_years,
-        method=method,
-        latency=latency,
-        segment_table=segment_table,
-        cutoffs=cutoffs,
-        priors=tuple(prior or ()),
-        learn=not no_learn,
-        segment_momentum=segment_momentum,
-        window=window,
-        static=static,
-        markers=tuple(marker or ()),
-        without_plates=tuple(without_plate or ()),
-    )
-    run(request, truth=truth, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+    request = EstimateRequest(walk, method, estimation, preparation)
+    run(request, truth=truth, delivery=delivery)
 
 
 app.command()(stream)
@@ -254,7 +166,9 @@ app.command(name="learn-reachability")(learn_reachability)
 
 
 @app.command()
+@with_groups
 def reproduce(
+    *,
     item: Annotated[
         str | None,
         typer.Argument(
@@ -267,23 +181,26 @@ def reproduce(
     recordings: Annotated[
         Path | None, typer.Option("--recordings", help="With --all: folder whose gait/ holds walks of people.")
     ] = None,
-    out_dir: OutFolder = None,
-    force: Force = False,
-    as_json: AsJson = False,
-    server: Server = None,
-    token: Token = None,
+    delivery: Delivery,
 ) -> None:
     """Compute a figure of the thesis anew: its numbers beside ours, and the drawing; needs no server."""
     from stridelab.cli_reproduce import reproduce as run
     from stridelab.cli_reproduce import require_one
 
-    name = require_one(item, everything=everything, quick=quick, recordings=recordings, server=server)
+    name = require_one(item, everything=everything, quick=quick, recordings=recordings, server=delivery.server)
     if name is not None:
-        run(name, seeds, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+        run(name, seeds, delivery)
         return
     from stridelab.cli_reproduce_all import reproduce_all
 
-    if not reproduce_all(seeds=seeds, quick=quick, recordings=recordings, out_dir=out_dir, anew=force, as_json=as_json):
+    if not reproduce_all(
+        seeds=seeds,
+        quick=quick,
+        recordings=recordings,
+        out_dir=delivery.out_dir,
+        anew=delivery.force,
+        as_json=delivery.as_json,
+    ):
         raise typer.Exit(FAILURE)
 
 

@@ -8,6 +8,7 @@ from rich.table import Table
 
 from stridelab.cli_console import out, progress_bar
 from stridelab.cli_estimate import EstimateRequest, require_file, staged
+from stridelab.cli_groups import Delivery
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_result import show_files, show_json, show_remarks, write_result
 from stridelab.errors import Fault, InvalidInput
@@ -23,30 +24,26 @@ def compare(
     request: EstimateRequest,
     *,
     truth: Path | None,
-    out_dir: Path | None,
-    force: bool,
-    as_json: bool,
-    server: str | None,
-    token: str | None,
+    delivery: Delivery,
 ) -> None:
     """Compare here or on a server, write the result folder and show the table."""
-    if truth is not None and server is not None:
+    if truth is not None and delivery.server is not None:
         fault = Fault("--truth", "contradicts --server")
         raise InvalidInput("option-invalid", "A service knows the truth of its own simulated recordings only.", [fault])
-    target = out_dir or Path(f"{request.file.stem}-comparison")
-    refuse_to_overwrite(target, force=force)
+    target = delivery.folder(f"{request.file.stem}-comparison")
+    refuse_to_overwrite(target, force=delivery.force)
     for path in (request.file, request.static, truth):
         if path is not None:
             require_file(path)
-    with result_folder(target, force=force) as folder:
-        if server is None:
+    with result_folder(target, force=delivery.force) as folder:
+        if delivery.server is None:
             result = compare_here(request, folder, truth)
         else:
             from stridelab.cli_remote import estimate_remotely
 
             kind = "compare-estimators"
-            result = estimate_remotely(request, folder, server, token, kind, CompareEstimatorsInput)
-    show_comparison(result, target, as_json=as_json)
+            result = estimate_remotely(request, folder, delivery.server, delivery.token, kind, CompareEstimatorsInput)
+    show_comparison(result, target, as_json=delivery.as_json)
 
 
 def compare_here(request: EstimateRequest, folder: Path, truth: Path | None) -> JobResult:

@@ -6,10 +6,10 @@ from typing import Any, Final
 from rich.markup import escape
 
 from stridelab.cli_console import out, progress_bar
+from stridelab.cli_groups import Delivery
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_result import show_files, show_json, show_remarks, write_result
 from stridelab.cli_scenario import read_document, understood
-from stridelab.errors import InvalidInput
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import PlanContactsInput, PlanContactsSummary
 from stridelab.service.jobs.kinds.tasks import PlanContactsTask
@@ -21,24 +21,20 @@ ONLY_SCENARIO: Final = ("description", "start_com_height_m")
 """Fields of a scenario that a task does not have."""
 
 
-def plan_contacts(
-    typed: str, *, out_dir: Path | None, force: bool, as_json: bool, server: str | None, token: str | None
-) -> None:
+def plan_contacts(typed: str, delivery: Delivery) -> None:
     """Plan here or on a server, write the result folder and show the summary."""
     title = Path(typed).stem
     input_ = task_of(read_document(typed), title)
-    target = out_dir or Path(f"{title}-contacts")
-    refuse_to_overwrite(target, force=force)
-    with result_folder(target, force=force) as folder:
-        if server is None:
+    target = delivery.folder(f"{title}-contacts")
+    refuse_to_overwrite(target, force=delivery.force)
+    with result_folder(target, force=delivery.force) as folder:
+        if delivery.server is None:
             result = plan_here(input_, title, folder)
         else:
-            from stridelab.cli_remote import run_remotely
+            from stridelab.cli_remote import run_remotely_as_is
 
-            result = run_remotely(
-                "plan-contacts", title, lambda _client, _bar: input_, folder, server, token, unprepared=InvalidInput
-            )
-    show_planned(result, target, as_json=as_json)
+            result = run_remotely_as_is("plan-contacts", title, input_, folder, delivery.server, delivery.token)
+    show_planned(result, target, as_json=delivery.as_json)
 
 
 def task_of(document: Any, name: str) -> PlanContactsInput:

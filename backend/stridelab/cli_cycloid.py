@@ -8,6 +8,7 @@ from rich.table import Table
 
 from stridelab.cli_console import out, progress_bar
 from stridelab.cli_estimate import EstimateRequest, require_file, staged
+from stridelab.cli_groups import Delivery
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_result import show_files, show_json, show_remarks, write_result
 from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary, FittedStep, Rival, StepScatter
@@ -19,23 +20,21 @@ _WHEEL: Final = ("R mm", "r mm", "z0 m", "rad/s", "2piR/L", "mm", "worst", "s=-1
 _TIMES: Final = ("m/s", "L m", "both down", "by (3.3.3)", "best path", "best in time")
 
 
-def fit(
-    request: EstimateRequest, *, out_dir: Path | None, force: bool, as_json: bool, server: str | None, token: str | None
-) -> None:
+def fit(request: EstimateRequest, delivery: Delivery) -> None:
     """Fit here or on a server, write the result folder and show the steps."""
-    target = out_dir or Path(f"{request.file.stem}-wheel")
-    refuse_to_overwrite(target, force=force)
+    target = delivery.folder(f"{request.file.stem}-wheel")
+    refuse_to_overwrite(target, force=delivery.force)
     for path in (request.file, request.static):
         if path is not None:
             require_file(path)
-    with result_folder(target, force=force) as folder:
-        if server is None:
+    with result_folder(target, force=delivery.force) as folder:
+        if delivery.server is None:
             result = fit_here(request, folder)
         else:
             from stridelab.cli_remote import estimate_remotely
 
-            result = estimate_remotely(request, folder, server, token, KIND, FitCycloidInput)
-    show_fit(result, target, as_json=as_json)
+            result = estimate_remotely(request, folder, delivery.server, delivery.token, KIND, FitCycloidInput)
+    show_fit(result, target, as_json=delivery.as_json)
 
 
 def fit_here(request: EstimateRequest, folder: Path) -> JobResult:

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from stridelab.cli_console import out
 from stridelab.cli_estimate import EstimateRequest, estimate_here, show_estimate
+from stridelab.cli_groups import Walk
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_plan import PlanRequest, plan_here, show_plan
 from stridelab.errors import Unavailable
@@ -47,7 +48,7 @@ def _walk(target: Path, *, force: bool) -> None:
     source = sample_folder()
     out.print(f"A simulated person walks over two force plates: {escape(str(source / 'recording.c3d'))}")
     with result_folder(target, force=force) as folder:
-        result = estimate_here(EstimateRequest(file=source / "recording.c3d", latency="apply"), folder)
+        result = estimate_here(EstimateRequest(Walk(source / "recording.c3d")), folder)
         for name in ("truth.parquet", "truth.csv"):
             shutil.copyfile(source / name, folder / name)
         from stridelab.service.jobs.kinds.truth import com_errors_mm

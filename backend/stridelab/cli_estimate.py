@@ -3,7 +3,7 @@
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -11,6 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli_console import out, progress_bar
+from stridelab.cli_groups import Delivery, Estimation, Preparation, Walk
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_result import show_files, show_json, show_remarks, validated, write_result
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
@@ -29,50 +30,41 @@ Input = TypeVar("Input", bound=EstimateComInput)
 
 @dataclass(frozen=True)
 class EstimateRequest:
-    """Options of ``stridelab estimate``, ``compare`` and ``fit-cycloid`` as typed; ``steps`` is for the last alone."""
+    """Options of ``stridelab estimate``, ``compare``, ``fit-cycloid``, ``stream``; ``steps`` is for the wheel alone."""
 
-    file: Path
-    height_m: float | None = None
-    mass_kg: float | None = None
-    sex: str | None = None
-    age_years: float | None = None
+    walk: Walk
     method: str | None = None
-    latency: str = "apply"
-    segment_table: str = "auto"
-    cutoffs: str = "auto"
-    priors: tuple[str, ...] = ()
-    learn: bool = True
-    segment_momentum: bool = False
-    window: str | None = None
-    static: Path | None = None
-    markers: tuple[str, ...] = ()
-    without_plates: tuple[int, ...] = ()
+    estimation: Estimation = field(default_factory=Estimation)
+    preparation: Preparation = field(default_factory=Preparation)
     steps: str | None = None
+
+    @property
+    def file(self) -> Path:
+        """The recording."""
+        return self.walk.file
+
+    @property
+    def static(self) -> Path | None:
+        """The static trial of the same person, where there is one."""
+        return self.preparation.static
 
     def subject(self) -> SubjectFields:
         """What was stated of the person. Raises ``InvalidInput`` naming the option that makes no sense."""
-        fields = {
-            "height_m": self.height_m,
-            "mass_kg": self.mass_kg,
-            "sex": self.sex,
-            "age_years": self.age_years,
-        }
-        return validated(SubjectFields, fields)
+        stated = asdict(self.walk)
+        del stated["file"]
+        return validated(SubjectFields, stated)
 
     def input(self, recording_id: str, model: type[Input]) -> Input:
         """Input of a job on this recording. Raises ``InvalidInput`` naming the option that makes no sense."""
+        latency, cutoffs, window = self.estimation.latency, self.estimation.cutoffs, self.estimation.window
         fields = {
             "recording_id": recording_id,
             "method": self.method,
-            "latency": self.latency
-            if self.latency in {"report", "apply"}
-            else numbers("--latency", self.latency, 1)[0],
-            "segment_table": self.segment_table,
-            "cutoffs": self.cutoffs
-            if self.cutoffs in {"auto", "thesis", "spectra"}
-            else numbers("--cutoffs", self.cutoffs, 2),
+            "latency": latency if latency in {"report", "apply"} else numbers("--latency", latency, 1)[0],
+            "segment_table": self.estimation.segment_table,
+            "cutoffs": cutoffs if cutoffs in {"auto", "thesis", "spectra"} else numbers("--cutoffs", cutoffs, 2),
             "smoother": self._smoother(),
-            "window_s": None if self.window is None else numbers("--window", self.window, 2),
+            "window_s": None if window is None else numbers("--window", window, 2),
         }
         if self.steps is not None:
             fields["steps"] = self.steps
@@ -80,40 +72,39 @@ class EstimateRequest:
 
     def _smoother(self) -> dict[str, Any] | None:
         """What was stated for the smoother; None where nothing was, which leaves the choice of the method open."""
-        if not self.priors and self.learn and not self.segment_momentum:
+        stated, learn = self.estimation.prior or (), not self.estimation.no_learn
+        if not stated and learn and not self.estimation.segment_momentum:
             return None
         priors = {}
-        for name, value in (_pair("--prior", text) for text in self.priors):
+        for name, value in (_pair("--prior", text) for text in stated):
             sizes = numbers("--prior", value, value.count(",") + 1)
             priors[name] = sizes[0] if len(sizes) == 1 else sizes
-        return {"priors": priors, "learn": self.learn, "segment_momentum": self.segment_momentum}
+        return {"priors": priors, "learn": learn, "segment_momentum": self.estimation.segment_momentum}
 
     def marker_map(self) -> dict[str, str]:
         """Landmark to label."""
-        return dict(_pair("--marker", text) for text in self.markers)
+        return dict(_pair("--marker", text) for text in self.preparation.marker or ())
 
     def plates(self) -> dict[int, PlateSwitch]:
         """Plates that are left out."""
-        return {index: PlateSwitch(use=False) for index in self.without_plates}
+        return {index: PlateSwitch(use=False) for index in self.preparation.without_plate or ()}
 
 
-def estimate(
-    request: EstimateRequest, *, out_dir: Path | None, force: bool, as_json: bool, server: str | None, token: str | None
-) -> None:
+def estimate(request: EstimateRequest, delivery: Delivery) -> None:
     """Estimate one recording here or on a server, write the result folder and show the summary."""
-    target = out_dir or Path(f"{request.file.stem}-com")
-    refuse_to_overwrite(target, force=force)
+    target = delivery.folder(f"{request.file.stem}-com")
+    refuse_to_overwrite(target, force=delivery.force)
     require_file(request.file)
     if request.static is not None:
         require_file(request.static)
-    with result_folder(target, force=force) as folder:
-        if server is not None:
+    with result_folder(target, force=delivery.force) as folder:
+        if delivery.server is not None:
             from stridelab.cli_remote import estimate_remotely
 
-            result = estimate_remotely(request, folder, server, token)
+            result = estimate_remotely(request, folder, delivery.server, delivery.token)
         else:
             result = estimate_here(request, folder)
-    show_estimate(result, target, as_json=as_json)
+    show_estimate(result, target, as_json=delivery.as_json)
 
 
 def estimate_here(request: EstimateRequest, folder: Path) -> JobResult:

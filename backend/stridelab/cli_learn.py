@@ -8,9 +8,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli_console import out, progress_bar
+from stridelab.cli_groups import Delivery
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_result import show_files, show_json, show_remarks, validated, write_result
-from stridelab.errors import InvalidInput
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import LearnReachabilityInput, LearnReachabilitySummary
 from stridelab.service.jobs.kinds.tasks import LearnReachabilityTask
@@ -18,33 +18,22 @@ from stridelab.service.jobs.kinds.tasks import LearnReachabilityTask
 
 def learn_reachability(
     asked: Mapping[str, Any],
-    *,
-    out_dir: Path | None,
-    force: bool,
-    as_json: bool,
-    server: str | None,
-    token: str | None,
+    delivery: Delivery,
 ) -> None:
     """Learn here or on a server, write the result folder and show the summary."""
     input_ = validated(LearnReachabilityInput, {key: value for key, value in asked.items() if value is not None})
-    target = out_dir or Path(f"reachability-{Path(input_.robot).name}-{input_.measure}")
-    refuse_to_overwrite(target, force=force)
-    with result_folder(target, force=force) as folder:
-        if server is None:
+    target = delivery.folder(f"reachability-{Path(input_.robot).name}-{input_.measure}")
+    refuse_to_overwrite(target, force=delivery.force)
+    with result_folder(target, force=delivery.force) as folder:
+        if delivery.server is None:
             result = learn_here(input_, folder)
         else:
-            from stridelab.cli_remote import run_remotely
+            from stridelab.cli_remote import run_remotely_as_is
 
-            result = run_remotely(
-                "learn-reachability",
-                input_.robot,
-                lambda _client, _bar: input_,
-                folder,
-                server,
-                token,
-                unprepared=InvalidInput,
+            result = run_remotely_as_is(
+                "learn-reachability", input_.robot, input_, folder, delivery.server, delivery.token
             )
-    show_learned(result, target, as_json=as_json)
+    show_learned(result, target, as_json=delivery.as_json)
 
 
 def learn_here(input_: LearnReachabilityInput, folder: Path) -> JobResult:

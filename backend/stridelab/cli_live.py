@@ -5,36 +5,19 @@ from typing import Annotated
 
 import typer
 
-from stridelab.cli_options import (
-    Age,
-    AsJson,
-    Cutoffs,
-    Height,
-    Latency,
-    Markers,
-    Mass,
-    OnlineMethod,
-    PersonSex,
-    Static,
-    Token,
-    Trial,
-    WithoutPlates,
-)
+from stridelab.cli_groups import Estimation, Preparation, Walk, with_groups
+from stridelab.cli_options import AsJson, Cutoffs, Latency, OnlineMethod, Token
 
 
+@with_groups
 def stream(
-    file: Trial,
-    height_m: Height = None,
-    mass_kg: Mass = None,
-    sex: PersonSex = None,
-    age_years: Age = None,
+    *,
+    walk: Walk,
     method: Annotated[OnlineMethod, typer.Option("--method", help="Online estimator.")] = "complementary",
     ahead: Annotated[str | None, typer.Option("--ahead", help="X,Y: where the walk goes; for the smoother.")] = None,
     latency: Latency = "apply",
     cutoffs: Cutoffs = "auto",
-    static: Static = None,
-    marker: Markers = None,
-    without_plate: WithoutPlates = None,
+    preparation: Preparation,
     speed: Annotated[float, typer.Option("--speed", help="Times real time.")] = 1.0,
     block: Annotated[int, typer.Option("--block", help="Samples per message.")] = 1,
     packed: Annotated[bool, typer.Option("--packed", help="Packed float32 instead of JSON.")] = False,
@@ -48,17 +31,6 @@ def stream(
     from stridelab.cli_stream import Replay
     from stridelab.cli_stream import stream as run
 
-    request = EstimateRequest(
-        file=file,
-        height_m=height_m,
-        mass_kg=mass_kg,
-        sex=sex,
-        age_years=age_years,
-        latency=latency,
-        cutoffs=cutoffs,
-        static=static,
-        markers=tuple(marker or ()),
-        without_plates=tuple(without_plate or ()),
-    )
+    request = EstimateRequest(walk, estimation=Estimation(latency=latency, cutoffs=cutoffs), preparation=preparation)
     replay = Replay(method=method, ahead=ahead, speed=speed, block=block, packed=packed, csv=csv)
     run(request, replay, as_json=as_json, server=server, token=token)

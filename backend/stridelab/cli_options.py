@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 import typer
 
+from stridelab.schemas.methods import Method
 from stridelab.schemas.plans import NODE_RATE_HZ, Formulation
 
 Sex = Literal["female", "male"]
@@ -30,6 +31,10 @@ Height = Annotated[float | None, typer.Option("--height", help="Stature in metre
 Mass = Annotated[float | None, typer.Option("--mass", help="Body mass in kilograms.")]
 PersonSex = Annotated[Sex | None, typer.Option("--sex", help="Which columns of the segment table.")]
 Age = Annotated[float | None, typer.Option("--age", help="Age in years.")]
+BestMethod = Annotated[Method | None, typer.Option("--method", help="Estimator; the best that exists if omitted.")]
+StepChoice = Annotated[
+    Literal["measured", "all"], typer.Option("--steps", help="Steps with all force measured, or all.")
+]
 Latency = Annotated[str, typer.Option("--latency", help="apply (where significant), report, or seconds to apply.")]
 Segments = Annotated[SegmentTable, typer.Option("--segment-table", help="Table of segment masses.")]
 Cutoffs = Annotated[str, typer.Option("--cutoffs", help="auto, thesis, spectra, or LOW,HIGH in Hz.")]

@@ -7,6 +7,7 @@ from typing import Final
 from rich.markup import escape
 
 from stridelab.cli_console import out, progress_bar
+from stridelab.cli_groups import Delivery
 from stridelab.cli_options import PlanSolver, PostureMeasure
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_result import show_files, show_json, show_remarks, write_result
@@ -99,21 +100,19 @@ class PlanRequest:
         )
 
 
-def plan(
-    request: PlanRequest, *, out_dir: Path | None, force: bool, as_json: bool, server: str | None, token: str | None
-) -> None:
+def plan(request: PlanRequest, delivery: Delivery) -> None:
     """Plan one motion here or on a server, write the result folder and show the summary.
 
     Where the body cannot follow the plan, the folder holds the motion until then, and the error is raised last.
     """
-    target = out_dir or Path(f"{request.title}-plan")
-    refuse_to_overwrite(target, force=force)
-    with result_folder(target, force=force) as folder:
-        if server is None:
+    target = delivery.folder(f"{request.title}-plan")
+    refuse_to_overwrite(target, force=delivery.force)
+    with result_folder(target, force=delivery.force) as folder:
+        if delivery.server is None:
             result, failure = plan_here(request, folder)
         else:
-            result, failure = plan_there(request, folder, server, token)
-    show_plan(result, target, as_json=as_json)
+            result, failure = plan_there(request, folder, delivery.server, delivery.token)
+    show_plan(result, target, as_json=delivery.as_json)
     if failure is not None:
         raise failure
 

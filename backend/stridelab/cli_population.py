@@ -13,6 +13,7 @@ from rich.table import Table
 
 from stridelab.cli_console import Bar, err, out, progress_bar
 from stridelab.cli_estimate import require_file
+from stridelab.cli_groups import Delivery
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_result import show_files, show_json, show_remarks, validated, write_result
 from stridelab.client import Client
@@ -56,22 +57,21 @@ def study(
     *,
     subjects: Path | None,
     options: Mapping[str, Any],
-    out_dir: Path | None,
-    force: bool,
-    as_json: bool,
-    server: str | None,
-    token: str | None,
+    delivery: Delivery,
 ) -> None:
     """Study here or on a server, write the result folder and show the correlations."""
-    target = out_dir or Path("population")
-    refuse_to_overwrite(target, force=force)
-    with tempfile.TemporaryDirectory(prefix="stridelab-") as unpacked, result_folder(target, force=force) as folder:
+    target = delivery.folder("population")
+    refuse_to_overwrite(target, force=delivery.force)
+    with (
+        tempfile.TemporaryDirectory(prefix="stridelab-") as unpacked,
+        result_folder(target, force=delivery.force) as folder,
+    ):
         given = collect(paths, subjects, Path(unpacked))
-        if server is not None:
-            result = study_there(given, options, folder, server, token)
+        if delivery.server is not None:
+            result = study_there(given, options, folder, delivery.server, delivery.token)
         else:
             result = study_here(given, options, folder)
-    show_study(result, target, as_json=as_json)
+    show_study(result, target, as_json=delivery.as_json)
 
 
 def collect(paths: Sequence[Path], subjects: Path | None, folder: Path) -> Given:

@@ -61,6 +61,13 @@ def run_remotely(
     return result
 
 
+def run_remotely_as_is(
+    kind: str, title: str, job_input: Contract, folder: Path, server: str, token: str | None
+) -> JobResult:
+    """``run_remotely`` for a job that needs nothing on the service but its input."""
+    return run_remotely(kind, title, lambda _client, _bar: job_input, folder, server, token, unprepared=InvalidInput)
+
+
 def ended_remotely(
     kind: str, title: str, prepare: Prepare, folder: Path, server: str, token: str | None, *, unprepared: ErrorClass
 ) -> tuple[JobResult, StridelabError | None]:
@@ -134,10 +141,10 @@ def _upload(client: Client, request: EstimateRequest, bar: Bar) -> str:
     if request.static is not None:
         bar(AFTER_UPLOAD, "uploading the static trial")
         patch["static_recording_id"] = client.upload(request.static).id
-    if request.markers:
-        patch["marker_map"] = request.marker_map()
-    if request.without_plates:
-        patch["plates"] = request.plates()
+    if markers := request.marker_map():
+        patch["marker_map"] = markers
+    if plates := request.plates():
+        patch["plates"] = plates
     if patch:
         client.patch_recording(recording.id, RecordingPatch.model_validate(patch))
     return recording.id

@@ -6,6 +6,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli_console import out, progress_bar
+from stridelab.cli_groups import Delivery
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_result import show_files, show_json, validated, write_result
 from stridelab.errors import Fault, InvalidInput
@@ -45,27 +46,20 @@ def require_one(
 def reproduce(
     item: str,
     seeds: int | None,
-    *,
-    out_dir: Path | None,
-    force: bool,
-    as_json: bool,
-    server: str | None,
-    token: str | None,
+    delivery: Delivery,
 ) -> None:
     """Reproduce one item here or on a server, write the result folder and show the claims."""
     input_ = validated(ReproduceInput, {"item": item, "seeds": seeds})
-    target = out_dir or Path(item)
-    refuse_to_overwrite(target, force=force)
-    with result_folder(target, force=force) as folder:
-        if server is None:
+    target = delivery.folder(item)
+    refuse_to_overwrite(target, force=delivery.force)
+    with result_folder(target, force=delivery.force) as folder:
+        if delivery.server is None:
             result = reproduce_here(input_, folder)
         else:
-            from stridelab.cli_remote import run_remotely
+            from stridelab.cli_remote import run_remotely_as_is
 
-            result = run_remotely(
-                "reproduce", item, lambda _client, _bar: input_, folder, server, token, unprepared=InvalidInput
-            )
-    show_reproduction(result, target, as_json=as_json)
+            result = run_remotely_as_is("reproduce", item, input_, folder, delivery.server, delivery.token)
+    show_reproduction(result, target, as_json=delivery.as_json)
 
 
 def reproduce_here(input_: ReproduceInput, folder: Path) -> JobResult:

@@ -8,26 +8,19 @@ from typing import Annotated
 
 import typer
 
-from stridelab.cli_options import (
-    AsJson,
-    Control,
-    Densities,
-    Force,
-    NodeRate,
-    OutFolder,
-    PostureMeasure,
-    Server,
-    Solver,
-    Token,
-)
+from stridelab.cli_groups import Delivery, with_groups
+from stridelab.cli_options import Control, Densities, NodeRate, PostureMeasure, Solver
 from stridelab.schemas.plans import DURATION_RANGE, Film, Shape
 
+ScenarioName = Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: six-stairs.")]
 OutFile = Annotated[Path | None, typer.Option("--out-file", help="The file to write; must not exist yet.")]
 ForceFile = Annotated[bool, typer.Option("--force", help="Replace that file.")]
 
 
+@with_groups
 def plan(
-    scenario: Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: six-stairs.")],
+    *,
+    scenario: ScenarioName,
     no_whole_body: Annotated[
         bool, typer.Option("--no-whole-body", help="Only the plan of the centre of mass and the contact forces.")
     ] = False,
@@ -55,11 +48,7 @@ def plan(
     film: Annotated[
         Film | None, typer.Option("--film", help="A film of the motion as well: gif or mp4; needs ffmpeg.")
     ] = None,
-    out_dir: OutFolder = None,
-    force: Force = False,
-    as_json: AsJson = False,
-    server: Server = None,
-    token: Token = None,
+    delivery: Delivery,
 ) -> None:
     """Plan how a robot carries out a contact scenario, check the motion and replay it; needs no server."""
     from stridelab.cli_plan import PlanRequest
@@ -79,10 +68,12 @@ def plan(
         duration_range=duration_range,
         film=film,
     )
-    run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+    run(request, delivery)
 
 
+@with_groups
 def sweep(
+    *,
     scenario: Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: long-stride.")],
     vary: Annotated[
         list[str],
@@ -97,38 +88,32 @@ def sweep(
     processes: Annotated[
         int | None, typer.Option("--processes", min=1, help="Scenarios at a time; all cores by default.")
     ] = None,
-    out_dir: OutFolder = None,
-    force: Force = False,
-    as_json: AsJson = False,
-    server: Server = None,
-    token: Token = None,
+    delivery: Delivery,
 ) -> None:
     """Find out at which strides, heights, paces and frictions a scenario has a motion; needs no server."""
     from stridelab.cli_sweep import SweepRequest
     from stridelab.cli_sweep import sweep as run
 
     request = SweepRequest(scenario, tuple(vary), formulation, solver, node_rate, measure, processes)
-    run(request, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+    run(request, delivery)
 
 
+@with_groups
 def plan_contacts(
+    *,
     task: Annotated[
         str, typer.Argument(help="A JSON file with terrain, start and goal, or a scenario: its ends are taken.")
     ],
-    out_dir: OutFolder = None,
-    force: Force = False,
-    as_json: AsJson = False,
-    server: Server = None,
-    token: Token = None,
+    delivery: Delivery,
 ) -> None:
     """Find a sequence of contacts over a terrain, from a stance to a goal stance; needs no server."""
     from stridelab.cli_contacts import plan_contacts as run
 
-    run(task, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+    run(task, delivery)
 
 
 def export_contacts(
-    scenario: Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: six-stairs.")],
+    scenario: ScenarioName,
     out_file: OutFile = None,
     force: ForceFile = False,
 ) -> None:
@@ -153,7 +138,9 @@ def import_contacts(
     run(file, beside=beside, out_file=out_file, force=force)
 
 
+@with_groups
 def learn_reachability(
+    *,
     robot: Annotated[str, typer.Argument(help="A robot by name: talos, hrp2, g1.")],
     measure: Annotated[
         PostureMeasure, typer.Option("--measure", help="How postures are drawn: in all, or of a robot that stands.")
@@ -163,14 +150,10 @@ def learn_reachability(
     effector: Annotated[
         list[str] | None, typer.Option("--effector", help="Learn this effector only; may be repeated.")
     ] = None,
-    out_dir: OutFolder = None,
-    force: Force = False,
-    as_json: AsJson = False,
-    server: Server = None,
-    token: Token = None,
+    delivery: Delivery,
 ) -> None:
     """Learn where a robot's centre of mass can be, seen from its effectors; needs no server."""
     from stridelab.cli_learn import learn_reachability as run
 
     asked = {"robot": robot, "measure": measure, "samples": samples, "seed": seed, "effectors": effector or None}
-    run(asked, out_dir=out_dir, force=force, as_json=as_json, server=server, token=token)
+    run(asked, delivery)

@@ -8,6 +8,7 @@ from typing import Any
 from rich.markup import escape
 
 from stridelab.cli_console import out, progress_bar
+from stridelab.cli_groups import Delivery
 from stridelab.cli_options import PlanSolver, PostureMeasure
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_result import show_files, show_json, show_remarks, validated, write_result
@@ -57,24 +58,20 @@ def ranges(typed: Sequence[str]) -> dict[str, tuple[float, float, int]]:
     return found
 
 
-def sweep(
-    request: SweepRequest, *, out_dir: Path | None, force: bool, as_json: bool, server: str | None, token: str | None
-) -> None:
+def sweep(request: SweepRequest, delivery: Delivery) -> None:
     """Plan all of them here or on a server, write the result folder and show the summary."""
     title = Path(request.scenario).stem
-    target = out_dir or Path(f"{title}-sweep")
-    refuse_to_overwrite(target, force=force)
-    with result_folder(target, force=force) as folder:
-        if server is None:
+    target = delivery.folder(f"{title}-sweep")
+    refuse_to_overwrite(target, force=delivery.force)
+    with result_folder(target, force=delivery.force) as folder:
+        if delivery.server is None:
             result = sweep_here(request, title, folder)
         else:
-            from stridelab.cli_remote import run_remotely
+            from stridelab.cli_remote import run_remotely_as_is
 
             asked = _known(request)
-            result = run_remotely(
-                "sweep", title, lambda _client, _bar: asked, folder, server, token, unprepared=InvalidInput
-            )
-    show_swept(result, target, as_json=as_json)
+            result = run_remotely_as_is("sweep", title, asked, folder, delivery.server, delivery.token)
+    show_swept(result, target, as_json=delivery.as_json)
 
 
 def sweep_here(request: SweepRequest, title: str, folder: Path) -> JobResult:

@@ -22,7 +22,6 @@ g: Final = np.array([0.0, 0.0, -GRAVITY_M_S2])
 """Gravity vector of (4.2), in m/s^2."""
 g.flags.writeable = False
 
-Scalar = float | np.floating
 Vector3 = Float[np.ndarray, "3"]
 """A point, force or moment."""
 Points = Float[np.ndarray, "n 3"]

@@ -6,6 +6,7 @@ import pytest
 
 from stridelab.cli_compare import compare
 from stridelab.cli_estimate import EstimateRequest
+from stridelab.cli_groups import Delivery, Walk
 from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.schemas.comparison import CompareEstimatorsSummary
 from stridelab.schemas.jobs import JobResult
@@ -15,8 +16,8 @@ TRUTH = SAMPLE / "truth.parquet"
 
 
 def run(out_dir: Path, *, truth: Path | None = TRUTH, as_json: bool = False, server: str | None = None) -> None:
-    request = EstimateRequest(file=SAMPLE / "recording.c3d", method="complementary", latency="apply")
-    compare(request, truth=truth, out_dir=out_dir, force=False, as_json=as_json, server=server, token=None)
+    request = EstimateRequest(Walk(SAMPLE / "recording.c3d"), "complementary")
+    compare(request, truth=truth, delivery=Delivery(out_dir, as_json=as_json, server=server))
 
 
 def test_the_table_shows_errors_and_agreement(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,26 +1,29 @@
 """The main job from the command line: the files, the numbers and the table, on the shipped sample."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from stridelab.cli_estimate import EstimateRequest, estimate, simulate
+from stridelab.cli_groups import Delivery, Estimation, Walk
 from stridelab.cli_result import write_result
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, JobResult
 from stridelab.service.jobs.kinds import estimate_com
 from support.quiet import SAMPLE, estimate_task, quiet
 
+WALK = Walk(SAMPLE / "recording.c3d")
 FILES = {"com.parquet", "com.csv", "com.c3d", "result.json", "references.bib"}
 
 
-def run(out_dir: Path, *, as_json: bool = False, force: bool = False, **options: object) -> None:
-    request = EstimateRequest(file=SAMPLE / "recording.c3d", **options)  # type: ignore[arg-type]
-    estimate(request, out_dir=out_dir, force=force, as_json=as_json, server=None, token=None)
+def run(delivery: Delivery, walk: Walk = WALK, **asked: Any) -> None:
+    estimate(EstimateRequest(walk, **asked), delivery)
 
 
 def test_the_result_is_that_of_the_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run(tmp_path / "out", as_json=True, height_m=1.71, latency="apply")
+    run(Delivery(tmp_path / "out", as_json=True), replace(WALK, height_m=1.71))
     printed = JobResult.model_validate_json(capsys.readouterr().out)
     assert {p.name for p in (tmp_path / "out").iterdir()} == FILES
     assert json.loads((tmp_path / "out" / "result.json").read_text()) == printed.model_dump(mode="json")
@@ -35,14 +38,15 @@ def test_the_result_is_that_of_the_job(tmp_path: Path, capsys: pytest.CaptureFix
 
 
 def test_the_table_says_what_was_found(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run(tmp_path / "out")
+    run(Delivery(tmp_path / "out"))
     shown = capsys.readouterr().out
     for word in ("window", "smoother", "60.0 kg", "force latency", "latency-applied", "com.parquet"):
         assert word in shown
 
 
 def test_options_reach_the_job(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run(tmp_path / "out", as_json=True, mass_kg=61.0, cutoffs="0.2,2", window="1.95,2.6", segment_table="dumas2007")
+    asked = Estimation(segment_table="dumas2007", cutoffs="0.2,2", window="1.95,2.6")
+    run(Delivery(tmp_path / "out", as_json=True), replace(WALK, mass_kg=61.0), estimation=asked)
     result = JobResult.model_validate_json(capsys.readouterr().out)
     summary = EstimateComSummary.model_validate(result.summary)
     assert summary.mass_kg == 61.0
@@ -52,22 +56,22 @@ def test_options_reach_the_job(tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 
 def test_a_forced_second_run_replaces_the_first(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    run(tmp_path / "out")
-    run(tmp_path / "out", force=True, method="geometry")
+    run(Delivery(tmp_path / "out"))
+    run(Delivery(tmp_path / "out", force=True), method="geometry")
     assert json.loads((tmp_path / "out" / "result.json").read_text())["summary"]["method"] == "geometry"
     assert "geometry" in capsys.readouterr().out
 
 
 def test_what_is_stated_for_the_smoother_reaches_the_job() -> None:
-    stated = {"priors": ("plate_force_n=5", "momentum_m_s=0.001,0.002"), "learn": False, "segment_momentum": True}
-    asked = EstimateRequest(file=SAMPLE / "recording.c3d", **stated).input("r", EstimateComInput)  # type: ignore[arg-type]
+    stated = Estimation(prior=["plate_force_n=5", "momentum_m_s=0.001,0.002"], no_learn=True, segment_momentum=True)
+    asked = EstimateRequest(WALK, estimation=stated).input("r", EstimateComInput)
     assert asked.smoother is not None
     assert asked.smoother.priors.model_dump(exclude_none=True) == {
         "plate_force_n": 5.0,
         "momentum_m_s": (0.001, 0.002),
     }
     assert (asked.smoother.learn, asked.smoother.segment_momentum) == (False, True)
-    plain = EstimateRequest(file=SAMPLE / "recording.c3d").input("r", EstimateComInput)
+    plain = EstimateRequest(WALK).input("r", EstimateComInput)
     assert plain.smoother is None, "nothing stated leaves the choice of the method open"
 
 

@@ -6,15 +6,22 @@ import pytest
 
 from stridelab.cli_cycloid import fit
 from stridelab.cli_estimate import EstimateRequest
+from stridelab.cli_groups import Delivery, Walk
 from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.schemas.cycloid import FitCycloidSummary
 from stridelab.schemas.jobs import JobResult
 from support.quiet import SAMPLE
 
 
-def run(out_dir: Path, *, as_json: bool = False, file: Path = SAMPLE / "recording.c3d", **asked: object) -> None:
-    fields: dict[str, object] = {"file": file, "method": "complementary", "steps": "measured", **asked}
-    fit(EstimateRequest(**fields), out_dir=out_dir, force=False, as_json=as_json, server=None, token=None)  # type: ignore[arg-type]
+def run(
+    out_dir: Path,
+    *,
+    as_json: bool = False,
+    file: Path = SAMPLE / "recording.c3d",
+    method: str = "complementary",
+    steps: str = "measured",
+) -> None:
+    fit(EstimateRequest(Walk(file), method, steps=steps), Delivery(out_dir, as_json=as_json))
 
 
 def test_the_tables_show_wheel_timing_and_scatter(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

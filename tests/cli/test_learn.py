@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from stridelab.cli import app
+from stridelab.cli_groups import Delivery
 from stridelab.cli_learn import learn_reachability
 from stridelab.errors import InvalidInput, NotFound
 from stridelab.reachability import store
@@ -23,7 +24,6 @@ FILES = {
     "result.json",
     "references.bib",
 }
-HERE = {"force": False, "as_json": False, "server": None, "token": None}
 
 
 def typed(*arguments: str) -> tuple[int, str]:
@@ -52,7 +52,7 @@ def test_the_files_are_those_of_the_job_and_the_same_again(tmp_path: Path) -> No
 )
 def test_an_option_that_makes_no_sense_is_named(tmp_path: Path, asked: dict, where: str) -> None:
     with pytest.raises(InvalidInput) as refusal:
-        learn_reachability({"robot": "talos", **asked}, out_dir=tmp_path / "out", **HERE)
+        learn_reachability({"robot": "talos", **asked}, Delivery(tmp_path / "out"))
     assert refusal.value.faults[0].where == where
     assert not (tmp_path / "out").exists()
 
@@ -60,6 +60,6 @@ def test_an_option_that_makes_no_sense_is_named(tmp_path: Path, asked: dict, whe
 def test_an_unknown_robot_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(NotFound) as refusal:
-        learn_reachability({"robot": "../marvin"}, out_dir=None, **HERE)
+        learn_reachability({"robot": "../marvin"}, Delivery())
     assert refusal.value.code == "robot-not-found"
     assert list(tmp_path.iterdir()) == []

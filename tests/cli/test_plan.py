@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from stridelab import cli_demo, cli_remote
 from stridelab.cli import app
+from stridelab.cli_groups import Delivery
 from stridelab.cli_plan import PlanRequest, plan, show_plan
 from stridelab.client import ProblemError
 from stridelab.errors import Conflict, InvalidInput, NotEstimable
@@ -40,7 +41,7 @@ def walk(tmp_path: Path) -> str:
 
 
 def act(request: PlanRequest, out_dir: Path | None, **options: Any) -> None:
-    plan(request, **{"out_dir": out_dir, "force": False, "as_json": False, "server": None, "token": None, **options})
+    plan(request, Delivery(out_dir, **options))
 
 
 def test_the_result_is_that_of_the_job(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

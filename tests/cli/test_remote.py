@@ -1,5 +1,6 @@
 """``estimate --server`` asks the service in the right order and brings home what a run here would write."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -7,11 +8,14 @@ import pytest
 
 from stridelab import cli_remote
 from stridelab.cli_estimate import EstimateRequest
+from stridelab.cli_groups import Estimation, Preparation, Walk
 from stridelab.client import ProblemError
 from stridelab.errors import Busy, Forbidden, InvalidInput, NotEstimable, StridelabError, UnreadableFile
 from stridelab.schemas.jobs import JobResult
 from support.quiet import SAMPLE
 from support.scripted_service import DONE, ScriptedService, problem
+
+WALK = Walk(SAMPLE / "recording.c3d")
 
 
 @pytest.fixture
@@ -21,14 +25,14 @@ def service(monkeypatch: pytest.MonkeyPatch) -> ScriptedService:
     return made
 
 
-def ask(folder: Path, **options: Any) -> JobResult:
+def ask(folder: Path, walk: Walk = WALK, **asked: Any) -> JobResult:
     folder.mkdir(exist_ok=True)
-    request = EstimateRequest(file=SAMPLE / "recording.c3d", **options)
+    request = EstimateRequest(walk, **asked)
     return cli_remote.estimate_remotely(request, folder, "http://lab:8000", "secret")
 
 
 def test_upload_job_and_download_in_order(service: ScriptedService, tmp_path: Path) -> None:
-    result = ask(tmp_path, height_m=1.7)
+    result = ask(tmp_path, replace(WALK, height_m=1.7))
     names = [call for call, _ in service.calls]
     assert names == ["client", "upload", "submit", "events", "wait", "result", "download", "close"]
     told = dict(service.calls)
@@ -43,7 +47,7 @@ def test_upload_job_and_download_in_order(service: ScriptedService, tmp_path: Pa
 def test_static_trial_map_and_plates_are_set_before_the_job(service: ScriptedService, tmp_path: Path) -> None:
     static = tmp_path / "static.c3d"
     static.write_bytes(b"x")
-    ask(tmp_path / "out", static=static, markers=("l_asis=A",), without_plates=(2,))
+    ask(tmp_path / "out", preparation=Preparation(static, ["l_asis=A"], [2]))
     patch = next(value for call, value in service.calls if call == "patch")[1]
     assert patch.static_recording_id == "id-of-static.c3d"
     assert patch.marker_map == {"l_asis": "A"}
@@ -104,5 +108,5 @@ def test_a_service_cannot_make_us_write_elsewhere(service: ScriptedService, tmp_
 
 def test_nothing_is_sent_for_options_that_make_no_sense(service: ScriptedService, tmp_path: Path) -> None:
     with pytest.raises(InvalidInput):
-        ask(tmp_path, latency="soon")
+        ask(tmp_path, estimation=Estimation(latency="soon"))
     assert service.calls == []

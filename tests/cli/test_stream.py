@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from stridelab.cli_estimate import EstimateRequest
+from stridelab.cli_groups import Walk
 from stridelab.cli_stream import COLUMNS, Replay, paced, prepared, stream
 from stridelab.errors import InvalidInput, Unavailable
 from support.database import TestDatabases
@@ -16,7 +17,7 @@ from support.interface import Served, served
 from support.quiet import SAMPLE
 from support.streams import walk_samples
 
-REQUEST = EstimateRequest(file=SAMPLE / "recording.c3d")
+REQUEST = EstimateRequest(Walk(SAMPLE / "recording.c3d"))
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,6 @@ import pytest
 
 from stridelab.resources import models_dir
 from support.book import PAGES, Block, blocks
-from support.database import public_folder
-from support.service import Service
 
 PYTHON = [block for page in PAGES for block in blocks(page) if block.language == "python"]
 ADDRESS = "http://127.0.0.1:8000"
@@ -22,18 +20,6 @@ def laboratory() -> Iterator[tuple[float, list[float], list[float], list[float]]
         yield k / 200, [0.1, 0.0, 0.98], [3.0, -5.0, 690.0], [0.0, -68.0, 0.0]
 
 
-@pytest.fixture(scope="module")
-def address() -> Iterator[str]:
-    """Of a service as a user starts it."""
-    with public_folder() as folder:
-        service = Service(folder / "data", command=("stridelab.cli", "serve"))
-        service.start(STRIDELAB_MIN_FREE_DISK_MB="0", STRIDELAB_STALL_S="60", STRIDELAB_PARSE_TIMEOUT_S="60")
-        try:
-            yield f"http://127.0.0.1:{service.port}"
-        finally:
-            service.stop()
-
-
 @pytest.mark.parametrize("block", PYTHON, ids=lambda b: b.place)
 def test_a_block_runs(
     block: Block, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -41,7 +27,7 @@ def test_a_block_runs(
     """In a folder with ``walk.c3d``."""
     text = block.text
     if ADDRESS in text:
-        text = text.replace(ADDRESS, request.getfixturevalue("address"))
+        text = text.replace(ADDRESS, request.getfixturevalue("service_url"))
     monkeypatch.chdir(tmp_path)
     shutil.copyfile(models_dir() / "recordings" / "sample-walk" / "recording.c3d", tmp_path / "walk.c3d")
     (tmp_path / "block.py").write_text(text, encoding="utf-8")

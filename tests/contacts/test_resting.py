@@ -22,7 +22,6 @@ WALLS = [
     {"name": f"wall {k}", "kind": "box", "center_m": [0.0, y, 1.0], "size_m": [2.0, 1.0, 4.0]}
     for k, y in enumerate((1.0, -1.0))
 ]
-EVERYWHERE = EffectorReach((-5.0, -5.0, -5.0), (5.0, 5.0, 5.0), 5.0)
 RIGHT, UP, LEFT = (0.0, -1.0), (0.0, 0.0), (0.0, 1.0)
 
 

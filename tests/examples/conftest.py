@@ -1,14 +1,11 @@
-"""A folder with what the first example writes, and a whole service as ``make serve`` starts it."""
+"""A folder with what the first example writes."""
 
 import runpy
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import chdir
 from pathlib import Path
 
 import pytest
-
-from support.database import public_folder
-from support.service import Service
 
 EXAMPLES = Path(__file__).parents[2] / "docs" / "examples"
 
@@ -36,15 +33,3 @@ def example(folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytes
         return capsys.readouterr().out
 
     return run
-
-
-@pytest.fixture(scope="session")
-def service_url() -> Iterator[str]:
-    """Database, worker and all."""
-    with public_folder() as place:
-        service = Service(place / "data", command=("stridelab.cli", "serve"))
-        service.start(STRIDELAB_MIN_FREE_DISK_MB="0", STRIDELAB_PARSE_TIMEOUT_S="60", STRIDELAB_STALL_S="60")
-        try:
-            yield f"http://127.0.0.1:{service.port}"
-        finally:
-            service.stop()

@@ -5,24 +5,17 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
-BACKEND = ROOT / "backend" / "stridelab"
-FRONTEND = ROOT / "frontend" / "stridelab_web"
-
-GROUND = {"conventions", "errors", "resources"}
-WINGS = ["dynamics", "recordings", "body", "estimation", "walking"]
-ROBOT_WING = ["dynamics", "robots", "contacts", "reachability", "centroidal", "wholebody"]
-SCIENCE = GROUND | set(WINGS) | set(ROBOT_WING)
+from support.floors import BACKEND, FRONTEND, GROUND, NUMERIC, ROBOT_WING, WINGS, room_of
 
 ALLOWED: dict[str, set[str]] = {room: set() for room in GROUND}
 for wing in (WINGS, ROBOT_WING):
     for floor, room in enumerate(wing):
         ALLOWED[room] = GROUND | set(wing[: floor + 1])
-ALLOWED["experiments"] = SCIENCE | {"experiments"}
+ALLOWED["experiments"] = NUMERIC
 ALLOWED["schemas"] = {"schemas"}
 ALLOWED["client"] = {"schemas", "client"}
-ALLOWED["service"] = SCIENCE | {"experiments", "schemas", "client", "service"}
-ALLOWED["cli"] = SCIENCE | {"experiments", "schemas", "client", "service", "cli"}
+ALLOWED["service"] = NUMERIC | {"schemas", "client", "service"}
+ALLOWED["cli"] = NUMERIC | {"schemas", "client", "service", "cli"}
 
 WEB = {
     "fastapi",
@@ -51,11 +44,6 @@ def imports(path: Path) -> list[str]:
     return names
 
 
-def room_of(path: Path) -> str:
-    first = path.relative_to(BACKEND).parts[0].removesuffix(".py")
-    return "cli" if first.startswith("cli") else first
-
-
 @pytest.mark.parametrize("path", sorted(BACKEND.rglob("*.py")), ids=lambda p: str(p.relative_to(BACKEND)))
 def test_imports_of_the_backend_go_down_the_floors(path: Path) -> None:
     room = room_of(path)
@@ -69,7 +57,7 @@ def test_imports_of_the_backend_go_down_the_floors(path: Path) -> None:
             assert ("cli" if target.startswith("cli") else target) in allowed, f"{room} must not import {name}"
         if top == "stridelab_web":
             assert path == BACKEND / "service" / "front.py", "only service/front.py mounts the pages"
-        if room in SCIENCE | {"experiments"}:
+        if room in NUMERIC:
             assert top not in WEB, f"{room} is numeric and must not import {name}"
         if room in {"schemas", "client"}:
             assert top not in NUMERICS, f"{room} knows no numerics, but imports {name}"

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+from support.floors import ROOT, numeric_modules
 
 
 def tracked() -> list[Path]:
@@ -32,11 +32,9 @@ def test_modules_stay_readable(path: Path) -> None:
 
 
 def test_numeric_code_does_not_print() -> None:
-    rooms = ("dynamics", "recordings", "body", "estimation", "walking", "experiments")
-    for room in rooms:
-        for path in (ROOT / "backend" / "stridelab" / room).rglob("*.py"):
-            calls = [n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)]
-            assert not [c for c in calls if isinstance(c.func, ast.Name) and c.func.id == "print"], path
+    for path in numeric_modules():
+        calls = [n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.Call)]
+        assert not [c for c in calls if isinstance(c.func, ast.Name) and c.func.id == "print"], path
 
 
 def test_locks_name_no_index_and_hash_everything() -> None:

@@ -7,7 +7,7 @@ import pytest
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import NotEstimable
 from stridelab.reachability.stance_truth import ANY, STANDING, Contacts, StanceTruth
-from stridelab.robots.collision import in_collision
+from stridelab.robots.collision import SelfCollision
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 
@@ -40,7 +40,7 @@ def test_postures_hold_the_contacts_within_the_limits(
                 np.testing.assert_allclose(data.oMf[frames[name]].rotation, at.rotation, atol=2e-6)
         assert (q[7:] >= model.lowerPositionLimit[7:]).all()
         assert (q[7:] <= model.upperPositionLimit[7:]).all()
-        assert not in_collision(talos, q)
+        assert not SelfCollision.of(talos).found(q)
         up = data.oMi[1].rotation[:, 2]
         assert np.degrees(np.arccos(up[2])) < 29.0, "roll and pitch of 20 degrees each at most"
 

@@ -12,7 +12,7 @@ from stridelab.errors import NotEstimable
 from stridelab.reachability import standing
 from stridelab.reachability.stance import Stance
 from stridelab.reachability.standing import StandingConfigurations
-from stridelab.robots.collision import in_collision
+from stridelab.robots.collision import SelfCollision
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
@@ -69,7 +69,7 @@ def test_the_knees_are_bent_and_nothing_touches(
     robot, stream, postures = kept
     lower, upper = robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:]
     for q in postures:
-        assert not in_collision(robot, q)
+        assert not SelfCollision.of(robot).found(q)
         assert (q[7:] >= lower).all()
         assert (q[7:] <= upper).all()
     knees = [robot.model.joints[robot.model.getJointId(KNEE[robot.name].format(s))].idx_q for s in ("left", "right")]

@@ -18,7 +18,6 @@ LABELS = {
         r_knee_study L_knee_study r_ankle_study L_ankle_study r_lelbow_study L_lelbow_study""",
 }
 ISB = LABELS["isb"].split()
-DRESSES = (str.lower, str.upper, "Anna: {}".format, "a:b:{}".format, lambda label: label.replace("_", " ."))
 
 
 def all_labels(known):

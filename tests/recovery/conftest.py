@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from support.database import public_folder
-from support.service import Service
+from support.service import Service, running_service
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
@@ -17,8 +16,5 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="module")
 def service() -> Iterator[Service]:
-    with public_folder() as folder:
-        made = Service(folder / "data")
-        made.start()
+    with running_service() as made:
         yield made
-        made.stop()

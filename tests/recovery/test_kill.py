@@ -9,7 +9,7 @@ import pytest
 
 from support.database import public_folder
 from support.ledger import assert_sound
-from support.service import Service, ended, wait_until
+from support.service import Service, ended, running_service, wait_until
 
 MEMBERS = {"web server": "support.api_entry", "worker": "support.worker_entry", "postmaster": "postgres"}
 
@@ -90,13 +90,8 @@ def test_everything_killed_at_once_and_started_again(tmp_path: Path) -> None:
 
 
 def test_two_services_side_by_side(service: Service) -> None:
-    with public_folder() as folder:
-        other = Service(folder / "data")
-        other.start()
-        try:
-            for each in (service, other):
-                assert each.jobs.until_final(each.jobs.submit("work")).state == "succeeded"
-                assert each.healthy()
-            assert len({(each.port, each.url) for each in (service, other)}) == 2
-        finally:
-            other.stop()
+    with running_service() as other:
+        for each in (service, other):
+            assert each.jobs.until_final(each.jobs.submit("work")).state == "succeeded"
+            assert each.healthy()
+        assert len({(each.port, each.url) for each in (service, other)}) == 2

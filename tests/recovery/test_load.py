@@ -2,26 +2,20 @@
 
 import asyncio
 
-from support.database import public_folder
 from support.ledger import assert_sound
 from support.load import Load
 from support.load_entry import ADMIN, users
-from support.service import Service
+from support.service import running_service
 
 SETTINGS = {"STRIDELAB_API_TOKEN": ADMIN, "STRIDELAB_QUEUE_LIMIT": "60", "STRIDELAB_USER_QUEUE_LIMIT": "15"}
 
 
 def test_a_crowd_gets_answers_and_every_accepted_job_ends_once() -> None:
     task = ("reproduce", {"item": "fig-2.5"})
-    with public_folder() as folder:
-        service = Service(folder / "data")
-        service.start(**SETTINGS)
-        try:
-            load = Load(service.port, users(service.port, 2), task, clients=20, seconds=5.0, many=30)
-            tally = asyncio.run(load.run())
-            assert_sound(service.url, service.folder / "blobs", tally.accepted, timeout_s=60.0)
-        finally:
-            service.stop()
+    with running_service(**SETTINGS) as service:
+        load = Load(service.port, users(service.port, 2), task, clients=20, seconds=5.0, many=30)
+        tally = asyncio.run(load.run())
+        assert_sound(service.url, service.folder / "blobs", tally.accepted, timeout_s=60.0)
     assert tally.worse == 0, (tally.failures, tally.statuses)
     assert {status for _, status in tally.statuses} <= {200, 202, 429}
     assert set(tally.refusals) <= {"queue-full", "user-queue-full"}

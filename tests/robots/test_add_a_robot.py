@@ -12,7 +12,7 @@ import pytest
 
 from stridelab.resources import models_dir
 from stridelab.robots import card as cards
-from stridelab.robots.collision import in_collision
+from stridelab.robots.collision import SelfCollision
 from stridelab.robots.loader import load_robot, robot_names
 from stridelab.robots.robot import Robot
 
@@ -47,7 +47,7 @@ def test_the_card_of_the_page_is_a_robot(romeo: Robot) -> None:
         assert sole.rotation == pytest.approx(np.eye(3), abs=1e-6)
     com_m = pin.centerOfMass(romeo.model, data, romeo.q_reference)
     assert np.abs(com_m[:2]).max() < 0.05
-    assert not in_collision(romeo, romeo.q_reference)
+    assert not SelfCollision.of(romeo).found(romeo.q_reference)
 
 
 def test_every_field_of_a_card_is_explained() -> None:

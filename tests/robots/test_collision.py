@@ -6,7 +6,7 @@ import pytest
 
 from stridelab.robots import description
 from stridelab.robots.card import robot_card
-from stridelab.robots.collision import SelfCollision, in_collision, self_collisions
+from stridelab.robots.collision import SelfCollision
 from stridelab.robots.data_files import data_files
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
@@ -26,29 +26,29 @@ def posed(robot: Robot, **angles_rad: float) -> np.ndarray:
 
 
 def test_the_reference_posture_is_free(talos: Robot) -> None:
-    assert not in_collision(talos, talos.q_reference)
-    assert self_collisions(talos, talos.q_reference) == ()
+    assert not SelfCollision.of(talos).found(talos.q_reference)
+    assert SelfCollision.of(talos).pairs(talos.q_reference) == ()
 
 
 def test_crossed_legs_touch(talos: Robot) -> None:
     """Both hips swing the legs inwards by 30 degrees: the shanks cannot both be there."""
     q = posed(talos, leg_left_2_joint=-0.52, leg_right_2_joint=0.52)
-    assert in_collision(talos, q)
-    pairs = {frozenset(pair) for pair in self_collisions(talos, q)}
+    assert SelfCollision.of(talos).found(q)
+    pairs = {frozenset(pair) for pair in SelfCollision.of(talos).pairs(q)}
     assert any(a.startswith("leg_left") and b.startswith("leg_right") for a, b in map(sorted, pairs))
     assert all(not pair & {"arm_left_4_link", "head_2_link"} for pair in pairs)
 
 
 def test_a_forearm_in_the_chest_is_named(talos: Robot) -> None:
     q = posed(talos, arm_left_1_joint=-1.5, arm_left_2_joint=0.0, arm_left_4_joint=-2.3)
-    assert ("torso_2_link", "arm_left_4_link") in self_collisions(talos, q)
+    assert ("torso_2_link", "arm_left_4_link") in SelfCollision.of(talos).pairs(q)
 
 
 def test_where_the_base_is_does_not_matter(talos: Robot) -> None:
     q = posed(talos, leg_left_2_joint=-0.52, leg_right_2_joint=0.52)
     moved = q.copy()
     moved[:7] = [3.0, -2.0, 7.0, *pin.Quaternion(pin.rpy.rpyToMatrix(1.0, 0.5, -2.0)).coeffs()]
-    assert self_collisions(talos, moved) == self_collisions(talos, q)
+    assert SelfCollision.of(talos).pairs(moved) == SelfCollision.of(talos).pairs(q)
 
 
 def test_the_first_hit_and_all_pairs_agree(talos: Robot) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from stridelab.robots.assembly import assemble
 from stridelab.robots.card import robot_card
-from stridelab.robots.collision import SelfCollision, in_collision
+from stridelab.robots.collision import SelfCollision
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.data_files import data_files
 from stridelab.robots.loader import load_robot
@@ -81,7 +81,7 @@ def test_feet_hands_and_pelvis_are_checked_by_their_looks(g1: Robot) -> None:
     """The description gives them no collision shape, or four balls of 5 mm."""
     links = {g1.model.frames[part.parentFrame].name for part in g1.collision.geometryObjects}
     assert {"left_ankle_roll_link", "right_ankle_roll_link", "left_rubber_hand", "right_rubber_hand", "pelvis"} <= links
-    assert not in_collision(g1, g1.q_reference)
+    assert not SelfCollision.of(g1).found(g1.q_reference)
 
 
 def test_hulls_judge_like_the_meshes(g1: Robot) -> None:

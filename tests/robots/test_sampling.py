@@ -9,7 +9,7 @@ import pytest
 from scipy.stats import kstest
 
 from stridelab.errors import NotEstimable
-from stridelab.robots.collision import in_collision
+from stridelab.robots.collision import SelfCollision
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.robots.sampling import PATIENCE, uniform_configurations
@@ -41,7 +41,7 @@ def test_the_base_stays_in_the_reference_posture(talos: Robot, drawn: tuple[np.n
 
 
 def test_they_are_free_of_self_collision(talos: Robot, drawn: tuple[np.ndarray, int]) -> None:
-    assert not any(in_collision(talos, q) for q in drawn[0][::10])
+    assert not any(SelfCollision.of(talos).found(q) for q in drawn[0][::10])
 
 
 def test_the_rejected_ones_are_counted(drawn: tuple[np.ndarray, int]) -> None:

@@ -21,10 +21,9 @@ from sqlalchemy.exc import OperationalError
 from stridelab.service.jobs.child import NAME
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.database import make_engine
-from support.database import public_folder
 from support.kinds import KINDS
 from support.ledger import assert_sound
-from support.service import Service
+from support.service import Service, running_service
 
 VICTIMS = {"worker": 4, "computation": 3, "postmaster": 2, "web server": 1}
 """How often each is chosen, relative to the others."""
@@ -111,35 +110,28 @@ def _is_child(process: psutil.Process) -> bool:
 def run(jobs: int, kills: int, *, work_s: float, pause_s: tuple[float, float], limit_s: float) -> str:
     """Do it; returns what to write down. Raises ``AssertionError`` naming every job that was lost, doubled or stuck."""
     began = time.monotonic()
-    with public_folder() as folder:
-        service = Service(folder / "data")
-        service.start(**SETTINGS)
-        try:
-            made = Run(service, work_s)
-            submitting = threading.Thread(target=made.submit, args=(jobs,), daemon=True)
-            submitting.start()
-            while made.killed.total() < kills:
-                time.sleep(random.uniform(*pause_s))
-                assert time.monotonic() - began < limit_s, f"{made.killed.total()} kills in {limit_s} s"
-                try:
-                    made.kill(random.choices(list(VICTIMS), list(VICTIMS.values()))[0])
-                except psutil.NoSuchProcess:
-                    continue
-            submitting.join(max(0.0, limit_s - (time.monotonic() - began)))
-            assert not made.failure, made.failure
-            assert len(made.accepted) == jobs, f"{len(made.accepted)} of {jobs} accepted in {limit_s} s"
-            while made.counts() != {"succeeded": jobs}:
-                assert time.monotonic() - began < limit_s, f"after {limit_s} s: {made.counts()}"
-                time.sleep(0.5)
-            assert len(set(made.accepted)) == jobs
-            assert_sound(service.url, service.folder / "blobs", made.accepted)
-            with psycopg.connect(service.url) as connection:
-                found = connection.execute(
-                    "SELECT sum(attempt - 1), max(attempt) FROM job WHERE kind = 'work'"
-                ).fetchone()
-            repeated, most = found or (0, 0)
-        finally:
-            service.stop()
+    with running_service(**SETTINGS) as service:
+        made = Run(service, work_s)
+        submitting = threading.Thread(target=made.submit, args=(jobs,), daemon=True)
+        submitting.start()
+        while made.killed.total() < kills:
+            time.sleep(random.uniform(*pause_s))
+            assert time.monotonic() - began < limit_s, f"{made.killed.total()} kills in {limit_s} s"
+            try:
+                made.kill(random.choices(list(VICTIMS), list(VICTIMS.values()))[0])
+            except psutil.NoSuchProcess:
+                continue
+        submitting.join(max(0.0, limit_s - (time.monotonic() - began)))
+        assert not made.failure, made.failure
+        assert len(made.accepted) == jobs, f"{len(made.accepted)} of {jobs} accepted in {limit_s} s"
+        while made.counts() != {"succeeded": jobs}:
+            assert time.monotonic() - began < limit_s, f"after {limit_s} s: {made.counts()}"
+            time.sleep(0.5)
+        assert len(set(made.accepted)) == jobs
+        assert_sound(service.url, service.folder / "blobs", made.accepted)
+        with psycopg.connect(service.url) as connection:
+            found = connection.execute("SELECT sum(attempt - 1), max(attempt) FROM job WHERE kind = 'work'").fetchone()
+        repeated, most = found or (0, 0)
     victims = ", ".join(f"{count} {kind}" for kind, count in sorted(made.killed.items()))
     return (
         f"{jobs} jobs under {kills} kills ({victims}): all finished exactly once in {time.monotonic() - began:.0f} s; "

@@ -6,17 +6,15 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Final
 
 import psutil
 
-from support.database import public_folder
 from support.lean_http import Connection
 from support.load import MANY, Load, Tally, share_of
-from support.service import Service
+from support.service import SERVE, Service, running_service
 
 ADMIN: Final = "the-admin-of-the-load"
 TASK: Final = ("estimate-com", {"recording_id": "sample-walk"})
@@ -40,16 +38,9 @@ def users(port: int, number: int) -> tuple[str, ...]:
     return asyncio.run(make())
 
 
-@contextmanager
-def real_service(**settings: str) -> Iterator[Service]:
+def real_service(**settings: str) -> AbstractContextManager[Service]:
     """The service as ``make serve`` starts it, with a folder of its own."""
-    with public_folder() as folder:
-        made = Service(folder / "data", command=("stridelab.cli", "serve"))
-        made.start(**{**PRODUCTION, **LIMITS, "STRIDELAB_API_TOKEN": ADMIN, **settings})
-        try:
-            yield made
-        finally:
-            made.stop()
+    return running_service(*SERVE, **{**PRODUCTION, **LIMITS, "STRIDELAB_API_TOKEN": ADMIN, **settings})
 
 
 def _own_s(process: psutil.Process) -> float:

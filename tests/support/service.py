@@ -19,9 +19,12 @@ import psutil
 
 from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.storage.database import make_engine
+from support.database import public_folder
 from support.kinds import KINDS
 
 TESTS = Path(__file__).parents[1]
+SERVE = ("stridelab.cli", "serve")
+"""What ``make serve`` runs, with the real kinds of job."""
 BRISK = {"STRIDELAB_HEARTBEAT_S": "0.4", "STRIDELAB_STALL_S": "3", "STRIDELAB_WORKER_SLOTS": "1"}
 
 
@@ -174,6 +177,18 @@ class Service:
         if self.process.stdout is not None:
             self.process.stdout.close()
         return time.monotonic() - began
+
+
+@contextmanager
+def running_service(*command: str, **settings: str) -> Iterator[Service]:
+    """A service on a folder of its own until the end of the block; ``command`` as ``Service`` has it."""
+    with public_folder() as folder:
+        made = Service(folder / "data", command=command) if command else Service(folder / "data")
+        made.start(**settings)
+        try:
+            yield made
+        finally:
+            made.stop()
 
 
 @contextmanager

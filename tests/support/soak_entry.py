@@ -4,28 +4,13 @@ import argparse
 import os
 import sys
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
 
-from support.database import public_folder
 from support.load_entry import ADMIN, NICENESS, TASK, real_service, users
-from support.service import Service
+from support.service import running_service
 from support.soak import Soak
 
 LIGHT: tuple[str, dict[str, object]] = ("reproduce", {"item": "fig-2.5"})
 """With the tests' worker, a job that computes nothing: many of them pass in little time."""
-
-
-@contextmanager
-def light_service() -> Iterator[Service]:
-    """A service with the tests' worker, its jobs and the real web server's logins."""
-    with public_folder() as folder:
-        made = Service(folder / "data")
-        made.start(STRIDELAB_API_TOKEN=ADMIN)
-        try:
-            yield made
-        finally:
-            made.stop()
 
 
 def main() -> None:
@@ -36,7 +21,8 @@ def main() -> None:
     asked.add_argument("--round", type=float, default=20.0, help="seconds between two looks")
     asked.add_argument("--light", action="store_true", help="jobs that compute nothing")
     given = asked.parse_args()
-    with light_service() if given.light else real_service() as service:
+    light = running_service(STRIDELAB_API_TOKEN=ADMIN)  # the tests' worker, and the real web server's logins
+    with light if given.light else real_service() as service:
         os.nice(NICENESS)
         task = LIGHT if given.light else TASK
         soak = Soak(service, users(service.port, 2), task, 60 * given.minutes, given.round, given.clients)

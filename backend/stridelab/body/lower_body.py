@@ -26,7 +26,7 @@ def pelvis_axes(p: Tracks) -> tuple[Points, Points, Points]:
 def pelvis(p: Tracks, body: Anthropometry) -> Joints:
     """Lumbar joint and hips: c = mid-ASIS + w (k_x X + k_y Y + k_z Z), w the distance between the ASIS.
 
-    Raises ``NotEstimable`` without both ASIS and either both PSIS or a sacrum marker.
+    Raises ``NotEstimable`` (``pelvis-markers-missing``) without both ASIS and either both PSIS or a sacrum marker.
     """
     lacking = [name for name in ("l_asis", "r_asis") if name not in p]
     if not (has(p, "l_psis", "r_psis") or has(p, "sacrum")):
@@ -55,7 +55,8 @@ def pelvis(p: Tracks, body: Anthropometry) -> Joints:
 def leg(p: Tracks, s: str, joints: Joints, body: Anthropometry, widths_m: Mapping[str, float]) -> Joints:
     """Knee, ankle and middle of the forefoot of side ``s``.
 
-    Raises ``NotEstimable`` where the knee is not marked, or neither the ankle nor heel and forefoot.
+    Raises ``NotEstimable`` where the knee is not marked (``knee-markers-missing``), or neither the ankle nor heel and
+    forefoot (``ankle-markers-missing``).
     """
     Z = joints.rightward["pelvis"]
     knee = hinge(p, f"{s}_knee", joints.centres[f"{s}_hip"], Z, body, widths_m)

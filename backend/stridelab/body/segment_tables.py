@@ -55,7 +55,7 @@ class SegmentTable:
 def load(name: str, sex: Sex | None) -> SegmentTable:
     """Table ``models/segment_tables/<name>.toml`` for one sex; without a sex, the mean of both.
 
-    Raises ``InvalidInput`` for a name that is not shipped.
+    Raises ``InvalidInput`` (``segment-table-unknown``) for a name that is not shipped.
     """
     data = _file(name)
     sexes: tuple[Sex, ...] = ("female", "male") if sex is None else (sex,)
@@ -72,7 +72,7 @@ def load(name: str, sex: Sex | None) -> SegmentTable:
 def parse(data: Mapping[str, Any]) -> SegmentTable:
     """Validate the plain form ``{"name", "segments": {segment: {"mass_fraction", "com"}}, "sd_m"?, "references"?}``.
 
-    Raises ``InvalidInput`` naming the segment whose numbers make no sense.
+    Raises ``InvalidInput`` (``segment-table-invalid``) naming the segment whose numbers make no sense.
     """
     try:
         rows = dict(_rows(data["segments"]))
@@ -94,7 +94,7 @@ def parse(data: Mapping[str, Any]) -> SegmentTable:
 def from_json(text: str) -> SegmentTable:
     """Table that a recording carries (``Recording.carried["segment_table"]``).
 
-    Raises ``InvalidInput`` when the text is not such a table.
+    Raises ``InvalidInput`` (``segment-table-invalid``) when the text is not such a table.
     """
     try:
         data = json.loads(text)

@@ -32,7 +32,7 @@ def carried(plan: CentroidalPlan, onto: CentroidalProblem, after_s: float = 0.0)
 
     It is for the solvers of the plan's kind.
 
-    Raises ``InvalidInput`` ("plan-without-solution") for a plan that was not solved but read.
+    Raises ``InvalidInput`` (``plan-without-solution``) for a plan that was not solved but read.
     """
     if plan.solution is None:
         raise InvalidInput("plan-without-solution", "This plan does not tell at which point its solver stopped.")

@@ -31,7 +31,7 @@ def _still() -> Vector3:
 class Start:
     """Velocity of the CoM and angular momentum about it at the start: rest, unless a motion goes on.
 
-    Raises ``InvalidInput`` ("start-not-finite").
+    Raises ``InvalidInput`` (``start-not-finite``).
     """
 
     com_v_m_s: Vector3 = field(default_factory=_still)
@@ -50,7 +50,7 @@ class PathBounds:
     """Bounds on the way. ``com_height_m``: of the CoM above the mean of the soles, each where it is or was last.
 
     ``normal_force_max_n``: for effectors by name, the largest normal force on each of their points, of an arm that can
-    carry so much and no more. Raises ``InvalidInput`` ("bounds-out-of-range") naming what is empty or not positive.
+    carry so much and no more. Raises ``InvalidInput`` (``bounds-out-of-range``) naming what is empty or not positive.
     """
 
     com_height_m: tuple[float, float] | None = None
@@ -89,7 +89,7 @@ class Capture:
 def capture(touching: Sequence[Points], goal_m: Vector3) -> Capture:
     """For the points of all contacts of the last phase and a goal of the CoM, in the same frame.
 
-    Raises ``InvalidInput`` ("no-support-to-capture") where the points have no area below the goal.
+    Raises ``InvalidInput`` (``no-support-to-capture``) where the points have no area below the goal.
     """
     points_m = np.vstack([np.zeros((0, 3)), *touching])
     flat = points_m[:, :2] - points_m[:1, :2]

@@ -45,7 +45,7 @@ class ContactWrench(Control):
 
     The cone is that of the ``soles``, which is inside that of ``all`` contacts: the largest cone of a foot and a hand
     has its axis between them, where the hand would have to carry what no arm carries. Without a sole it is that of all.
-    Raises ``InvalidInput`` ("alpha-out-of-range") unless ``0 < alpha <= 1``.
+    Raises ``InvalidInput`` (``alpha-out-of-range``) unless ``0 < alpha <= 1``.
     """
 
     cone: Literal["inscribed", "thesis"] = "inscribed"

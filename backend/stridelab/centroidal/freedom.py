@@ -11,7 +11,7 @@ class FreeDurations:
     """Every phase lasts between ``shortest`` and ``longest`` times what the sequence says.
 
     The whole motion keeps its length, or, with ``fixed_total`` False, each second costs ``price_per_s``. Raises
-    ``InvalidInput`` ("durations-out-of-range") unless ``0 < shortest <= 1 <= longest`` and the price is not negative.
+    ``InvalidInput`` (``durations-out-of-range``) unless ``0 < shortest <= 1 <= longest`` and the price is not negative.
     """
 
     shortest: float = 0.6
@@ -34,7 +34,7 @@ class FreePlacements:
     """Every contact that begins and ends within the motion may move by ``reach_m`` along x and y of its own frame.
 
     Those of the first and of the last phase stay: there the motion begins and ends. Raises ``InvalidInput``
-    ("placements-out-of-range") for a reach that is negative or not finite.
+    (``placements-out-of-range``) for a reach that is negative or not finite.
     """
 
     reach_m: tuple[float, float] = (0.03, 0.02)

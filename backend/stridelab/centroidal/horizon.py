@@ -83,7 +83,7 @@ Disturb = Callable[[float, State], State]
 class RecedingHorizon:
     """``problem`` from its start to its end in periods.
 
-    Raises ``InvalidInput``: "horizon-invalid" unless ``0 < period_s < horizon_s``, "horizon-needs-constants" for
+    Raises ``InvalidInput``: ``horizon-invalid`` unless ``0 < period_s < horizon_s``, ``horizon-needs-constants`` for
     splines, which would jump at every replan.
     """
 
@@ -104,7 +104,7 @@ class RecedingHorizon:
     def run(self, disturb: Disturb | None = None) -> Receding:
         """Carry the problem out; ``disturb`` may move the state after every period.
 
-        Raises ``NotEstimable`` ("horizon-lost") where no solution was ever found, or the last one has come to its end.
+        Raises ``NotEstimable`` (``horizon-lost``) where no solution was ever found, or the last has come to its end.
         """
         replans = tuple(self.replans(disturb))
         total_s, last = self.problem.sequence.duration_s, replans[-1]
@@ -120,7 +120,7 @@ class RecedingHorizon:
         )
 
     def replans(self, disturb: Disturb | None = None) -> Iterator[Replan]:
-        """One after the other, as they come; the last one is carried out to the end."""
+        """One after the other, as they come; the last one is carried out to the end. Raises as ``run``."""
         problem = self.problem
         state = State(problem.com_start_m, problem.start.com_v_m_s, problem.start.l_nms)
         last: Replan | None = None
@@ -135,7 +135,10 @@ class RecedingHorizon:
                 state = disturb(time_s + self.period_s, state)
 
     def step(self, time_s: float, state: State, last: Replan | None = None) -> Replan:
-        """Solve from ``state`` at ``time_s`` on; ``last`` is the replan before, a start, and what goes on otherwise."""
+        """Solve from ``state`` at ``time_s`` on; ``last`` is the replan before, a start, and what goes on otherwise.
+
+        Raises ``NotEstimable`` (``horizon-lost``) where no solution is found and none goes on.
+        """
         started = time.process_time()
         asked = self.horizon(time_s, state)
         start = None

@@ -65,15 +65,19 @@ class AtIterations(ca.Callback):
         self.construct("at_iterations", {})
 
     def get_n_in(self) -> int:
+        """As many as a solver has results."""
         return int(ca.nlpsol_n_out())
 
     def get_n_out(self) -> int:
+        """One number."""
         return 1
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        """A dense column, of the size of the solver's i-th result."""
         return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)])
 
     def eval(self, arg: Sequence[ca.DM]) -> list[float]:
+        """Hand the iterate on; 0 tells ipopt to go on."""
         of = dict(zip(map(ca.nlpsol_out, range(len(arg))), arg, strict=True))
         self._listener.hear(of["x"], of["f"], of["g"])
         return [0.0]
@@ -89,15 +93,19 @@ class AtCurvatures(ca.Callback):
         self.construct("at_curvatures", {})
 
     def get_n_in(self) -> int:
+        """The variables x and the parameters p."""
         return 2
 
     def get_n_out(self) -> int:
+        """One number."""
         return 1
 
     def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        """A dense column, x for 0 and p for 1."""
         return ca.Sparsity.dense(self._sizes[i])
 
     def eval(self, arg: Sequence[ca.DM]) -> list[float]:
+        """Nought; where somebody listens, the iterate is evaluated and handed on."""
         if self._listener.listening:
             of = self._listener.programme
             self._listener.hear(arg[0], of.value(*arg), of.rows(*arg))

@@ -35,7 +35,7 @@ class MinimumJerk:
     def through(time_s: Series, com_m: Points) -> "MinimumJerk":
         """From rest over the first place to rest over the last.
 
-        Raises ``InvalidInput`` ("minimum-jerk-invalid") unless there are two places or more and times ascend.
+        Raises ``InvalidInput`` (``minimum-jerk-invalid``) unless there are two places or more and times ascend.
         """
         if len(time_s) < 2 or not (np.diff(time_s) > 0.0).all():
             raise InvalidInput("minimum-jerk-invalid", "A motion needs two places or more, at ascending times.")
@@ -81,8 +81,8 @@ class MinimumJerk:
 def through_supports(problem: CentroidalProblem, height_m: float) -> MinimumJerk:
     """Over the middle of the points that touch, ``height_m`` above them, in the middle of every phase but the ends.
 
-    The first and the last place are those of the problem. Raises ``InvalidInput`` ("minimum-jerk-invalid") for a phase
-    in which nothing touches.
+    The first and the last place are those of the problem. Raises ``InvalidInput`` (``minimum-jerk-invalid``) for a
+    phase in which nothing touches.
     """
     phases, starts = problem.sequence.phases, problem.sequence.starts_s
     if not all(phase.contacts for phase in phases):

@@ -49,7 +49,10 @@ class NativeRun:
 
 
 def require_native(problem: CentroidalProblem) -> None:
-    """Raise ``NotEstimable`` ("solver-unavailable") without the solver, ``InvalidInput`` ("solver-lacks") by name."""
+    """Raise ``NotEstimable`` (``solver-unavailable``) without the solver, or ``InvalidInput`` (``solver-lacks``).
+
+    The latter names what of the problem the solver lacks.
+    """
     found = availability()
     if isinstance(found, Missing):
         sentence = f"The native solver cannot serve: {found.reason}"

@@ -67,7 +67,7 @@ class _PointForces(Control):
 class Pyramids(_PointForces):
     """Forces in pyramids of ``n_rays`` inscribed rays, bounds only.
 
-    Raises ``InvalidInput`` ("rays-too-few") below eight, which hold 0.90 of the circle.
+    Raises ``InvalidInput`` (``rays-too-few``) below eight, which hold 0.90 of the circle.
     """
 
     n_rays: int = N_RAYS_MIN
@@ -78,9 +78,11 @@ class Pyramids(_PointForces):
             raise InvalidInput("rays-too-few", f"A pyramid needs at least {N_RAYS_MIN} rays, not {self.n_rays}.")
 
     def S(self, touch: Touch) -> Float[np.ndarray, "3 j"]:
+        """The rays in the world, each with a normal component of 1."""
         return np.asarray(touch.rotation @ rays(touch.friction, self.n_rays))
 
     def upright(self) -> Float[np.ndarray, "j"]:
+        """The same of every ray."""
         return np.full(self.n_rays, 1.0 / self.n_rays)
 
 
@@ -91,9 +93,11 @@ class CircularCones(_PointForces):
     lorentz: ClassVar[int] = 2
 
     def S(self, touch: Touch) -> Float[np.ndarray, "3 j"]:
+        """The contact's axes in the world, the tangential ones times the friction: the cone is then |u_xy| <= u_z."""
         return np.asarray(touch.rotation * np.array([touch.friction, touch.friction, 1.0]))
 
     def upright(self) -> Float[np.ndarray, "j"]:
+        """The normal alone."""
         return np.array([0.0, 0.0, 1.0])
 
 

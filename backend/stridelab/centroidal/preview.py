@@ -60,7 +60,7 @@ class PreviewControl:
     """Preview controller for a CoM ``height_m`` above the ground, sampled every ``dt_s``.
 
     ``tracking_weight`` is Q_e and ``effort_weight`` R (Kajita's 1 and 1e-6). Raises ``InvalidInput``
-    ("preview-invalid") where a number is not positive or the horizon is shorter than a sample.
+    (``preview-invalid``) where a number is not positive or the horizon is shorter than a sample.
     """
 
     height_m: float

@@ -36,7 +36,7 @@ class Weights:
 
     ``surface_force`` and ``point_force`` weigh ``sum |f / (m g)|^2`` over the points of surfaces (soles) and of point
     effectors (hands); ``likelihood`` the log-density term, 1 in the thesis. Raises ``InvalidInput``
-    ("weight-out-of-range"), naming them, for weights that are negative or not finite.
+    (``weight-out-of-range``), naming them, for weights that are negative or not finite.
     """
 
     com_acceleration: float = 10.0
@@ -77,12 +77,12 @@ class CentroidalProblem:
     the CoM that the limbs' motion takes between ``limb_times_s``, N m: the cost then weighs what differs from it.
     The motion begins as ``start`` says and ends at rest or ``capturable``, within ``bounds``.
 
-    Raises ``InvalidInput`` for what cannot be a problem at all: "effector-unknown", "proxy-missing",
-    "phase-without-duration", "mass-out-of-range", "node-rate-out-of-range", "com-not-finite", and
-    "placements-need-forces" where contacts are to move and the control's cones would have to follow,
-    "bounds-need-forces" where forces are bounded and the control has none, "shape-needs-forces" and
-    "shape-needs-durations" for splines of a wrench, whose cones differ from phase to phase, or of free durations, and
-    "limbs-need-grid" where the limbs' rates do not fit the grid, which free durations have not.
+    Raises ``InvalidInput`` for what cannot be a problem at all: ``effector-unknown``, ``proxy-missing``,
+    ``phase-without-duration``, ``mass-out-of-range``, ``node-rate-out-of-range``, ``com-not-finite``, and
+    ``placements-need-forces`` where contacts are to move and the control's cones would have to follow,
+    ``bounds-need-forces`` where forces are bounded and the control has none, ``shape-needs-forces`` and
+    ``shape-needs-durations`` for splines of a wrench, whose cones differ from phase to phase, or of free durations, and
+    ``limbs-need-grid`` where the limbs' rates do not fit the grid, which free durations have not.
     """
 
     sequence: ContactSequence
@@ -205,7 +205,7 @@ def standing_com_m(
 ) -> Vector3:
     """Where the CoM stands over a phase: ``height_m`` above the mean of its surface contacts.
 
-    Raises ``InvalidInput`` ("no-surface-contact") where nothing but points touches.
+    Raises ``InvalidInput`` (``no-surface-contact``) where nothing but points touches.
     """
     soles = [c.placement.position_m for name, c in phase_contacts.items() if effectors[name].kind == "surface"]
     if not soles:

@@ -57,7 +57,7 @@ def solve(
     anywhere. Times and iterations are sums over all attempts. A plan is converged only if the solver, or our look at
     its first-order conditions, says so *and* ``verify`` agrees. Raises ``NotEstimable`` where the contacts have no cone
     for the problem's control (u_c only), as ``require_native`` does where "native" is asked for,
-    and ``InvalidInput`` ("shape-needs-ipopt") where fatrop is asked for splines.
+    and ``InvalidInput`` (``shape-needs-ipopt``) where fatrop is asked for splines.
     """
     started = time.process_time()
     attempts: list[Attempt] = []

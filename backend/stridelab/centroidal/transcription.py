@@ -241,7 +241,10 @@ def _at_rest(problem: CentroidalProblem, grid: Grid, layout: Layout) -> list[Use
 
 
 def ground_m(problem: CentroidalProblem, phase: int) -> float:
-    """Mean height of the soles, each where it is in a phase or was last."""
+    """Mean height of the soles, each where it is in a phase or was last.
+
+    Raises ``InvalidInput`` (``no-surface-contact``) where none has touched so far.
+    """
     contacts = [problem.sequence.last_contact(name, phase) for name in problem.sequence.effectors]
     soles = [c for c in contacts if c is not None and problem.effectors[c.effector].kind == "surface"]
     if not soles:

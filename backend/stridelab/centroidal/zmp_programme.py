@@ -102,7 +102,7 @@ class ZmpPlan:
 class ZmpProgramme:
     """A CoM ``height_m`` above the ground, sampled every ``dt_s``.
 
-    Raises ``InvalidInput`` ("zmp-programme-invalid") for numbers that must be positive and are not.
+    Raises ``InvalidInput`` (``zmp-programme-invalid``) for numbers that must be positive and are not.
     """
 
     height_m: float
@@ -123,8 +123,8 @@ class ZmpProgramme:
     def solve(self, state: Float[np.ndarray, "3 2"], walk: Walk) -> ZmpPlan:
         """From ``state`` (CoM, velocity, acceleration; x and y).
 
-        Raises ``InvalidInput`` ("zmp-programme-invalid") for a walk without what its end or its steps need, and
-        ``NotEstimable`` ("zmp-programme-infeasible") where no motion keeps the zero-moment point in its polygons.
+        Raises ``InvalidInput`` (``zmp-programme-invalid``) for a walk without what its end or its steps need, and
+        ``NotEstimable`` (``zmp-programme-infeasible``) where no motion keeps the zero-moment point in its polygons.
         """
         self._require(walk)
         n, m = len(walk.supports), len(walk.steps)
@@ -274,7 +274,7 @@ class _Maps:
 def level_supports(problem: CentroidalProblem, dt_s: float) -> list[Support]:
     """The polygons of a problem whose contacts are level and at one height, sample after sample.
 
-    Raises ``InvalidInput`` ("contacts-not-level") for others, and where nothing touches.
+    Raises ``InvalidInput`` (``contacts-not-level``) for others, and where nothing touches.
     """
     polygons = []
     heights = [c.placement.position_m[2] for p in problem.sequence.phases for c in p.contacts.values()]

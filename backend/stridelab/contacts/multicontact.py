@@ -50,7 +50,7 @@ def from_multicontact(document: Mapping[str, Any], beside: Mapping[str, Any] | N
 
     ``beside`` holds what the document lacks: ``name``, ``robot``, ``terrain``, ``friction``; what the document says
     under ``stridelab`` comes first. The patches' coefficients are not taken over: friction belongs to surfaces.
-    Raises ``InvalidInput`` ("contact-sequence-invalid") with one fault per phase or contact that cannot be read:
+    Raises ``InvalidInput`` (``contact-sequence-invalid``) with one fault per phase or contact that cannot be read:
     phases that overlap or leave a gap, times or placements that are no numbers, patches without a placement.
     """
     faults: list[Fault] = []

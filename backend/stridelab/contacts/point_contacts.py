@@ -31,7 +31,7 @@ CORNERS = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
 class PointContacts:
     """``n`` points that touch: where, the frames of their surfaces (z away from them) and their friction.
 
-    Raises ``InvalidInput`` ("contacts-invalid") without points, for numbers that are not finite and for friction that
+    Raises ``InvalidInput`` (``contacts-invalid``) without points, for numbers that are not finite and for friction that
     is not positive.
     """
 

@@ -13,7 +13,7 @@ from stridelab.errors import InvalidInput
 def sequence_of(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -> ContactSequence:
     """The contact sequence of a scenario, every contact with its surface and friction.
 
-    Raises ``InvalidInput`` ("scenario-invalid") with all faults.
+    Raises ``InvalidInput`` (``scenario-invalid``) with all faults.
     """
     report, sequence = judge(scenario, effectors)
     if sequence is None:

@@ -56,8 +56,8 @@ def patch_m(half_size_m: tuple[float, float] | None) -> Points:
 def effector_shapes(robot_name: str) -> Mapping[str, EffectorShape]:
     """Effectors of a robot by name, from ``models/robots`` and, where it was learned, ``models/reachability``.
 
-    Raises ``NotFound`` ("robot-not-found") for a name that has no card, naming those that have, ``InvalidInput``
-    ("robot-card-invalid").
+    Raises ``NotFound`` (``robot-not-found``) for a name that has no card, naming those that have, ``InvalidInput``
+    (``robot-card-invalid``).
     """
     card = robot_card(robot_name)
     folder = models_dir() / "reachability" / robot_name

@@ -57,7 +57,7 @@ def support_region(
 ) -> SupportRegion:
     """Both bounds; ``height_m`` is the CoM's z, which matters where it accelerates sideways.
 
-    Raises ``NotEstimable`` ("wrench-cone-not-pointed") where contacts can squeeze each other.
+    Raises ``NotEstimable`` (``wrench-cone-not-pointed``) where contacts can squeeze each other.
     """
     inside, around = (
         com_region_m(contacts, n_rays, side, acceleration_m_s2, height_m) for side in ("inside", "around")

@@ -145,7 +145,7 @@ def swing_of(sequence: ContactSequence, effector: str, phase: int) -> SwingCurve
     """The swing of ``effector`` in a phase in which it is in the air, from its last contact to its next.
 
     A swing may last several phases: ``t_s`` of the curve counts from its lift-off, ``SwingCurve.starts_s``. Raises
-    ``InvalidInput`` ("no-swing") where the effector touches something in that phase, or has no contact before or
+    ``InvalidInput`` (``no-swing``) where the effector touches something in that phase, or has no contact before or
     after it.
     """
     start, end = sequence.last_contact(effector, phase), sequence.next_contact(effector, phase)

@@ -28,7 +28,7 @@ ROOM: Final = 1e-3
 def outer_cone(rays: Rays) -> LorentzCone:
     """The thesis' cone of alpha = 1 around all rays (4.17b), about the point and in the units that one chooses.
 
-    Raises ``NotEstimable`` ("thesis-cone-undefined") where the rays do not span six dimensions, where no half-space
+    Raises ``NotEstimable`` (``thesis-cone-undefined``) where the rays do not span six dimensions, where no half-space
     holds them, and where the axis of step (iii) leaves some ray behind.
     """
     unit = rays / np.linalg.norm(rays, axis=1, keepdims=True)

@@ -116,8 +116,8 @@ class LinearCone:
     def of(contacts: PointContacts, n_rays: int = N_RAYS, side: Side = "inside") -> "LinearCone":
         """From the pyramids of the contacts; facets by qhull.
 
-        Raises ``NotEstimable``: "wrench-cone-not-pointed" where forces of the contacts can cancel each other (a grip
-        from opposite sides): such a cone has no bounded section; "wrench-cone-flat" where friction or the distances
+        Raises ``NotEstimable``: ``wrench-cone-not-pointed`` where forces of the contacts can cancel each other (a grip
+        from opposite sides): such a cone has no bounded section; ``wrench-cone-flat`` where friction or the distances
         are so small that rounding leaves no section to speak of.
         """
         center = contacts.position_m.mean(axis=0)

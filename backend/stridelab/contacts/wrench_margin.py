@@ -41,7 +41,7 @@ class Held:
 def conic_margin(contacts: PointContacts, wrench: Float[np.ndarray, "6"]) -> Held:
     """The margin with circular friction cones; ``wrench`` is (force, moment) about the world origin.
 
-    Raises ``InvalidInput`` ("wrench-invalid") for one that is not finite.
+    Raises ``InvalidInput`` (``wrench-invalid``) for one that is not finite.
     """
     problem = _Problem(contacts, wrench)
     if problem.particular is None:

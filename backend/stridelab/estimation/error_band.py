@@ -55,6 +55,7 @@ class FusedStretch:
 
     @property
     def silence(self) -> Points:
+        """Zeros at every sample of the stretch."""
         return np.zeros_like(self.velocity_m_s)
 
     def inside(self, signal: WindowPoints) -> Points:

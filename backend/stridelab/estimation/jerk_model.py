@@ -120,12 +120,14 @@ class JerkModel:
 
     @property
     def A(self) -> Square:
+        """A_d (2.29): position, velocity and acceleration after a step without jerk."""
         dt = self.dt_s
         rise = np.array([[0.0, dt, dt**2 / 2], [0.0, 0.0, dt], [0.0, 0.0, 0.0]])
         return rise if self.printed else np.eye(3) + rise
 
     @property
     def B(self) -> Float[np.ndarray, "3 1"]:
+        """B_d (2.29): what a jerk of 1 m/s^3, constant over the step, adds."""
         dt = self.dt_s
         return np.array([[dt**3 / 6], [dt**2 / 2], [dt]])
 

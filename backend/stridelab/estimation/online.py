@@ -45,7 +45,10 @@ class OnlineEstimator(Protocol):
 
 
 def step_s(before_s: float | None, now_s: float) -> float:
-    """Time since the sample before; zero for the first. Raises ``InvalidInput`` unless a clock can have moved so."""
+    """Time since the sample before; zero for the first.
+
+    Raises ``InvalidInput`` (``not-finite``, ``time-not-increasing``, ``time-jump``) unless a clock can have moved so.
+    """
     if not math.isfinite(now_s):
         raise InvalidInput("not-finite", "The time of a sample is not a number.", [Fault("time_s", "not finite")])
     if before_s is None:

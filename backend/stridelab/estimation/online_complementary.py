@@ -61,7 +61,10 @@ class OnlineComplementaryFilter:
     def step(
         self, time_s: float, geometry_m: Vector3 | None, force_n: Vector3 | None, moment_nm: Vector3 | None
     ) -> OnlineSample:
-        """CoM at ``time_s``; see ``OnlineEstimator``. Below 100 N the geometry stands in for the axis (2.6.2)."""
+        """CoM at ``time_s``; below 100 N the geometry stands in for the axis (2.6.2).
+
+        Raises ``InvalidInput`` (``not-finite``) and otherwise as ``OnlineEstimator.step``.
+        """
         h = step_s(self._time_s, time_s) / 2
         self._time_s = time_s
         require_together(force_n, moment_nm)

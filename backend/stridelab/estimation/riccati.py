@@ -49,7 +49,10 @@ class SteadyModel:
 
     @cached_property
     def P(self) -> Square:
-        """Covariance of the prediction after a long time: the stabilising solution of the DARE."""
+        """Covariance of the prediction after a long time: the stabilising solution of the DARE.
+
+        Raises ``InvalidInput`` (``filter-not-solvable``) where double precision knows none.
+        """
         try:
             P = linalg.solve_discrete_are(self.F.T, self.H.T, self.W, self.R)
         except (ValueError, linalg.LinAlgError) as error:

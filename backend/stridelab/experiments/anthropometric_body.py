@@ -81,6 +81,7 @@ class AnthropometricBody:
 
     @property
     def mass_kg(self) -> float:
+        """Sum over all links."""
         return float(pin.computeTotalMass(self.model))
 
     def neutral(self) -> Configuration:

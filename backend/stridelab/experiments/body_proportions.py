@@ -76,6 +76,7 @@ class Proportions:
 
     @property
     def ankle_height_m(self) -> float:
+        """Ankle joint above the sole of a flat foot."""
         return _ANKLE_HEIGHT * self.height_m
 
     @property
@@ -96,10 +97,12 @@ class Proportions:
 
     @property
     def sole_breadth_m(self) -> float:
+        """From the inner to the outer edge of the sole."""
         return _FOOT_BREADTH * self.height_m
 
     @property
     def hip_half_distance_m(self) -> float:
+        """From the middle of the hips to either of them."""
         return float(self.regressions.hip[2]) * self.pelvis_width_m
 
     @property
@@ -119,6 +122,7 @@ class Proportions:
 
     @property
     def jugular_notch(self) -> Vector3:
+        """Suprasternal notch in the torso link, ahead of C7 and below it."""
         return np.asarray(self.c7 + _THORAX_DEPTH * self.height_m * sagittal(_NOTCH_SLOPE_RAD))
 
     def shoulder(self, side: Side) -> Vector3:
@@ -127,6 +131,7 @@ class Proportions:
         return np.array([0.0, sign(side) * across, self.torso_m - drop])
 
     def acromion(self, side: Side) -> Vector3:
+        """Acromion in the torso link, from which the regression leads to the shoulder joint."""
         return np.asarray(self.shoulder(side) - self._trunk_offset(self.regressions.shoulder))
 
     def landmarks(self) -> Iterator[tuple[str, str, Vector3]]:

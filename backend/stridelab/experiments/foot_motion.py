@@ -44,6 +44,7 @@ class FootPath:
 
     @property
     def yaw_rad(self) -> float:
+        """Constant turn about the vertical: both feet point outwards."""
         return sign(self.side) * TOE_OUT_RAD
 
 

@@ -83,6 +83,7 @@ class GaitPlan:
 
     @property
     def walks(self) -> bool:
+        """Whether any foot strikes after the two that stand first."""
         return len(self.stances) > 2
 
 

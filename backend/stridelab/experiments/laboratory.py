@@ -48,6 +48,7 @@ class PlateArea:
 
     @property
     def middle_m(self) -> Vector3:
+        """Centre of the rectangle, on the floor."""
         return np.asarray(self.corners_m.mean(axis=0))
 
 

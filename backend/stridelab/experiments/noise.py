@@ -39,7 +39,8 @@ class MeasurementNoise:
     """Standard deviations of the noise; 0 switches a part off. ``latency_s`` > 0: the force is recorded late.
 
     ``mass_model`` is the relative error of each segment's mass and of the place of its centre of mass in the *carried*
-    segment table: the body keeps its true masses. Raises ``InvalidInput`` outside the limits of the HTTP contract.
+    segment table: the body keeps its true masses. Raises ``InvalidInput`` (``noise-out-of-range``)
+    outside the limits of the HTTP contract.
     """
 
     force_n: float = 2.0

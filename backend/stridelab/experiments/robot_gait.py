@@ -83,7 +83,7 @@ def gait_for(speed_m_s: float, duration_s: float) -> RobotGait:
     """A walk from rest to rest within ``duration_s`` whose full steps go at ``speed_m_s``; below 0.1 m/s it stands.
 
     As in people the step grows with the speed at a constant ratio of its length and its rate, here that of the walks of
-    section 2.5. Raises ``InvalidInput`` ("walker-out-of-range") for a speed at which the legs are too short.
+    section 2.5. Raises ``InvalidInput`` (``walker-out-of-range``) for a speed at which the legs are too short.
     """
     if not 0.0 <= speed_m_s <= FASTEST_M_S:
         message = f"TALOS walks at 0 to {FASTEST_M_S:g} m/s, not at {speed_m_s:g} m/s."

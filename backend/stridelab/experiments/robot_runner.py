@@ -66,7 +66,7 @@ SPEEDS_M_S: Final = (0.3, 1.1)
 
 
 def running_at(speed_m_s: float, duration_s: float) -> RunningGait:
-    """A run at a speed. Raises ``InvalidInput`` ("walker-out-of-range") where it asks too much of the legs."""
+    """A run at a speed. Raises ``InvalidInput`` (``walker-out-of-range``) where it asks too much of the legs."""
     low, high = SPEEDS_M_S
     if not low <= speed_m_s <= high:
         message = f"TALOS runs at {low:g} to {high:g} m/s, not at {speed_m_s:g} m/s."
@@ -78,7 +78,7 @@ def running_at(speed_m_s: float, duration_s: float) -> RunningGait:
 def run(gait: RunningGait, seed: int = 0, robot_name: str = "talos") -> RobotWalk:
     """Simulate; the same gait and seed give the same run, which is kept for the next caller (do not change it).
 
-    Raises ``NotEstimable`` ("robot-out-of-reach") where the gait asks too much of the legs.
+    Raises ``NotEstimable`` (``robot-out-of-reach``) where the gait asks too much of the legs.
     """
     random = [np.random.default_rng([seed, part]) for part in range(2)]
     robot, plan = load_robot(robot_name), _plan(gait, random[0])

@@ -64,7 +64,7 @@ class RobotWalk:
 def walk(gait: RobotGait, seed: int = 0, robot_name: str = "talos") -> RobotWalk:
     """Simulate; the same gait and seed give the same walk, which is kept for the next caller (do not change it).
 
-    Raises ``NotEstimable`` ("robot-out-of-reach") where the gait asks too much of the legs.
+    Raises ``NotEstimable`` (``robot-out-of-reach``) where the gait asks too much of the legs.
     """
     random = [np.random.default_rng([seed, part]) for part in range(3)]
     robot, plan = load_robot(robot_name), plan_walk(gait, random[0])

@@ -55,7 +55,7 @@ class StudyTrial:
         """The part from ``start_s`` to ``end_s``, begun again at time 0.
 
         ``force_s``, in the time of the excerpt, is when all contact is on plates; before and after, nothing is
-        measured. Raises ``InvalidInput`` ("excerpt-invalid") for an interval that is not inside the trial.
+        measured. Raises ``InvalidInput`` (``excerpt-invalid``) for an interval that is not inside the trial.
         """
         time_s = self.truth.time_s
         if not 0.0 <= start_s < end_s <= time_s[-1] + 1.0 / RATE_HZ + _EPS_S:
@@ -120,7 +120,10 @@ def simulate(gait: GaitName, noise: NoisePreset | str = "thesis", seed: int = 0,
 
 
 def clean_motion(gait: str, walk_seed: int = 0) -> RobotWalk:
-    """The motion behind the trials of a gait, simulated once per process; do not change it."""
+    """The motion behind the trials of a gait, simulated once per process; do not change it.
+
+    Raises ``InvalidInput`` (``gait-unknown``).
+    """
     if gait == "running":
         return run(RUNNING, walk_seed)
     if gait not in WALKS:

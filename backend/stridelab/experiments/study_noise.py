@@ -24,7 +24,7 @@ class NoisePreset:
     """Standard deviations; 0 switches a part off. ``high_pass_hz`` 0 is white noise; ``latency_s`` > 0 a late force.
 
     ``plate_bias_n`` and ``plate_bias_nm`` are the standard deviations of the bias per axis. Raises ``InvalidInput``
-    ("noise-out-of-range") for a number that is negative (but a latency) or not finite.
+    (``noise-out-of-range``) for a number that is negative (but a latency) or not finite.
     """
 
     configuration_rad: float = 0.0

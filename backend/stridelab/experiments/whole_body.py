@@ -95,7 +95,7 @@ class WholeBody:
     def solve(self, time_s: Series, task: Task, start: np.ndarray) -> RobotMotion:
         """Motion that carries out ``task`` with the base upright; the first search begins at ``start`` ``(nq,)``.
 
-        Raises ``NotEstimable`` ("robot-out-of-reach") at the first instant at which the legs do not reach.
+        Raises ``NotEstimable`` (``robot-out-of-reach``) at the first instant at which the legs do not reach.
         """
         found, guess, upright = self._empty(time_s), start, np.zeros(3)
         for k in range(len(time_s)):

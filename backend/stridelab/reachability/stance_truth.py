@@ -120,15 +120,15 @@ class StanceTruth:
         self._lower, self._upper = lower, upper
 
     def sample(self, contacts: Mapping[str, Placement], n: int, seed: int) -> Points:
-        """CoM ``(n, 3)`` of ``n`` postures that hold ``contacts``. Raises ``NotEstimable`` (``contacts-out-of-reach``).
-
-        ``postures`` has the configurations.
-        """
+        """CoM ``(n, 3)`` of ``n`` postures that hold ``contacts``; raises as ``postures``, which has them."""
         q = self.postures(contacts, n, seed)
         return np.array([pin.centerOfMass(self._model, self._data, one, False).copy() for one in q])
 
     def postures(self, contacts: Mapping[str, Placement], n: int, seed: int) -> Float[np.ndarray, "n nq"]:
-        """``n`` configurations that hold ``contacts``, uniform as above. Raises as ``sample``."""
+        """``n`` configurations that hold ``contacts``, uniform as above.
+
+        Raises ``NotEstimable`` (``contacts-out-of-reach``).
+        """
         rng = np.random.default_rng(seed)
         one = Contacts.of(self.robot, [contacts])
         found: list[Float[np.ndarray, "nq"]] = []

@@ -44,7 +44,11 @@ def damaged(path: Path, error: Exception) -> UnreadableFile:
 
 
 def open_trial(path: Path) -> TrialTexts:
-    """Unpack exactly one TRC and at most one MOT or STO file with ground forces, told apart by content."""
+    """Unpack exactly one TRC and at most one MOT or STO file with ground forces, told apart by content.
+
+    Raises ``UnreadableFile`` (``zip-damaged``, ``zip-bomb``, ``zip-too-many-files``, ``zip-without-trc``,
+    ``zip-several-trials``).
+    """
     try:
         with zipfile.ZipFile(path) as archive:
             members = [m for m in archive.infolist() if not m.is_dir() and not _is_litter(m.filename)]

@@ -36,6 +36,7 @@ class Parameters:
         }
 
     def names(self, group: str) -> list[str]:
+        """Names of a group's parameters, in capitals."""
         return list(self._tree.get(group, {}))
 
     def _value(self, group: str, name: str) -> Any:
@@ -49,20 +50,26 @@ class Parameters:
             return np.zeros(0)
 
     def number(self, group: str, name: str, default: float) -> float:
+        """The first value; ``default`` where there is none that is a number."""
         values = self.numbers(group, name).ravel()
         return float(values[0]) if len(values) else default
 
     def texts(self, group: str, name: str) -> list[str]:
+        """The values without the blanks around them; empty where absent."""
         value = self._value(group, name)
         return [str(text).strip() for text in value] if isinstance(value, list) else []
 
     def text(self, group: str, name: str) -> str:
+        """The first of the values; empty where absent."""
         values = self.texts(group, name)
         return values[0] if values else ""
 
 
 def read_c3d(path: Path) -> RawTrial:
-    """Read one C3D file. Raises ``UnreadableFile`` (not-c3d, truncated-file, absurd-c3d-header, no-frames ...)."""
+    """Read one C3D file.
+
+    Raises ``UnreadableFile`` (``c3d-unreadable``, ``no-frames``, and as ``check_c3d``).
+    """
     check_c3d(path)
     try:
         content = ezc3d.c3d(str(path))

@@ -46,7 +46,10 @@ class _Record:
 
 
 def check_c3d(path: Path) -> None:
-    """Raise ``UnreadableFile`` unless header, parameter section and data fit into the file."""
+    """Raise ``UnreadableFile`` unless header, parameter section and data fit into the file.
+
+    Its codes: ``empty-file``, ``not-c3d``, ``truncated-file``, ``c3d-parameters-broken``, ``absurd-c3d-header``.
+    """
     size = path.stat().st_size
     with path.open("rb") as file:
         head = file.read(_BLOCK)

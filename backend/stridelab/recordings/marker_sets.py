@@ -107,7 +107,8 @@ def identify(labels: Sequence[str], marker_map: Mapping[str, str] | None = None)
     """Find the marker set that explains ``labels``; ``marker_map`` (landmark to label) overrules it.
 
     ``needed`` of the result lists, for each nearest set, the required landmarks that were not found.
-    Raises ``InvalidInput`` when the map names an unknown landmark or a label that is not there.
+    Raises ``InvalidInput`` (``marker-map-invalid``) when the map names an unknown landmark or a label that is not in
+    the file.
     """
     present: dict[str, str] = {}
     for label in labels:
@@ -177,7 +178,7 @@ def substitutes() -> Mapping[str, Substitute]:
 
 
 def parse(data: Mapping[str, Any]) -> MarkerSet:
-    """Validate one set file. Raises ``InvalidInput`` naming the entry that is wrong."""
+    """Validate one set file. Raises ``InvalidInput`` (``marker-set-invalid``) naming the entry that is wrong."""
     labels: dict[str, tuple[str, ...]] = {}
     for landmark, patterns in {**data.get("unpaired", {}), **data.get("paired", {})}.items():
         sides = ("l", "r") if landmark in data.get("paired", {}) else ("",)

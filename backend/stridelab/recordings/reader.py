@@ -26,9 +26,9 @@ def read_recording(
 ) -> Recording:
     """Read a C3D file, or a zip of one TRC and one MOT or STO file.
 
-    ``marker_map`` maps landmark names to labels of this file; unknown labels raise ``InvalidInput``
-    (unknown-marker). ``plate_switches`` maps a plate's index to what the user set. Raises ``UnreadableFile`` with the
-    reason as its code.
+    ``marker_map`` maps landmark names to labels of this file; ``plate_switches`` maps a plate's index to what the user
+    set. Raises ``InvalidInput`` (``unknown-marker``) for unknown labels, and ``UnreadableFile``: ``no-markers``,
+    ``all-missing``, and as ``read_c3d`` and ``read_trc_mot``.
     """
     raw = _read_raw(path)
     if np.isnan(raw.points_m).all():

@@ -81,6 +81,7 @@ class Window:
 
     @property
     def duration_s(self) -> float:
+        """From its start to its end."""
         return self.end_s - self.start_s
 
 
@@ -112,6 +113,7 @@ class Recording:
 
     @property
     def n_frames(self) -> int:
+        """Samples of every marker; 0 without markers."""
         return 0 if not self.markers_m else len(next(iter(self.markers_m.values())))
 
     @property
@@ -121,6 +123,7 @@ class Recording:
 
     @property
     def duration_s(self) -> float:
+        """Frames over their rate: the last frame lasts, too."""
         return self.n_frames / self.marker_rate_hz
 
 

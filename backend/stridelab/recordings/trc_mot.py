@@ -31,7 +31,10 @@ Table = Float[np.ndarray, "rows columns"]
 
 
 def read_trc_mot(path: Path) -> RawTrial:
-    """Read a zip of one TRC and at most one force file. Raises ``UnreadableFile`` with the reason."""
+    """Read a zip of one TRC and at most one force file.
+
+    Raises ``UnreadableFile`` (``times-do-not-overlap``, and as ``open_trial``, ``parse_trc`` and ``parse_mot``).
+    """
     texts = open_trial(path)
     labels, time_s, points, rate_hz, unit = parse_trc(texts.trc, texts.trc_name)
     cloud = mark_missing(points)
@@ -78,7 +81,10 @@ def read_trc_mot(path: Path) -> RawTrial:
 
 
 def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, str]:
-    """Labels, times, points (file's unit), rate and unit of length of a TRC file."""
+    """Labels, times in seconds, points (file's unit), rate in Hz and unit of length of a TRC file.
+
+    The rate is the header's unless the times say otherwise. Raises ``UnreadableFile`` (``trc-broken``, ``no-frames``).
+    """
     lines = text.splitlines()
     try:
         head = dict(zip(lines[1].split(), lines[2].split(), strict=False))
@@ -115,7 +121,8 @@ def parse_mot(text: str, name: str) -> tuple[Series, dict[str, dict[str, Points]
     """Times, and per contact the arrays "v" (force), "p" (centre of pressure) and "t" (free moment).
 
     Both header dialects (``nRows=``, ``datarows``) end in ``endheader``; contacts are told apart by what is left of
-    the column name (``ground_force_vx``, ``1_ground_force_vx``, ``ground_force_r_vx``).
+    the column name (``ground_force_vx``, ``1_ground_force_vx``, ``ground_force_r_vx``). Raises ``UnreadableFile``
+    (``mot-broken``, ``mot-without-forces``).
     """
     lines = text.splitlines()
     try:

@@ -87,10 +87,10 @@ def _trust(recording: Recording, windows: tuple[Window, ...]) -> tuple[Remark, .
 
 
 def require_windows(recording: Recording, landmarks: Mapping[str, str]) -> tuple[Window, ...]:
-    """The windows, or ``NotEstimable`` with the reason why there is none.
+    """The windows, of which there is one at least.
 
-    Codes: single-frame, no-plates, recording-too-short, plates-switched-off, plates-unloaded,
-    forces-and-markers-apart, no-measured-window.
+    Raises ``NotEstimable`` with the reason why there is none: ``single-frame``, ``no-plates``, ``recording-too-short``,
+    ``plates-switched-off``, ``plates-unloaded``, ``forces-and-markers-apart``, ``no-measured-window``.
     """
     if recording.n_frames < 2:
         raise NotEstimable("single-frame", "The recording has one frame only: it can serve as a static trial.")

@@ -62,7 +62,7 @@ def add_points_to_c3d(source: Path, target: Path, points: Mapping[str, Points]) 
 
     ``points`` are in metres in the world frame, one row per frame of the file, and are turned back into the file's own
     axes and unit. A label that the file already has is replaced by ``<label>_stridelab``. Raises ``InvalidInput``
-    (wrong-frame-count).
+    (``wrong-frame-count``), and ``UnreadableFile`` (``c3d-unreadable``, and as ``read_c3d``).
     """
     raw = read_c3d(source)
     R = rotation_to_z_up(up_axis_of(raw))

@@ -39,13 +39,3 @@ class SelfCollision:
 
     def _link(self, part: int) -> str:
         return str(self.robot.model.frames[self.robot.collision.geometryObjects[part].parentFrame].name)
-
-
-def in_collision(robot: Robot, q: Float[np.ndarray, "nq"]) -> bool:
-    """Whether ``robot`` touches itself in configuration ``q``."""
-    return SelfCollision.of(robot).found(q)
-
-
-def self_collisions(robot: Robot, q: Float[np.ndarray, "nq"]) -> tuple[tuple[str, str], ...]:
-    """Names of the links that touch each other in configuration ``q``, pair by pair."""
-    return SelfCollision.of(robot).pairs(q)

@@ -62,7 +62,7 @@ def stand(
 
     A surface is placed in all six coordinates, a point in three. The posture is that of ``q_start``, by default the
     reference posture carried to the CoM and turned to the mean heading of the surfaces. An unreachable target is no
-    error: the result says how far it stayed away. Raises ``InvalidInput`` "effector-unknown".
+    error: the result says how far it stayed away. Raises ``InvalidInput`` (``effector-unknown``).
     """
     unknown = sorted(set(placements) - set(robot.effectors))
     if unknown:

@@ -12,14 +12,14 @@ Component = Annotated[float, Field(ge=-1e6, le=1e6)]
 SHORTEST: Final = 1e-6
 """Largest component of a direction, at least."""
 
-PACKED_SAMPLE: Final = ("time_s", "geometry_m", "force_n", "moment_nm")
-"""Columns of a packed sample: the time since the message's own (1), then three numbers each."""
-PACKED_ESTIMATE: Final = ("time_s", "com_m", "velocity_m_s", "sd_m")
-"""Columns of a packed estimate, likewise."""
 PACKED_TIME: Final = "<d"
 """A packed message begins with a time in seconds, little-endian float64, which the times in its rows count from."""
 PACKED_ROW: Final = "<10f"
-"""A row is ten little-endian float32; three NaN stand for what is missing."""
+"""A row is ten little-endian float32: the time since the message's own, then three numbers each.
+
+They are ``geometry_m, force_n, moment_nm`` of a sample, ``com_m, velocity_m_s, sd_m`` of an estimate; three NaN stand
+for what is missing.
+"""
 
 
 class StreamPriors(Contract):

@@ -31,7 +31,7 @@ NOT_APPLICABLE: Final = "The model does not apply: "
 def require_walk(recording: Recording, landmarks: Mapping[str, str], contacts: Sequence[Contact]) -> None:
     """Raise ``NotEstimable`` unless somebody walks straight ahead on level ground; ``contacts`` are all there are.
 
-    Codes: feet-not-marked, standing, stairs, running, turning. ``faults`` list what was seen.
+    Its codes: ``feet-not-marked``, ``standing``, ``stairs``, ``running``, ``turning``. ``faults`` list what was seen.
     """
     feet = find_feet(recording, landmarks)
     if not feet:
@@ -49,7 +49,10 @@ def require_walk(recording: Recording, landmarks: Mapping[str, str], contacts: S
 def require_steps(
     recording: Recording, seen: Sequence[GaitStep], wanted: Sequence[GaitStep], windows: Sequence[Window]
 ) -> None:
-    """Raise ``NotEstimable`` where no step is left to fit: no-whole-step, one-plate-only or no-measured-step."""
+    """Raise ``NotEstimable`` where no step is left to fit.
+
+    Its codes: ``no-whole-step``, ``one-plate-only``, ``no-measured-step``.
+    """
     if wanted:
         return
     if not seen:

@@ -17,10 +17,11 @@ PERIODS_S: Final = (0.1, 3.0)
 
 
 def require_path(time_s: Series, path_m: Plane, step_period_s: float) -> None:
-    """Raise unless ``path_m`` can be a step.
+    """Whether ``path_m`` can be a step.
 
-    ``InvalidInput``: path-not-finite, time-not-increasing, period-out-of-range. ``NotEstimable``: too-few-samples,
-    no-progress (standing, or a treadmill whose belt moves instead of the body).
+    Raises ``InvalidInput``: ``path-not-finite``, ``time-not-increasing``, ``period-out-of-range``; and
+    ``NotEstimable``: ``too-few-samples``, or ``no-progress`` (standing, or a treadmill whose belt moves instead of the
+    body).
     """
     if len(time_s) < FEWEST_SAMPLES:
         message = f"The step has {len(time_s)} samples; a wheel needs {FEWEST_SAMPLES} at least."

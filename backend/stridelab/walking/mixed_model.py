@@ -75,9 +75,9 @@ def fit_mixed_model(
 
     Standard errors are those for the lambda that was found. Their degrees of freedom are counted where the variable
     varies: between the people where it is the same for all steps of each, else within them (Schluchter & Elashoff
-    1990). Raises ``NotEstimable`` ("mixed-model-no-repeats") where no person has two steps,
-    ("mixed-model-too-few") where there are not more people or steps than coefficients, ("mixed-model-collinear"), and
-    ("mixed-model-steps-alike") where the steps of everybody are the same.
+    1990). Raises ``NotEstimable``: ``mixed-model-no-repeats`` where no person has two steps, ``mixed-model-too-few``
+    where there are not more people or steps than coefficients, ``mixed-model-collinear``, and
+    ``mixed-model-steps-alike`` where the steps of everybody are the same.
     """
     _, who = np.unique(person, return_inverse=True)
     m, N = int(who.max()) + 1 if len(who) else 0, len(y)

@@ -86,7 +86,7 @@ def fit_steps(
     Only samples inside the step count: the curve turns up steeply at both ends, where one sample more shows. Of a
     measured step only those inside one of ``windows`` count, where these are given: the centre of mass is known best
     where the force is. Up to 8 % of the step may lack at an end. A step that cannot be fitted is left out.
-    Raises ``NotEstimable`` ("no-whole-step") where no step lies inside, or what ``fit_step`` says of the only ones.
+    Raises ``NotEstimable`` (``no-whole-step``) where no step lies inside, or what ``fit_step`` says of the only ones.
     """
     path = sagittal_path_m(estimate, ahead)
     found = []

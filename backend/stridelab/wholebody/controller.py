@@ -56,9 +56,9 @@ class WholeBodyController:
     ) -> WholeBodyMotion:
         """Follow ``plan`` over ``sequence``; deterministic.
 
-        Raises ``InvalidInput`` "sample-time" where the rate gives no whole number of samples, ``NotEstimable``
-        "stance-unreachable" where no posture stands on the first contacts, and ``WholeBodyStopped`` with time, phase,
-        the violated level, the limits that ran out and the motion until then.
+        Raises ``InvalidInput`` (``sample-time``) where the rate gives no whole number of samples, ``NotEstimable``
+        (``stance-unreachable``) where no posture stands on the first contacts, and ``WholeBodyStopped`` with time,
+        phase, the violated level, the limits that ran out and the motion until then.
         """
         started = time.process_time()
         run = _Run(self, robot, sequence, plan)

@@ -47,7 +47,7 @@ class Disturbances:
     ``terrain_up_m`` raises every box on which the robot does not stand at first, ``rail_shift_m`` moves the rails.
     ``delay_s`` is the age of what the stabiliser sees. ``trunk_mass_kg`` is added to the trunk, at its centre of mass.
 
-    Raises ``InvalidInput`` ("disturbance-out-of-range").
+    Raises ``InvalidInput`` (``disturbance-out-of-range``).
     """
 
     friction: float | None = None

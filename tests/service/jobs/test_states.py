@@ -56,7 +56,6 @@ class Seat:
     """One worker: its side of the queue, and whether it is alive."""
 
     consumer: Consumer
-    generation: int = 0
     holds: list[Held] = field(default_factory=list)
 
 

@@ -62,7 +62,11 @@ class OnlineSmoother:
     def step(
         self, time_s: float, geometry_m: Vector3 | None, force_n: Vector3 | None, moment_nm: Vector3 | None
     ) -> OnlineSample:
-        """CoM at ``time_s``; see ``OnlineEstimator``."""
+        """CoM at ``time_s`` and its standard deviation along the world's axes.
+
+        Raises ``InvalidInput`` (``not-finite``), ``NotEstimable`` (``geometry-missing``) and otherwise as
+        ``OnlineEstimator.step``.
+        """
         dt = step_s(self._time_s, time_s)
         require_together(force_n, moment_nm)
         for given in (geometry_m, force_n, moment_nm):

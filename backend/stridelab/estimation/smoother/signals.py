@@ -40,6 +40,7 @@ class Walk:
 
     @property
     def speed_m_s(self) -> float:
+        """Horizontal part of the mean velocity."""
         return float(np.linalg.norm(self.velocity_m_s[:2]))
 
 

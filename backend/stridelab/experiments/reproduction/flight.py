@@ -18,7 +18,10 @@ LARGEST_SHARE: Final = 0.02
 
 
 def run(seeds: int, tell: Tell) -> Reproduction:
-    """The run of the study with the noise of markers and plates and with the thesis' noise, ``seeds`` draws of each."""
+    """The run of the study with the noise of markers and plates and with the thesis' noise, ``seeds`` draws of each.
+
+    Raises ``NotEstimable`` (``no-flight``) where a flight is too short to be judged.
+    """
     rows: list[dict[str, object]] = []
     for k, noise in enumerate(NOISES):
         shares: dict[str, list[tuple[float, float]]] = {name: [] for name in NAMES}

@@ -23,8 +23,6 @@ from stridelab.reachability.store import load_card, load_cloud
 
 EFFECTOR: Final = "right_foot"
 MASSES: Final = (0.5, 0.8, 0.95)
-SAGITTAL: Final = 1
-"""The projection along y is the plane of x and z."""
 CONVEX: Final = 0.9
 """An area that fills less of its convex hull than this is plainly not convex; a disc of cells fills 0.97."""
 ENOUGH_SD: Final = 2.0

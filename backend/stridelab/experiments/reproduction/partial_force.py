@@ -47,6 +47,7 @@ def masked(gait: GaitName, noise: str, seed: int) -> tuple[StudyTrial, int]:
     """Two seconds out of the steps of a walk, begun at an instant that the seed draws, and how many were refused.
 
     The second of force must hold a full single support, so an instant that the smoother refuses is drawn again.
+    Raises ``NotEstimable`` (``no-single-support``) where it refuses one after the other.
     """
     for attempt in range(MOST_ATTEMPTS):
         trial = _excerpt(gait, noise, seed, attempt, FORCE_S)

@@ -11,7 +11,7 @@ from fastapi import Depends
 from sqlalchemy.ext.asyncio import AsyncEngine
 from starlette.requests import HTTPConnection
 
-from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.errors import NotFound
 from stridelab.service.access.book import TokenBook
 from stridelab.service.api.plans.resident import Resident
 from stridelab.service.api.robots.shelf import RobotShelf
@@ -72,12 +72,3 @@ def known_form(identifier: str, what: str) -> str:
 def not_found(what: str) -> NotFound:
     """The error for an unknown ``what`` (recording, subject, job)."""
     return NotFound(f"{what}-not-found", f"There is no {what} with this id; it may have been deleted.")
-
-
-def only_text(text: str, where: str) -> str:
-    """``text`` if a database column can hold it. Raises ``InvalidInput`` (``invalid-text``)."""
-    if not text.isprintable():
-        raise InvalidInput(
-            "invalid-text", f"{where} holds characters that cannot be stored.", [Fault(where, "invalid")]
-        )
-    return text

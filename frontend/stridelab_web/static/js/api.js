@@ -1,7 +1,7 @@
 // The only place that talks to /api/v1. Every failure becomes a sentence.
 import { doubt } from "./offline.js";
 
-export class ApiError extends Error {
+class ApiError extends Error {
   constructor(status, problem, retryAfter = null) {
     super(sentence(status, problem, retryAfter));
     this.status = status;

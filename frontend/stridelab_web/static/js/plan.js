@@ -1,7 +1,7 @@
 // Starts a job at the press of a button and follows it: what "Plan" and "Find contacts" share.
 import { call, followJob, headline, sentence, startJob } from "./api.js";
 
-export const viewerOf = (jobId) => `/view/?plan=${encodeURIComponent(jobId)}`;
+const viewerOf = (jobId) => `/view/?plan=${encodeURIComponent(jobId)}`;
 
 // Starts the job: whole body and replay, as the main path of the service has it.
 export function startPlan(scenarioId, options = {}) {
@@ -9,7 +9,7 @@ export function startPlan(scenarioId, options = {}) {
 }
 
 // Why a job did not succeed: how far it came, the sentence, and every place that it names.
-export function whyNot(job, lastMessage = "") {
+function whyNot(job, lastMessage = "") {
   if (job.state === "cancelled") return "Cancelled.";
   const why = job.error ? sentence(job.error.status, job.error) : `The job ended as ${job.state.replaceAll("_", " ")}.`;
   return lastMessage && job.state === "timed_out" ? `${why} It was at: ${lastMessage}.` : why;

@@ -3,7 +3,7 @@ const PLACE = /^phases\[(\d+)\](?:\.contacts\[(\w+)\])?/;
 const EQUAL_M = 1e-4; // margins that differ by less are the same
 const LEVEL_M = 5e-4; // closer than this to its surface, a contact is on it
 
-export const cm = (length_m) => `${(100 * Math.abs(length_m)).toFixed(1)} cm`;
+const cm = (length_m) => `${(100 * Math.abs(length_m)).toFixed(1)} cm`;
 export const named = (effector) => effector.replaceAll("_", " ");
 
 // The phase and the effector that an error names; null where it is about the whole scenario.

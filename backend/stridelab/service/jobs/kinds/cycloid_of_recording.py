@@ -26,7 +26,7 @@ from stridelab.service.jobs.kinds.trial import examine
 from stridelab.walking.applicable import require_steps, require_walk
 from stridelab.walking.contacts import find_contacts
 from stridelab.walking.gait_step import GaitStep
-from stridelab.walking.overlap import Overlap, scatter, strike_to_strike
+from stridelab.walking.overlap import scatter, strike_to_strike
 from stridelab.walking.step_fit import StepFit, fit_steps
 from stridelab.walking.steps import find_steps
 
@@ -37,8 +37,8 @@ REFERENCES: Final = ("carpentier2017thesis",)
 class CycloidResult:
     """The wheels of a recording and what they follow from.
 
-    ``estimate`` is over the floor: on a treadmill the belt's motion is taken out. ``seen`` are all whole steps,
-    ``fits`` those that were fitted, in order of time, and ``overlaps`` what lies between the strikes.
+    ``estimate`` is over the floor: on a treadmill the belt's motion is taken out. ``seen`` are all whole steps
+    and ``fits`` those that were fitted, in order of time.
     """
 
     prepared: Prepared
@@ -47,7 +47,6 @@ class CycloidResult:
     ahead: Vector3
     seen: tuple[GaitStep, ...]
     fits: tuple[StepFit, ...]
-    overlaps: tuple[Overlap, ...]
     summary: FitCycloidSummary
 
     @property
@@ -93,7 +92,7 @@ def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback, *
     fits = fit_steps(estimate, wanted, ahead, windows)
     overlaps = strike_to_strike(estimate, seen, windows, ahead)
     summary = summary_of(prepared, estimate, ahead, seen, fits, overlaps, scatter(fits, overlaps), rivals=rivals)
-    return CycloidResult(prepared, estimate, floor, ahead, seen, fits, overlaps, summary)
+    return CycloidResult(prepared, estimate, floor, ahead, seen, fits, summary)
 
 
 def _require_walk_in(task: FitCycloidTask, folder: Path) -> None:

@@ -32,7 +32,8 @@ def planned(
     """The plan, and the problem that it solves.
 
     Splines are solved for after constants, whose durations they keep where the solver chose them. Where there are none
-    and nobody asked for them, the constants stay. Raises ``NotEstimable`` ("plan-time-limit", "plan-not-converged").
+    and nobody asked for them, the constants stay. Raises ``NotEstimable`` (``plan-time-limit``,
+    ``plan-not-converged``).
     """
     if shape_of(request) == "constant":
         return problem, _converged(problem, request, _solved(problem, request, tell))

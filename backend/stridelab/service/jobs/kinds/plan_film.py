@@ -40,7 +40,7 @@ _QUADS: Final = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 
 
 
 def require_film(film: Film | None) -> None:
-    """Raise ``NotEstimable`` ("film-unavailable") where a film is asked for and ffmpeg is not there."""
+    """Raise ``NotEstimable`` (``film-unavailable``) where a film is asked for and ffmpeg is not there."""
     if film is not None and shutil.which("ffmpeg") is None:
         sentence = (
             "A film needs the program ffmpeg, which was not found on this machine (Debian, Ubuntu: apt-get install "
@@ -58,7 +58,7 @@ def write_film(
     rate_hz: float,
     tell: ProgressCallback,
 ) -> ArtifactFile:
-    """``motion.gif`` or ``motion.mp4``. Raises ``NotEstimable`` ("film-failed") with ffmpeg's last words."""
+    """``motion.gif`` or ``motion.mp4``. Raises ``NotEstimable`` (``film-failed``) with ffmpeg's last words."""
     path = folder / f"motion.{film}"
     source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", "{}x{}".format(*SIZE), "-r", f"{rate_hz:g}", "-i", "-"]
     command = ["ffmpeg", "-loglevel", "error", "-y", *source, *_CODING[film], str(path)]

@@ -80,14 +80,14 @@ def because(asked: str, served: Collection[str], lacked: str | None) -> str | No
 
 
 def require_solver(name: str) -> None:
-    """Raise ``NotEstimable`` ("solver-unavailable") where the C++ solver is asked for and is not there."""
+    """Raise ``NotEstimable`` (``solver-unavailable``) where the C++ solver is asked for and is not there."""
     missing = native_missing() if name == "native" else None
     if missing is not None:
         raise NotEstimable("solver-unavailable", missing, [Fault("solver", "native is not available")])
 
 
 def require_durations(request: PlanMotionInput) -> None:
-    """Raise ``NotEstimable`` ("solver-unavailable") for durations that only the C++ solver could choose, without it."""
+    """Raise ``NotEstimable`` (``solver-unavailable``) for durations that only the missing C++ solver could choose."""
     missing = native_missing() if request.free_durations and request.formulation == "circular-cones" else None
     if missing is not None:
         raise NotEstimable(
@@ -98,7 +98,7 @@ def require_durations(request: PlanMotionInput) -> None:
 
 
 def require_time(request: PlanMotionInput, plan: CentroidalPlan) -> None:
-    """Raise ``NotEstimable`` ("plan-time-limit") where a time that was asked for ended the solver."""
+    """Raise ``NotEstimable`` (``plan-time-limit``) where a time that was asked for ended the solver."""
     last = plan.solution.attempts[-1] if plan.solution is not None else None
     if request.time_limit_s is None or last is None or TIME_IS_UP not in last.status:
         return

@@ -17,7 +17,7 @@ from stridelab.schemas.scenarios import Scenario
 def checked(scenario: Scenario) -> tuple[ContactSequence, tuple[Remark, ...]]:
     """The contact sequence, and what is worth knowing of it.
 
-    Raises ``InvalidInput`` ("scenario-invalid"), naming phase and effector, and ``NotFound`` ("robot-not-found").
+    Raises ``InvalidInput`` (``scenario-invalid``), naming phase and effector, and ``NotFound`` (``robot-not-found``).
     """
     report, sequence = judge(scenario.model_dump(mode="json"), effector_shapes(scenario.robot))
     if sequence is None:
@@ -42,7 +42,7 @@ def _invalid(faults: Sequence[Fault]) -> InvalidInput:
 def densities(robot: Robot, measure: Measure) -> Mapping[str, Proxy]:
     """The learned densities, which must be those of this very robot.
 
-    Raises ``Unavailable`` ("reachability-of-another-robot").
+    Raises ``Unavailable`` (``reachability-of-another-robot``).
     """
     require_same_robot(load_card(robot.name, measure), robot)
     return load_proxies(robot.name, measure)

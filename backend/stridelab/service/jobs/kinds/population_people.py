@@ -42,7 +42,7 @@ class Someone:
 def people_of(sheets: Sequence[Sheet]) -> tuple[tuple[Someone, ...], tuple[Remark, ...]]:
     """One person per name, in the order in which they come; of contradicting values the first counts, and it is said.
 
-    Raises ``InvalidInput`` ("subject-in-two-groups") where a person is stated to be in two groups.
+    Raises ``InvalidInput`` (``subject-in-two-groups``) where a person is stated to be in two groups.
     """
     names = dict.fromkeys(sheet.name for sheet in sheets)
     remarks: list[Remark] = []

@@ -63,8 +63,8 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """Fit every recording of ``task`` in ``folder`` and study the people; the summary is a ``StudyPopulationSummary``.
 
-    Raises ``NotEstimable`` ("nothing-fitted") where no recording gives a single step, ``InvalidInput``
-    ("subject-in-two-groups").
+    Raises ``NotEstimable`` (``nothing-fitted``) where no recording gives a single step, ``InvalidInput``
+    (``subject-in-two-groups``).
     """
     progress(0.0, f"fitting {len(task.members)} recordings")
     fitted, left_out = _fit_all(task, folder, progress)

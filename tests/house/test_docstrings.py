@@ -1,0 +1,139 @@
+"""Every public part of what computes has a docstring, and it names the errors that the part itself raises.
+
+The form is: Raises ``InvalidInput`` (``some-code``); class and code stand in double backticks behind a form of *raise*.
+What ``__init__`` or ``__post_init__`` raises may stand with the class. What is called in turn is not looked at.
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+import pytest
+
+from support.floors import BACKEND, numeric_modules
+
+RAISES = re.compile(r"\b[Rr]aises?\b")
+ODD_CODE = re.compile(r"[\"(][a-z]+(?:-[a-z0-9]+)+[\",)]")
+"""A code in quotes, or bare in parentheses."""
+Function = ast.FunctionDef | ast.AsyncFunctionDef
+MAKES = {"__init__", "__post_init__"}
+INNER = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Lambda)
+
+
+class Part(NamedTuple):
+    """A public class or function: its name with those around it, its docstring, and its node."""
+
+    name: str
+    said: str
+    node: ast.ClassDef | Function
+
+
+def parts(body: list[ast.stmt], inside: str = "", above: str = "") -> Iterator[Part]:
+    """Public parts of a module or, ``inside`` its name, of a class whose docstring is ``above``."""
+    for node in body:
+        if not isinstance(node, ast.ClassDef | Function):
+            continue
+        said = ast.get_docstring(node) or ""
+        if node.name in MAKES:
+            yield Part(inside + node.name, f"{above}\n{said}", node)
+        elif not node.name.startswith("_"):
+            yield Part(inside + node.name, said, node)
+            if isinstance(node, ast.ClassDef):
+                yield from parts(node.body, f"{inside}{node.name}.", said)
+
+
+def own(node: ast.AST) -> Iterator[ast.AST]:
+    """What stands in a function itself, not in those that it holds."""
+    for child in ast.iter_child_nodes(node):
+        if not isinstance(child, INNER):
+            yield child
+            yield from own(child)
+
+
+def error_classes() -> set[str]:
+    """Names of ``StridelabError`` and of every class below it, wherever in the backend it stands."""
+    trees = [ast.parse(path.read_text(encoding="utf-8")) for path in BACKEND.rglob("*.py")]
+    bases = {
+        node.name: {base.id for base in node.bases if isinstance(base, ast.Name)}
+        for tree in trees
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ClassDef)
+    }
+    found = {"StridelabError"}
+    while more := {name for name, above in bases.items() if above & found} - found:
+        found |= more
+    return found
+
+
+def raised(node: Function, errors: set[str]) -> Iterator[str]:
+    """Classes of this project's errors that a function raises by itself, and their codes as far as they are written."""
+    for inner in own(node):
+        if isinstance(inner, ast.Raise) and isinstance(inner.exc, ast.Call) and isinstance(inner.exc.func, ast.Name):
+            if inner.exc.func.id not in errors:
+                continue
+            yield inner.exc.func.id
+            first = inner.exc.args[0] if inner.exc.args else None
+            if isinstance(first, ast.Constant):
+                yield str(first.value)
+
+
+def unsaid(part: Part, errors: set[str]) -> list[str]:
+    """What the docstring of a part lacks."""
+    lacking = [] if part.said.strip() or part.node.name in MAKES else ["a docstring"]
+    if isinstance(part.node, ast.ClassDef):
+        return lacking
+    named = behind_raises(part.said)
+    return lacking + [name for name in dict.fromkeys(raised(part.node, errors)) if f"``{name}``" not in named]
+
+
+def behind_raises(said: str) -> str:
+    """What a docstring says from its first form of *raise* on."""
+    _, *behind = RAISES.split(said, maxsplit=1)
+    return "".join(behind)
+
+
+ERRORS = error_classes()
+
+
+@pytest.mark.parametrize("path", numeric_modules(), ids=lambda p: str(p.relative_to(BACKEND)))
+def test_public_parts_say_what_they_are_and_what_they_raise(path: Path) -> None:
+    found = {part.name: unsaid(part, ERRORS) for part in parts(ast.parse(path.read_text(encoding="utf-8")).body)}
+    assert {name: lacking for name, lacking in found.items() if lacking} == {}
+
+
+def test_codes_in_docstrings_are_written_in_one_way() -> None:
+    texts = [
+        (path.relative_to(BACKEND), part.name, behind_raises(part.said))
+        for path in sorted(BACKEND.rglob("*.py"))
+        for part in parts(ast.parse(path.read_text(encoding="utf-8")).body)
+    ]
+    assert [(path, name) for path, name, said in texts if ODD_CODE.search(said)] == []
+    assert ODD_CODE.search('``NotFound`` ("no-such-thing") where')
+    assert ODD_CODE.search("``NotFound`` (no-such-thing)")
+
+
+def test_a_part_without_words_and_an_error_without_a_name_are_found() -> None:
+    source = '''
+class Silent:
+    def __post_init__(self) -> None:
+        raise NotFound("first-code", "words")
+    def told(self) -> None:
+        """Raises ``InvalidInput`` (``second-code``)."""
+        def inner() -> None:
+            raise NotFound("of-another", "words")
+        raise InvalidInput("second-code", "words")
+    def half(self) -> None:
+        """Raises ``InvalidInput``, always."""
+        raise InvalidInput("third-code", "words")
+    def _own(self) -> None:
+        raise InvalidInput("fourth-code", "words")
+'''
+    found = {part.name: unsaid(part, ERRORS) for part in parts(ast.parse(source).body)}
+    assert found == {
+        "Silent": ["a docstring"],
+        "Silent.__post_init__": ["NotFound", "first-code"],
+        "Silent.told": [],
+        "Silent.half": ["third-code"],
+    }
