@@ -13,7 +13,7 @@ from stridelab.contacts.scenario_json import sequence_of
 from stridelab.contacts.scenario_parts import HRP2, TALOS, Timing, Walker
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.shapes import effector_shapes
-from stridelab.contacts.stairs import HandRail, Stairs, descent, flat_walk, six_stairs, stairs_with_rail
+from stridelab.contacts.stairs import HandRail, Stairs, climb, descent, flat_walk, six_stairs, stairs_with_rail
 from stridelab.contacts.surfaces import depth_in_box_m
 from stridelab.contacts.swing import swing_of
 from stridelab.contacts.terrain import Rail
@@ -139,6 +139,28 @@ def test_builders_take_other_stairs() -> None:
     assert len(sequence.terrain.boxes) == 4
     assert sequence.duration_s == pytest.approx(1.0 + 6 * 1.0 + 5 * 0.3 + 1.0)
     np.testing.assert_allclose(sequence.phases[-1].contacts["left_foot"].placement.position_m, [0.96, 0.09, 0.45])
+
+
+def test_stairs_may_be_climbed_with_one_foot_on_each() -> None:
+    """Right and left in turn, from the first stair on, level again on the top: one move more than stairs."""
+    stairs = Stairs(3, 0.12, depth_m=0.28)
+    scenario = climb(stairs, Timing(1.5, 1.0, 0.25), "alternate")
+    assert scenario["name"] == "3 stairs of 12 cm"
+    assert scenario["description"] == "3 stairs 12 cm high and 28 cm deep, one foot on each, from rest to rest."
+    assert [surface["name"] for surface in scenario["terrain"]] == ["ground", "stair 1", "stair 2", "stair 3"]
+    sequence = sequence_of(scenario, SHAPES)
+    stood = [{name: at.surface for name, at in phase.contacts.items()} for phase in sequence.phases[::2]]
+    assert [(at["right_foot"], at["left_foot"]) for at in stood] == [
+        ("ground", "ground"),
+        ("stair 1", "ground"),
+        ("stair 1", "stair 2"),
+        ("stair 3", "stair 2"),
+        ("stair 3", "stair 3"),
+    ]
+    assert [phase.duration_s for phase in sequence.phases] == [1.5, 1.0, 0.25, 1.0, 0.25, 1.0, 0.25, 1.0, 1.5]
+    both = climb(stairs, Timing(1.5, 1.0, 0.25))
+    assert both["phases"] == six_stairs(stairs, Timing(1.5, 1.0, 0.25))["phases"]
+    assert "both feet on each" in both["description"]
 
 
 def test_builders_take_other_rails_and_walks() -> None:

@@ -1,7 +1,8 @@
 """What the tests of a package do not notice: ``python -m support.mutation contacts --sample 300`` (``make mutants``).
 
-mutmut changes the package's code in one place at a time and runs those of its own tests that reach the place. Prints
-how many changes they noticed, and every change that they did not, as lines of a table for docs/mutants.md.
+mutmut changes the package's code in one place at a time and runs those of its own tests that reach the place, the
+shortest first, ten seconds of them (``support.mutant_session``). Prints how many changes they noticed, as a line of
+the table in docs/tests.md, and every change that they did not; ``--named`` tries those again.
 """
 
 import argparse
@@ -22,8 +23,11 @@ CONFIGURATION = """
 source_paths = ["src"]
 only_mutate = ["src/stridelab/{package}/*"]
 also_copy = ["models", "scripts", "docs"]
-pytest_add_cli_args = ["-q", "-p", "no:cacheprovider", "--hypothesis-seed=0"]
+pytest_add_cli_args = ["-q", "-p", "no:cacheprovider", "-p", "support.mutant_session", "--hypothesis-seed=0"]
 pytest_add_cli_args_test_selection = ["tests/{package}"]
+track_dependencies = false
+timeout_constant = 40.0
+timeout_multiplier = 0.5
 """
 NONE = "stridelab.no.mutant.is.called.so"
 
@@ -57,11 +61,11 @@ def change(folder: Path, mutant: str) -> str:
     file = next(line.removeprefix("--- src/stridelab/") for line in lines if line.startswith("--- "))
     before = [line[1:].strip() for line in lines if line.startswith("-") and not line.startswith("---")]
     after = [line[1:].strip() for line in lines if line.startswith("+") and not line.startswith("+++")]
-    return f"| `{file}` | `{' '.join(before)}` | `{' '.join(after)}` |".replace("||", "\\|\\|")
+    return f"{mutant}\n  {file}\n  - {' '.join(before)}\n  + {' '.join(after)}"
 
 
-def survey(package: str, sample: int | None, seed: int) -> str:
-    """Try the mutants of a package, or some of them; returns lines of Markdown."""
+def survey(package: str, asked: argparse.Namespace) -> str:
+    """Try the mutants of a package, or some of them; returns a line of Markdown and those that got through."""
     with tempfile.TemporaryDirectory(prefix="stridelab-mutants-") as place:
         folder = Path(place)
         prepare(folder, package)
@@ -69,8 +73,10 @@ def survey(package: str, sample: int | None, seed: int) -> str:
         every = sorted(verdicts(folder))
         if not every:
             raise SystemExit(f"mutmut made no mutant of {package}")
-        tried = every if sample is None else random.Random(seed).sample(every, min(sample, len(every)))
-        said = mutmut(folder, "run", "--max-children", str(os.cpu_count() or 1), *tried)
+        tried = [name for name in every if name in asked.named] if asked.named else every
+        if asked.sample is not None:
+            tried = random.Random(asked.seed).sample(tried, min(asked.sample, len(tried)))
+        said = mutmut(folder, "run", "--max-children", str(asked.processes), *tried)
         found = {name: verdict for name, verdict in verdicts(folder).items() if name in set(tried)}
         counts = Counter(found.values())
         if counts["not checked"]:
@@ -87,9 +93,11 @@ def main() -> None:
     asked.add_argument("packages", nargs="*", default=PACKAGES, help=f"of {', '.join(PACKAGES)} or any other")
     asked.add_argument("--sample", type=int, help="so many mutants of each, drawn at random")
     asked.add_argument("--seed", type=int, default=0)
+    asked.add_argument("--processes", type=int, default=os.cpu_count() or 1)
+    asked.add_argument("--named", nargs="+", default=(), help="these mutants only, as an earlier run named them")
     given = asked.parse_args()
     for package in given.packages:
-        print(survey(package, given.sample, given.seed), flush=True)
+        print(survey(package, given), flush=True)
 
 
 if __name__ == "__main__":
