@@ -12,7 +12,7 @@ from stridelab.errors import InvalidInput, NotEstimable, StridelabError, Unauthe
 from support.commands import Run
 
 
-def test_version(run: Run) -> None:
+def test_version_is_that_of_the_package(run: Run) -> None:
     ran = run("version")
     assert (ran.code, ran.out.strip()) == (0, __version__)
 
