@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Final, Literal
 
 import numpy as np
+from jaxtyping import Float
 from numpy.random import Generator
 
 from stridelab.conventions import Series
@@ -147,8 +148,8 @@ def plan_load(plan: GaitPlan, time_s: Series, random: Generator) -> LoadPlan:
     return LoadPlan(share, cop, zmp)
 
 
-def sole_middles(plan: GaitPlan, side: Side, time_s: Series) -> np.ndarray:
-    """Middle of one sole ``(n, 2)``; in the air where it stood, then, from the middle of the swing, where it will."""
+def sole_middles(plan: GaitPlan, side: Side, time_s: Series) -> Float[np.ndarray, "n 2"]:
+    """Middle of one sole; in the air where it stood, then, from the middle of the swing, where it will."""
     stances = [stance for stance in plan.stances if stance.side == side]
     changes = [(a.off_s + b.strike_s) / 2 for a, b in pairwise(stances)]
     places = np.array([(stance.x_m, stance.y_m) for stance in stances])

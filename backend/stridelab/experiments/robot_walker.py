@@ -142,7 +142,7 @@ def _middle(feet: Mapping[Side, PointPath], height: Heights) -> Vector3:
     return np.array([x, y, height[0][0, 0]])
 
 
-def first_posture(robot: Robot, feet: Mapping[Side, PointPath], com_m: Vector3) -> np.ndarray:
+def first_posture(robot: Robot, feet: Mapping[Side, PointPath], com_m: Vector3) -> Float[np.ndarray, "nq"]:
     """On the first footprints with the CoM at ``com_m``: where the search of the first sample begins."""
     places = {f"{side}_foot": Placement.of(path.position_m[0].tolist()) for side, path in feet.items()}
     return stand(robot, places, com_m).q
