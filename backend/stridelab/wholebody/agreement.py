@@ -23,8 +23,8 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.swing import swing_of
+from stridelab.conventions import Progress
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.controller import Progress
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.stopped import WholeBodyStopped
 
