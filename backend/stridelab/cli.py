@@ -17,12 +17,13 @@ from stridelab.cli_console import FAILURE, INTERRUPTED, exit_code, out, show_err
 from stridelab.cli_fit import fit_cycloid
 from stridelab.cli_groups import Delivery, Estimation, Preparation, Walk, with_groups
 from stridelab.cli_live import stream
-from stridelab.cli_options import AsJson, BestMethod, Force, Gait, Lab, OutFolder, Sex, Walker
+from stridelab.cli_options import AsJson, BestMethod, Force, Gait, Lab, OutFolder, Walker
 from stridelab.cli_robot import export_contacts, import_contacts, learn_reachability, plan, plan_contacts, sweep
 from stridelab.cli_study import study_population
 from stridelab.cli_token import tokens
 from stridelab.errors import StridelabError
 from stridelab.schemas.methods import Method
+from stridelab.schemas.recordings import Sex
 
 
 class Commands(TyperGroup):

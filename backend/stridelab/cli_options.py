@@ -7,8 +7,8 @@ import typer
 
 from stridelab.schemas.methods import Method
 from stridelab.schemas.plans import NODE_RATE_HZ, Formulation
+from stridelab.schemas.recordings import Sex
 
-Sex = Literal["female", "male"]
 Lab = Literal["walkway", "two_plates"]
 Walker = Literal["human", "talos"]
 Gait = Literal["walking", "running"]

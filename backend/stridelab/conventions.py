@@ -10,6 +10,7 @@ Gravity points down, as in (4.2) of the thesis: standing still means ``f = -m g`
 it pointing up (2.3); it is written over to this one sign in ``dynamics``.
 """
 
+from collections.abc import Callable
 from typing import Final
 
 import numpy as np
@@ -24,6 +25,8 @@ g.flags.writeable = False
 
 Vector3 = Float[np.ndarray, "3"]
 """A point, force or moment."""
+PerAxis = Float[np.ndarray, "3"]
+"""One number for each of x, y and z: errors, residuals, coverages."""
 Points = Float[np.ndarray, "n 3"]
 """One 3D point (or force, or moment) per sample."""
 Series = Float[np.ndarray, "n"]
@@ -33,3 +36,10 @@ Mask = Bool[np.ndarray, "n"]
 Corners = Float[np.ndarray, "4 3"]
 """Corners of a plate in the order of its own quadrants: (+x, +y), (-x, +y), (-x, -y), (+x, -y)."""
 Rotation = Float[np.ndarray, "3 3"]
+Angles = Float[np.ndarray, "na"]
+"""One number per actuated joint of a robot."""
+Configurations = Float[np.ndarray, "n nq"]
+"""One configuration of a robot per sample."""
+
+Progress = Callable[[float, str], None]
+"""Called with the share that is done, from 0 to 1, and what is being done."""

@@ -71,13 +71,15 @@ def test_seen_from_another_origin_it_still_solves_the_equations_and_its_first_or
 
 @pytest.mark.parametrize("control", CONTROLS, ids=str)
 @pytest.mark.parametrize("factor", [0.9, 1.1])
-def test_other_durations(problem: CentroidalProblem, control: Control, factor: float) -> None:
+def test_a_start_carried_to_other_durations_takes_fewer_iterations(
+    problem: CentroidalProblem, control: Control, factor: float
+) -> None:
     posed = replace(problem, control=control)
     shorter(posed, slower(posed, factor), solve(posed, "ipopt"))
 
 
 @pytest.mark.parametrize("control", CONTROLS, ids=str)
-def test_a_finer_grid(problem: CentroidalProblem, control: Control) -> None:
+def test_a_start_carried_to_a_finer_grid_takes_fewer_iterations(problem: CentroidalProblem, control: Control) -> None:
     posed = replace(problem, control=control)
     shorter(posed, replace(posed, node_rate_hz=20.0), solve(posed, "ipopt"))
 

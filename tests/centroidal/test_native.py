@@ -32,6 +32,14 @@ if isinstance(found, Missing):
 
 CONES = CircularCones()
 
+OF_EVERY_KIND: tuple[dict[str, Any], ...] = (
+    {"terminal": "capturable"},
+    {"bounds": PathBounds(com_height_m=(0.80, 0.864))},
+    {"bounds": PathBounds(normal_force_max_n={"right_hand": 15.0, "left_foot": 400.0})},
+    {"start": Start(np.array([0.1, 0.02, 0.0]), np.array([0.0, 1.0, 0.0]))},
+    {"node_rate_hz": 20.0},
+)
+
 
 @pytest.mark.parametrize("scenario", ["flat-walk", "long-stride", "six-stairs"])
 def test_finds_the_optimum_of_the_experiments(scenario: str) -> None:
@@ -40,17 +48,7 @@ def test_finds_the_optimum_of_the_experiments(scenario: str) -> None:
     assert plan.iterations <= 20
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"terminal": "capturable"},
-        {"bounds": PathBounds(com_height_m=(0.80, 0.864))},
-        {"bounds": PathBounds(normal_force_max_n={"right_hand": 15.0, "left_foot": 400.0})},
-        {"start": Start(np.array([0.1, 0.02, 0.0]), np.array([0.0, 1.0, 0.0]))},
-        {"node_rate_hz": 20.0},
-    ],
-    ids=str,
-)
+@pytest.mark.parametrize("settings", OF_EVERY_KIND, ids=str)
 def test_finds_the_optimum_with_a_hand_and_of_every_kind(problem: CentroidalProblem, settings: dict[str, Any]) -> None:
     assert_same(replace(problem, control=CONES, **settings))
 
@@ -205,17 +203,7 @@ def test_finds_the_splines_of_the_experiments(scenario: str) -> None:
         assert curve[1:, 0] == pytest.approx(curve[:-1, 3], abs=1e-9)  # no force jumps
 
 
-@pytest.mark.parametrize(
-    "settings",
-    [
-        {"terminal": "capturable"},
-        {"bounds": PathBounds(com_height_m=(0.80, 0.864))},
-        {"bounds": PathBounds(normal_force_max_n={"right_hand": 15.0, "left_foot": 400.0})},
-        {"start": Start(np.array([0.1, 0.02, 0.0]), np.array([0.0, 1.0, 0.0]))},
-        {"node_rate_hz": 20.0},
-    ],
-    ids=str,
-)
+@pytest.mark.parametrize("settings", OF_EVERY_KIND, ids=str)
 def test_finds_splines_with_a_hand_and_of_every_kind(problem: CentroidalProblem, settings: dict[str, Any]) -> None:
     assert_same(replace(problem, **SPLINES, **settings))
 

@@ -59,7 +59,9 @@ def refused(folder: Path, *arguments: str) -> str:
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_a_scenario(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_bad_scenario_is_refused_with_the_place_and_leaves_nothing(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     make, where, word = BAD[name]
     Path("bad.json").write_text(json.dumps(make()), encoding="utf-8")
@@ -70,7 +72,9 @@ def test_a_scenario(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.parametrize("name", [name for name in BAD if "phases" not in name])
-def test_the_ends_of_a_task(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_bad_ends_of_a_task_are_refused_with_the_place(
+    name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.chdir(tmp_path)
     make, where, word = BAD[name]
     scenario = make()

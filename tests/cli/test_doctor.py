@@ -11,7 +11,7 @@ from stridelab.cli_doctor import Check
 from stridelab.service.settings import Settings
 
 
-def test_python_versions() -> None:
+def test_pythons_too_old_and_too_new_are_told() -> None:
     assert [cli_doctor.python_version((3, minor)).ok for minor in (10, 11, 14, 15)] == [False, True, True, False]
 
 

@@ -41,7 +41,7 @@ def test_tables_of_this_program_an_older_and_a_newer_one(settings: Settings, pos
         assert parts.workers(Settings(database_url=url)).ok
 
 
-def test_clocks(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_clock_a_minute_off_is_told_with_its_fix(settings: Settings, monkeypatch: pytest.MonkeyPatch) -> None:
     assert parts.clock(settings).ok
     now = time.time
     monkeypatch.setattr(parts.time, "time", lambda: now() + 60.0)
@@ -70,7 +70,7 @@ def test_a_database_that_is_away(check: object) -> None:
     assert "database" in found.fix
 
 
-def test_files(tmp_path: Path) -> None:
+def test_a_store_is_tried_and_left_as_it_was(tmp_path: Path) -> None:
     store = tmp_path / "store"
     assert parts.storage(Settings(blob_url=store.as_uri())).ok
     assert not list(store.iterdir())
@@ -107,7 +107,7 @@ def test_memory_is_that_of_the_container_or_unit(tmp_path: Path) -> None:
     assert parts.memory_bytes(tmp_path, own) == 2_000_000
 
 
-def test_memory_and_solver() -> None:
+def test_too_little_memory_for_a_job_is_told_and_the_solver_is_found() -> None:
     assert parts.memory(Settings()).ok
     short = parts.memory(Settings(job_memory_mb=10**9))
     assert not short.ok

@@ -49,7 +49,7 @@ def bad(document: object) -> str:
 
 
 @pytest.mark.parametrize("name", bundled_names())
-def test_there_and_back(name: str) -> None:
+def test_a_scenario_exported_and_imported_is_the_same(name: str) -> None:
     code, shown = typed("export-contacts", name)
     assert code == 0, shown
     code, shown = typed("import-contacts", f"{name}.contacts.json")

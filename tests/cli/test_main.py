@@ -2,44 +2,17 @@
 
 import subprocess
 import sys
-from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
-from stridelab import __version__, cli
+from stridelab import __version__
 from stridelab.cli_console import EXIT_CODES, exit_code
 from stridelab.errors import InvalidInput, NotEstimable, StridelabError, Unauthenticated, Unavailable, UnreadableFile
+from support.commands import Run
 
 
-@dataclass(frozen=True)
-class Ran:
-    code: int
-    out: str
-    err: str
-
-
-Run = Callable[..., Ran]
-
-
-@pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
-    """Run the command line in ``tmp_path``."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
-
-    def act(*arguments: object) -> Ran:
-        monkeypatch.setattr(sys, "argv", ["stridelab", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        captured = capsys.readouterr()
-        return Ran(int(end.value.code or 0), captured.out, captured.err)
-
-    return act
-
-
-def test_version(run: Run) -> None:
+def test_version_is_that_of_the_package(run: Run) -> None:
     ran = run("version")
     assert (ran.code, ran.out.strip()) == (0, __version__)
 

@@ -5,16 +5,16 @@ import hashlib
 import io
 import json
 import shutil
-import sys
 import zipfile
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from stridelab import cli, cli_remote
+from stridelab import cli_remote
 from stridelab.client import ProblemError
 from stridelab.errors import StridelabError, Unavailable
 from stridelab.schemas.jobs import JobResult
@@ -23,6 +23,7 @@ from stridelab.service.jobs.kinds import study_population
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.tasks import StudyPopulationTask
 from support import fake_population
+from support.commands import Run
 from support.quiet import SAMPLE
 from support.scripted_service import ScriptedService, problem
 
@@ -30,31 +31,11 @@ TABLES = {f"{stem}.{end}" for stem in ("subjects", "steps", "correlations") for 
 WRITTEN = TABLES | {"result.json", "references.bib"}
 
 
-@dataclass(frozen=True)
-class Ran:
-    code: int
-    out: str
-    err: str
-
-
-Run = Callable[..., Ran]
-
-
 @pytest.fixture
-def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
-    """Run the command in ``tmp_path``, in a window wide enough for a table's cells."""
-    monkeypatch.chdir(tmp_path)
+def run(run: Run, monkeypatch: pytest.MonkeyPatch) -> Run:
+    """Run the command in a window wide enough for a table's cells."""
     monkeypatch.setenv("COLUMNS", "160")
-    monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
-
-    def act(*arguments: object) -> Ran:
-        monkeypatch.setattr(sys, "argv", ["stridelab", "study-population", *map(str, arguments)])
-        with pytest.raises(SystemExit) as end:
-            cli.main()
-        captured = capsys.readouterr()
-        return Ran(int(end.value.code or 0), captured.out, captured.err)
-
-    return act
+    return partial(run, "study-population")
 
 
 @dataclass

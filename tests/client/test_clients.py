@@ -32,7 +32,7 @@ def test_both_clients_have_the_same_methods() -> None:
     assert methods(Client) == methods(AsyncClient)
 
 
-def test_health(lab: Client) -> None:
+def test_a_running_service_is_healthy(lab: Client) -> None:
     assert lab.health().status == "ok"
 
 
@@ -75,7 +75,7 @@ def test_a_refusal_carries_code_sentence_and_places(lab: Client, service: Served
     assert "plates" in refused.value.detail
 
 
-def test_subjects(lab: Client) -> None:
+def test_a_subject_is_added_changed_and_deleted(lab: Client) -> None:
     made = lab.add_subject(SubjectInput(name="P1", mass_kg=60.0))
     assert lab.subject(made.subject_id) == made
     assert lab.subjects(limit=1).items == [made]
@@ -108,7 +108,7 @@ def test_a_job_from_submission_to_files(lab: Client, service: Served, tmp_path: 
     assert sorted(path.name for path in tmp_path.iterdir()) == ["all.zip", "com.csv"]
 
 
-def test_cancel(lab: Client, service: Served) -> None:
+def test_a_waiting_job_is_cancelled(lab: Client, service: Served) -> None:
     assert lab.cancel(service.run(add_job(service.parts))).state == "cancelled"
 
 

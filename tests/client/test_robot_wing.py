@@ -93,7 +93,9 @@ def test_plans_of_a_scenario(lab: Client) -> None:
     assert lab.jobs(scenario_id=made.id, state="failed").items == []
 
 
-def test_robots(lab: Client, drawn: Served, tmp_path: Path) -> None:
+def test_facts_meshes_and_reach_of_a_robot_come_as_the_service_has_them(
+    lab: Client, drawn: Served, tmp_path: Path
+) -> None:
     assert "talos" in [robot.name for robot in lab.robots().items if robot.available]
     assert lab.robot("talos").model_dump(mode="json") == FACTS
     assert lab.robot_links("talos", tmp_path / "talos.glb").read_bytes() == GLB

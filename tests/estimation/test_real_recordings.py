@@ -75,14 +75,6 @@ def turned(recording, windows, rotation, latency_s) -> WrenchTrack:
 
 
 @pytest.fixture(scope="module")
-def gait(data_dir: Path) -> Path:
-    folder = data_dir / "gait"
-    if not folder.is_dir():
-        pytest.skip("real recordings are not on this machine (STRIDELAB_TEST_DATA)")
-    return folder
-
-
-@pytest.fixture(scope="module")
 def adults(gait: Path) -> dict[str, Trial]:
     return {p.parent.name: load(p) for p in sorted(gait.glob("rehazenter-adult-walking/*/*_C4_*.c3d"))}
 

@@ -170,14 +170,6 @@ def load(path: Path) -> Trial:
 
 
 @pytest.fixture(scope="module")
-def gait(data_dir: Path) -> Path:
-    folder = data_dir / "gait"
-    if not folder.is_dir():
-        pytest.skip("real recordings are not on this machine (STRIDELAB_TEST_DATA)")
-    return folder
-
-
-@pytest.fixture(scope="module")
 def adults(gait: Path) -> dict[str, tuple[Trial, Trial]]:
     """Each person at their own speed (C4) and faster (C5)."""
     found = {}

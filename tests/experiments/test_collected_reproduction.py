@@ -7,13 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stridelab.conventions import Progress
 from stridelab.errors import NotEstimable
 from stridelab.experiments.reproduction import code_digest, fig_2_5
 from stridelab.experiments.reproduction.as_html import report
 from stridelab.experiments.reproduction.as_markdown import page
 from stridelab.experiments.reproduction.collected import PEOPLE, Recipe, Section, collect, recipes
 from stridelab.experiments.reproduction.in_words import cells, counted
-from stridelab.experiments.reproduction.item import Claim, Reproduction, Tell
+from stridelab.experiments.reproduction.item import Claim, Reproduction
 from stridelab.experiments.reproduction.kept import Kept
 from stridelab.experiments.reproduction.registry import ITEMS
 
@@ -36,7 +37,7 @@ class Counting:
         self.calls = 0
         self.failures = list(failures)
 
-    def __call__(self, tell: Tell) -> Reproduction:
+    def __call__(self, tell: Progress) -> Reproduction:
         self.calls += 1
         tell(0.5, "half")
         if self.failures:

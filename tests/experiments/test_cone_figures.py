@@ -16,7 +16,7 @@ def sets():
     return stair_sets("hrp2")
 
 
-def test_sections_nest(sets) -> None:
+def test_sections_of_smaller_cones_lie_in_those_of_larger_ones(sets) -> None:
     """Smaller alphas lie in larger ones; all of ours in the pyramids; areas are those of the ellipses."""
     for contacts in sets.values():
         found = fig_4_7.sections(contacts)

@@ -50,8 +50,8 @@ def test_full_steps_walk_at_the_requested_speed(walk_name: str, request: pytest.
 
 def test_step_length_follows_speed_and_stature() -> None:
     def step_m(height_m: float, speed_m_s: float) -> float:
-        random = np.random.default_rng(0)
-        plan = plan_gait(height_m, speed_m_s, 5.0, from_rest=False, stance_width_m=0.1, random=random)
+        rng = np.random.default_rng(0)
+        plan = plan_gait(height_m, speed_m_s, 5.0, from_rest=False, stance_width_m=0.1, rng=rng)
         strikes = [s for s in plan.stances if plan.steady_s[0] <= s.strike_s <= plan.steady_s[1]]
         mean_m = float(np.mean(np.diff([s.x_m for s in strikes])))
         assert mean_m == pytest.approx(plan.step_length_m, rel=0.02)

@@ -38,7 +38,7 @@ def test_the_area_is_the_chance_to_rank_a_pair_rightly() -> None:
     assert area(positive, np.zeros(300)) == 0.5
 
 
-def test_the_proxy_separates(pairs: Pairs) -> None:
+def test_the_proxy_separates_feasible_from_infeasible(pairs: Pairs) -> None:
     """A small run of the table in the documentation, and no stand-in for it: on so few contact sets an area is known
     to 0.015, and after a short search some of the feasible pairs still pass for infeasible.
     """

@@ -192,8 +192,8 @@ def test_link_poses_agree_with_pinocchio(robot_run: RobotWalk) -> None:
 
 
 def test_wrong_masses_keep_the_total_and_have_the_stated_error(robot_walk: RobotWalk) -> None:
-    exact, random = link_masses(robot_walk.robot.model), np.random.default_rng(0)
-    draws = [exact.wrong(0.2, random) for _ in range(2000)]
+    exact, rng = link_masses(robot_walk.robot.model), np.random.default_rng(0)
+    draws = [exact.wrong(0.2, rng) for _ in range(2000)]
     assert draws[0].mass_kg.sum() == pytest.approx(exact.mass_kg.sum())
     ratio = np.array([d.lever_m[0] / exact.lever_m[0] for d in draws])
     np.testing.assert_allclose(ratio.std(axis=0), 0.2, rtol=0.1)

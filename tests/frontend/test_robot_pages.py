@@ -27,7 +27,7 @@ def test_robots_are_reached_from_every_page_and_listed(browse: Browse) -> None:
     assert 'href="/view/?robot=rare"' not in page
 
 
-def test_robot_page(browse: Browse) -> None:
+def test_robot_page_tells_mass_soles_licence_and_what_was_learned(browse: Browse) -> None:
     said = texts(browse("/robots/boxes").text)
     assert "60.00 kg" in said
     assert "200 × 120 mm" in said

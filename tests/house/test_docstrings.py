@@ -1,4 +1,4 @@
-"""Every public part of what computes has a docstring, and it names the errors that the part itself raises.
+"""Every public part of what computes says what it is, what it raises by itself, and of what shape its arrays are.
 
 The form is: Raises ``InvalidInput`` (``some-code``); class and code stand in double backticks behind a form of *raise*.
 What ``__init__`` or ``__post_init__`` raises may stand with the class. What is called in turn is not looked at.
@@ -18,6 +18,8 @@ RAISES = re.compile(r"\b[Rr]aises?\b")
 ODD_CODE = re.compile(r"[\"(][a-z]+(?:-[a-z0-9]+)+[\",)]")
 """A code in quotes, or bare in parentheses."""
 Function = ast.FunctionDef | ast.AsyncFunctionDef
+SHAPED = {"Complex", "Float", "Int", "Bool", "Num", "Shaped", "UInt8"}
+"""Types of jaxtyping that say a shape."""
 MAKES = {"__init__", "__post_init__"}
 INNER = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Lambda)
 
@@ -94,6 +96,27 @@ def behind_raises(said: str) -> str:
     return "".join(behind)
 
 
+def shapeless(annotation: ast.AST | None) -> bool:
+    """Whether an annotation names an array and not the shape that it has: ``np.ndarray`` outside ``Float[...]``."""
+    if annotation is None:
+        return False
+    if isinstance(annotation, ast.Subscript) and getattr(annotation.value, "id", "") in SHAPED:
+        return False
+    if isinstance(annotation, ast.Attribute) and annotation.attr == "ndarray":
+        return True
+    return any(shapeless(child) for child in ast.iter_child_nodes(annotation))
+
+
+def annotations(part: Part) -> Iterator[ast.AST | None]:
+    """Of the fields of a class; of what a function takes and returns."""
+    if isinstance(part.node, ast.ClassDef):
+        yield from (field.annotation for field in part.node.body if isinstance(field, ast.AnnAssign))
+    else:
+        taken = part.node.args
+        yield from (each.annotation for each in (*taken.posonlyargs, *taken.args, *taken.kwonlyargs))
+        yield part.node.returns
+
+
 ERRORS = error_classes()
 
 
@@ -101,6 +124,12 @@ ERRORS = error_classes()
 def test_public_parts_say_what_they_are_and_what_they_raise(path: Path) -> None:
     found = {part.name: unsaid(part, ERRORS) for part in parts(ast.parse(path.read_text(encoding="utf-8")).body)}
     assert {name: lacking for name, lacking in found.items() if lacking} == {}
+
+
+@pytest.mark.parametrize("path", numeric_modules(), ids=lambda p: str(p.relative_to(BACKEND)))
+def test_arrays_of_public_parts_have_their_shape_in_the_type(path: Path) -> None:
+    found = parts(ast.parse(path.read_text(encoding="utf-8")).body)
+    assert [part.name for part in found if any(map(shapeless, annotations(part)))] == []
 
 
 def test_codes_in_docstrings_are_written_in_one_way() -> None:
@@ -114,7 +143,7 @@ def test_codes_in_docstrings_are_written_in_one_way() -> None:
     assert ODD_CODE.search("``NotFound`` (no-such-thing)")
 
 
-def test_a_part_without_words_and_an_error_without_a_name_are_found() -> None:
+def test_what_is_not_said_is_found() -> None:
     source = '''
 class Silent:
     def __post_init__(self) -> None:
@@ -137,3 +166,5 @@ class Silent:
         "Silent.told": [],
         "Silent.half": ["third-code"],
     }
+    (odd, fine) = parts(ast.parse("def odd(x: list[np.ndarray]): ...\ndef fine(x: Float[np.ndarray, 'n 3']): ...").body)
+    assert [any(map(shapeless, annotations(part))) for part in (odd, fine)] == [True, False]

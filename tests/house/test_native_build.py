@@ -47,7 +47,7 @@ class TestScript:
         # The second start asks the compiler for its name only.
         assert (tmp_path / "calls").read_text().count("called") == calls + 1
 
-    def test_switched_off(self, tmp_path: Path) -> None:
+    def test_switched_off_it_says_so_in_one_line(self, tmp_path: Path) -> None:
         says_one_line(native(tmp_path, STRIDELAB_NATIVE="off"), "switched off")
 
     def test_a_folder_that_is_named_is_taken(self, tmp_path: Path) -> None:

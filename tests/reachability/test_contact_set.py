@@ -58,7 +58,7 @@ def test_its_draws_have_its_law() -> None:
     np.testing.assert_allclose(contacts.sample(100_000, rng).mean(axis=0), mean, atol=5e-3)
 
 
-def test_two_normal_densities() -> None:
+def test_the_product_of_two_normal_densities_is_the_exact_one() -> None:
     """Equal ones at a distance ``d``: half the variance, ``Z = N(d; 0, 2 S)``; the sets are balls."""
     sd, d = 0.2, 0.3
     one = Mixture(np.ones(1), np.zeros((1, 3)), sd**2 * np.eye(3)[None])

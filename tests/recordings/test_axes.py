@@ -78,5 +78,5 @@ def test_unit_of_length_is_checked_against_a_body(stated: str, true_scale: float
     assert [remark.code for remark in remarks] == (["unit-corrected"] if wrong else [])
 
 
-def test_no_unit_fits() -> None:
+def test_a_body_that_no_unit_fits_is_remarked() -> None:
     assert [remark.code for remark in length_scale("mm", body_in(1e6))[1]] == ["unit-implausible"]

@@ -31,7 +31,7 @@ def codes(recording: Recording) -> set[str]:
     return {remark.code for remark in recording.remarks}
 
 
-def test_y_up(tmp_path: Path) -> None:
+def test_a_file_with_y_up_reads_as_with_z_up(tmp_path: Path) -> None:
     """The same scene with y up: markers, corners and force come out as with z up."""
     turn = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
     plate = PlateChannels(2, standing().signals, corners_mm=FLAT_CORNERS_MM @ turn.T)
@@ -104,7 +104,7 @@ def test_a_marker_that_is_never_seen_is_no_marker(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("unit", "scale"), [("mm", 1000.0), ("m", 1.0), ("cm", 100.0)])
-def test_units_of_length(unit: str, scale: float, tmp_path: Path) -> None:
+def test_units_of_length_become_metres(unit: str, scale: float, tmp_path: Path) -> None:
     recording = read_recording(write_file(tmp_path / "a.c3d", body(scale), unit=unit))
     np.testing.assert_allclose(recording.markers_m["M3"], body(1.0)["M3"], atol=1e-5)
     assert "unit-corrected" not in codes(recording)
@@ -140,7 +140,7 @@ def test_subject_of_both_dialects_and_no_name(tmp_path: Path) -> None:
     assert "filler-in-subject" in codes(recording)
 
 
-def test_plate_switches(tmp_path: Path) -> None:
+def test_switches_leave_a_plate_out_or_raise_its_threshold(tmp_path: Path) -> None:
     path = write_file(tmp_path / "a.c3d", body(), plates=[standing(), standing(30.0)])
     switches = {1: PlateSwitches(use=False), 2: PlateSwitches(threshold_n=40.0)}
     one, two = read_recording(path, plate_switches=switches).plates

@@ -27,7 +27,7 @@ def test_a_zero_in_one_coordinate_is_a_position() -> None:
     assert not np.isnan(mark_missing(cloud)).any()
 
 
-def test_runs() -> None:
+def test_runs_are_begin_and_end_of_what_holds() -> None:
     assert runs(np.array([True, False, True, True])) == [(0, 1), (2, 4)]
     assert runs(np.array([False])) == []
 

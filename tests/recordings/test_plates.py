@@ -58,7 +58,7 @@ def codes(recording: Recording) -> set[str]:
     return {remark.code for remark in recording.remarks}
 
 
-def test_type_2(tmp_path: Path) -> None:
+def test_type_2_is_force_and_moment_about_its_origin(tmp_path: Path) -> None:
     origin = np.array([1.0, -2.0, -40.0])
     plate = PlateChannels(2, type2_channels(origin), origin_mm=tuple(origin))
     check(read_recording(write_file(tmp_path / "a.c3d", markers(), plates=[plate])))

@@ -4,7 +4,7 @@ from stridelab.recordings.recording import Subject
 from stridelab.recordings.subject import read_joint_widths_m, read_subject
 
 
-def test_rehazenter_group() -> None:
+def test_the_subject_of_a_rehazenter_file_is_read() -> None:
     subject, remarks = read_subject({"age": 48.0, "gender": 0.0, "weight": 59.8, "height": 1.71, "R_legLength": 0.819})
     assert subject == Subject(1.71, 59.8, "female", 48.0)
     assert remarks == ()

@@ -55,14 +55,14 @@ def refused_zip(folder: Path, members: dict[str, str]) -> UnreadableFile:
     return refusal(path)
 
 
-def test_empty_file(tmp_path: Path) -> None:
+def test_an_empty_file_is_refused_by_name(tmp_path: Path) -> None:
     error = refused_bytes(tmp_path, b"")
     assert error.code == "empty-file"
     assert error.faults[0].where == "trial.c3d"
 
 
 @pytest.mark.parametrize("content", [b"\x00", b"hello world" * 100, b"%PDF-1.7" + bytes(2000), bytes(4096)])
-def test_not_a_recording(content: bytes, tmp_path: Path) -> None:
+def test_other_kinds_of_file_are_refused(content: bytes, tmp_path: Path) -> None:
     assert refused_bytes(tmp_path, content).code in {"unknown-format", "not-c3d"}
 
 
@@ -90,7 +90,7 @@ def test_truncated_in_the_frames(share: float, tmp_path: Path) -> None:
     [(2, 65535), (4, 65535), (8, 65535), (8, 40000)],
     ids=["points", "analog", "last frame", "many frames"],
 )
-def test_absurd_counts(offset: int, value: int, tmp_path: Path) -> None:
+def test_absurd_counts_are_refused(offset: int, value: int, tmp_path: Path) -> None:
     content = bytearray(good(tmp_path))
     struct.pack_into("<H", content, offset, value)
     assert refused_bytes(tmp_path, bytes(content)).code in {"absurd-c3d-header", "truncated-file"}
@@ -196,12 +196,12 @@ def test_random_damage_is_a_recording_or_a_named_refusal(tmp_path: Path) -> None
     assert n_codes >= 3
 
 
-def test_nan_everywhere(tmp_path: Path) -> None:
+def test_nan_everywhere_is_no_marker_at_any_time(tmp_path: Path) -> None:
     path = write_file(tmp_path / "a.c3d", {f"M{i}": np.full((10, 3), np.nan) for i in range(4)})
     assert refusal(path).code == "all-missing"
 
 
-def test_zeros_everywhere(tmp_path: Path) -> None:
+def test_zeros_everywhere_are_no_marker_at_any_time(tmp_path: Path) -> None:
     path = write_file(tmp_path / "a.c3d", {f"M{i}": np.zeros((10, 3)) for i in range(4)})
     assert refusal(path).code == "all-missing"
 
@@ -219,12 +219,12 @@ def test_unknown_label_in_a_marker_map(tmp_path: Path) -> None:
     assert [fault.where for fault in refused.value.faults] == ["nobody"]
 
 
-def test_zip_without_trc(tmp_path: Path) -> None:
+def test_a_zip_without_trc_is_refused(tmp_path: Path) -> None:
     assert refused_zip(tmp_path, {"notes.txt": "hello", "a.mot": MOT}).code == "zip-without-trc"
     assert refused_zip(tmp_path, {}).code in {"zip-without-trc", "zip-damaged"}
 
 
-def test_zip_with_two_trials(tmp_path: Path) -> None:
+def test_a_zip_with_two_trials_is_refused_with_their_names(tmp_path: Path) -> None:
     error = refused_zip(tmp_path, {"a.trc": TRC, "b.trc": TRC, "a.mot": MOT})
     assert error.code == "zip-several-trials"
     assert {fault.where for fault in error.faults} == {"a.trc", "b.trc", "a.mot"}
@@ -234,7 +234,7 @@ def test_zip_with_too_many_files(tmp_path: Path) -> None:
     assert refused_zip(tmp_path, {f"{i}.txt": "" for i in range(100)}).code == "zip-too-many-files"
 
 
-def test_zip_bomb(tmp_path: Path) -> None:
+def test_a_zip_bomb_is_refused(tmp_path: Path) -> None:
     """64 MB of blanks in 64 kB of zip."""
     bomb = "PathFileType" + " " * (archive.MAX_MEMBER_BYTES + 10)
     assert refused_zip(tmp_path, {"a.trc": bomb}).code == "zip-bomb"
@@ -245,7 +245,7 @@ def test_many_members_that_are_a_bomb_together(tmp_path: Path, monkeypatch: pyte
     assert refused_zip(tmp_path, {f"{i}.txt": " " * 4000 for i in range(5)}).code == "zip-bomb"
 
 
-def test_damaged_zip(tmp_path: Path) -> None:
+def test_a_damaged_zip_is_refused(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "a.zip", "w", zipfile.ZIP_DEFLATED) as packed:
         packed.writestr("a.trc", TRC * 50)
     content = bytearray((tmp_path / "a.zip").read_bytes())
@@ -276,7 +276,7 @@ def test_litter_in_a_zip_is_no_second_trial(tmp_path: Path) -> None:
     ],
     ids=["marker count", "no rows", "not a number", "time", "beyond all measure", "header only"],
 )
-def test_broken_trc(text: str, code: str, tmp_path: Path) -> None:
+def test_a_broken_trc_is_refused(text: str, code: str, tmp_path: Path) -> None:
     assert refused_zip(tmp_path, {"a.trc": text, "a.mot": MOT}).code == code
 
 
@@ -298,5 +298,5 @@ def test_times_that_do_not_overlap_are_said_on_both_sides(tmp_path: Path) -> Non
     ],
     ids=["not a number", "no centre of pressure", "time", "beyond all measure", "other times"],
 )
-def test_broken_mot(text: str, code: str, tmp_path: Path) -> None:
+def test_a_broken_mot_is_refused(text: str, code: str, tmp_path: Path) -> None:
     assert refused_zip(tmp_path, {"a.trc": TRC, "a.mot": text}).code == code

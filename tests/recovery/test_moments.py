@@ -35,7 +35,7 @@ def waiting(url: str, beginning: str) -> int:
 
 
 @pytest.mark.parametrize("moment", ["starting", "publishing"])
-def test_worker_killed_while(moment: str, database_url: str, tmp_path: Path) -> None:
+def test_a_worker_killed_at_any_moment_costs_no_job(moment: str, database_url: str, tmp_path: Path) -> None:
     jobs, diary = Jobs(database_url), tmp_path / "diary"
     blobs = {"STRIDELAB_BLOB_URL": (tmp_path / "blobs").as_uri()}
     with ExitStack() as stack:

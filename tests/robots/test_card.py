@@ -29,7 +29,7 @@ def faults(text: bytes) -> list[str]:
     return [fault.where for fault in caught.value.faults]
 
 
-def test_the_shipped_card() -> None:
+def test_the_shipped_card_of_talos_has_effectors_soles_and_licence() -> None:
     card = robot_card("talos")
     assert list(card.effectors) == ["left_foot", "right_foot", "left_hand", "right_hand"]
     assert card.effectors["left_foot"].contact_half_size_m == (0.10, 0.06)

@@ -4,7 +4,6 @@ import asyncio
 import hashlib
 import importlib.util
 import json
-from collections.abc import Awaitable, Callable
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -25,8 +24,8 @@ from stridelab.schemas.recordings import RecordingFacts
 from stridelab.service import bundled
 from stridelab.service.jobs import retention
 from stridelab.service.storage.blobs import BlobStore
-from stridelab.service.storage.database import make_engine
 from stridelab.service.storage.tables import job, recording
+from support.database import within
 
 SAMPLE = bundled.sample_folder()
 INDEX = json.loads((SAMPLE / bundled.INDEX_FILE).read_text())
@@ -85,17 +84,6 @@ def test_the_index_is_that_of_a_fresh_run_and_of_this_contract(fresh: Path) -> N
 
 def test_no_file_of_the_sample_is_over_a_megabyte() -> None:
     assert all(path.stat().st_size < 1_000_000 for path in SAMPLE.iterdir())
-
-
-def within(url: str, act: Callable[[AsyncEngine], Awaitable[Any]]) -> Any:
-    async def run() -> Any:
-        engine = make_engine(url)
-        try:
-            return await act(engine)
-        finally:
-            await engine.dispose()
-
-    return asyncio.run(run())
 
 
 def test_seeding_twice_at_once_and_again_leaves_one_sample(database_url: str, tmp_path: Path) -> None:

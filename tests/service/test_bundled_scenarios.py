@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,19 +13,8 @@ from stridelab.service import bundled_scenarios
 from stridelab.service.api.app import create_app
 from stridelab.service.api.scenarios.examples import ONE_STEP
 from stridelab.service.settings import Settings
-from stridelab.service.storage.database import make_engine
 from stridelab.service.storage.tables import scenario
-
-
-def within(url: str, act: Callable[[AsyncEngine], Awaitable[Any]]) -> Any:
-    async def run() -> Any:
-        engine = make_engine(url)
-        try:
-            return await act(engine)
-        finally:
-            await engine.dispose()
-
-    return asyncio.run(run())
+from support.database import within
 
 
 async def rows(engine: AsyncEngine) -> dict[str, dict[str, Any]]:

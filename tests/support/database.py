@@ -1,19 +1,22 @@
 """A private PostgreSQL for tests, and a migrated database of its own for each test that asks."""
 
+import asyncio
 import json
 import os
 import shutil
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
+from typing import Any
 
 import psycopg
+from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.service.embedded_postgres import EmbeddedPostgres
-from stridelab.service.storage.database import parse_url
+from stridelab.service.storage.database import make_engine, parse_url
 from stridelab.service.storage.migrating import migrate
 
 _numbers = count()
@@ -30,6 +33,19 @@ def public_folder() -> Iterator[Path]:
         for pointer in folder.rglob("postgres.json"):  # a killed service leaves the folder of its socket behind
             shutil.rmtree(json.loads(pointer.read_text(encoding="utf-8"))["socket"], ignore_errors=True)
         shutil.rmtree(folder, ignore_errors=True)
+
+
+def within(url: str, act: Callable[[AsyncEngine], Awaitable[Any]]) -> Any:
+    """What ``act`` returns of an engine on ``url``, in a loop of its own."""
+
+    async def inside() -> Any:
+        engine = make_engine(url)
+        try:
+            return await act(engine)
+        finally:
+            await engine.dispose()
+
+    return asyncio.run(inside())
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """Real processes for tests: the whole service, or workers alone, and the jobs they are given."""
 
-import asyncio
 import json
 import os
 import signal
@@ -18,8 +17,7 @@ from typing import Any
 import psutil
 
 from stridelab.service.jobs.store import JobRecord, JobStore
-from stridelab.service.storage.database import make_engine
-from support.database import public_folder
+from support.database import public_folder, within
 from support.kinds import KINDS
 
 TESTS = Path(__file__).parents[1]
@@ -60,14 +58,7 @@ class Jobs:
     url: str
 
     def ask(self, act: Callable[[JobStore], Awaitable[Any]]) -> Any:
-        async def inside() -> Any:
-            engine = make_engine(self.url)
-            try:
-                return await act(JobStore(engine, KINDS))
-            finally:
-                await engine.dispose()
-
-        return asyncio.run(inside())
+        return within(self.url, lambda engine: act(JobStore(engine, KINDS)))
 
     def submit(self, kind: str, **task: Any) -> str:
         return str(self.ask(lambda store: store.submit(kind, task)).job_id)

@@ -41,14 +41,6 @@ def refused(recording: Recording, landmarks: dict[str, str] | None = None) -> No
     return caught.value
 
 
-@pytest.fixture(scope="module")
-def gait(data_dir: Path) -> Path:
-    folder = data_dir / "gait"
-    if not folder.is_dir():
-        pytest.skip("real recordings are not on this machine (STRIDELAB_TEST_DATA)")
-    return folder
-
-
 def real(path: Path) -> tuple[Recording, dict[str, str]]:
     recording = read_recording(path)
     return recording, dict(identify(list(recording.markers_m)).landmarks)

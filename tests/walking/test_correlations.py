@@ -135,7 +135,7 @@ def test_bootstrap_intervals_cover_the_truth_but_for_few_people_less_often_than_
     assert 0.90 <= cover[40] <= 0.975
 
 
-def test_holm_by_hand() -> None:
+def test_holm_gives_what_was_computed_by_hand() -> None:
     assert holm(np.array([0.04, 0.01, 0.03, 0.5])) == pytest.approx([0.09, 0.04, 0.09, 0.5])
     assert holm(np.array([0.9, 0.8])) == pytest.approx([1.0, 1.0])
 

@@ -141,7 +141,7 @@ def test_too_few_people_have_means_but_no_correlations(n: int) -> None:
     assert codes(found) == ["too-few-subjects"]
 
 
-def test_nobody_at_all() -> None:
+def test_a_study_of_nobody_is_empty() -> None:
     found = study([], [])
     assert found.subjects == ()
     assert found.pairs == ()
@@ -190,7 +190,9 @@ def test_the_order_of_the_people_does_not_matter_but_for_the_draws() -> None:
         (None, None, None, ("unknown", "unknown")),
     ],
 )
-def test_groups(stated: str | None, age: float | None, height: float | None, expected: tuple[str, str]) -> None:
+def test_a_group_is_what_is_stated_else_by_age_else_by_height(
+    stated: str | None, age: float | None, height: float | None, expected: tuple[str, str]
+) -> None:
     assert group_of(stated, age, height) == expected
 
 

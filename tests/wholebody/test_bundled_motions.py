@@ -56,7 +56,7 @@ def carried_out(robot_name: str, name: str, shape: Shape = "cubic") -> Carried:
 
 
 @pytest.mark.parametrize(("robot", "name"), CARRIED_OUT)
-def test_it_is_certified(robot: str, name: str) -> None:
+def test_a_bundled_motion_passes_every_check(robot: str, name: str) -> None:
     assert [check for check in carried_out(robot, name).certificate.checks if not check.passed] == []
 
 

@@ -83,7 +83,7 @@ def test_forces_act_only_on_what_touches(two_steps: TwoSteps) -> None:
             assert touches == bool(np.any(f))
 
 
-def test_it_is_deterministic(talos: Robot) -> None:
+def test_a_second_run_gives_the_same_motion(talos: Robot) -> None:
     plan = sway(talos, duration_s=0.4, amplitude_m=0.01, period_s=0.4)
     one, two = (WholeBodyController().run(talos, plan.sequence, plan) for _ in range(2))
     assert np.array_equal(one.q, two.q)

@@ -49,7 +49,7 @@ def test_it_is_well_inside_its_bars(long_stride: tuple[WholeBodyMotion, Certific
     assert value["terrain_distance_min"] > 0.004
 
 
-def test_it_walks(long_stride: tuple[WholeBodyMotion, Certificate]) -> None:
+def test_the_body_travels_as_far_as_its_feet(long_stride: tuple[WholeBodyMotion, Certificate]) -> None:
     motion, _ = long_stride
     travelled = motion.com_m[-1] - motion.com_m[0]
     feet = [

@@ -51,7 +51,7 @@ def state(request: pytest.FixtureRequest, talos: Robot) -> State:
     return State(talos, request.param)
 
 
-def test_centre_of_mass(state: State) -> None:
+def test_centre_of_mass_follows_its_reference_as_a_spring_would(state: State) -> None:
     """(4.3)."""
     p, v, a = state.rng.normal(size=(3, 3))
     a_joint = state.solution(tasks.centre_of_mass(state.body, Reference(p, v, a, np.zeros(3), np.zeros(3), 0), GAIN))
@@ -59,7 +59,7 @@ def test_centre_of_mass(state: State) -> None:
     assert np.abs(error).max() < 1e-4
 
 
-def test_angular_momentum(state: State) -> None:
+def test_angular_momentum_decays_to_its_reference(state: State) -> None:
     l, l_rate = state.rng.normal(size=(2, 3))
     zero = np.zeros(3)
     a = state.solution(tasks.angular_momentum(state.body, Reference(zero, zero, zero, l, l_rate, 0), 8.0))
@@ -68,7 +68,7 @@ def test_angular_momentum(state: State) -> None:
 
 
 @pytest.mark.parametrize("name", ["left_foot", "right_hand", "base"])
-def test_position(state: State, name: str) -> None:
+def test_position_follows_its_reference_as_a_spring_would(state: State, name: str) -> None:
     p, v, a = state.rng.normal(size=(3, 3))
     a_joint = state.solution(tasks.position(state.body.frame(name), p, v, a, GAIN))
     error = spring(lambda t: p + v * t + 0.5 * a * t * t - state.after(a_joint, t).frame(name).position_m)
@@ -76,7 +76,7 @@ def test_position(state: State, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["left_foot", "right_hand", "base"])
-def test_orientation(state: State, name: str) -> None:
+def test_orientation_follows_its_reference_as_a_spring_would(state: State, name: str) -> None:
     """The relative rotation itself: its angular velocity and acceleration come from log maps at the two ends."""
     w, w_rate = state.rng.normal(size=(2, 3))
     here = state.body.frame(name)
@@ -90,7 +90,7 @@ def test_orientation(state: State, name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "surface"), [("left_foot", True), ("right_hand", False)])
-def test_contact(state: State, name: str, surface: bool) -> None:
+def test_a_contact_is_drawn_to_its_place_and_a_surface_stops_turning(state: State, name: str, surface: bool) -> None:
     from stridelab.dynamics.placement import Placement
 
     here = state.body.frame(name)
@@ -106,7 +106,7 @@ def test_contact(state: State, name: str, surface: bool) -> None:
         assert np.allclose(bend, -GAIN.kd * here.velocity[3:], atol=1e-3)
 
 
-def test_posture(state: State) -> None:
+def test_posture_is_a_spring_and_a_damper_in_every_joint(state: State) -> None:
     rest = state.rng.normal(size=state.robot.model.nv - 6)
     a = state.solution(tasks.posture(state.body, rest, GAIN))
     assert np.allclose(a[6:], GAIN.kp * (rest - state.q[7:]) - GAIN.kd * state.v[6:])

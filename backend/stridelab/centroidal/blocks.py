@@ -4,17 +4,18 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import scipy.sparse as sp
+from jaxtyping import Float, Int
 
 
 @dataclass(frozen=True)
 class Blocks:
     """The matrix under construction; entries that meet are added."""
 
-    rows: list[np.ndarray] = field(default_factory=list)
-    columns: list[np.ndarray] = field(default_factory=list)
-    values: list[np.ndarray] = field(default_factory=list)
+    rows: list[Int[np.ndarray, "_"]] = field(default_factory=list)
+    columns: list[Int[np.ndarray, "_"]] = field(default_factory=list)
+    values: list[Float[np.ndarray, "_"]] = field(default_factory=list)
 
-    def add(self, row: int, column: int, M: np.ndarray) -> None:
+    def add(self, row: int, column: int, M: Float[np.ndarray, "rows columns"]) -> None:
         """Put ``M`` with its upper left corner at ``(row, column)``."""
         i, j = np.nonzero(M)
         self.rows.append(row + i)

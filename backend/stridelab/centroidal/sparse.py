@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 import numpy as np
 import scipy.sparse as sp
+from jaxtyping import Int
 
 
 def constant(M: sp.csc_matrix) -> ca.DM:
@@ -14,7 +15,7 @@ def constant(M: sp.csc_matrix) -> ca.DM:
     return ca.DM(ca.Sparsity(rows, columns, M.indptr.tolist(), M.indices.tolist()), M.data)
 
 
-def scatter(indices: np.ndarray, n: int) -> ca.DM:
+def scatter(indices: Int[np.ndarray, "..."], n: int) -> ca.DM:
     """Matrix that adds the numbers of a vector to the places ``indices`` of a vector of size ``n``."""
     flat = indices.ravel()
     return constant(sp.csc_matrix((np.ones(len(flat)), (flat, np.arange(len(flat)))), shape=(n, len(flat))))
@@ -24,12 +25,18 @@ def scatter(indices: np.ndarray, n: int) -> ca.DM:
 class Pattern:
     """A sparse matrix under construction, its values expressions; entries that meet are added."""
 
-    rows: list[np.ndarray] = field(default_factory=list)
-    columns: list[np.ndarray] = field(default_factory=list)
+    rows: list[Int[np.ndarray, "_"]] = field(default_factory=list)
+    columns: list[Int[np.ndarray, "_"]] = field(default_factory=list)
     values: list[ca.MX] = field(default_factory=list)
 
-    def add(self, of_row: np.ndarray, of_column: np.ndarray, function: ca.Function, values: ca.MX) -> None:
-        """Add the nonzeros of ``function``'s matrix, use after use: ``(uses, rows)`` and ``(uses, columns)``.
+    def add(
+        self,
+        of_row: Int[np.ndarray, "uses rows"],
+        of_column: Int[np.ndarray, "uses columns"],
+        function: ca.Function,
+        values: ca.MX,
+    ) -> None:
+        """Add the nonzeros of ``function``'s matrix, use after use.
 
         An upper triangle stays one where the indices of every use ascend.
         """

@@ -80,7 +80,7 @@ class AsyncClient:
         upload = uploads.Upload(path, subject or SubjectFields(), filename)
         with self._reached():
             response = await self._http.post(
-                uploads.PATH, content=upload.async_pieces(progress), headers=upload.headers()
+                uploads.PATH, content=uploads.from_a_loop(upload.pieces(progress)), headers=upload.headers()
             )
         calls.raise_for_problem(response)
         return calls.model(Recording)(response)
@@ -97,7 +97,7 @@ class AsyncClient:
         with self._reached():
             response = await self._http.post(
                 uploads.BATCH_PATH,
-                content=upload.async_pieces(progress),
+                content=uploads.from_a_loop(upload.pieces(progress)),
                 headers=upload.headers(),
                 timeout=uploads.READING_S,
             )

@@ -28,25 +28,11 @@ class Upload:
 
     def headers(self) -> dict[str, str]:
         """Headers that describe the body."""
-        length = len(self._head()) + self.path.stat().st_size + len(self._tail())
-        return {"Content-Type": f"multipart/form-data; boundary={self.boundary}", "Content-Length": str(length)}
+        return _headers(self.boundary, len(self._head()) + self.path.stat().st_size)
 
     def pieces(self, progress: ProgressCallback | None = None) -> Iterator[bytes]:
         """The body, in pieces."""
-        yield self._head()
-        total, sent = self.path.stat().st_size, 0
-        with self.path.open("rb") as source:
-            while piece := source.read(PIECE_BYTES):
-                yield piece
-                sent += len(piece)
-                if progress is not None:
-                    progress(sent, total)
-        yield self._tail()
-
-    async def async_pieces(self, progress: ProgressCallback | None = None) -> AsyncIterator[bytes]:
-        """The body, in pieces."""
-        for piece in self.pieces(progress):
-            yield piece
+        return _pieces(b"", [(self._head(), self.path)], self.boundary, progress)
 
     def _head(self) -> bytes:
         parts = [
@@ -55,9 +41,6 @@ class Upload:
         ]
         parts.append(f"--{self.boundary}\r\n{_file_part(self.filename or self.path.name)}")
         return "".join(parts).encode("utf-8", "replace")
-
-    def _tail(self) -> bytes:
-        return f"\r\n--{self.boundary}--\r\n".encode()
 
     def _fields(self) -> Mapping[str, str]:
         stated = self.subject.model_dump(exclude_none=True)
@@ -74,28 +57,12 @@ class BatchUpload:
 
     def headers(self) -> dict[str, str]:
         """Headers that describe the body."""
-        heads = sum(len(self._head(name)) + path.stat().st_size for name, path in self.files)
-        length = heads + len(self._table()) + len(self._tail())
-        return {"Content-Type": f"multipart/form-data; boundary={self.boundary}", "Content-Length": str(length)}
+        parts = sum(len(self._head(name)) + path.stat().st_size for name, path in self.files)
+        return _headers(self.boundary, len(self._table()) + parts)
 
     def pieces(self, progress: ProgressCallback | None = None) -> Iterator[bytes]:
         """The body, in pieces."""
-        yield self._table()
-        total, sent = sum(path.stat().st_size for _, path in self.files), 0
-        for name, path in self.files:
-            yield self._head(name)
-            with path.open("rb") as source:
-                while piece := source.read(PIECE_BYTES):
-                    yield piece
-                    sent += len(piece)
-                    if progress is not None:
-                        progress(sent, total)
-        yield self._tail()
-
-    async def async_pieces(self, progress: ProgressCallback | None = None) -> AsyncIterator[bytes]:
-        """The body, in pieces."""
-        for piece in self.pieces(progress):
-            yield piece
+        return _pieces(self._table(), [(self._head(name), path) for name, path in self.files], self.boundary, progress)
 
     def _table(self) -> bytes:
         if self.table is None:
@@ -107,8 +74,41 @@ class BatchUpload:
         # what stands before the first boundary is no part, so every file may begin with an end of line
         return f"\r\n--{self.boundary}\r\n{_file_part(name)}".encode("utf-8", "replace")
 
-    def _tail(self) -> bytes:
-        return f"\r\n--{self.boundary}--\r\n".encode()
+
+async def from_a_loop(pieces: Iterator[bytes]) -> AsyncIterator[bytes]:
+    """The same pieces for a client that does not wait."""
+    for piece in pieces:
+        yield piece
+
+
+def _headers(boundary: str, length: int) -> dict[str, str]:
+    """Of a form whose parts take ``length`` bytes."""
+    return {
+        "Content-Type": f"multipart/form-data; boundary={boundary}",
+        "Content-Length": str(length + len(_end(boundary))),
+    }
+
+
+def _pieces(
+    first: bytes, files: Sequence[tuple[bytes, Path]], boundary: str, progress: ProgressCallback | None
+) -> Iterator[bytes]:
+    """``first``, then every file behind its head, then the end; ``progress`` hears of the files alone."""
+    if first:
+        yield first
+    total, sent = sum(path.stat().st_size for _, path in files), 0
+    for head, path in files:
+        yield head
+        with path.open("rb") as source:
+            while piece := source.read(PIECE_BYTES):
+                yield piece
+                sent += len(piece)
+                if progress is not None:
+                    progress(sent, total)
+    yield _end(boundary)
+
+
+def _end(boundary: str) -> bytes:
+    return f"\r\n--{boundary}--\r\n".encode()
 
 
 def _file_part(claimed: str) -> str:

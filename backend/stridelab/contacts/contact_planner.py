@@ -8,7 +8,7 @@ than what the judge allows (``standing_room``), and at most ``extra_steps`` step
 
 import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -25,6 +25,7 @@ from stridelab.contacts.swing import LEVEL_M
 from stridelab.contacts.task_ends import TaskEnds, surroundings, task_ends
 from stridelab.contacts.touching import touch_all
 from stridelab.contacts.validation import check
+from stridelab.conventions import Progress
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import Fault, NotEstimable
 
@@ -34,8 +35,6 @@ TURN_MAX_RAD: Final = math.radians(12.0)
 """Largest turn of a step."""
 LEVEL_MOVE_SHARE: Final = 0.7
 """A level step takes this share of the time of one to another height."""
-
-Told = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +57,7 @@ class ContactPlanner:
     seconds: float = 60.0
     extra_steps: int = 6
 
-    def plan(self, task: Mapping[str, Any], told: Told = lambda _share, _message: None) -> ContactPlan:
+    def plan(self, task: Mapping[str, Any], told: Progress = lambda _share, _message: None) -> ContactPlan:
         """Plan ``{robot, terrain, start, goal, friction?, name?}``, fields as in a scenario and its phases.
 
         Raises ``InvalidInput`` (``stance-invalid``) where start or goal cannot be, naming the contact, and

@@ -12,10 +12,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.conventions import GRAVITY_M_S2, Points
+from stridelab.conventions import GRAVITY_M_S2, PerAxis, Points
 from stridelab.dynamics.newton_euler import momentum_rate
 from stridelab.dynamics.wrench import Wrench
 from stridelab.dynamics.zmp import zmp
@@ -26,7 +25,6 @@ from stridelab.estimation.walk_frame import walk_frame
 from stridelab.recordings.gaps import runs
 from stridelab.recordings.recording import WrenchTrack
 
-PerAxis = Float[np.ndarray, "3"]
 FLIGHT_N = 20.0
 """Less force than this is none."""
 SHORTEST_FLIGHT = 6

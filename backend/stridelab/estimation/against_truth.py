@@ -10,12 +10,11 @@ import numpy as np
 from jaxtyping import Float
 from scipy import interpolate
 
-from stridelab.conventions import Points, Series
+from stridelab.conventions import PerAxis, Points, Series
 from stridelab.estimation.derivatives import derivatives
 from stridelab.estimation.estimate import ComEstimate
 from stridelab.estimation.walk_frame import walk_frame
 
-PerAxis = Float[np.ndarray, "3"]
 WindowPoints = Float[np.ndarray, "window 3"]
 """A track at an estimate's own samples."""
 BAND_95 = 1.96

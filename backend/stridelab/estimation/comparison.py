@@ -8,10 +8,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
 
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.conventions import Points
+from stridelab.conventions import PerAxis, Points
 from stridelab.dynamics.newton_euler import com_acceleration
 from stridelab.dynamics.wrench import Wrench
 from stridelab.errors import NotEstimable, StridelabError
@@ -33,8 +32,6 @@ from stridelab.estimation.span import window_span
 from stridelab.estimation.spectra import ErrorSpectrum, error_spectrum
 from stridelab.estimation.walk_frame import walk_frame
 from stridelab.recordings.recording import WrenchTrack
-
-PerAxis = Float[np.ndarray, "3"]
 
 
 @dataclass(frozen=True)

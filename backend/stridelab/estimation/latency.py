@@ -22,7 +22,7 @@ from jaxtyping import Float
 from scipy import interpolate
 
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.conventions import GRAVITY_M_S2, Points, Rotation, Series
+from stridelab.conventions import GRAVITY_M_S2, PerAxis, Points, Rotation, Series
 from stridelab.dynamics.newton_euler import contact_force
 from stridelab.errors import NotEstimable
 from stridelab.estimation.clock_likelihood import clock_likelihood
@@ -30,7 +30,6 @@ from stridelab.estimation.derivatives import BAND_HZ, derivatives, low_pass
 from stridelab.estimation.span import Span, require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
 
-PerAxis = Float[np.ndarray, "3"]
 PerLag = Float[np.ndarray, "lags 3"]
 Lags = Float[np.ndarray, "lags"]
 INDEPENDENT_PER_S: Final = 12.0

@@ -88,7 +88,7 @@ class GaitPlan:
 
 
 def plan_gait(
-    height_m: float, speed_m_s: float, duration_s: float, *, from_rest: bool, stance_width_m: float, random: Generator
+    height_m: float, speed_m_s: float, duration_s: float, *, from_rest: bool, stance_width_m: float, rng: Generator
 ) -> GaitPlan:
     """Plan a recording of ``duration_s`` of level walking along +x (standing below ``SLOWEST_M_S``)."""
     if speed_m_s < SLOWEST_M_S:
@@ -102,17 +102,17 @@ def plan_gait(
         n_steps = math.ceil(duration_s / step_s) + 2 + 2 * ramps
     factors = np.ones(n_steps)
     factors[: len(_RAMP)], factors[-len(_RAMP) :] = _RAMP, _RAMP[::-1]
-    lengths = length * factors * (1.0 + _LENGTH_SD * _centred(random, n_steps))
-    times = step_s * (1.0 + _TIME_SD * _centred(random, n_steps))
-    widths = stance_width_m + _WIDTH_SD_M * _centred(random, n_steps)
-    first: Side = "left" if random.random() < 0.5 else "right"
+    lengths = length * factors * (1.0 + _LENGTH_SD * _centred(rng, n_steps))
+    times = step_s * (1.0 + _TIME_SD * _centred(rng, n_steps))
+    widths = stance_width_m + _WIDTH_SD_M * _centred(rng, n_steps)
+    first: Side = "left" if rng.random() < 0.5 else "right"
     strikes = _REST_S + SHIFT_S + np.cumsum(times)
     stances = _stances(lengths, widths, strikes, double_support_fraction(speed_m_s), first, stance_width_m, height_m)
     end_s = float(strikes[-1]) + step_s + SHIFT_S + _REST_S
     steady = (float(strikes[len(_RAMP)]), float(strikes[-len(_RAMP) - 1]))
     if from_rest:
         return GaitPlan(stances, length, step_s, speed_m_s, 0.0, duration_s, max(end_s, duration_s), steady)
-    start = steady[0] + step_s + random.random() * step_s
+    start = steady[0] + step_s + rng.random() * step_s
     return GaitPlan(stances, length, step_s, speed_m_s, start, duration_s, end_s, steady)
 
 
@@ -193,8 +193,8 @@ def _stances(
     return tuple(stances)
 
 
-def _centred(random: Generator, n: int) -> Series:
-    draws = random.standard_normal(n)
+def _centred(rng: Generator, n: int) -> Series:
+    draws = rng.standard_normal(n)
     return np.asarray(np.clip(draws - draws.mean(), -2.5, 2.5))
 
 

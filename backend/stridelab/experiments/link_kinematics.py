@@ -25,10 +25,10 @@ class LinkMasses:
     mass_kg: Float[np.ndarray, "links"]
     lever_m: Float[np.ndarray, "links 3"]
 
-    def wrong(self, error: float, random: Generator) -> "LinkMasses":
+    def wrong(self, error: float, rng: Generator) -> "LinkMasses":
         """Masses and levers wrong by the relative ``error`` (one sigma, section 2.5.1); the total mass is kept."""
-        masses = self.mass_kg * np.maximum(1.0 + error * random.standard_normal(len(self.mass_kg)), _LEAST_FACTOR)
-        levers = self.lever_m * (1.0 + error * random.standard_normal(self.lever_m.shape))
+        masses = self.mass_kg * np.maximum(1.0 + error * rng.standard_normal(len(self.mass_kg)), _LEAST_FACTOR)
+        levers = self.lever_m * (1.0 + error * rng.standard_normal(self.lever_m.shape))
         return LinkMasses(masses * self.mass_kg.sum() / masses.sum(), levers)
 
 

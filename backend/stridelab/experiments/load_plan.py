@@ -45,11 +45,11 @@ def minimum_jerk(s: Series) -> Series:
     return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 
 
-def plan_load(plan: GaitPlan, p: Proportions, time_s: Series, random: Generator) -> LoadPlan:
+def plan_load(plan: GaitPlan, p: Proportions, time_s: Series, rng: Generator) -> LoadPlan:
     """Shares and centres of pressure at the instants ``time_s`` of the plan."""
     left = _left_share(plan, time_s)
     share: dict[Side, Series] = {"left": left, "right": 1.0 - left}
-    wander = sway(time_s, random)
+    wander = sway(time_s, rng)
     cop = {side: _cop(plan, side, p, time_s) + wander for side in SIDES}
     zmp = sum((share[side][:, None] * cop[side] for side in SIDES), np.zeros((len(time_s), 2)))
     return LoadPlan(share, cop, zmp)
@@ -106,9 +106,9 @@ def _cop(plan: GaitPlan, side: Side, p: Proportions, t: Series) -> Plane:
     return cop
 
 
-def sway(t: Series, random: Generator) -> Plane:
+def sway(t: Series, rng: Generator) -> Plane:
     """Slow wandering: sinusoids of random phase between 0.08 and 1 Hz whose amplitude falls as 1/f."""
     f = np.geomspace(*_SWAY_HZ, 12)
-    phase = random.uniform(0.0, 2.0 * np.pi, (2, len(f)))
+    phase = rng.uniform(0.0, 2.0 * np.pi, (2, len(f)))
     waves = np.sin(2.0 * np.pi * f * t[:, None, None] + phase) / f
     return np.asarray(waves.sum(axis=2) * np.array(SWAY_M) / np.sqrt(0.5 * np.sum(f**-2.0)))

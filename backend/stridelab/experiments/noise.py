@@ -66,7 +66,7 @@ THESIS: Final = MeasurementNoise(
 
 
 def coloured(
-    random: Generator,
+    rng: Generator,
     n: int,
     channels: int,
     sigma: float,
@@ -75,19 +75,19 @@ def coloured(
     order: int = 2,
 ) -> Float[np.ndarray, "n channels"]:
     """Noise with exactly the standard deviation ``sigma`` in every channel, above ``high_pass_hz``, or white for 0."""
-    noise = random.standard_normal((n + _SETTLING, channels))
+    noise = rng.standard_normal((n + _SETTLING, channels))
     if high_pass_hz > 0.0:
         noise = sosfilt(butter(order, high_pass_hz, "highpass", fs=rate_hz, output="sos"), noise, axis=0)
     noise = noise[_SETTLING:]
     return np.asarray(sigma * noise / noise.std(axis=0, keepdims=True))
 
 
-def wrong_table(table: SegmentTable, error: float, random: Generator) -> SegmentTable:
+def wrong_table(table: SegmentTable, error: float, rng: Generator) -> SegmentTable:
     """``table`` with masses and coordinates of centres of mass wrong by the relative ``error`` (one sigma)."""
     rows: dict[str, SegmentRow] = {}
     for name, row in table.segments.items():
-        mass = row.mass_fraction * max(1.0 + error * random.standard_normal(), _LEAST_FACTOR)
-        x, y, z = (float(k * (1.0 + error * random.standard_normal())) for k in row.com)
+        mass = row.mass_fraction * max(1.0 + error * rng.standard_normal(), _LEAST_FACTOR)
+        x, y, z = (float(k * (1.0 + error * rng.standard_normal())) for k in row.com)
         rows[name] = SegmentRow(float(mass), (x, y, z))
     total = sum(row.mass_fraction for row in rows.values())
     segments = {name: {"mass_fraction": row.mass_fraction / total, "com": row.com} for name, row in rows.items()}

@@ -86,9 +86,9 @@ class Posture:
     pelvis: Rotation
 
 
-def prescribe(body: AnthropometricBody, plan: GaitPlan, clock: StrideClock, random: Generator) -> Posture:
+def prescribe(body: AnthropometricBody, plan: GaitPlan, clock: StrideClock, rng: Generator) -> Posture:
     """Posture over the instants of the clock."""
-    vary = 1.0 + 0.1 * np.clip(random.standard_normal(5), -2.0, 2.0)
+    vary = 1.0 + 0.1 * np.clip(rng.standard_normal(5), -2.0, 2.0)
     briskness = (plan.speed_m_s / _REFERENCE_M_S) ** 0.5
     swing = clock.vigour * briskness
     cos, sin = np.cos(clock.phi) * swing, np.sin(clock.phi) * swing

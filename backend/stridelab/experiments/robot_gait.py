@@ -15,6 +15,7 @@ from itertools import pairwise
 from typing import Final, Literal
 
 import numpy as np
+from jaxtyping import Float
 from numpy.random import Generator
 
 from stridelab.conventions import Series
@@ -101,15 +102,15 @@ def gait_for(speed_m_s: float, duration_s: float) -> RobotGait:
     return RobotGait(step_length_m=length_m, step_time_s=step_s, n_steps=n_steps, rest_s=rest_s)
 
 
-def plan_walk(gait: RobotGait, random: Generator) -> GaitPlan:
+def plan_walk(gait: RobotGait, rng: Generator) -> GaitPlan:
     """Stances of one walk along +x, starting at the origin; without steps, of standing there."""
     if gait.n_steps == 0:
         return replace(standing(gait.duration_s, gait.width_m), sole_middle_m=0.0)
     n, T = gait.n_steps, gait.step_time_s
-    lengths = np.append(gait.step_length_m * (1.0 + _LENGTH_SD * centred(random, n)), 0.0)
-    durations = T * (1.0 + _TIME_SD * centred(random, n + 1))
-    half_m = gait.width_m / 2 + np.append(_WIDTH_SD_M / 2 * centred(random, n), 0.0)
-    first: Side = SIDES[int(random.integers(2))]
+    lengths = np.append(gait.step_length_m * (1.0 + _LENGTH_SD * centred(rng, n)), 0.0)
+    durations = T * (1.0 + _TIME_SD * centred(rng, n + 1))
+    half_m = gait.width_m / 2 + np.append(_WIDTH_SD_M / 2 * centred(rng, n), 0.0)
+    first: Side = SIDES[int(rng.integers(2))]
     other: Side = SIDES[1 - SIDES.index(first)]
     begins = gait.rest_s + np.concatenate([[0.0], np.cumsum(durations)])
     lifts, strikes = begins[:-1] + gait.double_support * durations, begins[1:]
@@ -134,21 +135,21 @@ def plan_walk(gait: RobotGait, random: Generator) -> GaitPlan:
     )
 
 
-def plan_load(plan: GaitPlan, time_s: Series, random: Generator) -> LoadPlan:
+def plan_load(plan: GaitPlan, time_s: Series, rng: Generator) -> LoadPlan:
     """Shares of the feet, their centres of pressure and the zero-moment point; while standing the pressure sways."""
     left = np.full(len(time_s), 0.5)
     for start_s, end_s, target in _shifts(plan):
         left = left + (target - left) * minimum_jerk((time_s - start_s) / (end_s - start_s))
     share: dict[Side, Series] = {"left": left, "right": 1.0 - left}
     still = minimum_jerk((time_s - time_s[0]) / LEAD_S) * minimum_jerk((time_s[-1] - time_s) / LEAD_S)
-    wander = sway(time_s, random) * still[:, None]
+    wander = sway(time_s, rng) * still[:, None]
     cop = {side: sole_middles(plan, side, time_s) + wander for side in SIDES}
     zmp = sum((share[side][:, None] * cop[side] for side in SIDES), np.zeros((len(time_s), 2)))
     return LoadPlan(share, cop, zmp)
 
 
-def sole_middles(plan: GaitPlan, side: Side, time_s: Series) -> np.ndarray:
-    """Middle of one sole ``(n, 2)``; in the air where it stood, then, from the middle of the swing, where it will."""
+def sole_middles(plan: GaitPlan, side: Side, time_s: Series) -> Float[np.ndarray, "n 2"]:
+    """Middle of one sole; in the air where it stood, then, from the middle of the swing, where it will."""
     stances = [stance for stance in plan.stances if stance.side == side]
     changes = [(a.off_s + b.strike_s) / 2 for a, b in pairwise(stances)]
     places = np.array([(stance.x_m, stance.y_m) for stance in stances])
@@ -178,7 +179,7 @@ def _stance(side: Side, x_m: float, half_m: float, strike_s: float, off_s: float
     return Stance(side, x_m, sign(side) * half_m, strike_s, strike_s, off_s, off_s)
 
 
-def centred(random: Generator, n: int) -> Series:
+def centred(rng: Generator, n: int) -> Series:
     """Standard normal draws with mean 0, none beyond 2.5."""
-    draws = random.standard_normal(n)
+    draws = rng.standard_normal(n)
     return np.asarray(np.clip(draws - draws.mean(), -2.5, 2.5))

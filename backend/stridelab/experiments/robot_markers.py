@@ -20,7 +20,7 @@ from stridelab.body.anthropometry import anthropometry
 from stridelab.body.frames import segment_frames
 from stridelab.body.joint_centres import joint_centres
 from stridelab.body.segment_tables import SegmentTable, parse
-from stridelab.conventions import Points, Vector3
+from stridelab.conventions import Configurations, Points, Vector3
 from stridelab.experiments.body_proportions import SIDES, letter, sagittal, sign
 from stridelab.experiments.link_kinematics import LinkPoses, link_masses, link_poses
 from stridelab.experiments.marker_layout import LABELS
@@ -43,7 +43,6 @@ _THORAX_M: Final = 0.06
 _NOTCH_SLOPE_RAD: Final = math.radians(-25.0)
 _CERVICAL: Final = np.array([0.0, 0.0, 0.33])
 """Upper end of the trunk in the frame of its last link."""
-Configurations = Float[np.ndarray, "n nq"]
 
 
 def marker_places(robot: Robot) -> Mapping[str, tuple[str, Vector3]]:

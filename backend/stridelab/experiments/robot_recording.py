@@ -32,18 +32,18 @@ def record_robot(
     walk: RobotWalk, noise: MeasurementNoise, seed: int, *, lab: LabName = "walkway"
 ) -> SimulatedRecording:
     """Markers at 100 Hz, plates at 1000 Hz. The same walk, noise and seed give the same recording, bit for bit."""
-    random = [np.random.default_rng([seed, part]) for part in range(4)]
+    rngs = [np.random.default_rng([seed, part]) for part in range(4)]
     n, every = round(walk.plan.duration_s * MARKER_RATE_HZ), round(RATE_HZ / MARKER_RATE_HZ)
     first = int(np.searchsorted(walk.motion.time_s, -_EPS_S))
     frames = slice(first, first + every * n, every)
     table = segment_table(walk.robot, walk.motion.q[first])
     if noise.mass_model > 0.0:
-        table = wrong_table(table, noise.mass_model, random[3])
+        table = wrong_table(table, noise.mass_model, rngs[3])
     q = walk.motion.q[frames].copy()
     if noise.configuration_rad > 0.0:
-        q[:, 7:] += coloured(random[0], n, q.shape[1] - 7, noise.configuration_rad, MARKER_RATE_HZ)
+        q[:, 7:] += coloured(rngs[0], n, q.shape[1] - 7, noise.configuration_rad, MARKER_RATE_HZ)
     markers = {
-        label: track + noise.marker_m * random[1].standard_normal(track.shape)
+        label: track + noise.marker_m * rngs[1].standard_normal(track.shape)
         for label, track in marker_tracks(walk.robot, q).items()
     }
     at_s = np.arange(-_MARGIN_S, n / MARKER_RATE_HZ + _MARGIN_S, 1.0 / FORCE_RATE_HZ)
@@ -52,7 +52,7 @@ def record_robot(
         markers_m=markers,
         marker_rate_hz=MARKER_RATE_HZ,
         force_rate_hz=FORCE_RATE_HZ,
-        plates=measured_plates(feet, at_s, walk.plan, n, noise, lab, random[2]),
+        plates=measured_plates(feet, at_s, walk.plan, n, noise, lab, rngs[2]),
         subject=Subject(HEIGHT_M, walk.robot.mass_kg),
         events=events(walk.plan),
         up_axis="+z",

@@ -80,8 +80,8 @@ def run(gait: RunningGait, seed: int = 0, robot_name: str = "talos") -> RobotWal
 
     Raises ``NotEstimable`` (``robot-out-of-reach``) where the gait asks too much of the legs.
     """
-    random = [np.random.default_rng([seed, part]) for part in range(2)]
-    robot, plan = load_robot(robot_name), _plan(gait, random[0])
+    rngs = [np.random.default_rng([seed, part]) for part in range(2)]
+    robot, plan = load_robot(robot_name), _plan(gait, rngs[0])
     n = round((gait.duration_s + 2 * LEAD_S) * RATE_HZ)
     time_s = np.arange(n) / RATE_HZ - LEAD_S
     dense_s = np.arange(2 * n) / (2 * RATE_HZ) - LEAD_S
@@ -93,23 +93,23 @@ def run(gait: RunningGait, seed: int = 0, robot_name: str = "talos") -> RobotWal
     def momentum_rate(k: int, theta: Vector3, L: Vector3) -> Vector3:
         return np.asarray(-lift[k] * (_K_NM_RAD * theta + _D_PER_S * L))
 
-    body, upper = WholeBody(robot), swing_arms(robot, gait.arms, plan, dense_s, random[1])
+    body, upper = WholeBody(robot), swing_arms(robot, gait.arms, plan, dense_s, rngs[1])
     start = first_posture(robot, feet, com.position_m[0])
     motion = body.solve_with_momentum(time_s, Task.of(feet, com, upper), start, momentum_rate)
     truth = motion_truth(body.model, time_s, motion.q, motion.v, motion.a)
     return RobotWalk(robot, plan, motion, truth, _load(plan, time_s))
 
 
-def _plan(gait: RunningGait, random: Generator) -> GaitPlan:
+def _plan(gait: RunningGait, rng: Generator) -> GaitPlan:
     """Stances from before the simulation begins until after it ends."""
     n = int((gait.duration_s + 2 * LEAD_S) / gait.step_time_s) + 2 * _MARGIN_STEPS + 4
     begins = (
         -LEAD_S
         - (_MARGIN_STEPS + 2) * gait.step_time_s
-        + np.cumsum(gait.step_time_s * (1.0 + _VARIATION * centred(random, n)))
+        + np.cumsum(gait.step_time_s * (1.0 + _VARIATION * centred(rng, n)))
     )
-    x_m = np.cumsum(gait.step_length_m * (1.0 + _VARIATION * centred(random, n)))
-    first = int(random.integers(2))
+    x_m = np.cumsum(gait.step_length_m * (1.0 + _VARIATION * centred(rng, n)))
+    first = int(rng.integers(2))
     stances = []
     for k in range(n):
         side, strike_s = SIDES[(first + k) % 2], float(begins[k])

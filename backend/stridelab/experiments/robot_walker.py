@@ -66,12 +66,12 @@ def walk(gait: RobotGait, seed: int = 0, robot_name: str = "talos") -> RobotWalk
 
     Raises ``NotEstimable`` (``robot-out-of-reach``) where the gait asks too much of the legs.
     """
-    random = [np.random.default_rng([seed, part]) for part in range(3)]
-    robot, plan = load_robot(robot_name), plan_walk(gait, random[0])
+    rngs = [np.random.default_rng([seed, part]) for part in range(3)]
+    robot, plan = load_robot(robot_name), plan_walk(gait, rngs[0])
     time_s = np.arange(round((gait.duration_s + 2 * LEAD_S) * RATE_HZ)) / RATE_HZ - LEAD_S
-    load = plan_load(plan, time_s, random[1])
+    load = plan_load(plan, time_s, rngs[1])
     feet = {side: sole_path(plan, side, time_s) for side in SIDES}
-    upper = swing_arms(robot, gait.arms, plan, time_s, random[2])
+    upper = swing_arms(robot, gait.arms, plan, time_s, rngs[2])
     height = _height(gait, plan, time_s)
     body, control = WholeBody(robot), PreviewControl(height_m=gait.com_height_m, dt_s=1.0 / RATE_HZ)
     start = first_posture(robot, feet, _middle(feet, height))
@@ -108,12 +108,12 @@ def sole_path(plan: GaitPlan, side: Side, time_s: Series) -> PointPath:
     return PointPath(*path)
 
 
-def swing_arms(robot: Robot, arms: ArmSwing, plan: GaitPlan, time_s: Series, random: Generator) -> JointPath:
+def swing_arms(robot: Robot, arms: ArmSwing, plan: GaitPlan, time_s: Series, rng: Generator) -> JointPath:
     """Shoulders, elbows and torso swing with the stride, by 10 % more or less with the seed; quintic splines of time.
 
     TALOS' first arm joint turns about the vertical: with the arm held off the trunk it carries the hand forwards.
     """
-    vary = 1.0 + 0.1 * np.clip(random.standard_normal(3), -2.0, 2.0)
+    vary = 1.0 + 0.1 * np.clip(rng.standard_normal(3), -2.0, 2.0)
     clock = stride_clock(plan, time_s)
     forward = -np.cos(clock.phi) * clock.vigour
     q = np.tile(robot.q_reference[7:], (len(time_s), 1))
@@ -142,7 +142,7 @@ def _middle(feet: Mapping[Side, PointPath], height: Heights) -> Vector3:
     return np.array([x, y, height[0][0, 0]])
 
 
-def first_posture(robot: Robot, feet: Mapping[Side, PointPath], com_m: Vector3) -> np.ndarray:
+def first_posture(robot: Robot, feet: Mapping[Side, PointPath], com_m: Vector3) -> Float[np.ndarray, "nq"]:
     """On the first footprints with the CoM at ``com_m``: where the search of the first sample begins."""
     places = {f"{side}_foot": Placement.of(path.position_m[0].tolist()) for side, path in feet.items()}
     return stand(robot, places, com_m).q

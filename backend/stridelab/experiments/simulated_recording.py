@@ -53,19 +53,19 @@ def record(walk: Walk, noise: MeasurementNoise, seed: int, *, lab: LabName = "wa
 
     Every part of the noise has its own random stream: switching one off does not change the others.
     """
-    random = [np.random.default_rng([seed, part]) for part in range(4)]
+    rngs = [np.random.default_rng([seed, part]) for part in range(4)]
     n = round(walk.duration_s * MARKER_RATE_HZ)
     time_s = np.arange(n) / MARKER_RATE_HZ
     truth = true_motion(walk.body, walk.posture, time_s)
     table = walk.body.table
     if noise.mass_model > 0.0:
-        table = wrong_table(table, noise.mass_model, random[3])
+        table = wrong_table(table, noise.mass_model, rngs[3])
     p = walk.body.proportions
     recording = Recording(
-        markers_m=_markers(walk, time_s, noise, random[0], random[1]),
+        markers_m=_markers(walk, time_s, noise, rngs[0], rngs[1]),
         marker_rate_hz=MARKER_RATE_HZ,
         force_rate_hz=FORCE_RATE_HZ,
-        plates=measured_plates(walk.feet, walk.truth.time_s, walk.plan, n, noise, lab, random[2]),
+        plates=measured_plates(walk.feet, walk.truth.time_s, walk.plan, n, noise, lab, rngs[2]),
         subject=Subject(p.height_m, walk.mass_kg, p.sex),
         events=events(walk.plan),
         up_axis="+z",
@@ -93,25 +93,25 @@ def measured_plates(
     n_frames: int,
     noise: MeasurementNoise,
     lab: LabName,
-    random: Generator,
+    rng: Generator,
 ) -> tuple[Plate, ...]:
     """What a laboratory measures of the feet, known at ``time_s``, which begins before and ends after the recording."""
     read_at_s = np.arange(round(n_frames * FORCE_RATE_HZ / MARKER_RATE_HZ)) / FORCE_RATE_HZ - noise.latency_s
     late = {side: _read(foot, time_s, read_at_s) for side, foot in feet.items()}
     areas = plate_areas(lab, plan)
-    return tuple(_plate(index, area, late, noise, random) for index, area in enumerate(areas, start=1))
+    return tuple(_plate(index, area, late, noise, rng) for index, area in enumerate(areas, start=1))
 
 
 def _plate(
-    index: int, area: PlateArea, feet: Mapping[Side, FootWrench], noise: MeasurementNoise, random: Generator
+    index: int, area: PlateArea, feet: Mapping[Side, FootWrench], noise: MeasurementNoise, rng: Generator
 ) -> Plate:
     force, moment = plate_wrench(area, feet)
     n = len(force)
     if noise.force_n > 0.0:
-        rattle = coloured(random, n, 3, noise.force_n, FORCE_RATE_HZ)
+        rattle = coloured(rng, n, 3, noise.force_n, FORCE_RATE_HZ)
         force, moment = force + rattle, moment + np.cross(area.middle_m, rattle)
     if noise.moment_nm > 0.0:
-        moment = moment + coloured(random, n, 3, noise.moment_nm, FORCE_RATE_HZ)
+        moment = moment + coloured(rng, n, 3, noise.moment_nm, FORCE_RATE_HZ)
     nothing: Vector3 = np.zeros(3)
     return Plate(index, PLATE_TYPE, area.corners_m, force, moment, nothing)
 

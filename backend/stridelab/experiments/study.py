@@ -86,25 +86,25 @@ def simulate(gait: GaitName, noise: NoisePreset | str = "thesis", seed: int = 0,
     """
     preset = _preset(noise)
     source = clean_motion(gait, walk_seed)
-    random = [np.random.default_rng([seed, part]) for part in range(5)]
+    rngs = [np.random.default_rng([seed, part]) for part in range(5)]
     time_s = source.motion.time_s
     kept = (time_s > -_EPS_S) & (time_s < source.plan.duration_s - _EPS_S)
     t, n = time_s[kept], int(kept.sum())
     exact = link_masses(source.robot.model)
-    believed = exact.wrong(preset.mass_model, random[3]) if preset.mass_model > 0.0 else exact
+    believed = exact.wrong(preset.mass_model, rngs[3]) if preset.mass_model > 0.0 else exact
     q = source.motion.q[kept]
     clean = link_poses(source.robot.model, q)
     noisy = clean
     if preset.configuration_rad > 0.0:
         shaken = q.copy()
         sigma, joints = preset.configuration_rad, q.shape[1] - 7
-        shaken[:, 7:] += coloured(random[0], n, joints, sigma, RATE_HZ, preset.high_pass_hz, preset.high_pass_order)
+        shaken[:, 7:] += coloured(rngs[0], n, joints, sigma, RATE_HZ, preset.high_pass_hz, preset.high_pass_order)
         noisy = link_poses(source.robot.model, shaken)
     truth = _recorded(source.truth, kept)
     geometric = _geometric(source, noisy, believed, t, preset.mass_model)
     biased = _com(clean, believed)
     sd_x, sd_y, sd_z = (float(s) for s in (geometric.com_m - biased).std(axis=0))
-    force, moment = _wrench(source, t, preset, random[1], random[2], random[4])
+    force, moment = _wrench(source, t, preset, rngs[1], rngs[2], rngs[4])
     return StudyTrial(
         gait=gait,
         noise=preset,
@@ -179,9 +179,9 @@ def _geometric(
 @lru_cache(maxsize=32)
 def _declared_sd_m(source: RobotWalk, mass_model: float) -> tuple[float, float, float]:
     """Spread of the CoM of the first posture over body models that are wrong by ``mass_model``."""
-    exact, random = link_masses(source.robot.model), np.random.default_rng(0)
+    exact, rng = link_masses(source.robot.model), np.random.default_rng(0)
     poses = link_poses(source.robot.model, source.motion.q[:1])
-    draws = np.array([_com(poses, exact.wrong(mass_model, random))[0] for _ in range(_PRIOR_DRAWS)])
+    draws = np.array([_com(poses, exact.wrong(mass_model, rng))[0] for _ in range(_PRIOR_DRAWS)])
     x, y, z = (max(float(sd), _LEAST_SD_M) for sd in np.sqrt(np.mean((draws - _com(poses, exact)) ** 2, axis=0)))
     return x, y, z
 

@@ -94,7 +94,7 @@ class HumanWalker:
     def walk(self) -> Walk:
         """Simulate. Raises ``InvalidInput`` when the numbers are outside what a person can do here."""
         self._check()
-        random = [np.random.default_rng([self.seed, part]) for part in range(3)]
+        rngs = [np.random.default_rng([self.seed, part]) for part in range(3)]
         body = build_body(self.height_m, self.mass_kg, self.sex)
         plan = plan_gait(
             self.height_m,
@@ -102,15 +102,15 @@ class HumanWalker:
             self.duration_s,
             from_rest=self.from_rest,
             stance_width_m=_STANCE_WIDTH * self.height_m,
-            random=random[0],
+            rng=rngs[0],
         )
         before, after = plan.record_from_s - MARGIN_S, plan.record_from_s + self.duration_s + MARGIN_S
         start_s, end_s = min(0.0, before) - 0.5, max(plan.end_s, after) + 0.5
         t = np.arange(start_s, end_s, 1.0 / PLAN_RATE_HZ)
-        load = plan_load(plan, body.proportions, t, random[1])
+        load = plan_load(plan, body.proportions, t, rngs[1])
         paths = {side: foot_path(plan, side, body.proportions, t) for side in SIDES}
         clock = stride_clock(plan, t)
-        q = _whole_body(body, plan, clock, load, paths, prescribe(body, plan, clock, random[2]))
+        q = _whole_body(body, plan, clock, load, paths, prescribe(body, plan, clock, rngs[2]))
         posture = make_interp_spline(t - plan.record_from_s, q, k=5)
         n = round((self.duration_s + 2 * MARGIN_S) * TRUTH_RATE_HZ) + 1
         truth = true_motion(body, posture, np.arange(n) / TRUTH_RATE_HZ - MARGIN_S)

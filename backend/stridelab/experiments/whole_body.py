@@ -92,8 +92,8 @@ class WholeBody:
         self.data = self.model.createData()
         self._soles = (frames["left_foot"], frames["right_foot"])
 
-    def solve(self, time_s: Series, task: Task, start: np.ndarray) -> RobotMotion:
-        """Motion that carries out ``task`` with the base upright; the first search begins at ``start`` ``(nq,)``.
+    def solve(self, time_s: Series, task: Task, start: Float[np.ndarray, "nq"]) -> RobotMotion:
+        """Motion that carries out ``task`` with the base upright; the first search begins at ``start``.
 
         Raises ``NotEstimable`` (``robot-out-of-reach``) at the first instant at which the legs do not reach.
         """
@@ -109,7 +109,11 @@ class WholeBody:
         return found
 
     def solve_with_momentum(
-        self, time_s: Series, task: Task, start: np.ndarray, momentum_rate: Callable[[int, Vector3, Vector3], Vector3]
+        self,
+        time_s: Series,
+        task: Task,
+        start: Float[np.ndarray, "nq"],
+        momentum_rate: Callable[[int, Vector3, Vector3], Vector3],
     ) -> RobotMotion:
         """As ``solve``, but the base turns freely: L' = ``momentum_rate(k, theta, L)``, theta its rotation vector.
 

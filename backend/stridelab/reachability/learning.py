@@ -23,7 +23,7 @@ from jaxtyping import Float
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.mixture import GaussianMixture
 
-from stridelab.conventions import Points, Vector3
+from stridelab.conventions import Points, Progress, Vector3
 from stridelab.errors import Fault, InvalidInput
 from stridelab.reachability.card import (
     EffectorCard,
@@ -39,7 +39,7 @@ from stridelab.reachability.divergence import Divergence, divergences
 from stridelab.reachability.mixture import Mixture
 from stridelab.reachability.processes import in_order, worthwhile
 from stridelab.reachability.proxy import Frame
-from stridelab.reachability.sampling import ComCloud, Progress, require_effectors, sample_com
+from stridelab.reachability.sampling import ComCloud, require_effectors, sample_com
 from stridelab.robots.robot import Robot
 
 THESIS_COMPONENTS: Final[Mapping[str, int]] = {"surface": 7, "point": 14}

@@ -40,7 +40,7 @@ class Pairs:
     high_m: Points
     shares: Float[np.ndarray, "rounds"]
 
-    def taken(self, of: np.ndarray) -> "Pairs":
+    def taken(self, of: Int[np.ndarray, "m"]) -> "Pairs":
         """Those with these numbers."""
         boxes = self.low_m[of], self.high_m[of]
         return Pairs(

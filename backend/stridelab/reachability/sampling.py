@@ -9,7 +9,7 @@ Blocks of ``BLOCK`` configurations are drawn each from its own child of the seed
 check: the cloud is a function of the seed, bit for bit, however many processes share the blocks.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from stridelab.conventions import Points
+from stridelab.conventions import Points, Progress
 from stridelab.errors import Fault, NotFound
 from stridelab.reachability.card import Measure
 from stridelab.reachability.processes import in_order, worthwhile
@@ -29,9 +29,6 @@ from stridelab.reachability.standing import StandingConfigurations
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Effector, Robot
 from stridelab.robots.sampling import UniformConfigurations, uniform_configurations
-
-Progress = Callable[[float, str], None]
-"""Called with a fraction from 0 to 1 and a short message."""
 
 BLOCK: Final = 500
 """Configurations of one block."""

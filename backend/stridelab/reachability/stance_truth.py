@@ -17,7 +17,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
+from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation as ScipyRotation
 
 from stridelab.conventions import Mask, Points, Series
@@ -85,7 +85,7 @@ class Contacts(NamedTuple):
         ahead = np.sum([target.R[:, :2, 0] for target in targets.values() if target.R is not None], axis=0)
         return Contacts(targets, np.arctan2(ahead[:, 1], ahead[:, 0]))
 
-    def taken(self, of: np.ndarray) -> "Contacts":
+    def taken(self, of: Int[np.ndarray, "m"]) -> "Contacts":
         """Those with these numbers, repeated where a number is."""
         targets = {name: Target(p[of], None if R is None else R[of]) for name, (p, R) in self.targets.items()}
         return Contacts(targets, self.heading_rad[of])

@@ -19,7 +19,7 @@ import pinocchio as pin
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.conventions import Mask, Points, Vector3
+from stridelab.conventions import Configurations, Mask, Points, Vector3
 from stridelab.errors import Fault, NotEstimable
 from stridelab.reachability.leg_chain import LegChain, Rotations
 from stridelab.reachability.stance import Stance, about
@@ -41,8 +41,6 @@ beyond its top, and hardly a stance beyond its sides."""
 BASE_HIGH: Final = (0.6, 0.5, 1.0)
 STEP_DEPTH: Final = 0.75
 """Size of the step, in leg lengths."""
-
-Configurations = Float[np.ndarray, "n nq"]
 
 
 @dataclass(frozen=True, eq=False)

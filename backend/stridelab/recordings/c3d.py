@@ -7,6 +7,7 @@ from typing import Any
 
 import ezc3d
 import numpy as np
+from jaxtyping import Float
 
 from stridelab.conventions import Corners
 from stridelab.errors import Fault, UnreadableFile
@@ -42,7 +43,7 @@ class Parameters:
     def _value(self, group: str, name: str) -> Any:
         return self._tree.get(group, {}).get(name, {}).get("value", [])
 
-    def numbers(self, group: str, name: str) -> np.ndarray:
+    def numbers(self, group: str, name: str) -> Float[np.ndarray, "..."]:
         """Values as a float array in the file's shape; empty where absent or not numeric."""
         try:
             return np.asarray(self._value(group, name), dtype=np.float64)

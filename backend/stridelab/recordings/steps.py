@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from stridelab.conventions import Vector3
+from stridelab.conventions import Series, Vector3
 from stridelab.recordings.gaps import runs
 from stridelab.recordings.recording import Plate, Recording, Remark, Window
 
@@ -74,6 +74,6 @@ def fore_aft_remarks(plates: tuple[Plate, ...], direction: Vector3 | None, rate_
     return [Remark("fore-aft-reversed", message)]
 
 
-def vertical_force_n(recording: Recording) -> np.ndarray:
+def vertical_force_n(recording: Recording) -> Series:
     """Upward force of all plates in use at the force rate."""
     return np.asarray(np.sum([plate.force_n[:, 2] for plate in recording.plates if plate.use], axis=0))

@@ -6,6 +6,7 @@ from typing import Final
 
 import numpy as np
 import pinocchio as pin
+from jaxtyping import Float
 
 from stridelab.errors import Fault
 from stridelab.resources import models_dir
@@ -99,7 +100,7 @@ def not_physical(model: pin.Model) -> Iterator[Fault]:
                 yield Fault(f"joint {joint}", f"its {what} limit is {value:g}; it must be positive")
 
 
-def out_of_range(model: pin.Model, q: np.ndarray) -> Iterator[Fault]:
+def out_of_range(model: pin.Model, q: Float[np.ndarray, "nq"]) -> Iterator[Fault]:
     """Joints whose angle in the reference posture ``q`` lies outside their range."""
     for i, joint in enumerate(list(model.names)[2:]):
         low, high, angle = model.lowerPositionLimit[7 + i], model.upperPositionLimit[7 + i], q[7 + i]

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
+from jaxtyping import Float
 from scipy.ndimage import convolve1d
 from scipy.signal.windows import hann
 
@@ -22,8 +23,8 @@ from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.swing import swing_of
+from stridelab.conventions import Progress
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.controller import Progress
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.stopped import WholeBodyStopped
 
@@ -111,8 +112,8 @@ def agree(
     return best
 
 
-def limb_rates_nm(problem: CentroidalProblem, motion: WholeBodyMotion) -> np.ndarray:
-    """Mean rates ``(m, 3)`` of the body's angular momentum between the times that the plan takes them for.
+def limb_rates_nm(problem: CentroidalProblem, motion: WholeBodyMotion) -> Float[np.ndarray, "m 3"]:
+    """Mean rates of the body's angular momentum between the times that the plan takes them for.
 
     Splines, which ask for them every 15 to 35 ms, get them smoothed by Hann's window: a body that is asked to take back
     every jerk of a landing leg answers with others.

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import coal
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float, Int
+from jaxtyping import Int
 
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.contacts.terrain import Box, Rail
-from stridelab.conventions import Series
+from stridelab.conventions import Configurations, Series
 from stridelab.robots.contact_frames import se3
 from stridelab.robots.robot import Effector, Robot
 from stridelab.wholebody.certificate import Check
@@ -27,8 +27,6 @@ LEG_CLEARANCE_M = 0.010
 """Of shanks and swinging soles from what they do not stand on: the replay errs by as much."""
 _TOUCHING_M = 5e-3
 """A box nearer than this to a contact's rectangle carries it, or lies level with the box that does."""
-
-Configurations = Float[np.ndarray, "n nq"]
 
 
 def self_collision(robot: Robot, q: Configurations, worst: Worst) -> Check:

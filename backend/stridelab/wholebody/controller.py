@@ -12,7 +12,6 @@ A sample whose programme has no solution keeps the acceleration and forces of th
 
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -22,7 +21,7 @@ import pinocchio as pin
 from stridelab.centroidal.plan import CentroidalPlan, Reference
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.swing import SwingCurve, swing_of
-from stridelab.conventions import Points, Vector3
+from stridelab.conventions import Points, Progress, Vector3
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.robots.inverse_kinematics import stand
@@ -34,8 +33,6 @@ from stridelab.wholebody.motion import SolverFailure, WholeBodyMotion
 from stridelab.wholebody.programme import Instant, Programme, Settings
 from stridelab.wholebody.rigid_body import RigidBody
 from stridelab.wholebody.stopped import LEVELS, WholeBodyStopped
-
-Progress = Callable[[float, str], None]
 
 _CENTROIDAL = ("com_m", "com_v_m_s", "l_nms", "com_reference_m", "com_v_reference_m_s", "l_reference_nms")
 _SPEED_RAD_S = 30.0

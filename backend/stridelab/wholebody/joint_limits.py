@@ -14,9 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from jaxtyping import Float
 
-Angles = Float[np.ndarray, "na"]
+from stridelab.conventions import Angles
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from jaxtyping import Float
 from stridelab.centroidal.plan import CentroidalPlan, Reference
 from stridelab.contacts.sequence import Contact
 from stridelab.contacts.swing import SwingCurve
-from stridelab.conventions import Points, Rotation, Vector3
+from stridelab.conventions import Angles, Points, Rotation, Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody import tasks
 from stridelab.wholebody.avoidance import Avoid, Avoidance
@@ -30,8 +30,6 @@ from stridelab.wholebody.hierarchy import Inequalities, Rows
 from stridelab.wholebody.joint_limits import JointLimits
 from stridelab.wholebody.rigid_body import RigidBody
 from stridelab.wholebody.tasks import Gain
-
-Angles = Float[np.ndarray, "na"]
 
 FIRM, MIDDLE, GENTLE = (Gain.critical(kp) for kp in (400.0, 60.0, 30.0))
 

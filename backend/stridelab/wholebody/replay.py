@@ -5,7 +5,6 @@ that the stabiliser sees comes from ``observe``: the true one unless a caller pu
 """
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -14,7 +13,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.conventions import GRAVITY_M_S2
+from stridelab.conventions import GRAVITY_M_S2, Progress
 from stridelab.errors import InvalidInput
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.disturbance import NONE, Disturbances
@@ -35,8 +34,6 @@ AFTERWARDS_S: Final = 1.0
 SAY_EVERY: Final = 100
 FULL_SIZE_NM: Final = 776.0
 """Weight times CoM height of a robot that gets the whole stiffness: TALOS'."""
-
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True)

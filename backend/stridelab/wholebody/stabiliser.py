@@ -9,10 +9,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float
 
 from stridelab.contacts.sequence import Contact
-from stridelab.conventions import GRAVITY_M_S2, Vector3
+from stridelab.conventions import GRAVITY_M_S2, Angles, Vector3
 from stridelab.robots.robot import Robot
 from stridelab.wholebody.ankles import CapturePoint, Sole, ankle_torques_nm, ankles_of, pendulum_rate
 from stridelab.wholebody.capturable import Capturable
@@ -24,7 +23,6 @@ from stridelab.wholebody.schedule import swung_shares
 from stridelab.wholebody.seen import Seen
 from stridelab.wholebody.stepping import Pace, Stepping
 
-Angles = Float[np.ndarray, "na"]
 _LIGHT_N = 30.0
 """A sole that is planned to bear less than this gets at least so much of the feedback."""
 

@@ -15,12 +15,11 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.centroidal.plan import Reference
-from stridelab.conventions import Rotation, Vector3
+from stridelab.conventions import Angles, Rotation, Vector3
 from stridelab.dynamics.placement import Placement
 from stridelab.wholebody.hierarchy import Rows
 from stridelab.wholebody.rigid_body import FrameState, RigidBody
 
-Angles = Float[np.ndarray, "na"]
 Weight = float | Float[np.ndarray, "_"]
 """One for all rows, or one per row."""
 

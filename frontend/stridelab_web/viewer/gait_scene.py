@@ -10,7 +10,7 @@ from stridelab.schemas.recordings import Recording
 from stridelab_web import com_frames, wheel_frames
 from stridelab_web.frames import Frames
 from stridelab_web.viewer import shapes
-from stridelab_web.viewer.parts import Colour, add_arrow, add_mesh, add_path, place_camera, prepare
+from stridelab_web.viewer.parts import Colour, add_arrow, add_floor, add_mesh, add_path, place_camera, prepare
 
 BLUE, ORANGE, BROWN = (11, 92, 156), (226, 132, 20), (176, 96, 0)
 MARKER, BONE, PLATE, PLATE_OFF = (62, 78, 94), (166, 180, 194), (214, 224, 232), (235, 235, 235)
@@ -42,17 +42,7 @@ def build(server: viser.ViserServer, recording: Recording, frames: Frames) -> No
     scene = server.scene
     prepare(scene)
     centre, extent = _bounds(recording, frames)
-    scene.add_grid(
-        "/floor",
-        infinite_grid=True,
-        cell_size=0.25,
-        section_size=1.0,
-        cell_color=(232, 236, 240),
-        section_color=(205, 212, 219),
-        fade_distance=30.0,
-        shadow_opacity=0.0,
-        position=(0.0, 0.0, -0.012),
-    )
+    add_floor(scene, 30.0, height_m=-0.012)
     along = _direction(recording, np.stack([centre - extent * [1, 0, 0], centre + extent * [1, 0, 0]]))
     view = np.array([along[1], -along[0], 0.0]) + 0.45 * along + [0.0, 0.0, 0.28]
     _add_plates(scene, recording, view)

@@ -29,6 +29,21 @@ def prepare(scene: viser.SceneApi, ambient: float = 2.2) -> None:
     scene.add_light_ambient("/light", intensity=ambient)
 
 
+def add_floor(scene: viser.SceneApi, fade_m: float, height_m: float = 0.0) -> None:
+    """A grid without end at ``height_m``, a metre and a quarter of one, that fades at a distance of ``fade_m``."""
+    scene.add_grid(
+        "/floor",
+        infinite_grid=True,
+        cell_size=0.25,
+        section_size=1.0,
+        cell_color=(232, 236, 240),
+        section_color=(205, 212, 219),
+        fade_distance=fade_m,
+        shadow_opacity=0.0,
+        position=(0.0, 0.0, height_m),
+    )
+
+
 def add_mesh(
     scene: viser.SceneApi,
     name: str,

@@ -13,7 +13,7 @@ import viser
 from stridelab.schemas.reachability import EffectorReach, RobotReachability
 from stridelab.schemas.robots import RobotFacts
 from stridelab_web.viewer import shapes
-from stridelab_web.viewer.parts import NARROW, Colour, add_mesh, place_camera, prepare
+from stridelab_web.viewer.parts import NARROW, Colour, add_floor, add_mesh, place_camera, prepare
 from stridelab_web.viewer.robot_links import add_robot
 
 AMBIENT = 1.1
@@ -41,16 +41,7 @@ def build(
     """Put a robot into an empty server, with what was learned under each measure."""
     scene = server.scene
     prepare(scene, AMBIENT)
-    scene.add_grid(
-        "/floor",
-        infinite_grid=True,
-        cell_size=0.25,
-        section_size=1.0,
-        cell_color=(232, 236, 240),
-        section_color=(205, 212, 219),
-        fade_distance=12.0,
-        shadow_opacity=0.0,
-    )
+    add_floor(scene, 12.0)
     poses = dict(zip(facts.links, facts.link_poses, strict=True))
     scene.add_frame("/robot", show_axes=False)
     for link, handle in add_robot(scene, facts.links, meshes).items():

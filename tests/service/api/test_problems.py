@@ -26,11 +26,11 @@ def problem(answer: httpx.Response) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize("path", ["/api/v1/nothing", "/api/v1/recordings/x/y/z", "/api/", "/api/v1/subjects/"])
-def test_unknown_paths(http: httpx.Client, path: str) -> None:
+def test_an_unknown_path_is_not_found(http: httpx.Client, path: str) -> None:
     assert problem(http.get(path)) == (404, "unknown-path")
 
 
-def test_wrong_methods(http: httpx.Client) -> None:
+def test_a_wrong_method_is_told_which_are_allowed(http: httpx.Client) -> None:
     answer = http.put("/api/v1/health")
     assert problem(answer) == (405, "method-not-allowed")
     assert answer.headers["allow"] == "GET"
@@ -69,7 +69,7 @@ def test_a_body_without_announced_length_is_cut_off_at_the_limit(http: httpx.Cli
 
 
 @pytest.mark.parametrize("media_type", ["text/plain", "application/x-www-form-urlencoded", "application/xml", ""])
-def test_other_content_types(http: httpx.Client, media_type: str) -> None:
+def test_other_content_types_are_refused(http: httpx.Client, media_type: str) -> None:
     answer = http.post(SUBJECTS, content=b"{}", headers={"Content-Type": media_type})
     assert problem(answer) == (415, "unsupported-media-type")
 
@@ -83,7 +83,7 @@ def test_a_refused_field_is_named_and_its_value_is_not_repeated(http: httpx.Clie
 
 @pytest.mark.parametrize("what", ["recordings", "subjects", "jobs"])
 @pytest.mark.parametrize("identifier", ["nope", "%00", "..", "a%2Fb", "x" * 300, "%F0%9F%A6%B4", "%ff"])
-def test_unknown_ids(http: httpx.Client, what: str, identifier: str) -> None:
+def test_an_unknown_id_is_not_found(http: httpx.Client, what: str, identifier: str) -> None:
     status, code = problem(http.get(f"/api/v1/{what}/{identifier}"))
     assert status == 404
     assert code in {f"{what.removesuffix('s')}-not-found", "unknown-path"}
@@ -91,7 +91,7 @@ def test_unknown_ids(http: httpx.Client, what: str, identifier: str) -> None:
 
 @pytest.mark.parametrize("cursor", ["x", "%00", "bm9uc2Vuc2U", "MjAyNi0wMS0wMSBhAGI", "%F0%9F%A6%B4"])
 @pytest.mark.parametrize("what", ["recordings", "subjects", "jobs"])
-def test_foreign_cursors(http: httpx.Client, what: str, cursor: str) -> None:
+def test_a_foreign_cursor_is_refused(http: httpx.Client, what: str, cursor: str) -> None:
     status, code = problem(http.get(f"/api/v1/{what}?cursor={cursor}"))
     assert status == 422
     assert code in {"invalid-cursor", "cursor-invalid", "invalid-value"}

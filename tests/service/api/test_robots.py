@@ -207,7 +207,7 @@ def nodes_of(glb: bytes) -> list[str]:
     return [node["name"] for node in nodes if "mesh" in node]
 
 
-def test_the_real_talos(service: Served) -> None:
+def test_the_real_talos_has_its_mass_effectors_and_meshes(service: Served) -> None:
     with service.http(timeout=120.0) as http:
         facts = http.get(f"{ROBOTS}/talos").json()
         drawn = http.get(f"{ROBOTS}/talos/links")

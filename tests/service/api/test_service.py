@@ -23,7 +23,7 @@ from support.interface import Served, served
 from support.rows import add_job, add_recording, fail, start_job
 
 
-def test_health(http: httpx.Client) -> None:
+def test_a_healthy_service_tells_version_and_uptime(http: httpx.Client) -> None:
     body = http.get("/api/v1/health").json()
     assert (body["status"], body["database"], body["version"]) == ("ok", "ok", __version__)
     assert body["uptime_s"] >= 0

@@ -125,7 +125,7 @@ def test_lists_that_do_not_fit(backup: Path, tmp_path: Path) -> None:
         refused(tmp_path / "x")
 
 
-def test_one_name_twice(backup: Path, tmp_path: Path) -> None:
+def test_a_backup_with_one_name_twice_is_refused(backup: Path, tmp_path: Path) -> None:
     path = write(tmp_path / "x", contents(backup))
     with zipfile.ZipFile(path, "a") as archive, pytest.warns(UserWarning, match="Duplicate name"):
         archive.writestr("tables/job.copy", b"other")

@@ -4,21 +4,20 @@ import signal
 
 import psycopg
 import pytest
+from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.errors import NotFound
 from stridelab.service.embedded_postgres import EmbeddedPostgres
 from stridelab.service.jobs import board as board_module
 from stridelab.service.jobs.board import JobBoard
 from stridelab.service.jobs.store import JobStore
-from stridelab.service.storage.database import make_engine
 from stridelab.service.storage.migrating import migrate
-from support.database import public_folder
+from support.database import public_folder, within
 from support.kinds import KINDS
 
 
 def test_waiting_ends_when_the_job_does(database_url: str) -> None:
-    async def act() -> None:
-        engine = make_engine(database_url)
+    async def act(engine: AsyncEngine) -> None:
         async with JobBoard(database_url) as board:
             store = JobStore(engine, KINDS)
             job_id = (await store.submit("work", {})).job_id
@@ -30,14 +29,12 @@ def test_waiting_ends_when_the_job_does(database_url: str) -> None:
             with pytest.raises(NotFound):
                 await board.wait(store, "nothing", 1.0)
             assert board._watchers == {}
-        await engine.dispose()
 
-    asyncio.run(act())
+    within(database_url, act)
 
 
 def test_many_watchers_of_one_job_and_none_of_another(database_url: str) -> None:
-    async def act() -> None:
-        engine = make_engine(database_url)
+    async def act(engine: AsyncEngine) -> None:
         async with JobBoard(database_url) as board:
             store = JobStore(engine, KINDS)
             await asyncio.wait_for(board._listener.listening.wait(), 10)
@@ -49,16 +46,14 @@ def test_many_watchers_of_one_job_and_none_of_another(database_url: str) -> None
                 await store.request_cancel(first)
                 await asyncio.wait_for(asyncio.gather(a.wait(), b.wait()), 5.0)
                 assert not c.is_set()
-        await engine.dispose()
 
-    asyncio.run(act())
+    within(database_url, act)
 
 
 def test_lost_notifications_cost_only_time(database_url: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(board_module, "FALLBACK_S", 0.3)
 
-    async def act() -> None:
-        engine = make_engine(database_url)
+    async def act(engine: AsyncEngine) -> None:
         async with JobBoard(database_url) as board:
             store = JobStore(engine, KINDS)
             job_id = (await store.submit("work", {})).job_id
@@ -71,9 +66,8 @@ def test_lost_notifications_cost_only_time(database_url: str, monkeypatch: pytes
 
             await asyncio.to_thread(change_silently)
             assert (await asyncio.wait_for(waiting, 10.0)).state == "failed"
-        await engine.dispose()
 
-    asyncio.run(act())
+    within(database_url, act)
 
 
 def test_board_survives_a_restart_of_the_database() -> None:
@@ -82,8 +76,7 @@ def test_board_survives_a_restart_of_the_database() -> None:
         url = server.start()
         migrate(url)
 
-        async def act() -> None:
-            engine = make_engine(url)
+        async def act(engine: AsyncEngine) -> None:
             async with JobBoard(url) as board:
                 store = JobStore(engine, KINDS)
                 job_id = (await store.submit("work", {})).job_id
@@ -97,9 +90,8 @@ def test_board_survives_a_restart_of_the_database() -> None:
                 await asyncio.wait_for(board._listener.listening.wait(), 10)
                 await store.request_cancel(job_id)
                 assert (await asyncio.wait_for(waiting, 20.0)).state == "cancelled"
-            await engine.dispose()
 
         try:
-            asyncio.run(act())
+            within(url, act)
         finally:
             server.stop()

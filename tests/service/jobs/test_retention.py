@@ -6,13 +6,13 @@ from typing import Any
 
 import psycopg
 import pytest
-from sqlalchemy.ext.asyncio import AsyncConnection
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.service.jobs.consumer import Consumer
 from stridelab.service.jobs.retention import remove_old_events, remove_old_jobs, remove_orphans
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.blobs import BlobStore
-from stridelab.service.storage.database import make_engine
+from support.database import within
 from support.kinds import KINDS
 
 Act = Callable[[JobStore, AsyncConnection], Awaitable[Any]]
@@ -26,15 +26,11 @@ def blobs(tmp_path: Path) -> BlobStore:
 @pytest.fixture
 def use(database_url: str) -> Callable[[Act], Any]:
     def run(act: Act) -> Any:
-        async def inside() -> Any:
-            engine = make_engine(database_url)
-            try:
-                async with engine.connect() as connection:
-                    return await act(JobStore(engine, KINDS), connection)
-            finally:
-                await engine.dispose()
+        async def inside(engine: AsyncEngine) -> Any:
+            async with engine.connect() as connection:
+                return await act(JobStore(engine, KINDS), connection)
 
-        return asyncio.run(inside())
+        return within(database_url, inside)
 
     return run
 

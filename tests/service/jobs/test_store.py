@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.errors import Busy, Conflict, InvalidInput, NotFound
 from stridelab.service.jobs.store import JobStore
-from stridelab.service.storage.database import make_engine
+from support.database import within
 from support.kinds import KINDS
 
 Use = Callable[[Callable[[JobStore], Awaitable[Any]]], Any]
@@ -18,14 +18,7 @@ def use(database_url: str) -> Use:
     """Run an asynchronous function with a store."""
 
     def run(act: Callable[[JobStore], Awaitable[Any]], **options: Any) -> Any:
-        async def inside() -> Any:
-            engine = make_engine(database_url)
-            try:
-                return await act(JobStore(engine, KINDS, **options))
-            finally:
-                await engine.dispose()
-
-        return asyncio.run(inside())
+        return within(database_url, lambda engine: act(JobStore(engine, KINDS, **options)))
 
     return run
 

@@ -63,7 +63,7 @@ def sleeping() -> int:
     return sum(len(server.children()) for server in servers)
 
 
-def test_nothing_to_do() -> None:
+def test_no_items_give_no_answers() -> None:
     assert done() == {}
 
 

@@ -50,7 +50,9 @@ def test_every_robot_walks(robot: str, tmp_path: Path) -> None:
         (asked(robot="nao"), NotFound, "robot-not-found"),
     ],
 )
-def test_refusals(task_: dict[str, Any], error: type[Exception], code: str, tmp_path: Path) -> None:
+def test_what_cannot_be_planned_is_refused_and_leaves_nothing(
+    task_: dict[str, Any], error: type[Exception], code: str, tmp_path: Path
+) -> None:
     with pytest.raises(error) as refusal:
         run_in_child(task_, tmp_path, quiet)
     assert getattr(refusal.value, "code", None) == code

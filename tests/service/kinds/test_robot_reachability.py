@@ -112,7 +112,9 @@ def test_the_child_leaves_one_compressed_file(tmp_path: Path) -> None:
     assert found.robot_sha256 == load_robot("talos").sha256
 
 
-def test_what_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, card: ReachabilityCard) -> None:
+def test_unknown_robots_and_measures_and_cards_of_others_are_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, card: ReachabilityCard
+) -> None:
     with pytest.raises(NotFound) as unknown:
         run_in_child({"robot": "hal", "measure": "uniform"}, tmp_path, quiet)
     assert unknown.value.code == "robot-not-found"

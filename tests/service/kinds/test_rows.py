@@ -1,6 +1,5 @@
 """Rows and blobs become a task; a finished simulation becomes a recording. On a real database and a real store."""
 
-import asyncio
 import hashlib
 from collections.abc import Awaitable, Callable
 from pathlib import Path
@@ -8,7 +7,7 @@ from typing import Any
 
 import pytest
 from sqlalchemy import insert, select
-from sqlalchemy.ext.asyncio import AsyncConnection
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.errors import NotFound
 from stridelab.schemas.comparison import CompareEstimatorsInput
@@ -30,8 +29,8 @@ from stridelab.service.jobs.kinds.tasks import (
     SimulateRecordingTask,
 )
 from stridelab.service.storage.blobs import BlobStore
-from stridelab.service.storage.database import make_engine
 from stridelab.service.storage.tables import job, recording, scenario, subject
+from support import database
 from support.planning import short_walk
 
 FACTS = RecordingFacts(
@@ -65,15 +64,11 @@ def folder(tmp_path: Path) -> Path:
 
 
 def within(url: str, act: Callable[[AsyncConnection], Awaitable[Any]]) -> Any:
-    async def run() -> Any:
-        engine = make_engine(url)
-        try:
-            async with engine.begin() as connection:
-                return await act(connection)
-        finally:
-            await engine.dispose()
+    async def in_transaction(engine: AsyncEngine) -> Any:
+        async with engine.begin() as connection:
+            return await act(connection)
 
-    return asyncio.run(run())
+    return database.within(url, in_transaction)
 
 
 async def store_recording(connection: AsyncConnection, blobs: BlobStore, source: Path, key: str, **fields: Any) -> None:

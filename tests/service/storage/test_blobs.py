@@ -137,7 +137,7 @@ def test_only_folders_and_s3(url: str) -> None:
     assert caught.value.code == "blob-url-invalid"
 
 
-def test_s3_by_url() -> None:
+def test_an_s3_url_makes_an_s3_store() -> None:
     store = BlobStore.from_url("s3://bucket/prefix")
     assert type(store.backend).__name__ == "S3Store"
 

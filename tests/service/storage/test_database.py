@@ -6,13 +6,14 @@ import pytest
 from alembic.script import ScriptDirectory
 from procrastinate.schema import SchemaManager
 from sqlalchemy import text
+from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.errors import InvalidInput, Unavailable
 from stridelab.service.settings import Settings
 from stridelab.service.storage import database
 from stridelab.service.storage.database import database_url, make_engine, parse_url
 from stridelab.service.storage.migrating import MIGRATIONS, engine_of, is_migrated, migrate, revisions
-from support.database import TestDatabases
+from support.database import TestDatabases, within
 from support.revisions import differences
 
 
@@ -103,13 +104,10 @@ def test_who_is_frozen_in_a_transaction_holds_a_lock_for_a_while_only(
 
 
 def test_options_of_the_address_are_kept(database_url: str) -> None:
-    async def shown() -> list[str]:
-        mark = "&" if "?" in database_url else "?"
-        engine = make_engine(f"{database_url}{mark}options=-c%20statement_timeout%3D7000")
+    async def shown(engine: AsyncEngine) -> list[str]:
         async with engine.connect() as connection:
             names = ("statement_timeout", "idle_in_transaction_session_timeout")
-            found = [(await connection.execute(text(f"SHOW {name}"))).scalar_one() for name in names]
-        await engine.dispose()
-        return found
+            return [(await connection.execute(text(f"SHOW {name}"))).scalar_one() for name in names]
 
-    assert asyncio.run(shown()) == ["7s", "2min"]
+    mark = "&" if "?" in database_url else "?"
+    assert within(f"{database_url}{mark}options=-c%20statement_timeout%3D7000", shown) == ["7s", "2min"]

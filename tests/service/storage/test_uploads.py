@@ -1,21 +1,21 @@
 """Uploads by content: kept while a recording uses them, swept when their process died before the row was written."""
 
-import asyncio
 from datetime import timedelta
 from pathlib import Path
 
 from sqlalchemy import insert
+from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.service.storage.blobs import BlobStore
-from stridelab.service.storage.database import make_engine
 from stridelab.service.storage.tables import recording
 from stridelab.service.storage.uploads import delete_if_unused, remove_unused, upload_key
+from support.database import within
 from support.rows import facts
 
 
 def test_an_upload_without_a_recording_is_swept_once_it_is_old(database_url: str, tmp_path: Path) -> None:
-    async def scenario() -> None:
-        engine, blobs = make_engine(database_url), BlobStore.from_url((tmp_path / "blobs").as_uri())
+    async def scenario(engine: AsyncEngine) -> None:
+        blobs = BlobStore.from_url((tmp_path / "blobs").as_uri())
         source = tmp_path / "file"
         source.write_bytes(b"x")
         used, unused = upload_key("a" * 64), upload_key("b" * 64)
@@ -32,6 +32,5 @@ def test_an_upload_without_a_recording_is_swept_once_it_is_old(database_url: str
             assert not await delete_if_unused(connection, blobs, used)
         assert await blobs.exists(used)
         assert not await blobs.exists(unused)
-        await engine.dispose()
 
-    asyncio.run(scenario())
+    within(database_url, scenario)

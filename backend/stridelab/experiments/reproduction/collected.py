@@ -6,10 +6,11 @@ from functools import partial
 from pathlib import Path
 from typing import Final
 
+from stridelab.conventions import Progress
 from stridelab.errors import StridelabError
 from stridelab.experiments.reproduction import fig_2_8_people, real
 from stridelab.experiments.reproduction.code_digest import digest_of
-from stridelab.experiments.reproduction.item import Reproduction, Tell
+from stridelab.experiments.reproduction.item import Reproduction
 from stridelab.experiments.reproduction.kept import Kept
 from stridelab.experiments.reproduction.registry import item_of, reproduce
 
@@ -40,7 +41,7 @@ class Recipe:
     seeds: int
     printed: tuple[str, ...]
     module: str
-    run: Callable[[Tell], Reproduction]
+    run: Callable[[Progress], Reproduction]
 
 
 def recipes(names: Iterable[str], seeds: int | None, recordings: Path | None) -> list[Recipe]:
@@ -66,7 +67,7 @@ def recipe(name: str, seeds: int | None) -> Recipe:
     )
 
 
-def collect(wanted: Sequence[Recipe], kept: Kept, tell: Tell, *, anew: bool = False) -> Iterator[Section]:
+def collect(wanted: Sequence[Recipe], kept: Kept, tell: Progress, *, anew: bool = False) -> Iterator[Section]:
     """Section by section; ``anew`` computes what is kept, too. Nothing is kept of an item that fails."""
     for number, each in enumerate(wanted):
 
@@ -76,7 +77,7 @@ def collect(wanted: Sequence[Recipe], kept: Kept, tell: Tell, *, anew: bool = Fa
         yield _section(each, kept, told, anew=anew)
 
 
-def _section(each: Recipe, kept: Kept, tell: Tell, *, anew: bool) -> Section:
+def _section(each: Recipe, kept: Kept, tell: Progress, *, anew: bool) -> Section:
     digest = digest_of(each.module)
     found = None if anew else kept.load(each.name, each.seeds, digest)
     failure = ""

@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.conventions import Vector3
+from stridelab.conventions import Progress, Vector3
 from stridelab.dynamics.wrench import Wrench
 from stridelab.dynamics.zmp import zmp
 from stridelab.estimation.against_truth import TruthError, truth_error
@@ -17,7 +17,7 @@ from stridelab.estimation.estimate import ComEstimate
 from stridelab.estimation.smoother import Smoother, SmootherPriors
 from stridelab.experiments.reproduction.drawing import Bars, svg
 from stridelab.experiments.reproduction.estimators import SMOOTHER, told
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, aimed
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, aimed
 from stridelab.experiments.reproduction.partial_force import part
 from stridelab.experiments.reproduction.study_errors import GAITS, as_columns, draw
 from stridelab.experiments.robot_gait import GaitName
@@ -80,7 +80,7 @@ SCENARIOS: Final = (
 )
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """Both gaits in every scenario, ``seeds`` draws of each."""
     rows: list[dict[str, object]] = []
     claims: list[Claim] = []

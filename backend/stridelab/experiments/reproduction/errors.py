@@ -3,16 +3,17 @@
 from collections.abc import Sequence
 from typing import Final
 
+from stridelab.conventions import Progress
 from stridelab.experiments.reproduction.drawing import Bars, svg
 from stridelab.experiments.reproduction.estimators import AUTO, GEOMETRY, KALMAN, NAMES, RTS, SMOOTHER, THESIS
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, aimed
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, aimed
 from stridelab.experiments.reproduction.study_errors import GAITS, Draw, chosen, draws, horizontal_ratio, rms, table
 
 NOISES: Final = ("thesis", "white")
 _SHOWN: Final = ("gait", "noise", "estimator", "rms_x_m", "rms_y_m", "rms_z_m", "horizontal_m", "horizontal_worst_m")
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """Both gaits, the thesis' noise and white noise, ``seeds`` draws of each."""
     found = draws(GAITS, NOISES, seeds, lambda fraction, message: tell(0.98 * fraction, message))
     everything = table(found)

@@ -4,12 +4,12 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.conventions import GRAVITY_M_S2, Points, Series
+from stridelab.conventions import GRAVITY_M_S2, Points, Progress, Series
 from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.wrench import Wrench, transport
 from stridelab.dynamics.zmp import zmp, zmp_linearised, zmp_of_motion
 from stridelab.experiments.reproduction.drawing import Curve, Panel, svg
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, judged
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, judged
 from stridelab.experiments.study import simulate
 from stridelab.experiments.true_motion import TrueMotion
 
@@ -17,7 +17,7 @@ UP: Final = np.array([0.0, 0.0, 1.0])
 ORIGIN: Final = np.zeros(3)
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """One walk without noise; ``seeds`` changes nothing, because nothing is drawn."""
     tell(0.1, "simulating a walk")
     truth = simulate("robot", "none", 0).truth

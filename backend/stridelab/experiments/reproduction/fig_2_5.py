@@ -4,11 +4,12 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.conventions import Progress
 from stridelab.estimation.contributions import Bode, bode
 from stridelab.estimation.cutoffs import AUTO_HIGH_HZ, AUTO_LOW_HZ, THESIS_HIGH_HZ, THESIS_LOW_HZ
 from stridelab.estimation.filters import complementary_filters
 from stridelab.experiments.reproduction.drawing import Curve, Panel, svg
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, judged
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, judged
 
 RATE_HZ: Final = 1000.0
 FREQUENCY_HZ: Final = np.geomspace(0.01, 100.0, 1000)
@@ -18,7 +19,7 @@ RIPPLE_DB: Final = 3.0
 _NAMES: Final = ("H1", "s² H2", "H3")
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """No walk is needed: the filters are formulas. ``seeds`` changes nothing."""
     tell(0.1, "computing the responses")
     thesis = bode(complementary_filters(THESIS_LOW_HZ, THESIS_HIGH_HZ, RATE_HZ), FREQUENCY_HZ)

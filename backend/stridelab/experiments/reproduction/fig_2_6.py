@@ -5,11 +5,12 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from stridelab.conventions import Progress
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.passes import filter_inputs
 from stridelab.estimation.spectra import ErrorSpectrum, crossing_hz, error_spectrum
 from stridelab.experiments.reproduction.drawing import Curve, Panel, svg
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, judged
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, judged
 from stridelab.experiments.robot_walker import RATE_HZ
 from stridelab.experiments.study import simulate
 
@@ -22,7 +23,7 @@ Bands = Float[np.ndarray, "3 3"]
 """RMS in the low, middle and high band (rows) per axis (columns)."""
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """Mean power over ``seeds`` draws of the thesis' noise on its walk; and the axis without any noise."""
     noisy = [_spectra("thesis", seed, tell, seed / (seeds + 1)) for seed in range(seeds)]
     mean = {name: _mean([one[name] for one in noisy]) for name in INPUTS}
@@ -94,7 +95,7 @@ def run(seeds: int, tell: Tell) -> Reproduction:
     )
 
 
-def _spectra(noise: str, seed: int, tell: Tell, fraction: float) -> dict[str, ErrorSpectrum]:
+def _spectra(noise: str, seed: int, tell: Progress, fraction: float) -> dict[str, ErrorSpectrum]:
     tell(fraction, "simulating a walk")
     trial = simulate("robot", noise, seed)
     total = Wrench(trial.wrench.force_n, trial.wrench.moment_nm)

@@ -5,12 +5,13 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.conventions import Progress
 from stridelab.estimation.against_truth import error_m
 from stridelab.estimation.complementary import ComplementaryFilter
 from stridelab.estimation.contributions import contributions
 from stridelab.experiments.reproduction.drawing import Curve, Panel, svg
 from stridelab.experiments.reproduction.estimators import GEOMETRY, KALMAN, SMOOTHER, THESIS, estimators
-from stridelab.experiments.reproduction.item import Claim, Column, Item, Reproduction, Tell
+from stridelab.experiments.reproduction.item import Claim, Column, Item, Reproduction
 from stridelab.experiments.reproduction.study_errors import GAITS, Draw, draws, rms, table
 from stridelab.experiments.study import StudyTrial, simulate
 
@@ -18,7 +19,7 @@ DRAWN: Final = (THESIS, KALMAN, SMOOTHER)
 _PARTS: Final = ("geometry", "force", "axis", "total")
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """Both gaits under the thesis' noise, ``seeds`` draws of each."""
 
     def most(fraction: float, message: str) -> None:

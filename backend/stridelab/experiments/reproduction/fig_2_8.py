@@ -13,13 +13,13 @@ from jaxtyping import Float
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel
-from stridelab.conventions import Points
+from stridelab.conventions import Points, Progress
 from stridelab.estimation.complementary import ComplementaryFilter
 from stridelab.estimation.estimate import ComEstimate
 from stridelab.estimation.latency import estimate_latency
 from stridelab.experiments.noise import MeasurementNoise
 from stridelab.experiments.reproduction.drawing import Curve, Panel, svg
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, aimed, judged
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, aimed, judged
 from stridelab.experiments.simulated_recording import record
 from stridelab.experiments.walker import HumanWalker, Walk
 from stridelab.recordings.marker_sets import identify
@@ -64,7 +64,7 @@ class _Trial:
         return track[first : first + len(estimate.time_s)]
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """One walk on a walkway of plates, ``seeds`` draws of noise and table; the force is 18 ms late."""
     tell(0.02, "a person walks")
     aligned: list[Points] = []

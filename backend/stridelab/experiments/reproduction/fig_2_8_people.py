@@ -11,14 +11,14 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.conventions import Vector3
+from stridelab.conventions import Progress, Vector3
 from stridelab.estimation.complementary import ComplementaryFilter
 from stridelab.estimation.estimate import ComEstimate
 from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.walk_frame import walk_frame
 from stridelab.experiments.reproduction.drawing import Bars, svg
 from stridelab.experiments.reproduction.fig_2_8 import panels
-from stridelab.experiments.reproduction.item import Claim, Reproduction, Tell, judged
+from stridelab.experiments.reproduction.item import Claim, Reproduction, judged
 from stridelab.experiments.reproduction.recorded_walks import RecordedWalk, recordings_in
 from stridelab.experiments.reproduction.study_errors import as_columns, rms
 
@@ -48,7 +48,7 @@ class Fused:
     corrected_m: Vector3
 
 
-def run(gait: Path, tell: Tell) -> Reproduction:
+def run(gait: Path, tell: Progress) -> Reproduction:
     """All adults below the folder ``gait``. Raises ``NotFound`` (``recordings-missing``) where there are none."""
     found: dict[str, list[Fused]] = {}
     for k, pattern in enumerate((COMFORTABLE, FAST)):

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.conventions import Points, Series, Vector3
+from stridelab.conventions import Points, Progress, Series, Vector3
 from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.against_truth import error_m, truth_error
@@ -16,7 +16,7 @@ from stridelab.estimation.filters import complementary_filters
 from stridelab.estimation.passes import FilterInputs, filter_inputs, forward, forward_backward, initial_state
 from stridelab.experiments.reproduction.drawing import Curve, Panel, svg
 from stridelab.experiments.reproduction.estimators import GEOMETRY, THESIS, estimators
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, aimed, judged
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, aimed, judged
 from stridelab.experiments.reproduction.study_errors import rms
 from stridelab.experiments.robot_walker import RATE_HZ
 from stridelab.experiments.study import StudyTrial, simulate
@@ -27,7 +27,7 @@ OFFSET_M: Final = 0.03
 """A table's bias of the thesis' size: a few centimetres."""
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """The run of the study with the noise of markers and plates, ``seeds`` draws; the bias on a run without noise."""
     chosen = (GEOMETRY, THESIS)
     errors: dict[str, list[tuple[float, float]]] = {name: [] for name in chosen}

@@ -4,8 +4,9 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.conventions import Progress
 from stridelab.experiments.reproduction.drawing import Bars, Curve, Panel, svg
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction
 from stridelab.experiments.reproduction.simulated_steps import NOTE, SimulatedSteps, simulated_steps
 from stridelab.walking.path_fit import fit_path
 from stridelab.walking.segmentation import double_support_of_wheel
@@ -15,7 +16,7 @@ FEW_S: Final = 0.01
 """What "only few milliseconds" may mean at most."""
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """One walk; ``seeds`` changes nothing."""
     tell(0.05, "a person walks")
     steps = simulated_steps()

@@ -4,8 +4,9 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.conventions import Progress
 from stridelab.experiments.reproduction.drawing import Curve, Panel, svg
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, judged
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, judged
 from stridelab.experiments.reproduction.simulated_steps import NOTE, simulated_steps
 from stridelab.walking.curtate_cycloid import FullTurn, Plane, Wheel
 from stridelab.walking.step_fit import StepFit
@@ -18,7 +19,7 @@ SIMILAR: Final = 0.1
 """A distance that is small beside the height that the path rises and falls."""
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """Formulas, and the steps of one simulated walk; ``seeds`` changes nothing."""
     tell(0.05, "a person walks")
     fits = simulated_steps().fits

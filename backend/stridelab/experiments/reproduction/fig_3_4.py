@@ -4,9 +4,9 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.conventions import Series
+from stridelab.conventions import Progress, Series
 from stridelab.experiments.reproduction.drawing import Curve, Panel, svg
-from stridelab.experiments.reproduction.item import Item, Reproduction, Tell, aimed
+from stridelab.experiments.reproduction.item import Item, Reproduction, aimed
 from stridelab.experiments.reproduction.simulated_steps import NOTE, SimulatedSteps, simulated_steps
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.windows import measured_windows
@@ -18,7 +18,7 @@ LARGEST_S: Final = 0.015
 PRESSING_N: Final = 20.0
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """One walk; ``seeds`` changes nothing."""
     tell(0.05, "a person walks")
     steps = simulated_steps()

@@ -4,8 +4,9 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.conventions import Progress
 from stridelab.experiments.reproduction.drawing import Curve, Panel, svg
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, judged
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, judged
 from stridelab.experiments.reproduction.simulated_steps import NOTE, simulated_steps
 from stridelab.walking.step_fit import StepFit
 
@@ -13,7 +14,7 @@ PRINTED_M: Final = 0.0015
 MEAN_M: Final = 0.0035
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """One walk; ``seeds`` changes nothing."""
     tell(0.05, "a person walks")
     fits = simulated_steps().fits

@@ -4,15 +4,16 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.conventions import Progress
 from stridelab.experiments.reproduction.drawing import Bars, Curve, Panel, svg
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, judged
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, judged
 from stridelab.experiments.reproduction.simulated_people import NOTE, THESIS_PEOPLE, simulated_people
 
 MEAN_MM: Final = 3.5
 SD_MM: Final = 1.5
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """As many people as ``seeds`` says, six at least."""
     found = simulated_people(seeds, tell)
     subjects = found.population.subjects

@@ -2,8 +2,9 @@
 
 from typing import Final
 
+from stridelab.conventions import Progress
 from stridelab.experiments.reproduction.drawing import Panel, svg
-from stridelab.experiments.reproduction.item import Item, Reproduction, Tell
+from stridelab.experiments.reproduction.item import Item, Reproduction
 from stridelab.experiments.reproduction.simulated_people import (
     NOTE,
     THESIS_PEOPLE,
@@ -14,7 +15,7 @@ from stridelab.experiments.reproduction.simulated_people import (
 )
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """As many people as ``seeds`` says, six at least."""
     found = simulated_people(seeds, tell)
     claims = (height_claim(found, "R_m", "R", 0.67), height_claim(found, "r_m", "r", 0.61))

@@ -2,8 +2,9 @@
 
 from typing import Final
 
+from stridelab.conventions import Progress
 from stridelab.experiments.reproduction.drawing import Panel, svg
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction
 from stridelab.experiments.reproduction.simulated_people import (
     NOTE,
     THESIS_PEOPLE,
@@ -16,7 +17,7 @@ from stridelab.experiments.reproduction.simulated_people import (
 P: Final = 0.83
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """As many people as ``seeds`` says, six at least."""
     found = simulated_people(seeds, tell)
     pair = against_height(found, "omega_rad_s").pearson

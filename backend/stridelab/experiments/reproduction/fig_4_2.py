@@ -2,13 +2,14 @@
 
 from typing import Final
 
+from stridelab.conventions import Progress
 from stridelab.experiments.reproduction.foot_density import reproduced
-from stridelab.experiments.reproduction.item import Item, Reproduction, Tell
+from stridelab.experiments.reproduction.item import Item, Reproduction
 
 SIZES: Final = (5, 7, 13)
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """From the bundled samples; ``seeds`` changes nothing."""
     return reproduced("hrp2", "HRP-2", SIZES, 7, "7 components are enough for a foot", tell)
 

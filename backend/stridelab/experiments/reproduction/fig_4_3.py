@@ -4,9 +4,10 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.conventions import Progress
 from stridelab.experiments.reproduction.drawing import Curve, Panel, svg
 from stridelab.experiments.reproduction.foot_density import ENOUGH_SD, REFERENCES
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction
 from stridelab.reachability.card import EffectorCard, SizeTrial
 from stridelab.reachability.store import load_card
 
@@ -20,7 +21,7 @@ NOTE: Final = (
 )
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """From the bundled cards; ``seeds`` changes nothing."""
     tell(0.1, "reading the cards")
     cards = {robot: load_card(robot, "uniform").effectors for robot in ROBOTS}

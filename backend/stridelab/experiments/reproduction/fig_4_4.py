@@ -2,13 +2,14 @@
 
 from typing import Final
 
+from stridelab.conventions import Progress
 from stridelab.experiments.reproduction.foot_density import reproduced
-from stridelab.experiments.reproduction.item import Item, Reproduction, Tell
+from stridelab.experiments.reproduction.item import Item, Reproduction
 
 SIZES: Final = (4, 7)
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """From the bundled samples; ``seeds`` changes nothing."""
     return reproduced("talos", "TALOS", SIZES, 4, "4 components are enough for TALOS, as the figure has it", tell)
 

@@ -10,10 +10,11 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.conventions import Progress
 from stridelab.dynamics.placement import Placement
 from stridelab.experiments.proxy_stances import MASSES, Comparison, Truth, compare, stair_contacts
 from stridelab.experiments.reproduction.density_maps import WIDTH, Row, svg_maps
-from stridelab.experiments.reproduction.item import Claim, Column, Item, Reproduction, Tell, aimed
+from stridelab.experiments.reproduction.item import Claim, Column, Item, Reproduction, aimed
 from stridelab.reachability.contact_set import ContactSet
 from stridelab.reachability.density import KernelDensity
 from stridelab.reachability.projections import grid_around, project_kernels, project_mixture
@@ -30,7 +31,7 @@ COINCIDES: Final = 0.5
 _SIZE: Final = re.compile(r'viewBox="0 0 \d+ (\d+)"')
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """With one draw of postures, whatever ``seeds``."""
     search = StanceTruth(load_robot(ROBOT), ANY)
     densities = {"uniform": load_proxies(ROBOT, "uniform"), "conditioned": load_proxies(ROBOT, "conditioned")}

@@ -8,10 +8,11 @@ import numpy as np
 
 from stridelab.contacts.point_contacts import PointContacts
 from stridelab.contacts.wrench_cone import LinearCone
+from stridelab.conventions import Progress
 from stridelab.experiments.cone_validation import Timed, check_cones, summary, thesis_cone, timed
 from stridelab.experiments.contact_sets import stair_sets
 from stridelab.experiments.reproduction.drawing import Bars, svg
-from stridelab.experiments.reproduction.item import Claim, Column, Item, Reproduction, Tell, aimed
+from stridelab.experiments.reproduction.item import Claim, Column, Item, Reproduction, aimed
 
 ROBOT: Final = "hrp2"
 SETS: Final = 60
@@ -36,7 +37,7 @@ class Row:
     ours: Timed
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """With one draw of contact sets, whatever ``seeds``."""
     rows = []
     for name, contacts in stair_sets(ROBOT).items():

@@ -13,11 +13,11 @@ from jaxtyping import Float
 from stridelab.contacts.point_contacts import PointContacts
 from stridelab.contacts.support_region import Outline, area_m2, intersection
 from stridelab.contacts.wrench_cone import LinearCone, LorentzCone
-from stridelab.conventions import GRAVITY_M_S2
+from stridelab.conventions import GRAVITY_M_S2, Progress
 from stridelab.experiments.cone_validation import thesis_cone
 from stridelab.experiments.contact_sets import com_m, stair_sets
 from stridelab.experiments.reproduction.drawing import Curve, Panel, svg
-from stridelab.experiments.reproduction.item import Claim, Column, Item, Reproduction, Tell, aimed
+from stridelab.experiments.reproduction.item import Claim, Column, Item, Reproduction, aimed
 
 ROBOT: Final = "hrp2"
 FINE: Final = 16
@@ -28,7 +28,7 @@ ANGLE: Final = np.linspace(0.0, 2.0 * np.pi, 181)
 NOT_SAFE: Final = 1e-9
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """Deterministic, whatever ``seeds``."""
     outlines: dict[str, dict[str, Outline]] = {}
     sets = stair_sets(ROBOT)

@@ -17,9 +17,9 @@ from stridelab.centroidal.control import Control
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.solve import solve
-from stridelab.conventions import Points
+from stridelab.conventions import Points, Progress
 from stridelab.experiments.reproduction.drawing import Bars, Curve, Panel, svg
-from stridelab.experiments.reproduction.item import Claim, Column, Item, Reproduction, Tell, aimed
+from stridelab.experiments.reproduction.item import Claim, Column, Item, Reproduction, aimed
 from stridelab.experiments.thesis_experiments import EXPERIMENTS, WALKERS, Experiment, problem
 
 ROBOT: Final = "hrp2"
@@ -44,7 +44,7 @@ class Row:
     com_distance_m: float
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """Deterministic, whatever ``seeds``."""
     rows: list[Row] = []
     both: tuple[CentroidalPlan, CentroidalPlan] | None = None

@@ -16,9 +16,9 @@ from skimage.measure import find_contours
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.reach_box import usual_share
 from stridelab.centroidal.solve import solve
-from stridelab.conventions import Mask, Points, Series
+from stridelab.conventions import Mask, Points, Progress, Series
 from stridelab.experiments.reproduction.drawing import Curve, Panel, svg
-from stridelab.experiments.reproduction.item import Claim, Column, Item, Reproduction, Tell, aimed
+from stridelab.experiments.reproduction.item import Claim, Column, Item, Reproduction, aimed
 from stridelab.experiments.thesis_experiments import problem
 from stridelab.reachability.card import Measure
 from stridelab.reachability.mixture import Mixture
@@ -52,7 +52,7 @@ class Path:
         return np.asarray(np.isfinite(self.com_m[:, 0]))
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """Deterministic, whatever ``seeds``."""
     paths: list[Path] = []
     for number, (measure, case) in enumerate((m, c) for m in MEASURES for c in CASES):

@@ -4,12 +4,13 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.conventions import Progress
 from stridelab.errors import NotEstimable
 from stridelab.estimation.against_physics import flight
 from stridelab.estimation.against_truth import truth_error
 from stridelab.experiments.reproduction.drawing import Bars, svg
 from stridelab.experiments.reproduction.estimators import NAMES, SMOOTHER, estimators
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, aimed
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, aimed
 from stridelab.experiments.reproduction.study_errors import as_columns, rms
 from stridelab.experiments.study import simulate
 
@@ -17,7 +18,7 @@ NOISES: Final = ("marker-like", "thesis")
 LARGEST_SHARE: Final = 0.02
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """The run of the study with the noise of markers and plates and with the thesis' noise, ``seeds`` draws of each.
 
     Raises ``NotEstimable`` (``no-flight``) where a flight is too short to be judged.

@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.conventions import Points
+from stridelab.conventions import Points, Progress
 from stridelab.experiments.reproduction.density_maps import Row, convexity, svg_maps
-from stridelab.experiments.reproduction.item import Claim, Reproduction, Tell
+from stridelab.experiments.reproduction.item import Claim, Reproduction
 from stridelab.reachability.card import EffectorCard
 from stridelab.reachability.density import KernelDensity
 from stridelab.reachability.learning import HELD_OUT, expectation_maximisation
@@ -57,7 +57,7 @@ def foot_density(robot: str, sizes: Sequence[int]) -> FootDensity:
     return FootDensity(card, KernelDensity.scott(com_m), com_m[n:], mixtures)
 
 
-def reproduced(robot: str, title: str, sizes: Sequence[int], size: int, says: str, tell: Tell) -> Reproduction:
+def reproduced(robot: str, title: str, sizes: Sequence[int], size: int, says: str, tell: Progress) -> Reproduction:
     """The figure for one robot; ``says`` is what the thesis says of the ``size`` among ``sizes``."""
     tell(0.1, f"fitting {title}")
     found = foot_density(robot, sizes)

@@ -7,14 +7,14 @@ from typing import Final, Literal
 
 import numpy as np
 
+from stridelab.conventions import Progress
+
 Verdict = Literal["met", "beaten", "not_met", "thesis_in_error"]
 VERDICTS: Final[tuple[Verdict, ...]] = ("not_met", "thesis_in_error", "met", "beaten")
 """From what weighs most to what weighs least, when a figure makes several claims."""
 
 Column = np.ndarray
 """One column of a table: numbers or words, one per row."""
-Tell = Callable[[float, str], None]
-"""Called with a fraction from 0 to 1 and what is being done."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Item:
 
     name: str
     title: str
-    run: Callable[[int, Tell], Reproduction]
+    run: Callable[[int, Progress], Reproduction]
     default_seeds: int = 1
     printed: tuple[str, ...] = ()
 

@@ -6,13 +6,14 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.conventions import Progress
 from stridelab.estimation.against_truth import truth_error
 from stridelab.estimation.complementary import ComplementaryFilter
 from stridelab.estimation.estimate import ComEstimator
 from stridelab.estimation.kalman import TUNED_SIGMA_JERK_M_S3, KalmanFilter
 from stridelab.experiments.reproduction.drawing import Bars, svg
 from stridelab.experiments.reproduction.estimators import AUTO, KALMAN, NAMES, SMOOTHER, THESIS
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, aimed
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, aimed
 from stridelab.experiments.reproduction.study_errors import GAITS, Draw, as_columns, draws, per_axis
 from stridelab.experiments.robot_gait import GaitName
 from stridelab.experiments.study import StudyTrial, simulate
@@ -22,7 +23,7 @@ LATERAL: Final = 1
 SLOW, QUICK = KalmanFilter(), KalmanFilter(sigma_jerk_m_s3=TUNED_SIGMA_JERK_M_S3)
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """The thesis' noise on both gaits, ``seeds`` draws; the causes on one walk of each without noise."""
     found = draws(GAITS, ("thesis",), seeds, lambda fraction, message: tell(0.9 * fraction, message))
     tell(0.9, "taking the causes away")

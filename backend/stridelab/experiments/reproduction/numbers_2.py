@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.conventions import GRAVITY_M_S2, Points, g
+from stridelab.conventions import GRAVITY_M_S2, Points, Progress, g
 from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary import ComplementaryFilter
@@ -23,7 +23,7 @@ from stridelab.estimation.observability import (
 from stridelab.estimation.passes import forward, initial_state
 from stridelab.estimation.spectra import error_spectrum
 from stridelab.experiments.reproduction.drawing import Bars, Curve, Panel, svg
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, judged
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, judged
 from stridelab.experiments.reproduction.study_errors import GAITS, rms
 from stridelab.experiments.robot_walker import RATE_HZ
 from stridelab.experiments.study import StudyTrial, simulate
@@ -37,7 +37,7 @@ EVERY: Final = 10
 """Ranks are looked at in every tenth sample."""
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """One walk per gait without noise; ``seeds`` draws of the thesis' noise for what is about noise."""
     clean = {gait: simulate(gait, "none", 0) for gait in GAITS}
     tell(0.2, "ranks")

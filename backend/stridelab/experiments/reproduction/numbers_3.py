@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.conventions import Series
+from stridelab.conventions import Progress, Series
 from stridelab.experiments.reproduction.drawing import Bars, svg
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, judged
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, judged
 from stridelab.experiments.reproduction.simulated_people import (
     THESIS_PEOPLE,
     SimulatedPeople,
@@ -33,7 +33,7 @@ EVEN: Final = 1.0
 """The hub is "low-varying" where its speed varies no more than the walker's own."""
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """As many people as ``seeds`` says, six at least."""
     found = simulated_people(seeds, lambda fraction, message: tell(0.8 * fraction, message))
     fits = simulated_steps().fits

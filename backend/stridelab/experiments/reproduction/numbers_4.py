@@ -20,9 +20,10 @@ from stridelab.centroidal.solve import solve
 from stridelab.contacts.ellipsoids import smallest_around
 from stridelab.contacts.point_contacts import PointContacts
 from stridelab.contacts.wrench_cone import LinearCone
+from stridelab.conventions import Progress
 from stridelab.experiments.contact_sets import random_contacts, stair_sets
 from stridelab.experiments.reproduction.drawing import Bars, svg
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, judged
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, judged
 from stridelab.experiments.reproduction.table_4_1 import COLUMNS
 from stridelab.experiments.thesis_experiments import Experiment, problem
 from stridelab.reachability.density import KernelDensity
@@ -59,7 +60,7 @@ class Facets:
     leaves: float
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """Deterministic but for the times; ``seeds`` changes nothing."""
     tell(0.05, "robots")
     claims = list(_robots())

@@ -8,12 +8,13 @@ from typing import Final
 import numpy as np
 from jaxtyping import Float
 
+from stridelab.conventions import Progress
 from stridelab.errors import NotEstimable
 from stridelab.estimation.against_truth import TruthError, error_m, truth_error
 from stridelab.estimation.smoother import Smoother
 from stridelab.experiments.reproduction.drawing import Bars, svg
 from stridelab.experiments.reproduction.estimators import NAMES, SMOOTHER, estimators, told
-from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, Tell, aimed
+from stridelab.experiments.reproduction.item import Claim, Item, Reproduction, aimed
 from stridelab.experiments.reproduction.study_errors import GAITS, as_columns, rms
 from stridelab.experiments.robot_gait import WALKS, GaitName
 from stridelab.experiments.robot_walker import RATE_HZ
@@ -84,7 +85,7 @@ def _refusal(trial: StudyTrial) -> str | None:
     return None
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """Both gaits, noise of markers and plates and the thesis' noise, ``seeds`` draws of each."""
     rows: list[dict[str, object]] = []
     claims: list[Claim] = []

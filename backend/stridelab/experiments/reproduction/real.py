@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.conventions import GRAVITY_M_S2, Vector3
+from stridelab.conventions import GRAVITY_M_S2, Progress, Vector3
 from stridelab.estimation.against_truth import BAND_95
 from stridelab.estimation.agreement import force_residual_track_n
 from stridelab.estimation.comparison import Assessment, Data, compare
@@ -26,7 +26,7 @@ from stridelab.estimation.smoother import Smoother
 from stridelab.estimation.walk_frame import walk_frame
 from stridelab.experiments.reproduction.drawing import Bars, svg
 from stridelab.experiments.reproduction.estimators import AUTO, GEOMETRY, KALMAN, RTS, SMOOTHER, THESIS, TUNED
-from stridelab.experiments.reproduction.item import Claim, Reproduction, Tell, aimed
+from stridelab.experiments.reproduction.item import Claim, Reproduction, aimed
 from stridelab.experiments.reproduction.recorded_walks import STATICS, RecordedWalk, geometry_of, recordings_in
 from stridelab.experiments.reproduction.study_errors import as_columns, rms
 from stridelab.recordings.marker_sets import identify
@@ -74,7 +74,7 @@ class Walked:
     constant_share: Vector3
 
 
-def run(gait: Path, tell: Tell) -> Reproduction:
+def run(gait: Path, tell: Progress) -> Reproduction:
     """All walks below the folder ``gait``. Raises ``NotFound`` (``recordings-missing``) where there are none."""
     walks: dict[str, list[Walked]] = {}
     for k, (group, pattern) in enumerate(GROUPS.items()):

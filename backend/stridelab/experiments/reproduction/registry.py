@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Final
 
+from stridelab.conventions import Progress
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.experiments.reproduction import (
     coverage,
@@ -38,7 +39,7 @@ from stridelab.experiments.reproduction import (
     partial_force,
     table_4_1,
 )
-from stridelab.experiments.reproduction.item import Item, Reproduction, Tell
+from stridelab.experiments.reproduction.item import Item, Reproduction
 
 _FIGURES: Final = (
     fig_2_2,
@@ -79,7 +80,7 @@ def item_of(name: str) -> Item:
     return item
 
 
-def reproduce(name: str, seeds: int | None, tell: Tell) -> Reproduction:
+def reproduce(name: str, seeds: int | None, tell: Progress) -> Reproduction:
     """Compute one item; ``seeds`` None takes what answers within a minute.
 
     Raises ``NotFound`` (``item-not-found``) and ``InvalidInput`` (``seeds-out-of-range``).

@@ -11,6 +11,7 @@ from typing import Final
 
 import numpy as np
 
+from stridelab.conventions import Series
 from stridelab.experiments.noise import MeasurementNoise
 from stridelab.experiments.reproduction.drawing import Curve
 from stridelab.experiments.reproduction.item import Claim
@@ -87,7 +88,7 @@ def height_claim(found: SimulatedPeople, parameter: str, letter: str, thesis: fl
     )
 
 
-def table_of(found: SimulatedPeople) -> dict[str, np.ndarray]:
+def table_of(found: SimulatedPeople) -> dict[str, Series]:
     """A row per person: height, speed, and mean and deviation of every parameter."""
     subjects = found.population.subjects
     columns = {name: np.array([s.value(name) for s in subjects]) for name in ("height_m", "speed_m_s", *PARAMETERS)}

@@ -10,19 +10,18 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
-from jaxtyping import Float
 
+from stridelab.conventions import PerAxis, Progress
 from stridelab.estimation.against_truth import TruthError, error_m, truth_error
 from stridelab.estimation.spectra import error_spectrum
 from stridelab.experiments.reproduction.estimators import KALMAN, NAMES, THESIS, estimators
-from stridelab.experiments.reproduction.item import Column, Tell
+from stridelab.experiments.reproduction.item import Column
 from stridelab.experiments.robot_gait import GaitName
 from stridelab.experiments.robot_walker import RATE_HZ
 from stridelab.experiments.study import simulate
 
 GAITS: Final[tuple[GaitName, ...]] = ("robot", "human")
 NOISY_HZ: Final = 5.0
-PerAxis = Float[np.ndarray, "3"]
 
 
 @dataclass(frozen=True)
@@ -55,7 +54,7 @@ def draw(gait: GaitName, noise: str, seed: int) -> Draw:
     return Draw(gait, noise, errors, noisy, float(np.mean(distance[THESIS] <= distance[KALMAN])))
 
 
-def draws(gaits: Sequence[GaitName], noises: Sequence[str], seeds: int, tell: Tell) -> list[Draw]:
+def draws(gaits: Sequence[GaitName], noises: Sequence[str], seeds: int, tell: Progress) -> list[Draw]:
     """Every gait under every noise, ``seeds`` times."""
     wanted = [(gait, noise, seed) for gait in gaits for noise in noises for seed in range(seeds)]
     done = []

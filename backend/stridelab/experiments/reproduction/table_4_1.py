@@ -14,8 +14,9 @@ from threadpoolctl import threadpool_limits
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.solve import solve
+from stridelab.conventions import Progress
 from stridelab.experiments.reproduction.drawing import Bars, svg
-from stridelab.experiments.reproduction.item import Claim, Column, Item, Reproduction, Tell, aimed, judged
+from stridelab.experiments.reproduction.item import Claim, Column, Item, Reproduction, aimed, judged
 from stridelab.experiments.thesis_experiments import Experiment, problem
 
 ControlName = Literal["u_c", "u_f"]
@@ -63,7 +64,7 @@ class Timed:
     build_s: float
 
 
-def run(seeds: int, tell: Tell) -> Reproduction:
+def run(seeds: int, tell: Progress) -> Reproduction:
     """The least of ``REPEATS`` times, whatever ``seeds``."""
     found = []
     with threadpool_limits(1):

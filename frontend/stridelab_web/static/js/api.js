@@ -47,6 +47,15 @@ export async function call(method, path, body, headers = {}) {
   return value;
 }
 
+// What an XMLHttpRequest was answered; null where a proxy answered with a page instead: the status says enough then.
+export function answerOf(request) {
+  try {
+    return JSON.parse(request.responseText);
+  } catch {
+    return null;
+  }
+}
+
 function uniqueKey() {
   const words = crypto.getRandomValues(new Uint32Array(4));
   return Array.from(words, (word) => word.toString(16).padStart(8, "0")).join("");

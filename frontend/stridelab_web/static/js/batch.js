@@ -1,5 +1,5 @@
 // Many files and one subject table go up together; what can be read is studied, what cannot be is named first.
-import { onSubmit, sentence, startJob } from "./api.js";
+import { answerOf, onSubmit, sentence, startJob } from "./api.js";
 
 const form = document.querySelector("[data-batch]");
 const bar = form.querySelector("progress");
@@ -17,12 +17,7 @@ function send(data) {
       if (event.loaded === event.total) form.querySelector("[data-said]").textContent = "checking the files…";
     });
     request.addEventListener("load", () => {
-      let answer = null;
-      try {
-        answer = JSON.parse(request.responseText);
-      } catch {
-        answer = null; // a proxy may answer with a page instead; the status says enough
-      }
+      const answer = answerOf(request);
       if (request.status === 201 && answer) done(answer);
       else failed(new Error(sentence(request.status, answer)));
     });

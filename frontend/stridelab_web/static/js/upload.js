@@ -1,6 +1,6 @@
 // Drag, drop or choose many files; two at a time go up, each with its own bar, a way to stop it and, where refused, its
 // own sentence.
-import { sentence } from "./api.js";
+import { answerOf, sentence } from "./api.js";
 
 const AT_ONCE = 2;
 const zone = document.querySelector("[data-upload]");
@@ -98,12 +98,7 @@ function send(upload) {
     request.upload.addEventListener("load", () => row.stop.remove());
     request.addEventListener("abort", done);
     request.addEventListener("load", () => {
-      let answer = null;
-      try {
-        answer = JSON.parse(request.responseText);
-      } catch {
-        answer = null; // a proxy may answer with a page instead; the status says enough
-      }
+      const answer = answerOf(request);
       if (request.status === 201 && answer) accepted(row, answer, single);
       else refused(row, sentence(request.status, answer));
       done();

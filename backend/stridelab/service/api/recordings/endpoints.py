@@ -25,57 +25,40 @@ from stridelab.service.storage.tables import recording
 
 router = APIRouter(prefix="/recordings", tags=["recordings"], route_class=StrictRoute)
 
-_FORM: Final[Any] = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            "multipart/form-data": {
-                "schema": {
-                    "type": "object",
-                    "required": ["file"],
-                    "additionalProperties": False,
-                    "properties": {
-                        "file": {
-                            "type": "string",
-                            "format": "binary",
-                            "description": "a .c3d file, or a .zip of one .trc and one .mot or .sto",
-                        },
-                        "subject_name": {"type": "string", "maxLength": 80, "description": "a pseudonym"},
-                        "height_m": {"type": "number", "minimum": 0.4, "maximum": 2.6},
-                        "mass_kg": {"type": "number", "minimum": 2, "maximum": 400},
-                        "sex": {"type": "string", "enum": ["female", "male"]},
-                        "age_years": {"type": "number", "minimum": 0, "maximum": 120},
-                    },
-                }
-            }
+
+def _form(fields: dict[str, Any]) -> dict[str, Any]:
+    """How the interface describes a multipart form of ``fields``, of which ``file`` must be there."""
+    schema = {"type": "object", "required": ["file"], "additionalProperties": False, "properties": fields}
+    return {"requestBody": {"required": True, "content": {"multipart/form-data": {"schema": schema}}}}
+
+
+_FORM: Final = _form(
+    {
+        "file": {
+            "type": "string",
+            "format": "binary",
+            "description": "a .c3d file, or a .zip of one .trc and one .mot or .sto",
+        },
+        "subject_name": {"type": "string", "maxLength": 80, "description": "a pseudonym"},
+        "height_m": {"type": "number", "minimum": 0.4, "maximum": 2.6},
+        "mass_kg": {"type": "number", "minimum": 2, "maximum": 400},
+        "sex": {"type": "string", "enum": ["female", "male"]},
+        "age_years": {"type": "number", "minimum": 0, "maximum": 120},
+    }
+)
+_BATCH: Final = _form(
+    {
+        "file": {
+            "type": "array",
+            "items": {"type": "string", "format": "binary"},
+            "description": "recordings as `POST /recordings` takes them, and .zip files of recordings",
+        },
+        "subjects": {
+            "type": "string",
+            "description": "CSV: file, subject, group, height_m, mass_kg, sex, age, static",
         },
     }
-}
-_BATCH: Final[Any] = {
-    "requestBody": {
-        "required": True,
-        "content": {
-            "multipart/form-data": {
-                "schema": {
-                    "type": "object",
-                    "required": ["file"],
-                    "additionalProperties": False,
-                    "properties": {
-                        "file": {
-                            "type": "array",
-                            "items": {"type": "string", "format": "binary"},
-                            "description": "recordings as `POST /recordings` takes them, and .zip files of recordings",
-                        },
-                        "subjects": {
-                            "type": "string",
-                            "description": "CSV: file, subject, group, height_m, mass_kg, sex, age, static",
-                        },
-                    },
-                }
-            }
-        },
-    }
-}
+)
 _CHANGES: Final[Any] = {
     "subject": {"summary": "State height and sex", "value": {"subject": {"height_m": 1.71, "sex": "female"}}},
     "plate": {
