@@ -99,6 +99,7 @@ def patch(effector: str, change: Document) -> Callable[[Document], None]:
         (second({"effector_in_contact": ["left_foot", "left_foot"]}), "phases[2].contacts[left_foot]", "twice"),
         (second({"effector_in_contact": ["tail"]}), "phases[2].contacts[tail]", "no patch"),
         (patch("left_foot", {"translation": [0.0, math.nan, 0.0]}), "phases[2].contacts[left_foot]", "finite"),
+        (patch("left_foot", {"translation": ["here", 0.0, 0.0]}), "phases[2].contacts[left_foot]", "'here'"),
         (patch("left_foot", {"translation": [0.0, 0.0]}), "phases[2].contacts[left_foot]", "three"),
         (
             patch("right_hand", {"rotation": [[1, 0, 0], [0, 2, 0], [0, 0, 1]]}),

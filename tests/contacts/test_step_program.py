@@ -150,3 +150,18 @@ def test_a_hand_follows_along_the_rail_or_hangs_free() -> None:
     objective, places = solved(ends(0.9, hand=True), 4, ground(-1.0, 2.0), ground(5.0, 6.0, rail=True))
     assert objective == pytest.approx(2 * FREE_COST)
     assert (places[0], places[3]) == (None, None)
+
+
+def test_with_slack_only_what_is_missing_counts_and_no_foot_is_left_out() -> None:
+    """The goal is 1.5 m ahead, the only ground 0.4 m behind: the step on to the goal lacks 1.9 m less a step."""
+    way = ends(1.5)
+    plan = schedule(way, LIMITS, lambda _name, _yaw: (ground(-0.5, -0.4),), 4, "right_foot")
+    assert plan is not None
+    program = StepProgram(plan, LIMITS, way, slack=True)
+    assert program.slack is not None
+    answer = program.solve(20.0)
+    assert answer.x is not None
+    lacking_m = 1.9 - 0.7 * COVER
+    assert answer.objective == pytest.approx(lacking_m)
+    assert answer.x[list(program.slack)] == pytest.approx([0.0, 0.0, lacking_m, 0.0])
+    assert [at is None for at in program.placed(answer).placements] == [False] * 6

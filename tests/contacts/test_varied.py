@@ -77,6 +77,20 @@ def test_a_turned_scenario_is_stretched_along_its_own_way() -> None:
     )
 
 
+@pytest.mark.parametrize("length", [1.0, 4.0])
+def test_boxes_may_say_their_turn_as_a_quaternion_of_any_length(length: float) -> None:
+    """Leaning by less than a milliradian to either side, which counts as upright."""
+    aslant, said = turned(bundled("six-stairs"), 0.6), turned(bundled("six-stairs"), 0.6)
+    for surface in said["terrain"]:
+        surface["orientation_wxyz"] = (length * np.array([np.cos(0.3), 0.0004, 0.0, np.sin(0.3)])).tolist()
+        surface["yaw_rad"] = None
+    for one, other in zip(
+        varied(aslant, {"stride": 0.33})["terrain"], varied(said, {"stride": 0.33})["terrain"], strict=True
+    ):
+        np.testing.assert_allclose(other["size_m"], one["size_m"], atol=1e-12)
+        np.testing.assert_allclose(other["center_m"], one["center_m"], atol=1e-12)
+
+
 def test_timing_is_a_factor_and_friction_that_of_every_surface() -> None:
     before = bundled("stepping-stones")
     before["terrain"][1]["friction"] = 0.9

@@ -187,3 +187,4 @@ def test_what_makes_no_sense_is_refused(place: tuple[float, float, float] | None
     with pytest.raises(InvalidInput) as raised:
         PointContacts.of([] if place is None else [(Placement.of(place), None, friction)])
     assert raised.value.code == "contacts-invalid"
+    assert not raised.value.message[0].isupper()

@@ -29,14 +29,14 @@ def pytest_sessionstart() -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """The shortest tests first, until the time is full; one runs in any case."""
+    """The shortest tests first, and before them what was written since; until the time is full, one in any case."""
     if config.option.collectonly or not DURATIONS.exists():
         return
     seconds = json.loads(DURATIONS.read_text(encoding="utf-8"))
-    items.sort(key=lambda item: seconds[item.nodeid])
+    items.sort(key=lambda item: seconds.get(item.nodeid, 0.0))
     used, kept = 0.0, 0
-    while kept < len(items) and (kept == 0 or used + seconds[items[kept].nodeid] <= WITHIN_S):
-        used, kept = used + seconds[items[kept].nodeid], kept + 1
+    while kept < len(items) and (kept == 0 or used + seconds.get(items[kept].nodeid, 0.0) <= WITHIN_S):
+        used, kept = used + seconds.get(items[kept].nodeid, 0.0), kept + 1
     config.hook.pytest_deselected(items=items[kept:])
     del items[kept:]
 

@@ -42,4 +42,7 @@ def judged(scenario: Made, change: Change, shapes: Mapping[str, EffectorShape] =
 
 
 def faults(report: CheckReport) -> list[tuple[str, str]]:
-    return [(fault.where, fault.message) for fault in report.faults]
+    """Places and messages, which go on after the place: no message begins with a capital letter."""
+    found = [(fault.where, fault.message) for fault in report.faults]
+    assert not any(message[0].isupper() for _, message in found)
+    return found

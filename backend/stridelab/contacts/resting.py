@@ -133,9 +133,9 @@ def _at_usual_height(com_m: Vector3, stance: Stance) -> Vector3:
         here = away @ at.rotation
         with np.errstate(divide="ignore", invalid="ignore"):
             ends = (np.array([reach.com_low_m, reach.com_high_m]) - here) / up
-        steep = np.abs(up) > LEVEL
-        low = max(low, float(ends[:, steep].min(axis=0).max(initial=-np.inf)))
-        high = min(high, float(ends[:, steep].max(axis=0).min(initial=np.inf)))
+        steep = np.abs(up) > LEVEL  # one axis at least
+        low = max(low, float(ends[:, steep].min(axis=0).max()))
+        high = min(high, float(ends[:, steep].max(axis=0).min()))
         half = np.sqrt(max(reach.com_distance_max_m**2 - float(away[:2] @ away[:2]), 0.0))
         low, high = max(low, -half - away[2]), min(high, half - away[2])
     rise = np.clip(np.mean(usual) - z, min(low, 0.0), max(high, 0.0))
