@@ -9,7 +9,7 @@ from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.estimation.agreement import bias_m, force_residual_n
 from stridelab.estimation.complementary import ComplementaryFilter
 from stridelab.estimation.filters import complementary_filters
-from stridelab.estimation.passes import filter_inputs, forward, forward_backward, initial_state
+from stridelab.estimation.passes import filter_inputs, forward, forward_backward, initial_state, joined_passes
 from stridelab.recordings.recording import Window
 from support.motions import sinusoid, uniform, walk
 
@@ -29,6 +29,17 @@ def test_uniform_motion_passes_unchanged_from_the_first_sample_on(rate_hz, cutof
     truth = uniform().com.at(t)
     assert_allclose(forward(filters, inputs, initial_state(filters, inputs)), truth, atol=1e-9, rtol=0)
     assert_allclose(forward_backward(filters, inputs), truth, atol=1e-9, rtol=0)
+
+
+def test_over_many_seconds_it_does_not_matter_how_the_passes_begin():
+    """(2.6.3): states that bring both passes together; in the middle both have forgotten them. A coast shows none."""
+    filters = complementary_filters(0.4, 4.0, 100.0)
+    t = np.arange(1600) / 100.0
+    assert_allclose(joined_passes(filters, exact_inputs(uniform(), t)), uniform().com.at(t), atol=1e-8, rtol=0)
+    inputs = exact_inputs(walk(), t)
+    joined, solved = joined_passes(filters, inputs), forward_backward(filters, inputs)
+    assert_allclose(joined[700:900], solved[700:900], atol=1e-6, rtol=0)
+    assert np.abs(joined - solved).max() > 1e-4
 
 
 @pytest.mark.parametrize("cutoffs", [(0.4, 4.0), (0.2, 1.0)])
