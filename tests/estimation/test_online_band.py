@@ -35,7 +35,7 @@ def run(motion: Motion, t: np.ndarray, hidden: np.ndarray, push_n: np.ndarray, t
 def test_a_wrong_acceleration_moves_the_com_by_what_the_band_says(axis: int) -> None:
     """0.1 m/s^2 is a lag while markers are seen, and grows with the square of the time while they are not.
 
-    Then the axis pulls back sideways, a little, and half of the first sample still saw markers: the band leaves out both.
+    Then the axis pulls back sideways, a little, and half of the first sample saw markers: the band leaves out both.
     """
     t = np.arange(900) / RATE_HZ
     hidden = (t > 8.0) & (t <= 8.6)

@@ -2,7 +2,7 @@
 
 mutmut changes the package's code in one place at a time and runs those of its own tests that reach the place, the
 shortest first, ten seconds of them (``support.mutant_session``). Prints how many changes they noticed, as a line of
-the table in docs/tests.md, and every change that they did not; ``--named`` tries those again.
+the table in docs/tests.md, and every change that they did not; ``--named`` tries those again, ``--within`` with more.
 """
 
 import argparse
@@ -95,7 +95,9 @@ def main() -> None:
     asked.add_argument("--seed", type=int, default=0)
     asked.add_argument("--processes", type=int, default=os.cpu_count() or 1)
     asked.add_argument("--named", nargs="+", default=(), help="these mutants only, as an earlier run named them")
+    asked.add_argument("--within", default="10", help="seconds of tests for each, the shortest first")
     given = asked.parse_args()
+    os.environ["STRIDELAB_MUTANTS_WITHIN_S"] = given.within
     for package in given.packages:
         print(survey(package, given), flush=True)
 
