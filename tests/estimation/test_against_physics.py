@@ -69,6 +69,23 @@ def test_standing_still_the_pressure_lies_below_the_com(height_m: float) -> None
     assert shifted.horizontal_m == pytest.approx(0.01, abs=1e-4)
 
 
+def test_the_pressure_of_somebody_who_is_pushed_is_that_on_the_floor() -> None:
+    """A level force of 20 N through a point on the ground: 0.3 m higher its line is 0.3 times 20/700 further on."""
+    motion = Motion(Harmonics(np.array([0.4, -0.1, 0.95]), np.zeros(3)))
+    exact, geometric = estimated(motion, window=Window(0.0, 2.0)), motion.geometric(T)
+    force = np.tile([20.0, -7.0, 700.0], (len(T), 1))
+    wrench = replace(
+        motion.wrench_track(T, Window(0.0, 2.0)), force_n=force, moment_nm=np.cross([0.1, 0.2, 0.0], force)
+    )
+    on_floor = standing(exact, geometric, wrench)
+    above = standing(exact, geometric, wrench, 0.3)
+    assert on_floor is not None
+    assert above is not None
+    assert on_floor.offset_m == pytest.approx((0.3, -0.3))
+    assert above.offset_m == pytest.approx((0.3 - 0.3 * 20 / 700, -0.3 + 0.3 * 7 / 700))
+    assert above.horizontal_m == pytest.approx(np.hypot(*above.offset_m))
+
+
 def dumbbell() -> tuple[Motion, GeometricCom]:
     """Two masses that swing against each other about a CoM that walks: L and its rate by hand."""
     m, share, amplitude, w = 70.0, 0.25, 0.2, 2 * np.pi * 0.9

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from stridelab.body.geometric_com import GeometricCom, SegmentTrack
-from stridelab.estimation.clock_likelihood import ClockLikelihood, clock_likelihood
+from stridelab.estimation.clock_likelihood import (
+    ClockLikelihood,
+    PathNoise,
+    _complement,
+    _slow,
+    _spectrum,
+    _table_errors,
+    clock_likelihood,
+)
 from stridelab.estimation.span import window_span
 from stridelab.recordings.recording import Window
 from support.motions import walk
@@ -80,3 +88,37 @@ def test_speed_start_and_a_constant_error_of_the_plates_do_not_matter() -> None:
         plain.log_likelihood - plain.log_likelihood.max(), abs=0.3
     )
     assert plain.correlation > 0.99
+
+
+def test_errors_of_the_table_are_a_mass_and_both_parts_of_its_lever() -> None:
+    """A thigh from (0, 0, 1) to (0, 0, 0.6) whose centre lies 0.15 m down and 0.02 m ahead, 0.1 of the mass."""
+    at = {"l_hip": [0.0, 0.0, 1.0], "l_knee": [0.0, 0.0, 0.6]}
+    joints = {name: np.tile(place, (5, 1)) for name, place in at.items()}
+    thigh = SegmentTrack(0.1, np.tile([0.02, 0.0, 0.85], (5, 1)))
+    com = np.tile([0.0, 0.1, 0.9], (5, 1))
+    whole = GeometricCom(T[:5], com, "made", {"l_thigh": thigh}, joints, (0.02, 0.02, 0.02))
+    found = _table_errors(whole, slice(1, 4))
+    expected = [[0.002, -0.01, -0.005], [0.0, 0.0, -0.015], [0.002, 0.0, 0.0]]
+    assert [x.shape for x in found] == [(3, 3)] * 3
+    np.testing.assert_allclose([x[0] for x in found], expected, atol=1e-15)
+    assert len(_table_errors(replace(whole, joint_centres_m={}), slice(1, 4))) == 1
+
+
+@pytest.mark.parametrize(("n", "lines"), [(100, 1), (200, 2), (300, 4)])
+def test_slow_is_a_parabola_and_what_has_less_than_0_7_hertz(n: int, lines: int) -> None:
+    """Half-periods of the window: 0.5, 0.25 and 1/6 Hz apart at 100 Hz."""
+    columns = _slow(n, 100.0)
+    assert columns.shape == (n, 3 + lines)
+    t = (np.arange(n) + 0.5) / n
+    for wave, inside in ((np.cos(np.pi * lines * t), True), (np.cos(np.pi * (lines + 1) * t), False)):
+        left = _complement(columns).T @ _spectrum(wave)
+        assert (np.linalg.norm(left) < 1e-9 * np.linalg.norm(wave)) == inside
+
+
+def test_noises_of_one_size_are_not_told_apart_by_their_shape(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All are scaled to the same volume: where all axes have the same noise none gains much on the plain one."""
+    noisy = replace(body(0.0), segments={})
+    noisy = replace(noisy, com_m=noisy.com_m + 0.004 * np.random.default_rng(5).standard_normal(noisy.com_m.shape))
+    best = likelihood(noisy).log_likelihood
+    monkeypatch.setattr("stridelab.estimation.clock_likelihood._NOISES", (PathNoise(),))
+    assert best == pytest.approx(likelihood(noisy).log_likelihood, abs=1.0)

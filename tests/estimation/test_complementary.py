@@ -1,15 +1,18 @@
 """The complementary filter on motions whose truth is known in closed form."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
+from scipy import signal
 
 from stridelab.dynamics.wrench import Wrench
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.estimation.agreement import bias_m, force_residual_n
 from stridelab.estimation.complementary import ComplementaryFilter
 from stridelab.estimation.filters import complementary_filters
-from stridelab.estimation.passes import filter_inputs, forward, forward_backward, initial_state
+from stridelab.estimation.passes import filter_inputs, forward, forward_backward, initial_state, joined_passes
 from stridelab.recordings.recording import Window
 from support.motions import sinusoid, uniform, walk
 
@@ -29,6 +32,34 @@ def test_uniform_motion_passes_unchanged_from_the_first_sample_on(rate_hz, cutof
     truth = uniform().com.at(t)
     assert_allclose(forward(filters, inputs, initial_state(filters, inputs)), truth, atol=1e-9, rtol=0)
     assert_allclose(forward_backward(filters, inputs), truth, atol=1e-9, rtol=0)
+
+
+def test_the_pass_begins_with_the_smallest_correction_over_ten_time_constants():
+    """f_1 = 4 Hz at 100 Hz: 39 samples. Any other start of H2 makes ``H2 a - s^2 H2 g`` larger there."""
+    filters, rng = complementary_filters(0.4, 4.0, 100.0), np.random.default_rng(6)
+    exact = exact_inputs(walk(), np.arange(200) / 100.0)
+    inputs = replace(exact, geometry_m=exact.geometry_m + rng.normal(0, 0.01, (200, 3)))
+    state = initial_state(filters, inputs)
+
+    def size(h2):
+        high = signal.lfilter(filters.h2.b, filters.h2.a, inputs.acceleration_m_s2, axis=0, zi=h2)[0]
+        low = signal.lfilter(filters.s2_h2.b, filters.s2_h2.a, inputs.geometry_m, axis=0, zi=state.s2_h2)[0]
+        return ((high - low)[:39] ** 2).sum()
+
+    gradient = [(size(state.h2 + step) - size(state.h2 - step)) / 2e-6 for step in 1e-6 * np.eye(6).reshape(6, 2, 3)]
+    assert np.abs(gradient).max() < 1e-6
+    assert size(state.h2 + 0.01) > size(state.h2)
+
+
+def test_over_many_seconds_it_does_not_matter_how_the_passes_begin():
+    """(2.6.3): states that bring both passes together; in the middle both have forgotten them. A coast shows none."""
+    filters = complementary_filters(0.4, 4.0, 100.0)
+    t = np.arange(1600) / 100.0
+    assert_allclose(joined_passes(filters, exact_inputs(uniform(), t)), uniform().com.at(t), atol=1e-8, rtol=0)
+    inputs = exact_inputs(walk(), t)
+    joined, solved = joined_passes(filters, inputs), forward_backward(filters, inputs)
+    assert_allclose(joined[700:900], solved[700:900], atol=1e-6, rtol=0)
+    assert np.abs(joined - solved).max() > 1e-4
 
 
 @pytest.mark.parametrize("cutoffs", [(0.4, 4.0), (0.2, 1.0)])

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.complementary import ComplementaryFilter
+from stridelab.estimation.error_band import FusedStretch, _errors
 from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.geometry import GeometryOnly
 from stridelab.estimation.kalman import KalmanFilter
@@ -82,3 +84,18 @@ def test_no_force_can_narrow_the_height():
     estimate = ComplementaryFilter().estimate(geometric, wrench, 70.0)
     assert (estimate.sd_m[:, 2] > 0.98 * TABLE_SD_M[2]).all()
     assert (estimate.sd_m[:, :2].min(axis=0) < 0.9 * np.array(TABLE_SD_M[:2])).all()
+
+
+def test_angular_momentum_is_stated_about_the_walk_with_the_strides_and_about_its_side_with_the_steps():
+    """By hand: f x L' / f^2 under a vertical force, for a walk that goes aslant."""
+    t, ahead = np.arange(200) / 100.0, np.array([0.6, 0.8, 0.0])
+    force = np.tile([0.0, 0.0, 686.7], (200, 1))
+    stretch = FusedStretch(Wrench(force, 0 * force), np.tile(1.2 * ahead, (200, 1)), slice(0, 200), 100.0, 70.0)
+    errors = list(_errors(stretch, (0.01, 0.01, 0.02), ErrorPriors(momentum_rate_nm_kg=(0.12, 0.33), step_hz=1.8)))
+    assert len(errors) == 13
+    for first, hz, rate, moved in ((8, 0.9, 0.12, [-0.8, 0.6, 0.0]), (10, 1.8, 0.33, [-0.6, -0.8, 0.0])):
+        for k, wave in enumerate((np.cos, np.sin)):
+            expected = np.outer(rate / 9.81 * wave(2 * np.pi * hz * t), moved)
+            np.testing.assert_allclose(errors[first + k].axis_point_m, expected, atol=1e-12)
+            assert not errors[first + k].geometry_m.any()
+            assert not errors[first + k].acceleration_m_s2.any()

@@ -7,6 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from stridelab.errors import InvalidInput
+from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.estimation.jerk_model import SIGMA_JERK_RANGE_M_S3, InputNoise, JerkModel, stretches
 from stridelab.estimation.kalman import KalmanFilter
 from stridelab.estimation.kalman_passes import Axis
@@ -159,6 +160,21 @@ def test_the_stated_lag_is_the_delay_of_a_sinusoid():
     found = axis.filtered(y[None], np.zeros((1, 3))).mean[0, late, 0]
     a, b = np.linalg.lstsq(np.column_stack([np.sin(w * t), np.cos(w * t)])[late], found, rcond=None)[0]
     assert axis.lag_s(hz) == pytest.approx(-np.arctan2(b, a) / w, abs=1e-6)
+
+
+@pytest.mark.parametrize(("ahead", "aside"), [(0, 1), (1, 0)])
+def test_stated_errors_become_noise_axis_by_axis(ahead: int, aside: int):
+    """By hand, for 70 kg: the table and the markers, 5 N and 0.05 m/s^2, and moments over the weight.
+
+    The rate of L about the lateral axis moves the central axis ahead, that about the axis of the walk aside.
+    """
+    priors = ErrorPriors(marker_m=0.003, momentum_rate_nm_kg=(0.12, 0.33), moment_nm=2.0)
+    noise = InputNoise.stated((0.004, 0.004, 0.004), priors, np.tile(1.3 * np.eye(3)[ahead], (5, 1)), 70.0)
+    assert noise.geometry_m == pytest.approx((0.005, 0.005, 0.005 * np.sqrt(2)))
+    assert noise.force_n == pytest.approx((np.hypot(5, 3.5), np.hypot(5, 3.5), np.hypot(5, 10.5)))
+    assert noise.axis_m[ahead] == pytest.approx(np.hypot(0.33, 2 / 70) / 9.81)
+    assert noise.axis_m[aside] == pytest.approx(np.hypot(0.12, 2 / 70) / 9.81)
+    assert noise.axis_m[2] == noise.geometry_m[2]
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stridelab.conventions import GRAVITY_M_S2
-from stridelab.errors import InvalidInput
+from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.estimation.online import OnlineEstimator
 from stridelab.estimation.smoother import Smoother
 from stridelab.estimation.smoother.causal import SPACES, OnlineSmoother
@@ -45,6 +45,13 @@ def test_a_clock_that_jitters_changes_nothing_and_fills_no_memory() -> None:
     told = gliding(estimator, np.cumsum(rng.uniform(0.002, 0.02, 1000)))
     np.testing.assert_allclose(told[-500:], np.broadcast_to(SPEED_M_S, (500, 3)), atol=1e-3)
     assert len(estimator._spaces) == SPACES
+
+
+def test_a_stream_begins_with_geometry() -> None:
+    with pytest.raises(NotEstimable) as refused:
+        online().step(0.0, None, np.array([0.0, 0.0, 700.0]), np.zeros(3))
+    assert refused.value.code == "geometry-missing"
+    assert refused.value.message == "The first sample needs the CoM of the segment model."
 
 
 def test_half_a_wrench_and_a_clock_that_stands_still_are_refused() -> None:

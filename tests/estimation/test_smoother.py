@@ -51,6 +51,14 @@ def test_priors_of_zero_or_less_are_refused_by_name(name: str, value: float):
         SmootherPriors(**{name: value})
     assert refused.value.code == "prior-out-of-range"
     assert name in refused.value.faults[0].where
+    assert refused.value.message == f"The stated error of an input must be a positive number: priors.{name}."
+
+
+def test_a_damping_that_does_not_swing_is_refused():
+    with pytest.raises(InvalidInput) as refused:
+        SmootherPriors(damping=1.0)
+    (fault,) = refused.value.faults
+    assert (fault.where, fault.message) == ("priors.damping", "a damping ratio of 1 or more does not swing")
 
 
 def test_a_force_of_a_third_of_a_second_is_refused():

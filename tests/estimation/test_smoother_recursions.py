@@ -1,14 +1,16 @@
 """The recursions against plain Gaussian conditioning: every error written out, one dense covariance, no filter."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
 
 from stridelab.estimation.smoother.causal import CausalFilter
-from stridelab.estimation.smoother.learning import LEARNED, log_likelihoods
-from stridelab.estimation.smoother.model import Sizes, resonator, state_space
-from stridelab.estimation.smoother.recursions import Signals, filtered, gains, log_likelihood, smoothed
+from stridelab.estimation.smoother.learning import LEARNED, learned, log_likelihoods
+from stridelab.estimation.smoother.model import ACCELERATION, Sizes, resonator, state_space
+from stridelab.estimation.smoother.recursions import Filtered, Signals, filtered, gains, log_likelihood, smoothed
+from stridelab.estimation.smoother.sizes import adult_momentum_m_s
+from stridelab.estimation.smoother.suspicion import plate_bias_remarks, plate_bias_statistic
 
 RATE_HZ = 50.0
 DT = 1 / RATE_HZ
@@ -199,3 +201,36 @@ def test_sample_by_sample_it_is_the_same_filter(passed):
             expected = dense.c_mean[k] + gain @ (measured(axis, data)[:m] - dense.y_mean[:m])
             assert mean[0, axis] == pytest.approx(expected, abs=1e-7)
             assert variance[axis] == pytest.approx(dense.c[k] @ dense.c[k] - gain @ y @ dense.c[k], rel=1e-4)
+
+
+def test_a_bias_of_the_plates_is_held_against_what_the_data_could_tell(passed):
+    """By hand: half of the prior variance is learnt on both axes, then too little to mean anything."""
+    _, space, _, forward = passed
+    prior = space.constant_sd[:2, ACCELERATION] ** 2
+
+    def told(share: float) -> Filtered:
+        cov, constants = forward.constants_cov.copy(), forward.constants.copy()
+        cov[:2, ACCELERATION, ACCELERATION] = (1.0 - share) * prior
+        constants[:2, ACCELERATION] = 0.3, -0.1
+        return replace(forward, constants=constants, constants_cov=cov)
+
+    assert plate_bias_statistic(space, told(0.5)) == pytest.approx((0.3**2 + 0.1**2) / (0.5 * 0.05**2))
+    assert plate_bias_statistic(space, told(0.04)) == 0.0
+    along_y = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    (remark,) = plate_bias_remarks(space, told(0.5), 70.0, 2.0, along_y)
+    assert "+7.0 N along x and +21.0 N along y, and 2 N is declared" in remark.message
+    assert plate_bias_remarks(space, told(0.04), 70.0, 2.0, along_y) == ()
+
+
+def test_vertically_the_noise_of_the_geometry_is_learnt_from_its_roughness():
+    """Twice as rough upwards is twice the noise there, and changes nothing horizontally."""
+    data = some_signals()
+    louder = replace(data, geometry_m=data.geometry_m * [1.0, 1.0, 2.0])
+    one, other = (learned(SIZES, signals, RATE_HZ).marker_m for signals in (data, louder))
+    assert other == pytest.approx(one * [1.0, 1.0, 2.0], rel=1e-9)
+
+
+def test_the_momentum_of_an_adult():
+    """1.0 and 1.5 Nms at 70 kg and 1.70 m, over the weight; with the stature squared at the same mass."""
+    assert adult_momentum_m_s(70.0, 0.55 * 1.7) == pytest.approx((1.0 / 686.7, 1.5 / 686.7))
+    assert adult_momentum_m_s(70.0, 0.55 * 0.85) == pytest.approx((0.25 / 686.7, 0.375 / 686.7))

@@ -3,6 +3,7 @@
 Few seeds; docs/theory/smoother.md has the figures of fifty.
 """
 
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -114,6 +115,10 @@ def test_a_window_in_which_no_foot_stands_alone_for_long_is_refused():
     with pytest.raises(NotEstimable) as refused:
         Smoother().estimate(trial.geometric, trial.wrench, trial.mass_kg)
     assert refused.value.code == "no-single-support"
+    said = re.search(r"is (\d\.\d\d) s of a step of (\d\.\d\d) s\. At least one", refused.value.message)
+    assert said is not None
+    assert float(said[1]) < 0.5
+    assert 0.4 < float(said[2]) < 1.5
 
 
 def test_the_angular_momentum_of_the_segments_is_used_on_demand_and_missing_segments_are_said():

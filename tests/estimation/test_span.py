@@ -24,6 +24,13 @@ def test_the_window_is_that_of_the_measured_frames() -> None:
     assert (span.window.start_s, span.window.end_s) == (T[51], T[150])
 
 
+def test_the_geometry_around_the_window_ends_at_its_gaps() -> None:
+    motion, holes = walk(), np.zeros((200, 3))
+    holes[20:23] = holes[170] = np.nan
+    span = window_span(motion.geometric(T, noise_m=holes), motion.wrench_track(T, Window(0.503, 1.5)))
+    assert (span.around, span.within) == (slice(23, 170), slice(51 - 23, 151 - 23))
+
+
 @pytest.mark.parametrize(("late_s", "first", "last"), [(0.006, 0, 198), (0.026, 0, 196), (-0.013, 2, 199)])
 def test_a_latency_that_drops_frames_at_the_edge_states_none_too_many(late_s: float, first: int, last: int) -> None:
     """Force and markers of the same length: read later, the force of the last frames lies beyond its end."""
@@ -44,6 +51,8 @@ def test_a_window_outside_the_data_is_refused(estimator, window: Window) -> None
     with pytest.raises(NotEstimable) as refusal:
         estimator.estimate(motion.geometric(T), wrench, motion.mass_kg)
     assert refusal.value.code == "no-window"
+    assert refusal.value.message.startswith("At no time is all contact force on the plates, so")
+    assert refusal.value.message.endswith("combined. Is every foot that touches the ground on an enabled plate?")
 
 
 @pytest.mark.parametrize("estimator", ESTIMATORS, ids=lambda estimator: estimator.name)

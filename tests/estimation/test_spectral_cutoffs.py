@@ -57,10 +57,10 @@ def test_the_cut_offs_are_told_and_none_can_be_found_sample_by_sample():
     trial = simulate("robot", "marker-like", 0)
     found = ComplementaryFilter(from_spectra=True).estimate(trial.geometric, trial.wrench, trial.mass_kg)
     assert 0 < found.diagnostics["low_hz"] < found.diagnostics["high_hz"]
-    for estimator, code in (
-        (ComplementaryFilter(from_spectra=True), "cutoffs-not-online"),
-        (replace(ComplementaryFilter(), order=3), "order-out-of-range"),
+    for estimator, code, where in (
+        (ComplementaryFilter(from_spectra=True), "cutoffs-not-online", "cutoffs"),
+        (replace(ComplementaryFilter(), order=3), "order-out-of-range", "order"),
     ):
         with pytest.raises(InvalidInput) as refused:
             estimator.causal(70.0, (0.01, 0.01, 0.02))
-        assert refused.value.code == code
+        assert (refused.value.code, refused.value.faults[0].where) == (code, where)

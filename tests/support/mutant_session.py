@@ -7,6 +7,7 @@ many as fit into ``WITHIN_S``: a minute of planners for each mutant that gets th
 
 import gc
 import json
+import os
 from collections import defaultdict
 from functools import _lru_cache_wrapper
 from pathlib import Path
@@ -14,7 +15,7 @@ from typing import Final
 
 import pytest
 
-WITHIN_S: Final = 10.0
+WITHIN_S: Final = float(os.environ.get("STRIDELAB_MUTANTS_WITHIN_S", "10"))
 DURATIONS: Final = Path("seconds-of-tests.json")
 """How long each test takes with the fixtures of its file, from the first run, in which all run."""
 

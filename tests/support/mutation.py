@@ -1,8 +1,8 @@
 """What the tests of a package do not notice: ``python -m support.mutation contacts --sample 300`` (``make mutants``).
 
 mutmut changes the package's code in one place at a time and runs those of its own tests that reach the place, the
-shortest first, ten seconds of them (``support.mutant_session``). Prints how many changes they noticed, as a line of
-the table in docs/tests.md, and every change that they did not; ``--named`` tries those again.
+shortest first, ten seconds of them (``support.mutant_session``). Prints how many there are, were tried and noticed, and
+every change that was not; ``--named`` tries those again, ``--within`` with more time. docs/tests.md keeps the record.
 """
 
 import argparse
@@ -29,6 +29,7 @@ track_dependencies = false
 timeout_constant = 40.0
 timeout_multiplier = 0.5
 """
+"""A mutant may take 20 s and half of what all its tests take: ten seconds of them run, maybe on a busy machine."""
 NONE = "stridelab.no.mutant.is.called.so"
 
 
@@ -95,7 +96,9 @@ def main() -> None:
     asked.add_argument("--seed", type=int, default=0)
     asked.add_argument("--processes", type=int, default=os.cpu_count() or 1)
     asked.add_argument("--named", nargs="+", default=(), help="these mutants only, as an earlier run named them")
+    asked.add_argument("--within", default="10", help="seconds of tests for each, the shortest first")
     given = asked.parse_args()
+    os.environ["STRIDELAB_MUTANTS_WITHIN_S"] = given.within
     for package in given.packages:
         print(survey(package, given), flush=True)
 
