@@ -110,6 +110,17 @@ def test_the_momentum_of_the_segments_is_that_of_point_masses() -> None:
     assert rate[30:-30] == pytest.approx(true[30:-30], abs=0.02 * np.ptp(true[:, 1]))
 
 
+def test_where_the_geometry_has_a_gap_at_its_start_the_momentum_begins_after_it() -> None:
+    motion, geometric = dumbbell()
+    com = geometric.com_m.copy()
+    com[:40] = np.nan
+    rate = segment_momentum_rate(replace(geometric, com_m=com), motion.mass_kg)
+    assert rate is not None
+    assert np.isnan(rate[:40]).all()
+    true = motion.momentum.at(T, 1)
+    assert rate[70:-30] == pytest.approx(true[70:-30], abs=0.02 * np.ptp(true[:, 1]))
+
+
 def test_a_right_com_implies_the_momentum_of_the_segments_and_a_wrong_one_does_not() -> None:
     motion, geometric = dumbbell()
     wrench = motion.wrench_track(T, WINDOW)

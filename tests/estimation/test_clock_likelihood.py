@@ -115,10 +115,15 @@ def test_slow_is_a_parabola_and_what_has_less_than_0_7_hertz(n: int, lines: int)
         assert (np.linalg.norm(left) < 1e-9 * np.linalg.norm(wave)) == inside
 
 
-def test_noises_of_one_size_are_not_told_apart_by_their_shape(monkeypatch: pytest.MonkeyPatch) -> None:
-    """All are scaled to the same volume: where all axes have the same noise none gains much on the plain one."""
-    noisy = replace(body(0.0), segments={})
-    noisy = replace(noisy, com_m=noisy.com_m + 0.004 * np.random.default_rng(5).standard_normal(noisy.com_m.shape))
-    best = likelihood(noisy).log_likelihood
-    monkeypatch.setattr("stridelab.estimation.clock_likelihood._NOISES", (PathNoise(),))
-    assert best == pytest.approx(likelihood(noisy).log_likelihood, abs=1.0)
+def test_noise_that_is_looser_across_is_plain_noise_in_axes_that_are_scaled(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By 2, at the same volume: with both paths drawn as much narrower across, and wider along and up."""
+    scale = 2.0 ** (np.array([1.0, -2.0, 1.0]) / 3.0)
+    motion, geometric = walk(), replace(body(0.0), segments={})
+    wrench = motion.wrench_track(T, Window(0.4, 1.6), LATE_S)
+    scaled = replace(geometric, com_m=geometric.com_m * scale), replace(wrench, force_n=wrench.force_n * scale)
+    found = []
+    for (path, force), noise in (((geometric, wrench), PathNoise(lateral=2.0)), (scaled, PathNoise())):
+        monkeypatch.setattr("stridelab.estimation.clock_likelihood._NOISES", (noise,))
+        span = window_span(path, force)
+        found.append(clock_likelihood(path, force, span, motion.mass_kg, np.eye(3), LAGS_S).log_likelihood)
+    assert found[0] == pytest.approx(found[1], abs=1e-6)
