@@ -91,6 +91,13 @@ def test_boxes_may_say_their_turn_as_a_quaternion_of_any_length(length: float) -
         np.testing.assert_allclose(other["center_m"], one["center_m"], atol=1e-12)
 
 
+def test_a_box_that_leans_by_more_than_a_milliradian_cannot_be_stretched() -> None:
+    leaning = bundled("six-stairs")
+    leaning["terrain"][1]["orientation_wxyz"] = [1.0, 0.0006, 0.0, 0.0]  # half the angle
+    with pytest.raises(InvalidInput, match="leans"):
+        varied(leaning, {"stride": 0.33})
+
+
 def test_timing_is_a_factor_and_friction_that_of_every_surface() -> None:
     before = bundled("stepping-stones")
     before["terrain"][1]["friction"] = 0.9

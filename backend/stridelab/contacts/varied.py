@@ -147,7 +147,7 @@ def _axis_along(surface: Mapping[str, Any], along: Vector3, field: Field, *, any
     if surface["kind"] != "box":
         raise _impossible(field, f"{surface['name']} is a rail, which would change its slope")
     w, x, y, z = surface.get("orientation_wxyz") or (1.0, 0.0, 0.0, 0.0)
-    if math.hypot(x, y) > STRAIGHT * math.hypot(w, z):
+    if 2.0 * math.hypot(x, y) > STRAIGHT * math.hypot(w, z):  # twice the tangent of half the lean
         raise _impossible(field, f"{surface['name']} leans")
     yaw = 2 * math.atan2(z, w) if surface.get("orientation_wxyz") else surface.get("yaw_rad") or 0.0
     sine = float(along[1] * math.cos(yaw) - along[0] * math.sin(yaw))
