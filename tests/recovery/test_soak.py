@@ -2,13 +2,14 @@
 
 import pytest
 
-from support.load_entry import users
+from support.load_entry import ADMIN, users
+from support.service import running_service
 from support.soak import Sample, Soak, growth
-from support.soak_entry import LIGHT, light_service
+from support.soak_entry import LIGHT
 
 
 def test_nothing_grows_but_what_belongs_to_jobs() -> None:
-    with light_service() as service:
+    with running_service(STRIDELAB_API_TOKEN=ADMIN) as service:
         soak = Soak(service, users(service.port, 2), LIGHT, seconds=9.0, round_s=3.0, clients=4)
         soak.run()
     assert len(soak.accepted) >= 12
