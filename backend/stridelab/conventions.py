@@ -36,6 +36,7 @@ Mask = Bool[np.ndarray, "n"]
 Corners = Float[np.ndarray, "4 3"]
 """Corners of a plate in the order of its own quadrants: (+x, +y), (-x, +y), (-x, -y), (+x, -y)."""
 Rotation = Float[np.ndarray, "3 3"]
+Rotations = Float[np.ndarray, "n 3 3"]
 Angles = Float[np.ndarray, "na"]
 """One number per actuated joint of a robot."""
 Configurations = Float[np.ndarray, "n nq"]

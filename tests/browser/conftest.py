@@ -24,7 +24,12 @@ from support.meter import Meter, metered
 from support.tab import Service, Tab
 
 CHROMIUM = next(
-    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), ""
+    (
+        path
+        for name in ("chromium-headless-shell", "chromium", "chromium-browser", "google-chrome")
+        if (path := shutil.which(name))
+    ),
+    "",
 )
 FLAGS = (
     "--headless",

@@ -15,7 +15,7 @@ from typing import Final
 import numpy as np
 from jaxtyping import Bool, Float
 
-from stridelab.conventions import Points
+from stridelab.conventions import Points, Rotations
 
 _SIDED: Final = {
     "thigh": ("thigh_t1", "thigh_t2", "thigh_t3", "thigh_t4", "trochanter", "knee_lateral", "knee_medial"),
@@ -68,9 +68,7 @@ def rebuild(tracks: Mapping[str, Points], shapes: Shapes) -> tuple[dict[str, Poi
     return filled, frozenset(name for name in changed if not _same(filled[name], tracks.get(name)))
 
 
-def rigid_motion(
-    a: Float[np.ndarray, "k 3"], b: Float[np.ndarray, "n k 3"]
-) -> tuple[Float[np.ndarray, "n 3 3"], Points]:
+def rigid_motion(a: Float[np.ndarray, "k 3"], b: Float[np.ndarray, "n k 3"]) -> tuple[Rotations, Points]:
     """Rotation and translation that carry the shape ``a`` onto ``b`` in every frame.
 
     Hidden markers (NaN) have weight zero. NaN where fewer than three are visible or those lie on a line.

@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.conventions import Points, Series, Vector3
+from stridelab.conventions import Points, Rotations, Series, Vector3
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import InvalidInput
 
@@ -36,7 +36,7 @@ class PointContacts:
     """
 
     position_m: Points
-    rotation: Float[np.ndarray, "n 3 3"]
+    rotation: Rotations
     friction: Series
 
     def __post_init__(self) -> None:

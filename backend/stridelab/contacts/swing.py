@@ -15,13 +15,12 @@ from functools import cached_property
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
-from jaxtyping import Float
 from scipy.spatial.transform import Rotation as ScipyRotation
 
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.shapes import patch_m
 from stridelab.contacts.swing_clearance import FOOT_CLEARANCE_M, rise_m
-from stridelab.conventions import Points, Rotation, Series, Vector3
+from stridelab.conventions import Points, Rotation, Rotations, Series, Vector3
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import InvalidInput
 
@@ -127,7 +126,7 @@ class SwingCurve:
             angular_acceleration_rad_s2=axis * s_move[2],
         )
 
-    def path(self, shares: Series) -> tuple[Points, Float[np.ndarray, "n 3 3"]]:
+    def path(self, shares: Series) -> tuple[Points, Rotations]:
         """Positions and rotations at several shares of the swing, 0 to 1."""
         scalings = np.array([[quintic(u, window, 1.0)[0] for window in self.profile] for u in shares.tolist()])
         up, down = self._lifts

@@ -7,12 +7,14 @@ sole is thought to bend. All pieces join with continuous acceleration.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 from scipy.interpolate import BPoly
+from scipy.spatial.transform import Rotation
 
 from stridelab.conventions import Points, Series
 from stridelab.experiments.body_proportions import Proportions, sign
@@ -46,6 +48,11 @@ class FootPath:
     def yaw_rad(self) -> float:
         """Constant turn about the vertical: both feet point outwards."""
         return sign(self.side) * TOE_OUT_RAD
+
+    @cached_property
+    def foot(self) -> Rotation:
+        """The foot in the world, one rotation per instant."""
+        return Rotation.from_euler("ZY", np.column_stack([np.full(len(self.pitch_rad), self.yaw_rad), self.pitch_rad]))
 
 
 def foot_path(plan: GaitPlan, side: Side, p: Proportions, time_s: Series) -> FootPath:

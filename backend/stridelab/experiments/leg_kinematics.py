@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from stridelab.conventions import Points, Series
+from stridelab.conventions import Points, Rotations, Series
 from stridelab.experiments.body_proportions import Proportions
 
 
@@ -29,20 +29,26 @@ class LegAngles:
     inversion_rad: Series
 
 
-def about_y(angle_rad: Series) -> Rotation:
-    """Rotations about y, one per angle."""
-    return Rotation.from_rotvec(np.outer(angle_rad, [0.0, 1.0, 0.0]))
-
-
 def leg_angles(p: Proportions, hip_m: Points, pelvis: Rotation, ankle_m: Points, foot: Rotation) -> LegAngles:
     """Angles that hold the foot at its pose; a leg too short for it stays straight and points there."""
-    r = foot.inv().apply(hip_m - ankle_m)
+    R_foot = foot.as_matrix()
+    r = np.einsum("nji,nj->ni", R_foot, hip_m - ankle_m)
     inversion = np.arctan2(r[:, 1], r[:, 2])
     reach = np.linalg.norm(r, axis=1)
     cosine = (reach**2 - p.thigh_m**2 - p.shank_m**2) / (2.0 * p.thigh_m * p.shank_m)
     knee = np.arccos(np.clip(cosine, -1.0, 1.0))
     in_shank = np.arctan2(-p.thigh_m * np.sin(knee), p.shank_m + p.thigh_m * np.cos(knee))
     flexion = in_shank - np.arctan2(r[:, 0], np.hypot(r[:, 1], r[:, 2]))
-    shank = foot * Rotation.from_rotvec(np.outer(-inversion, [1.0, 0.0, 0.0])) * about_y(-flexion)
-    thigh = shank * about_y(-knee)
-    return LegAngles((pelvis.inv() * thigh).as_euler("ZYX"), knee, flexion, inversion)
+    hip = _hip_rad(pelvis.as_matrix().swapaxes(1, 2) @ R_foot, inversion, flexion + knee)
+    return LegAngles(hip, knee, flexion, inversion)
+
+
+def _hip_rad(foot_in_pelvis: Rotations, inversion_rad: Series, bend_rad: Series) -> Points:
+    """Yaw, pitch and roll of ``R_foot R_x(-phi2) R_y(-(phi1 + theta))``, from the entries that they need."""
+    x, y, z = np.moveaxis(foot_in_pelvis, 2, 0)
+    c, s = np.cos(inversion_rad)[:, None], np.sin(inversion_rad)[:, None]
+    y, z = c * y - s * z, s * y + c * z
+    c, s = np.cos(bend_rad)[:, None], np.sin(bend_rad)[:, None]
+    x, z = c * x + s * z, c * z - s * x
+    yaw, roll = np.arctan2(x[:, 1], x[:, 0]), np.arctan2(y[:, 2], z[:, 2])
+    return np.column_stack([yaw, np.arcsin(np.clip(-x[:, 2], -1.0, 1.0)), roll])

@@ -18,7 +18,6 @@ import numpy as np
 import pinocchio as pin
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.signal import butter, sosfiltfilt
-from scipy.spatial.transform import Rotation
 
 from stridelab.conventions import GRAVITY_M_S2, Points
 from stridelab.errors import Fault, InvalidInput
@@ -27,7 +26,7 @@ from stridelab.experiments.balance import com_over_zmp
 from stridelab.experiments.body_proportions import SIDES, letter
 from stridelab.experiments.foot_motion import FootPath, foot_path
 from stridelab.experiments.gait_plan import GaitPlan, plan_gait
-from stridelab.experiments.leg_kinematics import about_y, leg_angles
+from stridelab.experiments.leg_kinematics import leg_angles
 from stridelab.experiments.load_plan import LoadPlan, plan_load
 from stridelab.experiments.load_sharing import FootWrench, share_wrench
 from stridelab.experiments.posture import Posture, StrideClock, prescribe, stride_clock
@@ -192,8 +191,7 @@ def _set_legs(
     for side, path in paths.items():
         s, y = letter(side), 1.0 if side == "left" else -1.0
         hip_m = pelvis_m + posture.pelvis.apply(np.array([0.0, y * p.hip_half_distance_m, 0.0]))
-        foot = Rotation.from_euler("z", path.yaw_rad) * about_y(path.pitch_rad)
-        angles = leg_angles(p, hip_m, posture.pelvis, path.ankle_m, foot)
+        angles = leg_angles(p, hip_m, posture.pelvis, path.ankle_m, path.foot)
         q[:, body.index[f"{s}hip"] : body.index[f"{s}hip"] + 3] = angles.hip_rad
         q[:, body.index[f"{s}knee"]] = angles.knee_rad
         q[:, body.index[f"{s}ankle_flexion"]] = angles.flexion_rad

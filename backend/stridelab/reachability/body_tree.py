@@ -19,9 +19,9 @@ import pinocchio as pin
 from jaxtyping import Float, Int
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.conventions import Mask, Points, Rotation, Series, Vector3
+from stridelab.conventions import Mask, Points, Rotation, Rotations, Vector3
 from stridelab.errors import Fault, NotEstimable
-from stridelab.reachability.leg_chain import Rotations
+from stridelab.reachability.turns import rotation_vectors, times, turned
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.robot import Robot
 
@@ -128,11 +128,11 @@ class BodyTree:
         p_world, R_world = np.zeros((n, 3)), np.broadcast_to(np.eye(3), (n, 3, 3))
         for k, link in enumerate(self.links):
             p_parent, R_parent = (p_world, R_world) if link.parent < 0 else (p[link.parent], R[link.parent])
-            R_fixed = (R_parent.reshape(-1, 3) @ link.R).reshape(-1, 3, 3)
+            R_fixed = times(R_parent, link.R)
             p[k] = p_parent + R_parent @ link.p
             axes[k] = R_fixed @ link.axis
             if link.turns:
-                R[k] = _turned(R_fixed, link.axis, x[:, k])
+                R[k] = turned(R_fixed, link.axis, x[:, k])
             else:
                 R[k] = R_fixed
                 p[k] += axes[k] * x[:, k, None]
@@ -153,7 +153,7 @@ class BodyTree:
     def place(self, name: str, at: State) -> tuple[Points, Rotations]:
         """Position and rotation of an effector's contact frame."""
         end = self.ends[name]
-        return at.p[end.link] + at.R[end.link] @ end.p, np.asarray(at.R[end.link] @ end.R)
+        return at.p[end.link] + at.R[end.link] @ end.p, times(at.R[end.link], end.R)
 
     def solve(
         self,
@@ -215,7 +215,7 @@ class BodyTree:
                 rows.append(J[:, :3])
                 continue
             J[:, 3:, moved] = np.where(turning, axes, 0.0).transpose(1, 2, 0)
-            errors.append(np.asarray(ScipyRotation.from_matrix(target.R[of] @ R.swapaxes(1, 2)).as_rotvec()))
+            errors.append(rotation_vectors(target.R[of] @ R.swapaxes(1, 2)))
             rows.append(J)
         return np.hstack(errors), np.concatenate(rows, axis=1)
 
@@ -240,14 +240,6 @@ def _stepped(
         d_0 = np.where(out, np.clip(dx, least, most), d_0)
         free &= ~out
     return np.asarray(np.clip(x + np.clip(dx, least, most), low, high))
-
-
-def _turned(R: Rotations, axis: Vector3, angle_rad: Series) -> Rotations:
-    """``R exp([axis] angle)`` by Rodrigues' formula."""
-    cross = np.array(pin.skew(axis))
-    s, c = np.sin(angle_rad)[:, None, None], np.cos(angle_rad)[:, None, None]
-    flat = R.reshape(-1, 3)
-    return np.asarray(R + s * (flat @ cross).reshape(-1, 3, 3) + (1.0 - c) * (flat @ (cross @ cross)).reshape(-1, 3, 3))
 
 
 def _link(model: pin.Model, j: int, parent: int) -> Link:

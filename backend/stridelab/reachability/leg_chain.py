@@ -14,12 +14,11 @@ from typing import Final
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
-from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.conventions import Mask, Points, Rotation, Series, Vector3
+from stridelab.conventions import Mask, Points, Rotation, Rotations, Series, Vector3
 from stridelab.errors import Fault, NotEstimable
+from stridelab.reachability.turns import rotation_vectors, times, turned
 
-Rotations = Float[np.ndarray, "n 3 3"]
 Angles = Float[np.ndarray, "n j"]
 
 TOLERANCE: Final = 1e-6
@@ -34,14 +33,14 @@ FAR: Final = 0.3
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A revolute joint: its number in ``q``, its limits, its fixed placement, and its axis as a cross matrix."""
+    """A revolute joint: its number in ``q``, its limits, its fixed placement, and its axis."""
 
     index: int
     lower_rad: float
     upper_rad: float
     p: Vector3
     R: Rotation
-    axis_cross: Rotation
+    axis: Vector3
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +102,7 @@ class LegChain:
             p, R_here, origins, axes = self._forward(angles[left])
             e = p_m[left] - p
             if R is not None:
-                e = np.hstack([e, _rotation_vector(R[left] @ R_here.swapaxes(1, 2))])
+                e = np.hstack([e, rotation_vectors(R[left] @ R_here.swapaxes(1, 2))])
             error = np.abs(e).max(axis=1)
             reached[left] = error < TOLERANCE
             going = (error >= TOLERANCE) & ((error < FAR) | (step < PATIENCE))
@@ -128,24 +127,10 @@ class LegChain:
         origins, axes = np.empty((2, len(self.joints), n, 3))
         for k, (joint, angle) in enumerate(zip(self.joints, angles_rad.T, strict=True)):
             p = p + R @ joint.p
-            R = R @ joint.R
-            origins[k], axes[k] = p, R @ _axis(joint)
-            R = R @ _turned(joint.axis_cross, angle)
-        return p + R @ self.p_end, np.asarray(R @ self.R_end), origins, axes
-
-
-def _axis(joint: Joint) -> Vector3:
-    return np.array([joint.axis_cross[2, 1], joint.axis_cross[0, 2], joint.axis_cross[1, 0]])
-
-
-def _rotation_vector(R: Rotations) -> Points:
-    return np.asarray(ScipyRotation.from_matrix(R).as_rotvec()) if len(R) else np.zeros((0, 3))
-
-
-def _turned(axis_cross: Rotation, angle_rad: Series) -> Rotations:
-    """Rodrigues' formula."""
-    s, c = np.sin(angle_rad)[:, None, None], np.cos(angle_rad)[:, None, None]
-    return np.asarray(np.eye(3) + s * axis_cross + (1.0 - c) * (axis_cross @ axis_cross))
+            R = times(R, joint.R)
+            origins[k], axes[k] = p, R @ joint.axis
+            R = turned(R, joint.axis, angle)
+        return p + R @ self.p_end, times(R, self.R_end), origins, axes
 
 
 def _joint(model: pin.Model, j: int, neutral: Float[np.ndarray, "nq"]) -> Joint:
@@ -167,5 +152,5 @@ def _joint(model: pin.Model, j: int, neutral: Float[np.ndarray, "nq"]) -> Joint:
         float(model.upperPositionLimit[joint.idx_q]),
         np.array(at.translation),
         np.array(at.rotation),
-        np.array(pin.skew(S[3:, 0])),
+        np.array(S[3:, 0]),
     )

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.conventions import Mask, Points
-from stridelab.reachability.leg_chain import Rotations
+from stridelab.conventions import Mask, Points, Rotations
 
 Interval = tuple[float, float]
 

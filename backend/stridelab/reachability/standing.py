@@ -19,9 +19,9 @@ import pinocchio as pin
 from jaxtyping import Float
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.conventions import Configurations, Mask, Points, Vector3
+from stridelab.conventions import Configurations, Mask, Points, Rotations, Vector3
 from stridelab.errors import Fault, NotEstimable
-from stridelab.reachability.leg_chain import LegChain, Rotations
+from stridelab.reachability.leg_chain import LegChain
 from stridelab.reachability.stance import Stance, about
 from stridelab.reachability.step_clearance import StepClearance
 from stridelab.robots.collision import SelfCollision

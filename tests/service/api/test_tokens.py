@@ -236,7 +236,7 @@ def test_too_many_requests_are_answered_429(postgres: TestDatabases, tmp_path: P
         answers = [http.get(SUBJECTS) for _ in range(6)]
         assert [answer.status_code for answer in answers] == [200] * 5 + [429]
         assert code(answers[-1]) == (429, "too-many-requests")
-        assert answers[-1].headers["retry-after"] == "2"
+        assert answers[-1].headers["retry-after"] in {"1", "2"}, "what is left of 2 s"
         assert [stranger.get(SUBJECTS).status_code for _ in range(2)] == [401, 429]
         assert stranger.post("/login", data={"token": "guessed"}).status_code == 429
         assert stranger.get("/api/v1/health").status_code == 200

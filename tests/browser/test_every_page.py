@@ -1,0 +1,84 @@
+"""Every page at both sizes: nobody is kept out by what axe-core finds, light or dark, and nothing is too wide.
+
+A picture of each is kept in the folder that STRIDELAB_SCREENSHOTS names, for people to look at.
+"""
+
+import json
+import os
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from axe_playwright_python.sync_playwright import Axe
+from playwright.sync_api import Page
+
+from support.every_page import every_page
+from support.fake_lab import Lab
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
+
+SIZES = ((1400, 850), (800, 600))
+LEAST_BYTES = 4_000
+"""The picture of an empty page is smaller."""
+WITHOUT_FRAMES = {"resultTypes": ["violations"], "iframes": False}
+"""What is inside a frame is viser's client."""
+COLOURS_ALONE = {**WITHOUT_FRAMES, "runOnly": ["color-contrast"]}
+"""A dark page differs from a light one in its colours."""
+COUNTED = ("serious", "critical")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    named = os.environ.get("STRIDELAB_SCREENSHOTS")
+    found = Path(named) if named else tmp_path
+    found.mkdir(parents=True, exist_ok=True)
+    return found
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize(("width", "height"), SIZES)
+def test_every_page_fits_and_keeps_nobody_out(
+    open_tab: Callable[..., Tab], lab: Lab, folder: Path, width: int, height: int
+) -> None:
+    tab = open_tab(width, height)
+    found = {}
+    for name, address in every_page(lab.fake).items():
+        page = tab.go(address)
+        _complete(page, name)
+        if wrong := [*_too_small(page, name, folder / f"{name}-{width}x{height}.png"), *_unfit(page)]:
+            found[name] = wrong
+    assert found == {}
+    tab.missteps = [misstep for misstep in tab.missteps if "status of 404" not in misstep]
+
+
+def _complete(page: Page, name: str) -> None:
+    if name.startswith("view-"):
+        page.wait_for_selector("[data-ready]", timeout=90_000)
+    elif page.locator("#plots").count():
+        page.wait_for_selector("#plots[data-ready]")
+
+
+def _too_small(page: Page, name: str, picture: Path) -> Iterator[str]:
+    page.screenshot(path=picture, full_page=not name.startswith("view-"))
+    if picture.stat().st_size <= LEAST_BYTES:
+        yield "empty"
+
+
+def _unfit(page: Page) -> Iterator[str]:
+    """Widths, and what axe-core has to say; its scripts are put into the page once."""
+    wide = page.evaluate("document.documentElement.scrollWidth - innerWidth")
+    if wide > 0:
+        yield f"{wide} pixels too wide"
+    page.evaluate(Axe().axe_script)
+    for scheme, options in (("light", WITHOUT_FRAMES), ("dark", COLOURS_ALONE)):
+        page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+        page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+        violations: list[dict[str, Any]] = page.evaluate(
+            f"axe.run({json.dumps(options)}).then((found) => found.violations)"
+        )
+        for one in violations:
+            if one["impact"] in COUNTED:
+                for node in one["nodes"]:
+                    yield f"{scheme}, {one['impact']}: {one['id']} at {node['target']}: {node['failureSummary']}"
