@@ -36,6 +36,21 @@ def test_first_calls_and_some_later_ones_are_checked_in_every_test_anew() -> Non
         often.next_test()
 
 
+def test_of_a_function_that_is_defined_anew_the_first_and_some_later_ones_are_checked() -> None:
+    checked: list[int] = []
+    often = OftenEnough(noting(checked))
+    for _ in range(2):
+        for number in range(1, 2 * EVERY + 1):
+
+            def doubled(number: int) -> int:
+                return 2 * number
+
+            assert often(doubled, typechecker=None)(number) == 2 * number
+        assert checked == [*range(1, FIRST + 1), EVERY, 2 * EVERY]
+        checked.clear()
+        often.next_test()
+
+
 @pytest.mark.parametrize("time", range(2))
 def test_a_wrong_shape_is_refused_in_every_test_that_is_the_first_to_give_it(time: int) -> None:
     """By a function, a dataclass and a method of the package; the second test is like the first."""

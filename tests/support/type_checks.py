@@ -2,11 +2,14 @@
 
 A check takes about 40 us, several times as long as what the functions of a control loop do themselves. So a function is
 checked at its first calls within each test, and then at every so many; which ones these are depends on nothing else.
+To make a checked function takes 1 ms, so of those that a function defines anew at every call, not all are made either.
 """
 
 import functools
 import inspect
+from collections import Counter
 from collections.abc import Callable
+from types import CodeType
 from typing import Any, Final
 
 FIRST: Final = 20
@@ -20,16 +23,22 @@ class OftenEnough:
 
     def __init__(self, checks: Callable[..., Any]) -> None:
         self._checks, self._test = checks, 0
+        self._defined: Counter[CodeType] = Counter()
 
     def next_test(self) -> None:
         """All functions are new again."""
         self._test += 1
+        self._defined.clear()
 
     def __call__(self, what: Any = None, *, typechecker: Any) -> Any:
         """What ``checks`` makes of a function or a class, but without its checks at most of many calls."""
         if what is None:
             return functools.partial(self, typechecker=typechecker)
         if not inspect.isclass(what):
+            if "<locals>" in what.__qualname__:
+                self._defined[what.__code__] += 1
+                if not _due(self._defined[what.__code__]):
+                    return what
             return self._at_some_calls(what, self._checks(what, typechecker=typechecker))
         unchecked = what.__init__
         checked = self._checks(what, typechecker=typechecker)
@@ -46,8 +55,12 @@ class OftenEnough:
             if test != self._test:
                 test, calls = self._test, 0
             calls += 1
-            if calls <= FIRST or calls % EVERY == 0:
+            if _due(calls):
                 return checked(*args, **kwargs)
             return unchecked(*args, **kwargs)
 
         return called
+
+
+def _due(time: int) -> bool:
+    return time <= FIRST or time % EVERY == 0

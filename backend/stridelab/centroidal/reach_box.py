@@ -33,6 +33,7 @@ class Box:
     high_m: Vector3
 
 
+@lru_cache(maxsize=32)
 def reach_box(mixture: Mixture, share: float = SHARE) -> Box:
     """The box of a density."""
     rare = (1.0 - share) / 2.0
