@@ -7,6 +7,7 @@ What ``__init__`` or ``__post_init__`` raises may stand with the class. What is 
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
@@ -54,7 +55,8 @@ def own(node: ast.AST) -> Iterator[ast.AST]:
             yield from own(child)
 
 
-def error_classes() -> set[str]:
+@cache
+def error_classes() -> frozenset[str]:
     """Names of ``StridelabError`` and of every class below it, wherever in the backend it stands."""
     trees = [ast.parse(path.read_text(encoding="utf-8")) for path in BACKEND.rglob("*.py")]
     bases = {
@@ -66,10 +68,10 @@ def error_classes() -> set[str]:
     found = {"StridelabError"}
     while more := {name for name, above in bases.items() if above & found} - found:
         found |= more
-    return found
+    return frozenset(found)
 
 
-def raised(node: Function, errors: set[str]) -> Iterator[str]:
+def raised(node: Function, errors: frozenset[str]) -> Iterator[str]:
     """Classes of this project's errors that a function raises by itself, and their codes as far as they are written."""
     for inner in own(node):
         if isinstance(inner, ast.Raise) and isinstance(inner.exc, ast.Call) and isinstance(inner.exc.func, ast.Name):
@@ -81,7 +83,7 @@ def raised(node: Function, errors: set[str]) -> Iterator[str]:
                 yield str(first.value)
 
 
-def unsaid(part: Part, errors: set[str]) -> list[str]:
+def unsaid(part: Part, errors: frozenset[str]) -> list[str]:
     """What the docstring of a part lacks."""
     lacking = [] if part.said.strip() or part.node.name in MAKES else ["a docstring"]
     if isinstance(part.node, ast.ClassDef):
@@ -117,12 +119,11 @@ def annotations(part: Part) -> Iterator[ast.AST | None]:
         yield part.node.returns
 
 
-ERRORS = error_classes()
-
-
 @pytest.mark.parametrize("path", numeric_modules(), ids=lambda p: str(p.relative_to(BACKEND)))
 def test_public_parts_say_what_they_are_and_what_they_raise(path: Path) -> None:
-    found = {part.name: unsaid(part, ERRORS) for part in parts(ast.parse(path.read_text(encoding="utf-8")).body)}
+    found = {
+        part.name: unsaid(part, error_classes()) for part in parts(ast.parse(path.read_text(encoding="utf-8")).body)
+    }
     assert {name: lacking for name, lacking in found.items() if lacking} == {}
 
 
@@ -159,7 +160,7 @@ class Silent:
     def _own(self) -> None:
         raise InvalidInput("fourth-code", "words")
 '''
-    found = {part.name: unsaid(part, ERRORS) for part in parts(ast.parse(source).body)}
+    found = {part.name: unsaid(part, error_classes()) for part in parts(ast.parse(source).body)}
     assert found == {
         "Silent": ["a docstring"],
         "Silent.__post_init__": ["NotFound", "first-code"],

@@ -12,6 +12,7 @@ import pytest
 from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.recordings import archive
 from stridelab.recordings.reader import read_recording
+from support.dec_c3d import as_dec
 from support.synthetic_c3d import PlateChannels, write_file
 
 TRC = """PathFileType\t4\t(X/Y/Z)\ta.trc
@@ -144,6 +145,23 @@ def test_an_analog_rate_that_no_recorder_has(rate_hz: float, tmp_path: Path) -> 
     error = refused_bytes(tmp_path, bytes(content))
     assert error.code == "c3d-parameters-broken"
     assert f"ANALOG:RATE is {np.float32(rate_hz):g} Hz" in error.faults[0].message
+
+
+def test_the_rate_of_a_dec_machine_is_read_with_its_own_floats(tmp_path: Path) -> None:
+    """As one of Intel's, the float of its 1000 Hz would be 2.5e-41 Hz."""
+    content = good(tmp_path)
+    (tmp_path / "dec.c3d").write_bytes(as_dec(content))
+    read, intel = read_recording(tmp_path / "dec.c3d"), read_recording(tmp_path / "good.c3d")
+    assert read.plates[0].force_n.shape == intel.plates[0].force_n.shape
+    for label, track in intel.markers_m.items():
+        np.testing.assert_allclose(read.markers_m[label], track, atol=1e-6)
+
+    absurd = bytearray(content)
+    analog = absurd.index(b"ANALOG", 512)
+    struct.pack_into("<f", absurd, absurd.index(b"RATE", analog) + len("RATE") + 4, 1e9)
+    error = refused_bytes(tmp_path, as_dec(bytes(absurd)))
+    assert error.code == "c3d-parameters-broken"
+    assert "ANALOG:RATE is 1e+09 Hz" in error.faults[0].message
 
 
 def test_a_parameter_section_of_no_blocks(tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Vector3
+from stridelab.dynamics.cross import cross
 from stridelab.dynamics.placement import Placement
 from stridelab.wholebody.disturbance import Disturbances
 from stridelab.wholebody.simulation import Simulation
@@ -60,7 +61,7 @@ class Sensors:
         contacts = {name: simulation.contact(name) for name in simulation.built.geom}
         wrenches = simulation.wrenches()
         forces = {name: wrench[:3] for name, wrench in wrenches.items()}
-        moments = {name: w[3:] - np.cross(contacts[name].position_m, w[:3]) for name, w in wrenches.items()}
+        moments = {name: w[3:] - cross(contacts[name].position_m, w[:3]) for name, w in wrenches.items()}
         return Seen(time_s, *simulation.coordinates(), *simulation.com(), contacts, forces, moments)
 
     def _noisy(self, seen: Seen) -> Seen:

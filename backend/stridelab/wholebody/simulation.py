@@ -5,6 +5,7 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Vector3
+from stridelab.dynamics.cross import cross
 from stridelab.dynamics.placement import Placement
 from stridelab.wholebody.simulation_model import SimulationModel
 
@@ -107,5 +108,5 @@ class Simulation:
                     axes = sign * touching.frame[k].reshape(3, 3).T
                     force = axes @ local[:3]
                     found[self._of_geom[geom]][:3] += force
-                    found[self._of_geom[geom]][3:] += axes @ local[3:] + np.cross(touching.pos[k], force)
+                    found[self._of_geom[geom]][3:] += axes @ local[3:] + cross(touching.pos[k], force)
         return found
