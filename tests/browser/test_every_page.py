@@ -45,6 +45,7 @@ def test_every_page_fits_and_keeps_nobody_out(
     tab = open_tab(width, height)
     found = {}
     for name, address in every_page(lab.fake).items():
+        tab.page.emulate_media(color_scheme="light")
         page = tab.go(address)
         _complete(page, name)
         if wrong := [*_too_small(page, name, folder / f"{name}-{width}x{height}.png"), *_unfit(page)]:

@@ -39,24 +39,26 @@ class OftenEnough:
                 self._defined[what.__code__] += 1
                 if not _due(self._defined[what.__code__]):
                     return what
-            return self._at_some_calls(what, self._checks(what, typechecker=typechecker))
+            return self._at_some_calls(what, functools.cache(lambda: self._checks(what, typechecker=typechecker)))
         unchecked = what.__init__
         checked = self._checks(what, typechecker=typechecker)
         if checked.__init__ is not unchecked:
-            checked.__init__ = self._at_some_calls(unchecked, checked.__init__)
+            with_checks = checked.__init__
+            checked.__init__ = self._at_some_calls(unchecked, lambda: with_checks)
         return checked
 
-    def _at_some_calls(self, unchecked: Callable[..., Any], checked: Callable[..., Any]) -> Callable[..., Any]:
+    def _at_some_calls(self, unchecked: Callable[..., Any], checked: Callable[[], Any]) -> Callable[..., Any]:
+        """``checked`` makes the other one, once it is called: most functions are not, in most processes."""
         test, calls = -1, 0
 
-        @functools.wraps(checked)
+        @functools.wraps(unchecked)
         def called(*args: Any, **kwargs: Any) -> Any:
             nonlocal test, calls
             if test != self._test:
                 test, calls = self._test, 0
             calls += 1
             if _due(calls):
-                return checked(*args, **kwargs)
+                return checked()(*args, **kwargs)
             return unchecked(*args, **kwargs)
 
         return called

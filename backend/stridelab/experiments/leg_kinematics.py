@@ -7,7 +7,7 @@ point: six angles for the six coordinates of the foot. With ``r`` the vector fro
     knee       cos(theta) = (|r|^2 - L_t^2 - L_s^2) / (2 L_t L_s)
     flexion    phi1 = angle of (-L_t sin theta, L_s + L_t cos theta) minus that of (r_x, sqrt(r_y^2 + r_z^2))
 
-and the hip takes what is left.
+and the hip takes what is left, ``R_pelvis^T R_foot R_x(-phi2) R_y(-(phi1 + theta))``.
 """
 
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ def leg_angles(p: Proportions, hip_m: Points, pelvis: Rotation, ankle_m: Points,
 
 
 def _hip_rad(foot_in_pelvis: Rotations, inversion_rad: Series, bend_rad: Series) -> Points:
-    """Yaw, pitch and roll of ``R_foot R_x(-phi2) R_y(-(phi1 + theta))``, from the entries that they need."""
+    """Its yaw, pitch and roll, from those entries of the product that they need."""
     x, y, z = np.moveaxis(foot_in_pelvis, 2, 0)
     c, s = np.cos(inversion_rad)[:, None], np.sin(inversion_rad)[:, None]
     y, z = c * y - s * z, s * y + c * z
