@@ -6,13 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from stridelab.body.segment_model import SegmentModel
 from stridelab.errors import NotEstimable
 from stridelab.recordings.footing import centre_of_pressure_m
 from stridelab.recordings.marker_sets import identify
-from stridelab.recordings.mass import mass_from_force_kg
+from stridelab.recordings.mass import best_mass, weigh
 from stridelab.recordings.plates import plate_axes
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
+from stridelab.recordings.vertical_motion import VerticalMotion, vertical_motion
 from stridelab.recordings.windows import find_windows, require_windows
 from support.gait_table import ESTIMABLE, GAIT_TABLE, GaitTrial, trial
 
@@ -29,6 +31,14 @@ def read(row: GaitTrial, folder: Path) -> tuple[Recording, dict[str, str]]:
     return recording, dict(identify(list(recording.markers_m)).landmarks)
 
 
+def moves(recording: Recording, landmarks: dict[str, str]) -> VerticalMotion | None:
+    try:
+        com_m = SegmentModel().com(recording, landmarks, subject=recording.subject).com_m
+    except NotEstimable:
+        com_m = None
+    return vertical_motion(recording, landmarks, com_m)
+
+
 def test_the_table_names_every_file() -> None:
     listed = {file for row in GAIT_TABLE for file in row.files}
     found = {str(path.relative_to(GAIT)) for suffix in ("c3d", "trc", "mot") for path in GAIT.rglob(f"*.{suffix}")}
@@ -39,20 +49,21 @@ def test_the_table_names_every_file() -> None:
 @pytest.mark.parametrize("row", GAIT_TABLE, ids=lambda row: row.name)
 def test_outcome_windows_and_mass(row: GaitTrial, tmp_path: Path) -> None:
     recording, landmarks = read(row, tmp_path)
-    search = find_windows(recording, landmarks)
+    motion, stated_kg = moves(recording, landmarks), recording.subject.mass_kg
+    search = find_windows(recording, landmarks, motion, stated_kg=stated_kg)
     assert [(w.start_s, w.end_s) for w in search.windows] == [pytest.approx(w, abs=0.011) for w in row.windows_s]
     if row.outcome == ESTIMABLE:
-        assert require_windows(recording, landmarks) == search.windows
+        assert require_windows(recording, landmarks, motion, stated_kg=stated_kg) == search.windows
     else:
         with pytest.raises(NotEstimable) as refused:
-            require_windows(recording, landmarks)
+            require_windows(recording, landmarks, motion, stated_kg=stated_kg)
         assert refused.value.code == row.outcome
-    mass_kg = mass_from_force_kg(recording, search.windows)
-    assert (mass_kg is None) == (row.measured_mass_kg is None)
-    if mass_kg is not None:
-        assert mass_kg == pytest.approx(row.measured_mass_kg, abs=0.02)
-        if row.stated_mass_kg is not None:
-            assert mass_kg == pytest.approx(row.stated_mass_kg, rel=row.mass_tolerance)
+    mass = best_mass(weigh(recording, search.windows, motion))
+    assert (mass is None) == (row.measured_mass_kg is None)
+    if mass is not None:
+        assert mass.mass_kg == pytest.approx(row.measured_mass_kg, abs=0.02)
+        if row.stated_mass_kg is not None and row.mass_tolerance is not None:
+            assert mass.mass_kg == pytest.approx(row.stated_mass_kg, rel=row.mass_tolerance)
 
 
 def test_adults_at_their_own_speed_weigh_what_they_weigh() -> None:

@@ -12,6 +12,7 @@ import pytest
 from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.recordings import archive
 from stridelab.recordings.reader import read_recording
+from stridelab.recordings.trc_mot import parse_mot
 from support.dec_c3d import as_dec
 from support.synthetic_c3d import PlateChannels, write_file
 
@@ -127,15 +128,6 @@ def test_a_text_without_a_length(name: str, tmp_path: Path) -> None:
     assert error.faults[0].message == f"{name} is text without a length"
 
 
-def test_a_name_in_small_letters_is_another_name(tmp_path: Path) -> None:
-    """ezc3d does not find the offsets then, and ends the process."""
-    content = bytearray(good(tmp_path))
-    content[content.index(b"OFFSET", 512)] = ord("o")
-    error = refused_bytes(tmp_path, bytes(content))
-    assert error.code == "c3d-parameters-broken"
-    assert "ANALOG:OFFSET has 0 of" in error.faults[0].message
-
-
 @pytest.mark.parametrize("rate_hz", [1e9, float("inf"), float("nan")])
 def test_an_analog_rate_that_no_recorder_has(rate_hz: float, tmp_path: Path) -> None:
     """ezc3d would read 10^7 samples per frame, most of them behind the end of the file."""
@@ -164,9 +156,9 @@ def test_the_rate_of_a_dec_machine_is_read_with_its_own_floats(tmp_path: Path) -
     assert "ANALOG:RATE is 1e+09 Hz" in error.faults[0].message
 
 
-def test_a_parameter_section_of_no_blocks(tmp_path: Path) -> None:
+def test_a_parameter_section_of_no_parameters(tmp_path: Path) -> None:
     content = bytearray(good(tmp_path))
-    content[514] = 0
+    content[514] = content[516] = 0
     error = refused_bytes(tmp_path, bytes(content))
     assert error.code == "c3d-parameters-broken"
     assert "0 blocks" in error.faults[0].message
@@ -296,6 +288,70 @@ def test_litter_in_a_zip_is_no_second_trial(tmp_path: Path) -> None:
 )
 def test_a_broken_trc_is_refused(text: str, code: str, tmp_path: Path) -> None:
     assert refused_zip(tmp_path, {"a.trc": text, "a.mot": MOT}).code == code
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        ("PathFileType", "the file ends after line 1"),
+        (TRC.replace("NumMarkers", "Markers"), "state no NumMarkers"),
+        (TRC.replace("\t2\t1\tmm", "\t2\tmany\tmm"), "line 3 states 'many' as NumMarkers"),
+        (TRC.replace("100\t100\t2", "fast\t100\t2"), "line 3 states 'fast' as DataRate"),
+        (TRC.replace("\t2\t1\tmm", "\t2\t7\tmm"), "line 3 states 7 markers and line 4 names 1"),
+        (TRC.replace("0.01\t1\t2", "0.01\tabc\t2"), "line 8, column 3 holds 'abc'"),
+        (TRC.replace("0.01\t1\t2", "0.01\t-1e200\t2"), "line 8, column 3 holds -1e+200"),
+        (TRC.replace("2\t0.01\t1\t2\t3", "2"), "line 8 has 1 of 5 values"),
+    ],
+)
+def test_a_broken_trc_is_refused_with_file_and_line(text: str, place: str, tmp_path: Path) -> None:
+    refused = refused_zip(tmp_path, {"a.trc": text, "a.mot": MOT})
+    assert refused.code == "trc-broken"
+    assert "a.trc" in refused.message
+    assert place in refused.message
+    assert [(fault.where, place in fault.message) for fault in refused.faults] == [("a.trc", True)]
+
+
+@pytest.mark.parametrize(
+    ("text", "place"),
+    [
+        (MOT.replace("700\t0\t0", "x\t0\t0", 1), "line 7, column 3 holds 'x'"),
+        (MOT.replace("0.01\t0\t700", "0.01\t0\t7e200"), "line 8, column 3 holds 7e+200"),
+        (MOT[: MOT.index("time")], "the file ends with endheader in line 5"),
+    ],
+)
+def test_a_broken_mot_is_refused_with_file_and_line(text: str, place: str) -> None:
+    with pytest.raises(UnreadableFile) as refused:
+        parse_mot(text, "a.mot")
+    assert refused.value.code == "mot-broken"
+    assert place in refused.value.message
+    assert [(fault.where, place in fault.message) for fault in refused.value.faults] == [("a.mot", True)]
+
+
+@pytest.mark.parametrize(
+    ("method", "flags", "cause"),
+    [
+        (None, None, "it is no whole zip file"),
+        (None, 1, "it is encrypted"),
+        (97, None, "it is compressed by a method that is not supported"),
+    ],
+    ids=["cut", "encrypted", "unknown method"],
+)
+def test_a_damaged_zip_is_described_in_words(method: int | None, flags: int | None, cause: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.zip"
+    with zipfile.ZipFile(path, "w") as packed:
+        packed.writestr("a.trc", TRC)
+    content = bytearray(path.read_bytes())
+    directory = content.index(b"PK\x01\x02")
+    if flags is not None:
+        content[6], content[directory + 8] = flags, flags
+    if method is not None:
+        content[8], content[directory + 10] = method, method
+    path.write_bytes(bytes(content if flags or method else content[: len(content) // 2]))
+    with pytest.raises(UnreadableFile) as refused:
+        archive.open_trial(path)
+    assert refused.value.code == "zip-damaged"
+    assert refused.value.faults[0].where == "a.zip"
+    assert refused.value.faults[0].message.startswith(cause)
 
 
 def test_times_that_do_not_overlap_are_said_on_both_sides(tmp_path: Path) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.errors import NotEstimable
 from stridelab.recordings.footing import centre_of_pressure_m
-from stridelab.recordings.mass import mass_from_force_kg
+from stridelab.recordings.mass import best_mass, weigh
 from stridelab.recordings.recording import Recording, Remark, Window
 from stridelab.recordings.windows import find_windows, measured_windows, require_windows
 from support.schematic_walk import LANDMARKS, STANCE_S, STEP_S, WEIGHT_N, corners, walk
@@ -21,6 +21,11 @@ def lift_s(k: int) -> float:
 
 def strike_s(k: int) -> float:
     return STEP_S * k - 0.3
+
+
+def mass_kg(recording: Recording, windows: tuple[Window, ...]) -> float | None:
+    best = best_mass(weigh(recording, windows))
+    return None if best is None else best.mass_kg
 
 
 def check(recording: Recording, expected: list[tuple[float, float]]) -> None:
@@ -130,7 +135,7 @@ def test_standing_on_a_plate_is_one_window() -> None:
     recording = Recording(markers, 100.0, 1000.0, (plate,), walk([2]).subject, (), "+z", None)
     (window,) = measured_windows(recording, LANDMARKS)
     assert (window.start_s, window.end_s) == (0.0, pytest.approx(t[-1]))
-    assert mass_from_force_kg(recording, (window,)) == pytest.approx(WEIGHT_N / 9.81)
+    assert mass_kg(recording, (window,)) == pytest.approx(WEIGHT_N / 9.81)
     assert find_windows(recording, LANDMARKS).remarks == ()
 
 
@@ -156,9 +161,9 @@ def test_on_a_treadmill_everything_is_measured() -> None:
 def test_mass_over_whole_steps() -> None:
     recording = walk([2, 3])
     windows = (Window(lift_s(1), strike_s(4)),)
-    assert mass_from_force_kg(recording, windows) == pytest.approx(WEIGHT_N / 9.81, rel=2e-3)
-    assert mass_from_force_kg(walk([3]), (Window(lift_s(2), strike_s(4)),)) is None
-    assert mass_from_force_kg(replace(recording, plates=()), windows) is None
+    assert mass_kg(recording, windows) == pytest.approx(WEIGHT_N / 9.81, rel=2e-3)
+    assert mass_kg(walk([3]), (Window(lift_s(2), strike_s(4)),)) is None
+    assert mass_kg(replace(recording, plates=()), windows) is None
 
 
 def test_mass_needs_whole_steps_not_whole_windows() -> None:
@@ -167,8 +172,8 @@ def test_mass_needs_whole_steps_not_whole_windows() -> None:
     phase = np.arange(len(recording.plates[0].force_n)) / 1000.0 / STEP_S * 2 * np.pi
     swing = (1.0 + 0.3 * np.sin(phase))[:, None]
     plates = tuple(replace(plate, force_n=plate.force_n * swing) for plate in recording.plates)
-    mass_kg = mass_from_force_kg(replace(recording, plates=plates), (Window(lift_s(1), strike_s(4)),))
-    assert mass_kg == pytest.approx(WEIGHT_N / 9.81, rel=0.02)
+    found_kg = mass_kg(replace(recording, plates=plates), (Window(lift_s(1), strike_s(4)),))
+    assert found_kg == pytest.approx(WEIGHT_N / 9.81, rel=0.02)
 
 
 def test_centre_of_pressure_is_masked_while_unloaded() -> None:
@@ -194,6 +199,8 @@ def test_refusals_have_their_reasons() -> None:
     assert refused(replace(recording, markers_m=one)) == "single-frame"
     assert refused(replace(recording, markers_m=few)) == "recording-too-short"
     assert refused(replace(recording, plates=())) == "no-plates"
+    with pytest.raises(NotEstimable, match="The method geometry gives the centre of mass from the markers alone"):
+        require_windows(replace(recording, plates=()), LANDMARKS)
     assert refused(replace(recording, plates=switched)) == "plates-switched-off"
     assert refused(replace(recording, plates=empty)) == "plates-unloaded"
     assert refused(replace(recording, plates=elsewhere)) == "no-measured-window"

@@ -1,5 +1,6 @@
 """C3D files out and in again."""
 
+import struct
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from stridelab.errors import InvalidInput
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Event, Recording, Subject
 from stridelab.recordings.writer import add_points_to_c3d, chunks, write_c3d
+from support.c3d_machines import as_integers, parameter_at, read_plain
 from support.schematic_walk import walk
 from support.synthetic_c3d import PlateChannels, write_file
 
@@ -136,6 +138,32 @@ def test_points_are_added_in_the_files_own_axes_and_all_else_is_kept(tmp_path: P
     np.testing.assert_allclose(b.model_points_m["CentreOfMass"][10:], com[10:], atol=1e-6)
     for p, q in zip(a.plates, b.plates, strict=True):
         np.testing.assert_array_equal(p.force_n, q.force_n)
+
+
+@pytest.mark.parametrize("as_integer_file", [False, True])
+def test_header_and_parameters_agree_and_nothing_is_lost(as_integer_file: bool, tmp_path: Path) -> None:
+    """Read by a reader of the tests' own; a program that compares the two statements of a scale opens the file."""
+    source, target = upload(tmp_path), tmp_path / "com.c3d"
+    content = bytearray(source.read_bytes())
+    for at in (12, parameter_at(bytes(content), "POINT", "SCALE") + 2):
+        struct.pack_into("<f", content, at, -0.01)
+    before = read_plain(source)
+    source.write_bytes(as_integers(bytes(content), 0.1) if as_integer_file else bytes(content))
+    add_points_to_c3d(source, target, {"CentreOfMass": np.full((40, 3), 0.9)})
+    after = read_plain(target)
+    assert after.scale == after.numbers("POINT", "SCALE")[0] == np.float32(-0.1 if as_integer_file else -0.01)
+    assert after.n_points == after.numbers("POINT", "USED")[0] % 65536 == before.n_points + 1
+    assert after.data_block == after.numbers("POINT", "DATA_START")[0]
+    seen = np.isfinite(before.points).all(axis=2)
+    within = 0.051 if as_integer_file else 0.0
+    np.testing.assert_allclose(after.points[:, :260, :3][seen], before.points[:, :, :3][seen], atol=within, rtol=0)
+    np.testing.assert_array_equal(after.analogs, before.analogs)
+    changed = {("POINT", name) for name in ("USED", "SCALE", "DATA_START", "LABELS2", "DESCRIPTIONS2")}
+    for key in set(before.parameters) - changed:
+        assert after.parameters[key] == before.parameters[key], key
+    names = after.texts("POINT", "LABELS") + after.texts("POINT", "LABELS2")
+    assert names[-1] == "CentreOfMass"
+    assert len(names) == 261
 
 
 def test_a_label_that_is_taken_is_not_overwritten(tmp_path: Path) -> None:

@@ -46,14 +46,16 @@ class SegmentModel:
         *,
         subject: Subject,
         static: Recording | None = None,
+        static_landmarks: Mapping[str, str] | None = None,
     ) -> GeometricCom:
         """CoM at the marker instants of ``recording``; NaN where a segment cannot be formed.
 
         ``landmarks`` maps landmark to label (``recordings.marker_sets.identify``). A ``static`` trial of the same
-        person gives joint widths and rebuilds markers that the trial lacks. Raises ``NotEstimable`` where pelvis or
+        person gives joint widths and rebuilds markers that the trial lacks; ``static_landmarks`` are its own, found by
+        its marker set where they are not given. Raises ``NotEstimable`` where pelvis or
         legs cannot be located, ``InvalidInput`` for a table that is not there.
         """
-        shapes = {} if static is None else _static_tracks(static, landmarks)
+        shapes = {} if static is None else _static_tracks(static, landmarks, static_landmarks)
         p, rebuilt = _completed(_tracks(recording, landmarks), shapes)
         table = self._table(recording, subject.sex)
         body = replace(anthropometry(subject.sex), height_m=subject.height_m)
@@ -93,10 +95,13 @@ def _tracks(recording: Recording, landmarks: Mapping[str, str]) -> dict[str, Poi
     return {name: recording.markers_m[label] for name, label in landmarks.items() if label in recording.markers_m}
 
 
-def _static_tracks(static: Recording, landmarks: Mapping[str, str]) -> dict[str, Points]:
+def _static_tracks(
+    static: Recording, landmarks: Mapping[str, str], named: Mapping[str, str] | None
+) -> dict[str, Points]:
     """Landmarks of the static trial: as its own set names them, overruled by the labels of the walking trial."""
+    own = identify(list(static.markers_m)).landmarks if named is None else named
     shared = {name: label for name, label in landmarks.items() if label in static.markers_m}
-    return _tracks(static, {**identify(list(static.markers_m)).landmarks, **shared})
+    return _tracks(static, {**own, **shared})
 
 
 def _completed(tracks: Tracks, shapes: virtual_markers.Shapes) -> tuple[dict[str, Points], tuple[str, ...]]:

@@ -35,6 +35,11 @@ Lags = Float[np.ndarray, "lags"]
 INDEPENDENT_PER_S: Final = 12.0
 SIGNIFICANT_SD: Final = 1.0
 """A lag beyond this many standard deviations is taken out: from one on, that leaves a smaller error than leaving it."""
+REPEATS: Final = 1.4
+"""Repeated trials of one session scatter by this many times the width of the likelihood: its noise is no white one.
+
+Calibrated on 6 adults (18 trials) and tested on 12 others: ``docs/theory/sessions.md``.
+"""
 LEAST_S: Final = 0.002
 """A lag below this is left alone: 2.4 mm at walking speed, and as large as the method's own worst error."""
 LARGEST_S: Final = 0.1
@@ -67,7 +72,7 @@ class AxisLag:
 
 @dataclass(frozen=True)
 class Latency:
-    """``latency_s`` > 0 means the force is late; ``sd_s`` is the width of its likelihood.
+    """``latency_s`` > 0 means the force is late; ``sd_s`` is ``REPEATS`` times the width of its likelihood.
 
     ``along``, ``lateral`` and ``vertical`` are the accelerations of each axis alone (along and across the walk), for
     which a wrong table is a lag; ``correlation`` is that of the two paths at the latency.
@@ -83,7 +88,12 @@ class Latency:
     @property
     def significant(self) -> bool:
         """Whether taking this lag out is better than leaving it in."""
-        return abs(self.latency_s) > max(SIGNIFICANT_SD * self.sd_s, LEAST_S)
+        return is_significant(self.latency_s, self.sd_s)
+
+
+def is_significant(latency_s: float, sd_s: float) -> bool:
+    """Whether taking a lag with this standard deviation out is better than leaving it in."""
+    return abs(latency_s) > max(SIGNIFICANT_SD * sd_s, LEAST_S)
 
 
 def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], WrenchTrack], mass_kg: float) -> Latency:
@@ -92,7 +102,7 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
     ``wrench_at(latency_s)`` returns the force read that much later. Raises as ``window_span`` does, and
     ``NotEstimable`` with ``latency-unclear`` when the force hardly varies (standing still), when the two motions do not
     resemble each other (wrong plates), when the likeliest lag lies at the edge of the search or adds up to more than
-    ``LARGEST_S``, and when it is less certain than ``WORST_SD_S``.
+    ``LARGEST_S``, and when its likelihood is wider than ``WORST_SD_S``.
     """
     require_mass(mass_kg)
     latency_s, everywhere = 0.0, True
@@ -127,7 +137,7 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
         )
     wrench = wrench_at(0.0)
     along, lateral, vertical = _axis_lags(geometric, wrench, window_span(geometric, wrench), mass_kg, R)
-    return Latency(latency_s, sd_s, along, lateral, vertical, found.correlation)
+    return Latency(latency_s, REPEATS * sd_s, along, lateral, vertical, found.correlation)
 
 
 def _beyond(searched_s: float) -> NotEstimable:

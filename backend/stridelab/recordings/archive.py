@@ -39,8 +39,22 @@ def damaged(path: Path, error: Exception) -> UnreadableFile:
     return UnreadableFile(
         "zip-damaged",
         "The zip file is damaged, encrypted or of an unknown kind.",
-        [Fault(path.name, str(error)[:200])],
+        [Fault(path.name, _cause(error))],
     )
+
+
+def _cause(error: Exception) -> str:
+    """The error of the zip library in words, which words its own for programmers; special cases first."""
+    causes: tuple[tuple[type[Exception], str], ...] = (
+        (zipfile.BadZipFile, "it is no whole zip file: its directory or a checksum does not fit its contents"),
+        (zipfile.LargeZipFile, "it needs the extension for large zip files and does not use it"),
+        (zlib.error, "compressed data in it are damaged"),
+        (EOFError, "it ends early"),
+        (NotImplementedError, "it is compressed by a method that is not supported"),
+        (RuntimeError, "it is encrypted"),
+        (OSError, "it cannot be read"),
+    )
+    return next((cause for kind, cause in causes if isinstance(error, kind)), "its directory holds impossible values")
 
 
 def open_trial(path: Path) -> TrialTexts:

@@ -5,21 +5,21 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import ezc3d
 import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Corners
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.recordings import labels as names
-from stridelab.recordings.c3d_guard import check_c3d
+from stridelab.recordings.c3d_ezc3d import EZC3D_ERRORS, open_c3d
 from stridelab.recordings.events import read_events
 from stridelab.recordings.gaps import mark_missing
 from stridelab.recordings.plates import CHANNELS, corners_fault, sensor_wrench
 from stridelab.recordings.raw import LARGEST, Cloud, PlateSignals, RawTrial
 from stridelab.recordings.recording import Event, Remark
+from stridelab.recordings.recording_date import recorded_on
 from stridelab.recordings.subject import read_joint_widths_m, read_subject
-from stridelab.recordings.units import MOMENT_SCALE, length_scale
+from stridelab.recordings.units import length_scale, moment_scale
 
 CARRIED_GROUP = "STRIDELAB"
 """Group in which a simulated recording carries its own metadata."""
@@ -71,14 +71,13 @@ def read_c3d(path: Path) -> RawTrial:
 
     Raises ``UnreadableFile`` (``c3d-unreadable``, ``no-frames``, and as ``check_c3d``).
     """
-    check_c3d(path)
     try:
-        content = ezc3d.c3d(str(path))
-    except (OSError, RuntimeError, ValueError, IndexError, KeyError, MemoryError, TypeError) as error:
+        content = open_c3d(path)
+    except EZC3D_ERRORS as error:
         raise UnreadableFile(
             "c3d-unreadable",
-            "The file claims to be a C3D file but cannot be read.",
-            [Fault(path.name, str(error)[:200])],
+            "The file has the header of a C3D file, but its parameters contradict each other or its data.",
+            [Fault(path.name, "the C3D reader cannot make sense of its parameters")],
         ) from error
     P = Parameters(content["parameters"])
     points = np.asarray(content["data"]["points"][:3], dtype=np.float64).transpose(2, 1, 0)
@@ -111,6 +110,7 @@ def read_c3d(path: Path) -> RawTrial:
             {name: P.number("PROCESSING", name, math.nan) for name in P.names("PROCESSING")}
         ),
         carried=_carried(P),
+        recorded_on=recorded_on(P.texts, lambda group, name: P.numbers(group, name).ravel().tolist()),
     )
 
 
@@ -184,7 +184,10 @@ def _plates(P: Parameters, analogs: np.ndarray, scale: float) -> tuple[tuple[Pla
             remarks.append(Remark("plate-unusable", f"Plate {k + 1} was left out: {fault}."))
             continue
         used = [int(i) - 1 for i in channel[: CHANNELS[kind], k]]
-        moment_scale = _moment_scale(P, used[-1], scale)
+        if np.isnan(analogs[:, used]).all(axis=0).any():
+            remarks.append(Remark("plate-unusable", f"Plate {k + 1} was left out: a channel of it has no scale."))
+            continue
+        unit = _moment_unit(P, used[-1])
         matrix = calibration.reshape(6, 6, -1)[:, :, k] if kind == 4 and calibration.size >= 36 * (k + 1) else None
         if matrix is not None and P.text(group, "MATRIX_STORE").upper() == "BYROW":
             matrix = matrix.T
@@ -195,8 +198,9 @@ def _plates(P: Parameters, analogs: np.ndarray, scale: float) -> tuple[tuple[Pla
                 Remark("plate-unusable", f"Plate {k + 1} was left out: its channels hold impossible values.")
             )
             continue
-        force, moment, o = sensor_wrench(kind, signals, origin_m, matrix, moment_scale, scale)
-        found.append(PlateSignals(k + 1, kind, corners_m, o, force, moment, zero_samples))
+        force, moment, o = sensor_wrench(kind, signals, origin_m, matrix, moment_scale(unit, scale), scale)
+        moment_unit = unit if kind in (2, 4) else None
+        found.append(PlateSignals(k + 1, kind, corners_m, o, force, moment, zero_samples, moment_unit))
     return tuple(found), remarks
 
 
@@ -216,8 +220,7 @@ def _layout_fault(
     return "its ORIGIN is missing" if origin.size < 3 * (k + 1) else None
 
 
-def _moment_scale(P: Parameters, channel: int, scale: float) -> float:
-    """Factor to Nm from the unit of a moment channel; lengths' unit where the file says nothing."""
+def _moment_unit(P: Parameters, channel: int) -> str:
+    """What the file says of a moment channel's unit; empty where it says nothing."""
     units: Sequence[str] = P.texts("ANALOG", "UNITS")
-    unit = units[channel] if channel < len(units) else ""
-    return MOMENT_SCALE.get(unit.lower().replace(".", "").replace("*", "").replace(" ", ""), scale)
+    return units[channel] if channel < len(units) else ""

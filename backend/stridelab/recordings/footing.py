@@ -5,6 +5,7 @@ from jaxtyping import Bool, Float, Int
 
 from stridelab.conventions import Mask, Points, Rotation
 from stridelab.recordings.feet import Foot
+from stridelab.recordings.foot_outline import Outline, resting_outline
 from stridelab.recordings.gaps import runs
 from stridelab.recordings.plates import plate_axes
 from stridelab.recordings.raw import CONTACT_TYPE
@@ -17,6 +18,9 @@ SLACK_S = 0.1
 """Landing and lifting are seen in markers and in load at slightly different instants."""
 _EDGE_M = 0.03
 """A marker sits on the skin: it may lie this far outside a plate on which the foot stands."""
+_OUTLINE_EDGE_M = 0.02
+"""The outline of a foot may lie this far outside: its error is about 1 cm, and the last centimetre carries little."""
+_BRIEF_S = 0.05
 _BELOW_M, _SOLE_M = 0.06, 0.12
 """The lowest marker of a standing foot lies in this range about its plate's height; else it stands elsewhere."""
 _OVERHANG_M = 0.12
@@ -42,9 +46,27 @@ def on_plate(recording: Recording, plate: Plate, foot: Foot) -> Bool[np.ndarray,
     if not loaded.any():
         return np.zeros(foot.markers_m.shape[:2], dtype=bool)
     if plate.type == CONTACT_TYPE:
-        near = _near_cop(recording, plate, foot)
-        return np.repeat((near & loaded)[:, None], foot.markers_m.shape[1], axis=1)
+        return np.repeat(_stands_at_cop(recording, plate, foot)[:, None], foot.markers_m.shape[1], axis=1)
     return _over(plate, foot, _EDGE_M)
+
+
+def outline_beside(recording: Recording, plates: list[Plate], foot: Foot, outline_m: Outline) -> Mask:
+    """Frames in which a part of the foot that may carry load lies beyond the edges of the plates that work.
+
+    ``outline_m`` is ``foot_outline``. The contacts of a force file have no edges, so that nothing is beside them.
+    Excursions of less than 50 ms are the foot as it lands or leaves.
+    """
+    if any(plate.type == CONTACT_TYPE for plate in plates):
+        return np.zeros(len(foot.contact), dtype=bool)
+    beside = resting_outline(foot) & np.isfinite(outline_m).all(axis=2)
+    for plate in plates:
+        if loaded_intervals(plate, recording.force_rate_hz):
+            beside &= ~(_inside(plate, outline_m, _OUTLINE_EDGE_M) & _at_height(plate, foot)[:, None])
+    lasting: Mask = beside.any(axis=1)
+    for i, j in runs(lasting):
+        if j - i < _BRIEF_S * recording.marker_rate_hz and i > 0 and j < len(lasting):
+            lasting[i:j] = False
+    return lasting
 
 
 def main_plate(under: Bool[np.ndarray, "plates n markers"], foot: Foot) -> Int[np.ndarray, " n"]:
@@ -70,14 +92,41 @@ def held_by_step(plates: list[Plate], foot: Foot) -> Mask:
 
 def _over(plate: Plate, foot: Foot, edge_m: float) -> Bool[np.ndarray, "n markers"]:
     """Markers above the plate widened by ``edge_m`` on all sides, in frames in which the sole is at its height."""
+    return np.asarray(_inside(plate, foot.markers_m, edge_m) & _at_height(plate, foot)[:, None])
+
+
+def _inside(plate: Plate, points_m: Float[np.ndarray, "n points 3"], edge_m: float) -> Bool[np.ndarray, "n points"]:
+    """Points above or below the plate widened by ``edge_m`` on all sides."""
     R: Rotation = plate_axes(plate.corners_m)
-    local = (foot.markers_m - plate.corners_m.mean(axis=0)) @ R
+    local = (points_m - plate.corners_m.mean(axis=0)) @ R
     half_x = 0.5 * np.linalg.norm(plate.corners_m[0] - plate.corners_m[1]) + edge_m
     half_y = 0.5 * np.linalg.norm(plate.corners_m[0] - plate.corners_m[3]) + edge_m
-    inside = (np.abs(local[..., 0]) <= half_x) & (np.abs(local[..., 1]) <= half_y)
+    return np.asarray((np.abs(local[..., 0]) <= half_x) & (np.abs(local[..., 1]) <= half_y))
+
+
+def _at_height(plate: Plate, foot: Foot) -> Mask:
+    """Frames in which the foot's lowest marker is as high above the plate as a standing foot's."""
+    R: Rotation = plate_axes(plate.corners_m)
+    local = (foot.markers_m - plate.corners_m.mean(axis=0)) @ R
     lowest = np.nan_to_num(local[..., 2] * np.sign(R[2, 2]), nan=np.inf).min(axis=1)
-    at_height = (lowest > -_BELOW_M) & (lowest < _SOLE_M)
-    return np.asarray(inside & at_height[:, None])
+    return np.asarray((lowest > -_BELOW_M) & (lowest < _SOLE_M))
+
+
+def _stands_at_cop(recording: Recording, plate: Plate, foot: Foot) -> Mask:
+    """Frames of the stances that this contact measures: while it is loaded, its centre of pressure is at the foot.
+
+    The distance, weighted by the load, decides for a stance as a whole. Where the load is small, so in double support,
+    the centre of pressure is noise, and single frames would leave holes in the stance.
+    """
+    loaded = loaded_frames(recording, plate)
+    near = _near_cop(recording, plate, foot)
+    time_s = np.arange(len(plate.force_n)) / recording.force_rate_hz
+    load_n = np.maximum(np.interp(recording.time_s, time_s, plate.force_n[:, 2]), 0.0)
+    stands = np.zeros(len(near), dtype=bool)
+    for i, j in runs(foot.contact & loaded):
+        total_n = float(load_n[i:j].sum())
+        stands[i:j] = total_n > 0.0 and float(load_n[i:j][near[i:j]].sum()) > 0.5 * total_n
+    return stands
 
 
 def _near_cop(recording: Recording, plate: Plate, foot: Foot) -> Mask:

@@ -20,6 +20,11 @@ CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
 """Analog channels per plate type."""
 _LOADED_N = 50.0
 _PULL_N = 100.0
+NEVER_ON_PLATE = 0.01
+"""A plate with a smaller share of its loaded centre of pressure inside its corners is left out."""
+_MIN_LOADED = 20
+"""Loaded samples below which the share says nothing."""
+COP_NEVER_ON_PLATE = "cop-never-on-plate"
 _MIN_SIDE_M, _MAX_SIDE_M = 0.1, 10.0
 
 Channels = Float[np.ndarray, "n channels"]
@@ -137,7 +142,15 @@ def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[R
                 "plate-origin-negated", f"{where}: its ORIGIN has the opposite sign; the centre of pressure decided."
             )
         )
-    if share < 0.5:
+    n_loaded = int(np.count_nonzero(np.abs(force_n[:, 2]) > _LOADED_N))
+    usable = not (share < NEVER_ON_PLATE and n_loaded >= _MIN_LOADED)
+    if not usable:
+        message = (
+            f"{where} was left out: its loaded centre of pressure lies inside its corners for {share:.0%} of the time, "
+            "whatever the unit of its moments. Its corners, its channels or its calibration are wrong."
+        )
+        remarks.append(Remark(COP_NEVER_ON_PLATE, message))
+    elif share < 0.5:
         remarks.append(
             Remark(
                 "cop-off-plate", f"{where}: only {share:.0%} of its loaded centre of pressure lies inside its corners."
@@ -146,7 +159,8 @@ def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[R
     f = s * force_n @ R.T
     c = signals.corners_m.mean(axis=0)
     nu = s * (moment_nm - np.cross(origin_m, force_n)) @ R.T + np.cross(c, f)
-    return FilePlate(signals.index, signals.type, signals.corners_m, f, nu, s * R @ tare.force_n), tuple(remarks)
+    plate = FilePlate(signals.index, signals.type, signals.corners_m, f, nu, s * R @ tare.force_n, usable)
+    return plate, tuple(remarks)
 
 
 def upward_sign(signals: PlateSignals, up: Vector3) -> float:

@@ -25,6 +25,7 @@ class PlateSignals:
 
     ``moment_nm`` is about the sensor; ``origin_m`` is the vector from the sensor to the centre of the surface;
     ``zero_samples`` are the first and last analog sample (from 1) that FORCE_PLATFORM:ZERO says to average.
+    ``moment_unit`` is the text by which the moments were scaled, None where no text decides (types 1 and 3).
     """
 
     index: int
@@ -34,11 +35,15 @@ class PlateSignals:
     force_n: Points
     moment_nm: Points
     zero_samples: tuple[int, int] | None
+    moment_unit: str | None = None
 
 
 @dataclass(frozen=True)
 class FilePlate:
-    """One plate in the file's axes: wrench on the body about the file's origin, tare removed."""
+    """One plate in the file's axes: wrench on the body about the file's origin, tare removed.
+
+    ``usable`` is False where the loaded centre of pressure is never on the plate: no sum may contain its wrench.
+    """
 
     index: int
     type: int
@@ -46,6 +51,7 @@ class FilePlate:
     force_n: Points
     moment_nm: Points
     tare_force_n: Vector3
+    usable: bool = True
 
 
 @dataclass(frozen=True)
@@ -55,6 +61,7 @@ class RawTrial:
     ``labels`` are unique and cleaned; ``outputs`` of them are positions computed by a model. ``plates`` holds raw
     signals of C3D plates, ``contacts`` the finished contacts of a MOT file. ``up_hint`` is what the file says about
     its vertical axis, if anything. ``metres_per_unit`` is the factor by which its lengths were multiplied.
+    ``recorded_on`` is the day of the recording as YYYY-MM-DD, empty where the file does not state it.
     """
 
     labels: tuple[str, ...]
@@ -71,3 +78,4 @@ class RawTrial:
     metres_per_unit: float
     joint_widths_m: Mapping[str, float] = field(default_factory=dict)
     carried: Mapping[str, str] = field(default_factory=dict)
+    recorded_on: str = ""

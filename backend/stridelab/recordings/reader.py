@@ -11,6 +11,7 @@ from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings import axes
 from stridelab.recordings.c3d import read_c3d
 from stridelab.recordings.gaps import fill_short_gaps
+from stridelab.recordings.moment_units import with_true_moment_units
 from stridelab.recordings.plates import plate_wrench, rough_normal, rough_total_force
 from stridelab.recordings.raw import FilePlate, RawTrial
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
@@ -95,6 +96,7 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
         joint_widths_m=raw.joint_widths_m,
         model_points_m=outputs,
         filled=filled,
+        recorded_on=raw.recorded_on,
     )
 
 
@@ -116,7 +118,9 @@ def _plates(
 ) -> tuple[tuple[Plate, ...], list[Remark]]:
     found: list[FilePlate] = list(raw.contacts)
     remarks: list[Remark] = []
-    for signals in raw.plates:
+    all_signals, unit_remarks = with_true_moment_units(raw.plates, up)
+    remarks += unit_remarks
+    for signals in all_signals:
         plate, more = plate_wrench(signals, up)
         found.append(plate)
         remarks += more
@@ -131,7 +135,7 @@ def _plates(
                 force_n=plate.force_n @ R.T,
                 moment_nm=plate.moment_nm @ R.T,
                 tare_force_n=R @ plate.tare_force_n,
-                use=True if switch.use is None else switch.use,
+                use=plate.usable and switch.use is not False,
                 threshold_n=20.0 if switch.threshold_n is None else switch.threshold_n,
             )
         )

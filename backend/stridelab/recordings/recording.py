@@ -95,6 +95,7 @@ class Recording:
     simulated recording carries (its own segment table), else it is empty. ``model_points_m`` are positions in the file
     that a gait model computed (joint centres, a CoM): never taken for markers. ``filled`` marks, per label, the frames
     whose position was interpolated over a short gap. ``joint_widths_m`` are calliper widths by "l_knee", "r_ankle" ...
+    ``recorded_on`` is the day of the recording as YYYY-MM-DD, empty where the file does not state it.
     """
 
     markers_m: Mapping[str, Points]
@@ -110,6 +111,7 @@ class Recording:
     joint_widths_m: Mapping[str, float] = field(default_factory=dict)
     model_points_m: Mapping[str, Points] = field(default_factory=dict)
     filled: Mapping[str, Mask] = field(default_factory=dict)
+    recorded_on: str = ""
 
     @property
     def n_frames(self) -> int:

@@ -87,21 +87,11 @@ def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, st
     """
     lines = text.splitlines()
     try:
-        head = dict(zip(lines[1].split(), lines[2].split(), strict=False))
-        n_markers = int(head["NumMarkers"])
-        cells = lines[3].rstrip("\t\r ").split("\t")[2:]
-        labels = [cell.strip() for cell in cells if cell.strip()]
-        if len(labels) != n_markers or n_markers < 1:
-            raise UnreadableFile(
-                "trc-broken",
-                f"The TRC file promises {n_markers} markers and names {len(labels)}.",
-                [Fault(name, "labels")],
-            )
-        table = _table([line for line in lines[5:] if line.strip()], 2 + 3 * n_markers)
-        rate_hz = float(head["DataRate"])
-    except (IndexError, KeyError, ValueError) as error:
+        labels, rate_hz, unit = _trc_header(lines)
+        table = _table(_numbered(lines, 5), 2 + 3 * len(labels))
+    except _BrokenLineError as error:
         raise UnreadableFile(
-            "trc-broken", "The TRC file's header or a row of it is broken.", [Fault(name, str(error)[:200])]
+            "trc-broken", f"The TRC file {name} is broken: {error}.", [Fault(name, str(error))]
         ) from error
     if len(table) == 0:
         raise UnreadableFile("no-frames", "The TRC file holds no frames.", [Fault(name, "no frames")])
@@ -114,7 +104,7 @@ def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, st
             rate_hz = measured_hz
     if not 0.0 < rate_hz < 1e5:
         raise UnreadableFile("trc-broken", "The TRC file states no frame rate.", [Fault(name, "DataRate")])
-    return labels, time_s, table[:, 2:].reshape(len(table), n_markers, 3), rate_hz, head.get("Units", "")
+    return labels, time_s, table[:, 2:].reshape(len(table), len(labels), 3), rate_hz, unit
 
 
 def parse_mot(text: str, name: str) -> tuple[Series, dict[str, dict[str, Points]]]:
@@ -126,13 +116,19 @@ def parse_mot(text: str, name: str) -> tuple[Series, dict[str, dict[str, Points]
     """
     lines = text.splitlines()
     try:
-        start = next(i for i, line in enumerate(lines) if line.strip().lower() == "endheader")
-        rest = [line for line in lines[start + 1 :] if line.strip()]
-        columns = rest[0].split()
-        table = _table(rest[1:], len(columns))
-    except (StopIteration, IndexError, ValueError) as error:
+        ends = [i for i, line in enumerate(lines) if line.strip().lower() == "endheader"]
+        if not ends:
+            raise _BrokenLineError("no line says endheader")
+        numbered = _numbered(lines, ends[0] + 1)
+        if not numbered:
+            raise _BrokenLineError(
+                f"the file ends with endheader in line {ends[0] + 1}, before the names of its columns"
+            )
+        columns = numbered[0][1].split()
+        table = _table(numbered[1:], len(columns))
+    except _BrokenLineError as error:
         raise UnreadableFile(
-            "mot-broken", "The force file's header or a row of it is broken.", [Fault(name, str(error)[:200])]
+            "mot-broken", f"The force file {name} is broken: {error}.", [Fault(name, str(error))]
         ) from error
     if len(table) < 2 or columns[0].lower() != "time" or not (np.diff(table[:, 0]) >= 0).all():
         raise UnreadableFile("mot-broken", "The force file has no increasing time column.", [Fault(name, "time")])
@@ -172,23 +168,63 @@ def even_times_s(time_s: Series, zero_s: float) -> Series:
     return even if np.abs(even - (time_s - zero_s)).max() < 0.5 / rate_hz else time_s - zero_s
 
 
-def _table(rows: list[str], width: int) -> Table:
+class _BrokenLineError(ValueError):
+    """What is wrong with a text file and in which line, as the part of a sentence that users read."""
+
+
+def _trc_header(lines: list[str]) -> tuple[list[str], float, str]:
+    """Labels, rate in Hz and unit of length of a TRC file; raises ``_BrokenLineError``."""
+    if len(lines) < 4:
+        raise _BrokenLineError(f"the file ends after line {len(lines)}, before the marker names in line 4")
+    head = dict(zip(lines[1].split(), lines[2].split(), strict=False))
+    n_markers, rate_hz = _header_number(head, "NumMarkers"), _header_number(head, "DataRate")
+    cells = lines[3].rstrip("\t\r ").split("\t")[2:]
+    labels = [cell.strip() for cell in cells if cell.strip()]
+    if len(labels) != n_markers or n_markers < 1:
+        raise _BrokenLineError(f"line 3 states {n_markers:g} markers and line 4 names {len(labels)}")
+    return labels, rate_hz, head.get("Units", "")
+
+
+def _header_number(head: dict[str, str], key: str) -> float:
+    if key not in head:
+        raise _BrokenLineError(f"lines 2 and 3 of the header state no {key}")
+    try:
+        return float(head[key])
+    except ValueError as error:
+        raise _BrokenLineError(f"line 3 states {head[key][:40]!r} as {key}, which is no number") from error
+
+
+def _numbered(lines: list[str], start: int) -> list[tuple[int, str]]:
+    """The lines from index ``start`` that are not blank, each with its number in the file, counted from one."""
+    return [(i + 1, line) for i, line in enumerate(lines) if i >= start and line.strip()]
+
+
+def _table(rows: list[tuple[int, str]], width: int) -> Table:
     """Numbers of tab (or blank) separated rows; empty cells are NaN.
 
-    Raises ``ValueError`` on a short row, or one with a number that no laboratory measures.
+    Raises ``_BrokenLineError`` on a short row, a cell that is no number, or a number that no laboratory measures.
     """
     values = []
-    for number, row in enumerate(rows, start=1):
+    for line, row in rows:
         cells = row.rstrip("\r\n").split("\t") if "\t" in row else row.split()
         if len(cells) < width and "\t" in row and width - len(cells) <= 3:
             cells += [""] * (width - len(cells))
         if len(cells) < width:
-            raise ValueError(f"a row has {len(cells)} of {width} values")
-        values.append([float(cell) if cell.strip() else np.nan for cell in cells[:width]])
-        beyond = [value for value in values[-1] if LARGEST < abs(value) < np.inf]
-        if beyond:
-            raise ValueError(f"row {number} of the data holds {beyond[0]:.3g}")
+            raise _BrokenLineError(f"line {line} has {len(cells)} of {width} values")
+        values.append([_value(cell, line, column) for column, cell in enumerate(cells[:width], start=1)])
     return np.array(values, dtype=np.float64).reshape(len(values), width)
+
+
+def _value(cell: str, line: int, column: int) -> float:
+    try:
+        value = float(cell) if cell.strip() else np.nan
+    except ValueError as error:
+        raise _BrokenLineError(
+            f"line {line}, column {column} holds {cell.strip()[:40]!r}, which is no number"
+        ) from error
+    if LARGEST < abs(value) < np.inf:
+        raise _BrokenLineError(f"line {line}, column {column} holds {value:.3g}, which no laboratory measures")
+    return value
 
 
 def _contacts(

@@ -1,4 +1,7 @@
-"""Units of length and moment in files, and a check that the stated one is true."""
+"""Units of length and moment in files, and a check that the stated unit of length is true.
+
+``moment_units`` checks the stated unit of moment.
+"""
 
 from typing import Final
 
@@ -28,6 +31,11 @@ def length_scale(stated: str, cloud: Cloud) -> tuple[float, tuple[Remark, ...]]:
             message = f"The file says its lengths are in {stated or 'no unit'}, but the markers span a body in {other}."
             return factor, (Remark("unit-corrected", message),)
     return scale, (Remark("unit-implausible", "The markers span no human body in any unit of length."),)
+
+
+def moment_scale(stated: str, metres_per_unit: float) -> float:
+    """Factor to Nm from the stated unit of moment; where that is unknown, newtons times the file's unit of length."""
+    return MOMENT_SCALE.get(stated.lower().replace(".", "").replace("*", "").replace(" ", ""), metres_per_unit)
 
 
 def _body_extent(cloud: Cloud) -> float:

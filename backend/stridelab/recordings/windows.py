@@ -1,8 +1,9 @@
 """Windows: the intervals in which *all* contact force is measured.
 
-A frame is complete when every foot that may be on the ground stands on plates in use that are loaded. On overground
-walks over two plates this is from the trailing foot's lift-off to the leading foot's second strike; outside, the plates
-measure less than the whole force and nothing in their signals tells. The events in a file are not used.
+A frame is complete when every foot that may be on the ground stands, with all of its outline, on plates in use that
+are loaded. On overground walks over two plates this is from the trailing foot's lift-off to the leading foot's second
+strike. Where the motion of the body is known, frames in which the plates carry less than it needs are left out, too: a
+chair, a rail or the floor beside a plate carries the rest (``missing_force``). The events in a file are not used.
 """
 
 import itertools
@@ -15,10 +16,14 @@ from jaxtyping import Int
 from stridelab.conventions import Mask
 from stridelab.errors import Fault, NotEstimable
 from stridelab.recordings.feet import Foot, find_feet
-from stridelab.recordings.footing import STAIR_M, held_by_step, main_plate, on_plate
+from stridelab.recordings.foot_outline import foot_outline
+from stridelab.recordings.footing import STAIR_M, held_by_step, main_plate, on_plate, outline_beside
 from stridelab.recordings.gaps import runs
+from stridelab.recordings.missing_force import force_missing
+from stridelab.recordings.plates import COP_NEVER_ON_PLATE
 from stridelab.recordings.recording import Plate, Recording, Remark, Window
 from stridelab.recordings.steps import loaded_intervals, vertical_force_n, whole_steps
+from stridelab.recordings.vertical_motion import VerticalMotion
 
 MIN_WINDOW_S = 0.25
 """Half a step at a normal pace; nothing can be estimated from less."""
@@ -33,13 +38,25 @@ class WindowSearch:
     remarks: tuple[Remark, ...]
 
 
-def measured_windows(recording: Recording, landmarks: Mapping[str, str]) -> tuple[Window, ...]:
-    """Windows in order of time; ``landmarks`` maps landmark names to labels."""
-    return find_windows(recording, landmarks).windows
+def measured_windows(
+    recording: Recording, landmarks: Mapping[str, str], motion: VerticalMotion | None = None
+) -> tuple[Window, ...]:
+    """Windows in order of time; ``landmarks`` maps landmark names to labels, ``motion`` is ``vertical_motion``."""
+    return find_windows(recording, landmarks, motion).windows
 
 
-def find_windows(recording: Recording, landmarks: Mapping[str, str]) -> WindowSearch:
-    """Windows with remarks: windows-from-load, one-step-window, no-whole-step, two-feet-on-one-plate."""
+def find_windows(
+    recording: Recording,
+    landmarks: Mapping[str, str],
+    motion: VerticalMotion | None = None,
+    *,
+    stated_kg: float | None = None,
+) -> WindowSearch:
+    """Windows with remarks: windows-from-load, force-missing, one-step-window, no-whole-step, two-feet-on-one-plate.
+
+    Without ``motion`` (``vertical_motion``) the feet alone decide. ``stated_kg`` is a mass that the user or the file
+    states.
+    """
     plates = [plate for plate in recording.plates if plate.use]
     if not plates or recording.n_frames < 2:
         return WindowSearch((), ())
@@ -50,7 +67,24 @@ def find_windows(recording: Recording, landmarks: Mapping[str, str]) -> WindowSe
             "The feet are not marked, so it is not known when one of them stood beside the plates; the measured "
             "interval was estimated from the load on the plates and a symmetric walk.",
         )
-        return WindowSearch(_from_load(recording, plates), (remark,))
+        windows, missing = _explained(recording, _from_load(recording, plates), motion, stated_kg)
+        return WindowSearch(windows, (remark, *missing))
+    complete, shared = _by_feet(recording, landmarks, plates, feet)
+    candidates = tuple(
+        window for window in _as_windows(complete, recording.marker_rate_hz) if _carries(recording, plates, window)
+    )
+    windows, missing = _explained(recording, candidates, motion, stated_kg)
+    remarks = (*missing, *_trust(recording, windows))
+    if np.count_nonzero(shared) >= _SHARED_S * recording.marker_rate_hz and _alternates(feet):
+        message = "Two feet stand on one plate at a time: the total force is right, the force per foot is not."
+        remarks = (*remarks, Remark("two-feet-on-one-plate", message))
+    return WindowSearch(windows, remarks)
+
+
+def _by_feet(
+    recording: Recording, landmarks: Mapping[str, str], plates: list[Plate], feet: tuple[Foot, ...]
+) -> tuple[Mask, Mask]:
+    """Frames in which no foot may stand beside the plates, and frames in which both feet stand on one plate."""
     heights = [float(plate.corners_m[:, 2].mean()) for plate in plates]
     stairs = max(heights) - min(heights) > STAIR_M
     complete = np.ones(recording.n_frames, dtype=bool)
@@ -59,19 +93,35 @@ def find_windows(recording: Recording, landmarks: Mapping[str, str]) -> WindowSe
         under = np.stack([on_plate(recording, plate, foot) for plate in plates])
         somewhere = np.any(under, axis=0)
         beside = np.any(foot.resting & ~somewhere, axis=1)
+        beside |= outline_beside(recording, plates, foot, foot_outline(recording, landmarks, foot))
         if stairs:
             beside &= ~held_by_step(plates, foot)
         complete &= ~beside & (~foot.unseen | np.any(somewhere, axis=1))
         standing.append(main_plate(under, foot))
-    shared = np.logical_and(standing[0] == standing[1], standing[0] >= 0)
-    windows = tuple(
-        window for window in _as_windows(complete, recording.marker_rate_hz) if _carries(recording, plates, window)
+    return complete, np.logical_and(standing[0] == standing[1], standing[0] >= 0)
+
+
+def _explained(
+    recording: Recording, windows: tuple[Window, ...], motion: VerticalMotion | None, stated_kg: float | None
+) -> tuple[tuple[Window, ...], tuple[Remark, ...]]:
+    """The windows without the frames in which force is missing, and a remark that says where it is missing."""
+    if motion is None or not windows:
+        return windows, ()
+    missing = force_missing(recording, windows, motion, stated_kg)
+    if not missing.any():
+        return windows, ()
+    rate_hz = recording.marker_rate_hz
+    kept: list[Window] = []
+    for window in windows:
+        i, j = round(window.start_s * rate_hz), round(window.end_s * rate_hz) + 1
+        spans = [Window((i + a) / rate_hz, (i + b - 1) / rate_hz) for a, b in runs(~missing[i:j])]
+        kept += [span for span in spans if span.duration_s >= MIN_WINDOW_S]
+    when = ", ".join(f"{i / rate_hz:.2f} to {(j - 1) / rate_hz:.2f} s" for i, j in runs(missing))
+    message = (
+        f"The plates carry less than the motion of the body needs at {when}: something beside them carries the rest "
+        "(a part of a foot, a chair, a rail), or the stated mass is too large. These times are not used."
     )
-    remarks = _trust(recording, windows)
-    if np.count_nonzero(shared) >= _SHARED_S * recording.marker_rate_hz and _alternates(feet):
-        message = "Two feet stand on one plate at a time: the total force is right, the force per foot is not."
-        remarks = (*remarks, Remark("two-feet-on-one-plate", message))
-    return WindowSearch(windows, remarks)
+    return tuple(kept), (Remark("force-missing", message),)
 
 
 def _trust(recording: Recording, windows: tuple[Window, ...]) -> tuple[Remark, ...]:
@@ -86,33 +136,50 @@ def _trust(recording: Recording, windows: tuple[Window, ...]) -> tuple[Remark, .
     return (Remark("one-step-window" if spans else "no-whole-step", message),)
 
 
-def require_windows(recording: Recording, landmarks: Mapping[str, str]) -> tuple[Window, ...]:
-    """The windows, of which there is one at least.
+def require_windows(
+    recording: Recording,
+    landmarks: Mapping[str, str],
+    motion: VerticalMotion | None = None,
+    *,
+    stated_kg: float | None = None,
+) -> tuple[Window, ...]:
+    """The windows of ``find_windows``, of which there is one at least.
 
     Raises ``NotEstimable`` with the reason why there is none: ``single-frame``, ``no-plates``, ``recording-too-short``,
-    ``plates-switched-off``, ``plates-unloaded``, ``forces-and-markers-apart``, ``no-measured-window``.
+    ``cop-off-all-plates``, ``plates-switched-off``, ``plates-unloaded``, ``forces-and-markers-apart``,
+    ``no-measured-window``.
     """
     if recording.n_frames < 2:
         raise NotEstimable("single-frame", "The recording has one frame only: it can serve as a static trial.")
     if not recording.plates:
-        raise NotEstimable("no-plates", "The recording has no force plate, so no force can be fused with the markers.")
+        message = (
+            "The recording has no force plate, so no force can be fused with the markers. "
+            "The method geometry gives the centre of mass from the markers alone."
+        )
+        raise NotEstimable("no-plates", message)
     if recording.duration_s < MIN_WINDOW_S:
         message = f"The recording lasts {1000.0 * recording.duration_s:.0f} ms; at least {MIN_WINDOW_S:g} s are needed."
         raise NotEstimable("recording-too-short", message)
     used = [plate for plate in recording.plates if plate.use]
+    off = [remark for remark in recording.remarks if remark.code == COP_NEVER_ON_PLATE]
+    if not used and off:
+        message = (
+            "No force plate of this recording can be used: under no unit does a centre of pressure lie on its plate. "
+            "The method geometry gives the centre of mass from the markers alone."
+        )
+        raise NotEstimable("cop-off-all-plates", message, [Fault("plates", remark.message) for remark in off])
     if not used:
         raise NotEstimable("plates-switched-off", "All force plates of this recording are switched off.")
     if not any(loaded_intervals(plate, recording.force_rate_hz) for plate in used):
         faults = [Fault(f"plate {plate.index}", f"never above {plate.threshold_n:g} N") for plate in used]
         raise NotEstimable("plates-unloaded", "Nobody stands on the force plates in this recording.", faults)
     _require_overlap(recording, used)
-    windows = measured_windows(recording, landmarks)
-    if not windows:
-        raise NotEstimable(
-            "no-measured-window",
-            "At no time is all contact force measured: whenever a plate is loaded, a foot stands beside the plates.",
-        )
-    return windows
+    search = find_windows(recording, landmarks, motion, stated_kg=stated_kg)
+    if not search.windows:
+        why = ["Whenever a plate is loaded, a foot, or a part of one, stands beside the plates."]
+        why = [remark.message for remark in search.remarks if remark.code == "force-missing"] or why
+        raise NotEstimable("no-measured-window", f"At no time is all contact force measured. {why[0]}")
+    return search.windows
 
 
 def _require_overlap(recording: Recording, used: list[Plate]) -> None:

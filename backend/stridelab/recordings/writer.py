@@ -10,9 +10,12 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.conventions import Points
-from stridelab.errors import Fault, InvalidInput, UnreadableFile
+from stridelab.errors import Fault, InvalidInput
 from stridelab.recordings.axes import rotation_to_z_up
 from stridelab.recordings.c3d import CARRIED_GROUP, read_c3d
+from stridelab.recordings.c3d_guard import check_c3d
+from stridelab.recordings.c3d_intel import read_content, with_points, write_content
+from stridelab.recordings.c3d_records import continued
 from stridelab.recordings.plates import plate_axes
 from stridelab.recordings.reader import up_axis_of
 from stridelab.recordings.recording import Plate, Recording
@@ -58,40 +61,30 @@ def write_c3d(path: Path, recording: Recording, *, extra_points: Mapping[str, Po
 
 
 def add_points_to_c3d(source: Path, target: Path, points: Mapping[str, Points]) -> None:
-    """Copy a C3D file with points added; everything else in it stays as it was.
+    """Copy a C3D file with points added; every point, analog sample and parameter of it stays as it was.
 
-    ``points`` are in metres in the world frame, one row per frame of the file, and are turned back into the file's own
-    axes and unit. A label that the file already has is replaced by ``<label>_stridelab``. Raises ``InvalidInput``
-    (``wrong-frame-count``), and ``UnreadableFile`` (``c3d-unreadable``, and as ``read_c3d``).
+    The copy has Intel floats, whatever the file has, and the scale of its header is that of POINT:SCALE. ``points`` are
+    in metres in the world frame, one row per frame of the file, and are turned back into the file's own axes and unit.
+    A label that the file already has is replaced by ``<label>_stridelab``. Raises ``InvalidInput``
+    (``wrong-frame-count``), and ``UnreadableFile`` as ``read_c3d``.
     """
     raw = read_c3d(source)
     R = rotation_to_z_up(up_axis_of(raw))
-    try:
-        content = ezc3d.c3d(str(source))
-    except (OSError, RuntimeError, ValueError, IndexError) as error:
-        raise UnreadableFile(
-            "c3d-unreadable", "The C3D file cannot be read.", [Fault(source.name, str(error))]
-        ) from error
-    parameters = content["parameters"]["POINT"]
-    data = content["data"]
-    n_frames = data["points"].shape[2]
-    added: dict[str, Points] = {}
-    taken_in_order = _entries(parameters, "LABELS")
+    file = read_content(source, check_c3d(source))
+    n_frames = file.layout.n_frames
+    taken = {label for record in continued(file.records, "POINT", "LABELS") for label in record.texts()}
+    labels: list[str] = []
     for label, track in points.items():
         if len(track) != n_frames:
             message = f"The file has {n_frames} frames, the point {label} has {len(track)}."
             raise InvalidInput("wrong-frame-count", message, [Fault(label, "frames")])
-        added[f"{label}_stridelab" if label in taken_in_order else label] = (track @ R) / raw.metres_per_unit
-    new = homogeneous(np.stack(list(added.values()), axis=1))
-    data["points"] = np.concatenate([data["points"], new], axis=1)
-    _extend_meta(data["meta_points"], new)
-    described = len(_entries(parameters, "DESCRIPTIONS")) == len(taken_in_order)
-    for label in added:
-        _append(parameters, "LABELS", label)
-        if described:
-            _append(parameters, "DESCRIPTIONS", "added by stridelab")
-    _readable_texts(content["parameters"])
-    _write(content, target)
+        labels.append(f"{label}_stridelab" if label in taken else label)
+    cloud = np.stack([track @ R for track in points.values()], axis=1) / raw.metres_per_unit
+    content = write_content(with_points(file, labels, cloud))
+    with tempfile.TemporaryDirectory(dir=target.parent, prefix=".c3d-") as folder:
+        written = Path(folder) / "out.c3d"
+        written.write_bytes(content)
+        written.replace(target)
 
 
 def homogeneous(cloud: Float[np.ndarray, "frames points 3"]) -> Float[np.ndarray, "4 points frames"]:
@@ -169,42 +162,6 @@ def _add_events(content: Any, recording: Recording) -> None:
     content.add_parameter("EVENT", "CONTEXTS", [(event.side or "General").capitalize() for event in events])
     times = np.array([[np.floor(event.time_s / 60.0) for event in events], [event.time_s % 60.0 for event in events]])
     content.add_parameter("EVENT", "TIMES", times)
-
-
-def _entries(parameters: Any, name: str) -> list[str]:
-    """A list that goes on in NAME2, NAME3 ... after 255 entries."""
-    values, k = list(parameters[name]["value"]) if name in parameters else [], 2
-    while f"{name}{k}" in parameters:
-        values, k = values + list(parameters[f"{name}{k}"]["value"]), k + 1
-    return values
-
-
-def _append(parameters: Any, name: str, text: str) -> None:
-    """Add to the last of NAME, NAME2, ... (each holds 255 entries at most)."""
-    last, k = name, 2
-    while f"{name}{k}" in parameters:
-        last, k = f"{name}{k}", k + 1
-    parameters[last]["value"] = [*parameters[last]["value"], text]
-
-
-def _readable_texts(groups: Any) -> None:
-    """Texts in files have any encoding and ezc3d writes UTF-8 only: others are taken for Latin-1 (raised 2, micro)."""
-    for group in groups.values():
-        for name, entry in group.items():
-            if name != "__METADATA__" and isinstance(entry["value"], list):
-                entry["value"] = [_decoded(text) for text in entry["value"]]
-
-
-def _decoded(text: str) -> str:
-    return text.encode("utf-8", "surrogateescape").decode("latin-1") if not text.isprintable() else text
-
-
-def _extend_meta(meta: Any, new: Float[np.ndarray, "4 points frames"]) -> None:
-    """Residuals and camera masks of the added points: computed, so residual 0 where present and -1 where not."""
-    missing = np.isnan(new[:1])
-    meta["residuals"] = np.concatenate([meta["residuals"], np.where(missing, -1.0, 0.0)], axis=1)
-    masks = np.zeros((7, *new.shape[1:]), dtype=bool)
-    meta["camera_masks"] = np.concatenate([meta["camera_masks"], masks], axis=1)
 
 
 def _write(content: Any, path: Path) -> None:

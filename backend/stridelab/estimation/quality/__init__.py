@@ -1,0 +1,7 @@
+"""Whether the sensors of a recording contradict each other: checks, limits and a verdict (docs/theory/quality.md)."""
+
+from stridelab.estimation.quality.assessment import assess_quality
+from stridelab.estimation.quality.checks import Check, Quality, worst
+from stridelab.estimation.quality.measures import Recorded
+
+__all__ = ["Check", "Quality", "Recorded", "assess_quality", "worst"]

@@ -1,0 +1,45 @@
+"""The force that the markers alone predict, against the plates': m (g'' - gravity) - f without any fusion.
+
+A fused estimate follows the force, and a smoother that learns its own noise calls a channel of the wrong sign noise of
+the markers. The geometric centre of mass has not seen the force, so that its acceleration judges it, axis by axis.
+"""
+
+from typing import Final
+
+import numpy as np
+
+from stridelab.body.geometric_com import GeometricCom
+from stridelab.conventions import GRAVITY_M_S2
+from stridelab.dynamics.newton_euler import contact_force
+from stridelab.estimation.against_physics import MOMENTUM_BAND_HZ
+from stridelab.estimation.derivatives import derivatives, low_pass
+from stridelab.estimation.walk_frame import walk_frame
+from stridelab.recordings.gaps import runs
+from stridelab.recordings.recording import WrenchTrack
+
+AXES: Final = ("along the walk", "across the walk", "vertically")
+EDGE: Final = 0.6
+"""Periods of the band that are left out at either end, where its filters see nothing beyond the window."""
+_LEAST_SAMPLES = 10
+
+
+def acceleration_difference(geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> tuple[str, float] | None:
+    """The axis on which markers and force differ most, and the standard deviation of that difference over the weight.
+
+    Both are low-passed to 6 Hz. A constant difference is left out: an error of the mass or of a plate's zero has other
+    checks. The stretch is the longest in which both are known; None where it is too short.
+    """
+    known = wrench.complete & np.isfinite(wrench.force_n).all(axis=1) & np.isfinite(geometric.com_m).all(axis=1)
+    if not known.any():
+        return None
+    i, j = max(runs(known), key=lambda run: run[1] - run[0])
+    rate_hz = (len(wrench.time_s) - 1) / (wrench.time_s[-1] - wrench.time_s[0])
+    edge = int(np.ceil(EDGE * rate_hz / MOMENTUM_BAND_HZ))
+    if j - i < 2 * edge + _LEAST_SAMPLES:
+        return None
+    velocity, acceleration = derivatives(geometric.com_m[i:j], rate_hz, MOMENTUM_BAND_HZ)
+    force_n = low_pass(wrench.force_n[i:j], rate_hz, MOMENTUM_BAND_HZ)
+    apart = (contact_force(acceleration, mass_kg) - force_n)[edge:-edge] @ walk_frame(velocity).T
+    share = apart.std(axis=0) / (mass_kg * GRAVITY_M_S2)
+    worst = int(np.argmax(share))
+    return AXES[worst], float(share[worst])

@@ -1,0 +1,156 @@
+"""From the measures of an estimate to its checks: each says which sensors it holds together."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from stridelab.estimation.estimate import ComEstimate
+from stridelab.estimation.quality.checks import Check, Quality
+from stridelab.estimation.quality.limits import limit_of
+from stridelab.estimation.quality.measures import Measures, Recorded, measure
+from stridelab.estimation.quality.pressure import PlatePressure
+
+MM: Final = 1e3
+WITHOUT_FORCE: Final = "no force was used"
+OF_MARKERS: Final = ("outside_body", "leg_length_change")
+"""Checks that need no force."""
+
+
+def assess_quality(recorded: Recorded, estimate: ComEstimate) -> Quality:
+    """Every check that ``recorded`` allows on ``estimate``; the others with the reason why they were not possible."""
+    found = measure(recorded, estimate)
+    return judged(found, recorded.mass_to_check_kg, recorded.geometric.sd_m, with_force=recorded.with_force)
+
+
+def judged(
+    found: Measures, mass_kg: float, geometry_sd_m: tuple[float, float, float], *, with_force: bool = True
+) -> Quality:
+    """Checks of the numbers ``found``; ``mass_kg`` is the stated mass, else the used one."""
+    checks, not_checked = [], {}
+    for row in (*_of_force(found, mass_kg), *_of_plates(found), *_of_body(found, with_force=with_force)):
+        if math.isnan(row.value):
+            not_checked[row.name] = row.missing if with_force or row.name in OF_MARKERS else WITHOUT_FORCE
+            continue
+        limit = limit_of(row.name, geometry_sd_m)
+        ending = "agree" if row.value <= limit.passes else "agree poorly"
+        if row.value > limit.contradicts:
+            ending = "contradict each other"
+        message = f"{row.finding}: {row.sensors} {ending}."
+        checks.append(Check(row.name, row.value, limit.unit, limit.passes, limit.contradicts, message))
+    return Quality(tuple(checks), not_checked)
+
+
+@dataclass(frozen=True)
+class _Row:
+    """What was found, the sensors it holds together, and why there is no value where it is NaN."""
+
+    name: str
+    value: float
+    finding: str
+    sensors: str
+    missing: str
+
+
+def _of_force(found: Measures, mass_kg: float) -> Iterator[_Row]:
+    motion, standing = abs(found.motion_mass_kg / mass_kg - 1.0), abs(found.standing_mass_kg / mass_kg - 1.0)
+    times = math.sqrt(max(found.normalised_innovations, 0.0))
+    yield _Row(
+        "normalised_innovations",
+        found.normalised_innovations,
+        f"Force and markers differ by {times:.1f} times the errors that the smoother expects "
+        f"(normalised innovations {found.normalised_innovations:.2f})",
+        "the plates and the markers",
+        "only the smoother has innovations",
+    )
+    yield _Row(
+        "force_residual",
+        found.force_residual,
+        f"The motion of the centre of mass needs a force that differs by {found.force_residual:.1%} of the body weight "
+        "from the measured one",
+        "the plates' force and the markers or the mass",
+        "the interval with all force is too short",
+    )
+    yield _Row(
+        "acceleration_difference",
+        found.acceleration_difference,
+        f"The accelerations of the markers need a force that differs {found.axis} by "
+        f"{found.acceleration_difference:.1%} of the body weight from the measured one",
+        "the plates' force (a channel, its sign or its clock) and the markers",
+        "the interval with all force is too short",
+    )
+    yield _Row(
+        "horizontal_bias",
+        found.horizontal_bias_m,
+        f"The force puts the centre of mass {MM * found.horizontal_bias_m:.0f} mm, horizontally, from where the "
+        "markers put it",
+        "the plates' centre of pressure (their moments or their place) and the markers",
+        "no frame has both force and geometry",
+    )
+    yield _Row(
+        "vertical_bias",
+        found.vertical_bias_m,
+        f"The force puts the centre of mass {MM * found.vertical_bias_m:.0f} mm above or below the markers'",
+        "the plates' vertical force and the markers",
+        "no frame has both force and geometry",
+    )
+    yield _Row(
+        "mass_from_motion",
+        motion,
+        f"The plates' force moves the body as if it weighed {found.motion_mass_kg:.1f} kg, and its mass is "
+        f"{mass_kg:.1f} kg ({motion:.1%} apart)",
+        "the plates' vertical force and the mass",
+        "no stretch has both force and geometry",
+    )
+    yield _Row(
+        "mass_from_standing",
+        standing,
+        f"The plates weigh {found.standing_mass_kg:.1f} kg in the static trial, and the mass is {mass_kg:.1f} kg "
+        f"({standing:.1%} apart)",
+        "the static trial and the mass",
+        "no static trial stands still on the plates",
+    )
+
+
+def _of_plates(found: Measures) -> Iterator[_Row]:
+    feet, off = _worst(found, "from_feet_m"), _worst(found, "off_plate")
+    yield _Row(
+        "pressure_from_feet",
+        feet.from_feet_m,
+        f"The centre of pressure of plate {feet.index} lies {MM * feet.from_feet_m:.0f} mm from the markers of the "
+        "nearest standing foot",
+        f"plate {feet.index} (its place, its moments or its channels) and the foot markers",
+        "the feet are not marked, or no plate carries them",
+    )
+    yield _Row(
+        "pressure_off_plate",
+        off.off_plate,
+        f"The centre of pressure of plate {off.index} lies outside its corners for {off.off_plate:.0%} of the loaded "
+        "time",
+        f"the moments and the corners of plate {off.index}",
+        "no plate with corners of its own is loaded",
+    )
+
+
+def _of_body(found: Measures, *, with_force: bool) -> Iterator[_Row]:
+    yield _Row(
+        "outside_body",
+        found.outside_body_m,
+        f"The centre of mass lies {MM * found.outside_body_m:.0f} mm outside the body that the markers bound",
+        "the plates and the markers" if with_force else "the markers and the segment model",
+        "too few markers are seen to bound a body",
+    )
+    yield _Row(
+        "leg_length_change",
+        found.leg_length_change,
+        f"The length of the {found.leg} changes by {found.leg_length_change:.0%}",
+        "the markers of that leg",
+        "no thigh or shank has both its joints",
+    )
+
+
+def _worst(found: Measures, name: str) -> PlatePressure:
+    """The plate with the largest value; one of NaN where there is none."""
+    known = [plate for plate in found.plates if not math.isnan(getattr(plate, name))]
+    nothing = PlatePressure(0, math.nan, math.nan)
+    return max(known, key=lambda plate: float(getattr(plate, name)), default=nothing)

@@ -1,0 +1,26 @@
+"""The body mass that force and markers imply together, in any movement.
+
+    m (c'' - g) = f   twice integrated:   z(t) + g t^2 / 2 = z_0 + v_0 t + (1/m) int int f_z
+
+is linear in z_0, v_0 and 1/m, so that least squares weighs a person who walks, jumps or stands up; nothing has to be
+periodic. Over T seconds the column of 1/m differs from a straight line by 0.037 g T^2 RMS: 0.13 m in 0.6 s, against
+millimetres of error in the height of the geometric centre of mass.
+"""
+
+import numpy as np
+from scipy.integrate import cumulative_trapezoid
+
+from stridelab.conventions import GRAVITY_M_S2, Series
+
+
+def dynamic_mass_kg(time_s: Series, height_m: Series, vertical_force_n: Series) -> float:
+    """Mass under which the vertical force moves the body as the height of its geometric centre of mass says.
+
+    All three are gap-free and of one length. NaN where the force carries nobody.
+    """
+    t = time_s - time_s[0]
+    velocity = cumulative_trapezoid(vertical_force_n, t, initial=0.0)
+    double = cumulative_trapezoid(velocity, t, initial=0.0)
+    A = np.column_stack([np.ones_like(t), t, double])
+    per_mass = float(np.linalg.lstsq(A, height_m + 0.5 * GRAVITY_M_S2 * t**2, rcond=None)[0][2])
+    return 1.0 / per_mass if per_mass > 0.0 else float("nan")

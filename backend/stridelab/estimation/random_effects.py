@@ -1,0 +1,122 @@
+"""One quantity measured several times with stated errors, which may be too small and of which one may be an outlier.
+
+Random-effects model: x_i = mu + b_i + e_i with e_i ~ N(0, v_i) as stated and b_i ~ N(0, tau^2) of unknown size. With
+w_i = 1 / (v_i + tau^2) and z_i = sqrt(w_i) (x_i - mu), the mean is Huber's
+M-estimate (`huber1964`),
+
+    sum_i sqrt(w_i) psi(z_i) = 0,    psi(z) = max(-C, min(C, z)),
+
+and the excess variance tau^2 >= 0 the one at which the residuals are as large as they should be (`paule1982` with
+Huber's Proposal 2),
+
+    sum_i psi(z_i)^2 = (n - 1) E[psi(Z)^2],    Z ~ N(0, 1),
+
+or 0 where they are smaller than that already. An outlier counts as one of C standard deviations, whatever its size.
+The variance of mu is 1 / sum_i h_i w_i with h_i = min(1, C / |z_i|). Every sum is exact (``math.fsum``), so that the
+result does not depend on the order of the measurements. No numeric package is needed.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from stridelab.errors import InvalidInput
+
+C: Final = 1.345
+"""Residuals beyond this many standard deviations count as if they were there: 95 % efficient for normal errors."""
+_EXPECTED: Final = (
+    math.erf(C / math.sqrt(2.0)) * (1.0 - C**2)
+    - C * math.sqrt(2.0 / math.pi) * math.exp(-(C**2) / 2.0)
+    + C**2
+)  # fmt: skip
+"""E[psi(Z)^2] of a standard normal Z."""
+_STEPS: Final = 60
+"""Most steps of an iteration; a bisection then has all the bits of a double."""
+
+
+@dataclass(frozen=True)
+class Pooled:
+    """Mean of ``n`` measurements with its standard deviation.
+
+    ``excess_sd`` is tau, what the measurements scatter by beyond their stated errors; ``chi_squared`` is
+    sum (x_i - mu)^2 / v_i with the stated errors, to be compared with n - 1; ``weights`` add up to 1.
+    """
+
+    mean: float
+    sd: float
+    excess_sd: float
+    chi_squared: float
+    weights: tuple[float, ...]
+
+    @property
+    def n(self) -> int:
+        """How many measurements there are."""
+        return len(self.weights)
+
+
+def pool(values: Sequence[float], sds: Sequence[float]) -> Pooled:
+    """Random-effects mean of ``values`` with standard deviations ``sds``, in the unit of both.
+
+    Raises ``InvalidInput`` (``nothing-to-pool``) without a value, where the two differ in number, or where a standard
+    deviation is not positive.
+    """
+    if not values or len(values) != len(sds) or not all(sd > 0.0 for sd in sds):
+        raise InvalidInput("nothing-to-pool", "Each of the values to combine needs a positive standard deviation.")
+    v = [sd**2 for sd in sds]
+    tau2 = 0.0
+    if _residuals(values, v, 0.0) > 0.0:
+        low, high = 0.0, (max(values) - min(values)) ** 2
+        for _ in range(_STEPS):
+            middle = 0.5 * (low + high)
+            low, high = (middle, high) if _residuals(values, v, middle) > 0.0 else (low, middle)
+        tau2 = high
+    mu = _mean(values, v, tau2)
+    weights = _weights(values, v, tau2, mu)
+    total = math.fsum(weights)
+    return Pooled(
+        mean=mu,
+        sd=1.0 / math.sqrt(total),
+        excess_sd=math.sqrt(tau2),
+        chi_squared=math.fsum((x - mu) ** 2 / own for x, own in zip(values, v, strict=True)),
+        weights=tuple(weight / total for weight in weights),
+    )
+
+
+def _residuals(values: Sequence[float], v: Sequence[float], tau2: float) -> float:
+    """Sum of psi(z_i)^2 less what it should be; falls with ``tau2``."""
+    mu = _mean(values, v, tau2)
+    psi = (_psi((x - mu) / math.sqrt(own + tau2)) for x, own in zip(values, v, strict=True))
+    return math.fsum(one**2 for one in psi) - (len(values) - 1) * _EXPECTED
+
+
+def _mean(values: Sequence[float], v: Sequence[float], tau2: float) -> float:
+    """Root of the estimating equation, piecewise linear and falling in mu: Newton's steps, kept inside a bracket."""
+    sds = [math.sqrt(own + tau2) for own in v]
+    low, high = min(values), max(values)
+    mu = math.fsum(x / sd**2 for x, sd in zip(values, sds, strict=True)) / math.fsum(1.0 / sd**2 for sd in sds)
+    for _ in range(_STEPS):
+        z = [(x - mu) / sd for x, sd in zip(values, sds, strict=True)]
+        score = math.fsum(_psi(one) / sd for one, sd in zip(z, sds, strict=True))
+        slope = math.fsum(1.0 / sd**2 for one, sd in zip(z, sds, strict=True) if abs(one) < C)
+        low, high = (max(low, mu), high) if score > 0.0 else (low, min(high, mu))
+        following = mu + score / slope if slope > 0.0 else math.inf
+        if not low <= following <= high:
+            following = 0.5 * (low + high)
+        if abs(following - mu) <= 1e-15 * abs(mu):
+            break
+        mu = following
+    return mu
+
+
+def _weights(values: Sequence[float], v: Sequence[float], tau2: float, mu: float) -> list[float]:
+    """h_i w_i of each measurement."""
+    found = []
+    for x, own in zip(values, v, strict=True):
+        z = abs(x - mu) / math.sqrt(own + tau2)
+        found.append((C / z if z > C else 1.0) / (own + tau2))
+    return found
+
+
+def _psi(z: float) -> float:
+    return max(-C, min(C, z))

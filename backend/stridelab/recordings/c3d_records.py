@@ -1,0 +1,199 @@
+"""Header and parameter records of a C3D file, in the number formats of Intel, DEC and SGI/MIPS machines.
+
+Layout after the C3D user manual (c3d.org): a 512-byte header; parameter records, each a chain of groups and parameters
+linked by 16-bit offsets; then frames of points and analog samples.
+"""
+
+import math
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.errors import Fault, UnreadableFile
+
+BLOCK: Final = 512
+INTEL: Final = 84
+DEC: Final = 85
+MIPS: Final = 86
+BYTE_ORDER: Final = {INTEL: "<", DEC: "<", MIPS: ">"}
+"""Order of the bytes of an integer by processor type."""
+
+Values = Float[np.ndarray, " values"]
+
+
+@dataclass(frozen=True)
+class Header:
+    """The fields of the header that say where the data are and how many there are.
+
+    ``n_analog`` counts the analog samples per frame over all channels, ``ratio`` those of one channel.
+    ``first_frame`` and ``last_frame`` are as written, ``data_block`` counts blocks from 1.
+    """
+
+    processor: int
+    n_points: int
+    n_analog: int
+    first_frame: int
+    last_frame: int
+    scale: float
+    data_block: int
+    ratio: int
+    rate_hz: float
+
+    @property
+    def n_frames(self) -> int:
+        """Number of frames."""
+        return self.last_frame - self.first_frame + 1
+
+    @property
+    def data_start(self) -> int:
+        """Offset of the first frame in bytes."""
+        return (self.data_block - 1) * BLOCK
+
+
+@dataclass(frozen=True)
+class Record:
+    """One group or parameter.
+
+    A group's own record has its number below zero and ``kind`` 0. Names are as written: ezc3d knows capitals only.
+    ``kind`` is -1 for text and else the bytes per number; ``raw`` holds the values in the file's number format.
+    """
+
+    group: int
+    name: str
+    locked: bool = False
+    description: bytes = b""
+    kind: int = 0
+    shape: tuple[int, ...] = ()
+    raw: bytes = b""
+
+    @property
+    def is_text(self) -> bool:
+        """Whether the values are characters."""
+        return self.kind == -1
+
+    @property
+    def n_values(self) -> int:
+        """How many values it holds; a text counts as one."""
+        return 0 if self.kind == 0 else math.prod(self.shape[1:] if self.is_text else self.shape)
+
+    def texts(self) -> list[str]:
+        """The texts, without the blanks behind them."""
+        width = self.shape[0] if self.shape else 0
+        pieces = [self.raw[i * width : (i + 1) * width] for i in range(self.n_values)] if width else []
+        return [piece.decode("latin-1").rstrip(" \0") for piece in pieces]
+
+
+def read_header(head: bytes, processor: int) -> Header:
+    """The header's fields; ``head`` holds its 512 bytes."""
+    order = BYTE_ORDER[processor]
+    n_points, n_analog, first, last = struct.unpack_from(order + "4H", head, 2)
+    data_block, ratio = struct.unpack_from(order + "2H", head, 16)
+    scale, rate_hz = (float(floats(head[at : at + 4], processor)[0]) for at in (12, 20))
+    return Header(processor, n_points, n_analog, first, last, scale, data_block, ratio, rate_hz)
+
+
+def floats(raw: bytes, processor: int) -> Values:
+    """Four-byte floats; DEC exchanges the halves and has an exponent that is two higher."""
+    if processor != DEC:
+        return np.frombuffer(raw, BYTE_ORDER[processor] + "f4").astype(np.float64)
+    halves = np.frombuffer(raw, "<u2").reshape(-1, 2)[:, ::-1]
+    return np.ascontiguousarray(halves).view("<f4").ravel().astype(np.float64) / 4.0
+
+
+def numbers(record: Record, processor: int) -> Values:
+    """All values of a numeric parameter in the file's order; empty for text."""
+    if record.kind == 4:
+        return floats(record.raw, processor)
+    if record.kind not in (1, 2):
+        return np.zeros(0)
+    return np.frombuffer(record.raw, f"{BYTE_ORDER[processor]}i{record.kind}").astype(np.float64)
+
+
+def group_numbers(records: Sequence[Record]) -> dict[str, int]:
+    """Numbers of the groups by name in capitals."""
+    return {record.name.upper(): -record.group for record in records if record.group < 0}
+
+
+def parameter(records: Sequence[Record], group: str, name: str) -> Record | None:
+    """The last parameter ``group:name`` (in capitals), in whatever case the file has it; None where there is none."""
+    number = group_numbers(records).get(group)
+    found = [record for record in records if record.group == number and record.name.upper() == name]
+    return found[-1] if found else None
+
+
+def continued(records: Sequence[Record], group: str, name: str) -> list[Record]:
+    """The parameters NAME, NAME2, NAME3 ... of a list with more than 255 entries."""
+    found: list[Record] = []
+    while (record := parameter(records, group, name + (str(len(found) + 1) if found else ""))) is not None:
+        found.append(record)
+    return found
+
+
+def read_records(section: bytes, processor: int, file_name: str) -> list[Record]:
+    """All records of a parameter section, whose first four bytes are the section's own.
+
+    A record is: length of the name (negative where locked), group number (negative for a group itself), name, offset to
+    the next record, then for a parameter its type, number of dimensions, dimensions and values, then the description
+    with its length. Raises ``UnreadableFile`` (``c3d-parameters-broken``, ``truncated-file``) unless each record is
+    whole and sane, and all of them fit into the section.
+    """
+    at, records, order = 4, [], BYTE_ORDER[processor]
+    try:
+        while length := struct.unpack_from("b", section, at)[0]:
+            (group,) = struct.unpack_from("b", section, at + 1)
+            name = section[at + 2 : at + 2 + abs(length)]
+            link = at + 2 + abs(length)
+            (step,) = struct.unpack_from(order + "H", section, link)
+            if group == 0 or not name.strip(b" \0") or any(byte < 0x20 for byte in name.rstrip(b"\0")):
+                raise broken(file_name, f"a record at byte {at} has no proper name")
+            title = name.decode("latin-1").strip()
+            kind, shape, raw, end = (
+                _values(section, link + 2, title, file_name) if group > 0 else (0, (), b"", link + 2)
+            )
+            description = section[end + 1 : end + 1 + section[end]]
+            end += 1 + section[end]
+            if end > len(section):
+                raise truncated(file_name, "the parameter section")
+            records.append(Record(group, title, length < 0, description, kind, shape, raw))
+            if step == 0:
+                break
+            if end > link + step:
+                raise broken(file_name, f"the record {title} overlaps the next one")
+            if link + step > len(section) and not section[end:].strip(b"\0"):
+                break  # the last record's offset leads nowhere
+            at = link + step
+    except (struct.error, IndexError) as error:
+        raise truncated(file_name, "the parameter section") from error
+    return records
+
+
+def _values(section: bytes, at: int, name: str, file_name: str) -> tuple[int, tuple[int, ...], bytes, int]:
+    """Type, dimensions and values of a parameter, and where they end."""
+    (kind,) = struct.unpack_from("b", section, at)
+    n_dimensions = section[at + 1]
+    if kind not in (-1, 1, 2, 4) or n_dimensions > 7:
+        raise broken(file_name, f"a parameter of type {kind} with {n_dimensions} dimensions")
+    if kind == -1 and n_dimensions == 0:
+        raise broken(file_name, f"{name} is text without a length")  # ezc3d's process ends on it
+    start = at + 2 + n_dimensions
+    shape = tuple(section[at + 2 : start])
+    end = start + abs(kind) * math.prod(shape)
+    return kind, shape, section[start:end], end
+
+
+def truncated(file_name: str, what: str) -> UnreadableFile:
+    """The refusal of a file that ends too early (``truncated-file``)."""
+    return UnreadableFile(
+        "truncated-file", f"The C3D file ends in the middle of {what}.", [Fault(file_name, "truncated")]
+    )
+
+
+def broken(file_name: str, what: str) -> UnreadableFile:
+    """The refusal of a damaged parameter section (``c3d-parameters-broken``)."""
+    return UnreadableFile(
+        "c3d-parameters-broken", "The C3D file's parameter section is damaged.", [Fault(file_name, what)]
+    )

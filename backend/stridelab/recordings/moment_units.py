@@ -1,0 +1,109 @@
+"""Whether the moments of the plates are in the unit that the file states; the centre of pressure decides.
+
+In the plate's axes the centre of pressure is (-M_y, M_x) / F_z about the surface. A unit that is 1000 times too large
+puts it hundreds of metres beside the plate; one that is 1000 times too small nails it to within a millimetre of the
+sensor's axis. The true unit is the largest one under which the centre of pressure lies inside the plate's corners.
+Files of several vendors state Nm and hold N mm.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from stridelab.conventions import Points, Vector3
+from stridelab.recordings.plates import plate_axes, repair_origin, upward_sign
+from stridelab.recordings.raw import PlateSignals
+from stridelab.recordings.recording import Remark
+from stridelab.recordings.tare import find_tare
+from stridelab.recordings.units import moment_scale
+
+AS_STATED, THOUSANDTH, THOUSANDFOLD = 1.0, 1e-3, 1e3
+"""Factors on the stated unit: metres and millimetres are what laboratories confuse."""
+REFUTED: Final = 0.5
+"""Share inside the corners below which the stated unit is refuted, if a smaller one has more than that."""
+PROVEN: Final = 0.9
+"""Share inside the corners above which the larger of two possible units is taken."""
+_LOADED_N = 50.0
+_MOVES_M = 0.005
+"""Median distance of the centre of pressure from its mean: below it the signal tells no unit."""
+
+
+@dataclass(frozen=True)
+class _Loaded:
+    """Tared signals of one plate, and how many of its samples are loaded."""
+
+    signals: PlateSignals
+    force_n: Points
+    moment_nm: Points
+    n: int
+
+    def share(self, factor: float, up: Vector3) -> float:
+        """Share of the loaded centre of pressure inside the corners with the moments times ``factor``."""
+        return repair_origin(self.signals, self.force_n, factor * self.moment_nm, up)[1]
+
+    def moves(self, factor: float) -> bool:
+        """Whether the centre of pressure wanders as under a foot."""
+        loaded = np.abs(self.force_n[:, 2]) > _LOADED_N
+        force_z = self.force_n[loaded, 2]
+        p = factor * self.moment_nm[loaded, :2] / force_z[:, None]
+        return float(np.median(np.linalg.norm(p - p.mean(axis=0), axis=1))) > _MOVES_M
+
+
+def with_true_moment_units(
+    plates: Sequence[PlateSignals], up: Vector3
+) -> tuple[tuple[PlateSignals, ...], tuple[Remark, ...]]:
+    """The plates with moments in Nm, and a remark where the stated unit was not believed.
+
+    Plates with the same stated unit are judged together, so that a plate on which nobody steps gets the unit of the
+    others. Where no unit puts the centre of pressure on the plates, the stated one stays.
+    """
+    answer = {signals.index: signals for signals in plates}
+    remarks = []
+    for unit in dict.fromkeys(signals.moment_unit for signals in plates if signals.moment_unit is not None):
+        group = [signals for signals in plates if signals.moment_unit == unit]
+        factor, shares = _factor([_loaded(signals, up) for signals in group], up)
+        if factor == AS_STATED:
+            continue
+        for signals in group:
+            answer[signals.index] = replace(signals, moment_nm=factor * signals.moment_nm)
+        remarks.append(Remark("moment-unit-corrected", _message(unit, factor, shares)))
+    return tuple(answer.values()), tuple(remarks)
+
+
+def _factor(group: Sequence[_Loaded], up: Vector3) -> tuple[float, dict[float, float]]:
+    """Factor on the stated unit, and the share of the loaded centre of pressure on the plates under each."""
+    loaded = [one for one in group if one.n]
+    total = sum(one.n for one in loaded)
+    if total == 0:
+        return AS_STATED, {}
+
+    def share(factor: float) -> float:
+        return sum(one.n * one.share(factor, up) for one in loaded) / total
+
+    shares = {factor: share(factor) for factor in (AS_STATED, THOUSANDTH, THOUSANDFOLD)}
+    if shares[THOUSANDFOLD] >= PROVEN and any(one.moves(THOUSANDFOLD) for one in loaded):
+        return THOUSANDFOLD, shares
+    if shares[AS_STATED] < REFUTED <= shares[THOUSANDTH] and any(one.moves(THOUSANDTH) for one in loaded):
+        return THOUSANDTH, shares
+    return AS_STATED, shares
+
+
+def _loaded(signals: PlateSignals, up: Vector3) -> _Loaded:
+    R = plate_axes(signals.corners_m)
+    upward_n = upward_sign(signals, up) * (signals.force_n @ (R.T @ up))
+    tare = find_tare(signals.force_n, signals.moment_nm, upward_n, signals.zero_samples)
+    force_n = signals.force_n - tare.force_n
+    n = int(np.count_nonzero(np.abs(force_n[:, 2]) > _LOADED_N))
+    return _Loaded(signals, force_n, signals.moment_nm - tare.moment_nm, n)
+
+
+def _message(stated: str, factor: float, shares: dict[float, float]) -> str:
+    known = moment_scale(stated, 0.0)
+    used = {1.0: "Nm", 1e-3: "N mm"}.get(known * factor, f"{factor:g} times that")
+    return (
+        f"The file says that the plates' moments are in {stated or 'no unit'}; {used} is used, because then "
+        f"{shares[factor]:.0%} of the loaded centre of pressure lies inside the plates' corners, as stated "
+        f"{shares[AS_STATED]:.0%}."
+    )

@@ -1,0 +1,47 @@
+"""The day on which a C3D file was recorded, where its writer says so: TRIAL:DATE, or a DATE of the manufacturer.
+
+BTS writes TRIAL:DATE as year, month and day. Texts are read in the ISO 8601 order alone: 05/06/2019 is two days.
+"""
+
+import re
+from collections.abc import Callable, Sequence
+from datetime import date
+from typing import Final
+
+PLACES: Final = (
+    ("TRIAL", "DATE"),
+    ("TRIAL", "RECORDING_DATE"),
+    ("TRIAL", "CREATION_DATE"),
+    ("MANUFACTURER", "DATE"),
+    ("MANUFACTURER", "RECORDING_DATE"),
+)
+"""Group and parameter, in the order in which they are asked."""
+FIRST_YEAR: Final = 1970
+_ISO = re.compile(r"^(\d{4})[-/.]?(\d{2})[-/.]?(\d{2})(?!\d)")
+
+
+def recorded_on(texts: Callable[[str, str], Sequence[str]], numbers: Callable[[str, str], Sequence[float]]) -> str:
+    """The day as ``YYYY-MM-DD``; empty where the file does not say it. Fillers (year 0, month 13) are no day.
+
+    ``texts`` and ``numbers`` give the values of a parameter by its group and name, empty where it has none of the kind.
+    """
+    for group, name in PLACES:
+        for year, month, day in (*_stated(texts(group, name)), *_counted(numbers(group, name))):
+            try:
+                found = date(year, month, day)
+            except (ValueError, OverflowError):
+                continue
+            if found.year >= FIRST_YEAR:
+                return found.isoformat()
+    return ""
+
+
+def _stated(texts: Sequence[str]) -> list[tuple[int, int, int]]:
+    match = _ISO.match("".join(texts[:1]).strip())
+    return [] if match is None else [(int(match[1]), int(match[2]), int(match[3]))]
+
+
+def _counted(numbers: Sequence[float]) -> list[tuple[int, int, int]]:
+    if len(numbers) < 3 or not all(float(value).is_integer() for value in numbers[:3]):
+        return []
+    return [(int(numbers[0]), int(numbers[1]), int(numbers[2]))]
