@@ -71,7 +71,8 @@ CASES: Final[Mapping[str, Mapping[str, Builder]]] = {
 class Execution:
     """What became of one scenario; ``failed`` says at which error it ended, empty where it came to its end.
 
-    ``cpu_s`` are process seconds by stage, ``replay`` the numbers of the replay.
+    ``cpu_s`` are process seconds by stage, ``replay`` the numbers of the replay, ``missed`` what one that is not
+    ``completed`` lacks.
     """
 
     robot: str
@@ -82,6 +83,8 @@ class Execution:
     cpu_s: Mapping[str, float] | None = None
     replay: Mapping[str, float] | None = None
     completed: bool = False
+    fell: bool = False
+    missed: tuple[str, ...] = ()
 
     def value(self, check: str) -> float:
         """The value of a check; NaN where there is none."""
@@ -128,7 +131,10 @@ def execute(robot_name: str, name: str) -> Execution:
         played = _timed(cpu_s, "replay", lambda: replayed(robot_name, motion))
     except StridelabError as error:
         return Execution(robot_name, name, duration_s, error.message, checks, cpu_s)
-    return Execution(robot_name, name, duration_s, "", checks, cpu_s, numbers(played), played.completed)
+    missed = tuple(one.message for one in played.remarks)
+    return Execution(
+        robot_name, name, duration_s, "", checks, cpu_s, numbers(played), played.completed, played.fell, missed
+    )
 
 
 def replayed(

@@ -154,7 +154,8 @@ def attempt(variation: Variation) -> Attempt:
     if failed:
         return Attempt(stage, failed, checks, replay.completed, replay.com_error_max_m)
     if not replay.completed:
-        return Attempt("replay", f"falls at {replay.fall_time_s:.1f} s", checks, False, replay.com_error_max_m)
+        said = " ".join(one.message for one in replay.remarks)
+        return Attempt("replay", said, checks, False, replay.com_error_max_m)
     return Attempt(None, "", checks, True, replay.com_error_max_m)
 
 
