@@ -71,6 +71,11 @@ def test_log_does_not_grow_for_ever(program: _Program, monkeypatch: pytest.Monke
     until_ended(program)
     assert program.log.read_text(encoding="utf-8") == "a word\n"
     assert program.log.with_suffix(".log.old").stat().st_size == 101
+    for size in range(102, 110):
+        program.log.write_bytes(b"x" * size)
+        program._trim_log()
+    kept = {path.name: path.stat().st_size for path in program.log.parent.glob("x.log.*")}
+    assert kept == {"x.log.old": 109, **{f"x.log.old.{k}": 110 - k for k in (2, 3, 4, 5)}}
 
 
 def test_open_address_is_refused_before_anything_is_made(tmp_path: Path) -> None:

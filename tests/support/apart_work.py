@@ -20,6 +20,10 @@ def behave(item: Json) -> Json:
         raise NotEstimable("no-step", "There is no step.", [Fault("walk.c3d", "standing")])
     if how == "break":
         raise RuntimeError("unforeseen")
+    if how == "interval":
+        began_s = time.monotonic()
+        time.sleep(0.5)
+        return {"interval_s": [began_s, time.monotonic()]}
     if how == "large":
         return {"text": "x" * 3_000_000}
     return {"pid": os.getpid(), "twice": 2 * item["n"]}

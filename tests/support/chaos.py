@@ -3,15 +3,20 @@
 Jobs go to a whole service (supervisor, web server, worker, database) of their own while its programs are killed one
 after another with SIGKILL. A submission whose answer is lost is sent again with its key. In the end every accepted job
 must have succeeded once (``ledger``).
+
+``--schedule N`` and ``--schedules A:B`` run numbered schedules of lost and late COMMITs instead (``commit_chaos``).
 """
 
 import argparse
 import asyncio
 import random
+import sys
+import tempfile
 import threading
 import time
 from collections import Counter
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import psutil
 import psycopg
@@ -21,6 +26,8 @@ from sqlalchemy.exc import OperationalError
 from stridelab.service.jobs.child import NAME
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.database import make_engine
+from support.commit_chaos import SCHEDULES
+from support.commit_chaos import main as run_schedules
 from support.kinds import KINDS
 from support.ledger import assert_sound
 from support.service import Service, running_service
@@ -139,6 +146,13 @@ def run(jobs: int, kills: int, *, work_s: float, pause_s: tuple[float, float], l
     )
 
 
+def _range(text: str | None) -> list[int]:
+    if text is None:
+        return []
+    first, _, last = ("0", "", str(len(SCHEDULES))) if text == "all" else text.partition(":")
+    return list(range(int(first), int(last or len(SCHEDULES))))
+
+
 def main() -> None:
     """Entry point."""
     asked = argparse.ArgumentParser(prog="make chaos", description=__doc__)
@@ -148,7 +162,15 @@ def main() -> None:
     asked.add_argument("--pause", type=float, default=15.0, help="mean seconds between two kills")
     asked.add_argument("--limit", type=float, default=6 * 3600.0, help="seconds until the run counts as stuck")
     asked.add_argument("--seed", type=int, default=None)
+    numbered = asked.add_argument_group("COMMITs that are lost or late (support.commit_chaos), instead of random kills")
+    numbered.add_argument("--schedule", type=int, action="append", help=f"one of 0 to {len(SCHEDULES) - 1}")
+    numbered.add_argument("--schedules", help="a range, as 0:32, or 'all'")
+    numbered.add_argument("--at-once", type=int, default=4, help="schedules that run at the same time")
     given = asked.parse_args()
+    chosen = [*(given.schedule or []), *_range(given.schedules)]
+    if chosen:
+        with tempfile.TemporaryDirectory() as folder:
+            sys.exit(run_schedules(chosen, Path(folder), given.at_once))
     seed = given.seed if given.seed is not None else random.randrange(10**6)
     random.seed(seed)
     pause_s = (0.2 * given.pause, 1.8 * given.pause)

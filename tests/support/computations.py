@@ -7,6 +7,7 @@ import time
 from pathlib import Path
 from typing import Any
 
+from stridelab.cores import usable_cores
 from stridelab.errors import Fault, NotEstimable
 
 
@@ -83,6 +84,21 @@ def hoard(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
             time.sleep(60)
             os._exit(len(held) % 2)
     time.sleep(60)
+
+
+def share(_task: dict[str, Any], _folder: Path, _progress: Any) -> int:
+    """Hold a block that children see too, long enough for the memory of all of them to be looked at."""
+    block = bytearray(os.urandom(1 << 20)) * 150
+    for _ in range(4):
+        if os.fork() == 0:
+            time.sleep(60)
+            os._exit(block[0] % 2)
+    time.sleep(3.0)
+    return len(block)
+
+
+def cores(_task: dict[str, Any], _folder: Path, _progress: Any) -> int:
+    return usable_cores()
 
 
 def hang(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:

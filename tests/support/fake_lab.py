@@ -18,6 +18,7 @@ from stridelab.service.api.edge import Edge
 from stridelab_web.app import create_web
 from stridelab_web.config import WebConfig
 from support.fake_service import FakeService
+from support.web import anybody
 
 STARTED_WITHIN_S = 180.0
 
@@ -37,7 +38,8 @@ def running_lab() -> Iterator[Lab]:
     port, viewer_port = _free_port(), _free_port()
     url, viewer_url = f"http://127.0.0.1:{port}", f"http://127.0.0.1:{viewer_port}"
     interface = fake.app()
-    pages = create_web(WebConfig(url, "0.1.0", transport=httpx.ASGITransport(interface), viewer_url=viewer_url))
+    transport = httpx.ASGITransport(interface)
+    pages = create_web(WebConfig(url, "0.1.0", transport=transport, viewer_url=viewer_url, scenario_right=anybody))
 
     async def front(scope: Scope, receive: Receive, send: Send) -> None:
         await (interface if scope["path"].startswith("/api/") else pages)(scope, receive, send)

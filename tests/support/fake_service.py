@@ -233,8 +233,8 @@ class FakeService:
 
     async def _recordings(self, request: Request) -> Response:
         if request.method == "GET":
-            newest = list(reversed(self.recordings.values()))
-            limit = int(request.query_params.get("limit", 50))
+            session_id, limit = request.query_params.get("session_id"), int(request.query_params.get("limit", 50))
+            newest = [r for r in reversed(self.recordings.values()) if session_id in (None, r.session_id)]
             return _answer({"items": [r.model_dump(mode="json") for r in newest[:limit]], "next": None})
         form = await request.form()
         file = form["file"]

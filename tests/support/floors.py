@@ -6,7 +6,7 @@ ROOT = Path(__file__).parents[2]
 BACKEND = ROOT / "backend" / "stridelab"
 FRONTEND = ROOT / "frontend" / "stridelab_web"
 
-GROUND = {"conventions", "errors", "resources"}
+GROUND = {"conventions", "cores", "errors", "resources"}
 WINGS = ["dynamics", "recordings", "body", "estimation", "walking"]
 ROBOT_WING = ["dynamics", "robots", "contacts", "reachability", "centroidal", "wholebody"]
 SCIENCE = GROUND | set(WINGS) | set(ROBOT_WING)

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from stridelab.errors import Unavailable
+from stridelab.errors import InvalidInput, Unavailable
 
 GLB = b"glTF\x02\x00\x00\x00" + bytes(range(256))
 FACTS: dict[str, Any] = {
@@ -75,6 +75,11 @@ def enclose(task: dict[str, Any], folder: Path, _progress: Any) -> dict[str, Any
 def no_data(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
     _note("no data")
     raise Unavailable("robot-data-missing", "The description of TALOS is missing.")
+
+
+def bad_card(task: dict[str, Any], _folder: Path, _progress: Any) -> None:
+    _note(f"bad card {task['robot']}")
+    raise InvalidInput("robot-card-invalid", "The card makes no sense. base_frame: there is no frame 'chassis'")
 
 
 def crash(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:

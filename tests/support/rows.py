@@ -1,6 +1,7 @@
 """Recordings and jobs put straight into the tables, for tests that need them to exist rather than to be true."""
 
 import asyncio
+import hashlib
 import tempfile
 import uuid
 from collections.abc import Sequence
@@ -41,14 +42,17 @@ def facts(**changes: Any) -> RecordingFacts:
     return RecordingFacts.model_validate({**known, **changes})
 
 
-async def add_recording(parts: Parts, recording_id: str | None = None, **columns: Any) -> str:
-    """Insert a recording with two small files; returns its id."""
+async def add_recording(
+    parts: Parts, recording_id: str | None = None, content: bytes | None = None, **columns: Any
+) -> str:
+    """Insert a recording with two small files; their ``content`` is its id unless given; returns its id."""
     recording_id = recording_id or uuid.uuid4().hex
+    content = recording_id.encode() if content is None else content
     values = {
         "id": recording_id,
         "filename": "walk.c3d",
-        "sha256": uuid.uuid4().hex,
-        "bytes": 5,
+        "sha256": hashlib.sha256(content).hexdigest(),
+        "bytes": len(content),
         "blob_key": f"uploads/{recording_id}",
         "tracks_key": f"recordings/{recording_id}/tracks.parquet",
         "facts": facts().model_dump(mode="json"),
@@ -58,7 +62,7 @@ async def add_recording(parts: Parts, recording_id: str | None = None, **columns
     with tempfile.TemporaryDirectory() as folder:
         for key in ("blob_key", "tracks_key"):
             path = Path(folder) / "file"
-            path.write_bytes(b"hello")
+            path.write_bytes(content)
             await parts.blobs.put_file(values[key], path)
     async with parts.engine.begin() as connection:
         await connection.execute(insert(recording).values(values))

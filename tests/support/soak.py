@@ -114,7 +114,7 @@ class Soak:
         self.accepted += tally.accepted
         self.worse += tally.worse
         line = Connection(self.service.port, self.tokens[0])
-        await line.call("DELETE", f"/api/v1/jobs/{tally.accepted[0]}")
+        await line.call("DELETE", f"/api/v1/jobs/{tally.accepted[0]}?cancel_only=true")
         line.close()
 
     def table(self) -> str:

@@ -35,10 +35,12 @@ def write_file(
     parameters: Mapping[tuple[str, str], Any] = {},
     zero: tuple[int, int] = (0, 0),
     first_frame: int = 0,
+    analogs: np.ndarray | None = None,
 ) -> Path:
     """Write points (n x 3 in ``unit``) and plates; ``parameters`` maps (group, name) to extra values.
 
-    Integers among the extra values are written as integers.
+    Integers among the extra values are written as integers. ``analogs`` are the samples of all channels, where there
+    are more than the plates'.
     """
     content = ezc3d.c3d()
     groups = content["parameters"]
@@ -50,7 +52,7 @@ def write_file(
     groups["POINT"]["LABELS"]["value"] = list(points)
     if plates:
         analog = groups["ANALOG"]
-        signals = np.concatenate([plate.signals for plate in plates], axis=1)
+        signals = np.concatenate([plate.signals for plate in plates], axis=1) if analogs is None else analogs
         m = signals.shape[1]
         content["data"]["analogs"] = signals.T[None]
         analog["RATE"]["value"] = np.array([force_rate_hz])

@@ -5,11 +5,16 @@ from dataclasses import dataclass
 from typing import Any
 
 import httpx
-from starlette.types import ASGIApp
+from starlette.types import ASGIApp, Scope
 
 from stridelab_web.app import create_web
-from stridelab_web.config import WebConfig
+from stridelab_web.config import NO_KEY_NEEDED, ScenarioRight, WebConfig
 from support.fake_service import FakeService
+
+
+def anybody(scope: Scope, scenario_id: str, owner: str | None) -> ScenarioRight:
+    """A service without a token: everybody changes everything."""
+    return ScenarioRight(NO_KEY_NEEDED)
 
 
 @dataclass(frozen=True)
@@ -32,5 +37,5 @@ class Caller:
 
 def make_client(fake: FakeService, **config: Any) -> Caller:
     """A caller of the web app over ``fake``."""
-    given: dict[str, Any] = {"transport": httpx.ASGITransport(app=fake.app()), **config}
+    given: dict[str, Any] = {"scenario_right": anybody, "transport": httpx.ASGITransport(app=fake.app()), **config}
     return Caller(create_web(WebConfig("http://127.0.0.1", "0.1.0", **given)))

@@ -17,6 +17,7 @@ from stridelab.resources import models_dir
 from stridelab.service.jobs.kinds.kind import Blobs, Json
 from stridelab.service.jobs.kinds.rows import RECORDING_FILE
 from stridelab.service.jobs.store import input_hash
+from stridelab.service.storage import locks
 from stridelab.service.storage.tables import job, recording
 
 SAMPLE_ID: Final = "sample-walk"
@@ -24,8 +25,6 @@ TRUTH_JOB: Final = "sample-walk-truth"
 ESTIMATE_JOB: Final = "sample-walk-com"
 SHIPPED_JOBS: Final = (TRUTH_JOB, ESTIMATE_JOB)
 INDEX_FILE: Final = "sample.json"
-
-_SEEDING_LOCK: Final = 0x5712DE1AF
 
 
 def sample_folder() -> Path:
@@ -41,7 +40,7 @@ async def seed(engine: AsyncEngine, blobs: Blobs, folder: Path | None = None) ->
     folder = folder or sample_folder()
     index: Json = json.loads((folder / INDEX_FILE).read_text(encoding="utf-8"))
     async with engine.begin() as connection:
-        await connection.execute(select(func.pg_advisory_xact_lock(_SEEDING_LOCK)))
+        await connection.execute(select(func.pg_advisory_xact_lock(locks.SAMPLE_SEEDING)))
         if await _is_there(connection, blobs, index):
             return False
         await _store_files(blobs, folder, index)

@@ -17,6 +17,7 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.resources import models_dir
 from stridelab.schemas.scenarios import Scenario
+from stridelab.service.storage import locks
 from stridelab.service.storage.tables import scenario
 
 EXAMPLE_ID: Final = "flat-walk"
@@ -24,7 +25,6 @@ EXAMPLE_ID: Final = "flat-walk"
 
 _STEM: Final = re.compile(r"[a-z0-9]+(-[a-z0-9]+)*")
 _USERS_FORM: Final = re.compile(r"[0-9a-f]{32}")
-_SEEDING_LOCK: Final = 0x5712DE1B0
 
 
 def new_id() -> str:
@@ -62,7 +62,7 @@ async def seed(engine: AsyncEngine, folder: Path | None = None) -> bool:
     """
     bodies = shipped(folder)
     async with engine.begin() as connection:
-        await connection.execute(select(func.pg_advisory_xact_lock(_SEEDING_LOCK)))
+        await connection.execute(select(func.pg_advisory_xact_lock(locks.SCENARIO_SEEDING)))
         rows = await connection.execute(select(scenario.c.id, scenario.c.body).where(scenario.c.bundled))
         present = {row.id: row.body for row in rows}
         gone = sorted(present.keys() - bodies.keys())

@@ -5,6 +5,7 @@ pid file exists. A killed postmaster leaves backends behind that hold its shared
 retried until they are gone, then PostgreSQL replays its log and every committed row is back.
 """
 
+import contextlib
 import fcntl
 import json
 import os
@@ -84,6 +85,25 @@ class EmbeddedPostgres:
         except psycopg.Error:
             return False
         return True
+
+    def answers(self, timeout_s: int = 5) -> bool:
+        """Whether a connection is answered in time; a refusal is an answer."""
+        try:
+            with psycopg.connect(self.url, connect_timeout=timeout_s, autocommit=True) as connection:
+                connection.execute("SELECT 1")
+        except psycopg.errors.ConnectionTimeout:
+            return False
+        except psycopg.Error:
+            return True
+        return True
+
+    def kill(self) -> None:
+        """Kill the postmaster, which may not answer; its children end without it, and ``start`` recovers."""
+        server = self._postmaster()
+        if server is not None:
+            with contextlib.suppress(psutil.Error):
+                server.kill()
+            _wait_gone(server, 4.0)
 
     @property
     def postmaster_pid(self) -> int | None:

@@ -1,16 +1,22 @@
 """Puts the web pages on the port of the HTTP interface. The only place in the backend that knows the web app."""
 
+import time
+
 import httpx
 from fastapi import FastAPI
 from starlette.routing import Match, Mount
 from starlette.types import Scope
 
 from stridelab import __version__
+from stridelab.errors import Forbidden
+from stridelab.service.access.callers import STRANGER, Caller, require, require_owner
 from stridelab.service.api.auth import inside
+from stridelab.service.api.callers import KEY
+from stridelab.service.api.keys import Keys
 from stridelab.service.settings import Settings
 from stridelab.service.shown_settings import shown
 from stridelab_web.app import create_web
-from stridelab_web.config import WebConfig
+from stridelab_web.config import NO_KEY_NEEDED, ScenarioRight, ScenarioRights, WebConfig
 
 INTERFACE = "/api/"
 
@@ -36,5 +42,24 @@ def mount(app: FastAPI, settings: Settings) -> None:
         token=settings.token,
         viewer_url=settings.viewer_url,
         settings=shown(settings),
+        scenario_right=_scenario_right(app),
     )
     app.router.routes.append(_Pages("", app=create_web(config)))
+
+
+def _scenario_right(app: FastAPI) -> ScenarioRights:
+    """What the caller of a request may do with a scenario."""
+
+    def right(scope: Scope, scenario_id: str, owner: str | None) -> ScenarioRight:
+        keys: Keys | None = app.state.keys
+        caller: Caller = scope.get(KEY, STRANGER)
+        try:
+            require(caller, "submit")
+            require_owner(caller, owner, "scenario")
+        except Forbidden as refusal:
+            return ScenarioRight(None, refusal.message)
+        if keys is None or caller.token_id is None:
+            return ScenarioRight(NO_KEY_NEEDED)
+        return ScenarioRight(keys.scenario_key(time.time(), caller.token_id, scenario_id))
+
+    return right

@@ -6,7 +6,10 @@ names of people or addresses of clients.
 
 import logging
 import sys
-from typing import Any, Protocol, runtime_checkable
+import time
+from collections import OrderedDict
+from collections.abc import Callable
+from typing import Any, Final, Protocol, runtime_checkable
 
 import structlog
 
@@ -26,6 +29,58 @@ class Sink(Protocol):
 
     def isatty(self) -> bool:
         """Whether a person looks on."""
+
+
+BURST: Final = 50
+"""So many lines of one kind are written at once, ..."""
+RATE_HZ: Final = 0.1
+"""... and so many per second from then on."""
+_KINDS_AT_MOST: Final = 1000
+
+
+class Flood(logging.Filter):
+    """Leaves out repeated lines that anybody can cause, so that nobody can push all others out of a log file.
+
+    These are warnings, errors, refusals, and requests of strangers. The next line of the same kind that is written says
+    in ``left_out`` how many were not.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__()
+        self._clock = clock
+        self._kinds: OrderedDict[object, tuple[float, float, int]] = OrderedDict()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Whether to write ``record``."""
+        kind = _kind_of(record)
+        if kind is None:
+            return True
+        now_s = self._clock()
+        left, at_s, left_out = self._kinds.pop(kind, (float(BURST), now_s, 0))
+        left = min(float(BURST), left + RATE_HZ * (now_s - at_s))
+        is_written = left >= 1.0
+        self._kinds[kind] = (left - 1.0, now_s, 0) if is_written else (left, now_s, left_out + 1)
+        if len(self._kinds) > _KINDS_AT_MOST:
+            self._kinds.popitem(last=False)
+        if is_written and left_out:
+            if isinstance(record.msg, dict):
+                record.msg = {**record.msg, "left_out": left_out}
+            else:
+                record.msg = f"{record.getMessage()} ({left_out} like it left out)"
+                record.args = None
+        return is_written
+
+
+def _kind_of(record: logging.LogRecord) -> object:
+    """What a line repeats; None for a line that is always written."""
+    event = record.msg if isinstance(record.msg, dict) else {}
+    is_foreign = event.get("stranger") or event.get("action") == "refused"
+    if record.levelno < logging.WARNING and not is_foreign:
+        return None
+    what = event.get("event", record.msg) if event else record.msg
+    error = record.exc_info[0] if record.exc_info else None
+    about = (str(event.get(name)) for name in ("route", "status", "action", "what"))
+    return record.name, record.levelno, str(what), error, *about
 
 
 def configure_logging(level: str = "info", stream: Sink | None = None) -> None:
@@ -56,6 +111,7 @@ def configure_logging(level: str = "info", stream: Sink | None = None) -> None:
             processors=[structlog.stdlib.ProcessorFormatter.remove_processors_meta, *_rendering(out)],
         )
     )
+    handler.addFilter(Flood())
     root = logging.getLogger()
     root.handlers[:] = [handler]
     root.setLevel(number)

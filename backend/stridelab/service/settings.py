@@ -52,6 +52,17 @@ class Settings(BaseSettings):
     rate_limit_hz: float = Field(
         default=300.0, ge=0, description="requests per second of one token, a tenth without a token; 0 for no limit"
     )
+    connection_limit: int = Field(
+        default=4000, ge=1, description="open connections of a web server process, less where fewer files may be open"
+    )
+    address_connection_limit: int = Field(
+        default=256, ge=1, description="open connections of one address, proxies aside"
+    )
+    header_timeout_s: float = Field(default=10.0, gt=0, description="time for a client to send the head of a request")
+    body_timeout_s: float = Field(
+        default=20.0, gt=0, description="silence in the body of a request before it is closed"
+    )
+    keep_alive_s: int = Field(default=5, ge=1, description="idle time after which a kept connection is closed")
     heartbeat_s: float = Field(default=5.0, gt=0, description="how often a worker says that it lives")
     stall_s: float = Field(default=20.0, gt=0, description="silence after which a worker counts as dead")
     event_retention_days: float = Field(default=7.0, gt=0, description="how long progress events are kept")

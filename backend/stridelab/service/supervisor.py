@@ -1,8 +1,9 @@
 """``stridelab serve``: starts the database, the web server, a worker and the viewer, and keeps them running.
 
 Everything it starts ends with it, also when it is killed with ``kill -9`` (``tether``). What dies is started again,
-later and later if it keeps dying. The supervisor owns the embedded database's folder, so at start every worker that
-the database remembers is dead, and its jobs are taken up at once.
+later and later if it keeps dying. What lives and does not answer (``heartbeat``, ``watchdog``) is killed first. The
+supervisor owns the embedded database's folder, so at start every worker that the database remembers is dead, and its
+jobs are taken up at once.
 """
 
 import contextlib
@@ -13,6 +14,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -24,23 +26,30 @@ from typing import Final, NoReturn
 
 import psycopg
 
+from stridelab import heartbeat
 from stridelab.errors import Fault, InvalidInput, Unavailable
 from stridelab.service.embedded_postgres import EmbeddedPostgres
 from stridelab.service.settings import Settings
 from stridelab.service.storage.migrating import migrate, plain
 from stridelab.service.tether import tethered
+from stridelab.service.watchdog import Silence, Verdict
 
 VIEWER: Final = "stridelab_web.viewer"
 API: Final = "stridelab.service.api"
 WORKER: Final = "stridelab.service.jobs.worker"
 _TICK_S: Final = 0.2
 _DATABASE_CHECK_S: Final = 0.5
+_DATABASE_ASK_S: Final = 1.0
+_DATABASE_HUNG_S: Final = 30.0
+"""Longer than for a program: its answer needs a process of its own, which a busy machine starts late."""
 _STOP_S: Final = 3.0
 _HEALTHY_S: Final = 60.0
 _BACKOFF_S: Final = (0.2, 0.5, 1.0, 2.0, 5.0, 10.0)
 _PROVEN_S: Final = 30.0
 _HOPELESS: Final = 5
 _MAX_LOG_BYTES: Final = 5_000_000
+_OLDER: Final = (2, 3, 4, 5)
+"""Numbers of the old logs that are kept beside the newest old one."""
 _EVERYWHERE: Final = {"0.0.0.0": "127.0.0.1", "::": "::1", "": "127.0.0.1"}  # noqa: S104 (to be told from loopback)
 
 
@@ -63,14 +72,18 @@ class _Program:
     started_at: float = 0.0
     failures: int = 0
     next_start: float = field(default=0.0)
+    heartbeats: int | None = None
+    silence: Silence | None = None
 
-    def keep_running(self) -> None:
-        """Start it where it does not run and its pause is over."""
+    def keep_running(self, say: Callable[[str], None] = lambda _: None) -> None:
+        """Start it where it does not run and its pause is over; kill it where it does not answer, and ``say`` so."""
         now = time.monotonic()
         self._trim_log()
         if self.process is not None:
             if self.process.poll() is None:
+                self._replace_silent(self.process, say)
                 return
+            self._forget_heartbeats()
             self.failures = 0 if now - self.started_at > _PROVEN_S else self.failures + 1
             self.next_start = now + _BACKOFF_S[min(self.failures, len(_BACKOFF_S) - 1)]
             self.process = None
@@ -79,22 +92,47 @@ class _Program:
             self._start(now)
 
     def _start(self, now: float) -> None:
+        self.heartbeats, theirs = os.pipe()
+        os.set_blocking(self.heartbeats, False)
         # appending, so that the file may be emptied under the program's hands
-        with self.log.open("ab") if self.log else contextlib.nullcontext() as log:
+        with os.fdopen(theirs, "wb"), self.log.open("ab") if self.log else contextlib.nullcontext() as log:
             self.process = subprocess.Popen(
                 tethered([sys.executable, "-m", self.module]),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
-                env=dict(self.environment),
+                env={**self.environment, heartbeat.VARIABLE: str(theirs)},
+                pass_fds=[theirs],
                 start_new_session=True,  # the terminal's Ctrl-C is for the supervisor alone
             )
+        self.silence = Silence(self.process.pid)
         self.started_at = now
+
+    def _replace_silent(self, process: "subprocess.Popen[bytes]", say: Callable[[str], None]) -> None:
+        if self.heartbeats is None or self.silence is None:
+            return
+        with contextlib.suppress(BlockingIOError):
+            if os.read(self.heartbeats, 1 << 16):
+                self.silence.heard()
+                return
+        verdict = self.silence.verdict()
+        if verdict is not None:
+            say(f"{self.module} {'is stopped' if verdict == 'stopped' else 'does not answer'}: it is started again.")
+            process.kill()
+
+    def _forget_heartbeats(self) -> None:
+        if self.heartbeats is not None:
+            os.close(self.heartbeats)
+        self.heartbeats = self.silence = None
 
     def _trim_log(self) -> None:
         """Move what was written aside when it is much; a line that arrives meanwhile may be lost."""
         if self.log and self.log.exists() and self.log.stat().st_size > _MAX_LOG_BYTES:
-            shutil.copyfile(self.log, self.log.with_suffix(".log.old"))
+            older = [self.log.with_suffix(".log.old"), *(self.log.with_suffix(f".log.old.{k}") for k in _OLDER)]
+            for newer, older_one in zip(older[-2::-1], older[:0:-1], strict=True):
+                if newer.exists():
+                    newer.replace(older_one)
+            shutil.copyfile(self.log, older[0])
             os.truncate(self.log, 0)
 
     def send(self, signum: int) -> None:
@@ -216,9 +254,13 @@ def _until_healthy(settings: Settings, api: _Program) -> None:
 
 def _keep(programs: list[_Program], database: EmbeddedPostgres | None, say: Callable[[str], None]) -> NoReturn:
     next_check, complained = 0.0, False
+    probe = _DatabaseProbe(database) if database is not None else None
     while True:
         now = time.monotonic()
         if database is not None and now >= next_check:
+            if probe is not None and (verdict := probe.verdict()) is not None:
+                say(f"The database {'is stopped' if verdict == 'stopped' else 'does not answer'}: it is started again.")
+                database.kill()
             if database.postmaster_pid is None:
                 try:
                     database.start(timeout_s=10.0)
@@ -229,8 +271,40 @@ def _keep(programs: list[_Program], database: EmbeddedPostgres | None, say: Call
                     complained = True
             next_check = time.monotonic() + _DATABASE_CHECK_S
         for program in programs:
-            program.keep_running()
+            program.keep_running(say)
         time.sleep(_TICK_S)
+
+
+class _DatabaseProbe:
+    """Asks the database in a thread of its own, since a hung one would hold up whoever asks."""
+
+    def __init__(self, database: EmbeddedPostgres) -> None:
+        self._database = database
+        self._pid: int | None = None
+        self._silence: Silence | None = None
+        self._answers = 0
+        self._seen = 0
+        threading.Thread(target=self._ask, daemon=True).start()
+
+    def verdict(self) -> Verdict | None:
+        """What is wrong with the postmaster; None where nothing is, or where there is none."""
+        pid = self._database.postmaster_pid
+        if pid is None:
+            self._pid = self._silence = None
+            return None
+        if pid != self._pid or self._silence is None:
+            self._pid, self._silence = pid, Silence(pid, hung_s=_DATABASE_HUNG_S)
+        if self._answers != self._seen:
+            self._seen = self._answers
+            self._silence.heard()
+            return None
+        return self._silence.verdict()
+
+    def _ask(self) -> None:
+        while True:
+            with contextlib.suppress(Unavailable):  # it has not been started, or is stopped for good
+                self._answers += self._database.answers()
+            time.sleep(_DATABASE_ASK_S)
 
 
 def _stop(programs: list[_Program]) -> None:

@@ -198,3 +198,27 @@ async def test_a_websocket_with_the_cookie_passes_and_so_do_calls_from_inside() 
         gate = Gate(app, Settings(allowed_hosts="lab.example"), Keys.of(TOKEN), clock=lambda: 1.0)
         await wrap(gate)(websocket(**headers), app.receive, app.send)
         assert app.reached
+
+
+FORM = {"Content-Type": "application/x-www-form-urlencoded"}
+
+
+@pytest.mark.parametrize(
+    ("body", "status"),
+    [
+        (b"&".join(b"%c=1" % letter for letter in b"abcdefghijk"), 400),
+        (b"token=\xff\xfe", 400),
+        (b"token=" + b"x" * 9000, 413),
+        (b"token=<script>alert(1)</script>&next=<img src=x>", 303),
+        (b"token=x&next=//[", 303),
+        (b"token=%00%ff&next=%0d%0aSet-Cookie:a=b", 303),
+        (b"", 303),
+    ],
+)
+def test_whatever_is_posted_to_the_login_is_refused_in_good_order(locked: Served, body: bytes, status: int) -> None:
+    with locked.http() as http:
+        answer = http.post("/login", content=body, headers=FORM)
+    assert answer.status_code == status
+    assert "set-cookie" not in answer.headers
+    if status == 303:
+        assert answer.headers["location"].startswith("/login?wrong=1&next=%2F")

@@ -8,6 +8,7 @@ import zipfile
 from collections.abc import Iterator
 
 import httpx
+import psycopg
 import pytest
 
 from stridelab.service.jobs.kinds.registry import KINDS
@@ -159,11 +160,56 @@ def test_waiting_ends_with_the_patience(http: httpx.Client, job_id: str) -> None
 
 
 def test_a_cancelled_job_stays_cancelled(http: httpx.Client, service: Served, job_id: str) -> None:
-    assert http.delete(f"{JOBS}/{job_id}").json()["state"] == "cancelled"
-    assert http.delete(f"{JOBS}/{job_id}").json()["state"] == "cancelled"
+    only = {"cancel_only": "true"}
+    assert http.delete(f"{JOBS}/{job_id}", params=only).json()["state"] == "cancelled"
+    assert http.delete(f"{JOBS}/{job_id}", params=only).json()["state"] == "cancelled"
     done = service.run(add_job(service.parts))
     service.run(succeed(service.parts, service.run(start_job(service.parts, done))))
+    assert http.delete(f"{JOBS}/{done}", params=only).json()["state"] == "succeeded"
+    assert http.get(f"{JOBS}/{done}").status_code == 200
+
+
+def test_a_finished_job_is_deleted_with_its_files(http: httpx.Client, service: Served) -> None:
+    before = service.stored_files()
+    done = service.run(add_job(service.parts))
+    files = [("com.csv", "text/csv", b"time_s")]
+    service.run(succeed(service.parts, service.run(start_job(service.parts, done)), files))
+    assert f"results/{done}/1/com.csv" in service.stored_files()
     assert http.delete(f"{JOBS}/{done}").json()["state"] == "succeeded"
+    assert refusal(http.get(f"{JOBS}/{done}")) == (404, "job-not-found")
+    assert not any(key.startswith("results/") for key in service.stored_files() - before)
+    with psycopg.connect(str(service.parts.settings.database_url)) as connection:
+        noted = connection.execute("SELECT action FROM audit WHERE what = %s", (done,)).fetchall()
+    assert noted == [("job-deleted",)]
+
+
+def test_a_job_that_a_recording_needs_is_not_deleted(http: httpx.Client, service: Served) -> None:
+    truth = service.run(add_job(service.parts))
+    service.run(succeed(service.parts, service.run(start_job(service.parts, truth))))
+    simulated = service.run(add_recording(service.parts))
+    with psycopg.connect(str(service.parts.settings.database_url)) as connection:
+        connection.execute("UPDATE recording SET truth_job_id = %s WHERE id = %s", (truth, simulated))
+    assert refusal(http.delete(f"{JOBS}/{truth}")) == (409, "job-holds-truth")
+    assert http.get(f"{JOBS}/{truth}").status_code == 200
+
+
+@pytest.mark.parametrize("with_studies", [False, True])
+def test_a_deleted_recording_is_deleted_from_studies_or_they_are_named(
+    http: httpx.Client, service: Served, with_studies: bool
+) -> None:
+    one, other = (service.run(add_recording(service.parts)) for _ in range(2))
+    person = {"recording_id": one, "subject": "Jane Doe", "height_m": 1.66}
+    studies = [
+        service.run(service.parts.store.submit("study-population", {"recording_ids": ids, "subjects": [person]})).job_id
+        for ids in ([one, other], [other])
+    ]
+    for study in studies:
+        service.run(succeed(service.parts, service.run(start_job(service.parts, study))))
+    answer = http.delete(f"/api/v1/recordings/{one}", params={"with_studies": str(with_studies).lower()})
+    assert answer.status_code == 204
+    assert answer.headers.get("Stridelab-Kept-In") == (None if with_studies else studies[0])
+    assert http.get(f"{JOBS}/{studies[0]}").status_code == (404 if with_studies else 200)
+    assert http.get(f"{JOBS}/{studies[1]}").status_code == 200
 
 
 class Stream:
@@ -275,7 +321,7 @@ def test_result_artifacts_and_bundle(http: httpx.Client, service: Served, record
     assert result["kind"] == "estimate-com"
     assert result["input"]["recording_id"] == recording_id
     assert result["summary"] == {"mass_kg": 60.2}
-    assert result["artifacts"] == [{"name": n, "media_type": m, "bytes": len(c)} for n, m, c in files]
+    assert result["artifacts"] == [{"name": n, "media_type": m, "bytes": len(c), "sha256": None} for n, m, c in files]
     table = http.get(f"{JOBS}/{job_id}/artifacts/com.csv")
     assert table.content == large
     assert table.headers["content-type"].startswith("text/csv")
@@ -297,7 +343,7 @@ def test_result_artifacts_and_bundle(http: httpx.Client, service: Served, record
             "input/walk.c3d",
         }
         assert archive.read("artifacts/com.csv") == large
-        assert archive.read("input/walk.c3d") == b"hello"
+        assert archive.read("input/walk.c3d") == recording_id.encode()
         assert json.loads(archive.read("result.json")) == result
         assert json.loads(archive.read("versions.json")) == result["versions"]
         assert b"@phdthesis{carpentier2017thesis," in archive.read("references.bib")

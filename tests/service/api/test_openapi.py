@@ -1,15 +1,22 @@
 """The description is complete, its examples run, and the service keeps to it."""
 
 import json
+import os
+import random
+import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import httpx
+import hypothesis
 import pytest
 import schemathesis
 from hypothesis import HealthCheck, Phase, settings
+from hypothesis.stateful import run_state_machine_as_test
 from schemathesis.specs.openapi.checks import positive_data_acceptance
+from starlette.routing import Route
 
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.service import bundled_scenarios
@@ -17,6 +24,7 @@ from stridelab.service.api.app import create_app
 from stridelab.service.api.recordings.parsing import Parsed
 from stridelab.service.bundled import seed
 from stridelab.service.settings import Settings
+from stridelab_web.app import routes
 from support.interface import Served
 from support.rows import add_job, add_recording, facts, start_job, succeed
 from support.scenarios import add_scenario
@@ -132,3 +140,69 @@ def test_the_service_keeps_to_its_description(case: schemathesis.Case, stocked: 
 def test_the_description_is_served(http: httpx.Client) -> None:
     served = http.get("/api/v1/openapi.json").json()
     assert served["paths"] == DESCRIPTION["paths"]
+
+
+SEED = int(os.environ.get("STRIDELAB_TEST_SEED") or random.SystemRandom().randrange(2**32))
+"""Another one in each run; failures name it, and with it in the environment the same calls are made again."""
+PAGES_FOR_S = 30.0
+ODD = ("", "-", "0", "x" * 3000, "%00", "%ff%fe", "..", "%2e%2e%2f", "<b>", "'", "//[", "%0d%0aA:b", "\u00e9", "nan")
+
+
+# Addresses beside the interface's, too: the login's form, and the metrics.
+@schema.exclude(path="/api/v1/jobs/{job_id}/events").parametrize()
+@hypothesis.seed(SEED)
+@settings(
+    max_examples=4,
+    deadline=None,
+    database=None,
+    phases=[Phase.explicit, Phase.generate],
+    suppress_health_check=list(HealthCheck),
+)
+def test_other_calls_in_each_run_find_no_failure(case: schemathesis.Case, stocked: Served) -> None:
+    if "wait" in (case.query or {}):
+        case.query.pop("wait")
+    answer = case.call(base_url=stocked.base_url, timeout=30, allow_redirects=False)
+    assert answer.status_code < 500, f"STRIDELAB_TEST_SEED={SEED} {case.as_curl_command()}"
+
+
+def test_calls_that_follow_one_another_find_no_failure(stocked: Served) -> None:
+    """Ids that one call answers go into the next one. Other calls in each run; a failure prints its own."""
+    followed = schema.exclude(path="/api/v1/jobs/{job_id}/events")
+
+    class Machine(followed.as_state_machine()):  # type: ignore[misc]
+        def get_call_kwargs(self, case: schemathesis.Case) -> dict[str, Any]:
+            return {"base_url": stocked.base_url, "timeout": 30, "allow_redirects": False}
+
+        def before_call(self, case: schemathesis.Case) -> None:
+            if "wait" in (case.query or {}):
+                case.query.pop("wait")
+
+        def validate_response(self, response: Any, case: schemathesis.Case, **_: Any) -> None:
+            assert response.status_code < 500, case.as_curl_command()
+
+    limits = settings(
+        max_examples=15,
+        stateful_step_count=6,
+        deadline=None,
+        database=None,
+        phases=[Phase.explicit, Phase.generate],
+        suppress_health_check=list(HealthCheck),
+    )
+    run_state_machine_as_test(Machine, settings=limits)
+
+
+def test_odd_addresses_of_pages_find_no_failure(stocked: Served) -> None:
+    """Pages with ids and queries that nobody types; what needs the viewer is without one here, and says so."""
+    rng = random.Random(SEED)
+    paths = [route.path for route in routes() if isinstance(route, Route) and "GET" in (route.methods or ())]
+    names = ["recording", "plan", "scenario", "robot", "job", "t", "next", "cursor", "limit", "measure", "effector"]
+    deadline = time.monotonic() + PAGES_FOR_S
+    with stocked.http(follow_redirects=False) as http:
+        for number in range(400):
+            path = re.sub(r"\{[^}]*\}", lambda _: rng.choice((*ODD, CHANGEABLE)), paths[number % len(paths)])
+            query = "&".join(f"{rng.choice(names)}={rng.choice((*ODD, CHANGEABLE))}" for _ in range(rng.randrange(4)))
+            answer = http.get(f"{path}?{query}", headers={"Accept": rng.choice(("text/html", "*/*"))})
+            is_without_viewer = answer.status_code == 503 and "without a viewer" in answer.text
+            assert answer.status_code < 500 or is_without_viewer, f"STRIDELAB_TEST_SEED={SEED} {path}?{query}"
+            if time.monotonic() > deadline:
+                return

@@ -90,11 +90,10 @@ def test_an_unknown_id_is_not_found(http: httpx.Client, what: str, identifier: s
 
 
 @pytest.mark.parametrize("cursor", ["x", "%00", "bm9uc2Vuc2U", "MjAyNi0wMS0wMSBhAGI", "%F0%9F%A6%B4"])
-@pytest.mark.parametrize("what", ["recordings", "subjects", "jobs"])
+@pytest.mark.parametrize("what", ["recordings", "subjects", "scenarios", "jobs"])
 def test_a_foreign_cursor_is_refused(http: httpx.Client, what: str, cursor: str) -> None:
     status, code = problem(http.get(f"/api/v1/{what}?cursor={cursor}"))
-    assert status == 422
-    assert code in {"invalid-cursor", "cursor-invalid", "invalid-value"}
+    assert (status, code) == (422, "invalid-cursor")
 
 
 @pytest.mark.parametrize("path", ["/api/v1/health", "/api/v1/nothing", "/metrics", "/api/v1/openapi.json"])

@@ -13,7 +13,9 @@ import pytest
 
 from stridelab.robots import card
 from stridelab.service.api.robots import catalogue
+from stridelab.service.api.robots import shelf as shelf_module
 from stridelab.service.api.robots.shelf import LINKS_EDITION, RobotShelf
+from stridelab.service.api.scenarios.examples import ONE_STEP
 from stridelab.service.jobs.isolated import IsolatedPool
 from support.answers import refusal
 from support.interface import Served
@@ -58,14 +60,38 @@ def stubbed(service: Served, diary: Path) -> Iterator[Served]:
     service.app.state.parts = before
 
 
-def test_robots_are_listed_without_loading_one(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+def test_the_list_loads_every_robot_once(http: httpx.Client, stubbed: Served, diary: Path) -> None:
     page = http.get(ROBOTS).json()
     assert page["next"] is None
     talos = next(item for item in page["items"] if item["name"] == "talos")
     assert (talos["title"], talos["available"], talos["reason"]) == ("TALOS", True, None)
     assert talos["effectors"] == ["left_foot", "right_foot", "left_hand", "right_hand"]
     assert "CC BY-NC-ND" in talos["licence"]
-    assert diary.read_text() == ""
+    assert http.get(ROBOTS).json() == page
+    assert diary.read_text().splitlines() == [f"describe {name}" for name in card.robot_names()]
+
+
+@pytest.mark.parametrize(
+    ("child", "said"), [("bad_card", "there is no frame 'chassis'"), ("crash", "could not be loaded")]
+)
+def test_a_robot_whose_card_is_broken_is_unavailable_and_can_do_nothing(
+    http: httpx.Client, stubbed: Served, diary: Path, monkeypatch: pytest.MonkeyPatch, child: str, said: str
+) -> None:
+    shelve(stubbed, describe=f"support.robot_children:{child}")
+    listed = http.get(ROBOTS).json()["items"]
+    assert [item["name"] for item in listed] == list(card.robot_names())
+    assert all(item["available"] is False and said in item["reason"] for item in listed)
+    checked = http.post("/api/v1/scenarios/check", json=ONE_STEP).json()
+    assert checked["valid"] is False
+    assert [fault["where"] for fault in checked["errors"]] == ["robot"]
+    assert said in checked["errors"][0]["message"]
+    for path, body in (("scenarios", ONE_STEP), ("jobs/plan-motion", {"scenario": ONE_STEP})):
+        assert refusal(http.post(f"/api/v1/{path}", json=body)) == (422, "scenario-invalid")
+    assert len(diary.read_text().splitlines()) == len(listed), "a failure is remembered for a while"
+
+    monkeypatch.setattr(shelf_module, "RETRY_S", 0.0)
+    assert not any(item["available"] for item in http.get(ROBOTS).json()["items"])
+    assert len(diary.read_text().splitlines()) == 2 * len(listed)
 
 
 def test_a_robot_that_cannot_be_loaded_here_says_why(
@@ -241,9 +267,10 @@ def test_an_application_that_stops_ends_its_children(stubbed: Served, diary: Pat
 def test_robots_are_warmed_one_after_the_other_and_what_fails_costs_nothing(
     http: httpx.Client, stubbed: Served, diary: Path
 ) -> None:
-    stubbed.run(stubbed.parts.robots.warm(["talos", "g1"]))
+    stubbed.run(stubbed.parts.robots.warm(["talos", "g1"], others=["talos", "hrp2"]))
     told = diary.read_text()
+    assert told.splitlines() == ["describe talos", "draw talos", "describe g1", "draw g1", "describe hrp2"]
     assert http.get(f"{ROBOTS}/talos/links").status_code == 200
     assert diary.read_text() == told
     shelve(stubbed, describe="support.robot_children:missing")
-    stubbed.run(stubbed.parts.robots.warm(["talos"]))
+    stubbed.run(stubbed.parts.robots.warm(["talos"], others=["talos", "g1"]))

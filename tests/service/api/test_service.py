@@ -4,6 +4,7 @@ import asyncio
 import io
 import json
 import logging
+from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -16,7 +17,7 @@ from prometheus_client.parser import text_string_to_metric_families
 from stridelab import __version__
 from stridelab.errors import Unavailable
 from stridelab.service.api.app import create_app
-from stridelab.service.logs import configure_logging
+from stridelab.service.logs import BURST, RATE_HZ, Flood, configure_logging
 from stridelab.service.settings import Settings
 from support.database import TestDatabases
 from support.interface import Served, served
@@ -104,7 +105,7 @@ def test_metrics_count_what_is_there(postgres: TestDatabases, tmp_path: Path) ->
     assert samples["queue_depth", "long"] + samples["queue_depth", "short"] == 4  # no worker here to take them
     assert samples["queue_oldest_seconds",] > 0
     assert samples["recordings",] == 1
-    assert samples["upload_bytes",] == 5
+    assert samples["upload_bytes",] == len(recording_id)
     assert samples["database_bytes",] > 1e6
 
 
@@ -160,6 +161,41 @@ def test_exceptions_are_logged_with_their_trace(lines: io.StringIO) -> None:
         structlog.get_logger("x").exception("went wrong")
     line = json.loads(lines.getvalue())
     assert "RuntimeError: inside" in line["exception"]
+
+
+def test_a_flood_of_lines_pushes_nothing_out(lines: io.StringIO) -> None:
+    log = structlog.get_logger("x")
+    for number in range(5000):
+        log.info("request", route="unmatched", status=401, stranger=True, took_ms=number)
+        logging.getLogger("asyncio").error("accept failed for %s", number)
+        log.info("job-ended", number=number)
+    log.info("request", route="/jobs", status=401, stranger=True)
+    logged = [json.loads(line) for line in lines.getvalue().splitlines()]
+    count = Counter(str(line["event"]).split(" for ")[0] for line in logged)
+    assert count["job-ended"] == 5000
+    assert BURST <= count["accept failed"] <= BURST + 5
+    assert BURST + 1 <= count["request"] <= BURST + 6
+
+
+def test_a_line_says_how_many_like_it_were_left_out() -> None:
+    now_s = [0.0]
+    flood = Flood(clock=lambda: now_s[0])
+
+    def line(message: object) -> logging.LogRecord:
+        return logging.LogRecord(
+            "x", logging.WARNING, "", 0, message, ("arg",) if isinstance(message, str) else (), None
+        )
+
+    written = [flood.filter(line("about %s")) for _ in range(BURST + 7)]
+    assert written == [True] * BURST + [False] * 7
+    now_s[0] += 1.01 / RATE_HZ
+    late = line("about %s")
+    assert flood.filter(late)
+    assert late.getMessage() == "about arg (7 like it left out)"
+    assert not flood.filter(line("about %s"))
+    other = line({"event": "another"})
+    assert flood.filter(other)
+    assert other.msg == {"event": "another"}
 
 
 def test_an_unknown_level_is_refused() -> None:

@@ -91,7 +91,12 @@ def test_each_scope_allows_what_it_names(lab: Served, admin: httpx.Client) -> No
         ("http", "DELETE", "/api/v1/tokens/1", "admin"),
         ("http", "GET", "/api/v1/audit", "admin"),
         ("websocket", "", "/api/v1/stream/com", "submit"),
-        ("websocket", "", "/view/scene/job/1/-", "read"),
+        (
+            "websocket",
+            "",
+            "/view/scene/scenario/1/-",
+            "read",
+        ),  # drags need more: test_drags.py
         ("http", "GET", "/metrics", "read"),
         ("http", "UNHEARD-OF", "/api/v1/jobs", "submit"),
     ],

@@ -1,5 +1,6 @@
 """Backups while others write, and restores that are killed."""
 
+import asyncio
 import shutil
 import signal
 import subprocess
@@ -8,14 +9,21 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from unittest import mock
 
 import psycopg
 
+from stridelab.service.api.app import create_app
+from stridelab.service.api.robots.shelf import RobotShelf
+from stridelab.service.backup.rows import snapshot
 from stridelab.service.backup.taking import Taken, take
+from stridelab.service.bundled import SAMPLE_ID
+from stridelab.service.settings import Settings
+from stridelab.service.storage import locks
 from stridelab.service.storage.blobs import BlobStore
-from stridelab.service.storage.removal import REMOVAL_LOCK
 from support.database import TestDatabases
 from support.filled import rows, stored
+from support.late_pool import LatePool
 from support.service import wait_until
 
 PutBack = Callable[..., Taken]
@@ -55,7 +63,7 @@ def come_and_go(url: str, blobs: Path, stop: threading.Event, busy: threading.Ev
             if number > 20:
                 connection.execute("DELETE FROM recording WHERE id = %s", (f"r{number - 20}",))
                 with connection.transaction():
-                    asked = connection.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (REMOVAL_LOCK,))
+                    asked = connection.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (locks.REMOVAL,))
                     if asked.fetchone() == (True,):
                         shutil.rmtree(blobs / "recordings" / f"r{number - 20}")
                 busy.set()
@@ -93,17 +101,37 @@ def test_a_backup_waits_for_a_removal_at_work(database_url: str, tmp_path: Path)
     """Rows of a moment at which their files were just going would name what is not there."""
     store, target = BlobStore.from_url(tmp_path.as_uri()), tmp_path / "lab.backup"
     with psycopg.connect(database_url) as removing, psycopg.connect(database_url, autocommit=True) as watching:
-        asked = removing.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (REMOVAL_LOCK,))
+        asked = removing.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (locks.REMOVAL,))
         assert asked.fetchone() == (True,)
         backup = threading.Thread(target=take, args=(database_url, store, target))
         backup.start()
         waiting = "SELECT count(*) FROM pg_locks WHERE locktype = 'advisory' AND NOT granted"
         wait_until(lambda: watching.execute(waiting).fetchone() == (1,), 20, "a backup that waits")
-        refused = watching.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (REMOVAL_LOCK,))
+        refused = watching.execute("SELECT pg_try_advisory_xact_lock_shared(%s)", (locks.REMOVAL,))
         assert refused.fetchone() == (False,), "removals that go on for ever would keep a backup waiting"
         removing.rollback()
         backup.join(20)
     assert target.exists()
+
+
+def test_a_web_server_comes_up_while_a_backup_runs(database_url: str, tmp_path: Path) -> None:
+    """The server brings its sample into the database at start, which removes no file and waits for no backup."""
+    settings = Settings(database_url=database_url, data_dir=tmp_path / "data", min_free_disk_mb=0)
+    (tmp_path / "data").mkdir()
+
+    async def come_up() -> float:
+        began = time.monotonic()
+        app = create_app(settings, with_sample=True)
+        async with asyncio.timeout(30.0), app.router.lifespan_context(app):
+            return time.monotonic() - began
+
+    with (
+        snapshot(database_url),
+        mock.patch("stridelab.service.api.app.IsolatedPool", LatePool),
+        mock.patch.object(RobotShelf, "warm", mock.AsyncMock()),
+    ):
+        assert asyncio.run(come_up()) < 5.0
+    assert [row["id"] for row in rows(database_url)["recording"]] == [SAMPLE_ID]
 
 
 def test_a_restore_that_is_killed_has_changed_no_row(backup: Path, database_url: str, tmp_path: Path) -> None:

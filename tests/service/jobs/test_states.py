@@ -36,6 +36,7 @@ class Model:
     priority: int = 0
     order: int = 0
     cancel_requested: bool = False
+    error: str | None = None
     holder: int | None = None
     carried: bool = False
     """Whether a living worker has its delivery."""
@@ -167,6 +168,11 @@ class JobMachine(RuleBasedStateMachine):
         model = self.models[held.job_id]
         return model.state == "running" and model.attempt == held.attempt.number
 
+    def _ended_so(self, held: Held, state: str, error: str | None) -> bool:
+        """This attempt has ended in this way already: saying so again, after a lost answer, is no contradiction."""
+        model = self.models[held.job_id]
+        return (model.state, model.error, model.attempt) == (state, error, held.attempt.number)
+
     def _choose(self, data: Any) -> Held | None:
         every = [held for seat in self.seats for held in seat.holds] + self.past
         return data.draw(st.sampled_from(every)) if every else None
@@ -193,9 +199,10 @@ class JobMachine(RuleBasedStateMachine):
             model.state = "succeeded"
         elif not already:
             # cancelled, or somebody else's by now: the worker ends what it can still end
-            assert self.do(self.attempts.end(held.attempt, "cancelled", None, "")) is self._present(held)
-            if self._present(held):
-                model.state = "cancelled"
+            may, again = self._present(held), self._ended_so(held, "cancelled", None)
+            assert self.do(self.attempts.end(held.attempt, "cancelled", None, "")) is (may or again)
+            if may:
+                model.state, model.error = "cancelled", None
         self._let_go(held)
 
     @rule(data=st.data(), state=st.sampled_from(["failed", "cancelled", "timed_out"]))
@@ -203,11 +210,11 @@ class JobMachine(RuleBasedStateMachine):
         held = self._choose(data)
         if held is None:
             return
-        may = self._present(held)
         problem = {"code": "c", "detail": "d", "errors": []}
-        assert self.do(self.attempts.end(held.attempt, state, problem, "")) is may
+        may, again = self._present(held), self._ended_so(held, state, "c")
+        assert self.do(self.attempts.end(held.attempt, state, problem, "")) is (may or again)
         if may:
-            self.models[held.job_id].state = state
+            self.models[held.job_id].state, self.models[held.job_id].error = state, "c"
         self._let_go(held)
 
     @rule(data=st.data())
@@ -262,7 +269,7 @@ class JobMachine(RuleBasedStateMachine):
             if model.cancel_requested:
                 model.state = "cancelled"
             elif model.attempt - model.returned >= MAX_ATTEMPTS:
-                model.state = "failed"
+                model.state, model.error = "failed", "worker-died"
             else:
                 model.state, model.holder = "queued", None
                 model.order = self.count = self.count + 1

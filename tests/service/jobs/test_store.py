@@ -127,7 +127,7 @@ def test_list_pages_newest_first_and_filters(use: Use) -> None:
         assert (await store.list_jobs(recording_id="x")).items == ()
         with pytest.raises(InvalidInput) as caught:
             await store.list_jobs(cursor="not a cursor")
-        assert caught.value.code == "cursor-invalid"
+        assert caught.value.code == "invalid-cursor"
 
     use(act)
 

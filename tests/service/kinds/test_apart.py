@@ -72,3 +72,14 @@ def test_any_number_at_a_time(processes: int) -> None:
     items = [{"how": "work", "n": n} for n in range(4)]
     found = dict(each_apart(behave, items, preload=["support.apart_work"], processes=processes))
     assert sorted(found) == [0, 1, 2, 3]
+
+
+def test_no_more_at_a_time_than_cores_that_may_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine of 64 cores, two of them ours: of six processes that are asked for, two run at a time."""
+    monkeypatch.setattr(os, "cpu_count", lambda: 64)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _pid: {0, 1})
+    items = [{"how": "interval", "n": n} for n in range(6)]
+    answers = [answer for _, answer in each_apart(behave, items, preload=["support.apart_work"], processes=6)]
+    intervals_s = [answer["interval_s"] for answer in answers if isinstance(answer, dict)]
+    assert len(intervals_s) == 6
+    assert max(sum(a <= began <= b for a, b in intervals_s) for began, _ in intervals_s) <= 2

@@ -175,7 +175,7 @@ def test_the_direction_that_the_force_cannot_see_is_given_over_time(result) -> N
     assert read_about(folder / "com.parquet")["units"]["unobservable_x"] == "1"
 
 
-def test_a_users_statement_wins_over_the_file(tmp_path: Path) -> None:
+def test_a_users_statement_wins_over_the_file_but_not_over_the_plates(tmp_path: Path) -> None:
     stated = filtered(tmp_path / "a", subject=SubjectFields(mass_kg=62.0))
     assert (stated.mass_kg, stated.mass_source) == (62.0, "stated")
     assert filtered(tmp_path / "b").mass_source == "file"
@@ -183,7 +183,9 @@ def test_a_users_statement_wins_over_the_file(tmp_path: Path) -> None:
     heavy = filtered(tmp_path / "c", subject=SubjectFields(mass_kg=70.0))
     (said,) = (w.message for w in heavy.warnings if w.code == "mass-disagrees-with-force")
     assert "70 kg" in said
-    assert f"{heavy.mass_from_force_kg:.1f} kg" in said
+    assert f"{heavy.mass_from_force_kg:.1f} ± " in said
+    assert heavy.mass_source == "force"
+    assert {known.source for known in heavy.masses} == {"stated", "impulse"}
 
 
 def test_geometry_alone_needs_no_plates(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Every refusal names what is missing; every choice of mass says where it comes from."""
+"""Every refusal names what is missing."""
 
 from pathlib import Path
 
@@ -12,7 +12,6 @@ from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.methods import METHODS, Method
 from stridelab.service.jobs.kinds.estimate_com import estimator
 from stridelab.service.jobs.kinds.requirements import (
-    body_mass,
     require_marker_set,
     require_method,
     require_windows,
@@ -39,7 +38,7 @@ def trial(*plates: Plate, windows: tuple[Window, ...] = (), n_frames: int = 100)
         up_axis="+z",
         walking_direction=None,
     )
-    return Trial(recording, identify(["A"]), windows, None, ())
+    return Trial(recording, identify(["A"]), windows, (), ())
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -109,49 +108,6 @@ def test_an_interval_that_the_recording_does_not_have_is_refused_with_its_length
     assert refusal.value.code == "window-outside-recording"
     assert "from 0 to 1.00 s" in refusal.value.message
     assert refusal.value.faults[0].where == "window_s"
-
-
-@pytest.mark.parametrize(
-    ("stated", "in_file", "force", "used", "source", "codes"),
-    [
-        (60.0, 70.0, 61.0, 60.0, "stated", []),
-        (None, 70.0, 70.5, 70.0, "file", []),
-        (None, None, 61.0, 61.0, "force", ["mass-from-force"]),
-        (60.0, None, None, 60.0, "stated", []),
-        (60.0, None, 64.0, 60.0, "stated", ["mass-differs-from-force"]),
-        (None, 25.0, 26.7, 25.0, "file", ["mass-differs-from-force"]),
-        (60.0, None, 66.5, 60.0, "stated", ["mass-disagrees-with-force"]),
-        (None, 70.0, 62.0, 70.0, "file", ["mass-disagrees-with-force"]),
-        (None, 7.0, 66.0, 66.0, "force", ["mass-contradicts-force"]),
-    ],
-)
-def test_which_mass_counts(stated, in_file, force, used, source, codes) -> None:  # type: ignore[no-untyped-def]
-    mass = body_mass(stated, in_file, force)
-    assert (mass.mass_kg, mass.source) == (used, source)
-    assert [remark.code for remark in mass.remarks] == codes
-
-
-def test_a_mass_over_ten_percent_off_is_said_with_both_values_and_its_cost() -> None:
-    (remark,) = body_mass(60.0, None, 69.0).remarks
-    assert "60 kg" in remark.message
-    assert "69.0 kg" in remark.message
-    assert "+15%" in remark.message
-    assert "1.5 m/s²" in remark.message
-
-
-@pytest.mark.parametrize("stated", [6.1, 130.0, 390.0])
-def test_an_absurd_mass_is_refused_naming_the_field(stated: float) -> None:
-    with pytest.raises(InvalidInput) as refusal:
-        body_mass(stated, None, 61.0)
-    assert refusal.value.code == "mass-contradicts-force"
-    assert refusal.value.faults[0].where == "mass_kg"
-
-
-def test_no_mass_at_all_is_refused() -> None:
-    with pytest.raises(NotEstimable) as refusal:
-        body_mass(None, None, None)
-    assert refusal.value.code == "mass-unknown"
-    assert refusal.value.faults[0].where == "mass_kg"
 
 
 def test_errors_name_the_uploaded_file_not_its_copy(tmp_path: Path) -> None:

@@ -77,7 +77,7 @@ async def store_recording(connection: AsyncConnection, blobs: BlobStore, source:
     values: dict[str, Any] = {
         "id": key,
         "filename": f"{key}.c3d",
-        "sha256": "0",
+        "sha256": hashlib.sha256(key.encode()).hexdigest(),
         "bytes": 1,
         "blob_key": f"recordings/{key}/file",
         "tracks_key": f"recordings/{key}/tracks.parquet",

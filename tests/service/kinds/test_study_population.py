@@ -12,6 +12,7 @@ from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import SimulateRecordingInput
 from stridelab.schemas.population import PersonFields, StudyPopulationInput, StudyPopulationSummary
+from stridelab.schemas.recordings import SubjectFields
 from stridelab.service.jobs.kinds import simulate_recording, study_population
 from stridelab.service.jobs.kinds.population_people import Sheet, people_of
 from stridelab.service.jobs.kinds.tasks import (
@@ -151,3 +152,22 @@ def test_the_adults_at_their_own_speed(tmp_path: Path) -> None:
         assert interval[0] < 0.0 < interval[1]
     assert (r["R_m", "height_m"].thesis, r["z0_m", "height_m"].thesis) == (0.67, 0.87)
     assert r["omega_rad_s", "height_m"].thesis is None
+
+
+def test_a_contradicted_recording_is_in_no_mean_and_every_trial_has_its_quality(
+    walks: list[Path], tmp_path: Path
+) -> None:
+    members = [
+        member(tmp_path, walks[0], PersonFields(subject="P01")),
+        member(tmp_path, walks[1], PersonFields(subject="P02")),
+    ]
+    wrong = members[1].task.recording.model_copy(update={"subject": SubjectFields(mass_kg=75.0)})
+    members[1] = members[1].model_copy(update={"task": members[1].task.model_copy(update={"recording": wrong})})
+    outcome = study_population.run(StudyPopulationTask(members=members), tmp_path, quiet)
+    summary = StudyPopulationSummary.model_validate(outcome.summary)
+    assert [one.subject for one in summary.subjects] == ["P01"]
+    assert [(one.filename, one.code) for one in summary.left_out] == [("walk-1.c3d", "contradicted")]
+    assert "the plates' vertical force and the mass contradict each other" in summary.left_out[0].message
+    assert [trial.quality.verdict for trial in summary.trials] == ["good", "contradicted"]
+    assert summary.quality is not None
+    assert summary.quality.verdict == "good"

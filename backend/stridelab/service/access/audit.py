@@ -20,9 +20,11 @@ Action = Literal[
     "login",
     "refused",
     "job-cancelled",
+    "job-deleted",
     "recording-deleted",
     "subject-deleted",
     "scenario-deleted",
+    "scenario-replaced",
 ]
 CONSOLE: Final = Caller("console", "admin", "console")
 """Whoever types commands where the database can be reached."""

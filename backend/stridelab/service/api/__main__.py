@@ -1,13 +1,18 @@
 """``python -m stridelab.service.api``: the web server, one process."""
 
+import asyncio
+import os
+import socket
 from types import FrameType
 
 import uvicorn
 from fastapi import FastAPI
 
+from stridelab import heartbeat
 from stridelab.errors import InvalidInput
-from stridelab.service import telemetry
+from stridelab.service import open_files, telemetry
 from stridelab.service.api.app import create_app
+from stridelab.service.api.doors import BACKLOG, Doors, guarded
 from stridelab.service.api.parts import Parts
 from stridelab.service.logs import configure_logging
 from stridelab.service.settings import Settings
@@ -24,6 +29,11 @@ class Server(uvicorn.Server):
         super().__init__(config)
         self._app = app
 
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        """Called in the event loop, before anything is opened."""
+        self._beating = asyncio.create_task(heartbeat.beat())
+        await super().startup(sockets)
+
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """Called for SIGINT and SIGTERM."""
         super().handle_exit(sig, frame)
@@ -39,10 +49,14 @@ def server(settings: Settings) -> uvicorn.Server:
             f"{settings.host} can be reached by others: set STRIDELAB_API_TOKEN or STRIDELAB_API_TOKEN_FILE first.",
         )
     app = create_app(settings, with_sample=True)
+    doors = Doors.of(settings, open_files.raise_limit(), os.environ.get("FORWARDED_ALLOW_IPS"))
     config = uvicorn.Config(
         app,
         host=settings.host,
         port=settings.port,
+        http=guarded(doors),
+        backlog=BACKLOG,
+        timeout_keep_alive=settings.keep_alive_s,
         ws_max_size=WS_MAX_BYTES,
         log_config=None,
         access_log=False,

@@ -15,6 +15,7 @@ from fastapi import APIRouter, FastAPI
 
 from stridelab import __version__
 from stridelab.errors import Unavailable
+from stridelab.robots.card import robot_names
 from stridelab.service import bundled, bundled_scenarios
 from stridelab.service.access.book import TokenBook
 from stridelab.service.api import health, metrics, openapi, problems, session
@@ -44,7 +45,9 @@ from stridelab.service.storage.database import database_url, make_engine
 
 FRONT: Final = "stridelab.service.front"
 PARSERS: Final = 2
-"""Uploads that are parsed at the same time; others wait their turn."""
+"""Single uploads that are parsed at the same time; others wait their turn."""
+BATCHES: Final = 2
+"""Bulk uploads that are parsed at the same time, beside the single ones: each may take minutes."""
 JUDGES: Final = 2
 """Scenarios that are checked at the same time."""
 STALE_SPOOL_S: Final = 3600.0
@@ -64,7 +67,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
                 await bundled.seed(parts.engine, parts.blobs)
                 await bundled_scenarios.seed(parts.engine)
             # whoever looks first does not wait for meshes to be made
-            async with _beside(parts.robots.warm(bundled_scenarios.robots() if with_sample else [])):
+            async with _beside(_warmed(parts, with_sample)):
                 yield
 
     app = FastAPI(
@@ -96,6 +99,11 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     app.add_middleware(Linger)
     app.add_middleware(Edge)
     return app
+
+
+async def _warmed(parts: Parts, with_sample: bool) -> None:
+    if with_sample:
+        await parts.robots.warm(bundled_scenarios.robots(), others=robot_names())
 
 
 @asynccontextmanager
@@ -149,6 +157,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 pool=pool,
                 spool=spool,
                 parsers=anyio.CapacityLimiter(PARSERS),
+                batches=anyio.CapacityLimiter(BATCHES),
                 judges=anyio.CapacityLimiter(JUDGES),
                 tokens=TokenBook(engine),
                 robots=shelf,

@@ -24,7 +24,7 @@ from stridelab.service.access.book import TokenBook
 from stridelab.service.access.callers import ADMIN, ANYBODY, STRANGER, Caller, needed_scope, require
 from stridelab.service.api import problems
 from stridelab.service.api.callers import KEY
-from stridelab.service.api.keys import COOKIE, Keys
+from stridelab.service.api.keys import COOKIE, SCENARIO_KEY, Keys
 from stridelab.service.api.parts import parts_of
 from stridelab.service.api.rates import STRANGERS, Rates
 from stridelab.service.settings import LOOPBACK, Settings
@@ -39,6 +39,7 @@ _NOTED_HZ: Final = 1.0
 """Refusals per second that are written into the audit table; all others are only in the log."""
 _ADMIN: Final = Caller(ADMIN, "admin", ADMIN)
 _INSIDE: Final = "stridelab.inside"
+_SCENARIOS: Final = "/api/v1/scenarios/"
 _DEFAULT_PORT: Final = {"http": ":80", "https": ":443", "ws": ":80", "wss": ":443"}
 
 
@@ -119,9 +120,12 @@ class Gate:
     async def _known(self, connection: HTTPConnection, keys: Keys) -> Caller | None:
         scheme, _, secret = connection.headers.get("authorization", "").partition(" ")
         try:
-            if scheme.lower() == "bearer" and secret.strip():
+            if scheme.lower() == "bearer" and secret.startswith(SCENARIO_KEY):
+                token_id = keys.token_of_scenario_key(secret, self._clock(), _replaced_scenario(connection.scope))
+            elif scheme.lower() == "bearer" and secret.strip():
                 return await holder(secret.strip(), keys, parts_of(connection).tokens)
-            token_id = keys.token_of(connection.cookies.get(COOKIE, ""), self._clock())
+            else:
+                token_id = keys.token_of(connection.cookies.get(COOKIE, ""), self._clock())
             if token_id is None or token_id == ADMIN:
                 return _ADMIN if token_id else None
             return await parts_of(connection).tokens.of_id(token_id)
@@ -155,6 +159,13 @@ async def holder(secret: str, keys: Keys, book: TokenBook) -> Caller | None:
     return _ADMIN if keys.accepts_token(secret) else await book.of_secret(secret)
 
 
+def _replaced_scenario(scope: Scope) -> str:
+    """Id of the scenario that a request replaces; empty for any other request."""
+    path = str(scope["path"])
+    replaces = scope.get("method") == "PUT" and path.startswith(_SCENARIOS)
+    return path.removeprefix(_SCENARIOS) if replaces else ""
+
+
 def _is_open(path: str) -> bool:
     return path in OPEN_PATHS or path.startswith(OPEN_FOLDER)
 
@@ -175,7 +186,10 @@ def _relative(scope: Scope) -> str:
 
 def local_target(target: str) -> str:
     """``target`` if it is an address of this service, else its front page: a login must not lead elsewhere."""
-    parts = urlsplit(target)
+    try:
+        parts = urlsplit(target)
+    except ValueError:  # as for "//["
+        return "/"
     plain = target.isprintable() and "\\" not in target
     if parts.scheme or parts.netloc or not plain or not target.startswith("/") or target.startswith("//"):
         return "/"

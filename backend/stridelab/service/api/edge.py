@@ -7,10 +7,13 @@ from typing import Final
 import structlog
 from opentelemetry.trace import Span, SpanKind
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.requests import ClientDisconnect
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from stridelab.service import telemetry
+from stridelab.service.access.callers import STRANGER
 from stridelab.service.api import problems
+from stridelab.service.api.callers import KEY
 
 log = structlog.get_logger(__name__)
 
@@ -20,6 +23,8 @@ CONTENT_POLICY: Final = (
 )
 """Everything from this service, nothing inline; the page of the 3D scene brings a policy of its own."""
 
+CLIENT_GONE: Final = 499
+"""In the log: the client ended, or the server closed, the connection before the request was whole."""
 HEADERS: Final = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "SAMEORIGIN",
@@ -64,6 +69,8 @@ class Edge:
 
         try:
             await self.app(scope, receive, send_with_headers)
+        except ClientDisconnect:
+            status = CLIENT_GONE
         except Exception:
             log.exception("request failed", method=scope["method"], route=_route_of(scope))
             if status:
@@ -84,6 +91,7 @@ class Edge:
                 route=route,
                 status=status,
                 took_ms=round(1000 * (time.perf_counter() - started_at), 1),
+                **({} if KEY in scope and scope[KEY] is not STRANGER else {"stranger": True}),
             )
 
 

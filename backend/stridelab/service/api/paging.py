@@ -1,42 +1,15 @@
 """Lists, newest first, in pages. A cursor names the last row of a page, so rows that come or go move nothing."""
 
-import base64
-import binascii
 from collections.abc import Mapping, Sequence
-from datetime import datetime
 from typing import Annotated, Any
 
 from fastapi import Query
 from sqlalchemy import ColumnElement, Select, Table, tuple_
 
-from stridelab.errors import Fault, InvalidInput
+from stridelab.service.cursors import decode_cursor, encode_cursor
 
 Limit = Annotated[int, Query(ge=1, le=200, description="most items on a page", examples=[20])]
 Cursor = Annotated[str | None, Query(max_length=200, description="`next` of the page before")]
-
-
-def encode_cursor(created_at: datetime, row_id: str) -> str:
-    """The cursor after the row ``(created_at, row_id)``."""
-    return base64.urlsafe_b64encode(f"{created_at.isoformat()} {row_id}".encode()).decode().rstrip("=")
-
-
-def decode_cursor(cursor: str) -> tuple[datetime, str]:
-    """Inverse of ``encode_cursor``. Raises ``InvalidInput`` (``invalid-cursor``)."""
-    try:
-        text = base64.b64decode(cursor.encode() + b"=" * (-len(cursor) % 4), altchars=b"-_", validate=True).decode()
-        moment, separator, row_id = text.partition(" ")
-        created_at = datetime.fromisoformat(moment)
-    except (binascii.Error, ValueError) as error:
-        raise _invalid() from error
-    if not separator or not row_id.isprintable() or created_at.tzinfo is None:
-        raise _invalid()
-    return created_at, row_id
-
-
-def _invalid() -> InvalidInput:
-    return InvalidInput(
-        "invalid-cursor", "The cursor is none of ours; take it from `next` of a page.", [Fault("cursor", "invalid")]
-    )
 
 
 def newest_first(query: Select[Any], table: Table, limit: int, cursor: str | None) -> Select[Any]:

@@ -37,6 +37,7 @@ class Parts:
     pool: IsolatedPool
     spool: Path
     parsers: anyio.CapacityLimiter
+    batches: anyio.CapacityLimiter
     judges: anyio.CapacityLimiter
     tokens: TokenBook
     robots: RobotShelf

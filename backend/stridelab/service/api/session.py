@@ -18,6 +18,7 @@ from stridelab.service.api.strict import read_limited
 router = APIRouter(tags=["session"])
 
 FORM_LIMIT_BYTES: Final = 8_000
+FIELDS_AT_MOST: Final = 10
 _FORM: Final[Any] = {
     "requestBody": {
         "required": True,
@@ -48,7 +49,10 @@ async def login(parts: AppParts, request: Request) -> Response:
     if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/x-www-form-urlencoded":
         raise InvalidInput("unsupported-media-type", "This address reads a form; scripts use the token directly.")
     raw = await read_limited(request, FORM_LIMIT_BYTES)
-    form = parse_qs(raw.decode("utf-8", "replace"), max_num_fields=10)
+    try:
+        form = parse_qs(raw.decode(), max_num_fields=FIELDS_AT_MOST)
+    except ValueError as error:  # not UTF-8, or more fields
+        raise InvalidInput("malformed-request", "The body is not the form of the login page.") from error
     target = local_target(form.get("next", ["/"])[0])
     keys: Keys | None = request.app.state.keys
     if keys is None:

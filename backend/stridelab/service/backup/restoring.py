@@ -23,6 +23,7 @@ from stridelab.service.backup.rows import Connection, Rows, refuse_company
 from stridelab.service.backup.taking import Taken
 from stridelab.service.bundled import SHIPPED_JOBS
 from stridelab.service.storage.migrating import engine_of, migrate, revisions, upgrade_on
+from stridelab.service.storage.publication import Publication
 
 _STAGE: Final = "stridelab_restore"
 _SPARE_BYTES: Final = 50_000_000
@@ -69,14 +70,17 @@ def restore(
     migrate(target.database_url)
     engine = engine_of(target.database_url)
     new: list[str] = []
+    publication = Publication()
     with Files(target.store()) if with_files else nullcontext() as files:
         try:
-            with engine.begin() as transaction:
+            with publication.synchronous_transaction(engine) as transaction:
                 driver: Connection = transaction.connection.driver_connection  # type: ignore[assignment]
                 named = _rows_in_place(transaction, driver, archive, replace=replace)
                 if files is not None:
                     _put_files(files, named, archive, new, on_progress)
         except BaseException as error:
+            if publication.in_doubt:
+                raise _in_doubt() from error
             if files is not None:
                 files.remove(new)
             raise _told(error) from error
@@ -115,6 +119,14 @@ def _told(error: BaseException) -> BaseException:
     if isinstance(cause, OSError):
         return StorageFull("no-room", f"The files cannot be written: {cause.strerror or cause}. Nothing was restored.")
     return error
+
+
+def _in_doubt() -> Unavailable:
+    return Unavailable(
+        "outcome-unknown",
+        "The database did not say whether the restore was committed. The files stay; look with: stridelab doctor "
+        "--files, and restore again if the recordings are not there.",
+    )
 
 
 def _stage(transaction: sqlalchemy.Connection, driver: Connection, archive: Archive) -> None:

@@ -11,9 +11,9 @@ from psycopg import sql
 
 from stridelab.errors import Conflict
 from stridelab.service.backup.archive import Table
+from stridelab.service.storage import locks
 from stridelab.service.storage.database import PATIENCE
 from stridelab.service.storage.migrating import plain
-from stridelab.service.storage.removal import REMOVAL_LOCK
 
 Connection = psycopg.Connection[tuple[Any, ...]]
 _QUEUE: Final = "procrastinate_"
@@ -98,7 +98,7 @@ def snapshot(url: str) -> Iterator[Rows]:
         connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
         connection.read_only = True
         # before the snapshot is taken, so that it does not show what somebody is just removing
-        connection.execute("SELECT pg_advisory_lock(%s)", (REMOVAL_LOCK,))
+        connection.execute("SELECT pg_advisory_lock(%s)", (locks.REMOVAL,))
         with connection.transaction():
             yield Rows(connection)
 

@@ -16,11 +16,12 @@ from stridelab.service.jobs import queue
 from stridelab.service.jobs.kinds.kind import JobKind, Json
 from stridelab.service.jobs.kinds.provenance import versions
 from stridelab.service.jobs.store import emit
+from stridelab.service.storage import locks
 from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.publication import Publication
 from stridelab.service.storage.tables import job
 
 FinalState = Literal["failed", "cancelled", "timed_out"]
-_REAPER_LOCK = 0x5712DE1AD
 _LOST = text(
     """
     SELECT j.id FROM job j
@@ -73,17 +74,24 @@ class Attempts:
         self._engine, self._kinds, self._max_attempts = engine, kinds, max_attempts
 
     async def start(self, delivery: queue.Delivery) -> Attempt | None:
-        """Take the job up; None where it is not waiting for this delivery (any more)."""
+        """Take the job up; None where it is not waiting for this delivery (any more).
+
+        May be called again where a broken connection left open whether it was committed: a delivery is held by one
+        slot of one worker, so a job that runs by this delivery was started by the earlier call.
+        """
         async with self._engine.begin() as connection:
+            this = (job.c.id == delivery.job_id, job.c.queue_id == delivery.id)
             taken = (
                 update(job)
-                .where(job.c.id == delivery.job_id, job.c.queue_id == delivery.id, job.c.state == "queued")
+                .where(*this, job.c.state == "queued")
                 .values(state="running", attempt=job.c.attempt + 1, started_at=func.now(), fraction=0.0, message="")
                 .returning(job)
             )
             row = (await connection.execute(taken)).mappings().one_or_none()
             if row is None:
-                return None
+                started = select(job).where(*this, job.c.state == "running")
+                row = (await connection.execute(started)).mappings().one_or_none()
+                return None if row is None else Attempt(row["id"], row["attempt"], row["kind"], dict(row))
             await emit(connection, delivery.job_id)
         return Attempt(row["id"], row["attempt"], row["kind"], dict(row))
 
@@ -102,18 +110,22 @@ class Attempts:
             return (await connection.execute(ours)).one_or_none() is None
 
     async def succeed(
-        self, attempt: Attempt, blobs: BlobStore, outcome: Json, artifacts: list[Json], folder: Path, log_tail: str
+        self,
+        attempt: Attempt,
+        blobs: BlobStore,
+        outcome: Json,
+        artifacts: list[Json],
+        folder: Path,
+        log_tail: str,
+        publication: Publication | None = None,
     ) -> bool:
         """Publish: the kind's own rows and the result in one transaction; False where the attempt has no say.
 
-        May be called again where a broken connection left open whether it was committed.
+        May be called again where a broken connection left open whether it was committed. ``publication`` is told
+        whether the outcome of the COMMIT is known.
         """
-        async with self._engine.begin() as connection:
-            row = (
-                (await connection.execute(select(job).where(job.c.id == attempt.job_id).with_for_update()))
-                .mappings()
-                .one_or_none()
-            )
+        async with (publication or Publication()).transaction(self._engine) as connection:
+            row = await _locked(connection, attempt.job_id)
             if row is None or row["attempt"] != attempt.number:
                 return False
             if row["state"] != "running" or row["cancel_requested"]:
@@ -141,26 +153,27 @@ class Attempts:
         problem: Json | None,
         log_tail: str,
         kept: tuple[Json, list[Json]] | None = None,
+        publication: Publication | None = None,
     ) -> bool:
         """End without success; False where the attempt has no say.
 
-        ``kept`` is what it leaves all the same: the computation's outcome, and the artifacts that are stored.
+        ``kept`` is what it leaves all the same: the computation's outcome, and the artifacts that are stored. May be
+        called again where a broken connection left open whether it was committed, of which ``publication`` is told.
         """
-        left: dict[str, Any] = {}
+        left: dict[str, Any] = {"state": state, "error": storable(problem), "blob_prefix": None}
         if kept is not None:
             outcome, artifacts = kept
-            left = {
-                "result": storable(_result(outcome["summary"], outcome, artifacts)),
-                "blob_prefix": attempt.blob_prefix,
-            }
-        async with self._engine.begin() as connection:
+            left["result"] = storable(_result(outcome["summary"], outcome, artifacts))
+            left["blob_prefix"] = attempt.blob_prefix
+        async with (publication or Publication()).transaction(self._engine) as connection:
+            row = await _locked(connection, attempt.job_id)
+            if row is None or row["attempt"] != attempt.number:
+                return False
+            if row["state"] != "running":
+                # what an earlier call of this attempt has committed, or somebody else's end of it
+                return all(row[name] == left[name] for name in ("state", "error", "blob_prefix"))
             change = _fenced(attempt).values(
-                **left,
-                state=state,
-                message=state.replace("_", " "),
-                finished_at=func.now(),
-                error=storable(problem),
-                log_tail=storable(log_tail),
+                **left, message=state.replace("_", " "), finished_at=func.now(), log_tail=storable(log_tail)
             )
             return await _apply(connection, attempt, change)
 
@@ -190,7 +203,7 @@ class Attempts:
         ``silent_s`` is given, has been silent for that long. A job that was started too often fails instead.
         """
         async with self._engine.begin() as connection:
-            if not (await connection.execute(select(func.pg_try_advisory_xact_lock(_REAPER_LOCK)))).scalar_one():
+            if not (await connection.execute(select(func.pg_try_advisory_xact_lock(locks.REAPER)))).scalar_one():
                 return []
             never = 10.0 * 365 * 86400
             silent = {"silent_s": never if silent_s is None else silent_s}
@@ -231,6 +244,13 @@ def _result(summary: Json, outcome: Json, artifacts: list[Json]) -> Json:
     """What the row of a job keeps of its outcome."""
     references = list(outcome["references"])
     return {"summary": summary, "references": references, "versions": versions(), "artifacts": artifacts}
+
+
+async def _locked(connection: AsyncConnection, job_id: str) -> Mapping[str, Any] | None:
+    """The job's row, held until the transaction ends; waits for a transaction that has changed it."""
+    found = await connection.execute(select(job).where(job.c.id == job_id).with_for_update())
+    row = found.mappings().one_or_none()
+    return None if row is None else dict(row)
 
 
 def _fenced(attempt: Attempt) -> Update:

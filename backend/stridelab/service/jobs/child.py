@@ -21,6 +21,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any, Final, NoReturn
 
+from stridelab.cores import limit_cores
 from stridelab.service.niceness import yield_processor
 
 NAME: Final = "stridelab-job"
@@ -53,6 +54,7 @@ def answer(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
     folder = Path(task["folder"])
     os.chdir(folder)
     limit_memory(int(task["memory_mb"]))
+    limit_cores(task["cores"])
     try:
         module, _, function = task["target"].partition(":")
         run = getattr(importlib.import_module(module), function)

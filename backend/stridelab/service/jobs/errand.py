@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import errno
+import hashlib
 import shutil
 import tempfile
 import time
@@ -21,13 +22,14 @@ from stridelab.service.jobs.isolated import IsolatedOutcome, IsolatedPool
 from stridelab.service.jobs.kinds.kind import JobKind, Json, problem_of
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.publication import Publication, publishing
 
 PROGRESS_S: Final = 0.2
 """Progress is written to the database at most this often."""
 Patiently = Callable[[Callable[[], Awaitable[Any]]], Awaitable[Any]]
 """Repeats a database operation for as long as the database is away."""
 _NO_ROOM: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
-_PASSES: Final = frozenset({"storage-unavailable", "scratch-full"})
+_PASSES: Final = frozenset({"storage-unavailable", "storage-full", "scratch-full"})
 """Codes of what is not the job's fault and may be over in a while."""
 _LONGEST_PAUSE_S: Final = 5.0
 _log = structlog.get_logger(__name__)
@@ -142,9 +144,9 @@ class Errand:
                 return await self._kind.stage(connection, self._blobs, request, folder)
 
     async def _publish(self, outcome: IsolatedOutcome, folder: Path, patiently: Patiently) -> str:
-        async def publish(artifacts: list[Json]) -> bool:
+        async def publish(artifacts: list[Json], publication: Publication) -> bool:
             return await self._attempts.succeed(
-                self._attempt, self._blobs, outcome.value, artifacts, folder, outcome.log_tail
+                self._attempt, self._blobs, outcome.value, artifacts, folder, outcome.log_tail, publication
             )
 
         with telemetry.span("publish"):
@@ -155,9 +157,9 @@ class Errand:
         """Fail, with what the computation left all the same."""
         value = outcome.value
 
-        async def fail(artifacts: list[Json]) -> bool:
+        async def fail(artifacts: list[Json], publication: Publication) -> bool:
             return await self._attempts.end(
-                self._attempt, "failed", value["problem"], outcome.log_tail, (value, artifacts)
+                self._attempt, "failed", value["problem"], outcome.log_tail, (value, artifacts), publication
             )
 
         return "failed" if await self._with_files(outcome, folder, patiently, fail) else "superseded"
@@ -167,25 +169,21 @@ class Errand:
         outcome: IsolatedOutcome,
         folder: Path,
         patiently: Patiently,
-        write: Callable[[list[Json]], Awaitable[bool]],
+        write: Callable[[list[Json], Publication], Awaitable[bool]],
     ) -> bool:
-        """Store the files and ``write`` the row that names them; where that is not to be, no file stays."""
-        artifacts = [artifact_file(folder, item) for item in outcome.value["artifacts"]]
+        """Store the files and ``write`` the row that names them; where that is certainly not done, no file stays."""
+        artifacts = await asyncio.to_thread(lambda: [artifact_file(folder, i) for i in outcome.value["artifacts"]])
         prefix = self._attempt.blob_prefix
 
-        async def store_and_write() -> bool:
-            for artifact in artifacts:
-                await self._blobs.put_file(f"{prefix}/{artifact['name']}", folder / artifact["name"])
-            return bool(await patiently(lambda: write(artifacts)))
+        async with publishing(lambda: self._blobs.delete_prefix(prefix)) as publication:
 
-        written = False
-        try:
-            written = await self._outlast(store_and_write)
-        finally:
-            if not written:
-                with contextlib.suppress(StridelabError):  # what stays is removed by the janitor
-                    await self._blobs.delete_prefix(prefix)
-        return written
+            async def store_and_write() -> bool:
+                for artifact in artifacts:
+                    await self._blobs.put_file(f"{prefix}/{artifact['name']}", folder / artifact["name"])
+                return bool(await patiently(lambda: write(artifacts, publication)))
+
+            publication.settle(published=await self._outlast(store_and_write))
+        return publication.published
 
     async def _give_up(self, outcome: IsolatedOutcome, patiently: Patiently) -> str:
         if outcome.state == "cancelled":
@@ -265,8 +263,11 @@ def located(problem: Json, message: str) -> Json:
 
 
 def artifact_file(folder: Path, item: Json) -> Json:
-    """The artifact with its size; raises ``ValueError`` for anything but a plain file right in ``folder``."""
+    """The artifact with size and SHA-256; raises ``ValueError`` for anything but a plain file right in ``folder``."""
     path = folder / str(item["name"])
     if path.parent != folder or path.is_symlink() or not path.is_file():
         raise ValueError(f"the computation left no file {item['name']!r}")
-    return {"name": path.name, "media_type": str(item["media_type"]), "bytes": path.stat().st_size}
+    with path.open("rb") as file:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    described = {"name": path.name, "media_type": str(item["media_type"])}
+    return described | {"bytes": path.stat().st_size, "sha256": sha256}

@@ -5,6 +5,7 @@ socket on which it is asked, and answers, in records:
 
     FORK, serial, niceness, and two files
                                    fork a child that converses on the one and prints into the other
+    PING, 0                        answer 0, 0
     LET_GO, serial                 the child's process number may become somebody else's
     serial, code  (answer)         the child has ended; until it is let go it stays a zombie and can be signalled safely
 
@@ -33,6 +34,7 @@ ANSWER: Final = struct.Struct("<qi")
 """Serial number and exit code, negative for a signal."""
 FORK: Final = b"F"
 LET_GO: Final = b"L"
+PING: Final = b"P"
 
 
 class Forking:
@@ -67,6 +69,8 @@ class Forking:
         what, serial, niceness = REQUEST.unpack(asked)
         if what == FORK:
             self._fork(serial, niceness, *files)
+        elif what == PING:
+            self._control.sendall(ANSWER.pack(0, 0))
         else:
             self._let_go.add(serial)
 

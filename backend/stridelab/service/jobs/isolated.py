@@ -63,10 +63,11 @@ class IsolatedPool:
     """Children for one event loop that have imported ``preload``. An asynchronous context manager.
 
     They yield the processor by ``niceness`` (0 to 19), but those that are short and that somebody waits for.
+    Each uses at most ``cores``; by default as many as there are.
     """
 
-    def __init__(self, preload: Sequence[str] = (), niceness: int = NICENESS) -> None:
-        self._preload, self._niceness = tuple(preload), niceness
+    def __init__(self, preload: Sequence[str] = (), niceness: int = NICENESS, cores: int | None = None) -> None:
+        self._preload, self._niceness, self._cores = tuple(preload), niceness, cores
         self._nursery: Nursery | None = None
         self._starting = asyncio.Lock()
 
@@ -99,19 +100,29 @@ class IsolatedPool:
 
         ``timeout_s`` counts from the moment at which the child is ready. Setting ``cancel``, or cancelling the
         calling task, kills the child and all that it started. Where it ``yields``, it
-        does so by the niceness of the pool.
+        does so by the niceness of the pool. A task whose child was killed before it came up is given to another one.
         """
-        child = await self._born(self._niceness if yields else 0)
-        try:
-            return await child.work(
-                {"target": target, "task": dict(task), "folder": str(folder.resolve()), "memory_mb": memory_mb},
-                timeout_s=timeout_s,
-                memory_mb=memory_mb,
-                cancel=cancel or asyncio.Event(),
-                on_progress=on_progress or _ignore,
-            )
-        finally:
-            await asyncio.shield(child.end())
+        for is_last in (False, True):
+            child = await self._born(self._niceness if yields else 0)
+            try:
+                outcome = await child.work(
+                    {
+                        "target": target,
+                        "task": dict(task),
+                        "folder": str(folder.resolve()),
+                        "memory_mb": memory_mb,
+                        "cores": self._cores,
+                    },
+                    timeout_s=timeout_s,
+                    memory_mb=memory_mb,
+                    cancel=cancel or asyncio.Event(),
+                    on_progress=on_progress or _ignore,
+                )
+            finally:
+                await asyncio.shield(child.end())
+            if outcome.state != "killed" or child.has_begun or is_last:
+                break
+        return outcome
 
     async def _born(self, niceness: int) -> "_Child":
         try:
@@ -183,6 +194,11 @@ class _Child:
             for waiting in (stop, ready, reading, watching):
                 waiting.cancel()
             await asyncio.gather(stop, ready, reading, watching, return_exceptions=True)
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether it came up, so that it may have begun its task before it ended."""
+        return self._pid is not None
 
     async def end(self) -> None:
         """Kill the child and everything in its session, and collect what is left of it."""
@@ -284,7 +300,11 @@ class _Child:
                 held = [process]
                 if tick % _TICKS_PER_FAMILY == 0:
                     held += process.children(recursive=True)  # looks at every process of the machine
-                if sum(each.memory_info().rss for each in held) > limit_bytes + self._held_bytes:
+                allowed_bytes = limit_bytes + self._held_bytes
+                # resident pages count once per process and cost nothing to read: where they fit, all fits
+                if sum(each.memory_info().rss for each in held) <= allowed_bytes:
+                    continue
+                if len(held) == 1 or await asyncio.to_thread(_held_together, held) > allowed_bytes:
                     return
 
     async def _keep_log(self) -> None:
@@ -297,6 +317,20 @@ class _Child:
         if self._pid is not None:
             await asyncio.wait([self._logging], timeout=_AFTER_DEATH_S)
         return bytes(self._tail).decode("utf-8", errors="replace").replace("\0", "")
+
+
+def _held_together(processes: Sequence[psutil.Process]) -> int:
+    """Bytes that the processes hold, a page that several of them share counted once."""
+    return sum(_proportional_bytes(process) for process in processes)
+
+
+def _proportional_bytes(process: psutil.Process) -> int:
+    """What a process holds (its proportional set size): a page that n share counts 1/n; else what is resident."""
+    try:
+        rollup = Path(f"/proc/{process.pid}/smaps_rollup").read_text(encoding="ascii")
+        return next(int(line.split()[1]) for line in rollup.splitlines() if line.startswith("Pss:")) * 1024
+    except (OSError, StopIteration):  # an older kernel, another system, or not ours to read
+        return int(process.memory_info().rss)
 
 
 def _problem(code: str, detail: str) -> dict[str, Any]:

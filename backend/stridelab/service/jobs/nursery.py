@@ -15,9 +15,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Final
 
-from stridelab.service.jobs.forking import ANSWER, FORK, LET_GO, REQUEST
+import structlog
 
+from stridelab.service.jobs.forking import ANSWER, FORK, LET_GO, PING, REQUEST
+from stridelab.service.watchdog import Silence
+
+_PING_S: Final = 0.5
 _LINE_BYTES: Final = 64 * 1024 * 1024
+_log = structlog.get_logger(__name__)
 _THREADS: Final = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB", "BLIS")
 _SECRETS: Final = ("STRIDELAB_", "AWS_", "PG", "AZURE_", "GOOGLE_")
 _NEEDED: Final = frozenset({"STRIDELAB_NATIVE_PATH"})
@@ -49,6 +54,9 @@ class Nursery:
         self._heard = b""
         self._is_gone = False
         self._loop.add_reader(control, self._hear)
+        self._silence = Silence(process.pid)
+        self._is_asked = False
+        self._watching = self._loop.create_task(self._watch())
 
     @staticmethod
     async def start(preload: Sequence[str]) -> "Nursery":
@@ -134,12 +142,30 @@ class Nursery:
         self._heard += said
         whole = len(self._heard) // ANSWER.size * ANSWER.size
         for serial, code in ANSWER.iter_unpack(self._heard[:whole]):
+            if serial == 0:  # children are counted from 1
+                self._is_asked = False
+                self._silence.heard()
             self._settle(self._children.get(serial), code)
         self._heard = self._heard[whole:]
+
+    async def _watch(self) -> None:
+        """Kill the process where it does not answer; who needs a child then finds another one."""
+        while True:
+            if not self._is_asked:
+                with contextlib.suppress(OSError):  # its buffer is full, or it has just ended
+                    self._control.send(REQUEST.pack(PING, 0, 0))
+                    self._is_asked = True
+            await asyncio.sleep(_PING_S)
+            if self._is_asked and (verdict := self._silence.verdict()) is not None:
+                _log.warning("nursery replaced", why=verdict)
+                with contextlib.suppress(ProcessLookupError):
+                    self._process.kill()
+                return
 
     def _end(self) -> None:
         if not self._is_gone:
             self._is_gone = True
+            self._watching.cancel()
             self._loop.remove_reader(self._control)
             self._control.close()
             for ended in self._children.values():
@@ -154,4 +180,7 @@ class Nursery:
 def child_environment() -> dict[str, str]:
     """The environment of a process that computes: no secrets, one thread per library."""
     environment = {key: value for key, value in os.environ.items() if key in _NEEDED or not key.startswith(_SECRETS)}
-    return environment | {f"{library}_NUM_THREADS": "1" for library in _THREADS}
+    # Arrow's own allocator reserves 1 GiB of addresses at once: all that a child that reads an upload may have.
+    return (
+        environment | {f"{library}_NUM_THREADS": "1" for library in _THREADS} | {"ARROW_DEFAULT_MEMORY_POOL": "system"}
+    )

@@ -4,7 +4,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Final
 
 import structlog
-from sqlalchemy import delete, exists, func, select
+from sqlalchemy import delete, exists, func, or_, select
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.schemas.jobs import FINAL_STATES
@@ -12,12 +12,10 @@ from stridelab.service.access import audit
 from stridelab.service.bundled import SHIPPED_JOBS
 from stridelab.service.jobs.consumer import Consumer
 from stridelab.service.settings import Settings
-from stridelab.service.storage import uploads
+from stridelab.service.storage import locks, uploads
 from stridelab.service.storage.blobs import BlobStore
-from stridelab.service.storage.removal import REMOVAL_LOCK
 from stridelab.service.storage.tables import job, job_event, recording
 
-_JANITOR_LOCK: Final = 0x5712DE1AE
 ORPHAN_AGE: Final = timedelta(hours=1)
 """Files younger than this may belong to a row that is about to be written."""
 _QUEUE_HOURS: Final = 24
@@ -28,7 +26,7 @@ async def sweep(engine: AsyncEngine, blobs: BlobStore, consumer: Consumer, limit
     """Remove all that has had its time; does nothing while another worker does the same, or a backup is made."""
     async with engine.connect() as connection:
         try:
-            for lock in (func.pg_try_advisory_lock(_JANITOR_LOCK), func.pg_try_advisory_lock_shared(REMOVAL_LOCK)):
+            for lock in (func.pg_try_advisory_lock(locks.JANITOR), func.pg_try_advisory_lock_shared(locks.REMOVAL)):
                 if not (await connection.execute(select(lock))).scalar_one():
                     return
             await remove_old_events(connection, timedelta(days=limits.event_retention_days))
@@ -66,7 +64,11 @@ async def remove_old_jobs(connection: AsyncConnection, blobs: BlobStore, age: ti
 
 
 async def remove_orphans(connection: AsyncConnection, blobs: BlobStore, age: timedelta = ORPHAN_AGE) -> list[str]:
-    """Delete files older than ``age`` that no job and no recording refers to; returns the prefixes and the keys."""
+    """Delete files older than ``age`` that no job and no recording refers to; returns the prefixes and the keys.
+
+    A transaction that has yet to commit may name such a file, however long ago that was stored. A job's row is then
+    still ``running`` in the attempt that the prefix names; the key of a recording's file is locked (``lock_blob``).
+    """
     results = await _old_prefixes(blobs, "results", 3, age)
     recordings = await _old_prefixes(blobs, "recordings", 3, age)  # keys: a recording may have got other tracks
     # the rows are read after the files: a row written meanwhile is seen
@@ -78,11 +80,22 @@ async def remove_orphans(connection: AsyncConnection, blobs: BlobStore, age: tim
     prefixes, keys = sorted(results - referred), sorted(recordings - {key for row in files for key in row})
     for prefix in prefixes:
         await blobs.delete_prefix(prefix)
-    for key in keys:
+    removed = [key for key in keys if await _remove_unnamed(connection, blobs, key)]
+    if prefixes or removed:
+        _log.info("orphaned-files-removed", results=len(prefixes), files=len(removed))
+    return prefixes + removed
+
+
+async def _remove_unnamed(connection: AsyncConnection, blobs: BlobStore, key: str) -> bool:
+    """Delete a recording's file unless a row names it, or one is just being written; returns whether it was."""
+    named = exists().where(or_(recording.c.blob_key == key, recording.c.tracks_key == key))
+    try:
+        if not await uploads.try_lock_blob(connection, key) or (await connection.execute(select(named))).scalar_one():
+            return False
         await blobs.delete(key)
-    if prefixes or keys:
-        _log.info("orphaned-files-removed", results=len(prefixes), files=len(keys))
-    return prefixes + keys
+        return True
+    finally:
+        await connection.rollback()
 
 
 async def _old_prefixes(blobs: BlobStore, root: str, depth: int, age: timedelta) -> set[str]:

@@ -5,7 +5,6 @@ States: ``queued -> running -> succeeded | failed | cancelled | timed_out``, ``q
 what workers do to a job is in ``attempts``.
 """
 
-import base64
 import hashlib
 import json
 import uuid
@@ -22,8 +21,10 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from stridelab.errors import Busy, Conflict, Fault, InvalidInput, NotFound
 from stridelab.schemas.jobs import FINAL_STATES, Artifact, JobEvent, JobResult, JobState, Progress
 from stridelab.service import telemetry
+from stridelab.service.cursors import decode_cursor, encode_cursor
 from stridelab.service.jobs import queue
 from stridelab.service.jobs.kinds.kind import JobKind
+from stridelab.service.storage import locks
 from stridelab.service.storage.database import reading
 from stridelab.service.storage.tables import job, job_event
 
@@ -31,7 +32,6 @@ CHANNEL: Final = "stridelab_job"
 """NOTIFY channel; the payload is the id of the job that changed."""
 CANCEL_CHANNEL: Final = "stridelab_cancel"
 """NOTIFY channel for workers; the payload is the id of a running job that shall stop."""
-_ADMISSION_LOCK: Final = 0x5712DE1AC
 _MAX_PRIORITY: Final = 100
 _RETRY_AFTER_S: Final = 5.0
 
@@ -131,7 +131,7 @@ class JobStore:
         job_id, body_hash = uuid.uuid4().hex, input_hash(kind, input)
         try:
             async with self._engine.begin() as connection:
-                await connection.execute(select(func.pg_advisory_xact_lock(_ADMISSION_LOCK)))
+                await connection.execute(select(func.pg_advisory_xact_lock(locks.ADMISSION)))
                 if idempotency_key is not None:
                     earlier = await self._earlier(connection, owner, idempotency_key, body_hash)
                     if earlier is not None:
@@ -176,20 +176,20 @@ class JobStore:
         recording_id: str | None = None,
         scenario_id: str | None = None,
     ) -> JobPage:
-        """Jobs, newest first; raises ``InvalidInput`` (``cursor-invalid``)."""
+        """Jobs, newest first; raises ``InvalidInput`` (``invalid-cursor``)."""
         wanted = _SHOWN.order_by(job.c.created_at.desc(), job.c.id.desc()).limit(limit + 1)
         asked = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
         for column, value in asked.items():
             if value is not None:
                 wanted = wanted.where(job.c[column] == value)
         if cursor is not None:
-            at, job_id = _read_cursor(cursor)
+            at, job_id = decode_cursor(cursor)
             wanted = wanted.where(tuple_(job.c.created_at, job.c.id) < tuple_(literal(at), literal(job_id)))
         async with self._reading.connect() as connection:
             rows = [_record(row) for row in (await connection.execute(wanted)).mappings()]
         more = len(rows) > limit
         items = tuple(rows[:limit])
-        return JobPage(items, _write_cursor(items[-1]) if more else None)
+        return JobPage(items, encode_cursor(items[-1].created_at, items[-1].id) if more else None)
 
     async def request_cancel(self, job_id: str) -> JobRecord:
         """Cancel a queued job at once, ask the worker of a running one to; a finished one stays as it is.
@@ -322,17 +322,3 @@ _ONE: Final = _SHOWN.where(job.c.id == bindparam("job_id"))
 
 def _record(row: Mapping[Any, Any]) -> JobRecord:
     return JobRecord(**{name: row[name] for name in JobRecord.__dataclass_fields__})
-
-
-def _write_cursor(last: JobRecord) -> str:
-    return base64.urlsafe_b64encode(f"{last.created_at.isoformat()}|{last.id}".encode()).decode()
-
-
-def _read_cursor(cursor: str) -> tuple[datetime, str]:
-    try:
-        at, job_id = base64.urlsafe_b64decode(cursor.encode()).decode().split("|")
-        return datetime.fromisoformat(at), job_id
-    except ValueError as error:
-        raise InvalidInput(
-            "cursor-invalid", "This is not a cursor of this list.", [Fault("cursor", "unknown")]
-        ) from error

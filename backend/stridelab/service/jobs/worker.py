@@ -6,7 +6,6 @@ its children computing and publishes when the database is back; one that is told
 
 import asyncio
 import contextlib
-import os
 import signal
 import sys
 import time
@@ -17,6 +16,8 @@ from typing import Final, TypeVar
 import structlog
 from opentelemetry.trace import SpanKind
 
+from stridelab import heartbeat
+from stridelab.cores import cores_per_slot, default_slots
 from stridelab.errors import StridelabError, Unavailable
 from stridelab.service import telemetry
 from stridelab.service.jobs import retention
@@ -56,9 +57,9 @@ class Worker:
         self._engine = make_engine(url)
         self._attempts = Attempts(self._engine, kinds, max_attempts=limits.job_max_attempts)
         self._consumer = Consumer(url)
-        slots = limits.worker_slots or max(1, (os.cpu_count() or 2) - 1)
+        slots = limits.worker_slots or default_slots()
         self._slots: tuple[tuple[Lane, ...], ...] = (("short",), *((LANES,) * slots))
-        self._pool = IsolatedPool(preload, limits.job_niceness)
+        self._pool = IsolatedPool(preload, limits.job_niceness, cores_per_slot(slots))
         self._errands: list[Errand] = []
         self._news: list[asyncio.Event] = []
         self._stopping = asyncio.Event()
@@ -225,6 +226,7 @@ async def work(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence
     Raises ``Unavailable`` (``database-url-missing``, ``database-not-migrated``), ``InvalidInput``
     (``otlp-url-invalid``).
     """
+    beating = asyncio.create_task(heartbeat.beat())  # noqa: F841, RUF006 (a task lives as long as it is referred to)
     url = database_url(limits)
     if url is None:
         raise Unavailable("database-url-missing", "A worker needs STRIDELAB_DATABASE_URL.")

@@ -1,9 +1,13 @@
 """Files by key: a folder, or S3, chosen by URL (obstore).
 
 Keys are made of ids and names that the code chooses, never of what a user typed; anything else is refused, so that
-no key can point outside the store.
+no key can point outside the store. A key may end in the SHA-256 of its content (``named_hash``); what is read under
+such a key is checked against it.
 """
 
+import asyncio
+import errno
+import hashlib
 import re
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass
@@ -16,7 +20,8 @@ import obstore
 from obstore.exceptions import BaseError
 from obstore.store import LocalStore, ObjectStore, from_url
 
-from stridelab.errors import InvalidInput, NotFound, Unavailable
+from stridelab.errors import InvalidInput, NotFound, StorageFull, Unavailable, UnreadableFile
+from stridelab.service.storage.local_files import DISK, FileSystem, sync_durably, write_durably
 
 if TYPE_CHECKING:
     from obstore.store import ClientConfig, RetryConfig, S3Config
@@ -24,6 +29,8 @@ if TYPE_CHECKING:
 CHUNK_BYTES: Final = 1 << 20
 _KEY: Final = re.compile(r"[A-Za-z0-9_-][A-Za-z0-9._-]*(/[A-Za-z0-9_-][A-Za-z0-9._-]*)*")
 _MAX_KEY: Final = 400
+_HASH_IN_KEY: Final = re.compile(r"[/-]([0-9a-f]{64})(?:\.[a-z0-9]+)?$")
+_NO_ROOM: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
 _RETRY: "Final[RetryConfig]" = {"max_retries": 4, "retry_timeout": timedelta(seconds=10)}
 """A store that is away is told within seconds (by default it is minutes): people wait for some answers, and jobs
 have a patience of their own that can be cancelled."""
@@ -40,9 +47,15 @@ class BlobInfo:
 
 @dataclass(frozen=True)
 class BlobStore:
-    """One store; ``from_url`` makes it. A store that fails raises ``Unavailable`` (``storage-unavailable``)."""
+    """One store; ``from_url`` makes it.
+
+    A store that fails raises ``Unavailable`` (``storage-unavailable``), one without room ``StorageFull``
+    (``storage-full``). ``folder`` is where files lie that this program writes itself; None for an object store.
+    """
 
     backend: ObjectStore
+    folder: Path | None = None
+    system: FileSystem = DISK
 
     @staticmethod
     def from_url(url: str, options: Mapping[str, str] | None = None) -> "BlobStore":
@@ -56,27 +69,65 @@ class BlobStore:
         if parts.scheme == "file" and parts.netloc in ("", "localhost") and parts.path:
             folder = Path(unquote(parts.path))
             folder.mkdir(parents=True, exist_ok=True)
-            return BlobStore(LocalStore(folder, automatic_cleanup=True))
+            return BlobStore(LocalStore(folder, automatic_cleanup=True), folder)
         if parts.scheme == "s3" and parts.netloc:
             return BlobStore(_object_store(url, dict(options or {})))
         raise InvalidInput("blob-url-invalid", "STRIDELAB_BLOB_URL must be file:///folder or s3://bucket/prefix.")
 
     async def put_file(self, key: str, path: Path) -> int:
-        """Store a file under ``key``, streamed and replaced as a whole; returns its size in bytes."""
+        """Store a file under ``key``, replaced as a whole and durable at return; returns its size in bytes.
+
+        In a folder it is then on the disk (``local_files``); an object store has confirmed that it keeps it.
+        """
         _check(key)
         try:
-            await obstore.put_async(self.backend, key, path, chunk_size=5 * CHUNK_BYTES, max_concurrency=2)
+            if self.folder is not None:
+                await asyncio.to_thread(write_durably, self.folder, key, path, self.system)
+            else:
+                await obstore.put_async(self.backend, key, path, chunk_size=5 * CHUNK_BYTES, max_concurrency=2)
         except (BaseError, OSError) as error:
             raise _unavailable(error) from error
         return path.stat().st_size
 
-    async def get_file(self, key: str, path: Path) -> int:
-        """Write the blob into ``path``; returns its size in bytes. Raises ``NotFound`` (``blob-not-found``)."""
-        written = 0
+    async def keep_or_replace(self, key: str, path: Path, sha256: str) -> bool:
+        """Have a file with this content under ``key``: one that is there and undamaged stays, else ``path`` is stored.
+
+        Returns whether it was stored.
+        """
+        try:
+            if await self.sha256(key) == sha256:
+                if self.folder is not None:  # whoever wrote it may have been killed before it was on the disk
+                    await asyncio.to_thread(sync_durably, self.folder, key, self.system)
+                return False
+        except NotFound:
+            pass
+        except OSError as error:
+            raise _unavailable(error) from error
+        await self.put_file(key, path)
+        return True
+
+    async def get_file(self, key: str, path: Path, sha256: str | None = None) -> int:
+        """Write the blob into ``path``; returns its size in bytes.
+
+        Raises ``NotFound`` (``blob-not-found``), ``UnreadableFile`` (``stored-file-damaged``) where ``sha256``, or else
+        the key, says what the content's SHA-256 is and it is another one.
+        """
+        written, digest = 0, hashlib.sha256()
         with path.open("wb") as file:
             async for chunk in self.stream(key):
                 written += file.write(chunk)
+                digest.update(chunk)
+        if (sha256 or named_hash(key)) not in (None, digest.hexdigest()):
+            path.unlink()
+            raise damaged(key)
         return written
+
+    async def sha256(self, key: str) -> str:
+        """SHA-256 of the blob. Raises ``NotFound`` (``blob-not-found``)."""
+        digest = hashlib.sha256()
+        async for chunk in self.stream(key):
+            digest.update(chunk)
+        return digest.hexdigest()
 
     async def stream(self, key: str) -> AsyncIterator[bytes]:
         """The blob in pieces. Raises ``NotFound`` (``blob-not-found``)."""
@@ -153,6 +204,21 @@ def is_key(key: str) -> bool:
     return len(key) <= _MAX_KEY and _KEY.fullmatch(key) is not None
 
 
+def named_hash(key: str) -> str | None:
+    """The SHA-256 that a key ends in, as that of an upload; None where it names none."""
+    found = _HASH_IN_KEY.search(key)
+    return found[1] if found else None
+
+
+def damaged(key: str) -> UnreadableFile:
+    """The error of a stored file whose bytes are not those that were stored."""
+    return UnreadableFile(
+        "stored-file-damaged",
+        f"The stored file {key.rsplit('/', 1)[-1]} is damaged: its bytes are not those that were stored. "
+        "An upload is repaired by uploading the same file again.",
+    )
+
+
 def _check(key: str) -> None:
     if not is_key(key):
         raise InvalidInput("blob-key-invalid", "This cannot be the name of a stored file.")
@@ -163,4 +229,6 @@ def _missing(key: str) -> NotFound:
 
 
 def _unavailable(error: Exception) -> Unavailable:
+    if isinstance(error, OSError) and error.errno in _NO_ROOM:
+        return StorageFull("storage-full", "The file storage is full; nothing was stored. Free some space.")
     return Unavailable("storage-unavailable", f"The file storage does not answer ({type(error).__name__}).")

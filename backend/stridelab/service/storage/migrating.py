@@ -13,12 +13,12 @@ from urllib.parse import urlsplit
 import psycopg
 
 from stridelab.errors import Unavailable
+from stridelab.service.storage import locks
 
 if TYPE_CHECKING:
     import sqlalchemy
 
 MIGRATIONS = Path(__file__).with_name("migrations")
-_MIGRATION_LOCK = 0x5712DE1AB
 
 
 def migrate(url: str, *, wait_s: float = 30.0) -> None:
@@ -90,7 +90,7 @@ def _upgrade(url: str) -> None:
     engine = engine_of(url)
     try:
         with engine.begin() as connection:
-            connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": _MIGRATION_LOCK})
+            connection.execute(text("SELECT pg_advisory_xact_lock(:key)"), {"key": locks.MIGRATION})
             upgrade_on(connection, "head")
     finally:
         engine.dispose()

@@ -55,8 +55,11 @@ recording = Table(
     Column("marker_map", JSONB, nullable=False, server_default="{}"),
     Column("plate_switches", JSONB, nullable=False, server_default="{}"),
     Column("truth_job_id", Text, ForeignKey("job.id", ondelete="SET NULL", use_alter=True)),
+    Column("session_id", Text, comment="trials with one clock and one body mass"),
+    Column("session_stated", Boolean, nullable=False, server_default="false"),
     Index("recording_sha256", "sha256"),
     Index("recording_newest", "created_at", "id"),
+    Index("recording_session", "session_id"),
 )
 
 scenario = Table(

@@ -25,6 +25,12 @@ async def lock_blob(connection: AsyncConnection, blob_key: str) -> None:
     await connection.execute(select(func.pg_advisory_xact_lock(func.hashtextextended(blob_key, 0))))
 
 
+async def try_lock_blob(connection: AsyncConnection, blob_key: str) -> bool:
+    """``lock_blob``, or False at once where somebody else holds the lock."""
+    asked = select(func.pg_try_advisory_xact_lock(func.hashtextextended(blob_key, 0)))
+    return bool((await connection.execute(asked)).scalar_one())
+
+
 async def delete_if_unused(connection: AsyncConnection, blobs: BlobStore, blob_key: str) -> bool:
     """Delete the file unless a recording uses it, inside the caller's transaction; returns whether it was deleted."""
     await lock_blob(connection, blob_key)

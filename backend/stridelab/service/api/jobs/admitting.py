@@ -34,7 +34,7 @@ async def admit(parts: Parts, request: Contract) -> Subject:
     a population.
     """
     if isinstance(request, PlanMotionInput | PlanRecedingInput | SweepInput) and request.scenario is not None:
-        await refuse_invalid(request.scenario, parts.judges)
+        await refuse_invalid(request.scenario, parts.judges, parts.robots)
     if isinstance(request, PlanContactsInput):
         _effectors(request.robot)
         await anyio.to_thread.run_sync(_refuse_invalid_ends, request, limiter=parts.judges)

@@ -1,4 +1,4 @@
-"""Jobs: submitted, waited for, followed, cancelled; and what came out of them."""
+"""Jobs: submitted, waited for, followed, cancelled, deleted; and what came out of them."""
 
 from typing import Annotated, Any, Final
 
@@ -14,7 +14,7 @@ from stridelab.service.access.callers import require_owner
 from stridelab.service.api.callers import CallerOf
 from stridelab.service.api.closing import unless
 from stridelab.service.api.files import OCTETS, send_blob
-from stridelab.service.api.jobs import bundle, events
+from stridelab.service.api.jobs import bundle, deleting, events
 from stridelab.service.api.jobs.rows import job_of
 from stridelab.service.api.jobs.submitting import add_kinds
 from stridelab.service.api.openapi import failures
@@ -73,10 +73,31 @@ async def get_job(parts: AppParts, job_id: str, wait: Wait = 0.0) -> Job:
     return job_of(record)
 
 
-@router.delete("/{job_id}", summary="Cancel a job", responses=_UNKNOWN)
-async def cancel_job(parts: AppParts, caller: CallerOf, job_id: str) -> Job:
-    """Cancel a job of one's own: a queued one at once, a running one within half a second. A finished one stays."""
-    require_owner(caller, (await _known(parts, job_id)).owner, "job")
+@router.delete(
+    "/{job_id}",
+    summary="Cancel or delete a job",
+    responses={
+        **_UNKNOWN,
+        **failures(s409="A result of the program (`bundled-read-only`), or a recording needs it (`job-holds-truth`)."),
+    },
+)
+async def cancel_job(
+    parts: AppParts,
+    caller: CallerOf,
+    job_id: str,
+    cancel_only: Annotated[bool, Query(description="leave a finished job as it is")] = False,
+) -> Job:
+    """Cancel a job of one's own, or delete it where it has finished; the answer is the job as it was last.
+
+    A queued job is cancelled at once, a running one within half a second. A finished one is deleted with its result
+    and files, unless `cancel_only` is said.
+    """
+    record = await _known(parts, job_id)
+    require_owner(caller, record.owner, "job")
+    if record.is_final:
+        if not cancel_only:
+            await deleting.delete_finished(parts, record.id, caller)
+        return job_of(record)
     async with parts.engine.begin() as connection:
         await audit.note(connection, caller, "job-cancelled", job_id)
     return job_of(await parts.store.request_cancel(job_id))

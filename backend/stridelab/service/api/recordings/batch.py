@@ -77,7 +77,7 @@ async def _read_all(parts: Parts, forms: ReceivedForms, folder: Path) -> dict[st
         "timeout_s": settings.parse_timeout_s,
         "memory_mb": settings.parse_memory_mb,
     }
-    async with parts.parsers:
+    async with parts.batches:
         outcome = await parts.pool.run(
             PARSE_BATCH, task, folder, timeout_s=TIMEOUT_S, memory_mb=3 * settings.parse_memory_mb, yields=False
         )

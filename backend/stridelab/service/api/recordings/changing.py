@@ -1,7 +1,7 @@
 """``PATCH /recordings/{id}``: which columns change, and whether the file must be read again."""
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,8 @@ from stridelab.service.api.recordings.parsing import Switches, parse
 from stridelab.service.api.recordings.rows import recording_of, recording_row
 from stridelab.service.api.recordings.storing import refuse_bundled, replace_facts
 from stridelab.service.api.subjects.rows import subject_row
+from stridelab.service.jobs.kinds.session_rows import session_of
+from stridelab.service.sessions import session_id_of
 from stridelab.service.storage.tables import recording
 
 
@@ -27,18 +29,18 @@ async def change_recording(parts: Parts, recording_id: str, patch: RecordingPatc
         row = await recording_row(connection, recording_id)
     refuse_bundled(row)
     links = await _links(parts, row, patch)
-    switches = _switches(row, patch)
-    if switches != Switches.of_row(row):
+    elsewhere = await _static_labels(parts, {**row, **links})
+    switches = _switches(row, patch, elsewhere)
+    unread = "session_id" in patch.model_fields_set and "clock" not in row["facts"]
+    if switches != Switches.of_row(row) or unread:
         with tempfile.TemporaryDirectory(dir=parts.spool) as name:
-            await parts.blobs.get_file(row["blob_key"], Path(name) / "trial")
-            parsed = await parse(parts, Path(name), "trial", row["filename"], switches)
-            await replace_facts(
-                parts, row, switches, parsed, lambda locked: {**links, **_subject_fields(locked, patch)}
-            )
+            await parts.blobs.get_file(row["blob_key"], Path(name) / "trial", row["sha256"])
+            parsed = await parse(parts, Path(name), "trial", row["filename"], switches, elsewhere)
+            await replace_facts(parts, row, switches, parsed, lambda locked: _changes(locked, patch, links))
     elif patch.model_fields_set:
         async with parts.engine.begin() as connection:
             locked = await recording_row(connection, recording_id, lock=True)
-            changes = {**links, **_subject_fields(locked, patch)}
+            changes = _changes(locked, patch, links)
             if changes:
                 await connection.execute(update(recording).where(recording.c.id == recording_id).values(changes))
     async with parts.engine.connect() as connection:
@@ -76,16 +78,39 @@ async def _links(parts: Parts, row: Mapping[str, Any], patch: RecordingPatch) ->
     return changes
 
 
-def _switches(row: Mapping[str, Any], patch: RecordingPatch) -> Switches:
-    """The switches after ``patch``: the marker map is replaced, plates are changed one by one; null resets all."""
+def _changes(row: Mapping[str, Any], patch: RecordingPatch, links: Mapping[str, Any]) -> dict[str, Any]:
+    """The columns that change: a session that is not stated follows the person."""
+    changes = {**links, **_subject_fields(row, patch)}
+    if "session_id" in patch.model_fields_set and patch.session_id is not None:
+        return {**changes, "session_id": patch.session_id, "session_stated": True}
+    if not patch.model_fields_set or (row["session_stated"] and "session_id" not in patch.model_fields_set):
+        return changes
+    return {**changes, "session_id": session_id_of({**row, **changes}, row["created_at"]), "session_stated": False}
+
+
+async def _static_labels(parts: Parts, row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Labels of the recording's static trial, which its marker map may name, too."""
+    async with parts.engine.connect() as connection:
+        static = (await session_of(connection, row)).static
+    return () if static is None else tuple(RecordingFacts.model_validate(static["facts"]).labels)
+
+
+def _switches(row: Mapping[str, Any], patch: RecordingPatch, elsewhere: Collection[str]) -> Switches:
+    """The switches after ``patch``: the marker map is replaced, plates are changed one by one; null resets all.
+
+    ``elsewhere`` are the labels of the static trial.
+    """
     present = Switches.of_row(row)
     facts = RecordingFacts.model_validate(row["facts"])
     marker_map, plates = dict(present.marker_map), dict(present.plates)
     if "marker_map" in patch.model_fields_set:
         marker_map = dict(patch.marker_map or {})
-        unknown = [label for label in marker_map.values() if label not in facts.labels]
+        unknown = [label for label in marker_map.values() if label not in {*facts.labels, *elsewhere}]
         if unknown:
-            raise _invalid("marker_map", f"the file has no marker {', '.join(label[:40] for label in unknown[:5])}")
+            raise _invalid(
+                "marker_map",
+                f"neither the file nor its static trial has a marker {', '.join(label[:40] for label in unknown[:5])}",
+            )
     if "plates" in patch.model_fields_set:
         known = {plate.index for plate in facts.plates}
         if patch.plates is None:

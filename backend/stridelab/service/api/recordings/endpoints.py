@@ -3,7 +3,7 @@
 import shutil
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Body, Request, Response
+from fastapi import APIRouter, Body, Query, Request, Response
 from starlette.responses import StreamingResponse
 
 from stridelab.schemas.base import Page
@@ -11,17 +11,20 @@ from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, RecordingPatch
 from stridelab.service.api.callers import CallerOf
 from stridelab.service.api.files import OCTETS, PARQUET, send_blob
+from stridelab.service.api.jobs import deleting
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.paging import Cursor, Limit, cut, newest_first
 from stridelab.service.api.parts import AppParts
 from stridelab.service.api.recordings import changing, storing
 from stridelab.service.api.recordings.batch import receive_batch
-from stridelab.service.api.recordings.fields import subject_of_form
+from stridelab.service.api.recordings.fields import session_of_form, subject_of_form
 from stridelab.service.api.recordings.multipart import Limits, receive_form
 from stridelab.service.api.recordings.parsing import NO_SWITCHES, parse
 from stridelab.service.api.recordings.rows import recording_of, recording_row, recordings_with_subjects
 from stridelab.service.api.strict import StrictRoute
 from stridelab.service.storage.tables import recording
+
+WithStudies = Annotated[bool, Query(description="also delete finished studies of one's own that hold the person")]
 
 router = APIRouter(prefix="/recordings", tags=["recordings"], route_class=StrictRoute)
 
@@ -44,6 +47,12 @@ _FORM: Final = _form(
         "mass_kg": {"type": "number", "minimum": 2, "maximum": 400},
         "sex": {"type": "string", "enum": ["female", "male"]},
         "age_years": {"type": "number", "minimum": 0, "maximum": 120},
+        "session_id": {
+            "type": "string",
+            "maxLength": 64,
+            "pattern": "^[A-Za-z0-9._-]*$",
+            "description": "trials of one person and one day; found by itself where it is left out",
+        },
     }
 )
 _BATCH: Final = _form(
@@ -67,6 +76,7 @@ _CHANGES: Final[Any] = {
     },
     "reset": {"summary": "Undo all switches", "value": {"plates": None, "marker_map": None}},
 }
+InSession = Annotated[str | None, Query(max_length=64, pattern=r"^[A-Za-z0-9._-]*$", description="one session alone")]
 _UNKNOWN: Final = failures(s404="No recording with this id (`recording-not-found`).")
 _FILE: Final[dict[int | str, dict[str, Any]]] = {
     200: {"description": "The file.", "content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}}
@@ -97,9 +107,9 @@ async def upload_recording(parts: AppParts, caller: CallerOf, request: Request, 
     folder = storing.spool_folder(parts)
     try:
         form = await receive_form(request, folder / "trial", limits)
-        subject = subject_of_form(form.fields)
+        subject, session_id = subject_of_form(form.fields), session_of_form(form.fields)
         parsed = await parse(parts, folder, form.path.name, form.filename, NO_SWITCHES)
-        stored = await storing.store_upload(parts, form, parsed, subject, caller.name)
+        stored = await storing.store_upload(parts, form, parsed, subject, caller.name, session_id)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     response.headers["Location"] = f"/api/v1/recordings/{stored.id}"
@@ -130,9 +140,14 @@ async def upload_recordings(parts: AppParts, caller: CallerOf, request: Request)
 
 
 @router.get("", summary="List recordings")
-async def list_recordings(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[Recording]:
-    """Recordings, newest first."""
-    query = newest_first(recordings_with_subjects(), recording, limit, cursor)
+async def list_recordings(
+    parts: AppParts, session_id: InSession = None, limit: Limit = 50, cursor: Cursor = None
+) -> Page[Recording]:
+    """Recordings, newest first; with `session_id` those of one session."""
+    query = recordings_with_subjects()
+    if session_id is not None:
+        query = query.where(recording.c.session_id == session_id)
+    query = newest_first(query, recording, limit, cursor)
     async with parts.engine.connect() as connection:
         rows = (await connection.execute(query)).mappings().all()
     shown, following = cut(rows, limit)
@@ -157,7 +172,7 @@ async def get_recording(parts: AppParts, recording_id: str) -> Recording:
 async def change_recording(
     parts: AppParts, recording_id: str, body: Annotated[RecordingPatch, Body(openapi_examples=_CHANGES)]
 ) -> Recording:
-    """Change what the user states: subject fields, links to a subject and a static trial, marker map, plate switches.
+    """Change what the user states: subject, static trial, session, marker map, plate switches.
 
     Only the given fields change. A changed marker map or plate switch makes the file be read again.
     """
@@ -170,9 +185,20 @@ async def change_recording(
     summary="Delete a recording",
     responses={**_UNKNOWN, **failures(s409="A sample that comes with the program (`bundled-read-only`).")},
 )
-async def delete_recording(parts: AppParts, caller: CallerOf, recording_id: str) -> None:
-    """Delete a recording of one's own with its jobs, their results and all files. Running jobs are cancelled."""
+async def delete_recording(
+    parts: AppParts, caller: CallerOf, recording_id: str, response: Response, with_studies: WithStudies = False
+) -> None:
+    """Delete a recording of one's own with its jobs, their results and all files. Running jobs are cancelled.
+
+    Studies of several recordings hold the person's name, height, mass, age and the file's name. `with_studies`
+    deletes them as well; those that stay are named by the header `Stridelab-Kept-In`.
+    """
+    studies = await deleting.studies_of(parts, [recording_id])
     await storing.delete_recording(parts, recording_id, caller)
+    if with_studies:
+        studies = await deleting.delete_studies(parts, studies, caller)
+    if studies:
+        response.headers[deleting.KEPT_IN] = ", ".join(studies)
 
 
 @router.get(

@@ -1,4 +1,4 @@
-"""The text fields of an upload's form: what the user states about the person."""
+"""The text fields of an upload's form: what the user states about the person, and the session."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -6,7 +6,7 @@ from typing import Final
 from pydantic import ValidationError
 
 from stridelab.errors import Fault, InvalidInput
-from stridelab.schemas.recordings import SubjectFields
+from stridelab.schemas.recordings import RecordingPatch, SubjectFields
 
 FORM_TO_FIELD: Final[Mapping[str, str]] = {
     "subject_name": "name",
@@ -15,6 +15,7 @@ FORM_TO_FIELD: Final[Mapping[str, str]] = {
     "sex": "sex",
     "age_years": "age_years",
 }
+SESSION: Final = "session_id"
 _HINTS: Final[Mapping[str, str]] = {
     "height_m": "stature in metres, from 0.4 to 2.6 (171 cm is 1.71)",
     "mass_kg": "body mass in kilograms, from 2 to 400",
@@ -29,7 +30,8 @@ def subject_of_form(fields: Mapping[str, str]) -> SubjectFields:
 
     Raises ``InvalidInput`` (``invalid-request``) naming every field that is unknown or absurd.
     """
-    faults = [Fault(name[:60], "unknown field") for name in fields if name not in FORM_TO_FIELD]
+    known = {*FORM_TO_FIELD, SESSION}
+    faults = [Fault(name[:60], "unknown field") for name in fields if name not in known]
     stated = {
         FORM_TO_FIELD[name]: text.strip() for name, text in fields.items() if name in FORM_TO_FIELD and text.strip()
     }
@@ -47,3 +49,15 @@ def subject_of_form(fields: Mapping[str, str]) -> SubjectFields:
         names = ", ".join(fault.where for fault in faults)
         raise InvalidInput("invalid-request", f"The form is not valid: see {names}.", faults)
     return subject
+
+
+def session_of_form(fields: Mapping[str, str]) -> str | None:
+    """The stated session; an empty field counts as not given. Raises ``InvalidInput`` (``invalid-request``)."""
+    text = fields.get(SESSION, "").strip()
+    if not text:
+        return None
+    try:
+        return RecordingPatch(session_id=text).session_id
+    except ValidationError as error:
+        fault = Fault(SESSION, "1 to 64 letters, digits, dots, underscores and hyphens")
+        raise InvalidInput("invalid-request", f"The form is not valid: see {SESSION}.", [fault]) from error

@@ -1,6 +1,6 @@
 """Reading a recording's file, in a child process that may crash, hang or hog without harm to anybody else."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -59,14 +59,22 @@ class Parsed:
     tracks: Path
 
 
-async def parse(parts: Parts, folder: Path, file: str, filename: str, switches: Switches) -> Parsed:
+async def parse(
+    parts: Parts, folder: Path, file: str, filename: str, switches: Switches, static_labels: Sequence[str] = ()
+) -> Parsed:
     """Read ``folder / file``, called ``filename`` by its user, with ``switches``; the tracks are left in ``folder``.
+
+    The marker map may name ``static_labels``, too.
 
     Raises ``UnreadableFile`` or ``InvalidInput`` with the reader's code, and ``UnreadableFile`` where the reader
     crashed or exceeded its limits of time and memory.
     """
     source = RecordingSource(
-        file=file, filename=filename, marker_map=dict(switches.marker_map), plates=dict(switches.plates)
+        file=file,
+        filename=filename,
+        marker_map=dict(switches.marker_map),
+        plates=dict(switches.plates),
+        static_labels=list(static_labels),
     )
     async with parts.parsers:
         outcome = await parts.pool.run(

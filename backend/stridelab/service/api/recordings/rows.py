@@ -59,6 +59,8 @@ def recording_of(row: Row) -> Recording:
         subject_id=row["subject_id"],
         marker_map=row["marker_map"],
         static_recording_id=row["static_recording_id"],
+        session_id=row["session_id"],
+        session_stated=row["session_stated"],
         bundled=row["bundled"],
         truth_job_id=row["truth_job_id"],
         owner=row["owner"],

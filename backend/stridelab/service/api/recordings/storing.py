@@ -1,14 +1,18 @@
 """A recording's row and its files belong together: no row without files, no files that nobody needs."""
 
+import asyncio
+import hashlib
+import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import structlog
 from sqlalchemy import delete, insert, select, update
 
-from stridelab.errors import Conflict
+from stridelab.errors import Conflict, NotFound, Unavailable
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.schemas.recordings import Recording, SubjectFields
 from stridelab.service.access import audit
@@ -18,10 +22,14 @@ from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.recordings.multipart import ReceivedForm
 from stridelab.service.api.recordings.parsing import NO_SWITCHES, Parsed, Switches
 from stridelab.service.api.recordings.rows import recording_of, recording_row
+from stridelab.service.sessions import session_id_of
+from stridelab.service.storage.publication import NO_ANSWER, publishing
 from stridelab.service.storage.removal import may_remove
 from stridelab.service.storage.tables import job, recording
-from stridelab.service.storage.uploads import delete_if_unused, lock_blob, upload_key
+from stridelab.service.storage.uploads import delete_if_unused, lock_blob, try_lock_blob, upload_key
 
+_LOOK_AGAIN_S: Final = 10.0
+"""How long an upload waits for a database that went away while it committed."""
 log = structlog.get_logger(__name__)
 
 
@@ -31,16 +39,23 @@ def own_prefix(recording_id: str) -> str:
 
 
 async def store_upload(
-    parts: Parts, form: ReceivedForm, parsed: Parsed, subject: SubjectFields, owner: str | None
+    parts: Parts,
+    form: ReceivedForm,
+    parsed: Parsed,
+    subject: SubjectFields,
+    owner: str | None,
+    session_id: str | None = None,
 ) -> Recording:
-    """Store a parsed upload: both files, then the row, or nothing.
+    """Store a parsed upload: both files, then the row, or nothing; without a stated ``session_id`` it is found.
 
-    Raises ``TooLarge`` (``storage-limit``) where ``owner`` has no room left for it.
+    The file of an earlier upload of the same bytes is used, after its content has been checked; a damaged one is
+    replaced. Raises ``TooLarge`` (``storage-limit``) where ``owner`` has no room left for it, ``Unavailable``
+    (``outcome-unknown``) where the database went away while it committed and has not come back.
     """
     await refuse_full(parts, owner, form.size_bytes)
     recording_id = uuid.uuid4().hex
-    tracks_key = _tracks_key(recording_id)
-    values = {
+    tracks_key = await _tracks_key(recording_id, parsed.tracks)
+    values: dict[str, Any] = {
         "id": recording_id,
         "owner": owner,
         "filename": form.filename,
@@ -51,18 +66,53 @@ async def store_upload(
         "facts": parsed.facts.model_dump(mode="json"),
         "subject_fields": subject.model_dump(mode="json", exclude_none=True),
         **NO_SWITCHES.to_columns(),
+        "session_stated": session_id is not None,
     }
-    try:
-        async with parts.engine.begin() as connection:
-            await lock_blob(connection, values["blob_key"])
-            await parts.blobs.put_file(tracks_key, parsed.tracks)
-            if not await parts.blobs.exists(values["blob_key"]):
-                await parts.blobs.put_file(values["blob_key"], form.path)
-            await connection.execute(insert(recording).values(values))
-            return recording_of(await recording_row(connection, recording_id))
-    except BaseException:
-        await _discard(parts, recording_id, values["blob_key"])
-        raise
+    values["session_id"] = session_id or session_id_of(values, datetime.now(UTC))
+    stored: Recording | None = None
+    async with publishing(lambda: _discard(parts, recording_id, values["blob_key"])) as publication:
+        try:
+            async with publication.transaction(parts.engine) as connection:
+                for key in (values["blob_key"], tracks_key):
+                    await lock_blob(connection, key)
+                await parts.blobs.put_file(tracks_key, parsed.tracks)
+                await parts.blobs.keep_or_replace(values["blob_key"], form.path, form.sha256)
+                await connection.execute(insert(recording).values(values))
+                written = recording_of(await recording_row(connection, recording_id))
+            stored = written
+        except NO_ANSWER:
+            if not publication.in_doubt:
+                raise
+            stored = await _look_again(parts, recording_id, tracks_key)
+        publication.settle(published=stored is not None)
+    if stored is None:
+        raise Unavailable("database-unreachable", "The database does not answer; nothing was stored. Try again.")
+    return stored
+
+
+async def _look_again(parts: Parts, recording_id: str, tracks_key: str) -> Recording | None:
+    """A recording whose COMMIT nobody answered, or None where it was rolled back.
+
+    The lock on ``tracks_key`` is held by the transaction in question until it has ended, on whichever side of a
+    broken connection. Raises ``Unavailable`` (``outcome-unknown``) where that takes longer than ``_LOOK_AGAIN_S``.
+    """
+    deadline = time.monotonic() + _LOOK_AGAIN_S
+    while True:
+        try:
+            async with parts.engine.begin() as connection:
+                if await try_lock_blob(connection, tracks_key):
+                    return recording_of(await recording_row(connection, recording_id))
+        except NotFound:
+            return None
+        except NO_ANSWER as error:
+            log.warning("commit-in-doubt", recording=recording_id, error=type(error).__name__)
+        if time.monotonic() > deadline:
+            raise Unavailable(
+                "outcome-unknown",
+                "The database did not say whether the recording was stored. Look into the list of recordings "
+                "before you send it again.",
+            )
+        await asyncio.sleep(0.2)
 
 
 async def replace_facts(
@@ -76,11 +126,11 @@ async def replace_facts(
 
     Raises ``Conflict`` (``changed-meanwhile``) where somebody else changed the switches since ``before`` was read.
     """
-    tracks_key = _tracks_key(before["id"])
-    await parts.blobs.put_file(tracks_key, parsed.tracks)
-    superseded = tracks_key
-    try:
-        async with parts.engine.begin() as connection:
+    tracks_key = await _tracks_key(before["id"], parsed.tracks)
+    async with publishing(lambda: _discard_tracks(parts, tracks_key)) as publication:
+        async with publication.transaction(parts.engine) as connection:
+            await lock_blob(connection, tracks_key)
+            await parts.blobs.put_file(tracks_key, parsed.tracks)
             row = await recording_row(connection, before["id"], lock=True)
             if row["tracks_key"] != before["tracks_key"]:
                 raise Conflict("changed-meanwhile", "The recording was changed by somebody else meanwhile; try again.")
@@ -91,11 +141,8 @@ async def replace_facts(
                 "tracks_key": tracks_key,
             }
             await connection.execute(update(recording).where(recording.c.id == before["id"]).values(values))
-        superseded = before["tracks_key"]
-    finally:
-        async with parts.engine.begin() as connection:
-            if await may_remove(connection):
-                await parts.blobs.delete(superseded)
+        publication.settle(published=True)
+    await _discard_tracks(parts, before["tracks_key"])
 
 
 async def delete_recording(parts: Parts, recording_id: str, caller: Caller) -> None:
@@ -134,8 +181,21 @@ async def _discard(parts: Parts, recording_id: str, blob_key: str, jobs: Sequenc
         await delete_if_unused(connection, parts.blobs, blob_key)
 
 
-def _tracks_key(recording_id: str) -> str:
-    return f"{own_prefix(recording_id)}/tracks-{uuid.uuid4().hex[:8]}.parquet"
+async def _discard_tracks(parts: Parts, tracks_key: str) -> None:
+    """Remove tracks that no row names, unless a backup is made; the janitor removes them then."""
+    async with parts.engine.begin() as connection:
+        if await may_remove(connection):
+            await parts.blobs.delete(tracks_key)
+
+
+async def _tracks_key(recording_id: str, tracks: Path) -> str:
+    """A key of their own for these tracks, which ends in their SHA-256 (``named_hash``)."""
+
+    def digest() -> str:
+        with tracks.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+
+    return f"{own_prefix(recording_id)}/tracks-{uuid.uuid4().hex[:8]}-{await asyncio.to_thread(digest)}.parquet"
 
 
 def spool_folder(parts: Parts) -> Path:

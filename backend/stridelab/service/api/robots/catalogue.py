@@ -1,9 +1,10 @@
-"""The robots that have a card: read from small files, without loading a robot."""
+"""The robots that have a card: what small files say of them, and whether they can be loaded."""
 
 from stridelab.errors import NotFound, StridelabError
 from stridelab.robots.card import robot_card, robot_names
 from stridelab.robots.data_files import data_files
 from stridelab.schemas.robots import RobotSummary
+from stridelab.service.api.robots.shelf import RobotShelf
 
 
 def known_name(name: str) -> str:
@@ -18,8 +19,14 @@ def known_name(name: str) -> str:
 
 
 def summaries() -> list[RobotSummary]:
-    """One line per robot, by name; a robot that cannot be loaded here says why."""
+    """One line per robot, by name; one whose card cannot be read, or whose files are missing, says why."""
     return [_summary(name) for name in robot_names()]
+
+
+async def loaded(summary: RobotSummary, robots: RobotShelf) -> RobotSummary:
+    """``summary`` of a robot that can be loaded, or with the reason why it cannot."""
+    reason = await robots.problem(summary.name) if summary.available else summary.reason
+    return summary.model_copy(update={"available": reason is None, "reason": reason})
 
 
 def _summary(name: str) -> RobotSummary:

@@ -14,7 +14,7 @@ from stridelab.schemas.robots import Measure, RobotFacts, RobotSummary
 from stridelab.service.api.files import send_blob
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.parts import AppParts
-from stridelab.service.api.robots.catalogue import known_name, summaries
+from stridelab.service.api.robots.catalogue import known_name, loaded, summaries
 from stridelab.service.api.strict import StrictRoute
 from stridelab.service.storage.blobs import BlobInfo
 
@@ -40,9 +40,13 @@ _REACH_FAILURES: Final = failures(
 
 
 @router.get("", summary="List robots")
-async def list_robots() -> Page[RobotSummary]:
-    """All robots by name, with their effectors; one whose description is not installed here says so in `reason`."""
-    return Page[RobotSummary](items=await anyio.to_thread.run_sync(summaries))
+async def list_robots(parts: AppParts) -> Page[RobotSummary]:
+    """All robots by name, with their effectors; one that cannot be loaded here says why in `reason`.
+
+    Each robot is loaded once to find out, which takes a few seconds unless somebody has asked before.
+    """
+    known = await anyio.to_thread.run_sync(summaries)
+    return Page[RobotSummary](items=[await loaded(summary, parts.robots) for summary in known])
 
 
 @router.get("/{name}", summary="One robot", responses=_FAILURES)

@@ -5,6 +5,7 @@ imports a rigid-body library.
 """
 
 import tempfile
+import time
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
@@ -31,6 +32,8 @@ LINKS_EDITION: Final = 2
 DESCRIBE_TIMEOUT_S: Final = 60.0
 LINKS_TIMEOUT_S: Final = 180.0
 REACH_TIMEOUT_S: Final = 120.0
+RETRY_S: Final = 60.0
+"""For so long a robot that could not be loaded is said to be unavailable without another attempt."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,7 @@ class RobotShelf:
     draw: str = LINKS
     enclose: str = REACH
     _facts: Once[RobotFacts] = field(default_factory=lambda: Once(keep=True))
+    _failed: dict[str, tuple[float, str]] = field(default_factory=dict)
     _links: Once[BlobInfo] = field(default_factory=lambda: Once(keep=False))
     _reach: Once[bytes] = field(default_factory=lambda: Once(keep=True))
 
@@ -60,6 +64,21 @@ class RobotShelf:
                 return RobotFacts.model_validate(value["summary"])
 
         return await self._facts.get(name, load)
+
+    async def problem(self, name: str) -> str | None:
+        """Why a known robot cannot be loaded here, ``None`` for one that can; the first question loads it.
+
+        A failure is remembered for ``RETRY_S``.
+        """
+        failed_s, reason = self._failed.get(name, (-RETRY_S, ""))
+        if time.monotonic() - failed_s < RETRY_S:
+            return reason
+        try:
+            await self.facts(name)
+        except StridelabError as error:
+            self._failed[name] = (time.monotonic(), error.message)
+            return error.message
+        return None
 
     async def links(self, name: str) -> BlobInfo:
         """The file with one named mesh per link (GLB), made where it is not there yet; raises as ``facts``."""
@@ -105,11 +124,16 @@ class RobotShelf:
 
         return await self._reach.get(f"{name}/{wanted}", enclose)
 
-    async def warm(self, names: Iterable[str]) -> None:
-        """Facts and meshes of robots that will be asked for; what cannot be had is told to whoever asks for it."""
+    async def warm(self, names: Iterable[str], others: Iterable[str] = ()) -> None:
+        """Facts and meshes of robots that will be asked for, and whether the ``others`` can be loaded.
+
+        What cannot be had is told to whoever asks for it.
+        """
         for name in names:
             with suppress(StridelabError):
                 await self.links(name)
+        for name in others:
+            await self.problem(name)
 
     async def aclose(self) -> None:
         """End the children that are still at work."""

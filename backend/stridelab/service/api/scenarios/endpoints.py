@@ -4,11 +4,12 @@ from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Body, Header, Response
 from sqlalchemy import delete, func, insert, update
+from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.schemas.base import Page
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
 from stridelab.service.access import audit
-from stridelab.service.access.callers import require_owner
+from stridelab.service.access.callers import Caller, require_owner
 from stridelab.service.api.callers import CallerOf
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.paging import Cursor, Limit
@@ -48,7 +49,7 @@ async def add_scenario(
     parts: AppParts, caller: CallerOf, body: Annotated[Scenario, Body(openapi_examples=_STEP)], response: Response
 ) -> StoredScenario:
     """Store a scenario. It is checked first: one that the robot cannot do is refused, naming phase and effector."""
-    await refuse_invalid(body, parts.judges)
+    await refuse_invalid(body, parts.judges, parts.robots)
     async with parts.engine.begin() as connection:
         scenario_id = new_id()
         values = {"id": scenario_id, "owner": caller.name, "body": body.model_dump(mode="json")}
@@ -65,7 +66,7 @@ async def check_scenario(parts: AppParts, body: Annotated[Scenario, Body(openapi
     `errors` names what is wrong where, `margins` how far every contact is from being refused, and `support_region_m`
     where, seen from above, the centre of mass may rest in each phase.
     """
-    return await judge(body, parts.judges)
+    return await judge(body, parts.judges, parts.robots)
 
 
 @router.get("/{scenario_id}", summary="One scenario", responses=_UNKNOWN)
@@ -82,25 +83,36 @@ async def get_scenario(parts: AppParts, scenario_id: str, response: Response) ->
 )
 async def put_scenario(
     parts: AppParts,
+    caller: CallerOf,
     scenario_id: str,
     body: Annotated[Scenario, Body(openapi_examples=_STEP)],
     response: Response,
     if_match: Annotated[str | None, Header(description="replace it only while this is its `ETag`")] = None,
 ) -> StoredScenario:
-    """Replace a scenario as a whole, checked like a new one. Jobs that run already keep what they began with.
+    """Replace a scenario of one's own as a whole, checked like a new one.
+
+    Jobs that run already keep what they began with.
 
     With `If-Match`, nothing that somebody else has stored since is overwritten.
     """
     async with parts.engine.connect() as connection:
-        refuse_changed(await own_row(connection, scenario_id), if_match)
-    await refuse_invalid(body, parts.judges)
+        await _replaceable(connection, caller, scenario_id, if_match)
+    await refuse_invalid(body, parts.judges, parts.robots)
     async with parts.engine.begin() as connection:
-        refuse_changed(await own_row(connection, scenario_id), if_match)
+        await _replaceable(connection, caller, scenario_id, if_match)
+        await audit.note(connection, caller, "scenario-replaced", scenario_id)
         values = {"body": body.model_dump(mode="json"), "updated_at": func.now()}
         await connection.execute(update(scenario).where(scenario.c.id == scenario_id).values(values))
         stored = scenario_of(await scenario_row(connection, scenario_id))
     response.headers["ETag"] = stored.etag
     return stored
+
+
+async def _replaceable(connection: AsyncConnection, caller: Caller, scenario_id: str, if_match: str | None) -> None:
+    """Lock a scenario; raise unless ``caller`` may replace it and it is what ``if_match`` names."""
+    row = await own_row(connection, scenario_id)
+    require_owner(caller, row["owner"], "scenario")
+    refuse_changed(row, if_match)
 
 
 @router.delete("/{scenario_id}", status_code=204, summary="Delete a scenario", responses={**_UNKNOWN, **_READ_ONLY})

@@ -9,23 +9,31 @@ from typing import TYPE_CHECKING
 
 import anyio
 
-from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.errors import Fault, InvalidInput, StridelabError
+from stridelab.robots.card import robot_names
 from stridelab.schemas.base import FaultItem, Remark
 from stridelab.schemas.scenarios import ContactMargin, PhaseSupport, Scenario, ScenarioCheck
 from stridelab.service.api.problems import SHOWN_FAULTS
+from stridelab.service.api.robots.shelf import RobotShelf
 
 if TYPE_CHECKING:
     from stridelab.contacts.resting import Rest
 
 
-async def judge(scenario: Scenario, limiter: anyio.CapacityLimiter) -> ScenarioCheck:
-    """What is wrong with ``scenario``, how far each contact is from being refused, and where it can stand."""
+async def judge(scenario: Scenario, limiter: anyio.CapacityLimiter, robots: RobotShelf) -> ScenarioCheck:
+    """What is wrong with ``scenario``, how far each contact is from being refused, and where it can stand.
+
+    A robot that cannot be loaded can do nothing.
+    """
+    reason = await robots.problem(scenario.robot) if scenario.robot in robot_names() else None
+    if reason is not None:
+        return _refused(scenario, FaultItem(where="robot", message=reason))
     return await anyio.to_thread.run_sync(check, scenario, limiter=limiter)
 
 
-async def refuse_invalid(scenario: Scenario, limiter: anyio.CapacityLimiter) -> None:
+async def refuse_invalid(scenario: Scenario, limiter: anyio.CapacityLimiter, robots: RobotShelf) -> None:
     """Raise ``InvalidInput`` (``scenario-invalid``), naming phase and effector, where a robot cannot do it."""
-    found = await judge(scenario, limiter)
+    found = await judge(scenario, limiter, robots)
     if not found.valid:
         faults = [Fault(fault.where, fault.message) for fault in found.errors]
         first = faults[0]
@@ -42,7 +50,7 @@ def check(scenario: Scenario) -> ScenarioCheck:
 
     try:
         effectors = effector_shapes(scenario.robot)
-    except NotFound as error:
+    except StridelabError as error:  # no such robot, or a card that makes no sense
         return _refused(scenario, FaultItem(where="robot", message=error.message))
     report = examine(scenario.model_dump(mode="json"), effectors)
     faults = [FaultItem(where=fault.where, message=fault.message) for fault in report.faults[:SHOWN_FAULTS]]

@@ -3,7 +3,7 @@
 import uuid
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Body, Response
+from fastapi import APIRouter, Body, Query, Response
 from sqlalchemy import delete, insert, select, update
 
 from stridelab.schemas.base import Page
@@ -11,12 +11,13 @@ from stridelab.schemas.recordings import Subject, SubjectInput
 from stridelab.service.access import audit
 from stridelab.service.access.callers import require_owner
 from stridelab.service.api.callers import CallerOf
+from stridelab.service.api.jobs import deleting
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.paging import Cursor, Limit, cut, newest_first
 from stridelab.service.api.parts import AppParts
 from stridelab.service.api.strict import StrictRoute
 from stridelab.service.api.subjects.rows import subject_of, subject_row
-from stridelab.service.storage.tables import subject
+from stridelab.service.storage.tables import recording, subject
 
 router = APIRouter(prefix="/subjects", tags=["subjects"], route_class=StrictRoute)
 
@@ -76,10 +77,29 @@ async def change_subject(
 
 
 @router.delete("/{subject_id}", status_code=204, summary="Delete a subject", responses=_UNKNOWN)
-async def delete_subject(parts: AppParts, caller: CallerOf, subject_id: str) -> None:
-    """Delete a subject of one's own. Recordings linked to it stay, without the link."""
+async def delete_subject(
+    parts: AppParts,
+    caller: CallerOf,
+    subject_id: str,
+    response: Response,
+    with_studies: Annotated[
+        bool, Query(description="also delete finished studies of one's own that hold the person")
+    ] = False,
+) -> None:
+    """Delete a subject of one's own. Recordings linked to it stay, without the link, and so do their own results.
+
+    Studies of several recordings hold the person's name, height, mass and age. `with_studies` deletes them as well;
+    those that stay are named by the header `Stridelab-Kept-In`.
+    """
     async with parts.engine.begin() as connection:
         row = await subject_row(connection, subject_id, lock=True)
         require_owner(caller, row["owner"], "subject")
         await audit.note(connection, caller, "subject-deleted", subject_id)
+        linked = await connection.execute(select(recording.c.id).where(recording.c.subject_id == subject_id))
+        recordings = list(linked.scalars())
         await connection.execute(delete(subject).where(subject.c.id == subject_id))
+    studies = await deleting.studies_of(parts, recordings)
+    if with_studies:
+        studies = await deleting.delete_studies(parts, studies, caller)
+    if studies:
+        response.headers[deleting.KEPT_IN] = ", ".join(studies)

@@ -7,7 +7,6 @@ kills them. Answers are JSON.
 
 import json
 import multiprocessing
-import os
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from stridelab import errors
+from stridelab.cores import usable_cores
 from stridelab.errors import Fault, StridelabError
 from stridelab.service.jobs.kinds.kind import Json
 
@@ -48,6 +48,7 @@ def each_apart(
     ``work`` is a function of a module; ``preload`` are modules that it needs. A process that ends without an answer is
     the error ``computation-crashed``, one that takes too long ``computation-timed-out``. Closing the iterator ends all.
     """
+    at_once = min(processes, usable_cores())
     forks_itself = _has_one_thread()
     context = multiprocessing.get_context("fork") if forks_itself else multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["__main__", *preload])
@@ -55,7 +56,7 @@ def each_apart(
     running: dict[Connection, _Running] = {}
     try:
         while waiting or running:
-            while waiting and len(running) < min(processes, os.cpu_count() or 1):
+            while waiting and len(running) < at_once:
                 index, item = waiting.popleft()
                 ours, theirs = context.Pipe(duplex=False)
                 process = context.Process(target=_answer, args=(theirs, work, item), daemon=True)

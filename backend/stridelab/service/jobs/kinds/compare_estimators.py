@@ -16,7 +16,7 @@ from stridelab.estimation.against_truth import TruthError
 from stridelab.estimation.comparison import Assessment, Comparison, Data, compare
 from stridelab.estimation.complementary import ComplementaryFilter
 from stridelab.estimation.contributions import bode, contributions
-from stridelab.estimation.estimate import ComEstimator
+from stridelab.estimation.estimate import ComEstimate, ComEstimator
 from stridelab.estimation.geometry import GeometryOnly
 from stridelab.recordings.recording import Recording
 from stridelab.schemas import base
@@ -33,6 +33,7 @@ from stridelab.schemas.methods import METHODS
 from stridelab.service.jobs.kinds.estimate_com import estimator
 from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.preparing import Prepared, prepare
+from stridelab.service.jobs.kinds.quality import as_contract, quality_of
 from stridelab.service.jobs.kinds.requirements import require_method
 from stridelab.service.jobs.kinds.tables_io import write_table
 from stridelab.service.jobs.kinds.tasks import CompareEstimatorsTask
@@ -95,19 +96,32 @@ def estimators_of(request: CompareEstimatorsInput) -> dict[str, ComEstimator]:
 def _summary(prepared: Prepared, found: Comparison, *, with_truth: bool) -> CompareEstimatorsSummary:
     window = next(iter(found.assessments.values())).estimate.window
     latency = prepared.latency
+    quality = quality_of(prepared, _judged(found))
     return CompareEstimatorsSummary(
         window_s=(window.start_s, window.end_s),
         rate_hz=prepared.trial.recording.marker_rate_hz,
         segment_table=prepared.geometric.table,
         mass_kg=prepared.mass.mass_kg,
-        latency_s=latency.found.latency_s if latency.found else None,
-        latency_sd_s=latency.found.sd_s if latency.found else None,
+        latency_s=latency.latency_s,
+        latency_sd_s=latency.sd_s,
         latency_applied_s=latency.applied_s,
+        latency_source=latency.source,
+        latency_n_trials=latency.n_trials,
+        session=prepared.session,
         reference="truth" if with_truth else "geometry",
         methods={name: _assessment(a) for name, a in found.assessments.items()},
         refused={name: base.Remark(code=e.code, message=e.message) for name, e in found.refusals.items()},
-        warnings=[base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(prepared.remarks)],
+        quality=as_contract(quality),
+        warnings=[
+            base.Remark(code=r.code, message=r.message) for r in dict.fromkeys((*quality.remarks, *prepared.remarks))
+        ],
     )
+
+
+def _judged(found: Comparison) -> ComEstimate:
+    """The estimate whose quality stands for the recording's: that of the best method that worked."""
+    fused = [name for name in (*METHODS, *found.assessments) if name in found.assessments and name != GeometryOnly.name]
+    return found.assessments[next(iter(fused), GeometryOnly.name)].estimate
 
 
 def _assessment(a: Assessment) -> MethodAssessment:

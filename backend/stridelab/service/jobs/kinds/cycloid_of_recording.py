@@ -21,6 +21,7 @@ from stridelab.service.jobs.kinds.cycloid_summary import summary_of
 from stridelab.service.jobs.kinds.estimate_com import fused, method_asked
 from stridelab.service.jobs.kinds.kind import ProgressCallback
 from stridelab.service.jobs.kinds.preparing import Prepared, prepare
+from stridelab.service.jobs.kinds.quality import quality_of
 from stridelab.service.jobs.kinds.tasks import FitCycloidTask
 from stridelab.service.jobs.kinds.trial import examine
 from stridelab.walking.applicable import require_steps, require_walk
@@ -83,7 +84,9 @@ def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback, *
 
     progress(0.7, "estimating the centre of mass")
     floor = _floor_velocity_m_s(prepared)
-    estimate = _over_floor(fused(method, request, prepared, beyond_window=request.window_s is None), floor)
+    in_place = fused(method, request, prepared, beyond_window=request.window_s is None)
+    quality = quality_of(prepared, in_place)
+    estimate = _over_floor(in_place, floor)
 
     progress(0.85, "fitting the wheel of every step")
     ahead = recording.walking_direction
@@ -91,7 +94,8 @@ def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback, *
         ahead = walk_frame(estimate.velocity_m_s)[0]
     fits = fit_steps(estimate, wanted, ahead, windows)
     overlaps = strike_to_strike(estimate, seen, windows, ahead)
-    summary = summary_of(prepared, estimate, ahead, seen, fits, overlaps, scatter(fits, overlaps), rivals=rivals)
+    between = scatter(fits, overlaps)
+    summary = summary_of(prepared, estimate, quality, ahead, seen, fits, overlaps, between, rivals=rivals)
     return CycloidResult(prepared, estimate, floor, ahead, seen, fits, summary)
 
 

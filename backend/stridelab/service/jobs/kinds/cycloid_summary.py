@@ -6,10 +6,12 @@ import numpy as np
 
 from stridelab.conventions import Series, Vector3
 from stridelab.estimation.estimate import ComEstimate
+from stridelab.estimation.quality import Quality
 from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
 from stridelab.schemas import cycloid as contract
 from stridelab.service.jobs.kinds.preparing import Prepared
+from stridelab.service.jobs.kinds.quality import as_contract
 from stridelab.walking.gait_step import GaitStep
 from stridelab.walking.overlap import Overlap, Scatter
 from stridelab.walking.path_fit import PathFit
@@ -22,6 +24,7 @@ MM = 1e3
 def summary_of(
     prepared: Prepared,
     estimate: ComEstimate,
+    quality: Quality,
     ahead: Vector3,
     seen: Sequence[GaitStep],
     fits: Sequence[StepFit],
@@ -32,15 +35,18 @@ def summary_of(
 ) -> contract.FitCycloidSummary:
     """All of it; steps are in order of time. Without ``rivals`` nobody asks how simpler curves would do."""
     recording, latency = prepared.trial.recording, prepared.latency
-    remarks = (*prepared.remarks, *estimate.remarks, *_of_scatter(fits, between))
+    remarks = (*quality.remarks, *prepared.remarks, *estimate.remarks, *_of_scatter(fits, between))
     return contract.FitCycloidSummary(
         window_s=(estimate.window.start_s, estimate.window.end_s),
         rate_hz=recording.marker_rate_hz,
         method=estimate.method,
         segment_table=prepared.geometric.table,
-        mass_kg=prepared.mass.mass_kg,
-        latency_s=latency.found.latency_s if latency.found else None,
+        mass_kg=prepared.mass.known_kg,
+        latency_s=latency.latency_s,
         latency_applied_s=latency.applied_s,
+        latency_source=latency.source,
+        latency_n_trials=latency.n_trials,
+        session=prepared.session,
         ahead=(float(ahead[0]), float(ahead[1])),
         steps=[_step(fit, rivals=rivals) for fit in fits],
         overlapping=[_overlapping(overlap) for overlap in overlaps],
@@ -55,6 +61,7 @@ def summary_of(
             between=between.between,
         ),
         steps_left_out=len(seen) - len(fits),
+        quality=as_contract(quality),
         warnings=[base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)],
     )
 

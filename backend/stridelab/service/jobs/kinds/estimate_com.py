@@ -1,6 +1,6 @@
 """``estimate-com``: from a recording to the trajectory of the centre of mass (chapter 2).
 
-    file -> Recording -> landmarks -> GeometricCom -> WrenchTrack -> latency -> ComEstimate -> agreement -> artifacts
+    file -> Recording -> landmarks -> GeometricCom -> WrenchTrack -> latency -> ComEstimate -> quality -> artifacts
 
 ``com.parquet`` / ``com.csv`` cover the whole recording at the marker instants. The geometry is given wherever the
 markers allow it; the fused position, velocity, acceleration, standard deviation and the force are NaN outside the
@@ -25,10 +25,11 @@ from stridelab.estimation.rts import RtsSmoother
 from stridelab.estimation.smoother import Smoother, SmootherPriors
 from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
-from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, SmootherOptions
+from stridelab.schemas.jobs import ComparedMass, EstimateComInput, EstimateComSummary, SmootherOptions
 from stridelab.service.jobs.kinds.com_artifacts import write_com
 from stridelab.service.jobs.kinds.kind import Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.preparing import Prepared, prepare
+from stridelab.service.jobs.kinds.quality import as_contract, quality_of
 from stridelab.service.jobs.kinds.requirements import require_method
 from stridelab.service.jobs.kinds.tasks import EstimateComTask
 
@@ -59,18 +60,26 @@ def run(task: EstimateComTask, folder: Path, progress: ProgressCallback) -> Outc
     estimate = fused(method, request, prepared)
 
     progress(0.85, "writing the result")
-    remarks = (*prepared.remarks, *estimate.remarks)
+    quality = quality_of(prepared, estimate)
+    remarks = (*quality.remarks, *prepared.remarks, *estimate.remarks)
     summary = EstimateComSummary(
         window_s=(estimate.window.start_s, estimate.window.end_s),
         rate_hz=trial.recording.marker_rate_hz,
         method=estimate.method,
         segment_table=geometric.table,
-        mass_kg=mass.mass_kg,
+        mass_kg=mass.known_kg,
         mass_source=mass.source,
+        mass_sd_kg=mass.known_sd_kg,
         mass_from_force_kg=trial.force_mass_kg,
-        latency_s=latency.found.latency_s if latency.found else None,
-        latency_sd_s=latency.found.sd_s if latency.found else None,
+        masses=[ComparedMass.model_validate(asdict(known)) for known in mass.compared],
+        latency_s=latency.latency_s,
+        latency_sd_s=latency.sd_s,
         latency_applied_s=latency.applied_s,
+        latency_source=latency.source,
+        latency_n_trials=latency.n_trials,
+        latency_trial_s=latency.found.latency_s if latency.found else None,
+        latency_trial_sd_s=latency.found.sd_s if latency.found else None,
+        session=prepared.session,
         latency_along_s=latency.found.along.lag_s if latency.found else None,
         latency_lateral_s=latency.found.lateral.lag_s if latency.found else None,
         latency_vertical_s=latency.found.vertical.lag_s if latency.found else None,
@@ -78,12 +87,13 @@ def run(task: EstimateComTask, folder: Path, progress: ProgressCallback) -> Outc
         bias_m=bias_m(estimate, geometric).tolist(),
         observability=asdict(observability(estimate)) if windows else {},
         diagnostics={name: value for name, value in estimate.diagnostics.items() if math.isfinite(value)},
+        quality=as_contract(quality),
         warnings=[base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)],
     )
     shown = wrench if windows else replace(wrench, complete=np.zeros_like(wrench.complete))
     artifacts = write_com(folder, task.recording, trial, geometric, shown, estimate, summary)
     progress(1.0, "done")
-    references = (*geometric.references, *estimate.references)
+    references = (*geometric.references, *estimate.references, *latency.references)
     return Outcome(summary.model_dump(mode="json"), tuple(dict.fromkeys(references)), artifacts)
 
 

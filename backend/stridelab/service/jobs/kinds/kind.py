@@ -24,8 +24,8 @@ ProgressCallback = Callable[[float, str], None]
 class Blobs(Protocol):
     """The part of the blob store that job kinds need."""
 
-    async def get_file(self, key: str, path: Path) -> Any:
-        """Write the blob ``key`` into the file ``path``."""
+    async def get_file(self, key: str, path: Path, sha256: str | None = None) -> Any:
+        """Write the blob ``key`` into the file ``path``; raises where its content has another hash than ``sha256``."""
 
     async def put_file(self, key: str, path: Path) -> Any:
         """Store the file ``path`` as blob ``key``."""

@@ -1,26 +1,66 @@
 """Which latency of the force is reported, and which is taken out: never silently.
 
 ``apply`` (the default) takes out what was found where that is significant; ``report`` takes out nothing; a number is
-taken out as it is. Whatever was done is a remark with the finding beside it.
+taken out as it is. Whatever was done is a remark with the finding beside it. Where other trials of the recording's
+session say something about the clocks, the latency is that of the session, whatever this trial says alone.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.errors import Fault, InvalidInput, NotEstimable
-from stridelab.estimation.latency import LARGEST_S, Latency, estimate_latency
+from stridelab.estimation.latency import LARGEST_S, Latency, estimate_latency, is_significant
 from stridelab.recordings.recording import Remark, WrenchTrack
+from stridelab.schemas.sessions import SessionValues
+
+APART: Final = 3.0
+"""Standard deviations between a trial and its session from which on it is noted."""
 
 
 @dataclass(frozen=True)
 class LatencyChoice:
-    """``found`` is None where the clocks could not be compared; ``applied_s`` is what the estimator gets."""
+    """``applied_s`` is what the estimator gets; ``latency_s`` and ``sd_s`` are None where nothing is known.
+
+    ``found`` is what the trial says alone, None where its clocks could not be compared; ``session`` is given where the
+    latency is the session's.
+    """
 
     found: Latency | None
     applied_s: float
     remarks: tuple[Remark, ...] = ()
+    session: SessionValues | None = None
+
+    @property
+    def latency_s(self) -> float | None:
+        """The session's latency, else the trial's."""
+        if self.session is not None:
+            return self.session.latency_s
+        return None if self.found is None else self.found.latency_s
+
+    @property
+    def sd_s(self) -> float | None:
+        """Standard deviation of ``latency_s``."""
+        if self.session is not None:
+            return self.session.latency_sd_s
+        return None if self.found is None else self.found.sd_s
+
+    @property
+    def source(self) -> Literal["session", "trial"]:
+        """Whose latency it is."""
+        return "trial" if self.session is None else "session"
+
+    @property
+    def references(self) -> tuple[str, ...]:
+        """Citation keys of the pooling, where it was used."""
+        return () if self.session is None else ("huber1964", "paule1982")
+
+    @property
+    def n_trials(self) -> int:
+        """How many trials the latency is from."""
+        return int(self.found is not None) if self.session is None else self.session.latency_n_trials
 
 
 def choose_latency(
@@ -28,39 +68,58 @@ def choose_latency(
     geometric: GeometricCom,
     wrench_at: Callable[[float], WrenchTrack],
     mass_kg: float,
+    session: SessionValues | None = None,
 ) -> LatencyChoice:
     """Estimate the latency, and decide what is applied.
 
     Raises ``InvalidInput`` (``latency-out-of-range`` for a number beyond ``LARGEST_S``, ``mass-out-of-range``,
-    ``clock-mismatch``); where the clocks cannot be compared, that is a
-    remark and nothing but a stated number is applied.
+    ``clock-mismatch``); where the clocks cannot be compared, that is a remark, and what the session says or a stated
+    number is applied.
     """
     stated_s = None if isinstance(wanted, str) else _possible(float(wanted))
+    remarks: tuple[Remark, ...] = ()
+    found = None
     try:
         found = estimate_latency(geometric, wrench_at, mass_kg)
     except NotEstimable as error:
-        unclear = Remark(error.code, error.message)
-        if stated_s is None:
-            return LatencyChoice(None, 0.0, (unclear,))
-        return LatencyChoice(None, stated_s, (unclear, _applied(stated_s, "as asked.")))
+        remarks = (Remark(error.code, error.message),)
+    of_session = session if session is not None and session.latency_s is not None else None
+    known = LatencyChoice(found, 0.0, remarks, of_session)
+    if of_session is not None and found is not None:
+        remarks = (*remarks, *_difference(found, of_session))
+    latency_s, sd_s, said = known.latency_s, known.sd_s, _said(known)
     if stated_s is not None:
-        return LatencyChoice(found, stated_s, (_applied(stated_s, f"as asked; found were {_found(found)}."),))
-    if wanted == "apply" and found.significant:
-        return LatencyChoice(
-            found, found.latency_s, (_applied(found.latency_s, f"as found in this recording: {_found(found)}."),)
-        )
+        why = "as asked." if latency_s is None else f"as asked; found were {said}."
+        return LatencyChoice(found, stated_s, (*remarks, _applied(stated_s, why)), of_session)
+    if latency_s is None or sd_s is None:
+        return LatencyChoice(found, 0.0, remarks, of_session)
+    significant = is_significant(latency_s, sd_s)
+    if wanted == "apply" and significant:
+        where = "in this recording" if of_session is None else "in its session"
+        remark = _applied(latency_s, f"as found {where}: {said}.")
+        return LatencyChoice(found, latency_s, (*remarks, remark), of_session)
     if wanted == "apply":
+        message = f"The latency of the force, {said}, cannot be told from zero: the clocks are taken as recorded."
+        return LatencyChoice(found, 0.0, (*remarks, Remark("latency-not-significant", message)), of_session)
+    if significant:
         message = (
-            f"The latency of the force, {_found(found)}, cannot be told from zero: the clocks are taken as recorded."
+            f"The force seems to be {1e3 * abs(latency_s):.0f} ms {_sense(latency_s)} against the markers "
+            f"({said}); this is not corrected unless the latency is applied."
         )
-        return LatencyChoice(found, 0.0, (Remark("latency-not-significant", message),))
-    if not found.significant:
-        return LatencyChoice(found, 0.0)
+        remarks = (*remarks, Remark("latency-not-applied", message))
+    return LatencyChoice(found, 0.0, remarks, of_session)
+
+
+def _difference(found: Latency, session: SessionValues) -> tuple[Remark, ...]:
+    """What to say where a trial and its session contradict each other."""
+    mean_s, sd_s, excess_s = session.latency_s or 0.0, session.latency_sd_s or 0.0, session.latency_excess_s or 0.0
+    if abs(found.latency_s - mean_s) <= APART * math.hypot(found.sd_s, sd_s, excess_s):
+        return ()
     message = (
-        f"The force seems to be {1e3 * abs(found.latency_s):.0f} ms {_sense(found.latency_s)} against the markers "
-        f"({_found(found)}); this is not corrected unless the latency is applied."
+        f"This trial alone says {_found(found)}, its session {1e3 * mean_s:.1f} ± {1e3 * sd_s:.1f} ms: more than "
+        f"{APART:g} standard deviations apart."
     )
-    return LatencyChoice(found, 0.0, (Remark("latency-not-applied", message),))
+    return (Remark("latency-differs-from-session", message),)
 
 
 def _possible(stated_s: float) -> float:
@@ -79,6 +138,16 @@ def _applied(latency_s: float, why: str) -> Remark:
         return Remark("latency-applied", f"Force and markers are taken as recorded, {why}")
     message = f"The force was read {1e3 * abs(latency_s):.1f} ms {'later' if latency_s > 0.0 else 'earlier'}, {why}"
     return Remark("latency-applied", message)
+
+
+def _said(known: LatencyChoice) -> str:
+    """What was found, with its standard deviation and what it is from."""
+    alone = "" if known.found is None else _found(known.found)
+    if known.session is None or known.latency_s is None or known.sd_s is None:
+        return alone
+    trials = f"{known.n_trials} trial{'' if known.n_trials == 1 else 's'}"
+    own = f"; this one alone: {alone}" if alone else ""
+    return f"{1e3 * known.latency_s:.1f} ± {1e3 * known.sd_s:.1f} ms over {trials}{own}"
 
 
 def _found(found: Latency) -> str:

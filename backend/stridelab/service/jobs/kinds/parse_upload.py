@@ -4,11 +4,13 @@ Runs in a killable child of ``POST /recordings``. Names of persons are never rea
 """
 
 from dataclasses import replace
+from datetime import date
 from pathlib import Path
 
 from stridelab.conventions import Mask, Series
 from stridelab.recordings.footing import centre_of_pressure_m
 from stridelab.recordings.recording import Plate, Recording, Window
+from stridelab.recordings.standing import stands_still
 from stridelab.recordings.steps import loaded_intervals
 from stridelab.recordings.wrench import wrench_track
 from stridelab.schemas.base import Remark
@@ -17,6 +19,7 @@ from stridelab.service.jobs.kinds.kind import ArtifactFile, Json, Outcome, Progr
 from stridelab.service.jobs.kinds.tables_io import write_table
 from stridelab.service.jobs.kinds.tasks import ParseUploadTask
 from stridelab.service.jobs.kinds.trial import Trial, examine, subject_fields
+from stridelab.service.jobs.kinds.trial_clock import clock_of, weight_of
 
 
 def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
@@ -41,6 +44,7 @@ def facts(trial: Trial) -> RecordingFacts:
     """The facts of the contract; a window of the list is an interval in which all contact force is measured."""
     recording, match = trial.recording, trial.match
     direction = recording.walking_direction
+    weight = weight_of(trial)
     return RecordingFacts(
         duration_s=recording.duration_s,
         n_frames=recording.n_frames,
@@ -50,6 +54,11 @@ def facts(trial: Trial) -> RecordingFacts:
         n_markers=len(recording.markers_m),
         subject=subject_fields(recording.subject),
         mass_from_force_kg=trial.force_mass_kg,
+        mass_from_force_sd_kg=None if weight is None else weight.sd_kg,
+        clock=clock_of(trial),
+        recorded_on=date.fromisoformat(recording.recorded_on) if recording.recorded_on else None,
+        still=stands_still(recording),
+        simulated=bool(recording.carried),
         plates=[plate_info(plate, recording.force_rate_hz) for plate in recording.plates],
         windows_s=[(window.start_s, window.end_s) for window in trial.windows],
         up_axis=recording.up_axis,

@@ -17,6 +17,7 @@ from stridelab.schemas.plans import (
     PlanMotionInput,
     PlanMotionSummary,
     PlanVerification,
+    ReplayCollision,
     ReplaySummary,
     StoppedMotion,
 )
@@ -93,7 +94,13 @@ def certificate_of(certificate: Certificate) -> CertificateSummary:
 
 def replay_of(replay: "Replay") -> ReplaySummary:
     """What happened in the replay in the form of the contract."""
-    return ReplaySummary(**{name: getattr(replay, name) for name in ReplaySummary.model_fields})
+    made = {"hand_in_place_shares", "collided", "remarks"}
+    return ReplaySummary(
+        **{name: getattr(replay, name) for name in ReplaySummary.model_fields if name not in made},
+        hand_in_place_shares=dict(replay.hand_in_place_shares),
+        collided=[ReplayCollision(**asdict(one)) for one in replay.collided],
+        remarks=[Remark(**asdict(one)) for one in replay.remarks],
+    )
 
 
 def stopped_of(stop: WholeBodyStopped) -> StoppedMotion:
@@ -123,9 +130,12 @@ def remarks(
     if certificate is not None and not certificate.passed:
         listed = "; ".join(_failed(check) for check in certificate.checks if not check.passed)
         found.append(Remark(code="certificate-not-passed", message=f"The motion fails its certificate: {listed}."))
-    if replay is not None and not replay.completed:
-        when = "" if replay.fall_time_s is None else f" after {replay.fall_time_s:.1f} s"
-        found.append(Remark(code="replay-fell", message=f"Replayed in physics, the robot falls{when}."))
+    if replay is not None and replay.fall_time_s is not None:
+        message = f"Replayed in physics, the robot falls after {replay.fall_time_s:.1f} s."
+        found.append(Remark(code="replay-fell", message=message))
+    elif replay is not None and not replay.completed:
+        message = "Replayed in physics, the motion is not completed; the remarks of the replay say what is missing."
+        found.append(Remark(code="replay-not-completed", message=message))
     return tuple(found)
 
 

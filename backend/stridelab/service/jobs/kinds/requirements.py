@@ -1,34 +1,13 @@
 """What ``estimate-com`` needs before it can start, and the sentence for whoever did not bring it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Final, Literal
 
-from stridelab.conventions import GRAVITY_M_S2
 from stridelab.errors import Fault, InvalidInput, NotEstimable
 from stridelab.recordings import windows as measured
 from stridelab.recordings.marker_sets import MarkerSetMatch
-from stridelab.recordings.recording import Remark, Window
+from stridelab.recordings.recording import Window
 from stridelab.schemas.methods import METHODS
 from stridelab.service.jobs.kinds.trial import Trial
-
-MASS_NOTED: Final = 0.05
-"""Relative difference between the stated mass and the weight on the plates from which on it is noted."""
-MASS_DOUBTED: Final = 0.1
-"""From here on one of the two must be wrong: the plates weigh within 3 % of the scales, 7 % in brisk walking."""
-MASS_REFUSED: Final = 1.5
-"""Ratio between the two from which on the stated mass cannot be true."""
-
-MassSource = Literal["stated", "file", "force"]
-
-
-@dataclass(frozen=True)
-class BodyMass:
-    """The mass that is used, where it comes from, and what should be known about it."""
-
-    mass_kg: float
-    source: MassSource
-    remarks: tuple[Remark, ...] = ()
 
 
 def require_method(method: str) -> str:
@@ -69,7 +48,7 @@ def require_windows(trial: Trial, window_s: tuple[float, float] | None, *, needs
     a measured window.
     """
     if needs_force and not trial.windows:
-        measured.require_windows(trial.recording, trial.match.landmarks)
+        measured.require_windows(trial.recording, trial.match.landmarks, trial.motion, stated_kg=trial.stated_kg)
     if window_s is None:
         return trial.windows
     start_s, end_s = window_s
@@ -92,49 +71,3 @@ def require_windows(trial: Trial, window_s: tuple[float, float] | None, *, needs
             [Fault("window_s", f"{start_s:g} to {end_s:g} s")],
         )
     return (Window(start_s, end_s),)
-
-
-def body_mass(stated_kg: float | None, file_kg: float | None, force_kg: float | None) -> BodyMass:
-    """The user's mass, else the file's, else the weight on the plates.
-
-    Raises ``InvalidInput`` (``mass-contradicts-force``) when the user's value is 1.5 times too large or too small
-    for what the plates carried, and ``NotEstimable`` (``mass-unknown``) when there is no value at all.
-    """
-    if stated_kg is not None and force_kg is not None and not _same_person(stated_kg, force_kg):
-        raise InvalidInput(
-            "mass-contradicts-force",
-            f"The stated mass of {stated_kg:g} kg contradicts the plates, which carried {force_kg:.1f} kg on average.",
-            [Fault("mass_kg", f"{stated_kg:g} kg stated, {force_kg:.1f} kg measured")],
-        )
-    if file_kg is not None and force_kg is not None and stated_kg is None and not _same_person(file_kg, force_kg):
-        message = f"The file's mass of {file_kg:g} kg contradicts the plates ({force_kg:.1f} kg), which are believed."
-        return BodyMass(force_kg, "force", (Remark("mass-contradicts-force", message),))
-    for mass_kg, source in ((stated_kg, "stated"), (file_kg, "file")):
-        if mass_kg is not None:
-            return BodyMass(mass_kg, "stated" if source == "stated" else "file", _difference(mass_kg, force_kg))
-    if force_kg is not None:
-        message = f"No mass is stated; {force_kg:.1f} kg follow from the mean vertical force over whole steps."
-        return BodyMass(force_kg, "force", (Remark("mass-from-force", message),))
-    raise NotEstimable(
-        "mass-unknown",
-        "The body mass is neither stated nor in the file, and no whole step is measured to weigh the person.",
-        [Fault("mass_kg", "missing")],
-    )
-
-
-def _difference(mass_kg: float, force_kg: float | None) -> tuple[Remark, ...]:
-    if force_kg is None or abs(force_kg / mass_kg - 1.0) <= MASS_NOTED:
-        return ()
-    both = f"The mass of {mass_kg:g} kg differs from the {force_kg:.1f} kg that the plates carried on average"
-    off = force_kg / mass_kg - 1.0
-    if abs(off) <= MASS_DOUBTED:
-        return (Remark("mass-differs-from-force", f"{both}."),)
-    message = (
-        f"{both}, by {off:+.0%}: either the mass or the plates' calibration is wrong. {mass_kg:g} kg is used, so that "
-        f"the vertical acceleration from the force is wrong by {abs(off) * GRAVITY_M_S2:.1f} m/s²."
-    )
-    return (Remark("mass-disagrees-with-force", message),)
-
-
-def _same_person(mass_kg: float, force_kg: float) -> bool:
-    return 1.0 / MASS_REFUSED < mass_kg / force_kg < MASS_REFUSED

@@ -23,6 +23,7 @@ from stridelab.schemas.recordings import RecordingFacts, SubjectFields
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sweeps import SweepInput
 from stridelab.service.jobs.kinds.kind import Blobs, Json
+from stridelab.service.jobs.kinds.session_rows import session_of
 from stridelab.service.jobs.kinds.tasks import (
     CompareEstimatorsTask,
     EstimateComTask,
@@ -33,6 +34,7 @@ from stridelab.service.jobs.kinds.tasks import (
     SweepTask,
 )
 from stridelab.service.storage.tables import job, recording, scenario, subject
+from stridelab.service.storage.uploads import lock_blob
 
 RECORDING_FILE, TRACKS_FILE, FACTS_FILE = "recording.c3d", "tracks.parquet", "facts.json"
 """Where ``simulate-recording`` leaves its recording, with tracks and facts for the recording's row."""
@@ -48,18 +50,19 @@ def stated_subject(recording_fields: Mapping[str, Any], subject_fields: Mapping[
 
 
 async def stage_estimate_com(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
-    """Fetch the recording, and its static trial where one is linked.
+    """Fetch the recording, the values of its session, and its static trial: the one stated, else the session's.
 
     Raises ``NotFound`` (``recording-not-found``) where the recording has been deleted since the job was accepted.
     """
     request = EstimateComInput.model_validate(input.model_dump())
     row = await _recording_row(connection, request.recording_id)
+    session = await session_of(connection, row)
     static = None
-    if row["static_recording_id"] is not None:
-        static_row = await _recording_row(connection, row["static_recording_id"])
-        static = await _source(connection, blobs, static_row, folder, "static-trial")
+    if session.static is not None:
+        static = await _source(connection, blobs, session.static, folder, "static-trial")
     source = await _source(connection, blobs, row, folder, "trial")
-    return EstimateComTask(recording=source, static=static, input=request).model_dump(mode="json")
+    task = EstimateComTask(recording=source, static=static, session=session.values, input=request)
+    return task.model_dump(mode="json")
 
 
 async def stage_compare_estimators(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
@@ -127,8 +130,9 @@ async def publish_simulated_recording(
     trial, tracks = folder / RECORDING_FILE, folder / TRACKS_FILE
     facts = RecordingFacts.model_validate_json((folder / FACTS_FILE).read_text(encoding="utf-8"))
     blob_key, tracks_key = f"recordings/{recording_id}/{RECORDING_FILE}", f"recordings/{recording_id}/{TRACKS_FILE}"
-    await blobs.put_file(blob_key, trial)
-    await blobs.put_file(tracks_key, tracks)
+    for key, file in ((blob_key, trial), (tracks_key, tracks)):
+        await lock_blob(connection, key)  # the janitor waits for the commit
+        await blobs.put_file(key, file)
     content = trial.read_bytes()
     await connection.execute(
         insert(recording).values(
@@ -183,7 +187,7 @@ async def _source(
     if row["subject_id"] is not None:
         result = await connection.execute(select(subject.c.fields).where(subject.c.id == row["subject_id"]))
         linked = result.scalar_one_or_none()
-    await blobs.get_file(row["blob_key"], folder / name)
+    await blobs.get_file(row["blob_key"], folder / name, row["sha256"])
     try:
         return RecordingSource(
             file=name,

@@ -17,14 +17,18 @@ import numpy as np
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Points
 from stridelab.errors import Fault, NotEstimable, StridelabError
+from stridelab.estimation.quality.checks import CONTRADICTED, DOUBTFUL
+from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
 from stridelab.schemas.cycloid import FittedStep
 from stridelab.schemas.population import LeftOut, PersonFields, StudyPopulationSummary
+from stridelab.schemas.quality import Quality, TrialQuality
 from stridelab.service.jobs.kinds.apart import each_apart
 from stridelab.service.jobs.kinds.kind import Json, Outcome, ProgressCallback
 from stridelab.service.jobs.kinds.population_people import FIELDS, Sheet, people_of
 from stridelab.service.jobs.kinds.population_result import correlation_results, mixed_results, subject_results
 from stridelab.service.jobs.kinds.population_tables import write_population
+from stridelab.service.jobs.kinds.quality import of_all
 from stridelab.service.jobs.kinds.tasks import FitCycloidTask, StudyPopulationTask
 from stridelab.walking.population import StepRow, study
 
@@ -53,6 +57,7 @@ class Fitted:
     steps: tuple[FittedStep, ...]
     method: str
     references: tuple[str, ...]
+    quality: Quality
 
 
 def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
@@ -67,13 +72,14 @@ def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> 
     (``subject-in-two-groups``).
     """
     progress(0.0, f"fitting {len(task.members)} recordings")
-    fitted, left_out = _fit_all(task, folder, progress)
+    fitted, left_out, trials = _fit_all(task, folder, progress)
     progress(0.9, "studying the people")
     someone, remarks = people_of([one.sheet for one in fitted])
     rows = [row for one in fitted for row in _rows(one)]
     usable = [row for row in rows if row.used]
     found = study([s.person for s in someone], [row.step for row in usable], pooled=task.pooled, seed=task.seed)
-    warnings = [*remarks, *found.remarks]
+    quality = of_all([one.quality for one in fitted])
+    warnings = [*_about_quality(fitted), *remarks, *found.remarks]
     summary = StudyPopulationSummary(
         subjects=subject_results(found.subjects, {s.person.name: s for s in someone}),
         correlations=correlation_results(found),
@@ -83,6 +89,8 @@ def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> 
         n_steps=len(usable),
         method=_common({one.method for one in fitted}),
         pooled=task.pooled,
+        quality=quality,
+        trials=trials,
         warnings=[base.Remark(code=r.code, message=r.message) for r in warnings] + _about_steps(rows, left_out),
     )
     progress(0.97, "writing the tables")
@@ -106,6 +114,7 @@ def fit_one(item: Json) -> Json:
         "method": result.summary.method,
         "leg_m": leg_m(result.prepared.geometric),
         "references": list(result.references),
+        "quality": result.summary.model_dump(mode="json")["quality"],
         "in_file": result.prepared.trial.recording.subject.__dict__,
     }
 
@@ -128,10 +137,17 @@ def _median_m(one: Points, other: Points) -> float:
     return float(np.median(lengths)) if len(lengths) else math.nan
 
 
-def _fit_all(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> tuple[list[Fitted], list[LeftOut]]:
+def _fit_all(
+    task: StudyPopulationTask, folder: Path, progress: ProgressCallback
+) -> tuple[list[Fitted], list[LeftOut], list[TrialQuality]]:
+    """What each recording gave, those left out and why, and the quality of each that was fitted.
+
+    A recording whose sensors contradict each other is left out: a mean must not contain it.
+    """
     items = [{"task": one.task.model_dump(mode="json"), "folder": str(folder / one.folder)} for one in task.members]
     fitted: dict[int, Fitted] = {}
     left_out: dict[int, LeftOut] = {}
+    trials: dict[int, TrialQuality] = {}
     done = each_apart(fit_one, items, preload=PRELOAD, timeout_s=RECORDING_TIMEOUT_S)
     for count, (index, answer) in enumerate(done, start=1):
         one = task.members[index]
@@ -140,16 +156,36 @@ def _fit_all(task: StudyPopulationTask, folder: Path, progress: ProgressCallback
             left_out[index] = LeftOut(
                 recording_id=one.recording_id, filename=filename, code=answer.code, message=answer.message
             )
+        elif _quality(answer).verdict == CONTRADICTED:
+            trials[index] = _trial(one.recording_id, filename, answer)
+            left_out[index] = _contradicted(trials[index])
         else:
+            trials[index] = _trial(one.recording_id, filename, answer)
             steps = tuple(FittedStep.model_validate(step) for step in answer["steps"])
             sheet = Sheet(filename, _person(one.person, one.task.recording.subject, answer["in_file"]), answer["leg_m"])
             references = tuple(answer["references"])
-            fitted[index] = Fitted(one.recording_id, sheet, steps, answer["method"], references)
+            quality = _quality(answer)
+            fitted[index] = Fitted(one.recording_id, sheet, steps, answer["method"], references, quality)
         progress(0.88 * count / len(items), f"{count} of {len(items)} recordings fitted")
     if not fitted:
         faults = [Fault(one.filename, f"{one.message} ({one.code})") for one in left_out.values()]
         raise NotEstimable("nothing-fitted", "In none of the recordings could a step be fitted.", faults)
-    return [fitted[i] for i in sorted(fitted)], [left_out[i] for i in sorted(left_out)]
+    by_place = sorted(trials)
+    return [fitted[i] for i in sorted(fitted)], [left_out[i] for i in sorted(left_out)], [trials[i] for i in by_place]
+
+
+def _quality(answer: Mapping[str, Any]) -> Quality:
+    return Quality.model_validate(answer["quality"])
+
+
+def _trial(recording_id: str, filename: str, answer: Mapping[str, Any]) -> TrialQuality:
+    return TrialQuality(recording_id=recording_id, filename=filename, quality=_quality(answer))
+
+
+def _contradicted(one: TrialQuality) -> LeftOut:
+    wrong = [check.message for check in one.quality.checks if check.value > check.contradicted_above]
+    message = f"The sensors of this recording contradict each other. {' '.join(wrong)}"
+    return LeftOut(recording_id=one.recording_id, filename=one.filename, code=CONTRADICTED, message=message)
 
 
 def _person(table: PersonFields, stated: Any, in_file: Mapping[str, Any]) -> PersonFields:
@@ -202,6 +238,14 @@ def _values(step: FittedStep) -> dict[str, float]:
 
 def _common(methods: set[str]) -> str | None:
     return next(iter(methods)) if len(methods) == 1 else None
+
+
+def _about_quality(fitted: Sequence[Fitted]) -> list[Remark]:
+    doubtful = [one.sheet.filename for one in fitted if one.quality.verdict == DOUBTFUL]
+    if not doubtful:
+        return []
+    message = f"Not every check passes in {len(doubtful)} of {len(fitted)} recordings: {', '.join(doubtful)}."
+    return [Remark(DOUBTFUL, message)]
 
 
 def _about_steps(rows: Sequence[_Row], left_out: Sequence[LeftOut]) -> list[base.Remark]:

@@ -7,7 +7,6 @@ Leaves ``sweep`` (Parquet and CSV), one row per scenario in the order of the val
 
 import itertools
 import math
-import os
 import time
 from collections import Counter
 from dataclasses import dataclass, replace
@@ -19,6 +18,7 @@ import numpy as np
 from stridelab.centroidal.resting import from_rest_to_rest
 from stridelab.centroidal.solve import solve
 from stridelab.contacts.varied import UNITS, present, varied
+from stridelab.cores import usable_cores
 from stridelab.errors import InvalidInput, StridelabError
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.card import robot_card
@@ -72,7 +72,7 @@ def run(task: SweepTask, folder: Path, progress: ProgressCallback, processes: in
     grid = [dict(zip(request.vary, values, strict=True)) for values in itertools.product(*(a.values for a in axes))]
     varied(body, grid[0])
     densities(load_robot(task.scenario.robot), request.measure or DEFAULT_MEASURE)
-    at_once = min(processes or os.cpu_count() or 1, len(grid))
+    at_once = min(processes or usable_cores(), len(grid))
     rows = _planned(task, grid, at_once, progress)
     lacked = "the wrench as control" if request.formulation == "wrench" else None
     counts = Counter(row.outcome for row in rows)

@@ -1,7 +1,8 @@
 """Result tables: one Parquet file (zstd) and its CSV twin of the same stem, units in the column names.
 
 The Parquet file's metadata carry the key ``stridelab``: JSON with the units per column, the versions that computed the
-numbers and whatever provenance the caller adds. NaN stays NaN in Parquet and is an empty cell in CSV.
+numbers and whatever provenance the caller adds. NaN stays NaN in Parquet and is an empty cell in CSV. Parquet holds
+text as it was given; in CSV a text that a spreadsheet would run as a formula has an apostrophe in front.
 """
 
 import json
@@ -24,6 +25,8 @@ CSV = "text/csv"
 C3D = "application/octet-stream"
 
 METADATA_KEY = b"stridelab"
+_FORMULA = frozenset("=+-@\t\r\n\uff1d\uff0b\uff0d\uff20")
+"""What a formula begins with, full-width forms among it."""
 
 # Longest suffix first: "vx_m_s" is a velocity, not a length followed by seconds.
 UNITS = (
@@ -60,7 +63,7 @@ def write_table(
     table = table.replace_schema_metadata({METADATA_KEY: json.dumps(about, sort_keys=True).encode()})
     parquet, csv = folder / f"{stem}.parquet", folder / f"{stem}.csv"
     atomically(parquet, lambda path: pyarrow.parquet.write_table(table, path, compression="zstd"))
-    plain = _empty_for_nan(table)
+    plain = _safe_for_spreadsheets(_empty_for_nan(table))
     atomically(csv, lambda path: pyarrow.csv.write_csv(plain, path))
     return ArtifactFile(parquet.name, PARQUET), ArtifactFile(csv.name, CSV)
 
@@ -82,6 +85,30 @@ def atomically(path: Path, write: Callable[[Path], object]) -> None:
         part.replace(path)
     finally:
         part.unlink(missing_ok=True)
+
+
+def spreadsheet_text(text: str) -> str:
+    """``text`` with an apostrophe in front where a spreadsheet would take it for a formula; numbers stay as they are.
+
+    Such a text begins with ``=``, ``+``, ``-``, ``@``, a tab or a line break (OWASP, CSV injection), or with spaces
+    before one of them.
+    """
+    begin = text.lstrip(" ")[:1]
+    if not begin or begin not in _FORMULA:
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return f"'{text}"
+    return text
+
+
+def _safe_for_spreadsheets(table: pa.Table) -> pa.Table:
+    for index, field in enumerate(table.schema):
+        if pa.types.is_string(field.type) or pa.types.is_large_string(field.type):
+            cells = [None if cell is None else spreadsheet_text(cell) for cell in table.column(index).to_pylist()]
+            table = table.set_column(index, field.name, pa.array(cells, type=field.type))
+    return table.rename_columns([spreadsheet_text(name) for name in table.column_names])
 
 
 def _empty_for_nan(table: pa.Table) -> pa.Table:

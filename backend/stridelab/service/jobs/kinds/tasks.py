@@ -12,6 +12,7 @@ from stridelab.schemas.receding import PlanRecedingInput
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.reproduction import ReproduceInput
 from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.sessions import SessionValues
 from stridelab.schemas.sweeps import SweepInput
 
 
@@ -23,6 +24,9 @@ class RecordingSource(Contract):
     subject: SubjectFields = SubjectFields()
     marker_map: dict[str, str] = Field(default_factory=dict)
     plates: dict[int, PlateSwitch] = Field(default_factory=dict)
+    static_labels: list[str] = Field(
+        default_factory=list, description="labels of its static trial, which the marker map may name, too"
+    )
 
 
 class ParseUploadTask(Contract):
@@ -36,6 +40,7 @@ class EstimateComTask(Contract):
 
     recording: RecordingSource
     static: RecordingSource | None = None
+    session: SessionValues | None = Field(default=None, description="values of the recording's session")
     input: EstimateComInput
 
 

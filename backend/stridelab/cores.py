@@ -1,0 +1,87 @@
+"""How many processor cores the processes of this program may use, from what the system and the worker give.
+
+    cores = min(affinity, quota of the control groups), and of these the share of one job of the worker
+
+The processors of the machine (``os.cpu_count``) are no measure: a container, a systemd unit or an allocation of a
+cluster has fewer of them.
+"""
+
+import math
+import os
+from pathlib import Path
+from typing import Final
+
+_GROUPS: Final = Path("/sys/fs/cgroup")
+_OWN: Final = Path("/proc/self/cgroup")
+_V1_FOLDERS: Final = ("cpu", "cpu,cpuacct")
+_limit: int | None = None
+
+
+def usable_cores(groups: Path = _GROUPS, own: Path = _OWN) -> int:
+    """Cores that this process and what it starts may use together: at least one.
+
+    The smallest of the processor affinity, the quota of its control groups (``cpu.max``, or ``cpu.cfs_quota_us`` of
+    version 1; whole cores, rounded down) and the limit of ``limit_cores``.
+    """
+    available = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    limit = math.inf if _limit is None else _limit
+    return max(1, math.floor(min(available, _quota(groups, own), limit)))
+
+
+def default_slots() -> int:
+    """Jobs that a worker runs at a time unless it is told how many: one core is left to everything else."""
+    return max(1, usable_cores() - 1)
+
+
+def cores_per_slot(slots: int) -> int:
+    """Share of the cores that each of ``slots`` jobs may use: at least one."""
+    return max(1, usable_cores() // slots)
+
+
+def limit_cores(cores: int | None) -> None:
+    """From now on this process, and what it forks, uses at most so many cores; None for no limit of its own."""
+    global _limit
+    _limit = cores
+
+
+def _quota(groups: Path, own: Path) -> float:
+    """Cores (with a fraction) that the strictest of the process's control groups allows; infinite without a quota."""
+    quotas = [math.inf]
+    for line in _lines(own):
+        _, _, rest = line.partition(":")
+        controllers, _, name = rest.partition(":")
+        if not controllers:
+            quotas += [_ratio(*_words(folder / "cpu.max")) for folder in _with_parents(groups, name)]
+        elif "cpu" in controllers.split(","):
+            quotas += [
+                _ratio(*_words(folder / "cpu.cfs_quota_us"), *_words(folder / "cpu.cfs_period_us"))
+                for hierarchy in _V1_FOLDERS
+                for folder in _with_parents(groups / hierarchy, name)
+            ]
+    return min(quotas)
+
+
+def _with_parents(hierarchy: Path, name: str) -> list[Path]:
+    """The folder of a group and those above it, the strictest of which counts."""
+    parts = [part for part in name.split("/") if part not in {"", ".."}]
+    return [hierarchy.joinpath(*parts[:depth]) for depth in range(len(parts) + 1)]
+
+
+def _ratio(*words: str) -> float:
+    """``quota / period``; infinite where there is none (``max``, -1, or no file)."""
+    try:
+        quota, period = (int(word) for word in words)
+    except ValueError:
+        return math.inf
+    return quota / period if quota > 0 and period > 0 else math.inf
+
+
+def _words(file: Path) -> list[str]:
+    return [word for line in _lines(file) for word in line.split()]
+
+
+def _lines(file: Path) -> list[str]:
+    try:
+        return file.read_text(encoding="ascii").splitlines()
+    except (OSError, UnicodeDecodeError):
+        return []

@@ -1,0 +1,225 @@
+"""Limits of connections and of the time that a client may take, which uvicorn has no options for.
+
+A client must send the head of a request, and go on sending its body, within time limits. The number of open
+connections is limited in all and per address. At a limit a newcomer takes the place of a connection that keeps the
+service waiting: it is the answered requests that count, so no number of half-sent ones keeps anybody out.
+
+Times are counted in ticks of the event loop's timer. Where the loop was held up, the bytes of a client that was in time
+are read before the next tick.
+"""
+
+import asyncio
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, Final, Literal
+
+import h11
+import structlog
+from uvicorn.middleware.proxy_headers import _TrustedHosts
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+from stridelab.service.api import problems
+from stridelab.service.settings import Settings
+
+TICK_S: Final = 1.0
+WRITE_S: Final = 60.0
+"""A client that takes nothing of its answer for so long is gone."""
+LEAST_BYTES_HZ: Final = 250.0
+"""A body that comes more slowly than this, on average, is not waited for."""
+RESERVED_FILES: Final = 200
+"""Files that the service needs itself: the database, children, what is read and written."""
+BACKLOG: Final = 128
+"""Connections that the event loop accepts at once."""
+ROUNDS_TO_CLOSE: Final = 3
+"""How often the event loop accepts before it closes the first connection that a newcomer has pushed out: one round
+makes the transport, the next tells the protocol, which closes another, and the third closes that one's file."""
+_TELL_S: Final = 60.0
+
+State = Literal["idle", "head", "body", "answer"]
+log = structlog.get_logger(__name__)
+
+
+@dataclass
+class Doors:
+    """The connections of one server. ``is_proxy`` tells which addresses stand for many clients."""
+
+    connections: int
+    per_address: int
+    head_s: float
+    body_s: float
+    is_proxy: Callable[[str], bool] = lambda _: False
+    _open: "dict[GuardedProtocol, None]" = field(default_factory=dict)
+    _by_address: Counter[str] = field(default_factory=Counter)
+    _closed: Counter[str] = field(default_factory=Counter)
+    _told_at_s: float = float("-inf")
+    _timer: asyncio.TimerHandle | None = None
+
+    @staticmethod
+    def of(settings: Settings, open_files: int, trusted: str | list[str] | None) -> "Doors":
+        """The limits of ``settings``, as far as ``open_files`` allow; proxies are those whose headers are trusted."""
+        proxies = _TrustedHosts(trusted or "127.0.0.1")
+        room = max(open_files - RESERVED_FILES - ROUNDS_TO_CLOSE * BACKLOG, 1)
+        return Doors(
+            connections=min(settings.connection_limit, room),
+            per_address=settings.address_connection_limit,
+            head_s=settings.header_timeout_s,
+            body_s=settings.body_timeout_s,
+            is_proxy=lambda host: host in proxies,
+        )
+
+    def enter(self, newcomer: "GuardedProtocol") -> None:
+        """A connection has been accepted."""
+        self._open[newcomer] = None
+        self._by_address[newcomer.address] += 1
+        if self._timer is None:
+            self._timer = asyncio.get_running_loop().call_later(TICK_S, self._tick)
+        is_crowd = not self.is_proxy(newcomer.address) and self._by_address[newcomer.address] > self.per_address
+        if is_crowd or len(newcomer.connections) > self.connections:  # websockets among them
+            address = newcomer.address if is_crowd else None
+            loser = next(self._waited_for(newcomer, address), newcomer)
+            self._closed["crowded"] += 1
+            if loser is newcomer:
+                loser.refuse(503, "too-many-connections", "Too many connections are open. Try again shortly.")
+            else:
+                loser.transport.abort()
+                loser.connections.discard(loser)
+                self.leave(loser)
+
+    def leave(self, connection: "GuardedProtocol") -> None:
+        """A connection has ended."""
+        if connection in self._open:
+            del self._open[connection]
+            self._by_address[connection.address] -= 1
+            if not self._by_address[connection.address]:
+                del self._by_address[connection.address]
+
+    def _waited_for(self, newcomer: "GuardedProtocol", address: str | None) -> "Iterator[GuardedProtocol]":
+        """Connections whose clients keep the service waiting: the oldest without a request first."""
+
+        def others() -> "Iterator[GuardedProtocol]":
+            return (one for one in self._open if one is not newcomer and address in (None, one.address))
+
+        yield from (one for one in others() if one.state in ("idle", "head"))
+        yield from (one for one in others() if one.state == "body" and one.is_slow)
+        yield from (one for one in others() if one.state == "answer" and one.flow.write_paused)
+
+    def _tick(self) -> None:
+        self._timer = None
+        for connection in list(self._open):
+            self._look_at(connection)
+        if self._closed and time.monotonic() - self._told_at_s > _TELL_S:
+            log.warning("connections closed", **{why: self._closed[why] for why in sorted(self._closed)})
+            self._told_at_s = time.monotonic()
+            self._closed.clear()
+        if self._open:
+            self._timer = asyncio.get_running_loop().call_later(TICK_S, self._tick)
+
+    def _look_at(self, connection: "GuardedProtocol") -> None:
+        state = connection.count_tick()
+        waited_s = connection.ticks * TICK_S
+        if state == "head" and waited_s > self.head_s:
+            connection.refuse(408, "request-timeout", f"The head of the request did not come within {self.head_s:g} s.")
+        elif state == "body" and (waited_s > self.body_s or connection.is_dripping(self.body_s)):
+            connection.refuse(408, "request-timeout", "The body of the request came too slowly.")
+        elif state == "answer" and waited_s > WRITE_S:
+            connection.transport.abort()
+        else:
+            return
+        self._closed["late"] += 1
+
+
+class GuardedProtocol(H11Protocol):
+    """uvicorn's HTTP/1.1 with the limits of ``doors``, which a subclass for each server sets (``guarded``)."""
+
+    doors: Doors
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        super().__init__(*args, **options)
+        self.address = ""
+        self.ticks = 0
+        """Since when the client has kept the service waiting."""
+        self._state: State = "head"
+        self._has_sent = False
+        self._body_bytes = 0
+        self._body_ticks = 0
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Called by the transport."""
+        super().connection_made(transport)
+        self.address = self.client[0] if self.client else ""
+        self.doors.enter(self)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """Called by the transport."""
+        self.doors.leave(self)
+        super().connection_lost(exc)
+
+    def data_received(self, data: bytes) -> None:
+        """Called by the transport."""
+        if self.transport.is_closing():
+            return
+        self._has_sent = True
+        if self.state == "body":
+            self.ticks = 0
+            self._body_bytes += len(data)
+        super().data_received(data)
+
+    def handle_websocket_upgrade(self, event: h11.Request) -> None:
+        """Called for a whole request; from here on the websocket's protocol has the connection."""
+        self.doors.leave(self)
+        super().handle_websocket_upgrade(event)
+
+    @property
+    def state(self) -> State:
+        """What the connection waits for."""
+        if self.flow.write_paused:  # also of an answer that uvicorn has handed over whole
+            return "answer"
+        if self.conn.their_state is h11.IDLE:
+            return "head" if self.timeout_keep_alive_task is None else "idle"
+        return "body" if self.conn.their_state is h11.SEND_BODY else "answer"
+
+    @property
+    def is_slow(self) -> bool:
+        """Whether nothing, or nearly nothing, has come of a body."""
+        return self.ticks > 0 or self._body_bytes < LEAST_BYTES_HZ
+
+    def count_tick(self) -> State:
+        """Count the time for which the client keeps the service waiting, and tell for what."""
+        state = self.state
+        if state != self._state:
+            self.ticks = self._body_ticks = self._body_bytes = 0
+            self._state = state
+        is_ours = state == "idle" or (state == "body" and self.flow.read_paused)
+        if is_ours or (state == "answer" and not self.flow.write_paused):
+            self.ticks = 0
+        else:
+            self.ticks += 1
+            self._body_ticks += 1
+        return state
+
+    def is_dripping(self, grace_s: float) -> bool:
+        """Whether a body comes, but more slowly than anybody's line."""
+        passed_s = self._body_ticks * TICK_S
+        return passed_s > grace_s and self._body_bytes < LEAST_BYTES_HZ * passed_s
+
+    def refuse(self, status: int, code: str, detail: str) -> None:
+        """Close the connection; a client that has begun a request and has no answer yet is told why."""
+        may_answer = self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE)
+        if self.cycle is not None and self.state != "head":
+            may_answer = may_answer and not self.cycle.response_started
+            self.cycle.disconnected = True
+        if may_answer and (self._has_sent or status != 408):
+            body = problems.problem(status, code, detail).model_dump_json(exclude_none=True).encode()
+            head = (
+                f"HTTP/1.1 {status} {problems.problem(status, code, detail).title}\r\n"
+                f"Content-Type: {problems.MEDIA_TYPE}\r\nContent-Length: {len(body)}\r\nConnection: close\r\n\r\n"
+            )
+            self.transport.write(head.encode() + body)
+        self.transport.close()
+
+
+def guarded(doors: Doors) -> type[GuardedProtocol]:
+    """The protocol of a server with these limits."""
+    return type("GuardedProtocolOfServer", (GuardedProtocol,), {"doors": doors})

@@ -1,0 +1,31 @@
+"""The cursor of every list: the creation time and the id of the last row of a page, as opaque text."""
+
+import base64
+import binascii
+from datetime import datetime
+
+from stridelab.errors import Fault, InvalidInput
+
+
+def encode_cursor(created_at: datetime, row_id: str) -> str:
+    """The cursor after the row ``(created_at, row_id)``."""
+    return base64.urlsafe_b64encode(f"{created_at.isoformat()} {row_id}".encode()).decode().rstrip("=")
+
+
+def decode_cursor(cursor: str) -> tuple[datetime, str]:
+    """Inverse of ``encode_cursor``. Raises ``InvalidInput`` (``invalid-cursor``)."""
+    try:
+        text = base64.b64decode(cursor.encode() + b"=" * (-len(cursor) % 4), altchars=b"-_", validate=True).decode()
+        moment, separator, row_id = text.partition(" ")
+        created_at = datetime.fromisoformat(moment)
+    except (binascii.Error, ValueError) as error:
+        raise _invalid() from error
+    if not separator or not row_id.isprintable() or created_at.tzinfo is None:
+        raise _invalid()
+    return created_at, row_id
+
+
+def _invalid() -> InvalidInput:
+    return InvalidInput(
+        "invalid-cursor", "The cursor is none of ours; take it from `next` of a page.", [Fault("cursor", "invalid")]
+    )

@@ -1,0 +1,113 @@
+"""The values of a session from what its trials say: pooled latency, pooled mass, and the trial that stands still.
+
+Works on the facts of the recordings alone and needs no numeric package, so that the worker and the command line can
+both do it. The order of the trials does not matter; two recordings of the same bytes count once.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from stridelab.estimation.random_effects import Pooled, pool
+from stridelab.schemas.recordings import RecordingFacts
+from stridelab.schemas.sessions import SessionTrial, SessionValues
+
+CORNER_M: Final = 0.001
+"""Corners of a plate that agree within this are the same plate's."""
+PLATES_SHARE: Final = 0.011
+"""Relative error of a weight that all trials of a session share: plates against scales, 6 adults (12 more: 1.15 %)."""
+CONTACT_TYPE: Final = 0
+"""Type of the contacts of a MOT file, whose corners only bound the centre of pressure of that trial."""
+
+
+@dataclass(frozen=True)
+class TrialFacts:
+    """A recording of a session: its id, name and hash, and what its file says."""
+
+    recording_id: str
+    filename: str
+    sha256: str
+    facts: RecordingFacts
+
+
+def session_values(session_id: str, own: TrialFacts, others: Sequence[TrialFacts]) -> SessionValues | None:
+    """What the session says about ``own``; None where no other trial says anything.
+
+    Latency and mass are pooled over the trials that were measured by the same plates at the same rates.
+    """
+    alike = [one for one in _distinct(own, others) if setup_of(one.facts) == setup_of(own.facts)]
+    alike.sort(key=lambda one: one.recording_id)
+    clocks = {one.recording_id: one.facts.clock for one in alike if one.facts.clock is not None}
+    weighed = {one.recording_id: (one.facts.mass_from_force_kg, one.facts.mass_from_force_sd_kg) for one in alike}
+    masses = {name: (kg, sd) for name, (kg, sd) in weighed.items() if kg is not None and sd is not None}
+    if not (clocks.keys() | masses.keys()) - {own.recording_id}:
+        return None
+    latency = _pooled({name: (clock.latency_s, clock.sd_s) for name, clock in clocks.items()}, own.recording_id)
+    mass = _pooled(masses, own.recording_id)
+    latency_weights = {} if latency is None else dict(zip(clocks, latency.weights, strict=True))
+    mass_weights = {} if mass is None else dict(zip(masses, mass.weights, strict=True))
+    trials = []
+    for one in alike:
+        clock, (mass_kg, mass_sd_kg) = clocks.get(one.recording_id), masses.get(one.recording_id, (None, None))
+        if clock is not None or mass_kg is not None:
+            trials.append(
+                SessionTrial(
+                    recording_id=one.recording_id,
+                    filename=one.filename,
+                    latency_s=None if clock is None else clock.latency_s,
+                    latency_sd_s=None if clock is None else clock.sd_s,
+                    latency_weight=latency_weights.get(one.recording_id),
+                    mass_kg=mass_kg,
+                    mass_sd_kg=mass_sd_kg,
+                    mass_weight=mass_weights.get(one.recording_id),
+                )
+            )
+    return SessionValues(
+        session_id=session_id,
+        latency_s=None if latency is None else latency.mean,
+        latency_sd_s=None if latency is None else latency.sd,
+        latency_excess_s=None if latency is None else latency.excess_sd,
+        latency_n_trials=0 if latency is None else latency.n,
+        mass_kg=None if mass is None else mass.mean,
+        mass_sd_kg=None if mass is None else math.hypot(mass.sd, PLATES_SHARE * mass.mean),
+        mass_n_trials=0 if mass is None else mass.n,
+        trials=trials,
+    )
+
+
+def static_of(own: TrialFacts, others: Sequence[TrialFacts]) -> TrialFacts | None:
+    """The static trial of a session: of those that stand still, the one with most landmarks, then most shared labels.
+
+    It is returned whether its marker set is known or not: who uses it says what came of it.
+    """
+    labels = {label.lower() for label in own.facts.labels}
+
+    def worth(one: TrialFacts) -> tuple[int, int, str]:
+        shared = len(labels & {label.lower() for label in one.facts.labels})
+        return len(one.facts.landmarks), shared, one.sha256
+
+    still = [one for one in _distinct(own, others) if one.facts.still and one.sha256 != own.sha256]
+    return max(still, key=worth, default=None)
+
+
+def setup_of(facts: RecordingFacts) -> tuple[object, ...]:
+    """What trials with one clock share: rates and plates; of the contacts of a MOT file only their number."""
+    plates = []
+    for plate in facts.plates:
+        corners = [round(x / CORNER_M) for corner in plate.corners_m for x in corner]
+        plates.append((plate.type, () if plate.type == CONTACT_TYPE else tuple(corners)))
+    return facts.marker_rate_hz, facts.force_rate_hz, tuple(plates)
+
+
+def _distinct(own: TrialFacts, others: Sequence[TrialFacts]) -> list[TrialFacts]:
+    """``own`` and the others, of equal files the one with the smallest id."""
+    by_hash = {one.sha256: one for one in sorted(others, key=lambda one: one.recording_id, reverse=True)}
+    return list({**by_hash, own.sha256: own}.values())
+
+
+def _pooled(measured: dict[str, tuple[float, float]], own: str) -> Pooled | None:
+    """None unless another trial than ``own`` says something."""
+    if not measured.keys() - {own}:
+        return None
+    return pool([value for value, _ in measured.values()], [sd for _, sd in measured.values()])

@@ -1,0 +1,16 @@
+"""How many files and connections this process may have open at a time."""
+
+import resource
+from typing import Final
+
+WANTED: Final = 65_536
+
+
+def raise_limit() -> int:
+    """Raise the soft limit of open files as far as the system allows, at most to ``WANTED``; returns it."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = WANTED if hard == resource.RLIM_INFINITY else min(hard, WANTED)
+    if soft == resource.RLIM_INFINITY or soft >= wanted:
+        return WANTED if soft == resource.RLIM_INFINITY else soft
+    resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+    return wanted

@@ -1,0 +1,88 @@
+"""Tells a process that hangs from one that only does not get the processor.
+
+Silence counts while a process could have answered. It does not count while its threads wait on a run queue (second
+field of ``/proc/<pid>/task/<tid>/schedstat``, in ns: Linux Documentation/scheduler/sched-stats), while it waits for a
+disk, and while the watching process is itself held up. A process that somebody has stopped (SIGSTOP) cannot answer for
+any of these reasons, so it is known sooner. One under a debugger is left alone.
+"""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Final, Literal
+
+import psutil
+
+STOPPED_S: Final = 3.0
+HUNG_S: Final = 8.0
+STARTING_S: Final = 120.0
+"""Before its first answer a process imports its libraries, for seconds of processor time."""
+BEYOND_DOUBT: Final = 8.0
+"""So many times the limit, a process hangs whatever it waits for."""
+_QUIET_S: Final = 1.0
+_LOOK_S: Final = 1.0
+"""A gap between two looks counts as no more than this."""
+
+Verdict = Literal["stopped", "hangs"]
+
+
+class Silence:
+    """How long one process has not answered. ``heard`` is to be called for each answer, ``verdict`` regularly."""
+
+    def __init__(self, pid: int, *, hung_s: float = HUNG_S, clock: Callable[[], float] = time.monotonic) -> None:
+        self._pid, self._hung_s, self._clock = pid, hung_s, clock
+        self._looked_at_s = clock()
+        self._has_answered = False
+        self._passed_s = self._silent_s = self._stopped_s = 0.0
+        self._queued_s: float | None = None
+
+    def heard(self) -> None:
+        """It has answered."""
+        self._has_answered = True
+        self._looked_at_s = self._clock()
+        self._reset()
+
+    def verdict(self) -> Verdict | None:
+        """What is wrong with the process; None while nothing is known to be."""
+        now_s = self._clock()
+        passed_s = min(now_s - self._looked_at_s, _LOOK_S)
+        self._looked_at_s = now_s
+        self._passed_s += passed_s
+        if self._passed_s < _QUIET_S:
+            return None
+        try:
+            status = psutil.Process(self._pid).status()
+        except psutil.Error:
+            return None  # it has ended, which its parent learns otherwise
+        if status == psutil.STATUS_TRACING_STOP:
+            self._reset()
+            return None
+        queued_s = _queued_s(self._pid)
+        waited_s = max(queued_s - self._queued_s, 0.0) if self._queued_s is not None else passed_s
+        self._queued_s = queued_s
+        self._stopped_s = self._stopped_s + passed_s if status == psutil.STATUS_STOPPED else 0.0
+        if status != psutil.STATUS_DISK_SLEEP:
+            self._silent_s += max(passed_s - waited_s, 0.0)
+        limit_s = self._hung_s if self._has_answered else max(STARTING_S, self._hung_s)
+        if self._stopped_s > STOPPED_S:
+            return "stopped"
+        return "hangs" if self._silent_s > limit_s or self._passed_s > BEYOND_DOUBT * limit_s else None
+
+    def _reset(self) -> None:
+        self._passed_s = self._silent_s = self._stopped_s = 0.0
+        self._queued_s = None
+
+
+def _queued_s(pid: int) -> float:
+    """Time that all threads of a process have waited for a processor; 0 where the kernel does not count it."""
+    total_ns = 0
+    try:
+        threads = list(Path(f"/proc/{pid}/task").iterdir())
+    except OSError:
+        return 0.0
+    for thread in threads:
+        try:
+            total_ns += int((thread / "schedstat").read_bytes().split()[1])
+        except (OSError, ValueError, IndexError):
+            continue  # the thread has ended, or there is no such file here
+    return 1e-9 * total_ns

@@ -1,0 +1,23 @@
+"""Some of the numbered schedules of lost and late COMMITs (``scripts/chaos --schedules all`` runs every one)."""
+
+from pathlib import Path
+
+from support.commit_chaos import SCHEDULES, run_all
+from support.database import TestDatabases
+
+CHOSEN = (
+    *(("work", "publish", fault, "SIGTERM") for fault in ("late request", "late answer", "cut after")),
+    *(("stop-half-way", "publish", "lost answer", sent) for sent in ("no signal", "SIGSTOP")),
+    ("work", "start", "lost answer", "no signal"),
+    ("work", "fetch", "cut after", "SIGKILL"),
+    ("long-work", "hand back", "lost answer", "no signal"),
+)
+"""Every kind of fault and of signal, at every transaction but the last one."""
+
+
+def test_lost_and_late_commits_lose_nothing(postgres: TestDatabases, tmp_path: Path) -> None:
+    by_name = {(each.kind, each.transaction, each.fault, each.signal): n for n, each in enumerate(SCHEDULES)}
+    said: list[str] = []
+    failed = run_all([by_name[each] for each in CHOSEN], postgres, tmp_path, at_once=len(CHOSEN), say=said.append)
+    assert not failed, "\n".join(said)
+    assert len(said) == len(CHOSEN)
