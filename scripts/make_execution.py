@@ -100,7 +100,7 @@ def borne(robot: str, experiments: list[str], folder: Path, *, boundaries: bool,
         for what, disturbed in disturbances(float(motion.time_s[-1])).items():
             if what not in known and applies(name, what):
                 replay = replayed(robot, motion, disturbed)
-                known[what] = 1e3 * replay.com_error_max_m if replay.completed else -1.0
+                known[what] = 1e3 * replay.com_error_max_m if not replay.fell else -1.0
                 path.write_bytes(BORNE.dump_json(known, indent=1))
         for what, (too_much, of_size) in growing(float(motion.time_s[-1])).items() if boundaries else ():
             row = f"most: {what}"
@@ -111,7 +111,7 @@ def borne(robot: str, experiments: list[str], folder: Path, *, boundaries: bool,
             row = f"survived, of {N_INSTANTS} pushes of {PUSH_NS:g} Ns to the {side}"
             if row not in known:
                 tried = (pushed(at_s, y * PUSH_NS) for at_s in instants(float(motion.time_s[-1])))
-                known[row] = float(sum(replayed(robot, motion, disturbed).completed for disturbed in tried))
+                known[row] = float(sum(not replayed(robot, motion, disturbed).fell for disturbed in tried))
                 path.write_bytes(BORNE.dump_json(known, indent=1))
 
 
@@ -126,13 +126,13 @@ def estimated(robot: str, experiments: list[str], folder: Path, *, anew: bool = 
                 row = f"{condition}: {who}"
                 if row not in known:
                     replay = replayed(robot, motion, disturbed, observe)
-                    known[row] = 1e3 * replay.com_error_max_m if replay.completed else -1.0
+                    known[row] = 1e3 * replay.com_error_max_m if not replay.fell else -1.0
                     path.write_bytes(BORNE.dump_json(known, indent=1))
 
 
 def survives(robot: str, motion: WholeBodyMotion, of_size: Callable[[float], Disturbances], size: float) -> bool:
-    """Whether the replay under a disturbance of this size comes to its end."""
-    return replayed(robot, motion, of_size(size)).completed
+    """Whether the robot does not fall under a disturbance of this size."""
+    return not replayed(robot, motion, of_size(size)).fell
 
 
 def page(folder: Path) -> Iterable[str]:
@@ -154,9 +154,9 @@ def _table(robot: str, executions: list[Execution]) -> Iterable[str]:
     yield f"## {robot}\n"
     yield (
         "| scenario | certificate | CoM, mm | landing, mm | legs to terrain, mm | torque: legs, arms | speed "
-        "| replay: CoM, mm | slip, landing, mm | hand: N, share |"
+        "| replay completed | CoM, mm | slip, landing, mm | torque asked | hand: N, share |"
     )
-    yield "| --- " * 10 + "|"
+    yield "| --- " * 12 + "|"
     for e in executions:
         yield f"| `{e.name}` | {_verdict(e)} | {_figures(e)} |"
     yield ""
@@ -169,7 +169,7 @@ def _verdict(e: Execution) -> str:
 
 def _figures(e: Execution) -> str:
     if not e.checks or e.cpu_s is None:
-        return " | ".join([""] * 8)
+        return " | ".join([""] * 10)
     torque = f"{e.value('torque_ratio_max_legs_torso'):.2f}, {e.value('torque_ratio_max_arms'):.2f}"
     body = [
         f"{1e3 * e.value('com_error_max'):.2f}",
@@ -179,13 +179,15 @@ def _figures(e: Execution) -> str:
         f"{e.duration_s / e.cpu_s['whole body']:.1f}",
     ]
     if e.replay is None:
-        return " | ".join([*body, "", "", ""])
+        return " | ".join([*body, "", "", "", "", ""])
     r = {key: 1e3 * value for key, value in e.replay.items()}
-    com = f"{r['com_error_max_m']:.1f}" if e.completed else "**falls**"
+    com = "**falls**" if e.fell else f"{r['com_error_max_m']:.1f}"
     hand = ""
     if "hand_force_mean_n" in e.replay:
         hand = f"{e.replay['hand_force_mean_n']:.0f}, {e.replay['hand_contact_share']:.0%}"
-    return " | ".join([*body, com, f"{r['foot_slip_max_m']:.1f}, {r['landing_error_max_m']:.1f}", hand])
+    slip = f"{r['foot_slip_max_m']:.1f}, {r['landing_error_max_m']:.1f}"
+    asked = f"{e.replay['torque_ratio_max']:.2f}"
+    return " | ".join([*body, "yes" if e.completed else " ".join(e.missed), com, slip, asked, hand])
 
 
 def _by_experiment(title: str, said: str, found: dict[str, dict[str, float]]) -> Iterable[str]:

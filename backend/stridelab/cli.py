@@ -15,7 +15,7 @@ from stridelab import __version__
 from stridelab.cli_backup import adopt, backup, restore
 from stridelab.cli_console import FAILURE, INTERRUPTED, exit_code, out, show_error
 from stridelab.cli_fit import fit_cycloid
-from stridelab.cli_groups import Delivery, Estimation, Preparation, Walk, with_groups
+from stridelab.cli_groups import Delivery, Estimation, Preparation, Walk, Walks, with_groups
 from stridelab.cli_live import stream
 from stridelab.cli_options import AsJson, BestMethod, Force, Gait, Lab, OutFolder, Walker
 from stridelab.cli_robot import export_contacts, import_contacts, learn_reachability, plan, plan_contacts, sweep
@@ -91,18 +91,22 @@ app.add_typer(tokens, name="token")
 @with_groups
 def estimate(
     *,
-    walk: Walk,
+    walks: Walks,
     method: BestMethod = None,
     estimation: Estimation,
     preparation: Preparation,
     delivery: Delivery,
 ) -> None:
-    """Estimate the centre of mass of one recording; needs no server."""
-    from stridelab.cli_estimate import EstimateRequest
+    """Estimate the centre of mass of one recording, or of each of a session; needs no server."""
     from stridelab.cli_estimate import estimate as run
+    from stridelab.cli_estimate_request import EstimateRequest
+    from stridelab.cli_session import estimate_session, recordings_below
 
-    request = EstimateRequest(walk, method, estimation, preparation)
-    run(request, delivery)
+    if len(walks.files) == 1 and not walks.files[0].is_dir():
+        run(EstimateRequest(walks.each(walks.files)[0], method, estimation, preparation), delivery)
+        return
+    each = walks.each(recordings_below(walks.files))
+    estimate_session([EstimateRequest(walk, method, estimation, preparation) for walk in each], delivery)
 
 
 @app.command()
@@ -118,7 +122,7 @@ def compare(
 ) -> None:
     """Compare all estimators on one recording; needs no server."""
     from stridelab.cli_compare import compare as run
-    from stridelab.cli_estimate import EstimateRequest
+    from stridelab.cli_estimate_request import EstimateRequest
 
     request = EstimateRequest(walk, method, estimation, preparation)
     run(request, truth=truth, delivery=delivery)
@@ -221,10 +225,20 @@ def doctor(
     worker: Annotated[
         bool, typer.Option("--worker", help="Only ask whether the worker of the data folder is alive.")
     ] = False,
+    files: Annotated[
+        bool, typer.Option("--files", help="Only read all stored files and compare them with their hashes.")
+    ] = False,
 ) -> None:
     """Check this machine for what the service needs; prints a fix for each failed check."""
     from stridelab.cli_doctor import ask, ask_worker, check_machine
 
+    if files:
+        from stridelab.cli_backup import verify_files
+
+        if not verify_files():
+            raise typer.Exit(FAILURE)
+    if files and not service and not worker:
+        return
     asked = [ask(service)] if service else []
     if worker:
         asked.append(ask_worker())

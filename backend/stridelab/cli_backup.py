@@ -1,4 +1,4 @@
-"""``stridelab backup``, ``restore`` and ``adopt``."""
+"""``stridelab backup``, ``restore``, ``adopt`` and ``doctor --files``."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from stridelab.cli_console import err, out, progress_bar
+from stridelab.cli_service import read_settings
 
 Replace = Annotated[bool, typer.Option("--replace", help="Put it in the place of data that are there.")]
 
@@ -15,7 +16,6 @@ def backup(
     force: Annotated[bool, typer.Option("--force", help="Replace an earlier backup of that name.")] = False,
 ) -> None:
     """Write everything the service holds into one file, while it runs or not."""
-    from stridelab.cli_service import read_settings
     from stridelab.service.backup.places import place
     from stridelab.service.backup.taking import take
 
@@ -30,7 +30,6 @@ def restore(
     replace: Replace = False,
 ) -> None:
     """Put a backup in the place of what the service holds; all of it or nothing. The service must not run."""
-    from stridelab.cli_service import read_settings
     from stridelab.service.backup.archive import open_archive
     from stridelab.service.backup.places import place
     from stridelab.service.backup.restoring import restore as run
@@ -50,7 +49,6 @@ def adopt(
     replace: Replace = False,
 ) -> None:
     """Move an embedded service's data into STRIDELAB_DATABASE_URL and STRIDELAB_BLOB_URL."""
-    from stridelab.cli_service import read_settings
     from stridelab.service.backup.adopting import adopt as run
 
     with progress_bar("adopt") as bar:
@@ -58,6 +56,23 @@ def adopt(
     out.print(f"adopted {_told(taken.rows, taken.files, taken.bytes)}")
     out.print(f"{folder} is as it was; delete it when you have looked at the new service.")
     _tell_missing(taken.missing)
+
+
+def verify_files() -> bool:
+    """Read all stored files and print which are missing or damaged; returns whether all are as they were stored."""
+    from stridelab.service.backup.places import place
+    from stridelab.service.backup.verifying import verify
+
+    with place(read_settings(), alone=False) as there, progress_bar("files") as bar:
+        found = verify(there.database_url, there.store(), bar)
+    hashes = f"; {found.without_hash} of them have no stored hash" if found.without_hash else ""
+    out.print(f"{found.files} files ({found.bytes / 1e6:,.1f} MB) read{hashes}")
+    for what, files in (("missing", found.missing), ("damaged", found.damaged)):
+        for one in files:
+            err.print(f"[red]{what}[/]: {one.of} ({one.key})", soft_wrap=True)
+    if not found.ok:
+        err.print("Upload a damaged recording again: the same file repairs it. A result is made again by its job.")
+    return found.ok
 
 
 def _told(rows: dict[str, int], files: int, size_bytes: int) -> str:

@@ -7,10 +7,18 @@ from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli_console import out, progress_bar
-from stridelab.cli_estimate import EstimateRequest, require_file, staged
+from stridelab.cli_estimate import require_file, staged
+from stridelab.cli_estimate_request import EstimateRequest
 from stridelab.cli_groups import Delivery
 from stridelab.cli_output import refuse_to_overwrite, result_folder
-from stridelab.cli_result import show_files, show_json, show_remarks, write_result
+from stridelab.cli_result import (
+    end_if_contradicted,
+    show_files,
+    show_json,
+    show_quality,
+    show_remarks,
+    write_result,
+)
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.comparison import Axes, CompareEstimatorsInput, CompareEstimatorsSummary, MethodAssessment
 from stridelab.schemas.jobs import JobResult
@@ -44,6 +52,7 @@ def compare(
             kind = "compare-estimators"
             result = estimate_remotely(request, folder, delivery.server, delivery.token, kind, CompareEstimatorsInput)
     show_comparison(result, target, as_json=delivery.as_json)
+    end_if_contradicted(result)
 
 
 def compare_here(request: EstimateRequest, folder: Path, truth: Path | None) -> JobResult:
@@ -69,6 +78,7 @@ def show_comparison(result: JobResult, target: Path, *, as_json: bool) -> None:
         show_json(result)
         return
     summary = CompareEstimatorsSummary.model_validate(result.summary)
+    show_quality(summary.quality, summary.warnings)
     start_s, end_s = summary.window_s
     out.print(f"{start_s:.2f} to {end_s:.2f} s at {summary.rate_hz:g} Hz, {summary.mass_kg:.1f} kg")
     for heads, cells in _TABLES:

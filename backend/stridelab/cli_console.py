@@ -23,6 +23,8 @@ from stridelab.errors import (
 )
 
 FAILURE: Final = 1
+CONTRADICTED: Final = 3
+"""A result was written, and the sensors of its recording contradict each other."""
 INTERRUPTED: Final = 130
 
 EXIT_CODES: Final[Mapping[type[StridelabError], int]] = MappingProxyType(
@@ -38,7 +40,10 @@ EXIT_CODES: Final[Mapping[type[StridelabError], int]] = MappingProxyType(
         Unavailable: 10,
     }
 )
-"""Exit code per class of error; 1 is any other failure, 2 also a misspelt command line, 130 Ctrl-C."""
+"""Exit code per class of error; 1 is any other failure, 2 also a misspelt command line, 130 Ctrl-C.
+
+3 is also ``CONTRADICTED``: a result that was written and must not be believed.
+"""
 
 MOST_FAULTS: Final = 12
 """Faults listed below an error before the rest is only counted."""

@@ -7,10 +7,18 @@ from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli_console import out, progress_bar
-from stridelab.cli_estimate import EstimateRequest, require_file, staged
+from stridelab.cli_estimate import require_file, staged
+from stridelab.cli_estimate_request import EstimateRequest
 from stridelab.cli_groups import Delivery
 from stridelab.cli_output import refuse_to_overwrite, result_folder
-from stridelab.cli_result import show_files, show_json, show_remarks, write_result
+from stridelab.cli_result import (
+    end_if_contradicted,
+    show_files,
+    show_json,
+    show_quality,
+    show_remarks,
+    write_result,
+)
 from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary, FittedStep, Rival, StepScatter
 from stridelab.schemas.jobs import JobResult
 from stridelab.service.jobs.kinds.tasks import FitCycloidTask
@@ -35,6 +43,7 @@ def fit(request: EstimateRequest, delivery: Delivery) -> None:
 
             result = estimate_remotely(request, folder, delivery.server, delivery.token, KIND, FitCycloidInput)
     show_fit(result, target, as_json=delivery.as_json)
+    end_if_contradicted(result)
 
 
 def fit_here(request: EstimateRequest, folder: Path) -> JobResult:
@@ -54,9 +63,9 @@ def show_fit(result: JobResult, target: Path, *, as_json: bool) -> None:
         show_json(result)
         return
     summary = FitCycloidSummary.model_validate(result.summary)
-    out.print(
-        f"{summary.method}, {summary.rate_hz:g} Hz, {summary.mass_kg:.1f} kg; steps left out: {summary.steps_left_out}"
-    )
+    show_quality(summary.quality, summary.warnings)
+    mass = "mass not known" if summary.mass_kg is None else f"{summary.mass_kg:.1f} kg"
+    out.print(f"{summary.method}, {summary.rate_hz:g} Hz, {mass}; steps left out: {summary.steps_left_out}")
     wheels = Table("", *_WHEEL, box=None, pad_edge=False)
     times = Table("", *_TIMES, box=None, pad_edge=False)
     for step in summary.steps:

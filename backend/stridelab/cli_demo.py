@@ -11,7 +11,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli_console import out
-from stridelab.cli_estimate import EstimateRequest, estimate_here, show_estimate
+from stridelab.cli_estimate import estimate_here, show_estimate
+from stridelab.cli_estimate_request import EstimateRequest
 from stridelab.cli_groups import Walk
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.cli_plan import PlanRequest, plan_here, show_plan

@@ -11,6 +11,7 @@ import psutil
 import psycopg
 
 from stridelab.cli_check import Check
+from stridelab.cores import default_slots
 from stridelab.errors import StridelabError
 from stridelab.service.embedded_postgres import running_url
 from stridelab.service.jobs.work_folder import BEAT_FILE
@@ -114,7 +115,7 @@ async def _probe(settings: Settings) -> None:
 def memory(settings: Settings) -> Check:
     """The jobs that may run at once fit into the memory."""
     have_mb = memory_bytes() / 1e6
-    slots = (settings.worker_slots or max(1, (psutil.cpu_count() or 2) - 1)) + 1
+    slots = (settings.worker_slots or default_slots()) + 1
     needed_mb = _SERVICE_MB + settings.job_memory_mb
     found = f"{have_mb:,.0f} MB for {slots} slots of up to {settings.job_memory_mb} MB"
     fix = f"One job and the service take up to {needed_mb} MB: lower STRIDELAB_JOB_MEMORY_MB."

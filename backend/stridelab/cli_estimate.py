@@ -3,18 +3,26 @@
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli_console import out, progress_bar
-from stridelab.cli_groups import Delivery, Estimation, Preparation, Walk
+from stridelab.cli_estimate_request import EstimateRequest, named_value, numbers
+from stridelab.cli_groups import Delivery
 from stridelab.cli_output import refuse_to_overwrite, result_folder
-from stridelab.cli_result import show_files, show_json, show_remarks, validated, write_result
-from stridelab.errors import Fault, InvalidInput, UnreadableFile
+from stridelab.cli_result import (
+    end_if_contradicted,
+    show_files,
+    show_json,
+    show_quality,
+    show_remarks,
+    validated,
+    write_result,
+)
+from stridelab.errors import Fault, UnreadableFile
 from stridelab.schemas.jobs import (
     EstimateComInput,
     EstimateComSummary,
@@ -22,72 +30,8 @@ from stridelab.schemas.jobs import (
     SimulateRecordingInput,
     SimulateRecordingSummary,
 )
-from stridelab.schemas.recordings import PlateSwitch, SubjectFields
+from stridelab.schemas.sessions import SessionValues
 from stridelab.service.jobs.kinds.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
-
-Input = TypeVar("Input", bound=EstimateComInput)
-
-
-@dataclass(frozen=True)
-class EstimateRequest:
-    """Options of ``stridelab estimate``, ``compare``, ``fit-cycloid``, ``stream``; ``steps`` is for the wheel alone."""
-
-    walk: Walk
-    method: str | None = None
-    estimation: Estimation = field(default_factory=Estimation)
-    preparation: Preparation = field(default_factory=Preparation)
-    steps: str | None = None
-
-    @property
-    def file(self) -> Path:
-        """The recording."""
-        return self.walk.file
-
-    @property
-    def static(self) -> Path | None:
-        """The static trial of the same person, where there is one."""
-        return self.preparation.static
-
-    def subject(self) -> SubjectFields:
-        """What was stated of the person. Raises ``InvalidInput`` naming the option that makes no sense."""
-        stated = asdict(self.walk)
-        del stated["file"]
-        return validated(SubjectFields, stated)
-
-    def input(self, recording_id: str, model: type[Input]) -> Input:
-        """Input of a job on this recording. Raises ``InvalidInput`` naming the option that makes no sense."""
-        latency, cutoffs, window = self.estimation.latency, self.estimation.cutoffs, self.estimation.window
-        fields = {
-            "recording_id": recording_id,
-            "method": self.method,
-            "latency": latency if latency in {"report", "apply"} else numbers("--latency", latency, 1)[0],
-            "segment_table": self.estimation.segment_table,
-            "cutoffs": cutoffs if cutoffs in {"auto", "thesis", "spectra"} else numbers("--cutoffs", cutoffs, 2),
-            "smoother": self._smoother(),
-            "window_s": None if window is None else numbers("--window", window, 2),
-        }
-        if self.steps is not None:
-            fields["steps"] = self.steps
-        return validated(model, fields)
-
-    def _smoother(self) -> dict[str, Any] | None:
-        """What was stated for the smoother; None where nothing was, which leaves the choice of the method open."""
-        stated, learn = self.estimation.prior or (), not self.estimation.no_learn
-        if not stated and learn and not self.estimation.segment_momentum:
-            return None
-        priors = {}
-        for name, value in (_pair("--prior", text) for text in stated):
-            sizes = numbers("--prior", value, value.count(",") + 1)
-            priors[name] = sizes[0] if len(sizes) == 1 else sizes
-        return {"priors": priors, "learn": learn, "segment_momentum": self.estimation.segment_momentum}
-
-    def marker_map(self) -> dict[str, str]:
-        """Landmark to label."""
-        return dict(_pair("--marker", text) for text in self.preparation.marker or ())
-
-    def plates(self) -> dict[int, PlateSwitch]:
-        """Plates that are left out."""
-        return {index: PlateSwitch(use=False) for index in self.preparation.without_plate or ()}
 
 
 def estimate(request: EstimateRequest, delivery: Delivery) -> None:
@@ -105,16 +49,21 @@ def estimate(request: EstimateRequest, delivery: Delivery) -> None:
         else:
             result = estimate_here(request, folder)
     show_estimate(result, target, as_json=delivery.as_json)
+    end_if_contradicted(result)
 
 
-def estimate_here(request: EstimateRequest, folder: Path) -> JobResult:
-    """Run the job's own function in this process; ``folder`` then holds exactly what the service would publish."""
+def estimate_here(request: EstimateRequest, folder: Path, session: SessionValues | None = None) -> JobResult:
+    """Run the job's own function in this process; ``folder`` then holds exactly what the service would publish.
+
+    ``session`` are the values of the recording's session.
+    """
     from stridelab.service.jobs.kinds import estimate_com
 
     input_ = request.input(request.file.name, EstimateComInput)
     with progress_bar(request.file.name) as bar, staged(request, folder) as (recording, static):
         bar(0.0, "starting")
-        outcome = estimate_com.run(EstimateComTask(recording=recording, static=static, input=input_), folder, bar)
+        task = EstimateComTask(recording=recording, static=static, session=session, input=input_)
+        outcome = estimate_com.run(task, folder, bar)
     return write_result(folder, "estimate-com", input_, outcome)
 
 
@@ -141,7 +90,7 @@ def simulate(
     fields: Mapping[str, Any], *, noise: Sequence[str], out_dir: Path | None, force: bool, as_json: bool
 ) -> None:
     """Simulate one recording into a folder and show the summary."""
-    stated = {key: numbers("--noise", value, 1)[0] for key, value in (_pair("--noise", text) for text in noise)}
+    stated = {key: numbers("--noise", value, 1)[0] for key, value in (named_value("--noise", text) for text in noise)}
     input_ = validated(SimulateRecordingInput, {**fields, "noise": stated})
     target = out_dir or Path(f"simulated-{input_.seed}")
     with result_folder(target, force=force) as folder:
@@ -171,6 +120,7 @@ def show_estimate(result: JobResult, target: Path, *, as_json: bool) -> None:
         show_json(result)
         return
     summary = EstimateComSummary.model_validate(result.summary)
+    show_quality(summary.quality, summary.warnings)
     table = Table(show_header=False, box=None, pad_edge=False)
     for name, value in _rows(summary):
         table.add_row(f"[bold]{name}[/]", escape(value))
@@ -185,10 +135,12 @@ def _rows(summary: EstimateComSummary) -> list[tuple[str, str]]:
     if summary.latency_s is not None:
         spread = f" ± {1e3 * summary.latency_sd_s:.1f}" if summary.latency_sd_s is not None else ""
         latency = f"{1e3 * summary.latency_s:+.1f}{spread} ms, {1e3 * summary.latency_applied_s:.1f} ms applied"
+        if summary.latency_source == "session":
+            latency += f", of {summary.latency_n_trials} trials of the session"
     rows = [
         ("window", f"{start_s:.2f} to {end_s:.2f} s at {summary.rate_hz:g} Hz"),
         ("method", f"{summary.method}, segment table {summary.segment_table}"),
-        ("mass", f"{summary.mass_kg:.1f} kg"),
+        ("mass", "not known" if summary.mass_kg is None else f"{summary.mass_kg:.1f} kg"),
         ("force latency", latency),
     ]
     if summary.bias_m:
@@ -216,22 +168,3 @@ def require_file(path: Path) -> None:
     except OSError as error:
         reason = error.strerror or "it cannot be opened"
         raise UnreadableFile("file-not-readable", f"Cannot read {path}: {reason}.") from error
-
-
-def numbers(option: str, text: str, count: int) -> list[float]:
-    """``count`` numbers with commas between them. Raises ``InvalidInput`` naming the option."""
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) != count:
-        wanted = "a number" if count == 1 else f"{count} numbers with a comma between them"
-        raise InvalidInput("option-invalid", f"{option} takes {wanted}.", [Fault(option, f"got {text!r}")])
-    return values
-
-
-def _pair(option: str, text: str) -> tuple[str, str]:
-    name, equals, value = text.partition("=")
-    if not (name and equals and value):
-        raise InvalidInput("option-invalid", f"{option} takes NAME=VALUE.", [Fault(option, f"got {text!r}")])
-    return name.strip(), value.strip()

@@ -16,7 +16,7 @@ def fit_cycloid(
 ) -> None:
     """Fit the rolling wheel to every step of one recording; needs no server."""
     from stridelab.cli_cycloid import fit as run
-    from stridelab.cli_estimate import EstimateRequest
+    from stridelab.cli_estimate_request import EstimateRequest
 
     request = EstimateRequest(walk, method, estimation, preparation, steps)
     run(request, delivery)

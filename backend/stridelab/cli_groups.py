@@ -1,6 +1,6 @@
 """Groups of options that several commands take whole, and the decorator that lets a command take them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, dataclass, fields, is_dataclass
 from inspect import Parameter, Signature, signature
 from pathlib import Path
@@ -25,6 +25,7 @@ from stridelab.cli_options import (
     Static,
     Token,
     Trial,
+    Trials,
     WithoutLearning,
     WithoutPlates,
 )
@@ -39,6 +40,21 @@ class Walk:
     mass_kg: Mass = None
     sex: PersonSex = None
     age_years: Age = None
+
+
+@dataclass(frozen=True)
+class Walks:
+    """One recording or several, and what is stated of the person in them."""
+
+    files: Trials
+    height_m: Height = None
+    mass_kg: Mass = None
+    sex: PersonSex = None
+    age_years: Age = None
+
+    def each(self, files: Sequence[Path]) -> list[Walk]:
+        """A recording each."""
+        return [Walk(file, self.height_m, self.mass_kg, self.sex, self.age_years) for file in files]
 
 
 @dataclass(frozen=True)

@@ -27,7 +27,7 @@ def stream(
     token: Token = None,
 ) -> None:
     """Replay a recording in real time to a service that estimates its centre of mass online."""
-    from stridelab.cli_estimate import EstimateRequest
+    from stridelab.cli_estimate_request import EstimateRequest
     from stridelab.cli_stream import Replay
     from stridelab.cli_stream import stream as run
 

@@ -27,6 +27,12 @@ NodeRate = Annotated[
 Densities = Annotated[PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")]
 
 Trial = Annotated[Path, typer.Argument(help="A .c3d file, or a .zip of a .trc and a .mot or .sto file.")]
+Trials = Annotated[
+    list[Path],
+    typer.Argument(
+        help="A .c3d file, a .zip of TRC and MOT, or several, or folders: trials of one person and day are a session."
+    ),
+]
 Height = Annotated[float | None, typer.Option("--height", help="Stature in metres.")]
 Mass = Annotated[float | None, typer.Option("--mass", help="Body mass in kilograms.")]
 PersonSex = Annotated[Sex | None, typer.Option("--sex", help="Which columns of the segment table.")]

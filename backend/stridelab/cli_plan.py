@@ -173,6 +173,9 @@ def show_plan(result: JobResult, target: Path, *, as_json: bool) -> None:
         out.print(f"[bold red]stopped[/] at {at.time_s:.2f} s in phase {at.phase}: {level}")
     if summary.replay is not None:
         out.print(f"[bold]replay[/] {_replay(summary.replay)}")
+        for remark in summary.replay.remarks or ():
+            if remark.code != "replay-fell":  # the line above says when
+                out.print(f"  [yellow]{escape(remark.code)}[/] {escape(remark.message)}")
     times_s = {stage: summary.stage_times_s[stage] for stage in PLAN_STAGES if stage in summary.stage_times_s}
     out.print(f"[bold]took[/] {', '.join(f'{stage} {seconds:.1f} s' for stage, seconds in times_s.items())}")
     show_remarks(summary.warnings)
@@ -196,9 +199,9 @@ def _line(check: CertificateCheck, width: int) -> str:
 
 
 def _replay(replay: ReplaySummary) -> str:
-    how = "completed" if replay.completed else "[bold red]fell[/]"
+    how = "completed" if replay.completed else "[bold red]not completed[/]"
     if replay.fall_time_s is not None:
-        how += f" at {replay.fall_time_s:.1f} s"
+        how = f"[bold red]fell[/] at {replay.fall_time_s:.1f} s"
     text = (
         f"{how}: CoM error {1e3 * replay.com_error_rms_m:.1f} mm RMS, {1e3 * replay.com_error_max_m:.1f} mm at most; "
         f"feet land up to {1e3 * replay.landing_error_max_m:.1f} mm off and slip "

@@ -15,7 +15,15 @@ from stridelab.cli_console import Bar, err, out, progress_bar
 from stridelab.cli_estimate import require_file
 from stridelab.cli_groups import Delivery
 from stridelab.cli_output import refuse_to_overwrite, result_folder
-from stridelab.cli_result import show_files, show_json, show_remarks, validated, write_result
+from stridelab.cli_result import (
+    end_if_contradicted,
+    show_files,
+    show_json,
+    show_quality,
+    show_remarks,
+    validated,
+    write_result,
+)
 from stridelab.client import Client
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings.batch_archive import BatchLimits, is_batch, unpack_batch
@@ -72,6 +80,7 @@ def study(
         else:
             result = study_here(given, options, folder)
     show_study(result, target, as_json=delivery.as_json)
+    end_if_contradicted(result)
 
 
 def collect(paths: Sequence[Path], subjects: Path | None, folder: Path) -> Given:
@@ -198,6 +207,7 @@ def show_study(result: JobResult, target: Path, *, as_json: bool) -> None:
         show_json(result)
         return
     summary = StudyPopulationSummary.model_validate(result.summary)
+    show_quality(summary.quality, summary.warnings)
     people = Table("", "group", "steps", "height m", "speed m/s", "R mm", "r mm", "z0 m", "omega rad/s", "error mm",
                    box=None, pad_edge=False)  # fmt: skip
     for one in summary.subjects:

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from stridelab.cli_console import Bar, progress_bar
-from stridelab.cli_estimate import EstimateRequest
+from stridelab.cli_estimate_request import EstimateRequest
 from stridelab.cli_result import write_result
 from stridelab.client import Client, ClientError, ProblemError, Unreachable
 from stridelab.errors import (

@@ -1,23 +1,28 @@
 """What every command with a result does: options checked, the run's files listed, result and references written."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Final, TypeVar
 
+import typer
 from pydantic import ValidationError
 from rich.markup import escape
 
-from stridelab.cli_console import out
+from stridelab.cli_console import CONTRADICTED, out
 from stridelab.cli_output import REFERENCES_FILE, RESULT_FILE
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.jobs import Artifact, JobResult
+from stridelab.schemas.quality import Quality
 from stridelab.service.jobs.kinds.kind import Outcome
 from stridelab.service.jobs.kinds.provenance import bibliography
 from stridelab.service.jobs.kinds.provenance import versions as local_versions
 
 T = TypeVar("T", bound=Contract)
+
+VERDICT_COLOURS: Final[Mapping[str, str]] = {"contradicted": "bold red", "doubtful": "yellow"}
+"""Codes of the remarks that state the verdict of a recording's quality, with their colours."""
 
 OPTIONS = {
     "height_m": "--height",
@@ -86,9 +91,33 @@ def show_json(result: JobResult) -> None:
     out.print_json(json.dumps(result.model_dump(mode="json")))
 
 
-def show_remarks(remarks: list[Remark]) -> None:
-    """One line per warning."""
+def show_quality(quality: Quality | None, remarks: Sequence[Remark]) -> None:
+    """The verdict, before any number: what contradicts what in red, what is doubtful in yellow."""
+    if quality is None:
+        out.print("[yellow]quality not checked[/]: the version that made this result has no checks")
+        return
+    if quality.verdict == "good":
+        out.print(f"[green]quality good[/]: {len(quality.checks)} checks pass")
     for remark in remarks:
+        if remark.code in VERDICT_COLOURS:
+            out.print(f"[{VERDICT_COLOURS[remark.code]}]{remark.code}[/]: {escape(remark.message)}")
+    if quality.not_checked:
+        reasons = "; ".join(f"{name} ({why})" for name, why in quality.not_checked.items())
+        out.print(f"[dim]not checked: {escape(reasons)}[/]")
+
+
+def end_if_contradicted(result: JobResult) -> None:
+    """Raise ``typer.Exit`` with the code ``CONTRADICTED`` where the result's sensors contradict each other."""
+    quality = result.summary.get("quality")
+    if quality is not None and quality["verdict"] == "contradicted":
+        raise typer.Exit(CONTRADICTED)
+
+
+def show_remarks(remarks: list[Remark]) -> None:
+    """One line per warning; the verdict's own is shown by ``show_quality``."""
+    for remark in remarks:
+        if remark.code in VERDICT_COLOURS:
+            continue
         out.print(f"[yellow]note[/] {escape(remark.message)} [dim]({escape(remark.code)})[/]")
 
 

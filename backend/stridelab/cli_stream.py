@@ -15,7 +15,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from stridelab.cli_console import out, progress_bar
-from stridelab.cli_estimate import EstimateRequest, numbers, require_file, staged
+from stridelab.cli_estimate import require_file, staged
+from stridelab.cli_estimate_request import EstimateRequest, numbers
 from stridelab.cli_remote import translated
 from stridelab.cli_result import validated
 from stridelab.client import Client
@@ -60,7 +61,7 @@ class Played:
     def figures(self) -> dict[str, Any]:
         """The summary as plain numbers."""
         last = self.estimates[-1]
-        slow_s = quantiles(self.took_s, n=20)[-1] if len(self.took_s) > 1 else self.took_s[0]
+        slow_s = quantiles(self.took_s, n=20, method="inclusive")[-1] if len(self.took_s) > 1 else self.took_s[0]
         return {
             "method": self.method,
             "samples": len(self.estimates),

@@ -58,6 +58,6 @@ def com_curves(columns: Columns, summary: Mapping[str, Any]) -> dict[str, Any]:
     fused = {
         f"fused_force_{axis}_n": np.asarray(summary["mass_kg"] * (columns[f"a{axis}_m_s2"] - GRAVITY_M_S2[axis]))
         for axis in "xyz"
-        if f"a{axis}_m_s2" in columns
+        if f"a{axis}_m_s2" in columns and summary["mass_kg"] is not None
     }
     return drawing({**columns, **fused}, DECIMALS, ROWS, READINGS, [summary["window_s"]], SWITCHES)

@@ -7,6 +7,10 @@ from typing import Any, Final, Literal, get_args
 DocumentKind = Literal["recording", "plan", "scenario", "robot"]
 PlayerForm = Literal["viser", "html"]
 """A file for viser's own player, or one page with that player and the file in it."""
+KEY_HEADER: Final = "X-Stridelab-Scenario-Key"
+"""With which key to store what is changed through a websocket to the viewer."""
+REFUSAL_HEADER: Final = "X-Stridelab-Scenario-Refusal"
+"""In its place: why nothing may be changed through it."""
 NO_JOB: Final = "-"
 """Stands for "no result" in an address."""
 

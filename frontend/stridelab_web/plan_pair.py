@@ -190,7 +190,9 @@ def _replays(a: PlanMotionSummary, b: PlanMotionSummary) -> Iterator[PairRow]:
 
 
 def _stood(replay: ReplaySummary | None) -> str:
-    return DASH if replay is None else "stays on its feet" if replay.completed else "falls"
+    if replay is None:
+        return DASH
+    return "falls" if replay.fall_time_s is not None else "completed" if replay.completed else "not completed"
 
 
 _REPLAYED: Final = (
@@ -200,6 +202,7 @@ _REPLAYED: Final = (
     ("landing_error_max_m", "Landing error, largest", "m"),
     ("hand_force_mean_n", "Hand force, mean", "N"),
     ("torque_ratio_max", "Torque, share of limit", ""),
+    ("collisions", "Pairs that collide", ""),
 )
 
 

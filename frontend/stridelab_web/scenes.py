@@ -14,9 +14,11 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed
 
+from stridelab.client import ClientError
 from stridelab_web import viser_client
 from stridelab_web.config import WebConfig
-from stridelab_web.documents import Document, document_of
+from stridelab_web.documents import KEY_HEADER, REFUSAL_HEADER, Document, document_of
+from stridelab_web.service import client_of
 
 OPENING_S = 120.0
 STARTING_TRIES = 5
@@ -27,6 +29,14 @@ SHARE_MESSAGE = b"ShareUrl"
 
 class ViewerUnavailable(Exception):
     """The viewer process does not answer, or cannot show the document."""
+
+    status = 503
+
+
+class NoSuchScene(ViewerUnavailable):
+    """The address names no kind of scene, or the viewer knows no such document."""
+
+    status = 404
 
 
 async def page(request: Request) -> Response:
@@ -44,7 +54,7 @@ async def open_scene(request: Request) -> Response:
     try:
         opened = await _open(request.app.state.config, _document(request))
     except ViewerUnavailable as error:
-        return JSONResponse({"detail": str(error)}, status_code=503)
+        return JSONResponse({"detail": str(error)}, status_code=error.status)
     return JSONResponse({"ready": True, "said": opened["said"]})
 
 
@@ -54,7 +64,7 @@ async def player(request: Request) -> Response:
     try:
         answer = await _ask(request.app.state.config, f"players/{form}", _document(request))
     except ViewerUnavailable as error:
-        raise HTTPException(503, str(error)) from error
+        raise HTTPException(error.status, str(error)) from error
     headers = {"Content-Disposition": f'attachment; filename="motion.{form}"', "Cache-Control": "no-store"}
     return Response(answer.content, media_type="application/octet-stream", headers=headers)
 
@@ -73,7 +83,8 @@ async def pump(socket: WebSocket) -> None:
     versions = socket.scope["subprotocols"]
     await socket.accept(subprotocol=versions[0] if versions else None)
     try:
-        opened = await _open(socket.app.state.config, _document(socket))
+        document = _document(socket)
+        opened = await _open(socket.app.state.config, document)
         upstream = await websockets.connect(
             f"ws://127.0.0.1:{opened['port']}/{opened['secret']}",
             subprotocols=[websockets.Subprotocol(name) for name in versions[:1]],
@@ -81,8 +92,9 @@ async def pump(socket: WebSocket) -> None:
             compression=None,
             proxy=None,
             user_agent_header=None,
+            additional_headers=await _right(socket, document),
         )
-    except (ViewerUnavailable, OSError, websockets.InvalidHandshake):
+    except (ViewerUnavailable, ClientError, OSError, websockets.InvalidHandshake):
         await socket.close(1013, "viewer-unavailable")
         return
     async with upstream:
@@ -91,6 +103,15 @@ async def pump(socket: WebSocket) -> None:
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _right(socket: WebSocket, document: Document) -> dict[str, str]:
+    """Headers that tell the viewer with which key to store what is changed through this websocket, or why not to."""
+    if document.kind != "scenario":
+        return {}
+    stored = await client_of(socket).scenario(document.id)
+    right = socket.app.state.config.scenario_right(socket.scope, stored.id, stored.owner)
+    return {REFUSAL_HEADER: right.refusal} if right.key is None else {KEY_HEADER: right.key}
 
 
 async def _up(socket: WebSocket, upstream: ClientConnection) -> None:
@@ -116,7 +137,7 @@ def _document(connection: HTTPConnection) -> Document:
     try:
         return document_of(connection.path_params)
     except KeyError as error:
-        raise ViewerUnavailable("There is no such scene.") from error
+        raise NoSuchScene("There is no such scene.") from error
 
 
 async def _open(config: WebConfig, document: Document) -> dict[str, Any]:
@@ -138,5 +159,6 @@ async def _ask(config: WebConfig, path: str, document: Document) -> httpx.Respon
     except (httpx.HTTPError, ValueError) as error:
         raise ViewerUnavailable("The viewer does not answer. It may be starting; try again.") from error
     if answer.is_error:
-        raise ViewerUnavailable(str(refusal.get("detail", "The viewer cannot show this.")))
+        refused = NoSuchScene if answer.status_code == NoSuchScene.status else ViewerUnavailable
+        raise refused(str(refusal.get("detail", "The viewer cannot show this.")))
     return answer

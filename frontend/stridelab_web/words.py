@@ -1,7 +1,7 @@
 """How values are written on the pages."""
 
 from collections.abc import Iterable, Sequence
-from datetime import datetime
+from datetime import UTC, datetime
 
 from stridelab.schemas.jobs import FINAL_STATES, Job
 
@@ -25,8 +25,8 @@ def measured(value: float, unit: str) -> str:
 
 
 def moment(value: datetime) -> str:
-    """A time stamp, to the minute, in UTC as the interface gives it."""
-    return value.strftime("%Y-%m-%d %H:%M")
+    """A time stamp to the minute, in UTC, which it says."""
+    return value.astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
 
 
 def megabytes(count: int) -> str:

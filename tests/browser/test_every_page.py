@@ -54,6 +54,22 @@ def test_every_page_fits_and_keeps_nobody_out(
     tab.missteps = [misstep for misstep in tab.missteps if "status of 404" not in misstep]
 
 
+PHONE = (390, 844)
+ON_A_PHONE = ("home", "recordings", "recording", "scenario", "jobs", "population", "plan")
+"""One page of each layout; most have a table that is wider than the screen of a phone."""
+
+
+@pytest.mark.timeout(300)
+def test_no_page_scrolls_sideways_on_a_phone(open_tab: Callable[..., Tab], addresses: dict[str, str]) -> None:
+    tab = open_tab(*PHONE)
+    widths = {}
+    for name in ON_A_PHONE:
+        page = tab.go(addresses[name])
+        _complete(page, name)
+        widths[name] = page.evaluate("document.documentElement.scrollWidth")
+    assert widths == dict.fromkeys(ON_A_PHONE, PHONE[0])
+
+
 def _complete(page: Page, name: str) -> None:
     if name.startswith("view-"):
         page.wait_for_selector("[data-ready]", timeout=90_000)

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from stridelab.cli_estimate import EstimateRequest, estimate, simulate
+from stridelab.cli_estimate import estimate, simulate
+from stridelab.cli_estimate_request import EstimateRequest
 from stridelab.cli_groups import Delivery, Estimation, Walk
 from stridelab.cli_result import write_result
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, JobResult

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from stridelab.cli_cycloid import fit
-from stridelab.cli_estimate import EstimateRequest
+from stridelab.cli_estimate_request import EstimateRequest
 from stridelab.cli_groups import Delivery, Walk
 from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.schemas.cycloid import FitCycloidSummary

@@ -59,7 +59,8 @@ def test_a_bad_file_is_one_clear_line_and_leaves_nothing(run: Run, tmp_path: Pat
     ("arguments", "code", "told"),
     [
         (("estimate", "nowhere.c3d"), 3, "there is no such file"),
-        (("estimate", "."), 3, "it is not a file"),
+        (("compare", "."), 3, "it is not a file"),
+        (("estimate", "."), 4, "truncated-file"),
         (("estimate", "x.c3d", "--static", "nowhere.c3d"), 3, "nowhere.c3d"),
         (("estimate", "x.c3d", "--height", "171"), 2, "--height"),
         (("estimate", "x.c3d", "--mass", "0"), 2, "--mass"),

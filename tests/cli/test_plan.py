@@ -168,6 +168,19 @@ def fallen() -> dict[str, Any]:
     return summary.model_dump(mode="json")
 
 
+def test_a_replay_that_is_not_completed_says_what_is_missing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    summary, message = fallen(), "A loaded foot slips by 68 mm; at most 20 mm are allowed."
+    summary["replay"] |= {"fall_time_s": None, "remarks": [{"code": "replay-slipped", "message": message}]}
+    result = JobResult(kind="plan-motion", input={}, versions={}, references=[], summary=summary, artifacts=[])
+    show_plan(result, tmp_path, as_json=False)
+    said = " ".join(capsys.readouterr().out.split())
+    assert "replay not completed: CoM error" in said
+    assert "fell at" not in said
+    assert f"replay-slipped {message}" in said
+
+
 def test_the_tables_say_what_failed_and_where(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = Artifact(name="motion.html", media_type="text/html", bytes=1)
     result = JobResult(kind="plan-motion", input={}, versions={}, references=[], summary=fallen(), artifacts=[page])

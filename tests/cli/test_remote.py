@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from stridelab import cli_remote
-from stridelab.cli_estimate import EstimateRequest
+from stridelab.cli_estimate_request import EstimateRequest
 from stridelab.cli_groups import Estimation, Preparation, Walk
 from stridelab.client import ProblemError
 from stridelab.errors import Busy, Forbidden, InvalidInput, NotEstimable, StridelabError, UnreadableFile

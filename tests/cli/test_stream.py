@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stridelab.cli_estimate import EstimateRequest
+from stridelab.cli_estimate_request import EstimateRequest
 from stridelab.cli_groups import Walk
-from stridelab.cli_stream import COLUMNS, Replay, paced, prepared, stream
+from stridelab.cli_stream import COLUMNS, Played, Replay, paced, prepared, stream
 from stridelab.errors import InvalidInput, Unavailable
+from stridelab.schemas.streams import StreamEstimate
 from support.database import TestDatabases
 from support.interface import Served, served
 from support.quiet import SAMPLE
@@ -101,3 +102,10 @@ def test_senseless_options_are_refused(options: dict[str, float]) -> None:
     with pytest.raises(InvalidInput) as refused:
         Replay(**options)  # type: ignore[arg-type]
     assert refused.value.code == "option-invalid"
+
+
+def test_the_quantile_of_the_answers_is_never_beyond_the_longest_answer() -> None:
+    last = StreamEstimate.model_construct()
+    for took_s in ([0.2], [0.1, 0.2], [0.01, 0.02, 0.2]):
+        figures = Played("complementary", [last], took_s, 1.0).figures()
+        assert figures["answer_median_ms"] <= figures["answer_95_percent_ms"] <= figures["answer_max_ms"]

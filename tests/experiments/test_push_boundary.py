@@ -7,8 +7,8 @@ from stridelab.centroidal.horizon import RecedingHorizon, State
 from stridelab.centroidal.native import Missing, availability
 from stridelab.centroidal.point_forces import CircularCones
 from stridelab.centroidal.solve import solve
-from stridelab.experiments.push_boundary import push_boundary
 from support.centroidal_problems import rest_to_rest
+from support.push_boundary import push_boundary
 from support.sequences import foot, phase, sequence
 
 found = availability()

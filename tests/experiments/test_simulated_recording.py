@@ -12,7 +12,7 @@ from stridelab.experiments.noise import NOISE_FREE, THESIS, MeasurementNoise
 from stridelab.experiments.simulated_recording import record
 from stridelab.experiments.walker import Walk
 from stridelab.recordings.marker_sets import identify
-from stridelab.recordings.mass import mass_from_force_kg
+from stridelab.recordings.mass import best_mass, weigh
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
 from stridelab.recordings.windows import measured_windows
@@ -71,8 +71,9 @@ def test_pipeline_finds_window_wrench_and_mass(steady_walk: Walk) -> None:
     wrench = wrench_track(recording, windows)
     error = (wrench.force_n - simulated.truth.force_n)[wrench.complete]
     assert np.all(error.std(axis=0) < 3.0)
-    mass_kg = mass_from_force_kg(recording, windows)
-    assert mass_kg == pytest.approx(60.0, rel=0.005)
+    best = best_mass(weigh(recording, windows))
+    assert best is not None
+    assert best.mass_kg == pytest.approx(60.0, rel=0.005)
 
 
 def test_two_plates_measure_about_one_second(steady_walk: Walk) -> None:
@@ -86,8 +87,9 @@ def test_two_plates_measure_about_one_second(steady_walk: Walk) -> None:
     wrench = wrench_track(recording, windows)
     error = (wrench.force_n - simulated.truth.force_n)[wrench.complete]
     assert np.abs(error).max() < 15.0, "inside the window nothing is missing"
-    mass_kg = mass_from_force_kg(recording, windows)
-    assert mass_kg == pytest.approx(60.0, rel=0.03)
+    best = best_mass(weigh(recording, windows))
+    assert best is not None
+    assert best.mass_kg == pytest.approx(60.0, rel=0.03)
 
 
 def test_recording_survives_the_file(steady_walk: Walk, tmp_path: Path) -> None:

@@ -53,7 +53,7 @@ def fake_with_estimate(fake: FakeService) -> tuple[FakeService, dict[str, str]]:
 
 
 def player(fake: FakeService, document: dict[str, str], form: str) -> httpx.Response:
-    calls = Caller(create_control(Library(kinds(fake.client())), None))
+    calls = Caller(create_control(Library(kinds(fake.client(), lambda _: fake.client())), None))
     return calls.request("POST", f"/players/{form}", json=document, headers=HOST)
 
 

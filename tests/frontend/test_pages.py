@@ -9,6 +9,7 @@ import pytest
 
 from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.jobs import EstimateComInput, JobResult, Progress
+from stridelab.schemas.recordings import TrialClock
 from stridelab_web.pages.facts import sentences_of
 from support.fake_service import FakeService
 from support.web import make_client
@@ -95,6 +96,34 @@ def test_the_sentence_on_the_clocks_says_what_was_found_and_done(
     summary = {"latency_s": found_s, "latency_sd_s": sd_s, "latency_applied_s": applied_s, "observability": {}}
     result = JobResult(kind="estimate-com", input={}, versions={}, references=[], summary=summary, artifacts=[])
     assert sentences_of(result) == [said]
+
+
+def test_the_sentence_on_the_clocks_says_whose_latency_it_is() -> None:
+    summary = {"latency_s": 0.0181, "latency_sd_s": 0.0006, "latency_applied_s": 0.0181, "observability": {}}
+    summary |= {"latency_source": "session", "latency_n_trials": 12}
+    result = JobResult(kind="estimate-com", input={}, versions={}, references=[], summary=summary, artifacts=[])
+    said = "The force comes 18.1 ± 0.6 ms later than the markers, as 12 trials of its session say; this was corrected."
+    assert sentences_of(result) == [said]
+
+
+def test_a_recording_links_the_other_trials_of_its_session(fake: FakeService, browse: Browse) -> None:
+    clock = TrialClock(latency_s=0.0175, sd_s=0.0012)
+    walk = fake.add_recording("walk_1.c3d", session_id="s1", clock=clock)
+    other = fake.add_recording("walk_2.c3d", session_id="s1", clock=clock)
+    still = fake.add_recording("standing.c3d", session_id="s1", still=True)
+    stranger = fake.add_recording("stranger.c3d", session_id="s2")
+    page = browse(f"/recordings/{walk.id}").text
+    session = page[page.index('id="session-h"') : page.index('id="static-h"')]
+    assert f'href="/recordings/{other.id}"' in session
+    assert f'href="/recordings/{still.id}"' in session
+    assert f'href="/recordings/{walk.id}"' not in session
+    assert stranger.id not in session
+    assert "force 17.5 ± 1.2 ms late" in session
+    assert "stands still" in session
+    assert '<option value="">found in the session</option>' in page
+    alone = browse(f"/recordings/{stranger.id}").text
+    assert "No other trial of this session is here." in alone
+    assert '<option value="">none</option>' in alone
 
 
 def test_static_trials_offered_are_the_other_recordings(fake: FakeService, browse: Browse) -> None:

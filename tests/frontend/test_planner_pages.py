@@ -6,10 +6,11 @@ from collections.abc import Callable
 
 import httpx
 import numpy as np
+import pytest
 
-from stridelab.schemas.base import FaultItem, Problem
+from stridelab.schemas.base import FaultItem, Problem, Remark
 from stridelab.schemas.jobs import Progress
-from stridelab.schemas.plans import PhaseDuration, StoppedMotion
+from stridelab.schemas.plans import PhaseDuration, PlanMotionSummary, StoppedMotion
 from stridelab_web.plan_costs import cost_rows
 from stridelab_web.plan_durations import chosen_durations
 from support import fake_planner
@@ -77,6 +78,26 @@ def test_a_sample_cannot_be_deleted_and_an_impossible_one_not_planned(fake: Fake
     assert "This scenario cannot be planned." in page
     assert "phases[0].contacts[left_foot]" in page
     assert "data-plan=" not in page
+
+
+def test_a_robot_that_stays_on_its_feet_need_not_have_completed_the_motion(
+    fake: FakeService, browse: Browse, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fallen = fake_planner.plan_summary
+    slipped = Remark(code="replay-slipped", message="A loaded foot slips by 68 mm; at most 20 mm are allowed.")
+
+    def standing(*, whole_body: bool) -> PlanMotionSummary:
+        summary = fallen(whole_body=whole_body)
+        assert summary.replay is not None
+        changed = {"fall_time_s": None, "collisions": 2, "remarks": [slipped]}
+        return summary.model_copy(update={"replay": summary.replay.model_copy(update=changed), "warnings": []})
+
+    monkeypatch.setattr(fake_planner, "plan_summary", standing)
+    said = texts(browse(f"/plans/{fake.add_plan().id}").text)
+    assert "Not completed: the robot stays on its feet, but not as planned." in said
+    assert "A loaded foot slips by 68 mm; at most 20 mm are allowed. replay-slipped" in said
+    assert "Pairs that collide 2" in said
+    assert "The robot falls" not in said
 
 
 def test_plan_page_shows_certificate_replay_and_where_to_look(fake: FakeService, browse: Browse) -> None:

@@ -2,19 +2,20 @@
 
 import asyncio
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from importlib.resources import files
-from types import SimpleNamespace
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 
 import httpx
 import numpy as np
 import pytest
 import trimesh
+from viser.infra import ClientId
 
 from stridelab.client import Unreachable
 from stridelab.schemas.scenarios import BoxSurface, Scenario, StoredScenario
-from stridelab_web.documents import Document, document_of
+from stridelab_web.documents import KEY_HEADER, REFUSAL_HEADER, Document, document_of
 from stridelab_web.plan_files import read_plan
 from stridelab_web.touches import touches
 from stridelab_web.viewer.guard import start_guarded_server
@@ -23,7 +24,7 @@ from stridelab_web.viewer.library import Library, OpenScene
 from stridelab_web.viewer.parts import FOV_RAD, WIDE, camera
 from stridelab_web.viewer.planner_scene import RIGHT_FRONT, hidden
 from stridelab_web.viewer.robot_links import add_robot, pieces, read_links, shade
-from stridelab_web.viewer.scenario_scene import ScenarioScene
+from stridelab_web.viewer.scenario_scene import NOT_KNOWN, ScenarioScene
 from stridelab_web.viewer.standing import Posed, first_place
 from stridelab_web.viewer.support_marks import COM, CORNERS, EDGE, PLUMB, REGION
 from stridelab_web.viewer.terrain import faces_m
@@ -36,7 +37,7 @@ POSED = Posed(dict(zip(fake_planner.LINKS, fake_planner.REFERENCE, strict=True))
 
 @pytest.fixture
 def library(fake: FakeService) -> Iterator[Library]:
-    made = Library(kinds(fake.client()))
+    made = Library(kinds(fake.client(), lambda _: fake.client()))
     yield made
     made.close()
 
@@ -180,8 +181,16 @@ def test_a_wall_beside_the_way_is_not_looked_at_from_behind() -> None:
 class Drag:
     """Plays a person's drag into a scene, as viser would report it."""
 
-    def __init__(self, scene: ScenarioScene, eye_m: tuple[float, float, float] = (-0.4, 1.0, 1.6)) -> None:
+    def __init__(
+        self,
+        scene: ScenarioScene,
+        eye_m: tuple[float, float, float] = (-0.4, 1.0, 1.6),
+        *,
+        headers: Mapping[str, str] = MappingProxyType({KEY_HEADER: "of-somebody"}),
+    ) -> None:
         self.scene = scene
+        opened: Any = SimpleNamespace(request=SimpleNamespace(headers=headers))
+        scene._server._websock_server._live_connections[ClientId(7)] = opened
         self.client = SimpleNamespace(camera=SimpleNamespace(position=eye_m))
 
     def __call__(self, number: int, *places: tuple[float, float, float]) -> None:
@@ -215,10 +224,10 @@ def test_a_drag_moves_all_phases_of_a_touch_and_is_stored_once(start: Start) -> 
     kept = fake_planner.stored(fake_planner.scenario())
     sent: list[Scenario] = []
 
-    def put(key: str, body: Scenario, known: StoredScenario) -> StoredScenario:
-        assert (key, known) == (kept.id, kept)
+    def put(scenario_id: str, body: Scenario, known: StoredScenario, key: str) -> StoredScenario:
+        assert (scenario_id, known, key) == (kept.id, kept, "of-somebody")
         sent.append(body)
-        return fake_planner.stored(body, key=key)
+        return fake_planner.stored(body, key=scenario_id)
 
     scene = start(kept, put)
     # taken hold of 5 cm beside its middle, on the mark, which lies a little above the tread
@@ -241,13 +250,23 @@ def test_a_drag_that_comes_to_nothing_is_not_stored(start: Start) -> None:
 
 
 def test_a_silent_service_puts_the_mark_back(start: Start) -> None:
-    def put(key: str, body: Scenario, known: StoredScenario) -> StoredScenario:
+    def put(scenario_id: str, body: Scenario, known: StoredScenario, key: str) -> StoredScenario:
         raise Unreachable("nobody answers")
 
     scene = start(fake_planner.stored(fake_planner.scenario()), put)
     Drag(scene)(5, (0.3, 0.09, 0.1), (0.3, 0.2, 0.1))
     assert "does not answer" in scene.said
     assert tuple(scene._marks[5].position) == pytest.approx((0.3, 0.09, 0.1))
+
+
+def test_who_has_no_key_moves_nothing_and_reads_why(start: Start) -> None:
+    headers: dict[str, str]
+    for headers, reason in (({REFUSAL_HEADER: "Yours may only read."}, "Yours may only read."), ({}, NOT_KNOWN)):
+        scene = start(fake_planner.stored(fake_planner.scenario()), None)
+        Drag(scene, headers=headers)(5, (0.3, 0.09, 0.1), (0.3, 0.15, 0.1), (0.3, 0.2, 0.1))
+        assert scene.said == reason
+        assert tuple(scene._marks[5].position) == pytest.approx((0.3, 0.09, 0.1))
+        assert tuple(scene._turn.position) == (1.0, 0.0, 0.0)
 
 
 def test_samples_cannot_be_dragged(start: Start) -> None:
@@ -277,7 +296,7 @@ def test_a_scene_follows_what_others_store(fake: FakeService, library: Library) 
 def test_marks_come_and_go_with_the_contacts(start: Start) -> None:
     given = fake_planner.scenario()
     kept = fake_planner.stored(given)
-    scene = start(kept, lambda key, body, known: fake_planner.stored(body, key=key))
+    scene = start(kept, lambda scenario_id, body, *_: fake_planner.stored(body, key=scenario_id))
     first = scene._marks[1]
     handles: Any = first._impl.api._handle_from_node_name
     assert set(scene._marks) == {touch.number for touch in touches(given)} == {1, 2, 3, 4, 5, 6, 7}
@@ -338,7 +357,7 @@ def test_the_robot_follows_the_first_footholds(start: Start) -> None:
     assert place.wxyz == pytest.approx(turned)
     assert first_place(given.model_copy(update={"phases": []}), SIZES) is None
     assert first_place(given, {}) is None, "a robot without feet stands nowhere"
-    scene = start(fake_planner.stored(given), lambda key, body, known: fake_planner.stored(body, key=key))
+    scene = start(fake_planner.stored(given), lambda scenario_id, body, *_: fake_planner.stored(body, key=scenario_id))
     Drag(scene)(1, (0.0, 0.09, 0.0), (0.0, 0.13, 0.0))
     assert tuple(scene._robot.position) == pytest.approx((0.0, 0.02, 0.0))
 

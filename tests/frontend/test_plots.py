@@ -56,6 +56,12 @@ def test_the_force_of_the_fused_motion_is_mass_times_its_acceleration_against_gr
         assert set(drawn["columns"][f"fused_force_{axis}_n"]) == {force_n}
 
 
+def test_without_a_mass_no_force_of_the_motion_is_drawn() -> None:
+    columns = {"time_s": np.arange(3.0), "x_m": np.ones(3), **{f"a{axis}_m_s2": np.ones(3) for axis in "xyz"}}
+    drawn = com_curves(columns, {"mass_kg": None, "window_s": (0.0, 2.0)})
+    assert [row["title"] for row in drawn["rows"]] == ["CoM x [m]"]
+
+
 def test_missing_values_become_null_and_empty_columns_go() -> None:
     nan = np.full(3, np.nan)
     columns = {"time_s": np.arange(3.0), "x_m": np.array([1.0, np.nan, 3.0]), "y_m": nan, "other": nan}

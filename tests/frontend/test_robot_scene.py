@@ -15,7 +15,7 @@ from support.fake_service import FakeService
 
 @pytest.fixture
 def library(fake: FakeService) -> Iterator[Library]:
-    made = Library(kinds(fake.client()))
+    made = Library(kinds(fake.client(), lambda _: fake.client()))
     yield made
     made.close()
 

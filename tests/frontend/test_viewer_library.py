@@ -24,7 +24,7 @@ class Shelf:
         self.fake = fake
         self.now_s = 0.0
         self.built: list[Document] = []
-        real = kinds(fake.client())
+        real = kinds(fake.client(), lambda _: fake.client())
         watched: dict[DocumentKind, Kind] = {name: self.watch(kind) for name, kind in real.items()}
         self.library = Library(watched, clock=lambda: self.now_s)
 

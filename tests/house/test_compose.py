@@ -1,6 +1,7 @@
 """The compose files are consistent with each other, with the images and with the program."""
 
 import shlex
+from ipaddress import ip_address, ip_network
 from typing import Any
 
 import pytest
@@ -47,6 +48,7 @@ def test_every_container_is_held_short(name: str) -> None:
     assert service["read_only"] is True
     assert service["cap_drop"] == ["ALL"]
     assert service["security_opt"] == ["no-new-privileges:true"]
+    assert service["pids_limit"] == 512
     assert "privileged" not in service
     assert "cap_add" not in service
     assert int(service["user"].split(":")[0]) > 0
@@ -62,6 +64,14 @@ def test_only_the_proxy_can_be_reached_from_elsewhere() -> None:
     assert {name for name, service in ALL["services"].items() if "outside" in service["networks"]} == set(published)
     for line in ("http_port 8080", "https_port 8443", "reverse_proxy api:8000", ":8081 {", "respond /healthy 200"):
         assert line in CADDY
+
+
+def test_the_proxy_alone_is_believed_about_addresses() -> None:
+    proxy = ALL["services"]["caddy"]["networks"]["inside"]["ipv4_address"]
+    assert ALL["services"]["api"]["environment"]["FORWARDED_ALLOW_IPS"] == proxy
+    (pool,) = ALL["networks"]["inside"]["ipam"]["config"]
+    assert ip_address(proxy) in ip_network(pool["subnet"])
+    assert ip_address(proxy) not in ip_network(pool["ip_range"]), "nobody else gets it"
 
 
 def test_every_variable_is_a_setting_and_no_secret_is_a_variable() -> None:

@@ -1,20 +1,24 @@
-"""Imports go down the floors only."""
+"""Imports go down the floors only, and nowhere in a circle."""
 
 import ast
+import re
+from collections.abc import Mapping
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
 
-from support.floors import BACKEND, FRONTEND, GROUND, NUMERIC, ROBOT_WING, WINGS, room_of
+from support.floors import BACKEND, FRONTEND, GROUND, NUMERIC, ROBOT_WING, ROOT, WINGS, room_of
 
 ALLOWED: dict[str, set[str]] = {room: set() for room in GROUND}
 for wing in (WINGS, ROBOT_WING):
     for floor, room in enumerate(wing):
         ALLOWED[room] = GROUND | set(wing[: floor + 1])
+ALLOWED["heartbeat"] = set()
 ALLOWED["experiments"] = NUMERIC
 ALLOWED["schemas"] = {"schemas"}
 ALLOWED["client"] = {"schemas", "client"}
-ALLOWED["service"] = NUMERIC | {"schemas", "client", "service"}
+ALLOWED["service"] = NUMERIC | {"schemas", "client", "heartbeat", "service"}
 ALLOWED["cli"] = NUMERIC | {"schemas", "client", "service", "cli"}
 
 WEB = {
@@ -68,7 +72,7 @@ def test_the_frontend_knows_the_backend_by_http_only(path: Path) -> None:
     for name in imports(path):
         top, _, rest = name.partition(".")
         if top == "stridelab":
-            assert rest.partition(".")[0] in {"client", "schemas", "__version__"}, (
+            assert rest.partition(".")[0] in {"client", "schemas", "heartbeat", "__version__"}, (
                 f"the frontend must not import {name}"
             )
 
@@ -76,3 +80,63 @@ def test_the_frontend_knows_the_backend_by_http_only(path: Path) -> None:
 def test_every_room_has_a_floor() -> None:
     rooms = {room_of(path) for path in BACKEND.rglob("*.py")} - {"__init__"}
     assert rooms <= set(ALLOWED)
+
+
+def imported_modules(package: Path) -> dict[str, set[str]]:
+    """Modules of ``package`` by name, each with those that it imports, wherever in the file the import stands.
+
+    Imports for type checkers alone do not count. A package's ``__init__`` goes by the package's name.
+    """
+    paths = {}
+    for path in package.rglob("*.py"):
+        parts = path.relative_to(package.parent).with_suffix("").parts
+        paths[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return {name: _targets(ast.parse(path.read_text(encoding="utf-8")), paths) - {name} for name, path in paths.items()}
+
+
+def _targets(tree: ast.AST, known: Mapping[str, Path]) -> set[str]:
+    found: set[str] = set()
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+            continue
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            inner = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= {name if name in known else node.module for name in inner}
+        else:
+            found |= _targets(node, known)
+    return found & set(known)
+
+
+def circle(modules: Mapping[str, set[str]]) -> list[str]:
+    """Modules that import each other in a circle, the first one again at the end; none is best."""
+    try:
+        TopologicalSorter(modules).prepare()
+    except CycleError as error:
+        return list(error.args[1])
+    return []
+
+
+@pytest.mark.parametrize("package", [BACKEND, FRONTEND], ids=lambda path: path.name)
+def test_no_modules_import_each_other_in_a_circle(package: Path) -> None:
+    """Also not inside functions, where a circle would wait for a call."""
+    assert circle(imported_modules(package)) == []
+
+
+def test_a_circle_is_seen(tmp_path: Path) -> None:
+    package = tmp_path / "wheel"
+    package.mkdir()
+    (package / "__init__.py").write_text("")
+    (package / "hub.py").write_text("from wheel import spoke\n")
+    (package / "spoke.py").write_text("def turn():\n    from wheel.rim import GRIP\n")
+    (package / "rim.py").write_text("import wheel.hub\nGRIP = 1\n")
+    assert set(circle(imported_modules(package))) == {"wheel.hub", "wheel.spoke", "wheel.rim"}
+    (package / "rim.py").write_text("if TYPE_CHECKING:\n    import wheel.hub\nGRIP = 1\n")
+    assert circle(imported_modules(package)) == []
+
+
+def test_contributors_are_told_every_floor() -> None:
+    text = " ".join((ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8").split())
+    for wing in (WINGS, ROBOT_WING):
+        assert re.search(r"\b" + ", ".join(wing), text), f"CONTRIBUTING.md does not list {', '.join(wing)}"

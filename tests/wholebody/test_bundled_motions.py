@@ -101,6 +101,16 @@ def test_a_hand_on_a_wall_does_not_push_the_robot_over() -> None:
     assert played.hand_contact_share > 0.95
 
 
+def test_undisturbed_long_strides_stay_completed_among_bodies_that_can_touch() -> None:
+    """The CoM error was 2.6 mm when only legs met only the terrain."""
+    played = replayed("talos", carried_out("talos", "long-stride").motion)
+    assert played.completed
+    assert played.remarks == ()
+    assert played.collided == ()
+    assert played.com_error_max_m < 0.00265
+    assert played.slip_max_m < 0.0016
+
+
 @pytest.mark.parametrize("robot_name", ["talos", "hrp2", "g1"])
 def test_contact_rectangles_are_nested(robot_name: str) -> None:
     """That of the plan inside the body's, the body's inside the simulator's."""

@@ -119,6 +119,7 @@ SPOILT: dict[str, tuple[Spoil, str]] = {
     "integration_gap": (lambda m, r: moved(m, slice(7, 8), {20: 1e-5}), ""),
     "self_collision_pairs": (crossed_legs, " and "),
     "terrain_distance_min": (lambda m, r: moved(m, slice(200, None), {2: -0.05}), "leg"),
+    "arm_terrain_distance_min": (lambda m, r: moved(m, slice(200, None), {2: -0.8}), "gripper"),
     "leg_terrain_distance_min": (lambda m, r: moved(m, slice(200, None), {2: -0.008}), "leg"),
     "angular_momentum_mismatch_max": (lambda m, r: replace(m, v=m.v * 20.0), ""),
 }
@@ -132,6 +133,35 @@ def test_a_spoilt_motion_fails_the_check_of_what_was_spoilt(name: str, talos: Ro
     assert not found.passed
     assert found.phase is not None
     assert effector in (found.effector or "")
+
+
+@pytest.mark.parametrize(("share", "passes"), [(0.019, False), (0.021, True)])
+def test_a_joint_keeps_two_percent_of_its_range(share: float, passes: bool, talos: Robot, two_steps: TwoSteps) -> None:
+    sequence, plan, motion = two_steps
+    elbow = 7 + talos.joint_names.index("arm_left_4_joint")
+    lower, upper = talos.model.lowerPositionLimit[elbow], talos.model.upperPositionLimit[elbow]
+    q = motion.q.copy()
+    q[50, elbow] = upper - share * (upper - lower)
+    found = check(certify(talos, sequence, plan, {}, replace(motion, q=q)), "joint_limit_margin")
+    assert found.passed is passes
+    assert (found.effector, found.time_s) == ("arm_left_4_joint", pytest.approx(motion.time_s[50]))
+    assert found.value == pytest.approx(share * (upper - lower))
+    assert found.limit == pytest.approx(0.02 * (upper - lower))
+
+
+@pytest.mark.parametrize(("ratio", "passes"), [(0.949, True), (0.951, False)])
+def test_speeds_and_torques_keep_a_twentieth(ratio: float, passes: bool, talos: Robot, two_steps: TwoSteps) -> None:
+    sequence, plan, motion = two_steps
+    knee, elbow = (talos.joint_names.index(name) for name in ("leg_left_4_joint", "arm_left_4_joint"))
+    v, tau = motion.v.copy(), motion.tau_nm.copy()
+    v[40, 6 + knee] = ratio * talos.model.velocityLimit[6 + knee]
+    tau[41, knee] = -ratio * talos.model.effortLimit[6 + knee]
+    tau[42, elbow] = ratio * talos.model.effortLimit[6 + elbow]
+    certificate = certify(talos, sequence, plan, {}, replace(motion, v=v, tau_nm=tau))
+    for name in ("velocity_ratio_max", "torque_ratio_max_legs_torso", "torque_ratio_max_arms"):
+        found = check(certificate, name)
+        assert found.value == pytest.approx(ratio)
+        assert found.passed is passes
 
 
 def test_every_check_can_fail(good: Certificate) -> None:

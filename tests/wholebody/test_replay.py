@@ -17,7 +17,7 @@ from stridelab.wholebody.ankles import CapturePoint, Sole, ankle_torques_nm, ank
 from stridelab.wholebody.disturbance import Disturbances, Push, SensorNoise
 from stridelab.wholebody.motion import WholeBodyMotion
 from stridelab.wholebody.replay import PhysicsReplay, Replay
-from stridelab.wholebody.seen import Seen
+from stridelab.wholebody.seen import Seen, Sensors
 from stridelab.wholebody.simulation import Simulation
 from stridelab.wholebody.simulation_model import build_simulation
 
@@ -228,6 +228,26 @@ def test_a_push_and_a_load_are_survived_and_noticed(robot: Robot) -> None:
         found = PhysicsReplay().run(robot, motion.sequence, motion, quiet, disturbed=disturbed)
         assert found.completed
         assert found.com_error_max_m > calm.com_error_max_m + 1e-5, disturbed
+
+
+@pytest.mark.parametrize("delay_ms", [0, 1, 4, 5, 7, 8, 48, 50])
+def test_sensors_are_exactly_as_late_as_they_are_said_to_be(robot: Robot, delay_ms: int) -> None:
+    """What is seen of a body that falls freely is where it was ``delay_ms`` before."""
+    q = robot.q_reference.copy()
+    q[2] += 2.0
+    simulation = Simulation(build_simulation(robot, ground(), 0.3, FEET), q)
+    sensors = Sensors(simulation, Disturbances(delay_s=1e-3 * delay_ms), substeps=4)
+    heights_m, none = [simulation.com()[0][2]], (np.zeros(len(robot.joint_names)), np.zeros(len(robot.locked)))
+    for k in range(20):
+        seen = sensors.read(4e-3 * k)
+        age = min(delay_ms, 4 * k)
+        assert seen.time_s == pytest.approx(1e-3 * (4 * k - age), abs=1e-12)
+        assert seen.com_m[2] == pytest.approx(heights_m[4 * k - age], abs=1e-12)
+        for j in range(1, 5):
+            simulation.step(*none)
+            sensors.step(j, 1e-3 * (4 * k + j))
+            simulation.refresh()
+            heights_m.append(simulation.com()[0][2])
 
 
 def test_a_push_gives_off_its_impulse() -> None:

@@ -113,8 +113,9 @@ def test_bounds_never_cross() -> None:
 
 def test_limits_to_plan_with_lie_inside(talos: Robot) -> None:
     true = JointLimits.of(talos.model)
-    inner = true.shrunk(0.01, 0.9, 0.8)
-    assert np.allclose(inner.upper_rad, true.upper_rad - 0.01)
-    assert np.allclose(inner.lower_rad, true.lower_rad + 0.01)
+    inner = true.shrunk(0.02, 0.01, 0.9, 0.8)
+    margin_rad = 0.02 * (true.upper_rad - true.lower_rad) + 0.01
+    assert np.allclose(inner.upper_rad, true.upper_rad - margin_rad)
+    assert np.allclose(inner.lower_rad, true.lower_rad + margin_rad)
     assert np.allclose(inner.velocity_rad_s, 0.9 * true.velocity_rad_s)
     assert np.allclose(inner.torque_nm, 0.8 * true.torque_nm)

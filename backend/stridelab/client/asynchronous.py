@@ -74,10 +74,11 @@ class AsyncClient:
         subject: SubjectFields | None = None,
         *,
         filename: str | None = None,
+        session_id: str | None = None,
         progress: uploads.ProgressCallback | None = None,
     ) -> Recording:
         """Upload a recording; ``progress(sent_bytes, total_bytes)`` is called as it goes. Parsed when it returns."""
-        upload = uploads.Upload(path, subject or SubjectFields(), filename)
+        upload = uploads.Upload(path, subject or SubjectFields(), filename, session_id)
         with self._reached():
             response = await self._http.post(
                 uploads.PATH, content=uploads.from_a_loop(upload.pieces(progress)), headers=upload.headers()
@@ -104,9 +105,11 @@ class AsyncClient:
         calls.raise_for_problem(response)
         return calls.model(RecordingBatch)(response)
 
-    async def recordings(self, limit: int = 50, cursor: str | None = None) -> Page[Recording]:
-        """One page of recordings, newest first."""
-        return await self._send(calls.recordings(limit, cursor))
+    async def recordings(
+        self, limit: int = 50, cursor: str | None = None, session_id: str | None = None
+    ) -> Page[Recording]:
+        """One page of recordings, newest first; of one session where one is named."""
+        return await self._send(calls.recordings(limit, cursor, session_id))
 
     async def recording(self, recording_id: str) -> Recording:
         """One recording."""
@@ -280,6 +283,10 @@ class AsyncClient:
     async def cancel(self, job_id: str) -> Job:
         """Cancel a job that has not finished."""
         return await self._send(calls.cancel(job_id))
+
+    async def delete_job(self, job_id: str) -> Job:
+        """Delete a finished job with its result and files (one that has not finished is cancelled)."""
+        return await self._send(calls.delete_job(job_id))
 
     async def result(self, job_id: str) -> JobResult:
         """Summary and list of files of a succeeded job."""

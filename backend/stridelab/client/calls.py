@@ -82,9 +82,9 @@ def _page(path: str, page: type[T], limit: int, cursor: str | None, **filters: s
     return Call("GET", path, model(page), {name: value for name, value in params.items() if value is not None})
 
 
-def recordings(limit: int, cursor: str | None) -> Call[Page[Recording]]:
-    """A page of recordings."""
-    return _page(f"{API}/recordings", Page[Recording], limit, cursor)
+def recordings(limit: int, cursor: str | None, session_id: str | None = None) -> Call[Page[Recording]]:
+    """A page of recordings, of one session where one is named."""
+    return _page(f"{API}/recordings", Page[Recording], limit, cursor, session_id=session_id)
 
 
 def recording(recording_id: str) -> Call[Recording]:
@@ -206,7 +206,12 @@ def job(job_id: str, wait_s: float) -> Call[Job]:
 
 
 def cancel(job_id: str) -> Call[Job]:
-    """Cancel a job."""
+    """Cancel a job that has not finished; one that has is left as it is."""
+    return Call("DELETE", _at("jobs", job_id), model(Job), {"cancel_only": "true"})
+
+
+def delete_job(job_id: str) -> Call[Job]:
+    """Delete a finished job."""
     return Call("DELETE", _at("jobs", job_id), model(Job))
 
 

@@ -73,10 +73,11 @@ class Client:
         subject: SubjectFields | None = None,
         *,
         filename: str | None = None,
+        session_id: str | None = None,
         progress: uploads.ProgressCallback | None = None,
     ) -> Recording:
         """Upload a recording; ``progress(sent_bytes, total_bytes)`` is called as it goes. Parsed when it returns."""
-        upload = uploads.Upload(path, subject or SubjectFields(), filename)
+        upload = uploads.Upload(path, subject or SubjectFields(), filename, session_id)
         with self._reached():
             response = self._http.post(uploads.PATH, content=upload.pieces(progress), headers=upload.headers())
         calls.raise_for_problem(response)
@@ -101,9 +102,9 @@ class Client:
         calls.raise_for_problem(response)
         return calls.model(RecordingBatch)(response)
 
-    def recordings(self, limit: int = 50, cursor: str | None = None) -> Page[Recording]:
-        """One page of recordings, newest first."""
-        return self._send(calls.recordings(limit, cursor))
+    def recordings(self, limit: int = 50, cursor: str | None = None, session_id: str | None = None) -> Page[Recording]:
+        """One page of recordings, newest first; of one session where one is named."""
+        return self._send(calls.recordings(limit, cursor, session_id))
 
     def recording(self, recording_id: str) -> Recording:
         """One recording."""
@@ -277,6 +278,10 @@ class Client:
     def cancel(self, job_id: str) -> Job:
         """Cancel a job that has not finished."""
         return self._send(calls.cancel(job_id))
+
+    def delete_job(self, job_id: str) -> Job:
+        """Delete a finished job with its result and files (one that has not finished is cancelled)."""
+        return self._send(calls.delete_job(job_id))
 
     def result(self, job_id: str) -> JobResult:
         """Summary and list of files of a succeeded job."""

@@ -24,6 +24,7 @@ class Upload:
     path: Path
     subject: SubjectFields = field(default_factory=SubjectFields)
     filename: str | None = None
+    session_id: str | None = None
     boundary: str = field(default_factory=lambda: secrets.token_hex(16))
 
     def headers(self) -> dict[str, str]:
@@ -44,7 +45,8 @@ class Upload:
 
     def _fields(self) -> Mapping[str, str]:
         stated = self.subject.model_dump(exclude_none=True)
-        return {("subject_name" if name == "name" else name): str(value) for name, value in stated.items()}
+        fields = {("subject_name" if name == "name" else name): str(value) for name, value in stated.items()}
+        return fields if self.session_id is None else {**fields, "session_id": self.session_id}
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,9 @@
 """Inverse kinematics of the whole body for many problems at once: contacts, and the CoM along given directions.
 
-The coordinates ``x`` are those of the base (position; yaw, pitch and roll, turned in this order) and the angles of the
-joints, all within limits of their own for every problem. With ``e`` the stacked errors and ``J`` their Jacobian, a step
-is the least one that annuls ``e - J dx``, seen from a pull ``k (x_0 - x)`` towards a posture that dies away:
+The coordinates ``x`` are the root's position, yaw, pitch and roll of the trunk (turned in this order; its axes are
+those of ``Robot.R_root_trunk``) and the angles of the joints, all within limits of their own for every problem. With
+``e`` the stacked errors and ``J`` their Jacobian, a step is the least one that annuls ``e - J dx``, seen from a pull
+``k (x_0 - x)`` towards a posture that dies away:
 
     dx = d_0 + W J^T (J W J^T + d I)^-1 (e - J d_0),      d_0 = W k (x_0 - x) + (I - W) dx_limit
 
@@ -95,18 +96,21 @@ class BodyTree:
     below: Float[np.ndarray, "v v"]
     lower: Float[np.ndarray, "v"]
     upper: Float[np.ndarray, "v"]
+    R_root_trunk: Rotation
 
     @staticmethod
     def of(robot: Robot) -> "BodyTree":
         """The tree of ``robot``. Raises ``NotEstimable`` (``measure-unavailable``) for joints that do not turn."""
         model, frames = with_contact_frames(robot)
         none, flat = np.zeros(3), np.eye(3)
-        base = model.inertias[1]
+        base, R_trunk_root = model.inertias[1], robot.R_root_trunk.T
         links = [Link(k - 1, none, flat, flat[k], False, 0.0, none) for k in range(3)]
         links += [Link(2 + k, none, flat, flat[2 - k], True, 0.0, none) for k in range(2)]
-        links.append(Link(4, none, flat, flat[0], True, float(base.mass), np.array(base.lever)))
+        links.append(Link(4, none, flat, flat[0], True, float(base.mass), R_trunk_root @ base.lever))
         number = {1: ROLL} | {j: BASE + j - 2 for j in range(2, model.njoints)}
-        links += [_link(model, j, number[model.parents[j]]) for j in range(2, model.njoints)]
+        # what hangs on the root is seen from the trunk's axes
+        seen = {1: R_trunk_root}
+        links += [_link(model, j, number[model.parents[j]], seen) for j in range(2, model.njoints)]
         below = np.eye(len(links))
         for k, link in enumerate(links):
             if link.parent >= 0:
@@ -115,11 +119,12 @@ class BodyTree:
         for name, index in frames.items():
             frame = model.frames[index]
             k = number[frame.parentJoint]
-            T = frame.placement
-            ends[name] = End(k, np.flatnonzero(below[k]), np.array(T.translation), np.array(T.rotation))
+            T, R_seen = frame.placement, seen.get(frame.parentJoint, flat)
+            ends[name] = End(k, np.flatnonzero(below[k]), R_seen @ T.translation, R_seen @ T.rotation)
         free = np.full(BASE, np.inf)
         lower, upper = model.lowerPositionLimit[7:], model.upperPositionLimit[7:]
-        return BodyTree(tuple(links), ends, below, np.r_[-free, lower], np.r_[free, upper])
+        R = robot.R_root_trunk
+        return BodyTree(tuple(links), ends, below, np.r_[-free, lower], np.r_[free, upper], R)
 
     def forward(self, x: Coordinates) -> State:
         """Where everything is."""
@@ -182,12 +187,13 @@ class BodyTree:
 
     def q(self, x: Coordinates) -> Float[np.ndarray, "n nq"]:
         """The configurations as the robot's model has them."""
-        quaternions = ScipyRotation.from_euler("ZYX", x[:, YAW : ROLL + 1]).as_quat()
-        return np.hstack([x[:, :3], quaternions, x[:, BASE:]])
+        R_root = ScipyRotation.from_euler("ZYX", x[:, YAW : ROLL + 1]) * ScipyRotation.from_matrix(self.R_root_trunk.T)
+        return np.hstack([x[:, :3], R_root.as_quat(), x[:, BASE:]])
 
     def x(self, q: Float[np.ndarray, "n nq"]) -> Coordinates:
         """The coordinates of configurations."""
-        return np.hstack([q[:, :3], ScipyRotation.from_quat(q[:, 3:7]).as_euler("ZYX"), q[:, 7:]])
+        R_trunk = ScipyRotation.from_quat(q[:, 3:7]) * ScipyRotation.from_matrix(self.R_root_trunk)
+        return np.hstack([q[:, :3], R_trunk.as_euler("ZYX"), q[:, 7:]])
 
     def _errors(
         self,
@@ -242,7 +248,7 @@ def _stepped(
     return np.asarray(np.clip(x + np.clip(dx, least, most), low, high))
 
 
-def _link(model: pin.Model, j: int, parent: int) -> Link:
+def _link(model: pin.Model, j: int, parent: int, seen: Mapping[int, Rotation]) -> Link:
     joint = model.joints[j]
     motion = joint.createData()
     joint.calc(motion, pin.neutral(model))
@@ -255,10 +261,11 @@ def _link(model: pin.Model, j: int, parent: int) -> Link:
             [Fault("measure", f"joint {name} does not simply turn")],
         )
     at, inertia = model.jointPlacements[j], model.inertias[j]
+    R_seen = seen.get(model.parents[j], np.eye(3))
     return Link(
         parent,
-        np.array(at.translation),
-        np.array(at.rotation),
+        R_seen @ at.translation,
+        R_seen @ at.rotation,
         np.array(S[3:, 0]),
         True,
         float(inertia.mass),

@@ -17,6 +17,7 @@ from typing import Any, Final, TypeVar
 
 from threadpoolctl import threadpool_limits
 
+from stridelab.cores import usable_cores
 from stridelab.errors import NotEstimable, StridelabError
 
 PROCESSES_MAX: Final = 6
@@ -25,16 +26,9 @@ PROCESSES_MAX: Final = 6
 Answer = TypeVar("Answer")
 
 
-def cores() -> int:
-    """Cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def worthwhile(seconds: int) -> int:
     """How many processes pay for so many seconds of work: starting one takes a second."""
-    return max(1, min(cores(), PROCESSES_MAX, seconds))
+    return max(1, min(usable_cores(), PROCESSES_MAX, seconds))
 
 
 def in_order(work: Callable[[int], Answer], pieces: int, processes: int) -> Generator[Answer, None, None]:

@@ -134,7 +134,7 @@ def _block(robot: Robot, effectors: tuple[str, ...], samples: int, seed: int, me
     for a, q in enumerate(islice(stream, n)):
         pin.framesForwardKinematics(model, data, q)
         c[a] = pin.centerOfMass(model, data, q, False)
-        R_heading[a] = _heading(data.oMf[base].rotation)
+        R_heading[a] = _heading(data.oMf[base].rotation @ robot.R_base_trunk)
         for i, name in enumerate(effectors):
             T_world_contact = data.oMf[frames[name]]
             R[i, a], p[i, a] = T_world_contact.rotation, T_world_contact.translation
@@ -145,7 +145,7 @@ def _block(robot: Robot, effectors: tuple[str, ...], samples: int, seed: int, me
     return _Block(com, np.linalg.norm(p[:, None] - p[None], axis=-1).max(axis=-1), stream.tried)
 
 
-def _heading(R_world_base: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
-    """Axes with z up and x along the horizontal part of the base's x axis."""
-    x, y = R_world_base[:2, 0] / np.hypot(*R_world_base[:2, 0])
+def _heading(R_world_trunk: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+    """Axes with z up and x along the horizontal part of the trunk's x axis."""
+    x, y = R_world_trunk[:2, 0] / np.hypot(*R_world_trunk[:2, 0])
     return np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, 1.0]])

@@ -19,10 +19,10 @@ class Stance:
     """Soles flat, the one where the other can step; base upright; knees bent; shanks clear of a step ahead.
 
     ``ahead``, ``above`` and ``aside`` (least, most, on its own side) say where the other sole is, ``toes_deg`` by how
-    much it is turned. ``upright_deg`` bounds the angle between the base's z axis and the vertical, and its heading from
-    the mean one of the soles. ``extension`` is the distance from the hip's last joint to the ankle's first over the
-    longest one: a leg that is straight cannot push, one that is folded cannot carry. A step as high as ``step`` at most
-    rises ``toe_gap`` before each toe.
+    much it is turned. ``upright_deg`` bounds the angle between the trunk's z axis and the vertical, and its heading
+    from the mean one of the soles. ``extension`` is the distance from the hip's last joint to the ankle's first over
+    the longest one: a leg that is straight cannot push, one that is folded cannot carry. A step as high as ``step`` at
+    most rises ``toe_gap`` before each toe.
     """
 
     ahead: float = 0.6
@@ -54,14 +54,14 @@ class Stance:
         )
 
     def drawn_bases(self, heading_rad: Float[np.ndarray, "n"], rng: np.random.Generator) -> Rotations:
-        """Orientations of the base in the world: roll, pitch and yaw uniform; some are not upright."""
+        """Orientations of the trunk in the world: roll, pitch and yaw uniform; some are not upright."""
         most = np.radians(self.upright_deg)
         roll, pitch, yaw = rng.uniform(-most, most, (3, len(heading_rad)))
         return np.asarray(about(2, heading_rad + yaw) @ about(1, pitch) @ about(0, roll))
 
-    def upright(self, R_world_base: Rotations) -> Mask:
-        """Whether the base stands upright."""
-        return np.asarray(R_world_base[:, 2, 2] >= np.cos(np.radians(self.upright_deg)))
+    def upright(self, R_world_trunk: Rotations) -> Mask:
+        """Whether the trunk stands upright."""
+        return np.asarray(R_world_trunk[:, 2, 2] >= np.cos(np.radians(self.upright_deg)))
 
 
 def about(axis: int, angle_rad: Float[np.ndarray, "n"]) -> Rotations:

@@ -48,7 +48,7 @@ WALKS: Final = 60
 
 @dataclass(frozen=True)
 class Range:
-    """Intervals (rad) of the base's roll, pitch and yaw, the last from the mean heading of the soles.
+    """Intervals (rad) of the trunk's roll, pitch and yaw, the last from the mean heading of the soles.
 
     ``extension`` bounds the distance from the third joint of a leg to its last but one, over the longest.
     """
@@ -201,7 +201,8 @@ class StanceTruth:
         n, model, within = len(contacts.heading_rad), self._model, self.within
         turns = [rng.uniform(*interval, n) for interval in (within.yaw_rad, within.pitch_rad, within.roll_rad)]
         turns[0] = turns[0] + contacts.heading_rad
-        rotation = ScipyRotation.from_euler("ZYX", np.column_stack(turns))
+        R_root_trunk = ScipyRotation.from_matrix(self.robot.R_root_trunk)
+        rotation = ScipyRotation.from_euler("ZYX", np.column_stack(turns)) * R_root_trunk.inv()
         R_back = rotation.as_matrix().swapaxes(1, 2)
         box = self.leg_length_m * rng.uniform(BASE_LOW, BASE_HIGH, (n, 3))
         p_base = contacts.middle_m + ScipyRotation.from_euler("Z", contacts.heading_rad[:, None]).apply(box)

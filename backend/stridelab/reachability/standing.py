@@ -105,7 +105,8 @@ class StandingConfigurations(Iterator[Float[np.ndarray, "nq"]]):
         second, turn = E.drawn_soles(n, self._side, rng)
         R_second = about(2, turn)
         heading = about(2, turn / 2)
-        R_base = E.drawn_bases(turn / 2, rng)
+        R_trunk = E.drawn_bases(turn / 2, rng)
+        R_base = R_trunk @ self._robot.R_root_trunk.T
         hips = length_m * ((heading @ rng.uniform(BASE_LOW, BASE_HIGH, (n, 3))[..., None])[..., 0] + second / 2)
         p_base = hips - R_base @ np.mean([leg.hip_m for leg in self._legs], axis=0)
         q = np.tile(self._robot.q_reference, (n, 1))
@@ -113,7 +114,7 @@ class StandingConfigurations(Iterator[Float[np.ndarray, "nq"]]):
         q[:, :3], q[:, 3:7] = p_base, ScipyRotation.from_matrix(R_base).as_quat()
 
         seen_back = (R_second.swapaxes(1, 2) @ -second[..., None])[..., 0]
-        kept = np.flatnonzero(E.upright(R_base) & E.stepped(seen_back, -self._side))
+        kept = np.flatnonzero(E.upright(R_trunk) & E.stepped(seen_back, -self._side))
         flat = np.broadcast_to(np.eye(3), (n, 3, 3))
         soles = ((np.zeros((n, 3)), flat), (length_m * second, R_second))
         for leg, (p, R) in zip(self._legs, soles, strict=True):

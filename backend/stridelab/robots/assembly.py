@@ -8,16 +8,18 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from stridelab.conventions import Rotation
 from stridelab.dynamics.placement import Placement
-from stridelab.errors import InvalidInput
+from stridelab.errors import Fault, InvalidInput
 from stridelab.robots import card as cards
-from stridelab.robots import checks
+from stridelab.robots import checks, inertias
 from stridelab.robots.card import EffectorCard, RobotCard
 from stridelab.robots.collision_model import collision_model, matches
 from stridelab.robots.data_files import DataFiles
-from stridelab.robots.description import collision_geometry, full_model, read_srdf, some_visuals
+from stridelab.robots.description import collision_geometry, full_model, read_srdf, some_visuals, tree
 from stridelab.robots.fingerprint import fingerprint
 from stridelab.robots.robot import Effector, Robot
+from stridelab.robots.trunk_axes import faced, level_axes, own_axes
 
 V = TypeVar("V")
 
@@ -26,7 +28,7 @@ def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
     """Build the robot: limits set, joints locked, collision pruned, reference posture put on the ground.
 
     Raises ``InvalidInput``: ``robot-card-invalid`` where the card names what the description lacks,
-    ``robot-description-invalid`` where a body has no mass or a joint no range; ``Unavailable``
+    ``robot-description-invalid`` where a link is no body, or a joint has no range; ``Unavailable``
     (``robot-data-unreadable``, ``robot-meshes-missing``).
     """
     full = full_model(files.urdf)
@@ -34,6 +36,9 @@ def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
         read_srdf(full, files.srdf)
     parts = collision_geometry(full, files.urdf, (files.package_dir,))
     looks = some_visuals(full, files.urdf, (files.package_dir,), card.collision.visual)
+    sizes = inertias.sizes_m(full, parts)
+    if faults := list(inertias.unphysical(tree(files.urdf), sizes, card.accepted_inertias)):
+        raise invalid_description(name, faults)
     if faults := list(checks.mismatches(card, full, parts, looks)):
         raise cards.invalid(name, faults)
     set_limits(full, card)
@@ -46,13 +51,15 @@ def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
     effectors = {key: effector_of(key, effector) for key, effector in card.effectors.items()}
     moving = list(model.names)[2:]
     q = np.concatenate([q_full[:7], [q_full[_index(full, joint)] for joint in moving]])
-    if faults := list(checks.not_physical(model)):
-        places = "; ".join(f"{fault.where}: {fault.message}" for fault in faults)
-        raise InvalidInput(
-            "robot-description-invalid", f"The description of robot {name!r} makes no sense. {places}", faults
-        )
+    if faults := list(checks.limitless(model)):
+        raise invalid_description(name, faults)
     if faults := [*checks.immovable(model, card.base_frame, effectors), *checks.out_of_range(model, q)]:
         raise cards.invalid(name, faults)
+    try:
+        q = on_the_ground(model, faced(q, level_axes(model, q, effectors)), effectors)
+    except ValueError as error:
+        raise cards.invalid(name, [Fault("effectors", str(error))]) from error
+    R_root_trunk, R_base_trunk = trunk_axes(model, q, card.base_frame)
     return Robot(
         name=name,
         title=card.title,
@@ -61,12 +68,22 @@ def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
         collision=collision,
         effectors=effectors,
         base_frame=card.base_frame,
-        q_reference=on_the_ground(model, q, effectors),
+        R_root_trunk=R_root_trunk,
+        R_base_trunk=R_base_trunk,
+        q_reference=q,
         group={joint: next(g for g, p in card.groups.items() if re.fullmatch(p, joint)) for joint in moving},
         urdf=files.urdf,
         package_dirs=(files.package_dir,),
         locked={joint: float(q_full[_index(full, joint)]) for joint in locked},
         sha256=fingerprint(card, files, collision),
+    )
+
+
+def invalid_description(name: str, faults: list[Fault]) -> InvalidInput:
+    """The error for a description whose links or joints no robot can have."""
+    places = "; ".join(f"{fault.where}: {fault.message}" for fault in faults)
+    return InvalidInput(
+        "robot-description-invalid", f"The description of robot {name!r} makes no sense. {places}", faults
     )
 
 
@@ -77,9 +94,10 @@ def set_limits(model: pin.Model, card: RobotCard) -> None:
         if (position := _stated(card.limits.position_rad, joint)) is not None:
             model.lowerPositionLimit[q], model.upperPositionLimit[q] = position
         if (velocity := _stated(card.limits.velocity_rad_s, joint)) is not None:
-            model.velocityLimit[v] = velocity
+            # pinocchio keeps a lower limit of its own, and refuses one above the upper
+            model.lowerVelocityLimit[v], model.upperVelocityLimit[v] = -velocity, velocity
         if (torque := _stated(card.limits.torque_nm, joint)) is not None:
-            model.effortLimit[v] = torque
+            model.lowerEffortLimit[v], model.upperEffortLimit[v] = -torque, torque
         if (armature := _stated(card.rotors.armature_kg_m2, joint)) is not None:
             model.armature[v] = armature
 
@@ -104,6 +122,13 @@ def effector_of(name: str, card: EffectorCard) -> Effector:
         contact_half_size_m=card.contact_half_size_m,
         ankle=card.ankle,
     )
+
+
+def trunk_axes(model: pin.Model, q: Float[np.ndarray, "nq"], base_frame: str) -> tuple[Rotation, Rotation]:
+    """The world's axes at the reference posture ``q``, in those of the root link and of ``base_frame``."""
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    return own_axes(data.oMi[1].rotation.T), own_axes(data.oMf[model.getFrameId(base_frame)].rotation.T)
 
 
 def on_the_ground(

@@ -19,6 +19,8 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.resources import models_dir
 
+MOST_POSITION_RAD: Final = 4.0 * math.pi
+"""No joint of a humanoid turns farther; numbers beyond are mostly degrees."""
 _STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
@@ -93,6 +95,8 @@ class RobotCard:
     """A whole card. What names several joints, geometries or links is a pattern, to be matched in full.
 
     ``references`` are keys of ``models/references.bib``, which results name beside those of the methods.
+    ``accepted_inertias`` are links whose inertia, with a largest principal moment above the sum of the others, is taken
+    as the description states it; a simulator replaces it by one of equal moments.
     """
 
     __pydantic_config__ = _STRICT
@@ -105,6 +109,7 @@ class RobotCard:
     effectors: dict[str, EffectorCard]
     references: tuple[str, ...] = ()
     locked_joints: tuple[str, ...] = ()
+    accepted_inertias: tuple[str, ...] = ()
     limits: LimitsCard = LimitsCard()
     rotors: RotorsCard = RotorsCard()
     collision: CollisionCard = CollisionCard()
@@ -194,6 +199,8 @@ def patterns(card: RobotCard) -> Iterator[tuple[str, str, str]]:
         yield f"groups.{group}", "joint", pattern
     for i, pattern in enumerate(card.locked_joints):
         yield f"locked_joints[{i}]", "joint", pattern
+    for i, pattern in enumerate(card.accepted_inertias):
+        yield f"accepted_inertias[{i}]", "link", pattern
     for where, table in by_joint(card).items():
         for pattern in table:
             yield f"{where}.{pattern}", "joint", pattern
@@ -234,6 +241,8 @@ def _bad_limits(card: RobotCard) -> Iterator[Fault]:
     for pattern, (low, high) in card.limits.position_rad.items():
         if low >= high:
             yield Fault(f"limits.position_rad.{pattern}", f"the lower limit {low} is not below the upper one {high}")
+        elif max(abs(low), abs(high)) > MOST_POSITION_RAD:
+            yield Fault(f"limits.position_rad.{pattern}", f"{low} to {high} rad is more than two turns; is it degrees?")
     positive = {
         "limits.velocity_rad_s": card.limits.velocity_rad_s,
         "limits.torque_nm": card.limits.torque_nm,

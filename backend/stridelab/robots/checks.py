@@ -77,20 +77,8 @@ def immovable(model: pin.Model, base_frame: str, effectors: Mapping[str, Effecto
             )
 
 
-def not_physical(model: pin.Model) -> Iterator[Fault]:
-    """Bodies of the reduced ``model`` without mass or inertia, and joints without range, speed or torque.
-
-    Published inertias whose largest principal moment exceeds the sum of the others, which no body has, are let through
-    (Romeo's shoulders): the mass matrix stays positive.
-    """
-    for j in range(1, model.njoints):
-        body = _body(model, j)
-        inertia = model.inertias[j]
-        principal = np.linalg.eigvalsh(inertia.inertia)
-        if not inertia.mass > 0.0:
-            yield Fault(body, f"what it moves has the mass {inertia.mass:g} kg; it needs an <inertial> with a mass")
-        elif not principal[0] > 0.0:
-            yield Fault(body, "the inertia of what it moves is not positive")
+def limitless(model: pin.Model) -> Iterator[Fault]:
+    """Joints of the reduced ``model`` without range, speed or torque."""
     for i, joint in enumerate(list(model.names)[2:]):
         low, high = model.lowerPositionLimit[7 + i], model.upperPositionLimit[7 + i]
         if not low < high:
@@ -106,7 +94,3 @@ def out_of_range(model: pin.Model, q: Float[np.ndarray, "nq"]) -> Iterator[Fault
         low, high, angle = model.lowerPositionLimit[7 + i], model.upperPositionLimit[7 + i], q[7 + i]
         if not low - TOLERANCE_RAD <= angle <= high + TOLERANCE_RAD:
             yield Fault("reference", f"joint {joint!r} is at {angle:g} rad, outside {low:g} to {high:g}")
-
-
-def _body(model: pin.Model, joint: int) -> str:
-    return "the base" if joint == 1 else f"joint {model.names[joint]}"

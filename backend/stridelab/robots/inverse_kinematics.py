@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from stridelab.conventions import Vector3
+from stridelab.conventions import Angles, Vector3
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import InvalidInput
 from stridelab.robots.contact_frames import se3, with_contact_frames
@@ -57,17 +57,19 @@ def stand(
     placements: Mapping[str, Placement],
     com_m: Vector3,
     q_start: Float[np.ndarray, "nq"] | None = None,
+    margins_rad: Angles | None = None,
 ) -> IkResult:
     """Configuration with every effector of ``placements`` at its T_world_contact and the CoM at ``com_m``.
 
     A surface is placed in all six coordinates, a point in three. The posture is that of ``q_start``, by default the
-    reference posture carried to the CoM and turned to the mean heading of the surfaces. An unreachable target is no
-    error: the result says how far it stayed away. Raises ``InvalidInput`` (``effector-unknown``).
+    reference posture carried to the CoM and turned to the mean heading of the surfaces. ``margins_rad`` ``(na,)`` is
+    what every joint keeps from either end of its range, 0.02 rad at least. An unreachable target is no error: the
+    result says how far it stayed away. Raises ``InvalidInput`` (``effector-unknown``).
     """
     unknown = sorted(set(placements) - set(robot.effectors))
     if unknown:
         raise InvalidInput("effector-unknown", f"{robot.title} has no effector {', '.join(unknown)}")
-    problem = _Problem(robot, placements, com_m)
+    problem = _Problem(robot, placements, com_m, 0.0 if margins_rad is None else margins_rad)
     posture = _reference_at(robot, placements, com_m) if q_start is None else q_start
     q = posture.copy()
     q[7:] = np.clip(q[7:], problem.lower, problem.upper)
@@ -96,7 +98,9 @@ def _reference_at(robot: Robot, placements: Mapping[str, Placement], com_m: Vect
 class _Problem:
     """Errors, Jacobian and one bounded step."""
 
-    def __init__(self, robot: Robot, placements: Mapping[str, Placement], com_m: Vector3) -> None:
+    def __init__(
+        self, robot: Robot, placements: Mapping[str, Placement], com_m: Vector3, margins_rad: Angles | float
+    ) -> None:
         self.model, self._frames = with_contact_frames(robot)
         self._data = self.model.createData()
         self._targets = {name: (se3(p), robot.effectors[name].kind) for name, p in placements.items()}
@@ -104,8 +108,9 @@ class _Problem:
         groups = [_GROUP[robot.group[joint]] for joint in robot.joint_names]
         self._weights = np.array([0.0, 0.0, 0.0, _UPRIGHT, _UPRIGHT, _UPRIGHT, *groups])
         middle = 0.5 * (self.model.lowerPositionLimit + self.model.upperPositionLimit)[7:]
-        self.lower = np.minimum(self.model.lowerPositionLimit[7:] + _MARGIN_RAD, middle)
-        self.upper = np.maximum(self.model.upperPositionLimit[7:] - _MARGIN_RAD, middle)
+        margins = np.maximum(margins_rad, _MARGIN_RAD)
+        self.lower = np.minimum(self.model.lowerPositionLimit[7:] + margins, middle)
+        self.upper = np.maximum(self.model.upperPositionLimit[7:] - margins, middle)
 
     def errors(self, q: Float[np.ndarray, "nq"]) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
         """Stacked errors, world aligned (linear before angular, the CoM last), and their Jacobian."""

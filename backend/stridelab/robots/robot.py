@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from stridelab.conventions import Points
+from stridelab.conventions import Points, Rotation
 from stridelab.dynamics.placement import Placement
 
 Group = Literal["leg", "torso", "arm", "head"]
@@ -50,7 +50,9 @@ class Robot:
     """A robot with a floating base; ``model`` is reduced to the joints that move in a motion.
 
     ``collision`` holds the shapes that can touch, mostly convex hulls, with the pairs that are checked.
-    ``q_reference`` ``(nq,)`` stands with both soles on z = 0 between them x = y = 0. ``group`` says of every
+    ``q_reference`` ``(nq,)`` stands with both soles on z = 0, between them x = y = 0, and looks along x. The columns of
+    ``R_root_trunk`` and ``R_base_trunk`` are the trunk's axes ahead, left and up, in the axes of the root link and of
+    ``base_frame``: the trunk is upright where they are those of the world. ``group`` says of every
     actuated joint where in the body it lies. ``urdf`` and ``package_dirs`` are what a simulator needs to load the
     same robot; ``locked`` maps the joints that the reduced model leaves out to the angle (rad) at which they are
     held. ``sha256`` identifies all of it.
@@ -63,6 +65,8 @@ class Robot:
     collision: pin.GeometryModel
     effectors: Mapping[str, Effector]
     base_frame: str
+    R_root_trunk: Rotation
+    R_base_trunk: Rotation
     q_reference: Float[np.ndarray, "nq"]
     group: Mapping[str, Group]
     urdf: Path

@@ -6,6 +6,8 @@ from pydantic import Field
 
 from stridelab.schemas.base import Contract, Interval, Remark
 from stridelab.schemas.jobs import EstimateComInput
+from stridelab.schemas.quality import Quality
+from stridelab.schemas.sessions import LatencySource, SessionValues
 
 
 class CompareEstimatorsInput(EstimateComInput):
@@ -78,7 +80,11 @@ class CompareEstimatorsSummary(Contract):
     latency_s: float | None
     latency_sd_s: float | None
     latency_applied_s: float
+    latency_source: LatencySource = "trial"
+    latency_n_trials: int = 1
+    session: SessionValues | None = None
     reference: Literal["truth", "geometry"] = Field(description="what the spectra of the estimators are held against")
     methods: dict[str, MethodAssessment]
     refused: dict[str, Remark] = Field(description="estimators that cannot work on this recording, and why")
+    quality: Quality | None = Field(default=None, description="null in results of versions that did not check")
     warnings: list[Remark]

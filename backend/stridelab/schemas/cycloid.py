@@ -6,6 +6,8 @@ from pydantic import Field
 
 from stridelab.schemas.base import Contract, Interval, Remark
 from stridelab.schemas.jobs import EstimateComInput
+from stridelab.schemas.quality import Quality
+from stridelab.schemas.sessions import LatencySource, SessionValues
 
 FootSide = Literal["left", "right"]
 
@@ -134,12 +136,16 @@ class FitCycloidSummary(Contract):
     rate_hz: float
     method: str
     segment_table: str
-    mass_kg: float
+    mass_kg: float | None = Field(description="null where none is known, which only the method geometry allows")
     latency_s: float | None
     latency_applied_s: float
+    latency_source: LatencySource = "trial"
+    latency_n_trials: int = 1
+    session: SessionValues | None = None
     ahead: tuple[float, float] = Field(description="horizontal unit vector of the walk")
     steps: list[FittedStep]
     overlapping: list[OverlappingFit]
     step_to_step_sd: StepScatter | None = Field(description="null where there is nothing to compare")
     steps_left_out: int = Field(description="whole steps that were seen but not fitted: force or markers are missing")
+    quality: Quality | None = Field(default=None, description="null in results of versions that did not check")
     warnings: list[Remark]

@@ -7,6 +7,8 @@ from pydantic import Field, field_validator, model_validator
 
 from stridelab.schemas.base import Contract, Interval, Problem, Remark
 from stridelab.schemas.methods import Method
+from stridelab.schemas.quality import Quality
+from stridelab.schemas.sessions import LatencySource, SessionValues
 
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled", "timed_out"]
 FINAL_STATES: frozenset[JobState] = frozenset({"succeeded", "failed", "cancelled", "timed_out"})
@@ -56,6 +58,7 @@ class Artifact(Contract):
     name: str
     media_type: str
     bytes: int
+    sha256: str | None = Field(default=None, description="of the content; null for results of earlier versions")
 
 
 class JobResult(Contract):
@@ -146,6 +149,17 @@ class EstimateComInput(Contract):
         return options
 
 
+class ComparedMass(Contract):
+    """A body mass that was compared with the others, and its standard deviation."""
+
+    source: Literal["stated", "file", "standing", "impulse", "whole_steps", "static", "session"] = Field(
+        description="stated by the user; in the file; from the plates while standing, by the impulse of the vertical "
+        "force, or over whole steps; from the plates while standing in the static trial; over all trials of the session"
+    )
+    mass_kg: float
+    sd_kg: float
+
+
 class EstimateComSummary(Contract):
     """Summary of ``estimate-com``."""
 
@@ -153,12 +167,19 @@ class EstimateComSummary(Contract):
     rate_hz: float
     method: str
     segment_table: str
-    mass_kg: float
-    mass_source: Literal["stated", "file", "force"] = "stated"
+    mass_kg: float | None = Field(description="null where none is known, which only the method geometry allows")
+    mass_source: Literal["stated", "file", "force"] | None = Field(default="stated", description="null without a mass")
+    mass_sd_kg: float | None = Field(default=None, description="standard deviation of the mass that is used")
     mass_from_force_kg: float | None = None
+    masses: list[ComparedMass] = Field(default_factory=list, description="all masses that were known and compared")
     latency_s: float | None
     latency_sd_s: float | None
     latency_applied_s: float
+    latency_source: LatencySource = "trial"
+    latency_n_trials: int = Field(default=1, description="trials behind the latency")
+    latency_trial_s: float | None = Field(default=None, description="what this trial says alone")
+    latency_trial_sd_s: float | None = None
+    session: SessionValues | None = Field(default=None, description="values of the session that were used")
     latency_along_s: float | None = Field(default=None, description="what the accelerations along the walk say alone")
     latency_lateral_s: float | None = Field(default=None, description="across the walk; reported, not used")
     latency_vertical_s: float | None = Field(default=None, description="what the vertical accelerations say alone")
@@ -168,6 +189,7 @@ class EstimateComSummary(Contract):
     diagnostics: dict[str, float] = Field(
         default_factory=dict, description="numbers of the estimator, with their units"
     )
+    quality: Quality | None = Field(default=None, description="null in results of versions that did not check")
     warnings: list[Remark]
 
 

@@ -97,8 +97,27 @@ class CertificateSummary(Contract):
     checks: list[CertificateCheck]
 
 
+class ReplayCollision(Contract):
+    """Two links, or a link or an effector and a surface, that touch without being planned to.
+
+    ``time_s`` is when they first do, ``force_max_n`` the largest force between them.
+    """
+
+    first: str
+    second: str
+    time_s: float
+    force_max_n: float
+
+
 class ReplaySummary(Contract):
-    """What happened when the motion was replayed in physics."""
+    """What happened when the motion was replayed in physics.
+
+    ``completed``: the robot does not fall, nothing touches that is not planned to, no loaded sole slips by more than
+    20 mm, no torque asked for exceeds 1.2 of its limit, and every planned hand is loaded in its place for 95 % of its
+    contact. ``remarks`` say what is missing. Only a robot that falls has a ``fall_time_s``. ``slip_max_m`` is
+    ``foot_slip_max_m``; ``collisions`` counts the pairs of ``collided``. Plans of earlier versions lack the last five
+    fields, and their ``completed`` says only that the robot did not fall.
+    """
 
     completed: bool
     fall_time_s: float | None = None
@@ -110,6 +129,11 @@ class ReplaySummary(Contract):
     hand_contact_share: float | None = None
     torque_ratio_max: float
     real_time_factor: float
+    slip_max_m: float | None = None
+    hand_in_place_shares: dict[str, float] | None = None
+    collisions: int | None = None
+    collided: list[ReplayCollision] | None = None
+    remarks: list[Remark] | None = None
 
 
 class StoppedMotion(Contract):

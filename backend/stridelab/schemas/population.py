@@ -6,6 +6,7 @@ from pydantic import Field, model_validator
 
 from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.methods import Method
+from stridelab.schemas.quality import Quality, TrialQuality
 from stridelab.schemas.recordings import AgeYears, HeightM, MassKg, Recording, Sex
 
 MAX_RECORDINGS = 500
@@ -198,4 +199,12 @@ class StudyPopulationSummary(Contract):
     n_steps: int
     method: str | None
     pooled: bool
+    quality: Quality | None = Field(
+        default=None,
+        description="the worst value of every check over the recordings that were used; null in results of versions "
+        "that did not check",
+    )
+    trials: list[TrialQuality] = Field(
+        default_factory=list, description="every recording's own quality; a contradicted one is in `left_out`"
+    )
     warnings: list[Remark]

@@ -1,11 +1,12 @@
 """Recordings and subjects of the HTTP contract."""
 
-from datetime import datetime
+from datetime import date, datetime
 from typing import Annotated, Literal
 
 from pydantic import Field
 
 from stridelab.schemas.base import Contract, Interval, Remark
+from stridelab.schemas.sessions import SessionId
 
 HeightM = Annotated[float, Field(ge=0.4, le=2.6, description="stature in metres")]
 MassKg = Annotated[float, Field(ge=2.0, le=400.0, description="body mass in kilograms")]
@@ -55,7 +56,8 @@ class PlateSwitch(Contract):
 class RecordingPatch(Contract):
     """Body of ``PATCH /recordings/{id}``; only the given fields change.
 
-    ``marker_map`` maps the service's landmark names to the file's labels; ``plates`` maps a plate index to switches.
+    ``marker_map`` maps the service's landmark names to labels of the file, or of its static trial; ``plates`` maps a
+    plate index to switches. ``session_id`` states the session; null lets the service find it by itself.
     """
 
     subject_id: str | None = None
@@ -63,6 +65,14 @@ class RecordingPatch(Contract):
     static_recording_id: str | None = None
     marker_map: dict[str, str] | None = None
     plates: dict[int, PlateSwitch] | None = None
+    session_id: SessionId | None = None
+
+
+class TrialClock(Contract):
+    """How late the force is against the markers, from this file and its switches alone; > 0: the force is late."""
+
+    latency_s: float
+    sd_s: float
 
 
 class RecordingFacts(Contract):
@@ -76,6 +86,11 @@ class RecordingFacts(Contract):
     n_markers: int
     subject: SubjectFields
     mass_from_force_kg: float | None = None
+    mass_from_force_sd_kg: float | None = None
+    clock: TrialClock | None = Field(default=None, description="null where force and markers cannot be compared")
+    recorded_on: date | None = Field(default=None, description="day of the recording, where the file states it")
+    still: bool = Field(default=False, description="the person stands still: a static trial")
+    simulated: bool = Field(default=False, description="the file carries the segment table of a simulated body")
     plates: list[PlateInfo]
     windows_s: list[Interval]
     up_axis: str
@@ -97,6 +112,8 @@ class Recording(RecordingFacts):
     subject_id: str | None = None
     marker_map: dict[str, str]
     static_recording_id: str | None = None
+    session_id: str | None = Field(default=None, description="session of trials with one clock and one body mass")
+    session_stated: bool = Field(default=False, description="stated by the user, not found by the service")
     bundled: bool = False
     truth_job_id: str | None = None
     owner: str | None = None

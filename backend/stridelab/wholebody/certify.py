@@ -10,6 +10,7 @@ Two limits are ours and only inform of how far the stages agree:
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -34,6 +35,10 @@ DYNAMICS_RESIDUAL_N = 1e-8
 INTEGRATION_GAP = 1e-6
 COLLISION_STEP_S = 0.04
 MOMENTUM_SHARE = 0.05
+RANGE_SHARE = 0.02
+"""Of a joint's range that is kept from either end."""
+LIMIT_SHARE = 0.95
+"""Of speeds and torques that may be used: what is left is for a robot that is not quite as described."""
 RARE = 1e-3
 """Share of an effector's density that counts as out of reach."""
 _DRAWS = 8192
@@ -87,20 +92,26 @@ def _com_error(plan: CentroidalPlan, motion: WholeBodyMotion, found: Recomputed,
 
 
 def _limits(robot: Robot, motion: WholeBodyMotion, worst: Worst) -> tuple[Check, ...]:
-    """Joint ranges, speeds, and torques of the joints that carry the body and of the arms."""
+    """Joint ranges, speeds, and torques of the joints that carry the body and of the arms.
+
+    The margin of the range is that of the joint that keeps the smallest share of its range.
+    """
     limits, joints = JointLimits.of(robot.model), robot.joint_names
-    angles = motion.q[:, 7:]
-    margin = np.minimum(angles - limits.lower_rad, limits.upper_rad - angles)
+    angles, range_rad = motion.q[:, 7:], limits.upper_rad - limits.lower_rad
+    share = np.minimum(angles - limits.lower_rad, limits.upper_rad - angles) / range_rad
+    nearest = worst.at_least("joint_limit_margin", share, "rad", RANGE_SHARE, joints)
+    of = range_rad[joints.index(nearest.effector)] if nearest.effector else 1.0
     speed = np.abs(motion.v[:, 6:]) / limits.velocity_rad_s
     torque = np.abs(motion.tau_nm) / limits.torque_nm
     arm = np.array([robot.group[joint] == "arm" for joint in joints])
 
     def ratio(name: str, of: np.ndarray) -> Check:
-        return worst.at_most(name, torque[:, of], "1", 1.0, [j for j, chosen in zip(joints, of, strict=True) if chosen])
+        chosen = [joint for joint, is_one in zip(joints, of, strict=True) if is_one]
+        return worst.at_most(name, torque[:, of], "1", LIMIT_SHARE, chosen)
 
     return (
-        worst.at_least("joint_limit_margin", margin, "rad", 0.0, joints),
-        worst.at_most("velocity_ratio_max", speed, "1", 1.0, joints),
+        replace(nearest, value=float(nearest.value * of), limit=float(RANGE_SHARE * of)),
+        worst.at_most("velocity_ratio_max", speed, "1", LIMIT_SHARE, joints),
         ratio("torque_ratio_max_legs_torso", ~arm),
         ratio("torque_ratio_max_arms", arm),
     )

@@ -1,32 +1,35 @@
 """Distances of the body from itself and from the terrain, on convex hulls.
 
-A sole that stands on a box, or is about to, is not measured against that box: during the contact, in the first and in
-the last eighth of a swing. Every other pair of a link and a box is, at all times; so is every link against the rails,
-but for the links that hold them.
+A sole that stands on a box, or is about to, is not measured against that box (``touching``). Every other pair of a
+link and a surface is, at all times, but for the hand's links against a rail that it holds, nears or leaves. What a hand
+touches with, a ball, is measured as well, but not against the surface that it touches, nears or leaves: against that
+one its contact point is while it nears or leaves it, which may be inside by the landing error.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Literal, NamedTuple
 
 import coal
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Int
 
-from stridelab.contacts.sequence import Contact, ContactSequence
-from stridelab.contacts.terrain import Box, Rail
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.contacts.terrain import Rail
 from stridelab.conventions import Configurations, Series
 from stridelab.robots.contact_frames import se3
-from stridelab.robots.robot import Effector, Robot
+from stridelab.robots.robot import Robot
 from stridelab.wholebody.certificate import Check
+from stridelab.wholebody.touch_down import LANDING_ERROR_M
+from stridelab.wholebody.touching import HAND_RADIUS_M, OwnSurfaces, terrain_shape
 from stridelab.wholebody.worst import Worst
 
-SWING_SHARE = 0.125
-"""Share of a swing after lift-off and before touch-down in which a sole is close to its own box."""
 LEG_CLEARANCE_M = 0.010
 """Of shanks and swinging soles from what they do not stand on: the replay errs by as much."""
-_TOUCHING_M = 5e-3
-"""A box nearer than this to a contact's rectangle carries it, or lies level with the box that does."""
+ARM_CLEARANCE_M = 0.005
+"""Of arms and hands from what they do not touch."""
+_POINT_M = 1e-6
+Role = Literal["link", "palm", "point"]
 
 
 def self_collision(robot: Robot, q: Configurations, worst: Worst) -> Check:
@@ -48,48 +51,70 @@ def self_collision(robot: Robot, q: Configurations, worst: Worst) -> Check:
     return Check(name, float(len(found)), unit, 0.0, False, int(worst.phase[i]), touching, float(worst.time_s[i]))
 
 
-def terrain_distances(robot: Robot, sequence: ContactSequence, q: Configurations, worst: Worst) -> tuple[Check, Check]:
-    """Smallest distance (m) of a link's hull from a box or a rail, of any link and of those of the legs.
+def terrain_distances(robot: Robot, sequence: ContactSequence, q: Configurations, worst: Worst) -> tuple[Check, ...]:
+    """Smallest distance (m) from a box or a rail: of anything, of legs, of arms with what hands touch with.
 
-    A penetration is negative.
+    A penetration is negative. Where hands touch, the largest depth of a contact point inside its own surface follows.
     """
     scene = _Scene.of(robot, sequence)
     model, data, results = robot.model, robot.model.createData(), scene.geometry.createData()
-    values = np.full((len(q), len(scene.links)), np.inf)
+    values = np.full((len(q), len(scene.parts)), np.inf)
+    apart, depth = values.copy(), np.full(values.shape, -np.inf)
     for i, configuration in enumerate(q):
         pin.computeDistances(model, data, scene.geometry, results, configuration)
-        skipped = scene.own(int(worst.phase[i]), float(worst.time_s[i]))
-        for k, (column, effector, surface) in enumerate(scene.pairs):
-            if effector is None or surface not in skipped[effector]:
-                values[i, column] = min(values[i, column], results.distanceResults[k].min_distance)
-    legs = np.array([_group(robot, link) == "leg" for link in scene.links], dtype=bool)
-    of_legs = [link for link, leg in zip(scene.links, legs, strict=True) if leg]
+        phase, time_s = int(worst.phase[i]), float(worst.time_s[i])
+        touched = {name: scene.own.touched(name, phase) for name in scene.effectors}
+        near = {name: scene.own.near(name, phase, time_s) for name in scene.effectors}
+        for k, pair in enumerate(scene.pairs):
+            distance_m, column = float(results.distanceResults[k].min_distance), pair.column
+            is_near = pair.effector is not None and pair.surface in near[pair.effector]
+            is_own = is_near or (pair.effector is not None and pair.surface in touched[pair.effector])
+            if pair.role == "point":
+                if is_near:
+                    depth[i, column] = max(depth[i, column], -distance_m)
+            elif not is_own:
+                values[i, column] = min(values[i, column], distance_m)
+                apart[i, column] = min(apart[i, column], distance_m)
+            elif pair.role == "palm":
+                values[i, column] = min(values[i, column], distance_m)
+    legs, arms = (np.array([group == of for group in scene.groups], dtype=bool) for of in ("leg", "arm"))
+
+    def smallest(name: str, of: np.ndarray, chosen: np.ndarray, limit_m: float) -> Check:
+        columns = [part for part, is_one in zip(scene.parts, chosen, strict=True) if is_one]
+        return worst.at_least(name, of[:, chosen], "m", limit_m, columns)
+
     return (
-        worst.at_least("terrain_distance_min", values, "m", 0.0, scene.links),
-        worst.at_least("leg_terrain_distance_min", values[:, legs], "m", LEG_CLEARANCE_M, of_legs),
+        smallest("terrain_distance_min", values, np.ones(len(scene.parts), dtype=bool), 0.0),
+        smallest("leg_terrain_distance_min", apart, legs, LEG_CLEARANCE_M),
+        smallest("arm_terrain_distance_min", apart, arms, ARM_CLEARANCE_M),
+        *([worst.at_most("hand_depth_max", depth, "m", LANDING_ERROR_M, scene.parts)] if scene.hands else []),
     )
 
 
-def _group(robot: Robot, link: str) -> str:
-    """Where in the body a link lies: where the joint that moves it does."""
-    frame = robot.model.frames[robot.model.getFrameId(link)]
-    return robot.group.get(str(robot.model.names[frame.parentJoint]), "")
+class _Pair(NamedTuple):
+    """A shape and a surface: the column of the shape's link, the effector that it is part of, and what it is there.
+
+    ``palm``: a hand's link and a box, which it must not enter even while it touches it. ``point``: the contact point of
+    a hand, which is measured only against the surface that it nears or leaves.
+    """
+
+    column: int
+    effector: str | None
+    surface: str
+    role: Role
 
 
 @dataclass(frozen=True, eq=False)
 class _Scene:
-    """Hulls and terrain in one geometry.
+    """Hulls, the hands' balls and terrain in one geometry; ``groups`` say where in the body each of ``parts`` lies."""
 
-    ``pairs``: per collision pair the column of the link, the sole that the link is (else None), the surface.
-    ``carriers``: per surface contact (by identity) the boxes that carry it.
-    """
-
-    sequence: ContactSequence
     geometry: pin.GeometryModel
-    links: tuple[str, ...]
-    pairs: tuple[tuple[int, str | None, str], ...]
-    soles: frozenset[str]
-    carriers: Mapping[int, frozenset[str]]
+    parts: tuple[str, ...]
+    groups: tuple[str, ...]
+    pairs: tuple[_Pair, ...]
+    hands: tuple[str, ...]
+    effectors: tuple[str, ...]
+    own: OwnSurfaces
 
     @staticmethod
     def of(robot: Robot, sequence: ContactSequence) -> "_Scene":
@@ -98,72 +123,47 @@ class _Scene:
         geometry.removeAllCollisionPairs()
         hulls = list(robot.collision.geometryObjects)  # those of the copy move when it grows
         joint_of = {name: model.frames[model.getFrameId(e.frame)].parentJoint for name, e in robot.effectors.items()}
-        sole_of = {joint_of[name]: name for name, e in robot.effectors.items() if e.kind == "surface"}
-        holding = {joint_of[name] for name, e in robot.effectors.items() if e.kind == "point"}
-        links = tuple(dict.fromkeys(_link(model, hull) for hull in hulls))
-        pairs: list[tuple[int, str | None, str]] = []
+        at_joint = {joint: name for name, joint in joint_of.items()}
+        links = dict.fromkeys(_link(model, hull) for hull in hulls)
+        hands = [name for name in sequence.effectors if robot.effectors[name].kind == "point"]
+        parts = (*links, *hands)
+        shapes: list[tuple[int, str | None, Role]] = []
+        for hull in hulls:
+            effector = at_joint.get(hull.parentJoint)
+            is_hand = effector is not None and robot.effectors[effector].kind == "point"
+            shapes.append((parts.index(_link(model, hull)), effector, "palm" if is_hand else "link"))
+        groups = {_link(model, hull): robot.group.get(str(model.names[hull.parentJoint]), "") for hull in hulls}
+        for name in hands:
+            geometry.addGeometryObject(_ball(robot, name, HAND_RADIUS_M))
+            geometry.addGeometryObject(_ball(robot, name, _POINT_M))
+            shapes += [(parts.index(name), name, "link"), (parts.index(name), name, "point")]
+        pairs: list[_Pair] = []
         for surface in sequence.terrain.surfaces:
-            placed = pin.GeometryObject(f"terrain {surface.name}", 0, 0, *_shape(surface))
-            number = geometry.addGeometryObject(placed)
-            for k, hull in enumerate(hulls):
-                if isinstance(surface, Rail) and hull.parentJoint in holding:
-                    continue
+            number = geometry.addGeometryObject(
+                pin.GeometryObject(f"terrain {surface.name}", 0, 0, *terrain_shape(surface))
+            )
+            for k, (column, effector, role) in enumerate(shapes):
+                closes = role == "palm" and isinstance(surface, Rail)  # a hand closes around what it holds
                 geometry.addCollisionPair(pin.CollisionPair(k, number))
-                pairs.append((links.index(_link(model, hull)), sole_of.get(hull.parentJoint), surface.name))
-        contacts = [c for phase in sequence.phases for c in phase.contacts.values()]
-        carriers = {id(c): _carriers(sequence, c, robot.effectors[c.effector]) for c in contacts if c.kind == "surface"}
-        return _Scene(sequence, geometry, links, tuple(pairs), frozenset(sole_of.values()), carriers)
-
-    def own(self, phase: int, time_s: float) -> dict[str, frozenset[str]]:
-        """Per sole, the surfaces that it stands on, leaves or nears."""
-        return {name: self._own(name, phase, time_s) for name in self.soles}
-
-    def _own(self, sole: str, phase: int, time_s: float) -> frozenset[str]:
-        sequence = self.sequence
-        here = sequence.phases[phase].contacts.get(sole)
-        if here is not None:
-            return self.carriers[id(here)]
-        first, last = phase, phase
-        while first > 0 and sole not in sequence.phases[first - 1].contacts:
-            first -= 1
-        while last + 1 < len(sequence.phases) and sole not in sequence.phases[last + 1].contacts:
-            last += 1
-        start, end = float(sequence.starts_s[first]), float(sequence.ends_s[last])
-        share = (time_s - start) / (end - start)
-        near: frozenset[str] = frozenset()
-        before, after = sequence.last_contact(sole, phase), sequence.next_contact(sole, phase)
-        if before is not None and share < SWING_SHARE:
-            near |= self.carriers[id(before)]
-        if after is not None and share > 1.0 - SWING_SHARE:
-            near |= self.carriers[id(after)]
-        return near
+                pairs.append(_Pair(column, effector, surface.name, "link" if closes else role))
+        return _Scene(
+            geometry,
+            parts,
+            (*(groups[link] for link in links), *("arm" for _ in hands)),
+            tuple(pairs),
+            tuple(hands),
+            tuple(robot.effectors),
+            OwnSurfaces(sequence, robot.effectors),
+        )
 
 
-def _carriers(sequence: ContactSequence, contact: Contact, effector: Effector) -> frozenset[str]:
-    """The boxes under a contact's rectangle: its own, and those level with it."""
-    x, y = effector.contact_half_size_m or (0.0, 0.0)
-    rectangle, place = coal.Box(2.0 * x, 2.0 * y, 1e-4), _transform(se3(contact.placement))
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
-    near = {contact.surface}
-    for box in sequence.terrain.boxes:
-        shape, at = _shape(box)[1], _transform(_shape(box)[0])
-        result.clear()
-        if coal.distance(rectangle, place, shape, at, request, result) < _TOUCHING_M:
-            near.add(box.name)
-    return frozenset(near)
-
-
-def _shape(surface: Box | Rail) -> tuple[pin.SE3, coal.CollisionGeometry]:
-    if isinstance(surface, Box):
-        return se3(surface.placement), coal.Box(*(float(edge) for edge in surface.size_m))
-    axis = surface.to_m - surface.from_m
-    length = float(np.linalg.norm(axis))
-    R = pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis / length).toRotationMatrix()
-    return pin.SE3(R, 0.5 * (surface.from_m + surface.to_m)), coal.Capsule(surface.radius_m, length)
-
-
-def _transform(placement: pin.SE3) -> coal.Transform3s:
-    return coal.Transform3s(placement.rotation, placement.translation)
+def _ball(robot: Robot, name: str, radius_m: float) -> pin.GeometryObject:
+    """A ball behind the contact point of a hand, which lies on its surface."""
+    effector = robot.effectors[name]
+    frame = robot.model.frames[robot.model.getFrameId(effector.frame)]
+    centre = pin.SE3(np.eye(3), np.array([0.0, 0.0, radius_m]))
+    placement = frame.placement * se3(effector.T_frame_contact) * centre
+    return pin.GeometryObject(f"{radius_m:g} m of {name}", frame.parentJoint, placement, coal.Sphere(radius_m))
 
 
 def _link(model: pin.Model, hull: pin.GeometryObject) -> str:

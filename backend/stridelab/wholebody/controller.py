@@ -29,6 +29,7 @@ from stridelab.robots.robot import Robot
 from stridelab.wholebody.avoidance import Avoidance
 from stridelab.wholebody.heading import Heading
 from stridelab.wholebody.hierarchy import Inequalities, Rows, solve, violations
+from stridelab.wholebody.joint_limits import JointLimits
 from stridelab.wholebody.motion import SolverFailure, WholeBodyMotion
 from stridelab.wholebody.programme import Instant, Programme, Settings
 from stridelab.wholebody.rigid_body import RigidBody
@@ -87,7 +88,7 @@ class _Run:
         self._heading = Heading.of(sequence)
         avoid = controller.settings.avoid
         self._avoidance = None if avoid is None else Avoidance(robot, sequence.terrain, avoid)
-        self._q, self._v = _start(robot, sequence, plan), np.zeros(robot.model.nv)
+        self._q, self._v = _start(robot, sequence, plan, controller.settings), np.zeros(robot.model.nv)
         self._phase = -1
         self._in_a_row = 0
         self._failures: list[SolverFailure] = []
@@ -222,10 +223,11 @@ class _Run:
         return WholeBodyStopped(message, faults, self.motion(0.0, max(i, 1)), phase, level, short)
 
 
-def _start(robot: Robot, sequence: ContactSequence, plan: CentroidalPlan) -> np.ndarray:
+def _start(robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, settings: Settings) -> np.ndarray:
     """Posture at rest on the contacts of the first phase, the CoM where the plan begins."""
-    contacts = sequence.phases[0].contacts
-    found = stand(robot, {name: contact.placement for name, contact in contacts.items()}, plan.com_m[0])
+    placements = {name: contact.placement for name, contact in sequence.phases[0].contacts.items()}
+    margins_rad = JointLimits.of(robot.model).margins_rad(settings.range_share, settings.joint_margin_rad)
+    found = stand(robot, placements, plan.com_m[0], margins_rad=margins_rad)
     if not found.converged:
         message = (
             f"No posture of {robot.title} stands on the first contacts: {found.worst} stays {found.error_m:.3f} m off."

@@ -45,7 +45,8 @@ class Disturbances:
     ``friction`` replaces that of all boxes. ``sole_half_size_m`` are the half edges of the simulated soles.
     ``torque_noise`` is the standard deviation of a factor about one, drawn anew for every joint and step.
     ``terrain_up_m`` raises every box on which the robot does not stand at first, ``rail_shift_m`` moves the rails.
-    ``delay_s`` is the age of what the stabiliser sees. ``trunk_mass_kg`` is added to the trunk, at its centre of mass.
+    ``delay_s`` is the age of what the stabiliser sees, to the nearest step of the simulator. ``trunk_mass_kg`` is added
+    to the trunk, at its centre of mass.
 
     Raises ``InvalidInput`` (``disturbance-out-of-range``).
     """

@@ -37,14 +37,21 @@ class JointLimits:
             model.effortLimit[6:].copy(),
         )
 
-    def shrunk(self, margin_rad: float, velocity_share: float, torque_share: float) -> "JointLimits":
-        """Limits to plan with, inside the true ones."""
+    def shrunk(
+        self, range_share: float, margin_rad: float, velocity_share: float, torque_share: float
+    ) -> "JointLimits":
+        """Limits to plan with: ``range_share`` of its range and ``margin_rad`` from either end."""
+        margins_rad = self.margins_rad(range_share, margin_rad)
         return JointLimits(
-            self.lower_rad + margin_rad,
-            self.upper_rad - margin_rad,
+            self.lower_rad + margins_rad,
+            self.upper_rad - margins_rad,
             velocity_share * self.velocity_rad_s,
             torque_share * self.torque_nm,
         )
+
+    def margins_rad(self, range_share: float, margin_rad: float) -> Angles:
+        """``range_share`` of every joint's range and ``margin_rad``."""
+        return np.asarray(range_share * (self.upper_rad - self.lower_rad) + margin_rad)
 
     def acceleration_bounds(
         self, q_rad: Angles, v_rad_s: Angles, k_per_s: float, k_v_per_s: float, most_rad_s2: float

@@ -40,8 +40,8 @@ class Settings:
 
     ``posture_weight`` is per group of joints; an arm whose hand has nothing to do is held ``free_arm`` times as firmly.
     ``contact_margin_m`` shrinks the rectangle of a surface, so that the centre of pressure stays inside the real sole.
-    ``joint_margin_rad``, ``velocity_share`` and ``torque_share`` keep the programme inside the limits that the
-    certificate checks. ``barrier_per_s`` and ``velocity_rate_per_s`` are the constants of ``joint_limits``.
+    ``range_share``, ``joint_margin_rad``, ``velocity_share`` and ``torque_share`` keep the programme inside the limits
+    that the certificate checks. ``barrier_per_s`` and ``velocity_rate_per_s`` are the constants of ``joint_limits``.
     """
 
     contact: Gain = FIRM
@@ -58,9 +58,10 @@ class Settings:
     force_weight: float = 1e-3
     hand_weight: float = 0.3
     contact_margin_m: float = 0.01
-    joint_margin_rad: float = 0.01
-    velocity_share: float = 0.99
-    torque_share: float = 0.99
+    range_share: float = 0.02
+    joint_margin_rad: float = 0.005
+    velocity_share: float = 0.94
+    torque_share: float = 0.94
     barrier_per_s: float = 25.0
     velocity_rate_per_s: float = 50.0
     acceleration_rad_s2: float = 300.0
@@ -108,7 +109,7 @@ class Programme:
         self._surface = {name: robot.effectors[name].kind == "surface" for name in (*contacts, *swings)}
         self._points = {name: robot.effectors[name].points_m(settings.contact_margin_m) for name in contacts}
         self._limits = JointLimits.of(body.model).shrunk(
-            settings.joint_margin_rad, settings.velocity_share, settings.torque_share
+            settings.range_share, settings.joint_margin_rad, settings.velocity_share, settings.torque_share
         )
         self._rest = robot.q_reference[7:]
         self._posture_weights = settings.posture_weights(robot, self._surface)

@@ -71,12 +71,12 @@ class PhysicsReplay:
         kp, kd = self._gains(robot, simulation.timestep_s)
         log, torque_ratio = ReplayLog(robot, sequence), 0.0
         stabilising = None if self.stabiliser is None else Stabilising(self.stabiliser, robot, motion)
-        sensors = Sensors(simulation, disturbed, motion.rate_hz)
+        sensors = Sensors(simulation, disturbed, substeps)
         rng = np.random.default_rng(disturbed.seed)
         last, dt_s, k, rested = len(motion.time_s) - 1, 1.0 / motion.rate_hz, 0, 0
         pace = Steady(last) if stabilising is None else stabilising.pace
-        started, completed = time.perf_counter(), True
-        while completed and rested < round(AFTERWARDS_S * motion.rate_hz):
+        started, stands = time.perf_counter(), True
+        while stands and rested < round(AFTERWARDS_S * motion.rate_hz):
             i, rate = pace.nearest, pace.rate * float(pace.nearest < last)
             forward, v_target = motion.tau_nm[i], rate * motion.v[i][6:]
             q_target = motion.q[i][7:] + (pace.sample - i) * dt_s * motion.v[i][6:]
@@ -92,16 +92,18 @@ class PhysicsReplay:
                     simulation.push(disturbed.push.force_n(k / motion.rate_hz + j * simulation.timestep_s))
                 held = simulation.locked_torques_nm(self.arm_share * self.stiffness, self.arm_share * self.damping)
                 torque_ratio = max(torque_ratio, simulation.step(tau, held))
+                log.step(simulation, k / motion.rate_hz + (j + 1) * simulation.timestep_s)
+                sensors.step(j + 1, k / motion.rate_hz + (j + 1) * simulation.timestep_s)
             simulation.refresh()
             pace.tick()
             k, rested = k + 1, rested + int(i == last)
             com_m, _ = simulation.com()
             error_m = float(np.linalg.norm(com_m - motion.com_reference_m[pace.nearest]))
             log.sample(simulation, k / motion.rate_hz, float(motion.time_s[pace.nearest]), com_m, error_m)
-            completed = error_m < FALLEN_M
+            stands = error_m < FALLEN_M
             if i % SAY_EVERY == 0:
                 progress(i / (last + 1), f"replay: {motion.time_s[i]:.1f} of {motion.time_s[-1]:.1f} s")
-        return log.replay(completed, torque_ratio, time.perf_counter() - started)
+        return log.replay(not stands, torque_ratio, time.perf_counter() - started)
 
     def _gains(self, robot: Robot, timestep_s: float) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:
         joints, data = robot.joint_names, robot.model.createData()

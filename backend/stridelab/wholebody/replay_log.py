@@ -1,16 +1,19 @@
 """What is measured while a motion is replayed."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
 from jaxtyping import Float
 
 from stridelab.contacts.sequence import Contact, ContactSequence
+from stridelab.contacts.swing import HAND_RETREAT_M
 from stridelab.conventions import Vector3
 from stridelab.robots.robot import Robot
+from stridelab.wholebody.replay_verdict import Collision, Missed, missed
 from stridelab.wholebody.simulation import Simulation
+from stridelab.wholebody.touching import OwnSurfaces
 
 TOUCHING_N: Final = 5.0
 """Force from which an effector counts as loaded."""
@@ -22,7 +25,10 @@ class Replay:
 
     Errors are those of the simulated CoM against the plan's. ``foot_slip_max_m`` is the largest displacement of a
     loaded sole since its touch-down, ``landing_error_max_m`` the largest distance from the planned place there.
-    ``hand_contact_share`` is the part of the planned hand contacts in which the hand is loaded.
+    ``hand_contact_share`` is the part of the planned hand contacts in which the hand is loaded;
+    ``hand_in_place_shares`` are, per hand, the part in which it is loaded by the planned surface and no farther from
+    its place than a hand that lets go retreats. ``collided`` are the contacts that the plan does not contain, in the
+    order of time. ``fall_time_s`` is None where the robot stays on its feet.
     """
 
     time_s: Float[np.ndarray, "n"]
@@ -30,7 +36,6 @@ class Replay:
     v: Float[np.ndarray, "n nv"]
     com_m: Float[np.ndarray, "n 3"]
     forces_n: Mapping[str, Float[np.ndarray, "n 3"]]
-    completed: bool
     fall_time_s: float | None
     com_error_rms_m: float
     com_error_max_m: float
@@ -40,6 +45,39 @@ class Replay:
     hand_contact_share: float | None
     torque_ratio_max: float
     real_time_factor: float
+    hand_in_place_shares: Mapping[str, float] = field(default_factory=dict)
+    collided: tuple[Collision, ...] = ()
+
+    @property
+    def fell(self) -> bool:
+        """Whether the robot fell; the replay ends there."""
+        return self.fall_time_s is not None
+
+    @property
+    def slip_max_m(self) -> float:
+        """The largest displacement of a loaded sole since its touch-down."""
+        return self.foot_slip_max_m
+
+    @property
+    def collisions(self) -> int:
+        """How many different pairs touched that the plan does not bring together."""
+        return len(self.collided)
+
+    @property
+    def remarks(self) -> tuple[Missed, ...]:
+        """What is missing to a completed replay."""
+        return missed(
+            fall_time_s=self.fall_time_s,
+            collided=self.collided,
+            slip_max_m=self.foot_slip_max_m,
+            torque_ratio_max=self.torque_ratio_max,
+            hand_in_place_shares=self.hand_in_place_shares,
+        )
+
+    @property
+    def completed(self) -> bool:
+        """Whether the robot does not fall and nothing else is missing."""
+        return not self.remarks
 
 
 class ReplayLog:
@@ -56,6 +94,16 @@ class ReplayLog:
         self._landed: dict[str, Vector3] = {}
         self._slips_m, self._landings_m = [0.0], [0.0]
         self._hand_n: list[float] = []
+        self._own = OwnSurfaces(sequence, robot.effectors)
+        self._in_place: dict[str, list[bool]] = {}
+        self._collided: dict[tuple[str, str], Collision] = {}
+
+    def step(self, simulation: Simulation, time_s: float) -> None:
+        """Take the contacts of the body in the step that ends at ``time_s``."""
+        built = simulation.built
+        for touch in simulation.body_touches:
+            first, second = (built.link.get(geom) or built.surface.get(geom, "") for geom in touch[:2])
+            self._collide(first, second, time_s, touch.force_n)
 
     def sample(self, simulation: Simulation, time_s: float, plan_time_s: float, com_m: Vector3, error_m: float) -> None:
         """Take the state after the step that ends at ``time_s``, when the plan has come to ``plan_time_s``."""
@@ -66,13 +114,41 @@ class ReplayLog:
         self._com_m.append(com_m)
         self._errors_m.append(error_m)
         forces = simulation.forces_n()
-        planned = self._sequence.phases[self._sequence.phase_at(plan_time_s)].contacts
+        phase = self._sequence.phase_at(plan_time_s)
+        planned = self._sequence.phases[phase].contacts
+        touched = self._touched(simulation, phase, time_s, plan_time_s)
         for name, force in forces.items():
             self._forces_n[name].append(force)
             if self._robot.effectors[name].kind == "surface":
                 self._follow(simulation, name, planned.get(name), float(np.linalg.norm(force)))
             elif name in planned:
-                self._hand_n.append(float(np.linalg.norm(force)))
+                force_n = float(np.linalg.norm(force))
+                self._hand_n.append(force_n)
+                away_m = simulation.contact(name).position_m - planned[name].placement.position_m
+                there = name in touched and force_n > TOUCHING_N and float(np.linalg.norm(away_m)) < HAND_RETREAT_M
+                self._in_place.setdefault(name, []).append(there)
+
+    def _touched(self, simulation: Simulation, phase: int, time_s: float, plan_time_s: float) -> set[str]:
+        """The effectors on surfaces of their planned contacts; contacts that are not planned are noted."""
+        found: set[str] = set()
+        built = simulation.built
+        for touch in simulation.effector_touches():
+            name, surface = built.effector[touch.first], built.surface.get(touch.second)
+            if surface is None:
+                continue  # a sole against another link: the link's shape is in ``body_touches``
+            if surface in self._own.touched(name, phase):
+                found.add(name)
+            elif surface not in self._own.near(name, phase, plan_time_s):
+                self._collide(name, surface, time_s, touch.force_n)
+        return found
+
+    def _collide(self, first: str, second: str, time_s: float, force_n: float) -> None:
+        pair = (first, second)
+        before = self._collided.get(pair)
+        if before is None:
+            self._collided[pair] = Collision(first, second, time_s, force_n)
+        elif force_n > before.force_max_n:
+            self._collided[pair] = replace(before, force_max_n=force_n)
 
     def _follow(self, simulation: Simulation, name: str, planned: Contact | None, force_n: float) -> None:
         if planned is None:
@@ -84,7 +160,7 @@ class ReplayLog:
                 self._landings_m.append(float(np.linalg.norm(here - planned.placement.position_m)))
             self._slips_m.append(float(np.linalg.norm(here - self._landed[name])))
 
-    def replay(self, completed: bool, torque_ratio_max: float, took_s: float) -> Replay:
+    def replay(self, fell: bool, torque_ratio_max: float, took_s: float) -> Replay:
         """All of it."""
         errors = np.array(self._errors_m)
         hand = np.array(self._hand_n)
@@ -94,8 +170,7 @@ class ReplayLog:
             v=np.array(self._v),
             com_m=np.array(self._com_m),
             forces_n={name: np.array(forces) for name, forces in self._forces_n.items()},
-            completed=completed,
-            fall_time_s=None if completed else self._time_s[-1],
+            fall_time_s=self._time_s[-1] if fell else None,
             com_error_rms_m=float(np.sqrt(np.mean(errors**2))),
             com_error_max_m=float(errors.max()),
             foot_slip_max_m=max(self._slips_m),
@@ -104,4 +179,6 @@ class ReplayLog:
             hand_contact_share=float(np.mean(hand > TOUCHING_N)) if len(hand) else None,
             torque_ratio_max=torque_ratio_max,
             real_time_factor=self._time_s[-1] / took_s,
+            hand_in_place_shares={name: float(np.mean(there)) for name, there in self._in_place.items()},
+            collided=tuple(self._collided.values()),
         )

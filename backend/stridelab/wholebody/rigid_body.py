@@ -29,11 +29,12 @@ class FrameState(NamedTuple):
 
 
 class RigidBody:
-    """The body at the state of the last ``update``. Frames are named by effector, or ``base``."""
+    """The body at the state of the last ``update``. Frames are named by effector; ``base`` has the trunk's axes."""
 
     def __init__(self, robot: Robot) -> None:
         self.model, frames = with_contact_frames(robot)
         self._frames = {**frames, "base": self.model.getFrameId(robot.base_frame)}
+        self._R_base_trunk = robot.R_base_trunk
         self._data = self.model.createData()
         self._drift = self.model.createData()
         self._zero = np.zeros(self.model.nv)
@@ -61,12 +62,13 @@ class RigidBody:
         return self._data
 
     def frame(self, name: str) -> FrameState:
-        """State of the contact frame of effector ``name``, or of the ``base`` frame."""
+        """State of the contact frame of effector ``name``, or of the trunk at the ``base`` frame."""
         if name not in self._seen:
             index, model, data = self._frames[name], self.model, self._data
             here = pin.updateFramePlacement(model, data, index)
             pin.updateFramePlacement(model, self._drift, index)
             J = pin.getFrameJacobian(model, data, index, pin.LOCAL_WORLD_ALIGNED)
             drift = pin.getFrameClassicalAcceleration(model, self._drift, index, pin.LOCAL_WORLD_ALIGNED).vector
-            self._seen[name] = FrameState(here.translation.copy(), here.rotation.copy(), J, J @ self.v, drift)
+            R = here.rotation @ self._R_base_trunk if name == "base" else here.rotation.copy()
+            self._seen[name] = FrameState(here.translation.copy(), R, J, J @ self.v, drift)
         return self._seen[name]

@@ -44,16 +44,32 @@ def as_sensed(seen: Seen) -> Seen:
 
 
 class Sensors:
-    """Reads a simulation, adds noise and keeps what is too young to be told."""
+    """Reads a simulation, adds noise and hands on what is ``delay_s`` old.
 
-    def __init__(self, simulation: Simulation, disturbed: Disturbances, rate_hz: float) -> None:
+    Readings are taken at the simulator's own steps, of which there are ``substeps`` from one call of ``read`` to the
+    next: a delay is exact to half a step of the simulator, and exactly the age of a reading where it is a whole number
+    of steps. Until the first reading is that old, the first one is handed on.
+    """
+
+    def __init__(self, simulation: Simulation, disturbed: Disturbances, substeps: int) -> None:
         self._simulation, self._noise = simulation, disturbed.sensor_noise
         self._rng = np.random.default_rng([disturbed.seed, 1])
-        self._late: deque[Seen] = deque(maxlen=1 + round(disturbed.delay_s * rate_hz))
+        late_steps = round(disturbed.delay_s / simulation.timestep_s)
+        self._taken_after = -late_steps % substeps
+        """Steps after a call of ``read`` at which a reading for a later call is taken; 0: at the call itself."""
+        kept = -(-late_steps // substeps) + int(self._taken_after == 0)
+        self._late: deque[Seen] = deque(maxlen=kept)
+
+    def step(self, done: int, time_s: float) -> None:
+        """To be called after every step, ``done`` of them since the last call of ``read``."""
+        if self._taken_after and done == self._taken_after:
+            self._simulation.refresh()
+            self._late.append(self._noisy(self._now(time_s)))
 
     def read(self, time_s: float) -> Seen:
         """What is known at ``time_s``."""
-        self._late.append(self._noisy(self._now(time_s)))
+        if self._taken_after == 0 or not self._late:
+            self._late.append(self._noisy(self._now(time_s)))
         return self._late[0]
 
     def _now(self, time_s: float) -> Seen:

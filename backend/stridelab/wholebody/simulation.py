@@ -1,5 +1,9 @@
 """A running simulation in the robot's own coordinates."""
 
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
 import mujoco
 import numpy as np
 from jaxtyping import Float
@@ -10,20 +14,35 @@ from stridelab.dynamics.placement import Placement
 from stridelab.wholebody.simulation_model import SimulationModel
 
 
+class Touch(NamedTuple):
+    """Two geometries in contact, by number, and the size of the force between them (N)."""
+
+    first: int
+    second: int
+    force_n: float
+
+
 class Simulation:
-    """State of one simulated robot; coordinates in pinocchio's order (base velocity in the base frame)."""
+    """State of one simulated robot; coordinates in pinocchio's order (base velocity in the base frame).
+
+    ``body_touches`` are the contacts of the collision shapes in the last step, which no plan contains.
+    """
 
     def __init__(self, built: SimulationModel, q: Float[np.ndarray, "nq"]) -> None:
         self.built = built
         self._model = built.model
         self._data = mujoco.MjData(built.model)
-        self._of_geom = {geom: name for name, geom in built.geom.items()}
+        self._is_body = np.zeros(built.model.ngeom, dtype=bool)
+        self._is_body[list(built.link)] = True
+        self.body_touches: tuple[Touch, ...] = ()
+        self._measured: tuple[dict[str, Float[np.ndarray, "6"]], tuple[Touch, ...]] | None = None
         self._root = 1  # the robot's first body; 0 is the world
         x, y, z, w = q[3:7]
         self._data.qpos[:7] = [*q[:3], w, x, y, z]
         self._data.qpos[built.moving_qpos] = q[7:]
         self._data.qpos[built.locked_qpos] = built.locked_rad
         mujoco.mj_forward(self._model, self._data)
+        self._refreshed = True
 
     @property
     def mass_kg(self) -> float:
@@ -58,7 +77,14 @@ class Simulation:
         u[self.built.locked_actuator] = locked_nm
         limit = self.built.torque_limit_nm
         self._data.ctrl[:] = np.clip(u, -limit, limit)
-        mujoco.mj_step(self._model, self._data)
+        if self._refreshed:  # what follows from the coordinates is there already, contacts included
+            mujoco.mj_step2(self._model, self._data)
+        else:
+            mujoco.mj_step(self._model, self._data)
+        self._measured, self._refreshed = None, False
+        geoms = self._data.contact.geom[: self._data.ncon]
+        bodily = self._is_body[geoms].any(axis=1)
+        self.body_touches = tuple(map(self._touch, np.flatnonzero(bodily).tolist())) if bodily.any() else ()
         return float(np.max(np.abs(moving_nm) / limit[self.built.moving_actuator]))
 
     def push(self, force_n: Vector3) -> None:
@@ -71,6 +97,7 @@ class Simulation:
         A step ends with the integration; what is derived from positions and velocities is still that before it.
         """
         mujoco.mj_forward(self._model, self._data)
+        self._measured, self._refreshed = None, True
 
     def com(self) -> tuple[Vector3, Vector3]:
         """Position (m) and velocity (m/s) of the centre of mass."""
@@ -95,18 +122,36 @@ class Simulation:
         """World-frame force of the surroundings on every effector."""
         return {name: wrench[:3] for name, wrench in self.wrenches().items()}
 
-    def wrenches(self) -> dict[str, Float[np.ndarray, "6"]]:
+    def wrenches(self) -> Mapping[str, Float[np.ndarray, "6"]]:
         """Force and moment about the world's origin of the surroundings on every effector, in world axes."""
-        found = {name: np.zeros(6) for name in self.built.geom}
+        return self._effectors()[0]
+
+    def effector_touches(self) -> tuple[Touch, ...]:
+        """What the soles' boxes and the hands' balls touch, each first of its pair."""
+        return self._effectors()[1]
+
+    def _effectors(self) -> tuple[dict[str, Float[np.ndarray, "6"]], tuple[Touch, ...]]:
+        """Both, once per state."""
+        if self._measured is None:
+            found = {name: np.zeros(6) for name in self.built.geom}
+            local, touches = np.zeros(6), []
+            touching = self._data.contact
+            for k, pair in enumerate(touching.geom[: self._data.ncon].tolist()):
+                for geom, other, sign in ((pair[1], pair[0], 1.0), (pair[0], pair[1], -1.0)):
+                    if geom in self.built.effector:
+                        # given in the contact's frame, whose rows are its axes, and acting on its second geometry
+                        mujoco.mj_contactForce(self._model, self._data, k, local)
+                        axes = sign * touching.frame[k].reshape(3, 3).T
+                        force = axes @ local[:3]
+                        found[self.built.effector[geom]][:3] += force
+                        found[self.built.effector[geom]][3:] += axes @ local[3:] + cross(touching.pos[k], force)
+                        touches.append(Touch(geom, other, math.sqrt(float(force @ force))))
+            self._measured = found, tuple(touches)
+        return self._measured
+
+    def _touch(self, k: int) -> Touch:
+        """Contact k of the last step."""
         local = np.zeros(6)
-        touching = self._data.contact
-        for k, pair in enumerate(touching.geom[: self._data.ncon].tolist()):
-            for geom, sign in ((pair[1], 1.0), (pair[0], -1.0)):
-                if geom in self._of_geom:
-                    # given in the contact's frame, whose rows are its axes, and acting on its second geometry
-                    mujoco.mj_contactForce(self._model, self._data, k, local)
-                    axes = sign * touching.frame[k].reshape(3, 3).T
-                    force = axes @ local[:3]
-                    found[self._of_geom[geom]][:3] += force
-                    found[self._of_geom[geom]][3:] += axes @ local[3:] + cross(touching.pos[k], force)
-        return found
+        mujoco.mj_contactForce(self._model, self._data, k, local)
+        first, second = self._data.contact.geom[k].tolist()
+        return Touch(first, second, float(np.linalg.norm(local[:3])))

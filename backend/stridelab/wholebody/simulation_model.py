@@ -1,39 +1,35 @@
 """A robot on a terrain as a MuJoCo model.
 
 Joints and inertias come from the robot's own description, read without any of its shapes. What can touch is added
-here: a box under every sole, a ball at every hand, the collision shapes of the legs (a mesh as its convex hull), and
-the terrain. Contacts are unilateral with friction only; nothing is glued or grasped. Rails are touched by hands,
-everything else by soles, hands and legs. The friction of a contact is that of the surface.
+here: a box under every sole, a ball at every hand, the collision shapes of the whole body (``simulated_shapes``), and
+the terrain. Contacts are unilateral with friction only; nothing is glued or grasped. The friction of a contact is that
+of the surface.
 """
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Final
 
-import coal
 import mujoco
 import numpy as np
 import pinocchio as pin
 from jaxtyping import Float, Int
-from scipy.spatial.transform import Rotation as ScipyRotation
 
 from stridelab.contacts.terrain import Box, Terrain
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.placement import Placement
 from stridelab.robots.robot import Effector, Robot
 from stridelab.wholebody.disturbance import NONE, Disturbances
+from stridelab.wholebody.simulated_shapes import BODY, GROUND, HAND, RAIL, add_shapes, parent_joint
+from stridelab.wholebody.touching import HAND_RADIUS_M
 
 TIMESTEP_S: Final = 0.001
 HELD_ARMATURE_KG_M2: Final = 0.1
 """Rotor inertia of the joints that the reduced model leaves out; without one, light links are unstable."""
 SOLE_THICKNESS_M: Final = 0.02
-HAND_RADIUS_M: Final = 0.02
 TORSION_M, ROLLING_M = 0.01, 0.001
 """MuJoCo's torsional and rolling friction, in metres."""
-
-# which geometries meet: a bit of one's type must be in the other's affinity
-GROUND, BODY, RAIL, HAND = 1, 2, 4, 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +39,8 @@ class SimulationModel:
     ``moving`` are the actuated joints of the robot's reduced model in its own order, ``locked`` the others;
     ``*_qpos``, ``*_dof`` and ``*_actuator`` index MuJoCo's positions, velocities and controls. ``geom`` and ``body``
     name per effector what touches, ``T_body_contact`` places its contact frame in that body. ``trunk`` is the heaviest
-    body above the legs.
+    body above the legs. By the number of a geometry ``link`` names the link of a collision shape, ``surface`` a surface
+    of the terrain, ``effector`` what a sole's box or a hand's ball belongs to.
     """
 
     model: mujoco.MjModel
@@ -59,6 +56,9 @@ class SimulationModel:
     body: Mapping[str, int]
     T_body_contact: Mapping[str, Placement]
     trunk: int
+    link: Mapping[int, str]
+    surface: Mapping[int, str]
+    effector: Mapping[int, str]
 
 
 def build_simulation(
@@ -74,8 +74,10 @@ def build_simulation(
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     spec.option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
     spec.option.impratio = 10.0
-    spec.worldbody.first_body().add_freejoint(name="root")
+    base = spec.worldbody.first_body()
+    base.add_freejoint(name="root")
     body_of = {joint.name: joint.parent.name for joint in spec.joints if joint.type == mujoco.mjtJoint.mjJNT_HINGE}
+    body_of[str(robot.model.names[1])] = base.name
     inertia = dict(zip(robot.joint_names, robot.model.armature[6:], strict=True))
     low_high = np.column_stack([robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:]])
     limits = dict(zip(robot.joint_names, low_high.tolist(), strict=True))
@@ -87,7 +89,7 @@ def build_simulation(
             joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE  # the card may say otherwise; torques are clipped
             spec.add_actuator(name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
     _add_terrain(spec, terrain, friction)
-    _add_legs(spec, robot, body_of)
+    parts = add_shapes(spec, robot, body_of, friction)
     placed = {name: _body_contact(robot, robot.effectors[name]) for name in effectors}
     for name, (joint, T_body_contact) in placed.items():
         _add_effector(spec.body(body_of[joint]), robot.effectors[name], T_body_contact, disturbed.sole_half_size_m)
@@ -111,6 +113,9 @@ def build_simulation(
         body={name: model.body(body_of[joint]).id for name, (joint, _) in placed.items()},
         T_body_contact={name: T for name, (_, T) in placed.items()},
         trunk=trunk,
+        link={model.geom(part.name).id: part.link for part in parts},
+        effector={model.geom(name).id: name for name in effectors},
+        surface={model.geom(f"terrain {surface.name}").id: surface.name for surface in terrain.surfaces},
     )
 
 
@@ -144,11 +149,11 @@ def _without_shapes(robot: Robot) -> str:
 
 
 def _torque_limits(robot: Robot, actuators: list[str]) -> Float[np.ndarray, "nu"]:
-    """Limits of the robot's model; of the joints that the reduced model leaves out, those of the URDF."""
-    stated = {}
+    """Limits of the robot's model; of the joints that it leaves out those of the URDF, infinite where it has none."""
+    stated = dict.fromkeys(actuators, np.inf)
     for joint in ET.parse(robot.urdf).getroot().findall("joint"):  # noqa: S314
         limit = joint.find("limit")
-        if limit is not None:
+        if limit is not None and "effort" in limit.attrib:
             stated[joint.attrib["name"]] = float(limit.attrib["effort"])
     stated |= dict(zip(robot.joint_names, robot.model.effortLimit[6:].tolist(), strict=True))
     return np.array([stated[name] for name in actuators])
@@ -180,40 +185,6 @@ def _add_terrain(spec: mujoco.MjSpec, terrain: Terrain, friction: float) -> None
             )
 
 
-def _add_legs(spec: mujoco.MjSpec, robot: Robot, body_of: Mapping[str, str]) -> None:
-    """Shapes of the legs; those of the feet end in the soles, which touch as boxes."""
-    soles = {_parent_joint(robot, e) for e in robot.effectors.values() if e.kind == "surface"}
-    for part in robot.collision.geometryObjects:
-        joint = robot.model.names[part.parentJoint]
-        if robot.group.get(joint) != "leg" or joint in soles:
-            continue
-        quat = ScipyRotation.from_matrix(part.placement.rotation).as_quat(scalar_first=True)
-        spec.body(body_of[joint]).add_geom(
-            name=part.name,
-            pos=part.placement.translation.tolist(),
-            quat=quat.tolist(),
-            mass=0.0,
-            friction=[0.0, 0.0, 0.0],
-            contype=BODY,
-            conaffinity=GROUND,
-            **_shape(spec, part),
-        )
-
-
-def _shape(spec: mujoco.MjSpec, part: pin.GeometryObject) -> dict[str, Any]:
-    """Type and size of a collision shape; MuJoCo takes the convex hull of a mesh's points."""
-    geometry = part.geometry
-    if isinstance(geometry, coal.Box):
-        return {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": geometry.halfSide.tolist()}
-    if isinstance(geometry, coal.Cylinder):
-        return {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "size": [geometry.radius, geometry.halfLength, 0.0]}
-    if isinstance(geometry, coal.Sphere):
-        return {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [geometry.radius, 0.0, 0.0]}
-    points = geometry.vertices() if isinstance(geometry, coal.BVHModelBase) else geometry.points()
-    spec.add_mesh(name=part.name, uservert=np.asarray(points, dtype=float).flatten().tolist())
-    return {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": part.name}
-
-
 def _add_effector(
     body: mujoco.MjsBody, effector: Effector, T_body_contact: Placement, sole_half_size_m: tuple[float, float] | None
 ) -> None:
@@ -242,9 +213,4 @@ def _body_contact(robot: Robot, effector: Effector) -> tuple[str, Placement]:
     """The joint that moves an effector, and the contact frame in the frame of that joint."""
     placement: pin.SE3 = robot.model.frames[robot.model.getFrameId(effector.frame)].placement
     T_joint_frame = Placement(np.array(placement.translation), np.array(placement.rotation))
-    return _parent_joint(robot, effector), T_joint_frame @ effector.T_frame_contact
-
-
-def _parent_joint(robot: Robot, effector: Effector) -> str:
-    frame = robot.model.frames[robot.model.getFrameId(effector.frame)]
-    return str(robot.model.names[frame.parentJoint])
+    return parent_joint(robot, effector), T_joint_frame @ effector.T_frame_contact

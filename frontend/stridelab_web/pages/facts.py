@@ -35,11 +35,20 @@ _NAMES = {
     "method": "Method",
     "segment_table": "Segment table",
     "mass_kg": "Mass",
+    "mass_sd_kg": "Standard deviation of the mass",
     "mass_from_force_kg": "Mass from force",
     "mass_source": "Mass taken from",
     "latency_s": "Force latency",
     "latency_sd_s": "Standard deviation of it",
     "latency_applied_s": "Latency corrected",
+    "latency_source": "Latency taken from",
+    "latency_n_trials": "Trials behind the latency",
+    "latency_trial_s": "Latency of this trial alone",
+    "latency_trial_sd_s": "Standard deviation of that",
+    "session.latency_excess_s": "Scatter between the trials",
+    "session.mass_kg": "Mass from force, of the session",
+    "session.mass_sd_kg": "Standard deviation of that mass",
+    "session.mass_n_trials": "Trials behind that mass",
     "latency_along_s": "Latency along the walk",
     "latency_lateral_s": "Latency across the walk",
     "latency_vertical_s": "Latency, vertical",
@@ -70,10 +79,13 @@ _NAMES = {
 _IN_THOUSANDTHS = {
     **dict.fromkeys(("latency_s", "latency_sd_s", "latency_applied_s"), "ms"),
     **dict.fromkeys(("latency_along_s", "latency_lateral_s", "latency_vertical_s"), "ms"),
+    **dict.fromkeys(("latency_trial_s", "latency_trial_sd_s", "session.latency_excess_s"), "ms"),
     "bias_m": "mm",
 }
 _COUNTS = {"diagnostics.samples_used"}
-_ELSEWHERE = {"warnings", "recording_id", "observability.sentence"}
+_ELSEWHERE = {"warnings", "quality", "recording_id", "observability.sentence"} | {
+    f"session.{name}" for name in ("session_id", "latency_s", "latency_sd_s", "latency_n_trials", "static_recording_id")
+}
 LIST_AT_MOST = 6
 
 
@@ -84,11 +96,13 @@ def sentences_of(result: JobResult) -> list[str]:
     said = seen.get("sentence") if isinstance(seen, Mapping) else None
     found = [said] if isinstance(said, str) and said else []
     if summary.get("latency_s") is not None:
-        found.append(_latency(summary["latency_s"], summary.get("latency_sd_s"), summary.get("latency_applied_s", 0.0)))
+        trials = summary.get("latency_n_trials", 1) if summary.get("latency_source") == "session" else None
+        applied_s = summary.get("latency_applied_s", 0.0)
+        found.append(_latency(summary["latency_s"], summary.get("latency_sd_s"), applied_s, trials))
     return found
 
 
-def _latency(latency_s: float, sd_s: float | None, applied_s: float) -> str:
+def _latency(latency_s: float, sd_s: float | None, applied_s: float, trials: int | None) -> str:
     about = "" if sd_s is None else f" ± {1000 * sd_s:.1f}"
     found = f"The force comes {1000 * abs(latency_s):.1f}{about} ms {'later' if latency_s >= 0 else 'earlier'}"
     if applied_s == 0.0:
@@ -97,7 +111,12 @@ def _latency(latency_s: float, sd_s: float | None, applied_s: float) -> str:
         done = "this was corrected"
     else:
         done = f"{1000 * applied_s:z.1f} ms were corrected, as asked"
-    return f"{found} than the markers; {done}."
+    of = (
+        ""
+        if trials is None
+        else f", as {trials} trial{'' if trials == 1 else 's'} of its session say{'s' if trials == 1 else ''}"
+    )
+    return f"{found} than the markers{of}; {done}."
 
 
 def facts_of(result: JobResult) -> list[Fact]:

@@ -14,6 +14,7 @@ from stridelab_web.pages import comparison, cycloid, learned, population, recedi
 from stridelab_web.pages.facts import facts_of, sentences_of
 from stridelab_web.pages.render import page
 from stridelab_web.plan_files import SCENARIO
+from stridelab_web.quality import shown_quality
 from stridelab_web.result_tables import SCENE_TABLES
 from stridelab_web.service import client_of
 from stridelab_web.tables import read_columns
@@ -55,6 +56,7 @@ async def job(request: Request) -> Response:
         job=found,
         took_s=took_s(found),
         result=result,
+        quality=shown_quality(result.summary) if result else None,
         facts=learned.beside(facts) if reach else facts,
         sentences=sentences_of(result) if result else [],
         recording=recording,

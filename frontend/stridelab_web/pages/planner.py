@@ -52,8 +52,8 @@ async def plan(request: Request, job_id: str) -> Response:
     if "poses.f32" in files:
         layers.insert(0, Layer(ROBOT, "Robot"))
     if REPLAYED[0] in files:
-        fell = not result.summary["replay"]["completed"]
-        layers.insert(1, Layer(GHOST, "Replay", fell, "The robot as it moved in physics, in blue"))
+        differs = not result.summary["replay"]["completed"]
+        layers.insert(1, Layer(GHOST, "Replay", differs, "The robot as it moved in physics, in blue"))
         layers.insert(3, Layer(MEASURED, "Measured forces", False, "What the replay's contacts bore, in dark blue"))
     if await _learned(client, scenario.robot):
         layers.append(Layer(GROUP, f"Reach, {100 * SHOWN_MASS:.0f} %", False))
@@ -90,11 +90,14 @@ async def scenario(request: Request, scenario_id: str) -> Response:
     stored = await client.scenario(scenario_id)
     used = dict.fromkeys(touch.effector for touch in touches(stored))
     effectors = dict.fromkeys([*await _effectors(client, stored.robot), *used])
+    right = request.app.state.config.scenario_right(request.scope, stored.id, stored.owner)
     return page(
         request,
         "view_scenario.html",
         section="",
         scenario=stored,
+        own=right.key is not None and not stored.bundled,
+        refusal="Samples cannot be changed." if stored.bundled else right.refusal,
         scene=Document("scenario", stored.id).address,
         duration_s=sum(phase.duration_s for phase in stored.phases),
         used=used,

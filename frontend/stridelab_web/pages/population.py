@@ -13,6 +13,7 @@ from stridelab_web.pages.render import page
 from stridelab_web.population_bars import bars_of
 from stridelab_web.population_charts import AGAINST, charts_against, groups_of
 from stridelab_web.population_tables import correlation_rows, model_rows
+from stridelab_web.quality import shown_quality
 from stridelab_web.service import client_of
 from stridelab_web.wheel_words import PARAMETERS
 
@@ -37,6 +38,7 @@ async def population(request: Request) -> Response:
         job=found,
         took_s=None if took is None else took.total_seconds(),
         result=result,
+        quality=None if result is None else shown_quality(result.summary),
         study=None if result is None else _study(result, request.query_params.get("against", "")),
     )
 

@@ -3,8 +3,10 @@
 from starlette.requests import Request
 from starlette.responses import Response
 
+from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.methods import METHODS
+from stridelab.schemas.recordings import Recording
 from stridelab_web import strips
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.pages.render import page
@@ -30,6 +32,7 @@ async def recording(request: Request) -> Response:
     found = await client.recording(request.path_params["id"])
     jobs = await client.jobs(recording_id=found.id)
     others = [item for item in (await client.recordings(limit=CANDIDATES)).items if item.id != found.id]
+    session = await _session_of(client, found)
     person = None if found.subject_id is None else await client.subject(found.subject_id)
     estimated = next((job for job in jobs.items if job.kind == "estimate-com" and job.state == "succeeded"), None)
     alternatives = {name for group in found.missing_landmarks for name in group.split("|")}
@@ -46,6 +49,11 @@ async def recording(request: Request) -> Response:
         plotly_style_ids=plotly_style_ids() if estimated else (),
         viewer_url=f"/view/?recording={found.id}&job={estimated.id}" if estimated else None,
         others=others,
+        session=session,
+        labels=list(
+            dict.fromkeys([*found.labels, *(label for item in session if item.still for label in item.labels)])
+        ),
+        standing=[item for item in session if item.still and item.id != found.id],
         windows=strips.bars(found.windows_s, found.duration_s),
         windows_text=strips.windows_text(found),
         plate_bars=[strips.plate_bars(plate, found.duration_s) for plate in found.plates],
@@ -56,3 +64,11 @@ async def recording(request: Request) -> Response:
         latency=EstimateComInput.model_fields["latency"].default,
         tables=TABLES,
     )
+
+
+async def _session_of(client: AsyncClient, found: Recording) -> list[Recording]:
+    """All trials of the recording's session, itself among them, by name."""
+    if found.session_id is None:
+        return []
+    listed = (await client.recordings(limit=CANDIDATES, session_id=found.session_id)).items
+    return sorted((item for item in listed if item.owner == found.owner), key=lambda item: (item.filename, item.id))

@@ -9,6 +9,7 @@ from starlette.responses import HTMLResponse
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab_web.assets import TEMPLATES
 from stridelab_web.config import WebConfig
+from stridelab_web.quality import VERDICT_CODES
 from stridelab_web.words import FILTERS
 
 
@@ -28,6 +29,7 @@ def make_environment(config: WebConfig) -> Environment:
         final_states=FINAL_STATES,
         section="",
         filenames={},
+        verdict_codes=VERDICT_CODES,
     )
     return environment
 

@@ -15,6 +15,7 @@ import httpx
 import uvicorn
 from starlette.applications import Starlette
 
+from stridelab import heartbeat
 from stridelab.client import Client
 from stridelab_web.viewer.control import create_control
 from stridelab_web.viewer.kinds import kinds
@@ -42,15 +43,19 @@ def token() -> str | None:
 def main() -> None:
     """Listen until the process is ended."""
     here = urlsplit(os.environ.get("STRIDELAB_VIEWER_URL", "http://127.0.0.1:8765"))
+
     # An explicit transport keeps proxies of the environment out of a loopback connection.
-    client = Client(service_url(), token(), timeout_s=SLOWEST_S, transport=httpx.HTTPTransport())
-    library = Library(kinds(client))
+    def acting(key: str | None) -> Client:
+        return Client(service_url(), key, timeout_s=SLOWEST_S, transport=httpx.HTTPTransport())
+
+    library = Library(kinds(acting(token()), acting))
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
-        tidying = asyncio.create_task(tidy(library))
+        tasks = [asyncio.create_task(work) for work in (tidy(library), heartbeat.beat())]
         yield
-        tidying.cancel()
+        for task in tasks:
+            task.cancel()
         await asyncio.to_thread(library.close)
 
     control = create_control(library, token())

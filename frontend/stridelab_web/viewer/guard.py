@@ -15,6 +15,7 @@ from typing import Any
 import viser
 import websockets.asyncio.server
 from viser import _messages
+from viser.infra import ClientId
 from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
@@ -38,6 +39,12 @@ def start_guarded_server() -> tuple[viser.ViserServer, str]:
     for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
         server._websock_server.unregister_handler(message)  # noqa: SLF001  (viser is pinned; a test looks)
     return server, secret
+
+
+def header_of(server: viser.ViserServer, client_id: int, name: str) -> str | None:
+    """A header with which the websocket of a client was opened; None without it, and of a client that has gone."""
+    connection = server._websock_server._live_connections.get(ClientId(client_id))  # noqa: SLF001  (viser is pinned)
+    return None if connection is None or connection.request is None else connection.request.headers.get(name)
 
 
 def _serve_guarded(genuine: Any, secret: str, *args: Any, **options: Any) -> Any:

@@ -14,6 +14,8 @@ from viser.infra import StateSerializer
 from stridelab.client import Client, ProblemError
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.robots import Measure, RobotFacts
+from stridelab.schemas.scenarios import Scenario, StoredScenario
+from stridelab_web.config import NO_KEY_NEEDED
 from stridelab_web.documents import Document, DocumentKind
 from stridelab_web.footholds import HalfSizes, half_sizes
 from stridelab_web.frames import Frames
@@ -50,8 +52,15 @@ class Kind:
     record: Callable[[viser.ViserServer, Document, Any], StateSerializer] | None = None
 
 
-def kinds(client: Client) -> Mapping[DocumentKind, Kind]:
-    """All kinds of documents, read through ``client``."""
+def kinds(client: Client, acting: Callable[[str | None], Client]) -> Mapping[DocumentKind, Kind]:
+    """All kinds of documents, read through ``client``.
+
+    What a person changes is stored through the client that ``acting`` makes for that person's key, or for nobody's.
+    """
+
+    def put(scenario_id: str, body: Scenario, known: StoredScenario, key: str) -> StoredScenario:
+        with acting(None if key == NO_KEY_NEEDED else key) as person:
+            return person.put_scenario(scenario_id, body, known)
 
     @lru_cache(maxsize=4)
     def robot(name: str) -> RobotFacts:
@@ -91,7 +100,7 @@ def kinds(client: Client) -> Mapping[DocumentKind, Kind]:
     def build_scenario(server: viser.ViserServer, _: Document, stored: Any) -> Live:
         facts = robot(stored.robot)
         posed = Posed(dict(zip(facts.links, facts.link_poses, strict=True)), links(stored.robot))
-        return ScenarioScene(server, stored, sizes(stored.robot), client.put_scenario, posed)
+        return ScenarioScene(server, stored, sizes(stored.robot), put, posed)
 
     def build_robot(server: viser.ViserServer, _: Document, facts: Any) -> None:
         reach = [client.robot_reachability(facts.name, measure) for measure in facts.measures]

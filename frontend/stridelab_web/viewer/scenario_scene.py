@@ -1,9 +1,9 @@
 """The scene of a scenario: terrain, the robot where it begins, and touches, which can be dragged where it is one's own.
 
-Whoever drags sees the mark slide at once; on release the scenario is stored through the HTTP interface. Where the
-service refuses, the mark goes back and ``said`` holds its sentence. Each attempt, and each change that was stored
-elsewhere, moves the node ``TURN`` one metre up its x axis: so the pages that show the scene learn of it
-(static/js/edit.js).
+Whoever drags sees the mark slide at once; on release the scenario is stored through the HTTP interface with the key of
+that person. Whoever has no key moves nothing, and ``said`` holds the reason. Where the service refuses, the mark goes
+back and ``said`` holds its sentence. Each attempt, and each change that was stored elsewhere, moves the node ``TURN``
+one metre up its x axis: so the pages that show the scene learn of it (static/js/edit.js).
 """
 
 import asyncio
@@ -17,8 +17,10 @@ import viser
 
 from stridelab.client import ClientError, ProblemError
 from stridelab.schemas.scenarios import Scenario, StoredScenario
+from stridelab_web.documents import KEY_HEADER, REFUSAL_HEADER
 from stridelab_web.footholds import HalfSizes, moved
 from stridelab_web.touches import Touch, touches
+from stridelab_web.viewer.guard import header_of
 from stridelab_web.viewer.live_marks import add_live
 from stridelab_web.viewer.marks import add_mark, place
 from stridelab_web.viewer.parts import NARROW, place_camera, prepare
@@ -34,18 +36,23 @@ REAR = np.array([-0.42, 1.0, 0.75])
 HEADROOM_M = 0.4
 MOVED_M = 1e-4
 """A drag that ends closer to where it began changes nothing."""
-Put = Callable[[str, Scenario, StoredScenario], StoredScenario]
-"""Stores a scenario by its id, only where it is still the one that is named last."""
+Put = Callable[[str, Scenario, StoredScenario, str], StoredScenario]
+"""Stores a scenario by its id, only where it is still the one that is named, for the person with this key."""
+NOT_KNOWN = "The viewer does not know who you are. Reload the page."
 
 
 @dataclass(frozen=True)
 class Grip:
-    """A drag under way: what is dragged, of which scenario, on what it slides, how far from its middle it is held."""
+    """A drag under way: what is dragged, of which scenario, on what it slides, how far from its middle it is held.
+
+    ``key`` is that of the person who drags.
+    """
 
     stored: StoredScenario
     touch: Touch
     guide: Guide
     offset_m: np.ndarray
+    key: str
 
 
 class ScenarioScene:
@@ -58,6 +65,7 @@ class ScenarioScene:
         self._lock = threading.Lock()
         self._attempts = 0
         self._grips: dict[int, Grip] = {}
+        self._server = server
         self.said = ""
         scene = server.scene
         prepare(scene, AMBIENT)
@@ -107,11 +115,17 @@ class ScenarioScene:
 
     def _take(self, client_id: int, number: int, eye_m: np.ndarray, held_m: np.ndarray) -> None:
         stored = self._stored
+        key = header_of(self._server, client_id, KEY_HEADER)
+        if key is None:
+            with self._lock:
+                self.said = header_of(self._server, client_id, REFUSAL_HEADER) or NOT_KNOWN
+                self._tell()
+            return
         touch = touches(stored)[number - 1]
         guide = guide_of(stored, touch)
         hit = None if guide is None else guide.meet(eye_m, held_m)
         if guide is not None and hit is not None:
-            self._grips[client_id] = Grip(stored, touch, guide, np.array(touch.contact.position_m) - hit)
+            self._grips[client_id] = Grip(stored, touch, guide, np.array(touch.contact.position_m) - hit, key)
 
     def _slide(self, grip: Grip, eye_m: np.ndarray, pointer_m: np.ndarray) -> np.ndarray | None:
         """Where what is held goes for a pointer at ``pointer_m``; None where the ray leads nowhere."""
@@ -127,7 +141,7 @@ class ScenarioScene:
             if float(np.linalg.norm(position_m - grip.touch.contact.position_m)) > MOVED_M:
                 try:
                     to_m = [round(float(x), 4) for x in position_m]
-                    stored = self._put(grip.stored.id, moved(grip.stored, grip.touch, to_m), grip.stored)
+                    stored = self._put(grip.stored.id, moved(grip.stored, grip.touch, to_m), grip.stored, grip.key)
                 except ClientError as refusal:
                     self.said = sentence(refusal)
                     stored = self._stored

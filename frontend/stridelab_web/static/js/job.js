@@ -24,11 +24,23 @@ function show(job) {
 cancel?.addEventListener("click", async () => {
   cancel.disabled = true;
   try {
-    await call("DELETE", `/jobs/${id}`);
+    await call("DELETE", `/jobs/${id}?cancel_only=true`);
     card.querySelector("[data-message]").textContent = "cancelling…";
   } catch (error) {
     card.querySelector("[data-message]").textContent = error.message;
     cancel.disabled = false;
+  }
+});
+
+const dialog = document.querySelector("[data-confirm]");
+document.querySelector("[data-delete]")?.addEventListener("click", () => dialog.showModal());
+dialog?.querySelector("[data-no]").addEventListener("click", () => dialog.close());
+dialog?.querySelector("[data-yes]").addEventListener("click", async () => {
+  try {
+    await call("DELETE", `/jobs/${id}`);
+    location.assign("/jobs");
+  } catch (error) {
+    dialog.querySelector("[data-said]").textContent = error.message;
   }
 });
 

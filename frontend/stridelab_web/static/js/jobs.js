@@ -8,7 +8,7 @@ for (const row of rows) {
   row.querySelector("[data-cancel]").addEventListener("click", async (event) => {
     event.currentTarget.disabled = true;
     try {
-      await call("DELETE", `/jobs/${row.dataset.job}`);
+      await call("DELETE", `/jobs/${row.dataset.job}?cancel_only=true`);
       await refresh(row);
     } catch (error) {
       row.querySelector("[data-message]").textContent = error.message;

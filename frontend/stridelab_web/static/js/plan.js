@@ -63,7 +63,7 @@ export function offerJob(root, name, { start, before, then }) {
   cancel.addEventListener("click", async () => {
     cancel.disabled = true;
     message.textContent = "cancelling…";
-    await call("DELETE", `/jobs/${job.id}`).catch((error) => {
+    await call("DELETE", `/jobs/${job.id}?cancel_only=true`).catch((error) => {
       said.textContent = error.message;
       cancel.disabled = false;
     });

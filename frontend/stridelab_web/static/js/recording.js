@@ -25,6 +25,7 @@ find("[data-mass]")?.addEventListener("click", (event) => {
   find("[name=mass_kg]").value = event.currentTarget.dataset.mass;
 });
 
+onSubmit(find("[data-session]"), (data) => save({ session_id: data.get("session_id").trim() || null }));
 onSubmit(find("[data-static]"), (data) => save({ static_recording_id: data.get("static_recording_id") || null }));
 
 if (find("[data-plates]")) {

@@ -3,7 +3,7 @@ import { call, onSubmit } from "./api.js";
 
 const card = document.querySelector("[data-tokens]"), find = (selector) => card.querySelector(selector);
 const state = find("[data-state]"), rows = find("tbody");
-const day = (moment) => moment.slice(0, 16).replace("T", " ");
+const day = (moment) => `${moment.slice(0, 16).replace("T", " ")} UTC`;
 
 function cell(text, tag = "td") {
   const made = document.createElement(tag);

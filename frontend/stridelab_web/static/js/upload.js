@@ -116,7 +116,8 @@ function accepted(row, recording, single) {
   row.state.textContent = "";
   const link = document.createElement("a");
   link.href = `/recordings/${recording.id}`;
-  link.textContent = recording.warnings.length ? `open (${recording.warnings.length} remarks)` : "open";
+  const remarks = recording.warnings.length;
+  link.textContent = remarks ? `open (${remarks} ${remarks === 1 ? "remark" : "remarks"})` : "open";
   row.state.append(link);
   if (single) location.assign(link.href);
 }

@@ -1,0 +1,144 @@
+"""Masses and inertias of a description, checked link by link, as a simulator reads them.
+
+Pinocchio adds the links that are fixed to each other to one body, in which the bad inertia of one of them disappears.
+MuJoCo keeps every link and every joint, those that the reduced model locks as well. A link is a body if, with its mass
+``m`` and its principal moments ``I_1 <= I_2 <= I_3`` about its centre of mass,
+
+    I_1 >= m k^2 ,    I_3 <= I_1 + I_2 ,    k = max(0.1 mm, size / 1000)
+
+where ``size`` is the diagonal of the box around its largest collision shape. A link without inertia is a point mass,
+and one without mass a frame: both are in order where a link that is fixed to them has an inertia.
+"""
+
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from stridelab.errors import Fault
+
+LEAST_GYRATION_M: Final = 1e-4
+"""Least radius of gyration of a link of unknown size."""
+LEAST_GYRATION_OF_SIZE: Final = 1e-3
+"""Least radius of gyration over the size of a link; a solid rod has it where it is 500 times as long as thick."""
+ROUNDING: Final = 1e-6
+"""By which part of it the largest moment may exceed the sum of the others; a simulator allows no more."""
+TURNING: Final = ("fixed", "revolute", "continuous")
+_MOMENTS: Final = (("ixx", "ixy", "ixz"), ("ixy", "iyy", "iyz"), ("ixz", "iyz", "izz"))
+
+
+@dataclass(frozen=True)
+class Link:
+    """``moments_kg_m2`` are the principal moments of inertia about the centre of mass, the smallest first."""
+
+    name: str
+    mass_kg: float
+    moments_kg_m2: Float[np.ndarray, "3"]
+
+
+def sizes_m(model: pin.Model, collision: pin.GeometryModel) -> dict[str, float]:
+    """Per link with a collision shape the diagonal of the box around its largest one."""
+    sizes: dict[str, float] = {}
+    for part in collision.geometryObjects:
+        part.geometry.computeLocalAABB()
+        box, link = part.geometry.aabb_local, str(model.frames[part.parentFrame].name)
+        diagonal_m = float(np.linalg.norm(box.max_ - box.min_))
+        sizes[link] = max(sizes.get(link, 0.0), diagonal_m)
+    return sizes
+
+
+def unphysical(root: ET.Element, sizes: Mapping[str, float], accepted: Sequence[str]) -> Iterator[Fault]:
+    """What no body can be, link by link; joints that do not turn; and joints that move nothing with an inertia.
+
+    ``root`` is the URDF, ``sizes`` the size of links (m). Links that match a pattern of ``accepted`` may have a
+    largest moment that exceeds the sum of the others.
+    """
+    links: dict[str, Link] = {}
+    faults = []
+    for element in root.findall("link"):
+        name = element.attrib["name"]
+        try:
+            link = links[name] = read_link(element)
+        except ValueError as error:
+            faults.append(Fault(f"link {name}", str(error)))
+            continue
+        tolerant = any(re.fullmatch(pattern, name) for pattern in accepted)
+        faults += [Fault(f"link {name}", message) for message in _faults(link, sizes.get(name, 0.0), tolerant)]
+    yield from faults
+    for joint in root.findall("joint"):
+        if joint.attrib["type"] not in TURNING:
+            kind = joint.attrib["type"]
+            yield Fault(f"joint {joint.attrib['name']}", f"it is {kind}; joints must turn about one axis, or be fixed")
+    if not faults:  # or the same link would be named twice
+        yield from _moved_without_inertia(root, links)
+
+
+def read_link(element: ET.Element) -> Link:
+    """A link of a URDF. Raises ``ValueError`` saying which number it lacks."""
+    inertial = element.find("inertial")
+    if inertial is None:
+        return Link(element.attrib["name"], 0.0, np.zeros(3))
+    mass_kg = _number(inertial, "mass", "value")
+    I = np.array([[_number(inertial, "inertia", key) for key in row] for row in _MOMENTS])
+    return Link(element.attrib["name"], mass_kg, np.linalg.eigvalsh(I))
+
+
+def _number(inertial: ET.Element, tag: str, key: str) -> float:
+    found = inertial.find(tag)
+    text = None if found is None else found.get(key)
+    if text is None:
+        raise ValueError(f"its <inertial> has no {key} of <{tag}>")
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise ValueError(f"{key} of its <{tag}> is {text!r}, which is no number")
+    return value
+
+
+def _faults(link: Link, size_m: float, tolerant: bool) -> Iterator[str]:
+    m, I = link.mass_kg, link.moments_kg_m2
+    if m < 0.0:
+        yield f"its mass is {m:g} kg; it must not be negative"
+    elif I.any():
+        k = max(LEAST_GYRATION_M, LEAST_GYRATION_OF_SIZE * size_m)
+        if m == 0.0:
+            yield "it has an inertia, but no mass"
+        elif not I[0] >= m * k**2:
+            yield (
+                f"its smallest principal moment of inertia is {I[0]:.3g} kg m2; with a mass of {m:g} kg it must be "
+                f"at least {m * k**2:.3g} kg m2"
+            )
+        elif I[2] > (I[0] + I[1]) * (1.0 + ROUNDING) and not tolerant:
+            yield (
+                f"its principal moments of inertia {I[0]:.3g}, {I[1]:.3g} and {I[2]:.3g} kg m2 are those of no body: "
+                "the largest exceeds the sum of the others"
+            )
+
+
+def _moved_without_inertia(root: ET.Element, links: Mapping[str, Link]) -> Iterator[Fault]:
+    """Links that a joint moves, and the base, to which no link with an inertia is fixed."""
+    joints = {_end(joint, "child"): joint for joint in root.findall("joint")}
+    carried: dict[str, list[Link]] = {}
+    for link in links.values():
+        name = link.name
+        while name in joints and joints[name].attrib["type"] == "fixed":
+            name = _end(joints[name], "parent")
+        carried.setdefault(name, []).append(link)
+    for name, fixed in carried.items():
+        what = f"joint {joints[name].attrib['name']!r} moves" if name in joints else "is the base"
+        mass_kg = sum(link.mass_kg for link in fixed)
+        if mass_kg == 0.0:
+            yield Fault(f"link {name}", f"what {what} has the mass 0 kg; it needs an <inertial> with a mass")
+        elif not any(link.moments_kg_m2[0] > 0.0 for link in fixed):
+            yield Fault(f"link {name}", f"what {what} has the mass {mass_kg:g} kg, but no inertia")
+
+
+def _end(joint: ET.Element, which: str) -> str:
+    return next(iter(joint.findall(which))).attrib["link"]

@@ -1,0 +1,120 @@
+"""What of a robot can touch in the simulation: its collision shapes, in the pairs that the certificate checks.
+
+A shape meets another one where the robot's card and its SRDF do not exclude the pair, and every surface of the terrain,
+but for the links of the hands, which do not meet rails: these they hold. A mesh is its convex hull.
+
+The sole itself is a box on the contact rectangle (``simulation_model``), so that the hull of a foot meets the terrain
+only where it is more than ``SOLE_GUARD_M`` above the plane of the sole: toe and heel against a riser, not the ground
+under the foot.
+"""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import coal
+import mujoco
+import numpy as np
+import pinocchio as pin
+from scipy.spatial.transform import Rotation as ScipyRotation
+
+from stridelab.conventions import Points
+from stridelab.robots.robot import Effector, Robot
+
+SOLE_GUARD_M: Final = 0.003
+"""A sole sinks into its surface by less, and lands less tilted."""
+# which geometries meet: a bit of one's type must be in the other's affinity
+GROUND, BODY, RAIL, HAND = 1, 2, 4, 8
+
+
+@dataclass(frozen=True)
+class Part:
+    """One shape: its geometry's ``name`` in the simulation and the ``link`` that it belongs to."""
+
+    name: str
+    link: str
+
+
+def add_shapes(spec: mujoco.MjSpec, robot: Robot, body_of: Mapping[str, str], friction: float) -> tuple[Part, ...]:
+    """Add all shapes of ``robot`` and their pairs to ``spec``; ``body_of`` names the body that a joint moves.
+
+    ``friction`` is that of the body against itself; against the terrain it is the surface's.
+    """
+    holding = {parent_joint(robot, e) for e in robot.effectors.values() if e.kind == "point"}
+    soles = {parent_joint(robot, e): e for e in robot.effectors.values() if e.kind == "surface"}
+    parts: list[Part] = []
+    names = [f"shape {part.name}" for part in robot.collision.geometryObjects]
+    for name, part in zip(names, robot.collision.geometryObjects, strict=True):
+        joint, link = str(robot.model.names[part.parentJoint]), str(robot.model.frames[part.parentFrame].name)
+        body, sole = spec.body(body_of[joint]), soles.get(joint)
+        meets = GROUND if joint in holding else GROUND | RAIL
+        quat = ScipyRotation.from_matrix(part.placement.rotation).as_quat(scalar_first=True)
+        at = {"pos": part.placement.translation.tolist(), "quat": quat.tolist()}
+        _add(body, name, _shape(spec, part, name) | at, 0 if sole else meets)
+        parts.append(Part(name, link))
+        if sole is not None:
+            points = _above(robot, sole, part)
+            spec.add_mesh(name=f"{name} above", uservert=points.flatten().tolist())
+            mesh = {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": f"{name} above"}
+            _add(body, f"{name} above", mesh, meets)
+            parts.append(Part(f"{name} above", link))
+    for pair in robot.collision.collisionPairs:
+        spec.add_pair(
+            geomname1=names[pair.first], geomname2=names[pair.second], condim=3, friction=[friction, friction, 0, 0, 0]
+        )
+    return tuple(parts)
+
+
+def parent_joint(robot: Robot, effector: Effector) -> str:
+    """The joint that moves an effector."""
+    frame = robot.model.frames[robot.model.getFrameId(effector.frame)]
+    return str(robot.model.names[frame.parentJoint])
+
+
+def _add(body: mujoco.MjsBody, name: str, shape: Mapping[str, Any], meets: int) -> None:
+    """A shape without mass; its friction against a surface is the larger of both, which is the surface's."""
+    body.add_geom(name=name, mass=0.0, friction=[0.0, 0.0, 0.0], contype=0, conaffinity=meets, **shape)
+
+
+def _above(robot: Robot, sole: Effector, part: pin.GeometryObject) -> Points:
+    """Points of a foot's shape in the frame of its joint, those below the guard of the sole raised to it."""
+    frame: pin.SE3 = robot.model.frames[robot.model.getFrameId(sole.frame)].placement
+    T = pin.SE3(sole.T_frame_contact.rotation, sole.T_frame_contact.position_m)
+    T_joint_contact = frame * T
+    points = np.array([part.placement.act(p) for p in _corners(part)])
+    points = (points - T_joint_contact.translation) @ T_joint_contact.rotation
+    points[:, 2] = np.maximum(points[:, 2], SOLE_GUARD_M)
+    return np.asarray(points @ T_joint_contact.rotation.T + T_joint_contact.translation)
+
+
+def _corners(part: pin.GeometryObject) -> Points:
+    """Points whose convex hull is the shape, or holds it: of a round one those of the box around it."""
+    geometry = part.geometry
+    if isinstance(geometry, coal.BVHModelBase):
+        return np.asarray(geometry.vertices(), dtype=float)
+    if isinstance(geometry, coal.ConvexBase):
+        return np.asarray(geometry.points(), dtype=float)
+    geometry.computeLocalAABB()
+    box = geometry.aabb_local
+    return np.array(list(_grid(np.array(box.min_), np.array(box.max_))))
+
+
+def _grid(low: np.ndarray, high: np.ndarray) -> Iterator[tuple[float, float, float]]:
+    for x in (low[0], high[0]):
+        for y in (low[1], high[1]):
+            for z in (low[2], high[2]):
+                yield float(x), float(y), float(z)
+
+
+def _shape(spec: mujoco.MjSpec, part: pin.GeometryObject, name: str) -> dict[str, Any]:
+    """Type and size of a collision shape; MuJoCo takes the convex hull of a mesh's points."""
+    geometry = part.geometry
+    if isinstance(geometry, coal.Box):
+        return {"type": mujoco.mjtGeom.mjGEOM_BOX, "size": geometry.halfSide.tolist()}
+    if isinstance(geometry, coal.Cylinder):
+        return {"type": mujoco.mjtGeom.mjGEOM_CYLINDER, "size": [geometry.radius, geometry.halfLength, 0.0]}
+    if isinstance(geometry, coal.Sphere):
+        return {"type": mujoco.mjtGeom.mjGEOM_SPHERE, "size": [geometry.radius, 0.0, 0.0]}
+    points = geometry.vertices() if isinstance(geometry, coal.BVHModelBase) else geometry.points()
+    spec.add_mesh(name=name, uservert=np.asarray(points, dtype=float).flatten().tolist())
+    return {"type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": name}

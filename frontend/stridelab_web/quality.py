@@ -1,0 +1,91 @@
+"""Whether the sensors of a recording agree, as the pages show it: before any number."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from stridelab.schemas.quality import Quality, QualityCheck
+
+NAMES: Final[Mapping[str, str]] = {
+    "normalised_innovations": "Innovations of the smoother",
+    "force_residual": "Force residual of the result",
+    "acceleration_difference": "Force residual of the markers alone",
+    "horizontal_bias": "Fused from markers, horizontally",
+    "vertical_bias": "Fused from markers, vertically",
+    "mass_from_motion": "Mass, from force and motion",
+    "mass_from_standing": "Mass, from the static trial",
+    "pressure_from_feet": "Centre of pressure from the feet",
+    "pressure_off_plate": "Centre of pressure off its plate",
+    "outside_body": "Centre of mass outside the body",
+    "leg_length_change": "Change of a leg's length",
+}
+SHARES: Final = frozenset(
+    {
+        "force_residual",
+        "acceleration_difference",
+        "mass_from_motion",
+        "mass_from_standing",
+        "pressure_off_plate",
+        "leg_length_change",
+    }
+)
+"""Ratios that are read as per cent."""
+TITLES: Final[Mapping[str, str]] = {
+    "good": "The sensors agree",
+    "doubtful": "Not every check passes",
+    "contradicted": "The sensors contradict each other: do not use these numbers",
+}
+VERDICT_CODES: Final = frozenset({"doubtful", "contradicted"})
+"""Codes of the remark that states the verdict: the list of remarks does not repeat it."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One check as text; ``mark`` is "" where it passes, "doubtful" or "contradicted" where it does not."""
+
+    key: str
+    name: str
+    value: str
+    limit: str
+    mark: str
+    message: str
+
+
+@dataclass(frozen=True)
+class ShownQuality:
+    """The verdict with its title, the reasons that are not good, all checks, and those that were not possible."""
+
+    verdict: str
+    title: str
+    reasons: tuple[str, ...]
+    rows: tuple[Row, ...]
+    not_checked: tuple[tuple[str, str], ...]
+
+
+def shown_quality(summary: Mapping[str, Any]) -> ShownQuality | None:
+    """The quality of a result; None where the result is not of a recording, or of a version without checks."""
+    if summary.get("quality") is None:
+        return None
+    quality = Quality.model_validate(summary["quality"])
+    rows = tuple(_row(check) for check in quality.checks)
+    return ShownQuality(
+        verdict=quality.verdict,
+        title=TITLES[quality.verdict],
+        reasons=tuple(row.message for mark in ("contradicted", "doubtful") for row in rows if row.mark == mark),
+        rows=rows,
+        not_checked=tuple((NAMES.get(name, name), why) for name, why in quality.not_checked.items()),
+    )
+
+
+def _row(check: QualityCheck) -> Row:
+    mark = "" if check.passed else "contradicted" if check.value > check.contradicted_above else "doubtful"
+    return Row(
+        check.name, NAMES.get(check.name, check.name), _text(check, check.value), _text(check, check.limit), mark,
+        check.message,
+    )  # fmt: skip
+
+
+def _text(check: QualityCheck, value: float) -> str:
+    if check.unit == "m":
+        return f"{1000.0 * value:.0f} mm" if value < 10.0 else f"{value:.1f} m"
+    return f"{100.0 * value:.1f} %" if check.name in SHARES else f"{value:.2f}"

@@ -1,0 +1,135 @@
+"""``stridelab estimate`` with several recordings: a folder each, with the clock and the mass of their session."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from stridelab.cli import app
+from stridelab.cli_session import Member, sessions_of
+from stridelab.errors import StridelabError
+from stridelab.experiments.noise import MeasurementNoise
+from stridelab.experiments.simulated_recording import record
+from stridelab.experiments.walker import HumanWalker
+from stridelab.recordings.recording import Subject
+from stridelab.recordings.writer import write_c3d
+from stridelab.service.jobs.kinds.session_values import TrialFacts
+from support.rows import facts
+
+QUICK = ("--method", "complementary")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Three recordings of one walk with other noise, and the person standing."""
+    home = tmp_path_factory.mktemp("lab")
+    walk = HumanWalker(mass_kg=64.0, duration_s=3.0, seed=4).walk()
+    for k in range(3):
+        noise = MeasurementNoise(marker_m=0.002, mass_model=0.1, latency_s=0.018)
+        recording = record(walk, noise, k, lab="two_plates").recording
+        write_c3d(home / f"walk{k}.c3d", recording)
+        if k == 0:
+            held = {label: track[:1].repeat(30, axis=0) for label, track in recording.markers_m.items()}
+            still = replace(recording, markers_m=held, plates=(), events=(), walking_direction=None, subject=Subject())
+            write_c3d(home / "standing.c3d", still)
+    return home
+
+
+def run(*words: object) -> Any:
+    return CliRunner().invoke(app, ["estimate", *map(str, words), *QUICK])
+
+
+def summary(folder: Path) -> dict[str, Any]:
+    return dict(json.loads((folder / "result.json").read_text())["summary"])
+
+
+@pytest.fixture(scope="module")
+def results(folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("out") / "session"
+    answer = run(folder, "--out", out)
+    assert answer.exit_code == 0, answer.output
+    return out
+
+
+def test_every_walk_of_a_folder_has_a_result_with_the_values_of_the_session(results: Path) -> None:
+    assert {path.name for path in results.iterdir()} == {"walk0-com", "walk1-com", "walk2-com"}
+    found = [summary(results / f"walk{k}-com") for k in range(3)]
+    assert {one["latency_source"] for one in found} == {"session"}
+    assert {one["latency_n_trials"] for one in found} == {3}
+    assert len({one["latency_applied_s"] for one in found}) == 1
+    assert found[0]["latency_s"] == pytest.approx(0.018, abs=0.002)
+    assert len({one["latency_trial_s"] for one in found}) == 3
+    for one in found:
+        assert one["session"]["static_recording_id"] == "standing"
+        assert "static-from-session" in {remark["code"] for remark in one["warnings"]}
+
+
+def test_a_single_file_uses_its_own(folder: Path, results: Path, tmp_path: Path) -> None:
+    answer = run(folder / "walk1.c3d", "--out", tmp_path / "one")
+    assert answer.exit_code == 0, answer.output
+    one = summary(tmp_path / "one")
+    assert (one["latency_source"], one["latency_n_trials"], one["session"]) == ("trial", 1, None)
+    assert one["latency_s"] != summary(results / "walk1-com")["latency_s"]
+    assert one["latency_sd_s"] > summary(results / "walk1-com")["latency_sd_s"]
+
+
+def test_the_order_of_the_files_does_not_matter(folder: Path, results: Path, tmp_path: Path) -> None:
+    files = [folder / f"walk{k}.c3d" for k in (2, 0, 1)]
+    answer = run(*files, folder / "standing.c3d", "--out", tmp_path, "--json")
+    assert answer.exit_code == 0, answer.output
+    assert summary(tmp_path / "walk1-com") == summary(results / "walk1-com")
+    printed = json.loads(answer.stdout[answer.stdout.index("[") :])
+    assert [one["input"]["recording_id"] for one in printed] == ["walk2.c3d", "walk0.c3d", "walk1.c3d"]
+
+
+def test_what_cannot_be_estimated_is_named_and_the_others_are_not_held_up(folder: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.c3d"
+    broken.write_bytes(b"no recording at all")
+    answer = run(folder / "walk0.c3d", folder / "walk1.c3d", broken, "--out", tmp_path / "out")
+    assert answer.exit_code == 0, answer.output
+    assert "broken" in answer.stderr
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"walk0-com", "walk1-com"}
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [(("--server", "http://127.0.0.1:1"), "option-invalid"), (("--latency", "x"), "option-invalid")],
+)
+def test_what_makes_no_sense_is_refused(folder: Path, tmp_path: Path, words: tuple[str, ...], code: str) -> None:
+    answer = run(folder, *words, "--out", tmp_path / "out")
+    assert answer.exit_code != 0
+    assert isinstance(answer.exception, StridelabError | SystemExit)
+    assert not (tmp_path / "out").exists() or not list((tmp_path / "out").iterdir())
+
+
+def test_nothing_is_overwritten(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "walk1-com").mkdir()
+    (tmp_path / "walk1-com" / "mine.txt").write_text("mine")
+    assert run(folder, "--out", tmp_path).exit_code != 0
+    assert [path.name for path in tmp_path.iterdir()] == ["walk1-com"]
+
+
+def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:
+    assert run(tmp_path).exit_code != 0
+
+
+def member(name: str, parent: str, height_m: float | None = None, day: str | None = None) -> Member:
+    known = {"height_m": height_m, "mass_kg": None if height_m is None else 60.0}
+    return Member(Path(parent) / name, name, TrialFacts(name, name, name, facts(subject=known, recorded_on=day)))
+
+
+def test_who_belongs_together() -> None:
+    first = [member("a1", "/lab/a", 1.7), member("a2", "/lab/a", 1.7), member("a_static", "/lab/a")]
+    second = [member("b1", "/lab/b", 1.8), member("b_static", "/lab/b")]
+    found = sessions_of([*first, *second])
+    assert found["a1"] == found["a2"] == found["a_static"] != found["b1"] == found["b_static"]
+    assert len(set(sessions_of(first).values())) == 1
+    assert len(set(sessions_of([*first, *second], one_person=True).values())) == 1
+    days = [member("c1", "/lab", 1.7, "2026-01-02"), member("c2", "/lab", 1.7, "2026-01-03")]
+    assert len(set(sessions_of(days).values())) == 2
+    strangers = [*first, *second, member("x", "/lab/x"), member("y", "/lab/y")]
+    found = sessions_of(strangers)
+    assert len({found["x"], found["y"], found["a1"], found["b1"]}) == 4
