@@ -8,7 +8,8 @@ import pytest
 
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
-from stridelab.recordings.trc_mot import parse_mot, sampling_rate_hz
+from stridelab.recordings.text_table import sampling_rate_hz
+from stridelab.recordings.trc_mot import parse_mot
 
 RATE, FORCE_RATE, N = 100.0, 600.0, 150
 LABELS = ["R.ASIS", "L.ASIS", "V.Sacral", "Top.Head", "R.Heel", "L.Heel"]

@@ -75,7 +75,7 @@ def open_trial(path: Path) -> TrialTexts:
             texts = _unpack_all(archive, members)
     except (*ZIP_ERRORS, OSError) as error:
         raise damaged(path, error) from error
-    trc = [name for name, text in texts.items() if text.lstrip("\ufeff").startswith("PathFileType")]
+    trc = [name for name, text in texts.items() if is_trc(text)]
     mot = [name for name, text in texts.items() if name not in trc and has_ground_forces(text)]
     if not trc:
         held = ", ".join(sorted(texts)) or "nothing"
@@ -90,6 +90,11 @@ def open_trial(path: Path) -> TrialTexts:
             faults,
         )
     return TrialTexts(texts[trc[0]], trc[0], texts[mot[0]] if mot else None, mot[0] if mot else "")
+
+
+def is_trc(text: str) -> bool:
+    """Whether a text begins as a TRC file does; blank lines and spaces in front of it do not matter."""
+    return text[:2000].lstrip("\ufeff \t\r\n").startswith("PathFileType")
 
 
 def has_ground_forces(text: str) -> bool:

@@ -3,12 +3,14 @@
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
 from stridelab.conventions import Mask, Points, Rotation, Vector3
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings import axes
+from stridelab.recordings.archive import is_trc
 from stridelab.recordings.c3d import read_c3d
 from stridelab.recordings.gaps import fill_short_gaps
 from stridelab.recordings.moment_units import with_true_moment_units
@@ -16,22 +18,28 @@ from stridelab.recordings.plates import plate_wrench, rough_normal, rough_total_
 from stridelab.recordings.raw import FilePlate, RawTrial
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
 from stridelab.recordings.steps import fore_aft_remarks
-from stridelab.recordings.trc_mot import read_trc_mot
+from stridelab.recordings.trc_mot import read_trc, read_trc_mot
+
+_HEAD_BYTES: Final = 2000
+_C3D_KEY: Final = 0x50
+"""Second byte of every C3D file."""
 
 
 def read_recording(
     path: Path,
     *,
+    name: str | None = None,
     marker_map: Mapping[str, str] = {},
     plate_switches: Mapping[int, PlateSwitches] = {},
 ) -> Recording:
-    """Read a C3D file, or a zip of one TRC and one MOT or STO file.
+    """Read a C3D file, a TRC file, or a zip of one TRC and one MOT or STO file.
 
+    A TRC file alone gives markers and no plates. ``name`` is what errors call the file, its own name by default.
     ``marker_map`` maps landmark names to labels of this file; ``plate_switches`` maps a plate's index to what the user
     set. Raises ``InvalidInput`` (``unknown-marker``) for unknown labels, and ``UnreadableFile``: ``no-markers``,
-    ``all-missing``, and as ``read_c3d`` and ``read_trc_mot``.
+    ``all-missing``, ``unknown-format``, and as ``read_c3d``, ``read_trc`` and ``read_trc_mot``.
     """
-    raw = _read_raw(path)
+    raw = _read_raw(path, name or path.name)
     if np.isnan(raw.points_m).all():
         code, what = ("no-markers", "no labelled marker") if raw.points_m.shape[1] == 0 else ("all-missing", "only NaN")
         raise UnreadableFile(code, f"The recording shows no marker at any time ({what}).", [Fault(path.name, what)])
@@ -43,22 +51,34 @@ def read_recording(
     return recording
 
 
-def _read_raw(path: Path) -> RawTrial:
+def is_c3d(path: Path) -> bool:
+    """Whether ``read_recording`` reads a file as C3D."""
+    with path.open("rb") as file:
+        head = file.read(2)
+    return len(head) == 2 and head[1] == _C3D_KEY and not zipfile.is_zipfile(path)
+
+
+def _read_raw(path: Path, name: str) -> RawTrial:
     if path.stat().st_size == 0:
         raise UnreadableFile("empty-file", "The file is empty (0 bytes).", [Fault(path.name, "0 bytes")])
     if zipfile.is_zipfile(path):
         return read_trc_mot(path)
     with path.open("rb") as file:
-        head = file.read(4)
+        head = file.read(_HEAD_BYTES)
     if head[:2] == b"PK":
         raise UnreadableFile("zip-damaged", "The zip file is damaged or truncated.", [Fault(path.name, "not readable")])
-    if len(head) < 2 or head[1] != 0x50:
-        raise UnreadableFile(
-            "unknown-format",
-            "This is neither a C3D file nor a zip of TRC and MOT files.",
-            [Fault(path.name, "unknown content")],
-        )
-    return read_c3d(path)
+    if is_trc(head.decode("utf-8-sig", errors="replace")):
+        return read_trc(path, name)
+    if is_c3d(path):
+        return read_c3d(path)
+    if name.lower().endswith(".trc"):
+        why = "line 1 does not begin with PathFileType"
+        raise UnreadableFile("trc-broken", f"The TRC file {name} is broken: {why}.", [Fault(name, why)])
+    raise UnreadableFile(
+        "unknown-format",
+        "This is neither a C3D file nor a TRC file nor a zip of a TRC and a MOT or STO file.",
+        [Fault(path.name, "unknown content")],
+    )
 
 
 def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:

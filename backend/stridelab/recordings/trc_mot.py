@@ -1,4 +1,4 @@
-"""OpenSim trials: markers from TRC, ground forces from MOT or STO.
+"""OpenSim trials: markers from TRC, ground forces from MOT or STO; or the markers alone.
 
 A MOT file gives per contact the force f on the body, the centre of pressure p and the free moment T; the wrench at
 the file's origin is (f, p x f + T). Where |f| is small p is noise divided by nearly nothing (hundreds of metres) and
@@ -14,12 +14,14 @@ from jaxtyping import Float
 from stridelab.conventions import Corners, Points, Series, Vector3
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.recordings import labels as names
-from stridelab.recordings.archive import open_trial
+from stridelab.recordings.archive import MAX_MEMBER_BYTES, TrialTexts, open_trial
 from stridelab.recordings.axes import axis_vector, nearest_axis
 from stridelab.recordings.gaps import mark_missing
-from stridelab.recordings.raw import CONTACT_TYPE, LARGEST, Cloud, FilePlate, RawTrial
+from stridelab.recordings.raw import CONTACT_TYPE, Cloud, FilePlate, RawTrial
 from stridelab.recordings.recording import Remark, Subject
-from stridelab.recordings.units import length_scale
+from stridelab.recordings.text_table import BrokenLineError, numbered, sampling_rate_hz, table_of
+from stridelab.recordings.trc import header_fields, parse_trc, trc_broken
+from stridelab.recordings.units import LENGTH_SCALE, length_scale, unit_of_body
 
 COP_THRESHOLD_N = 20.0
 _COLUMN = re.compile(
@@ -27,7 +29,17 @@ _COLUMN = re.compile(
 )
 _MARGIN_M = 0.1
 
-Table = Float[np.ndarray, "rows columns"]
+
+def read_trc(path: Path, name: str) -> RawTrial:
+    """Read a TRC file without forces; ``name`` is what errors call it.
+
+    Raises ``UnreadableFile`` (``trc-too-large``, and as ``parse_trc``).
+    """
+    if path.stat().st_size > MAX_MEMBER_BYTES:
+        message = f"The TRC file {name} is larger than {MAX_MEMBER_BYTES // 2**20} MB, the most that is read."
+        raise UnreadableFile("trc-too-large", message, [Fault(name, f"{path.stat().st_size} bytes")])
+    text = path.read_bytes().decode("utf-8-sig", errors="replace")
+    return _trial(TrialTexts(text, name, None, ""), "The TRC file")
 
 
 def read_trc_mot(path: Path) -> RawTrial:
@@ -35,10 +47,15 @@ def read_trc_mot(path: Path) -> RawTrial:
 
     Raises ``UnreadableFile`` (``times-do-not-overlap``, and as ``open_trial``, ``parse_trc`` and ``parse_mot``).
     """
-    texts = open_trial(path)
+    return _trial(open_trial(path), "The zip")
+
+
+def _trial(texts: TrialTexts, source: str) -> RawTrial:
+    """The trial of one TRC and at most one force file; ``source`` is the uploaded file in a sentence."""
     labels, time_s, points, rate_hz, unit = parse_trc(texts.trc, texts.trc_name)
     cloud = mark_missing(points)
-    scale, remarks = length_scale(unit, cloud)
+    scale, remarks = _length_scale(unit, cloud, texts.trc_name)
+    remarks = (*_frames_stated(texts, len(time_s)), *remarks)
     visible = [int(n) for n in (~np.isnan(cloud[:, :, 0])).sum(axis=0)]
     choice = names.choose(labels, visible, (), ())
     cloud = cloud[:, list(choice.column.values()), :] * scale
@@ -46,7 +63,11 @@ def read_trc_mot(path: Path) -> RawTrial:
     contacts: tuple[FilePlate, ...] = ()
     force_rate_hz = rate_hz
     if texts.mot is None:
-        remarks = (*remarks, Remark("no-force-file", "The zip holds markers only, no ground forces."))
+        message = (
+            f"{source} holds markers only, no ground forces. Where a MOT or STO file has them, put it and the TRC file "
+            "into one zip."
+        )
+        remarks = (*remarks, Remark("no-force-file", message))
     else:
         mot_time_s, forces = parse_mot(texts.mot, texts.mot_name)
         keep = (time_s >= mot_time_s[0] - 0.5 / rate_hz) & (time_s <= mot_time_s[-1] + 0.5 / rate_hz)
@@ -80,33 +101,6 @@ def read_trc_mot(path: Path) -> RawTrial:
     )
 
 
-def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, str]:
-    """Labels, times in seconds, points (file's unit), rate in Hz and unit of length of a TRC file.
-
-    The rate is the header's unless the times say otherwise. Raises ``UnreadableFile`` (``trc-broken``, ``no-frames``).
-    """
-    lines = text.splitlines()
-    try:
-        labels, rate_hz, unit = _trc_header(lines)
-        table = _table(_numbered(lines, 5), 2 + 3 * len(labels))
-    except _BrokenLineError as error:
-        raise UnreadableFile(
-            "trc-broken", f"The TRC file {name} is broken: {error}.", [Fault(name, str(error))]
-        ) from error
-    if len(table) == 0:
-        raise UnreadableFile("no-frames", "The TRC file holds no frames.", [Fault(name, "no frames")])
-    time_s = table[:, 1]
-    if len(time_s) > 1 and not (np.isfinite(time_s).all() and (np.diff(time_s) > 0).all()):
-        raise UnreadableFile("trc-broken", "The times in the TRC file do not increase.", [Fault(name, "time")])
-    if len(time_s) > 1:
-        measured_hz = sampling_rate_hz(time_s)
-        if not abs(measured_hz - rate_hz) <= 0.01 * rate_hz:
-            rate_hz = measured_hz
-    if not 0.0 < rate_hz < 1e5:
-        raise UnreadableFile("trc-broken", "The TRC file states no frame rate.", [Fault(name, "DataRate")])
-    return labels, time_s, table[:, 2:].reshape(len(table), len(labels), 3), rate_hz, unit
-
-
 def parse_mot(text: str, name: str) -> tuple[Series, dict[str, dict[str, Points]]]:
     """Times, and per contact the arrays "v" (force), "p" (centre of pressure) and "t" (free moment).
 
@@ -118,15 +112,15 @@ def parse_mot(text: str, name: str) -> tuple[Series, dict[str, dict[str, Points]
     try:
         ends = [i for i, line in enumerate(lines) if line.strip().lower() == "endheader"]
         if not ends:
-            raise _BrokenLineError("no line says endheader")
-        numbered = _numbered(lines, ends[0] + 1)
-        if not numbered:
-            raise _BrokenLineError(
+            raise BrokenLineError("no line says endheader")
+        rows = numbered(lines, ends[0] + 1)
+        if not rows:
+            raise BrokenLineError(
                 f"the file ends with endheader in line {ends[0] + 1}, before the names of its columns"
             )
-        columns = numbered[0][1].split()
-        table = _table(numbered[1:], len(columns))
-    except _BrokenLineError as error:
+        columns = rows[0][1].split()
+        table = table_of(rows[1:], len(columns))
+    except BrokenLineError as error:
         raise UnreadableFile(
             "mot-broken", f"The force file {name} is broken: {error}.", [Fault(name, str(error))]
         ) from error
@@ -149,13 +143,6 @@ def parse_mot(text: str, name: str) -> tuple[Series, dict[str, dict[str, Points]
     return table[:, 0], whole
 
 
-def sampling_rate_hz(time_s: Series) -> float:
-    """Rate of a time column whose entries are rounded: the mean over the whole column, not one step."""
-    rate_hz = float((len(time_s) - 1) / (time_s[-1] - time_s[0]))
-    nearest = round(rate_hz)
-    return float(nearest) if nearest and abs(rate_hz - nearest) < 1e-3 * nearest else rate_hz
-
-
 def even_times_s(time_s: Series, zero_s: float) -> Series:
     """Times counted from ``zero_s`` without their rounding: even steps, a whole step from zero where nearly so.
 
@@ -168,63 +155,32 @@ def even_times_s(time_s: Series, zero_s: float) -> Series:
     return even if np.abs(even - (time_s - zero_s)).max() < 0.5 / rate_hz else time_s - zero_s
 
 
-class _BrokenLineError(ValueError):
-    """What is wrong with a text file and in which line, as the part of a sentence that users read."""
+def _length_scale(unit: str, cloud: Cloud, name: str) -> tuple[float, tuple[Remark, ...]]:
+    """Factor to metres. A unit that is missing or unknown follows from the size of the body, and a remark says so.
 
-
-def _trc_header(lines: list[str]) -> tuple[list[str], float, str]:
-    """Labels, rate in Hz and unit of length of a TRC file; raises ``_BrokenLineError``."""
-    if len(lines) < 4:
-        raise _BrokenLineError(f"the file ends after line {len(lines)}, before the marker names in line 4")
-    head = dict(zip(lines[1].split(), lines[2].split(), strict=False))
-    n_markers, rate_hz = _header_number(head, "NumMarkers"), _header_number(head, "DataRate")
-    cells = lines[3].rstrip("\t\r ").split("\t")[2:]
-    labels = [cell.strip() for cell in cells if cell.strip()]
-    if len(labels) != n_markers or n_markers < 1:
-        raise _BrokenLineError(f"line 3 states {n_markers:g} markers and line 4 names {len(labels)}")
-    return labels, rate_hz, head.get("Units", "")
-
-
-def _header_number(head: dict[str, str], key: str) -> float:
-    if key not in head:
-        raise _BrokenLineError(f"lines 2 and 3 of the header state no {key}")
-    try:
-        return float(head[key])
-    except ValueError as error:
-        raise _BrokenLineError(f"line 3 states {head[key][:40]!r} as {key}, which is no number") from error
-
-
-def _numbered(lines: list[str], start: int) -> list[tuple[int, str]]:
-    """The lines from index ``start`` that are not blank, each with its number in the file, counted from one."""
-    return [(i + 1, line) for i, line in enumerate(lines) if i >= start and line.strip()]
-
-
-def _table(rows: list[tuple[int, str]], width: int) -> Table:
-    """Numbers of tab (or blank) separated rows; empty cells are NaN.
-
-    Raises ``_BrokenLineError`` on a short row, a cell that is no number, or a number that no laboratory measures.
+    Raises ``UnreadableFile`` (``trc-broken``) where the markers span no body either.
     """
-    values = []
-    for line, row in rows:
-        cells = row.rstrip("\r\n").split("\t") if "\t" in row else row.split()
-        if len(cells) < width and "\t" in row and width - len(cells) <= 3:
-            cells += [""] * (width - len(cells))
-        if len(cells) < width:
-            raise _BrokenLineError(f"line {line} has {len(cells)} of {width} values")
-        values.append([_value(cell, line, column) for column, cell in enumerate(cells[:width], start=1)])
-    return np.array(values, dtype=np.float64).reshape(len(values), width)
+    if unit.strip().lower() in LENGTH_SCALE:
+        return length_scale(unit, cloud)
+    stated = f"states {unit[:40]!r} as Units, which is no unit of length" if unit else "states no Units"
+    seen = unit_of_body(cloud)
+    if seen is None:
+        raise trc_broken(name, f"line 3 {stated}, and the markers span no body in mm, cm or m")
+    message = f"Line 3 of {name} {stated}. The lengths are taken for {seen}, in which the markers span a body."
+    return LENGTH_SCALE[seen], (Remark("unit-assumed", message),)
 
 
-def _value(cell: str, line: int, column: int) -> float:
+def _frames_stated(texts: TrialTexts, n_frames: int) -> tuple[Remark, ...]:
+    """A remark where the header states another number of frames than there are."""
     try:
-        value = float(cell) if cell.strip() else np.nan
-    except ValueError as error:
-        raise _BrokenLineError(
-            f"line {line}, column {column} holds {cell.strip()[:40]!r}, which is no number"
-        ) from error
-    if LARGEST < abs(value) < np.inf:
-        raise _BrokenLineError(f"line {line}, column {column} holds {value:.3g}, which no laboratory measures")
-    return value
+        stated = float(header_fields(texts.trc.splitlines())["NumFrames"])
+    except (KeyError, ValueError):
+        return ()
+    if stated == n_frames:
+        return ()
+    cut = " The file may have been cut off." if stated > n_frames else ""
+    message = f"Line 3 of {texts.trc_name} states {stated:g} frames and {n_frames} follow; those are used.{cut}"
+    return (Remark("trc-frame-count", message),)
 
 
 def _contacts(

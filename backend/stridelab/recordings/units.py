@@ -10,7 +10,19 @@ import numpy as np
 from stridelab.recordings.raw import Cloud
 from stridelab.recordings.recording import Remark
 
-LENGTH_SCALE: Final = {"mm": 1e-3, "cm": 1e-2, "m": 1.0, "dm": 0.1, "in": 0.0254}
+LENGTH_SCALE: Final = {
+    "mm": 1e-3,
+    "millimeters": 1e-3,
+    "millimetres": 1e-3,
+    "cm": 1e-2,
+    "centimeters": 1e-2,
+    "centimetres": 1e-2,
+    "m": 1.0,
+    "meters": 1.0,
+    "metres": 1.0,
+    "dm": 0.1,
+    "in": 0.0254,
+}
 MOMENT_SCALE: Final = {"nmm": 1e-3, "nm": 1.0, "ncm": 1e-2, "nmeter": 1.0, "newtonmm": 1e-3}
 _BODY_M = (0.3, 3.0)
 
@@ -26,11 +38,21 @@ def length_scale(stated: str, cloud: Cloud) -> tuple[float, tuple[Remark, ...]]:
     extent = _body_extent(cloud)
     if np.isnan(extent) or cloud.shape[1] < 4 or _BODY_M[0] <= extent * scale <= _BODY_M[1]:
         return scale, ()
-    for other, factor in (("mm", 1e-3), ("m", 1.0), ("cm", 1e-2)):
-        if _BODY_M[0] <= extent * factor <= _BODY_M[1]:
-            message = f"The file says its lengths are in {stated or 'no unit'}, but the markers span a body in {other}."
-            return factor, (Remark("unit-corrected", message),)
+    other = unit_of_body(cloud)
+    if other is not None:
+        message = f"The file says its lengths are in {stated or 'no unit'}, but the markers span a body in {other}."
+        return LENGTH_SCALE[other], (Remark("unit-corrected", message),)
     return scale, (Remark("unit-implausible", "The markers span no human body in any unit of length."),)
+
+
+def unit_of_body(cloud: Cloud) -> str | None:
+    """The one of mm, m and cm in which the markers span 0.3 to 3 m; None where there is none, or fewer than 4 markers.
+
+    The three ranges touch each other at their limits and do not overlap.
+    """
+    extent = _body_extent(cloud)
+    fits = [unit for unit in ("mm", "m", "cm") if _BODY_M[0] <= extent * LENGTH_SCALE[unit] <= _BODY_M[1]]
+    return fits[0] if fits else None
 
 
 def moment_scale(stated: str, metres_per_unit: float) -> float:

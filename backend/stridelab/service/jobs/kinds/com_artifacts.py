@@ -1,6 +1,5 @@
 """The files of ``estimate-com``: ``com.parquet``, ``com.csv`` and ``com.c3d``."""
 
-import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.estimate import ComEstimate
 from stridelab.estimation.observability import observability_track
+from stridelab.recordings.reader import is_c3d
 from stridelab.recordings.recording import WrenchTrack
 from stridelab.recordings.writer import add_points_to_c3d, write_c3d
 from stridelab.schemas.jobs import EstimateComSummary
@@ -79,11 +79,15 @@ def com_columns(geometric: GeometricCom, wrench: WrenchTrack, estimate: ComEstim
 
 
 def write_com_c3d(target: Path, upload: Path, trial: Trial, points: dict[str, Points]) -> None:
-    """The upload with the CoM added as points; an upload that is not a C3D is written as one from what was read."""
-    if zipfile.is_zipfile(upload):
-        atomically(target, lambda path: write_c3d(path, trial.recording, extra_points=points))
-    else:
+    """The upload with the CoM added as points.
+
+    An upload that is no C3D file (TRC, or a zip of TRC and MOT) is written as a new one: its markers in millimetres
+    and world axes, and its contacts as plates where it has any.
+    """
+    if is_c3d(upload):
         atomically(target, lambda path: add_points_to_c3d(upload, path, points))
+    else:
+        atomically(target, lambda path: write_c3d(path, trial.recording, extra_points=points))
 
 
 def _named(prefix: str, suffix: str, track: Points) -> dict[str, Series | Mask]:

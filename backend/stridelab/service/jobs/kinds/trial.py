@@ -56,7 +56,8 @@ def read(source: RecordingSource, folder: Path) -> Recording:
     elsewhere = frozenset(source.static_labels)
     own = {landmark: label for landmark, label in source.marker_map.items() if label not in elsewhere}
     try:
-        return read_recording(folder / source.file, marker_map=own, plate_switches=switches(source.plates))
+        path, plates = folder / source.file, switches(source.plates)
+        return read_recording(path, name=source.filename, marker_map=own, plate_switches=plates)
     except StridelabError as error:
         raise _renamed(error, source.file, source.filename) from error
 
@@ -101,7 +102,5 @@ def subject_fields(subject: Subject) -> SubjectFields:
 
 
 def _renamed(error: StridelabError, stored: str, uploaded: str) -> StridelabError:
-    faults = [
-        Fault(uploaded if f.where == stored else f.where, f.message.replace(stored, uploaded)) for f in error.faults
-    ]
-    return type(error)(error.code, error.message.replace(stored, uploaded), faults)
+    faults = [Fault(uploaded if fault.where == stored else fault.where, fault.message) for fault in error.faults]
+    return type(error)(error.code, error.message, faults)
