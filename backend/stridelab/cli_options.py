@@ -26,11 +26,11 @@ NodeRate = Annotated[
 ]
 Densities = Annotated[PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")]
 
-Trial = Annotated[Path, typer.Argument(help="A .c3d file, or a .zip of a .trc and a .mot or .sto file.")]
+Trial = Annotated[Path, typer.Argument(help="A .c3d file, a .trc file, or a .zip of a .trc and a .mot or .sto file.")]
 Trials = Annotated[
     list[Path],
     typer.Argument(
-        help="A .c3d file, a .zip of TRC and MOT, or several, or folders: trials of one person and day are a session."
+        help="A .c3d, .trc, or .zip of TRC and MOT; or several, or folders: trials of one person and day are a session."
     ),
 ]
 Height = Annotated[float | None, typer.Option("--height", help="Stature in metres.")]

@@ -27,6 +27,7 @@ from stridelab.cli_result import (
 from stridelab.client import Client
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings.batch_archive import BatchLimits, is_batch, unpack_batch
+from stridelab.recordings.recording_files import recordings_in
 from stridelab.schemas.cycloid import FitCycloidInput
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.population import (
@@ -41,7 +42,6 @@ from stridelab.service.jobs.kinds.population_stage import member
 from stridelab.service.jobs.kinds.tasks import FitCycloidTask, RecordingSource, StudyPopulationTask
 from stridelab.service.subject_table import Matched, TableRow, match, read_subject_table
 
-SUFFIXES: Final = (".c3d", ".zip")
 LIMITS: Final = BatchLimits(files=MAX_RECORDINGS, file_bytes=2_000_000_000, total_bytes=20_000_000_000)
 LETTERS: Final = {"R_m": "R", "r_m": "r", "z0_m": "z0", "omega_rad_s": "omega"}
 OTHERS: Final = {"height_m": "height", "leg_m": "leg", "speed_m_s": "speed", "step_length_m": "step length"}
@@ -96,7 +96,7 @@ def collect(paths: Sequence[Path], subjects: Path | None, folder: Path) -> Given
         table = subjects.read_bytes()
     for index, path in enumerate(paths):
         if path.is_dir():
-            found = sorted(p for p in path.rglob("*") if p.is_file() and p.suffix.lower() in SUFFIXES)
+            found = recordings_in(path)
             files += [(p.relative_to(path).as_posix(), p) for p in found]
             continue
         require_file(path)
@@ -113,7 +113,7 @@ def collect(paths: Sequence[Path], subjects: Path | None, folder: Path) -> Given
         table = held.table if held.table is not None else table
     if not files:
         named = ", ".join(str(path) for path in paths)
-        raise InvalidInput("no-recordings", f"There is no .c3d and no .zip in {named}.", [Fault("FILES", "nothing")])
+        raise InvalidInput("no-recordings", f"There is no .c3d, .trc or .zip in {named}.", [Fault("FILES", "nothing")])
     _refuse_twins(files)
     return Given(tuple(files), () if table is None else read_subject_table(table))
 

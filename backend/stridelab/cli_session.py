@@ -9,7 +9,6 @@ import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
 
 from rich.markup import escape
 
@@ -19,13 +18,12 @@ from stridelab.cli_estimate_request import EstimateRequest
 from stridelab.cli_groups import Delivery
 from stridelab.cli_output import refuse_to_overwrite, result_folder
 from stridelab.errors import Fault, InvalidInput, NotEstimable, StridelabError
+from stridelab.recordings.recording_files import recordings_in
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.recordings import RecordingFacts
 from stridelab.schemas.sessions import SessionValues
 from stridelab.service.jobs.kinds.session_values import TrialFacts, session_values, static_of
 from stridelab.service.jobs.kinds.tasks import RecordingSource
-
-SUFFIXES: Final = (".c3d", ".zip")
 
 
 @dataclass(frozen=True)
@@ -93,13 +91,13 @@ def recordings_below(paths: Sequence[Path]) -> list[Path]:
     files: list[Path] = []
     for path in paths:
         if path.is_dir():
-            files += sorted(p for p in path.rglob("*") if p.is_file() and p.suffix.lower() in SUFFIXES)
+            files += recordings_in(path)
         else:
             require_file(path)
             files.append(path)
     if not files:
         named = ", ".join(str(path) for path in paths)
-        raise InvalidInput("no-recordings", f"There is no .c3d and no .zip in {named}.", [Fault("FILES", "nothing")])
+        raise InvalidInput("no-recordings", f"There is no .c3d, .trc or .zip in {named}.", [Fault("FILES", "nothing")])
     return list({file.absolute(): file for file in files}.values())
 
 

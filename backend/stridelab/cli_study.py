@@ -11,7 +11,8 @@ from stridelab.cli_options import BestMethod, Force, OutFolder, Server, StepChoi
 
 def study_population(
     files: Annotated[
-        list[Path], typer.Argument(help="Recordings (.c3d, or .zip of TRC and MOT), folders of them, or zips of them.")
+        list[Path],
+        typer.Argument(help="Recordings (.c3d, .trc, or .zip of TRC and MOT), folders of them, or zips of them."),
     ],
     subjects: Annotated[
         Path | None, typer.Option("--subjects", help="CSV: file, subject, group, height_m, mass_kg, sex, age, static.")

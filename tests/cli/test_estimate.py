@@ -11,9 +11,12 @@ from stridelab.cli_estimate import estimate, simulate
 from stridelab.cli_estimate_request import EstimateRequest
 from stridelab.cli_groups import Delivery, Estimation, Walk
 from stridelab.cli_result import write_result
+from stridelab.errors import NotEstimable, UnreadableFile
+from stridelab.recordings.reader import read_recording
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, JobResult
 from stridelab.service.jobs.kinds import estimate_com
 from support.quiet import SAMPLE, estimate_task, quiet
+from support.trc_mot_files import write_trc
 
 WALK = Walk(SAMPLE / "recording.c3d")
 FILES = {"com.parquet", "com.csv", "com.c3d", "result.json", "references.bib"}
@@ -96,3 +99,25 @@ def test_a_result_without_references_is_written_too(tmp_path: Path) -> None:
 
     write_result(tmp_path, "simulate-recording", SimulateRecordingInput(), Outcome({}, (), ()))
     assert (tmp_path / "references.bib").read_text().strip() == ""
+
+
+def test_a_trc_alone_by_geometry_and_the_refusal_that_names_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    walk = Walk(write_trc(tmp_path / "walk.trc", read_recording(WALK.file)))
+    with pytest.raises(NotEstimable) as refusal:
+        run(Delivery(tmp_path / "out"), walk)
+    assert refusal.value.code == "no-plates"
+    assert "geometry" in refusal.value.message
+    run(Delivery(tmp_path / "out"), walk, method="geometry")
+    assert {p.name for p in (tmp_path / "out").iterdir()} == FILES
+    assert "geometry" in capsys.readouterr().out
+
+
+def test_a_broken_trc_is_named_by_the_line(tmp_path: Path) -> None:
+    lines = write_trc(tmp_path / "walk.trc", read_recording(WALK.file)).read_text().splitlines()
+    (tmp_path / "walk.trc").write_text("\n".join(lines[:3]))
+    with pytest.raises(UnreadableFile) as refusal:
+        run(Delivery(tmp_path / "out"), Walk(tmp_path / "walk.trc"), method="geometry")
+    assert refusal.value.message.startswith("The TRC file walk.trc is broken: the file ends after line 3")
+    assert not (tmp_path / "out").exists()

@@ -154,6 +154,17 @@ def zipped(path: Path, members: Mapping[str, bytes]) -> Path:
     return path
 
 
+def test_trc_files_of_a_folder_and_of_a_zip_are_studied(run: Run, fake: FakeStudy, lab: Path, tmp_path: Path) -> None:
+    for name in ("day-1/a.trc", "day-1/c.trc"):
+        (lab / name).write_text(name)
+    batch = zipped(tmp_path / "lab.zip", {"d.trc": b"d", "e.trc": b"e"})
+    ran = run(lab, batch)
+    assert ran.code == 0, ran.err
+    assert fake.asked is not None
+    studied = [member.task.recording.filename for member in fake.asked.members]
+    assert studied == ["day-1/a.c3d", "day-1/c.trc", "day-2/b.C3D", "standing.c3d", "d.trc", "e.trc"]
+
+
 def test_a_zip_brings_its_files_and_its_table(run: Run, fake: FakeStudy, tmp_path: Path) -> None:
     batch = zipped(tmp_path / "lab.zip", {"lab/a.c3d": b"a", "lab/who.csv": b"file,subject\na.c3d,P01\n"})
     ran = run(batch)

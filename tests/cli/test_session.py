@@ -1,6 +1,7 @@
 """``stridelab estimate`` with several recordings: a folder each, with the clock and the mass of their session."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,10 +15,12 @@ from stridelab.errors import StridelabError
 from stridelab.experiments.noise import MeasurementNoise
 from stridelab.experiments.simulated_recording import record
 from stridelab.experiments.walker import HumanWalker
+from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Subject
 from stridelab.recordings.writer import write_c3d
 from stridelab.service.jobs.kinds.session_values import TrialFacts
 from support.rows import facts
+from support.trc_mot_files import write_trc
 
 QUICK = ("--method", "complementary")
 
@@ -133,3 +136,15 @@ def test_who_belongs_together() -> None:
     strangers = [*first, *second, member("x", "/lab/x"), member("y", "/lab/y")]
     found = sessions_of(strangers)
     assert len({found["x"], found["y"], found["a1"], found["b1"]}) == 4
+
+
+def test_a_trc_of_a_folder_is_estimated_unless_it_is_the_export_of_a_trial(folder: Path, tmp_path: Path) -> None:
+    for name, recording in (("walk0", "walk0"), ("other", "walk1")):
+        write_trc(tmp_path / f"{name}.trc", read_recording(folder / f"{recording}.c3d"))
+    shutil.copyfile(folder / "walk0.c3d", tmp_path / "walk0.c3d")
+    out = tmp_path / "out"
+    answer = CliRunner().invoke(app, ["estimate", str(tmp_path), "--method", "geometry", "--out", str(out)])
+    assert answer.exit_code == 0, answer.output
+    assert {path.name for path in out.iterdir()} == {"walk0-com", "other-com"}
+    assert "no-force-file" not in {remark["code"] for remark in summary(out / "walk0-com")["warnings"]}
+    assert "no-force-file" in {remark["code"] for remark in summary(out / "other-com")["warnings"]}

@@ -1,4 +1,7 @@
-"""A recording as laboratories hand it to OpenSim: markers in a TRC file, contacts in a MOT file, y up, in a zip."""
+"""A recording as laboratories hand it to OpenSim: markers in a TRC file, contacts in a MOT file, y up, in a zip.
+
+Or the TRC file alone.
+"""
 
 import zipfile
 from pathlib import Path
@@ -15,6 +18,12 @@ FILTER_HZ = 6.0
 
 def y_up(points: Points) -> Points:
     return np.column_stack([points[:, 0], points[:, 2], -points[:, 1]])
+
+
+def write_trc(path: Path, recording: Recording) -> Path:
+    """Write the markers alone, in metres, y up."""
+    path.write_text(_trc(recording), encoding="utf-8")
+    return path
 
 
 def write_trc_mot(path: Path, recording: Recording) -> Path:

@@ -15,6 +15,9 @@ Cloud = Float[np.ndarray, "frames labels 3"]
 LARGEST = 1e9
 """No laboratory measures more, in whatever unit: larger numbers are damage, and overflow in what follows."""
 
+NO_FORCE_FILE = "no-force-file"
+"""Code of the remark that a TRC file came without a force file."""
+
 CONTACT_TYPE = 0
 """``Plate.type`` of a measured contact without a known plate (OpenSim MOT): its corners bound the loaded COP."""
 

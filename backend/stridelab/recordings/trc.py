@@ -40,11 +40,11 @@ def trc_broken(name: str, why: str) -> UnreadableFile:
 
 
 def header_fields(lines: list[str]) -> dict[str, str]:
-    """Fields of lines 2 and 3: by blanks where both have as many, by tabs where one is empty."""
+    """Fields of lines 2 and 3 that have a value: by blanks where both lines have as many, else by tabs."""
     keys, values = lines[1].split(), lines[2].split()
     if len(keys) != len(values) and len(lines[1].split("\t")) == len(lines[2].split("\t")) > 1:
         keys, values = ([cell.strip() for cell in line.split("\t")] for line in lines[1:3])
-    return dict(zip(keys, values, strict=False))
+    return {key: value for key, value in zip(keys, values, strict=False) if value}
 
 
 def _header(lines: list[str]) -> tuple[list[str], float, str]:

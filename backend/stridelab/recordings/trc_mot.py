@@ -17,7 +17,7 @@ from stridelab.recordings import labels as names
 from stridelab.recordings.archive import MAX_MEMBER_BYTES, TrialTexts, open_trial
 from stridelab.recordings.axes import axis_vector, nearest_axis
 from stridelab.recordings.gaps import mark_missing
-from stridelab.recordings.raw import CONTACT_TYPE, Cloud, FilePlate, RawTrial
+from stridelab.recordings.raw import CONTACT_TYPE, NO_FORCE_FILE, Cloud, FilePlate, RawTrial
 from stridelab.recordings.recording import Remark, Subject
 from stridelab.recordings.text_table import BrokenLineError, numbered, sampling_rate_hz, table_of
 from stridelab.recordings.trc import header_fields, parse_trc, trc_broken
@@ -67,7 +67,7 @@ def _trial(texts: TrialTexts, source: str) -> RawTrial:
             f"{source} holds markers only, no ground forces. Where a MOT or STO file has them, put it and the TRC file "
             "into one zip."
         )
-        remarks = (*remarks, Remark("no-force-file", message))
+        remarks = (*remarks, Remark(NO_FORCE_FILE, message))
     else:
         mot_time_s, forces = parse_mot(texts.mot, texts.mot_name)
         keep = (time_s >= mot_time_s[0] - 0.5 / rate_hz) & (time_s <= mot_time_s[-1] + 0.5 / rate_hz)

@@ -21,6 +21,7 @@ from stridelab.recordings.footing import STAIR_M, held_by_step, main_plate, on_p
 from stridelab.recordings.gaps import runs
 from stridelab.recordings.missing_force import force_missing
 from stridelab.recordings.plates import COP_NEVER_ON_PLATE
+from stridelab.recordings.raw import NO_FORCE_FILE
 from stridelab.recordings.recording import Plate, Recording, Remark, Window
 from stridelab.recordings.steps import loaded_intervals, vertical_force_n, whole_steps
 from stridelab.recordings.vertical_motion import VerticalMotion
@@ -156,7 +157,8 @@ def require_windows(
             "The recording has no force plate, so no force can be fused with the markers. "
             "The method geometry gives the centre of mass from the markers alone."
         )
-        raise NotEstimable("no-plates", message)
+        faults = [Fault("forces", remark.message) for remark in recording.remarks if remark.code == NO_FORCE_FILE]
+        raise NotEstimable("no-plates", message, faults)
     if recording.duration_s < MIN_WINDOW_S:
         message = f"The recording lasts {1000.0 * recording.duration_s:.0f} ms; at least {MIN_WINDOW_S:g} s are needed."
         raise NotEstimable("recording-too-short", message)

@@ -318,3 +318,28 @@ def test_a_failing_store_leaves_nothing(service: Served, trial: Path, monkeypatc
     with service.http() as http:
         assert upload(http, trial.read_bytes() + b"\0" * 1024).status_code == 500
         assert service.stored_files() == before
+
+
+TRC = (
+    "PathFileType\t4\t(X/Y/Z)\ta.trc\nDataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\n100\t100\t50\t1\tmm\n"
+    "Frame#\tTime\tLASI\n\t\tX1\tY1\tZ1\n\n"
+) + "".join(f"{i + 1}\t{i / 100}\t{i}\t900\t50\n" for i in range(50))
+
+
+def test_a_trc_alone_is_a_recording_without_plates(http: httpx.Client) -> None:
+    answer = upload(http, TRC.encode(), "standing 1.trc")
+    assert answer.status_code == 201, answer.text
+    body = answer.json()
+    assert (body["filename"], body["plates"], body["labels"]) == ("standing 1.trc", [], ["LASI"])
+    assert (body["n_frames"], body["marker_rate_hz"]) == (50, 100.0)
+    assert "no-force-file" in {remark["code"] for remark in body["warnings"]}
+    assert http.get(f"{RECORDINGS}/{body['id']}/file").content == TRC.encode()
+
+
+def test_a_broken_trc_is_refused_by_its_name_and_line(http: httpx.Client, service: Served) -> None:
+    before = service.stored_files()
+    answer = upload(http, TRC.replace("\n9\t0.08\t8", "\n9\t0.08\tx").encode(), "walk 07.trc")
+    assert refusal(answer) == (422, "trc-broken")
+    assert "walk 07.trc is broken: line 15, column 3 holds 'x'" in answer.json()["detail"]
+    assert places(answer) == ["walk 07.trc"]
+    assert service.stored_files() == before

@@ -40,7 +40,7 @@ _FORM: Final = _form(
         "file": {
             "type": "string",
             "format": "binary",
-            "description": "a .c3d file, or a .zip of one .trc and one .mot or .sto",
+            "description": "a .c3d file, a .trc file, or a .zip of one .trc and one .mot or .sto",
         },
         "subject_name": {"type": "string", "maxLength": 80, "description": "a pseudonym"},
         "height_m": {"type": "number", "minimum": 0.4, "maximum": 2.6},
@@ -98,7 +98,9 @@ _TABLE: Final[dict[int | str, dict[str, Any]]] = {
     ),
 )
 async def upload_recording(parts: AppParts, caller: CallerOf, request: Request, response: Response) -> Recording:
-    """Upload a `.c3d` file, or a `.zip` of `.trc` and `.mot`/`.sto`, as the form field `file`.
+    """Upload a `.c3d` or `.trc` file, or a `.zip` of `.trc` and `.mot`/`.sto`, as the form field `file`.
+
+    A `.trc` alone holds markers and no forces: of the methods of `estimate-com`, `geometry` takes it.
 
     The file is read before the answer: 201 means that it is stored and understood, and what is in it. A file that
     cannot be read is refused with the reason, and nothing of it is kept.

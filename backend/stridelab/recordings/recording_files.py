@@ -1,0 +1,26 @@
+"""Which files of a folder or of a zip are recordings, by their names."""
+
+from collections.abc import Iterable
+from pathlib import Path, PurePath
+from typing import Final, TypeVar
+
+SUFFIXES: Final = (".c3d", ".zip", ".trc")
+"""C3D files, zips of TRC and MOT, and TRC files alone."""
+_WITH_FORCES: Final = (".c3d", ".zip")
+_P = TypeVar("_P", bound=PurePath)
+
+
+def recordings_among(paths: Iterable[_P]) -> list[_P]:
+    """The recordings among files, in order.
+
+    A TRC file beside a C3D file or a zip of the same name is an export of that trial, which may hold forces as well: it
+    is left out.
+    """
+    found = [path for path in paths if path.suffix.lower() in SUFFIXES]
+    whole = {path.with_suffix("") for path in found if path.suffix.lower() in _WITH_FORCES}
+    return [path for path in found if path.suffix.lower() in _WITH_FORCES or path.with_suffix("") not in whole]
+
+
+def recordings_in(folder: Path) -> list[Path]:
+    """The recordings of a folder and of the folders in it, sorted, as ``recordings_among``."""
+    return recordings_among(sorted(path for path in folder.rglob("*") if path.is_file()))
