@@ -9,6 +9,8 @@ import pytest
 import websockets
 from playwright.sync_api import Page, Route, expect
 
+from stridelab.schemas.methods import METHODS
+from stridelab.schemas.recordings import EstimateOffer
 from stridelab_web import scenes
 from support.fake_lab import Lab
 from support.tab import Tab
@@ -163,3 +165,25 @@ def test_a_scene_whose_first_connection_is_refused_is_taken_up(
     page = tab.go(f"/view/?plan={job.id}")
     page.wait_for_selector("[data-ready]", timeout=120_000)
     assert len(tries) == 2
+
+
+def test_a_method_that_is_known_to_fail_is_not_started(tab: Tab, lab: Lab) -> None:
+    reason = "The recording has no force plate."
+    offers = [
+        EstimateOffer(method=method, possible=method == "geometry", code="no-plates", reason=reason)
+        for method in METHODS
+    ]
+    page = tab.go(f"/recordings/{lab.fake.add_recording(estimates=offers).id}")
+    form = page.locator("[data-estimate]")
+    start, compare = (form.get_by_role("button", name=name, exact=True) for name in ("Estimate", "Compare all methods"))
+    expect(form.get_by_label("Method")).to_have_value("geometry")
+    expect(start).to_be_enabled()
+    expect(compare).to_be_disabled()
+    form.get_by_label("Method").select_option("smoother")
+    expect(start).to_be_disabled()
+    expect(start).to_have_accessible_description(reason)
+    expect(form.get_by_text(reason)).to_be_visible()
+    form.get_by_label("Method").select_option("geometry")
+    expect(start).to_be_enabled()
+    start.click()
+    page.wait_for_url("**/jobs/*")

@@ -9,7 +9,8 @@ import pytest
 
 from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.jobs import EstimateComInput, JobResult, Progress
-from stridelab.schemas.recordings import TrialClock
+from stridelab.schemas.methods import METHODS
+from stridelab.schemas.recordings import EstimateOffer, TrialClock
 from stridelab_web.pages.facts import sentences_of
 from support.fake_service import FakeService
 from support.web import make_client
@@ -246,3 +247,59 @@ def test_an_interface_that_is_down_is_a_503_page(fake: FakeService) -> None:
     page = make_client(fake, transport=httpx.MockTransport(refuse)).get("/")
     assert page.status_code == 503
     assert "does not answer" in page.text
+
+
+NO_PLATES = "The recording has no force plate."
+
+
+def refusing(*possible: str, reason: str = NO_PLATES) -> list[EstimateOffer]:
+    return [
+        EstimateOffer(method=method, possible=True)
+        if method in possible
+        else EstimateOffer(method=method, possible=False, code="no-plates", reason=reason)
+        for method in METHODS
+    ]
+
+
+def estimate_form(page: str) -> str:
+    return page[page.index("<form data-estimate") :].partition("</form>")[0]
+
+
+def buttons(form: str) -> dict[str, bool]:
+    """The form's buttons by their text, and whether they can be pressed."""
+    found = re.findall(r"<button([^>]*)>([^<]*)</button>", form)
+    for attributes, _ in found:
+        assert ("disabled" in attributes) == ('aria-describedby="refused"' in attributes)
+    return {text: "disabled" not in attributes for attributes, text in found}
+
+
+def test_what_is_known_to_fail_is_not_offered_and_says_why(fake: FakeService, browse: Browse) -> None:
+    unknown = fake.add_recording(marker_set=None, estimates=refusing(reason="These <b>labels</b> aren't known."))
+    form = estimate_form(browse(f"/recordings/{unknown.id}").text)
+    assert buttons(form) == {"Estimate": False, "Compare all methods": False, "Fit the wheel": False}
+    assert ">These &lt;b&gt;labels&lt;/b&gt; aren&#39;t known.</p>" in form
+    assert "hidden" not in form[form.index('id="refused"') :].partition(">")[0]
+
+
+def test_without_plates_markers_only_are_offered(fake: FakeService, browse: Browse) -> None:
+    form = estimate_form(browse(f"/recordings/{fake.add_recording(estimates=refusing('geometry')).id}").text)
+    assert buttons(form) == {"Estimate": True, "Compare all methods": False, "Fit the wheel": True}
+    assert re.findall(r'value="(\w+)" selected>[^<]*</option>', form.partition("</select>")[0]) == ["geometry"]
+    assert f">{NO_PLATES}</p>" in form
+
+
+def test_a_recording_of_which_nothing_is_known_to_fail_offers_all(fake: FakeService, browse: Browse) -> None:
+    for estimates in ([], refusing(*METHODS)):
+        form = estimate_form(browse(f"/recordings/{fake.add_recording(estimates=estimates).id}").text)
+        assert buttons(form) == dict.fromkeys(("Estimate", "Compare all methods", "Fit the wheel"), True)
+        assert "selected" not in form.partition("</select>")[0]
+        assert "data-why hidden></p>" in form
+
+
+def test_upload_fields_take_trc_files(fake: FakeService, browse: Browse) -> None:
+    recording = fake.add_recording()
+    for address in ("/", "/recordings", "/population", f"/view/?recording={recording.id}"):
+        page = browse(address).text
+        accepted = [one for one in re.findall(r'accept="([^"]*)"', page) if ".c3d" in one]
+        assert accepted, address
+        assert all({".c3d", ".trc", ".zip"} == set(one.split(",")) for one in accepted)

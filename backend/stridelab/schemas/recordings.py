@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from stridelab.schemas.base import Contract, Interval, Remark
+from stridelab.schemas.methods import Method
 from stridelab.schemas.sessions import SessionId
 
 HeightM = Annotated[float, Field(ge=0.4, le=2.6, description="stature in metres")]
@@ -101,6 +102,15 @@ class RecordingFacts(Contract):
     warnings: list[Remark]
 
 
+class EstimateOffer(Contract):
+    """Whether a method of ``estimate-com`` can be tried on a recording."""
+
+    method: Method
+    possible: bool = Field(description="false: what is stored of the recording says that the method refuses it")
+    code: str | None = Field(default=None, description="code of the refusal; null where the method can be tried")
+    reason: str | None = Field(default=None, description="the refusal in a sentence")
+
+
 class Recording(RecordingFacts):
     """A stored recording: what parsing its file yielded, and what the service and its users know of it."""
 
@@ -114,6 +124,7 @@ class Recording(RecordingFacts):
     static_recording_id: str | None = None
     session_id: str | None = Field(default=None, description="session of trials with one clock and one body mass")
     session_stated: bool = Field(default=False, description="stated by the user, not found by the service")
+    estimates: list[EstimateOffer] = Field(default_factory=list, description="every method of `estimate-com`")
     bundled: bool = False
     truth_job_id: str | None = None
     owner: str | None = None

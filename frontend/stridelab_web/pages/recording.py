@@ -24,6 +24,7 @@ TABLES = (
     ("carried", "carried by the file"),
 )
 CANDIDATES = 100
+GEOMETRY = "geometry"
 
 
 async def recording(request: Request) -> Response:
@@ -60,10 +61,30 @@ async def recording(request: Request) -> Response:
         ticks=strips.ticks(found.duration_s),
         mappable=sorted({*found.landmarks, *alternatives, *found.marker_map}),
         methods=METHODS,
+        method=_method_of(found),
+        refused=_refusals(found),
         latencies=LATENCIES,
         latency=EstimateComInput.model_fields["latency"].default,
         tables=TABLES,
     )
+
+
+def _refusals(found: Recording) -> dict[str, str]:
+    """Methods that are known to refuse the recording, with their reason; "" stands for the best available method.
+
+    The best one fuses force with the markers, and is refused where every method that does so is.
+    """
+    refused = {offer.method: offer.reason or "" for offer in found.estimates if not offer.possible}
+    with_force = [offer.method for offer in found.estimates if offer.method != GEOMETRY]
+    if with_force and all(method in refused for method in with_force):
+        return {"": refused[with_force[0]], **refused}
+    return dict(refused)
+
+
+def _method_of(found: Recording) -> str:
+    """The method that is chosen at first: the best available, or markers only where nothing else can be done."""
+    refused = _refusals(found)
+    return GEOMETRY if "" in refused and GEOMETRY not in refused else ""
 
 
 async def _session_of(client: AsyncClient, found: Recording) -> list[Recording]:

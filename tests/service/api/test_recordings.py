@@ -11,7 +11,7 @@ from stridelab.service.storage.tables import job, recording
 from support.answers import places, refusal, upload
 from support.database import TestDatabases
 from support.interface import Served, served
-from support.rows import add_job, add_recording, start_job, succeed
+from support.rows import add_job, add_recording, facts, start_job, succeed
 
 RECORDINGS = "/api/v1/recordings"
 
@@ -140,3 +140,28 @@ def test_a_deletion_takes_jobs_and_results_along(http: httpx.Client, service: Se
             return len((await connection.execute(select(job.c.id).where(job.c.recording_id == recording_id))).all())
 
     assert service.run(left()) == 0
+
+
+def test_a_recording_says_which_methods_can_estimate_it(http: httpx.Client, service: Served) -> None:
+    def of(recording_id: str) -> dict[str, str | None]:
+        shown = http.get(f"{RECORDINGS}/{recording_id}").json()["estimates"]
+        (listed,) = [one for one in http.get(RECORDINGS).json()["items"] if one["id"] == recording_id]
+        assert listed["estimates"] == shown
+        assert all(one["possible"] == (one["reason"] is None) for one in shown)
+        return {one["method"]: one["code"] for one in shown}
+
+    methods = {"smoother", "complementary", "rts", "kalman", "geometry"}
+    window = [(0.2, 0.8)]
+    unweighed = facts(subject={}, mass_from_force_kg=None, windows_s=window).model_dump(mode="json")
+    plain = service.run(add_recording(service.parts, facts=facts(windows_s=window).model_dump(mode="json")))
+    assert of(plain) == dict.fromkeys(methods)
+    bare = service.run(add_recording(service.parts, facts=facts(plates=[], windows_s=[]).model_dump(mode="json")))
+    assert of(bare) == {**dict.fromkeys(methods, "no-plates"), "geometry": None}
+    unknown = service.run(add_recording(service.parts, facts=facts(marker_set=None).model_dump(mode="json")))
+    assert of(unknown) == dict.fromkeys(methods, "unknown-marker-set")
+    light = service.run(add_recording(service.parts, facts=unweighed))
+    assert of(light) == {**dict.fromkeys(methods, "mass-unknown"), "geometry": None}
+    http.patch(f"{RECORDINGS}/{light}", json={"subject": {"mass_kg": 61.0}})
+    assert of(light) == dict.fromkeys(methods)
+    http.patch(f"{RECORDINGS}/{light}", json={"subject": None, "static_recording_id": plain})
+    assert of(light) == dict.fromkeys(methods), "the static trial may weigh the person"

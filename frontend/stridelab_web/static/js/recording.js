@@ -51,10 +51,25 @@ const offer = (selector, used) => {
     for (const field of label.querySelectorAll("input, select")) field.disabled = !used;
   }
 };
+// What is known to fail is not started: the buttons say why. "" is the best available method.
+const refused = JSON.parse(estimate.dataset.refused), why = find("[data-why]");
+const refuse = (button, method) => {
+  button.disabled = method in refused;
+  if (button.disabled) button.setAttribute("aria-describedby", why.id);
+  else button.removeAttribute("aria-describedby");
+};
+const followRefusals = (method) => {
+  refuse(estimate.querySelector("button.primary"), method);
+  refuse(find("[data-wheel]"), method);
+  refuse(find("[data-compare]"), "");
+  why.textContent = refused[method] ?? refused[""] ?? "";
+  why.hidden = !why.textContent;
+};
 const FILTERS = new Set(["", "complementary", "kalman", "rts"]);
 const follow = () => {
   const method = estimate.method.value, chosen = FILTERS.has(method) ? estimate.cutoffs.value : "auto";
   offer("[data-latency]", estimate.latency.value === "number");
+  followRefusals(method);
   offer("[data-of-filters]", FILTERS.has(method));
   offer("[data-cutoffs]", chosen === "numbers");
   offer("[data-of-smoother]", method === "smoother" || (method === "" && chosen === "auto"));
@@ -89,6 +104,7 @@ const onPress = (selector, kind, chosen) =>
       said.textContent = error.message;
     } finally {
       button.disabled = false;
+      followRefusals(estimate.method.value);
     }
   });
 onPress("[data-compare]", "compare-estimators", (input) => ({ ...input, method: null }));

@@ -8,6 +8,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.schemas.recordings import Recording, RecordingFacts, SubjectFields
 from stridelab.service.api.parts import known_form, not_found
+from stridelab.service.estimable import estimates_of
 from stridelab.service.storage.tables import recording, subject
 
 Row = Mapping[str, Any]
@@ -48,6 +49,8 @@ def recording_of(row: Row) -> Recording:
     """The recording of a row of ``recordings_with_subjects``."""
     facts = RecordingFacts.model_validate(row["facts"])
     own = facts.model_dump(exclude={"subject"})
+    subject = merged_subject(facts, row["linked_fields"], row["subject_fields"])
+    alone = row["session_id"] is None and row["static_recording_id"] is None
     return Recording(
         **own,
         id=row["id"],
@@ -55,12 +58,13 @@ def recording_of(row: Row) -> Recording:
         filename=row["filename"],
         bytes=row["bytes"],
         created_at=row["created_at"],
-        subject=merged_subject(facts, row["linked_fields"], row["subject_fields"]),
+        subject=subject,
         subject_id=row["subject_id"],
         marker_map=row["marker_map"],
         static_recording_id=row["static_recording_id"],
         session_id=row["session_id"],
         session_stated=row["session_stated"],
+        estimates=estimates_of(facts, subject, alone=alone),
         bundled=row["bundled"],
         truth_job_id=row["truth_job_id"],
         owner=row["owner"],

@@ -1,0 +1,96 @@
+"""Which methods can estimate the centre of mass of a recording, as far as its stored facts say.
+
+The facts are those of reading the file, so a method that is refused here is refused by ``estimate-com`` with the same
+code. The reverse does not hold: gaps of markers, or a static trial, show only when the body is placed. Works on the
+facts alone and needs no numeric package.
+"""
+
+from typing import Final
+
+from stridelab.schemas.methods import METHODS
+from stridelab.schemas.recordings import EstimateOffer, RecordingFacts, SubjectFields
+
+SHORTEST_WINDOW_S: Final = 0.4
+"""That of ``stridelab.estimation.span``, which needs a numeric package."""
+MIN_WINDOW_S: Final = 0.25
+"""That of ``stridelab.recordings.windows``."""
+_BY_GEOMETRY: Final = "The method geometry gives the centre of mass from the markers alone."
+
+Refusal = tuple[str, str]
+"""Code and sentence."""
+
+
+def estimates_of(facts: RecordingFacts, subject: SubjectFields, *, alone: bool) -> list[EstimateOffer]:
+    """Every method, with the reason where it is known that it refuses the recording.
+
+    ``subject`` is what is known of the person, stated or in the file. ``alone`` says that no session and no static
+    trial can add a body mass.
+    """
+    labels = _labels(facts)
+    geometry = labels or _geometry(facts)
+    force = labels or _force(facts, subject) or _mass(facts, subject, alone=alone)
+    return [_offer(method, geometry if method == "geometry" else force) for method in METHODS]
+
+
+def _offer(method: str, refusal: Refusal | None) -> EstimateOffer:
+    code, reason = refusal or (None, None)
+    return EstimateOffer.model_validate({"method": method, "possible": code is None, "code": code, "reason": reason})
+
+
+def _labels(facts: RecordingFacts) -> Refusal | None:
+    if facts.marker_set is not None:
+        return None
+    message = f"The {len(facts.labels)} marker labels belong to no known marker set."
+    return "unknown-marker-set", f"{message} Map the labels to landmarks to use this recording."
+
+
+def _geometry(facts: RecordingFacts) -> Refusal | None:
+    if facts.duration_s < SHORTEST_WINDOW_S:
+        message = f"The recording lasts {facts.duration_s:.2f} s; at least {SHORTEST_WINDOW_S} s are needed."
+        return "window-too-short", message
+    return None
+
+
+def _force(facts: RecordingFacts, subject: SubjectFields) -> Refusal | None:
+    """What the methods need that fuse force with the markers, in the order in which the job asks for it."""
+    if facts.n_frames < 2:
+        return "single-frame", "The recording has one frame only: it can serve as a static trial."
+    if not facts.plates:
+        message = "The recording has no force plate, so no force can be fused with the markers."
+        return "no-plates", f"{message} {_BY_GEOMETRY}"
+    if facts.duration_s < MIN_WINDOW_S:
+        message = f"The recording lasts {1000.0 * facts.duration_s:.0f} ms; at least {MIN_WINDOW_S:g} s are needed."
+        return "recording-too-short", message
+    remarks = {remark.code: remark.message for remark in facts.warnings}
+    used = [plate for plate in facts.plates if plate.use]
+    if not used and "cop-never-on-plate" in remarks:
+        message = (
+            "No force plate of this recording can be used: under no unit does a centre of pressure lie on its plate."
+        )
+        return "cop-off-all-plates", f"{message} {_BY_GEOMETRY}"
+    if not used:
+        return "plates-switched-off", "All force plates of this recording are switched off."
+    if not any(plate.loaded_s for plate in used):
+        return "plates-unloaded", "Nobody stands on the force plates in this recording."
+    if "force-missing" in remarks and subject.mass_kg != facts.subject.mass_kg:
+        return None  # where force is missing depends on the mass, which was another one when the file was read
+    if not facts.windows_s:
+        message = f"At no time is all contact force measured. {remarks.get('force-missing', '')}".strip()
+        return "no-measured-window", f"{message} {_BY_GEOMETRY}"
+    longest_s = max(end_s - start_s for start_s, end_s in facts.windows_s)
+    if longest_s + 1.0 / facts.marker_rate_hz < SHORTEST_WINDOW_S:
+        message = (
+            f"All contact force is measured for {longest_s:.2f} s at a time; at least {SHORTEST_WINDOW_S} s are needed."
+        )
+        return "window-too-short", f"{message} {_BY_GEOMETRY}"
+    return None
+
+
+def _mass(facts: RecordingFacts, subject: SubjectFields, *, alone: bool) -> Refusal | None:
+    if subject.mass_kg is not None or facts.mass_from_force_kg is not None or not alone:
+        return None
+    message = (
+        "The body mass is neither stated nor in the file, and no force is measured for long enough to weigh "
+        "the person. The method geometry needs no mass."
+    )
+    return "mass-unknown", message

@@ -1,0 +1,195 @@
+"""What a recording says of its estimates is what the job does: the same code, and nothing refused that would work."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stridelab.errors import StridelabError
+from stridelab.estimation import span
+from stridelab.recordings import windows
+from stridelab.recordings.reader import read_recording
+from stridelab.recordings.recording import Recording, Subject
+from stridelab.recordings.writer import write_c3d
+from stridelab.schemas.methods import METHODS
+from stridelab.schemas.recordings import EstimateOffer, PlateSwitch, RecordingFacts, SubjectFields
+from stridelab.service import estimable
+from stridelab.service.estimable import estimates_of
+from stridelab.service.jobs.kinds import estimate_com
+from stridelab.service.jobs.kinds.parse_upload import facts as facts_of
+from stridelab.service.jobs.kinds.tasks import RecordingSource
+from stridelab.service.jobs.kinds.trial import examine
+from support.quiet import SAMPLE, estimate_task, quiet
+from support.rows import facts
+
+NOBODY = SubjectFields()
+
+
+def offers(
+    known: RecordingFacts, subject: SubjectFields | None = None, *, alone: bool = True
+) -> dict[str, EstimateOffer]:
+    found = estimates_of(known, known.subject if subject is None else subject, alone=alone)
+    assert [offer.method for offer in found] == list(METHODS)
+    for offer in found:
+        assert offer.possible == (offer.code is None) == (offer.reason is None)
+    return {offer.method: offer for offer in found}
+
+
+def codes(
+    known: RecordingFacts, subject: SubjectFields | None = None, *, alone: bool = True
+) -> tuple[str | None, str | None]:
+    """Codes of the methods with force, which are one, and of the geometry."""
+    found = offers(known, subject, alone=alone)
+    (force,) = {offer.code for method, offer in found.items() if method != "geometry"}
+    return force, found["geometry"].code
+
+
+def test_the_limits_are_those_of_the_estimators() -> None:
+    assert estimable.SHORTEST_WINDOW_S == span.SHORTEST_WINDOW_S
+    assert estimable.MIN_WINDOW_S == windows.MIN_WINDOW_S
+
+
+def cut(recording: Recording, start: int, stop: int) -> Recording:
+    """Frames ``start`` to ``stop`` of the markers, with the force of that time."""
+    ratio = round(recording.force_rate_hz / recording.marker_rate_hz)
+    plates = tuple(
+        replace(
+            plate,
+            force_n=plate.force_n[ratio * start : ratio * stop],
+            moment_nm=plate.moment_nm[ratio * start : ratio * stop],
+        )
+        for plate in recording.plates
+    )
+    markers = {label: track[start:stop] for label, track in recording.markers_m.items()}
+    return replace(recording, markers_m=markers, plates=plates)
+
+
+def bare(recording: Recording) -> Recording:
+    return replace(recording, plates=())
+
+
+def unloaded(recording: Recording) -> Recording:
+    return replace(
+        recording, plates=tuple(replace(p, force_n=0 * p.force_n, moment_nm=0 * p.moment_nm) for p in recording.plates)
+    )
+
+
+def renamed(recording: Recording) -> Recording:
+    return replace(recording, markers_m={f"Q{i}": track for i, track in enumerate(recording.markers_m.values())})
+
+
+def nobody(recording: Recording) -> Recording:
+    return replace(recording, subject=Subject())
+
+
+def beside(recording: Recording) -> Recording:
+    """The plates lie ten metres away, and so do the feet's forces: nobody is seen standing on them."""
+    moved = []
+    for plate in recording.plates:
+        away = np.array([0.0, 10.0, 0.0])
+        moment_nm = plate.moment_nm + np.cross(away, plate.force_n)
+        moved.append(replace(plate, corners_m=plate.corners_m + away, moment_nm=moment_nm))
+    return replace(recording, plates=tuple(moved))
+
+
+CASES: dict[str, tuple[Callable[[Recording], Recording], dict[int, dict[str, Any]]]] = {
+    "whole": (lambda r: r, {}),
+    "no plates": (bare, {}),
+    "no plates, nobody known": (lambda r: nobody(bare(r)), {}),
+    "plates off": (lambda r: r, {1: {"use": False}, 2: {"use": False}}),
+    "one plate off": (lambda r: r, {1: {"use": False}}),
+    "unloaded": (unloaded, {}),
+    "beside the plates": (beside, {}),
+    "unknown labels": (renamed, {}),
+    "one frame": (lambda r: cut(r, 200, 201), {}),
+    "two frames": (lambda r: cut(r, 200, 202), {}),
+    "0.38 s": (lambda r: cut(r, 200, 238), {}),
+    "0.42 s": (lambda r: cut(r, 200, 242), {}),
+    "short on the plates": (lambda r: cut(r, 100, 222), {}),
+    "no mass": (lambda r: nobody(cut(r, 195, 240)), {}),
+}
+
+UNSEEN = {"0.42 s"}
+"""Only the estimator sees that the longest time on one foot is too short."""
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_what_is_said_beforehand_is_what_the_job_says(case: str, tmp_path: Path) -> None:
+    change, plates = CASES[case]
+    recording = read_recording(SAMPLE / "recording.c3d")
+    write_c3d(tmp_path / "trial.c3d", change(recording))
+    switches = {index: PlateSwitch(**switch) for index, switch in plates.items()}
+    known = facts_of(examine(RecordingSource(file="trial.c3d", filename="trial.c3d", plates=switches), tmp_path))
+    found = offers(known)
+    for method in ("smoother", "complementary", "geometry"):
+        folder = tmp_path / method
+        task = estimate_task(tmp_path / "trial.c3d", folder, method=method)
+        task = task.model_copy(update={"recording": task.recording.model_copy(update={"plates": switches})})
+        refusal: StridelabError | None = None
+        try:
+            estimate_com.run(task, folder, quiet)
+        except StridelabError as error:
+            refusal = error
+        offer = found[method]
+        if refusal is None or case in UNSEEN:
+            assert offer.possible, f"{method} gives an estimate"
+        else:
+            assert offer.code == refusal.code, f"{method}: {refusal}"
+
+
+SAME = {"no plates", "plates off", "unloaded", "one frame", "two frames"}
+
+
+@pytest.mark.parametrize("case", sorted(SAME))
+def test_the_reason_is_the_sentence_of_the_job(case: str, tmp_path: Path) -> None:
+    change, plates = CASES[case]
+    write_c3d(tmp_path / "trial.c3d", change(read_recording(SAMPLE / "recording.c3d")))
+    switches = {index: PlateSwitch(**switch) for index, switch in plates.items()}
+    known = facts_of(examine(RecordingSource(file="trial.c3d", filename="trial.c3d", plates=switches), tmp_path))
+    task = estimate_task(tmp_path / "trial.c3d", tmp_path / "job", method="smoother")
+    task = task.model_copy(update={"recording": task.recording.model_copy(update={"plates": switches})})
+    with pytest.raises(StridelabError) as refusal:
+        estimate_com.run(task, tmp_path / "job", quiet)
+    assert offers(known)["smoother"].reason == refusal.value.message
+
+
+def test_a_mass_may_come_from_elsewhere() -> None:
+    unweighed = facts(subject={}, mass_from_force_kg=None, windows_s=[(0.2, 0.8)])
+    assert codes(unweighed) == ("mass-unknown", None)
+    assert codes(unweighed, SubjectFields(mass_kg=60.0)) == (None, None)
+    assert codes(unweighed, alone=False) == (None, None)
+    assert codes(facts(subject={}, windows_s=[(0.2, 0.8)])) == (None, None)
+
+
+def test_windows_that_another_mass_closed_are_no_refusal() -> None:
+    """Where force is missing follows from the mass: one that is stated later may open the windows again."""
+    remark = {"code": "force-missing", "message": "The plates carry less at 0.10 to 0.90 s."}
+    for windows_s in ([], [(0.2, 0.5)]):
+        closed = facts(windows_s=windows_s, warnings=[remark])
+        assert codes(closed)[0] in {"no-measured-window", "window-too-short"}
+        assert codes(closed, SubjectFields(mass_kg=70.0)) == (None, None)
+    assert "0.10 to 0.90 s" in str(offers(facts(windows_s=[], warnings=[remark]))["smoother"].reason)
+
+
+def test_plates_whose_unit_is_wrong_are_named() -> None:
+    off = [plate.model_copy(update={"use": False}) for plate in facts().plates]
+    remark = {"code": "cop-never-on-plate", "message": "Plate 1 is left out."}
+    assert codes(facts(plates=off, warnings=[remark])) == ("cop-off-all-plates", None)
+    assert codes(facts(plates=off)) == ("plates-switched-off", None)
+
+
+@pytest.mark.parametrize("changes", [{"marker_set": None}, {"n_frames": 1, "duration_s": 0.01}, {"duration_s": 0.2}])
+def test_some_recordings_no_method_takes(changes: dict[str, Any]) -> None:
+    assert not any(offer.possible for offer in offers(facts(**changes)).values())
+
+
+def test_nothing_is_refused_of_recordings_that_give_an_estimate(gait: Path, tmp_path: Path) -> None:
+    for n, path in enumerate(sorted((gait / "rehazenter-adult-walking").rglob("*_C4_*.c3d"))[:4]):
+        folder = tmp_path / str(n)
+        task = estimate_task(path, folder, method="complementary")
+        known = facts_of(examine(task.recording, folder))
+        estimate_com.run(task, folder, quiet)
+        assert codes(known, NOBODY if known.subject.mass_kg is None else None) == (None, None), path.name
