@@ -9,10 +9,11 @@ import pytest
 
 from stridelab.cli_estimate import estimate, simulate
 from stridelab.cli_estimate_request import EstimateRequest
-from stridelab.cli_groups import Delivery, Estimation, Walk
+from stridelab.cli_groups import Delivery, Estimation, Preparation, Walk
 from stridelab.cli_result import write_result
 from stridelab.errors import NotEstimable, UnreadableFile
 from stridelab.recordings.reader import read_recording
+from stridelab.recordings.writer import write_c3d
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, JobResult
 from stridelab.service.jobs.kinds import estimate_com
 from support.quiet import SAMPLE, estimate_task, quiet
@@ -121,3 +122,14 @@ def test_a_broken_trc_is_named_by_the_line(tmp_path: Path) -> None:
         run(Delivery(tmp_path / "out"), Walk(tmp_path / "walk.trc"), method="geometry")
     assert refusal.value.message.startswith("The TRC file walk.trc is broken: the file ends after line 3")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_static_trial_that_is_none_is_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The walk of a taller body, given as the static trial."""
+    walk = read_recording(WALK.file)
+    taller = replace(walk, markers_m={label: 1.1 * track for label, track in walk.markers_m.items()}, carried={})
+    write_c3d(tmp_path / "other.c3d", taller)
+    run(Delivery(tmp_path / "out"), method="geometry", preparation=Preparation(static=tmp_path / "other.c3d"))
+    shown = " ".join(capsys.readouterr().out.split())
+    assert "Nobody stands still in the static trial other.c3d" in shown
+    assert "The static trial other.c3d shows another body than this recording" in shown

@@ -1,5 +1,6 @@
 """Sessions made by simulation, whose latency and mass are known: found from trials of which none knows them well."""
 
+import re
 import shutil
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -266,6 +267,51 @@ def test_a_static_trial_whose_set_is_unknown_gives_what_it_shares_and_says_so(wh
     poor = without(standing(whole), [label for label in whole.markers_m if label not in kept])
     summary = with_static(tmp_path / "run", whole, poor, chosen=False)
     assert "static-set-unknown" in {remark.code for remark in summary.warnings}
+
+
+PLUG_IN_GAIT = {
+    "asis": "ASI", "psis": "PSI", "knee_lateral": "KNE", "knee_medial": "MKNE", "ankle_lateral": "ANK",
+    "ankle_medial": "MED", "heel": "HEE", "mt2": "TOE", "acromion": "SHO", "elbow_lateral": "ELB",
+}  # fmt: skip
+DOUBTS = {"static-not-still", "static-other-body", "static-labels-differ", "static-set-unknown"}
+
+
+def doubts(summary: EstimateComSummary) -> dict[str, str]:
+    """Remarks that the static trial may be the wrong one."""
+    return {remark.code: remark.message for remark in summary.warnings if remark.code in DOUBTS}
+
+
+@pytest.mark.parametrize("chosen", [True, False])
+def test_a_static_trial_of_the_same_body_is_not_doubted(whole: Recording, tmp_path: Path, chosen: bool) -> None:
+    assert doubts(with_static(tmp_path / "run", whole, standing(whole), chosen=chosen)) == {}
+
+
+def test_a_static_trial_in_which_nobody_stands_still_is_said(whole: Recording, tmp_path: Path) -> None:
+    walking = replace(whole, plates=(), carried={})
+    found = doubts(with_static(tmp_path / "run", whole, walking, chosen=False))
+    assert set(found) == {"static-not-still"}
+    assert "static.c3d" in found["static-not-still"]
+
+
+def test_a_static_trial_of_another_body_is_said(whole: Recording, tmp_path: Path) -> None:
+    """A body a tenth taller, whose shank is 4 cm longer."""
+    still = standing(whole)
+    taller = replace(still, markers_m={label: 1.1 * track for label, track in still.markers_m.items()})
+    found = doubts(with_static(tmp_path / "run", whole, taller, chosen=False))
+    assert set(found) == {"static-other-body"}
+    assert "static.c3d" in found["static-other-body"]
+    assert re.search(r"_knee_lateral and ._ankle_lateral are \d+ mm apart there and \d+ mm here", str(found))
+
+
+def test_a_static_trial_of_other_labels_is_said(whole: Recording, tmp_path: Path) -> None:
+    landmarks = identify(tuple(whole.markers_m)).landmarks
+    names = {landmarks[f"{s}_{name}"]: f"{s.upper()}{label}" for name, label in PLUG_IN_GAIT.items() for s in "lr"}
+    names |= {landmarks["c7"]: "C7", landmarks["jugular_notch"]: "CLAV"}
+    static = without(standing(whole), [label for label in whole.markers_m if label not in names])
+    found = doubts(with_static(tmp_path / "run", whole, renamed(static, names), chosen=False))
+    assert set(found) == {"static-labels-differ"}
+    assert f"0 of the {len(landmarks)} labels" in found["static-labels-differ"]
+    assert "plug-in-gait" in found["static-labels-differ"]
 
 
 def test_the_session_finds_its_static_trial(session: Made, whole: Recording, tmp_path: Path) -> None:

@@ -94,7 +94,7 @@ def prepare(task: EstimateComTask, folder: Path, progress: ProgressCallback, *, 
     progress(0.3, "placing the body segments")
     static, static_remarks = None, static_file.unusable
     if static_file.recording is not None:
-        static, static_remarks = named_static(task, static_file.recording, trial.match.landmarks)
+        static, static_remarks = named_static(task, static_file.recording, recording, trial.match.landmarks)
     if session is not None and static is None:
         session = session.model_copy(update={"static_recording_id": None})
     subject = merged_subject(stated, recording.subject, mass.known_kg)

@@ -11,9 +11,13 @@ from typing import Final
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.recording import Recording, Remark
+from stridelab.recordings.same_body import SAME_BODY_M, body_difference
+from stridelab.recordings.standing import stands_still
 from stridelab.service.jobs.kinds.tasks import EstimateComTask, RecordingSource
 from stridelab.service.jobs.kinds.trial import Trial, examine, map_within
 
+LABELS_SHARED: Final = 0.5
+"""Share of the recording's labels below which the static trial is said to have others."""
 LEAST_LANDMARKS: Final = 4
 """A cluster has four markers: three that are seen, and the one that they rebuild."""
 
@@ -56,9 +60,11 @@ def read_static(task: EstimateComTask, folder: Path) -> StaticFile:
 
 
 def named_static(
-    task: EstimateComTask, static: Recording, landmarks: Mapping[str, str]
+    task: EstimateComTask, static: Recording, recording: Recording, landmarks: Mapping[str, str]
 ) -> tuple[StaticTrial | None, tuple[Remark, ...]]:
-    """``static`` with its landmarks, or the remark why it is not used; ``landmarks`` are those of the trial itself.
+    """``static`` with its landmarks, or the remark why it is not used; ``landmarks`` are those of ``recording``.
+
+    A static trial in which nobody stands still, of another body or of other labels is used with a remark.
 
     A label means what it means in the trial, else what the marker maps say, else what the static trial's own marker
     set says. Raises ``InvalidInput`` (``static-unusable``) where fewer than ``LEAST_LANDMARKS`` of a stated static
@@ -91,7 +97,37 @@ def named_static(
             "that it shares with this recording, or that were mapped, are used."
         )
         remarks = (*remarks, Remark("static-set-unknown", message))
+    elif len(shared) < LABELS_SHARED * len(landmarks):
+        message = (
+            f"The static trial {source.filename} has {len(shared)} of the {len(landmarks)} labels that are landmarks "
+            f"in this recording; its other landmarks are those of its own marker set, {match.name}."
+        )
+        remarks = (*remarks, Remark("static-labels-differ", message))
+    if not stands_still(static):
+        message = f"Nobody stands still in the static trial {source.filename}: the shape of the body is less certain."
+        remarks = (*remarks, Remark("static-not-still", message))
+    remarks = (*remarks, *_of_another_body(source, static, named, recording, landmarks))
     return StaticTrial(static, named, remarks), remarks
+
+
+def _of_another_body(
+    source: RecordingSource,
+    static: Recording,
+    named: Mapping[str, str],
+    recording: Recording,
+    landmarks: Mapping[str, str],
+) -> tuple[Remark, ...]:
+    """A remark where markers of one segment are not as far apart as in the recording."""
+    found = body_difference(static, named, recording, landmarks)
+    if found is None or found.difference_m <= SAME_BODY_M:
+        return ()
+    first, second = found.landmarks
+    message = (
+        f"The static trial {source.filename} shows another body than this recording: {first} and {second} are "
+        f"{1000.0 * found.one_m:.0f} mm apart there and {1000.0 * found.other_m:.0f} mm here. It is of another person, "
+        "or markers were moved."
+    )
+    return (Remark("static-other-body", message),)
 
 
 def _chosen(task: EstimateComTask) -> bool:
