@@ -10,9 +10,9 @@ import pytest
 
 from stridelab.errors import InvalidInput
 from stridelab.recordings.reader import read_recording
-from stridelab.recordings.recording import Event, Recording, Subject
+from stridelab.recordings.recording import Event, Plate, Recording, Subject
 from stridelab.recordings.writer import add_points_to_c3d, chunks, write_c3d
-from support.c3d_machines import as_integers, parameter_at, read_plain
+from support.c3d_machines import as_integers, parameter_at, read_plain, with_parameter
 from support.schematic_walk import walk
 from support.synthetic_c3d import PlateChannels, write_file
 
@@ -178,3 +178,73 @@ def test_points_of_another_length_are_refused(tmp_path: Path) -> None:
         add_points_to_c3d(upload(tmp_path), tmp_path / "com.c3d", {"CentreOfMass": np.ones((39, 3))})
     assert refused.value.code == "wrong-frame-count"
     assert not (tmp_path / "com.c3d").exists()
+
+
+N_LONG = 70_000
+
+
+@pytest.fixture(scope="module")
+def long_file(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Recording]:
+    """Twelve minutes at 100 Hz: more frames than 16 bits count."""
+    rng = np.random.default_rng(2)
+    rest = rng.uniform([-0.3, -0.3, 0.0], [0.3, 0.3, 1.7], (6, 3))
+    markers = {f"M{i}": rest[i] + rng.normal(0.0, 0.005, (N_LONG, 3)) for i in range(6)}
+    corners = np.array([[0.3, 0.2, 0.0], [-0.3, 0.2, 0.0], [-0.3, -0.2, 0.0], [0.3, -0.2, 0.0]])
+    force = np.column_stack([np.zeros((N_LONG, 2)), 600.0 + 50.0 * np.sin(np.arange(N_LONG) / 300.0)])
+    plate = Plate(1, 2, corners, force, np.zeros((N_LONG, 3)), np.zeros(3))
+    events = (Event(690.5, "foot_strike", "left"),)
+    recording = Recording(markers, 100.0, 100.0, (plate,), Subject(), events, "+z", None)
+    path = tmp_path_factory.mktemp("long") / "long.c3d"
+    write_c3d(path, recording)
+    return path, recording
+
+
+def test_more_frames_than_the_header_counts_are_written_and_read(long_file: tuple[Path, Recording]) -> None:
+    path, recording = long_file
+    stated = read_plain(path)
+    assert stated.numbers("TRIAL", "ACTUAL_START_FIELD") == [1, 0]
+    assert stated.numbers("TRIAL", "ACTUAL_END_FIELD") == [N_LONG - 65536, 1]
+    back = read_recording(path)
+    assert (back.n_frames, len(back.plates[0].force_n)) == (N_LONG, N_LONG)
+    for label, track in recording.markers_m.items():
+        np.testing.assert_allclose(back.markers_m[label], track, atol=1e-6)
+    np.testing.assert_allclose(back.plates[0].force_n, recording.plates[0].force_n, atol=1e-3)
+    assert [event.time_s for event in back.events] == pytest.approx([690.5])
+
+
+def test_points_are_added_to_more_frames_than_the_header_counts(
+    long_file: tuple[Path, Recording], tmp_path: Path
+) -> None:
+    path, recording = long_file
+    com = np.column_stack([np.linspace(0.0, 1.0, N_LONG), np.full(N_LONG, 0.2), np.full(N_LONG, 0.9)])
+    add_points_to_c3d(path, tmp_path / "com.c3d", {"COM": com})
+    back = read_recording(tmp_path / "com.c3d")
+    assert back.n_frames == N_LONG
+    np.testing.assert_allclose(back.markers_m["COM"], com, atol=1e-6)
+    np.testing.assert_allclose(back.markers_m["M3"], recording.markers_m["M3"], atol=1e-6)
+
+
+@pytest.mark.parametrize(("value", "kind"), [(0.0, 2), (-7.0, 2), (32767.0, 2), (2.5, 4), (40000.0, 4)])
+def test_offsets_of_a_float_type_become_integers_where_they_are(value: float, kind: int, tmp_path: Path) -> None:
+    """As the C3D manual has them: py-c3d reads them as 16-bit integers whatever their type, and fails on floats."""
+    points = {f"M{i}": np.full((40, 3), 300.0 * i) for i in range(5)}
+    signals = np.random.default_rng(3).normal(0.0, 5.0, (400, 6)) - [0.0, 0.0, 700.0, 0.0, 0.0, 0.0]
+    source = write_file(tmp_path / "upload.c3d", points, plates=[PlateChannels(2, signals)])
+    as_floats = bytes([4, 1, 6]) + struct.pack("<6f", *[value] * 6)
+    source.write_bytes(with_parameter(source.read_bytes(), "ANALOG", "OFFSET", as_floats))
+    target = tmp_path / "com.c3d"
+    add_points_to_c3d(source, target, {"CentreOfMass": np.full((40, 3), 0.9)})
+    before, after = read_plain(source), read_plain(target)
+    assert before.parameters["ANALOG", "OFFSET"] == (4, (6,), [value] * 6)
+    assert after.parameters["ANALOG", "OFFSET"] == (kind, (6,), [value] * 6)
+    np.testing.assert_array_equal(after.analogs, before.analogs)
+    a, b = (np.linalg.norm(read_recording(path).plates[0].force_n, axis=1) for path in (source, target))
+    np.testing.assert_allclose(b, a, rtol=1e-12)
+
+
+def test_scales_of_an_integer_type_become_floats(tmp_path: Path) -> None:
+    source, target = upload(tmp_path), tmp_path / "com.c3d"
+    as_words = bytes([2, 1, 6]) + struct.pack("<6h", *[3] * 6)
+    source.write_bytes(with_parameter(source.read_bytes(), "ANALOG", "SCALE", as_words))
+    add_points_to_c3d(source, target, {"CentreOfMass": np.full((40, 3), 0.9)})
+    assert read_plain(target).parameters["ANALOG", "SCALE"] == (4, (6,), [3.0] * 6)

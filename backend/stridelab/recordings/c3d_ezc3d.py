@@ -9,7 +9,7 @@ count, offsets subtracted.
 import contextlib
 import struct
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -40,8 +40,9 @@ from stridelab.recordings.c3d_records import (
 EZC3D_ERRORS: Final = (OSError, RuntimeError, ValueError, IndexError, KeyError, MemoryError, TypeError)
 """What ezc3d raises for a file that it cannot read."""
 _MOST_ENTRIES = 255
-_TO_THE_END = 0xFFFF
-"""Number of frames with which ezc3d reads up to the end of the file."""
+_MOST_FRAMES = 65535
+"""ezc3d reads no more frames of a file; a longer one is read in pieces."""
+_LEAST_PIECE = 1000
 _LONGEST_DESCRIPTION = 127
 """ezc3d reads a longer length as negative, and then memory without end."""
 _NAMES_IT_READS = ("POINT", "ANALOG", "FORCE_PLATFORM")
@@ -55,10 +56,34 @@ def open_c3d(path: Path) -> Any:
     if not misread(checked):
         with contextlib.suppress(*EZC3D_ERRORS):  # the rewritten file is in order where this one is not
             return ezc3d.c3d(str(path))
+    read = [_rewritten(piece) for piece in _pieces(read_content(path, checked), checked.header.n_frames)]
+    for name in ("points", "analogs") if len(read) > 1 else ():
+        read[0]["data"][name] = np.concatenate([content["data"][name] for content in read], axis=2)
+    return read[0]
+
+
+def _rewritten(file: C3dContent) -> Any:
     with tempfile.TemporaryDirectory(prefix="c3d-") as folder:
         rewritten = Path(folder) / "rewritten.c3d"
-        rewritten.write_bytes(write_content(in_order(read_content(path, checked)), padded=False))
+        rewritten.write_bytes(write_content(in_order(file), padded=False))
         return ezc3d.c3d(str(rewritten))
+
+
+def _pieces(file: C3dContent, n_in_header: int) -> Iterator[C3dContent]:
+    """The file cut into pieces that ezc3d reads as a whole; the first has as many frames as the header counts.
+
+    The number of its first frame, from which events are counted, then stays what it is.
+    """
+    n = file.layout.n_frames
+    if n <= _MOST_FRAMES:
+        yield file
+        return
+    size = n_in_header if _LEAST_PIECE <= n_in_header <= _MOST_FRAMES else _MOST_FRAMES
+    for i in range(0, n, size):
+        layout = replace(file.layout, n_frames=min(size, n - i))
+        yield replace(
+            file, layout=layout, points=file.points[i : i + size], analogs=file.analogs[i : i + size], tail=b""
+        )
 
 
 def misread(checked: CheckedC3d) -> bool:
@@ -75,6 +100,8 @@ def misread(checked: CheckedC3d) -> bool:
         first_number(header, records, "POINT", name) for name in ("SCALE", "USED", "FRAMES", "RATE")
     )
     if (scale is not None and scale >= 0.0) or (points is not None and points != layout.n_points):
+        return True
+    if layout.n_frames > _MOST_FRAMES:
         return True
     if frames and frames % 65536 != layout.n_frames % 65536:
         return True
@@ -102,10 +129,10 @@ def in_order(file: C3dContent) -> C3dContent:
     for group, value in (("POINT", rate_hz), ("ANALOG", _multiple(layout.ratio, rate_hz))):
         records = with_numbers(records, group, "RATE", np.array([value], dtype="<f4"))
     records = with_numbers(records, "ANALOG", "USED", word(layout.n_channels))
-    records = with_numbers(records, "POINT", "FRAMES", word(min(layout.n_frames, _TO_THE_END)))
+    records = with_numbers(records, "POINT", "FRAMES", word(layout.n_frames))
     head = bytearray(file.head)
     if layout.n_frames != header.n_frames:
-        struct.pack_into("<2H", head, 6, 1, min(layout.n_frames, _TO_THE_END))
+        struct.pack_into("<2H", head, 6, 1, layout.n_frames)
     file = replace(file, head=bytes(head))
     if layout.n_channels == 0:
         return replace(file, records=tuple(records))

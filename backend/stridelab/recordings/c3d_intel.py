@@ -31,6 +31,8 @@ Raw = Float32[np.ndarray, "frames values"]
 PointValues = Float32[np.ndarray, "frames point_values"]
 AnalogValues = Float32[np.ndarray, "frames analog_values"]
 _EVENT_TIMES = slice(304, 376)
+_TYPES = {("ANALOG", "OFFSET"): 2, ("ANALOG", "SCALE"): 4, ("ANALOG", "GEN_SCALE"): 4, ("ANALOG", "RATE"): 4}
+"""Types that the C3D user manual gives to parameters: 2 for integers, 4 for floats. Other readers rely on them."""
 _MOST_ENTRIES = 255
 """Entries of one list of parameters; more go to NAME2, NAME3 ..."""
 
@@ -84,10 +86,11 @@ def read_content(path: Path, checked: CheckedC3d) -> C3dContent:
 def write_content(file: C3dContent, *, padded: bool = True) -> bytes:
     """The bytes of the file; USED, SCALE and DATA_START of POINT, and the header, state what is written.
 
-    ``padded`` fills the last block.
+    Numbers of ANALOG get the type that the manual gives them, where that changes no value. ``padded`` fills the last
+    block.
     """
     layout = file.layout
-    records: Sequence[Record] = file.records
+    records: Sequence[Record] = _with_types(file.records)
     records = with_numbers(records, "POINT", "USED", word(layout.n_points))
     records = with_numbers(records, "POINT", "SCALE", np.array([-file.scale], dtype="<f4"))
     records = with_numbers(records, "POINT", "DATA_START", word(0))
@@ -165,6 +168,19 @@ def packed(record: Record) -> bytes:
     rest += bytes([len(record.description)]) + record.description
     sign = -1 if record.locked else 1
     return struct.pack("bb", sign * len(name), record.group) + name + struct.pack("<H", 2 + len(rest)) + rest
+
+
+def _with_types(records: Sequence[Record]) -> tuple[Record, ...]:
+    """The records of Intel's numbers with ``_TYPES``; offsets that are no integers of 16 bits stay floats."""
+    found = list(records)
+    for (group, name), kind in _TYPES.items():
+        for record in continued(records, group, name):
+            values = numbers(record, INTEL)
+            whole = np.all((values == np.rint(values)) & (np.abs(values) < 32768.0))
+            if record.kind in (2, 4) and (kind == 4 or whole):
+                made = replace(record, kind=kind, raw=values.astype("<i2" if kind == 2 else "<f4").tobytes())
+                found[found.index(record)] = made
+    return tuple(found)
 
 
 def _as_intel(record: Record, processor: int) -> Record:

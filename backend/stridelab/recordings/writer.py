@@ -21,6 +21,8 @@ from stridelab.recordings.reader import up_axis_of
 from stridelab.recordings.recording import Plate, Recording
 
 _TEXT_CHUNK = 100
+_MOST_FRAMES = 65535
+"""What the header of a C3D file can count; more are counted by TRIAL."""
 _KIND = {"foot_strike": "Foot Strike", "foot_off": "Foot Off"}
 
 
@@ -43,6 +45,8 @@ def write_c3d(path: Path, recording: Recording, *, extra_points: Mapping[str, Po
     content.add_parameter("POINT", "Y_SCREEN", "+Z")
     if recording.model_points_m:
         content.add_parameter("POINT", "MODELED_MARKERS", list(recording.model_points_m))
+    if recording.n_frames > _MOST_FRAMES:
+        _add_frame_count(content, recording.n_frames)
     _add_plates(content, recording)
     _add_events(content, recording)
     for name, value in (("Height", recording.subject.height_m), ("Bodymass", recording.subject.mass_kg)):
@@ -103,6 +107,14 @@ def chunks(text: str) -> list[str]:
         parts.append(text[:n])
         text = text[n:]
     return parts or [""]
+
+
+def _add_frame_count(content: Any, n_frames: int) -> None:
+    """First and last frame in two words of 16 bits each, the lower one first."""
+    for name, frame in (("ACTUAL_START_FIELD", 1), ("ACTUAL_END_FIELD", n_frames)):
+        low, high = frame % 65536, frame // 65536
+        content.add_parameter("TRIAL", name, [float(low - 65536 if low > 32767 else low), float(high)])
+        content["parameters"]["TRIAL"][name]["type"] = ezc3d.ezc3d.INT
 
 
 def _add_plates(content: Any, recording: Recording) -> None:

@@ -74,11 +74,11 @@ def _refusals(found: Recording) -> dict[str, str]:
 
     The best one fuses force with the markers, and is refused where every method that does so is.
     """
-    refused = {offer.method: offer.reason or "" for offer in found.estimates if not offer.possible}
+    refused: dict[str, str] = {offer.method: offer.reason or "" for offer in found.estimates if not offer.possible}
     with_force = [offer.method for offer in found.estimates if offer.method != GEOMETRY]
     if with_force and all(method in refused for method in with_force):
         return {"": refused[with_force[0]], **refused}
-    return dict(refused)
+    return refused
 
 
 def _method_of(found: Recording) -> str:
