@@ -26,6 +26,8 @@ import zstandard
 ALPHABET: Final = b"!#$%()*+,-./0123456789:;=?@ABCDEFGHIJKLMNOPQRSTUVWXYZ[\\]^_abcdefghijklmnopqrstuvwxyz{|}~"
 FOLDER: Final = "/static/viser/"
 """Where the files lie in the web app; their names change with their content."""
+FRAME_STYLES: Final = "/static/css/viser_frame.css"
+"""Our own styles in the frame: they hide viser's panel."""
 CONTENT_POLICY: Final = (
     "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self' 'unsafe-inline'; "
     "img-src 'self' data: blob:; font-src data:; connect-src 'self' data: blob:; worker-src blob:; "
@@ -102,7 +104,7 @@ def _name(content: bytes) -> str:
 
 def _links(styles: str, code: str, decoder: str) -> bytes:
     return (
-        f'<link rel="stylesheet" href="{styles}"><link rel="modulepreload" href="{code}">'
+        f'<link rel="stylesheet" href="{styles}"><link rel="stylesheet" href="{FRAME_STYLES}"><link rel="modulepreload" href="{code}">'
         f'<link rel="preload" href="{decoder}" as="fetch" crossorigin>'
         '<script type="module" src="/static/js/viser_start.js"></script>'
     ).encode()

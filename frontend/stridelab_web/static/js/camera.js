@@ -3,7 +3,7 @@
 // viser's client keeps its camera controls beside its nodes (nodes.js); they turn and move as a hand would.
 
 const FROM = { side: [0, -1, 0.18], front: [1, -0.12, 0.2], above: [-0.02, 0, 1] }; // ahead is x, left is y
-const ROOM_M = 0.6, MARGIN = 1.08, STILL_M = 0.3;
+const ROOM_M = 0.6, MARGIN = 1.08, STILL_M = 0.3, BODY_M = 0.25, PLACED_FOR = 1.25;
 
 export class Camera {
   constructor(scene) {
@@ -25,6 +25,19 @@ export class Camera {
     const to = this.drawn(middle), at = this.drawn(middle.map((v, i) => v + away * towards[i]));
     cameraControl.setLookAt(at.x, at.y, at.z, to.x, to.y, to.z, false);
     this.viser.requestRender();
+  }
+
+  // On a page that is higher than wide, the way is not in sight or small: comes near to what moves, from where it looks.
+  // Tells whether it did.
+  near(at) {
+    const { camera, cameraControl } = this.viser, found = this.all(at);
+    if (camera.aspect >= 1 || !found.length) return false;
+    const low = [0, 1, 2].map((i) => Math.min(...found.map((p) => p[i]))), high = [0, 1, 2].map((i) => Math.max(...found.map((p) => p[i])));
+    const radius = Math.hypot(...high.map((v, i) => v - low[i])) / 2 + BODY_M, to = this.drawn(low.map((v, i) => (v + high[i]) / 2));
+    const towards = cameraControl.getPosition(to.clone()).sub(cameraControl.getTarget(to.clone())).normalize();
+    const from = to.clone().addScaledVector(towards, radius / (Math.tan((camera.fov * Math.PI) / 360) * camera.aspect));
+    cameraControl.setLookAt(from.x, from.y, from.z, to.x, to.y, to.z, false);
+    return true;
   }
 
   follow(on, at) {
@@ -62,11 +75,21 @@ export class Camera {
 
   // The centre of mass at a frame, where there is one, else the mean of what is drawn; null where nothing is.
   middle(at) {
-    const { layout, values } = this.scene, row = Math.round(at) * layout.width;
+    const { layout, values } = this.scene, row = Math.round(at) * layout.width, all = this.all(at);
     const com = layout.points.find(([name]) => name.startsWith("/com/"));
-    const all = [...layout.points, ...layout.bodies].map(([, k]) => [0, 1, 2].map((i) => values[row + k + i])).filter((p) => p.every(Number.isFinite));
     const own = com && [0, 1, 2].map((i) => values[row + com[1] + i]);
     if (own?.every(Number.isFinite)) return own;
     return all.length ? [0, 1, 2].map((i) => all.reduce((sum, p) => sum + p[i], 0) / all.length) : null;
   }
+
+  // Where points and bodies are at a frame, of those that are there.
+  all(at) {
+    const { layout, values } = this.scene, row = Math.round(at) * layout.width;
+    return [...layout.points, ...layout.bodies].map(([, k]) => [0, 1, 2].map((i) => values[row + k + i])).filter((p) => p.every(Number.isFinite));
+  }
+}
+
+// Goes back from a scene that was placed for a picture of another shape, until its width is in sight (viewer/parts.py, NARROW).
+export function widen({ camera, cameraControl }) {
+  if (camera.aspect < PLACED_FOR) cameraControl.dollyTo((cameraControl.distance * PLACED_FOR) / camera.aspect, false);
 }

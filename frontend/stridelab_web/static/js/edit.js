@@ -11,6 +11,7 @@ import { offerPlan } from "./plan.js";
 import { Rows } from "./rows.js";
 import { bodyOf, moved, openNew } from "./scenario_body.js";
 import { contactIn } from "./sequence.js";
+import { CAMERA_KEYS, Shortcuts } from "./shortcuts.js";
 import { Strip } from "./strip.js";
 import { turned, yawOf } from "./turns.js";
 import { failed, lift } from "./veil.js";
@@ -49,7 +50,7 @@ async function start() {
   rows.fill(touches);
   strip.draw(kept.body, touches);
   await picture.open();
-  await picture.load(touches, kept.body, onKey);
+  await picture.load(touches, kept.body, shortcuts);
   const wanted = new URLSearchParams(location.search), [number, phase] = ["contact", "phase"].map((name) => (wanted.has(name) ? Number(wanted.get(name)) : null));
   if (touchOf(number)) choose(number, false);
   if (phase in kept.body.phases) judged.choosePhase(phase);
@@ -278,14 +279,15 @@ const goForth = () => step("redo", "There is nothing to redo.", "Done again.");
 undo?.addEventListener("click", goBack);
 redo?.addEventListener("click", goForth);
 // Where text is typed, the keys undo the typing.
-function onKey(event) {
-  const key = event.key.toLowerCase(), typing = event.target.matches?.("input:not([type=checkbox]), textarea");
-  if (!undo || typing || event.altKey || !(event.ctrlKey || event.metaKey) || (key !== "z" && key !== "y")) return;
-  event.preventDefault();
-  if (key === "y" || event.shiftKey) goForth();
-  else goBack();
-}
-document.addEventListener("keydown", onKey);
+const changeable = () => own;
+const shortcuts = new Shortcuts([
+  { keys: ["z"], ctrl: true, text: "Undo; with Shift, do again", run: (event) => (event.shiftKey ? goForth() : goBack()), when: changeable },
+  { keys: ["y"], ctrl: true, text: "Do again", run: goForth, when: changeable },
+  { keys: ["ArrowLeft", "ArrowRight"], text: "On a phase: the one before or after" },
+  { keys: ["ArrowLeft", "ArrowRight"], text: "On the end of a phase: 0.05 s, with Shift 0.01 s", when: changeable },
+  { keys: ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"], text: "On a contact of the list: 1 cm, with Shift 1 mm", when: changeable },
+  ...CAMERA_KEYS,
+]);
 
 part("copy")?.addEventListener("click", async (event) => {
   const button = event.currentTarget;

@@ -1,6 +1,8 @@
 // The 3D scene of a scenario as its editor uses it: nodes that come and go, what is held there, and news from others.
+import { widen } from "./camera.js";
 import { LIVE } from "./live_view.js";
 import { Nodes } from "./nodes.js";
+import { Pixels } from "./pixels.js";
 import { Room } from "./room.js";
 import { contactIn } from "./sequence.js";
 import { SUPPORT } from "./support_view.js";
@@ -34,12 +36,14 @@ export class Picture {
     throw new Error(value?.detail || "The scene could not be read.");
   }
 
-  // Waits for the scene; `onKey` hears the keys that are pressed in it.
-  async load(touches, body, onKey) {
-    this.onKey = onKey;
+  // Waits for the scene; `shortcuts` work in it, too.
+  async load(touches, body, shortcuts) {
+    this.shortcuts = shortcuts;
     this.around = aroundOf(body);
     await this.fit(touches, body);
     new Room(this.nodes);
+    new Pixels(this.nodes);
+    widen(this.nodes.viser);
     this.turn = this.nodes.position(TURN)?.[0] ?? 0;
     this.listen();
   }
@@ -57,6 +61,8 @@ export class Picture {
     if (!anew) return;
     this.listen();
     new Room(this.nodes);
+    new Pixels(this.nodes);
+    widen(this.nodes.viser);
   }
 
   listen() {
@@ -67,7 +73,7 @@ export class Picture {
     };
     inside.addEventListener("pointerdown", press(true), true);
     for (const name of ["pointerup", "pointercancel"]) inside.addEventListener(name, press(false), true);
-    inside.addEventListener("keydown", this.onKey);
+    this.shortcuts.enter(this.frame);
   }
 
   // Whether something has been stored, or refused, since it was asked last; `mine` where it was dragged here.

@@ -1,6 +1,8 @@
 // A robot in 3D with where its centre of mass can be: one effector and measure at a time, each part with a key.
 import { Nodes } from "./nodes.js";
+import { Pixels } from "./pixels.js";
 import { Room } from "./room.js";
+import { CAMERA_KEYS, Shortcuts } from "./shortcuts.js";
 import { failed, lift } from "./veil.js";
 
 const HEARTBEAT_MS = 400, LEVELS = ["50", "80", "95"], PARTS = ["cloud", "mode", ...LEVELS], LITRES = 1000;
@@ -23,7 +25,8 @@ async function start() {
   if (!answer?.ok) throw new Error((await answer?.json().catch(() => null))?.detail || "The scene could not be read.");
   await nodes.ready();
   const room = new Room(nodes);
-  frame.contentWindow.addEventListener("keydown", onKey);
+  new Pixels(nodes);
+  shortcuts.enter(frame);
   show();
   await lift(part("stage"), nodes);
   root.dataset.ready = "true";
@@ -103,16 +106,12 @@ function next(select) {
   select.dispatchEvent(new Event("change"));
 }
 
-function onKey(event) {
-  if (!nodes.viser || event.ctrlKey || event.metaKey || event.altKey || event.target?.tagName === "SELECT") return;
-  if (event.key === "e") next(effector);
-  else if (event.key === "m") next(measure);
-  else {
-    const box = boxes.find((each) => each.dataset.key === event.key);
-    if (!box) return;
-    box.checked = !box.checked;
-    show();
-  }
-  event.preventDefault();
-}
-document.addEventListener("keydown", onKey);
+const shortcuts = new Shortcuts(
+  [
+    { keys: ["e"], text: "Next effector", run: () => next(effector), when: () => Boolean(effector) },
+    { keys: ["m"], text: "Next measure", run: () => next(measure), when: () => Boolean(measure) },
+    ...boxes.map((box) => ({ keys: [box.dataset.key], text: `Show or hide: ${box.dataset.text}`, run: () => box.click() })),
+    ...CAMERA_KEYS,
+  ],
+  () => Boolean(nodes.viser),
+);

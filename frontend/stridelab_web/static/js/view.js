@@ -2,9 +2,11 @@
 import { Camera } from "./camera.js";
 import { LoopRange } from "./loop_range.js";
 import { unpack } from "./packed.js";
+import { PictureDialog } from "./picture_dialog.js";
+import { Pixels } from "./pixels.js";
 import { Room } from "./room.js";
 import { Scene } from "./scene.js";
-import { snapshot } from "./snapshot.js";
+import { CAMERA_KEYS, Shortcuts } from "./shortcuts.js";
 import { failed, lift } from "./veil.js";
 
 const ADDRESS_EVERY_MS = 250, HEARTBEAT_MS = 400;
@@ -48,13 +50,18 @@ async function start() {
   magnified.closest("label").hidden = !layout.ellipsoids.length;
   await scene.nodes.ready();
   room = new Room(scene.nodes, scene.tinted);
+  new Pixels(scene.nodes, () => playing);
   slider.max = String(time_s.length - 1);
   slider.disabled = false;
-  frame.contentWindow.addEventListener("keydown", (event) => onKey(event, false));
+  shortcuts.enter(frame);
   applyShown();
   const query = new URLSearchParams(location.search);
   range.begin(time_s, ...["from", "to"].map((name) => (query.has(name) ? Number(query.get(name)) : NaN)));
   seek(frameAt(Number(query.get("t") ?? player.dataset.start)), false);
+  if (camera.near(at)) {
+    followed.checked = true;
+    camera.follow(true, at);
+  }
   await lift(stage, scene.nodes);
   player.dataset.ready = "true";
   if (query.has("play")) play(true);
@@ -211,9 +218,11 @@ function look(from) {
   if (scene?.nodes.viser) camera.look(from);
 }
 followed.addEventListener("change", () => scene?.nodes.viser && camera.follow(followed.checked, at));
-player.querySelector("[data-do=picture]").addEventListener("click", () => {
-  if (scene?.nodes.viser) snapshot(scene.nodes.viser, `${player.dataset.name} ${time_s[Math.round(at)].toFixed(3)} s`);
+const pictures = new PictureDialog(document.querySelector("[data-picture]"), {
+  viser: () => scene?.nodes.viser,
+  name: () => `${player.dataset.name} ${time_s[Math.round(at)].toFixed(3)} s`,
 });
+player.querySelector("[data-do=picture]").addEventListener("click", () => scene?.nodes.viser && pictures.open());
 
 function applyShown() {
   scene.through = through.checked;
@@ -238,21 +247,28 @@ through.addEventListener("change", () => {
   scene.show(at);
 });
 
-// In our page arrows step too; inside the scene they belong to viser's camera.
 const follow = () => followed.click();
-const VIEWS = { 1: () => look("side"), 2: () => look("front"), 3: () => look("above"), 4: follow };
-const KEYS = { " ": deeds.play, ",": () => step(-1), ".": () => step(1), "[": deeds.from, "]": deeds.to, "\\": deeds.whole, ...VIEWS };
-const PAGE_KEYS = { ArrowLeft: () => step(-1), ArrowRight: () => step(1), Home: deeds.start, End: () => seek(time_s.length - 1) };
-const PHASE_KEYS = { PageUp: () => toPhase(-1), PageDown: () => toPhase(1) };
-function onKey(event, ours) {
-  if (!scene?.nodes.viser || event.ctrlKey || event.metaKey || event.altKey) return;
-  const name = event.target?.tagName;
-  if (name === "SELECT" || (name === "INPUT" && event.target.type !== "range" && event.key !== "," && event.key !== ".")) return;
-  if ((name === "BUTTON" || name === "A") && event.key === " ") return;
-  if (name === "INPUT" && event.key in PAGE_KEYS) return; // the slider steps by itself
-  const deed = KEYS[event.key] ?? (ours ? PAGE_KEYS[event.key] : undefined) ?? (starts_s.length ? PHASE_KEYS[event.key] : undefined);
-  if (!deed) return;
-  event.preventDefault();
-  deed();
-}
-document.addEventListener("keydown", (event) => onKey(event, true));
+// Inside the scene the arrow keys turn viser's camera.
+const shortcuts = new Shortcuts(
+  [
+    { keys: [" "], text: "Play, pause", run: deeds.play },
+    { keys: [","], text: "One frame back", run: deeds.back },
+    { keys: ["."], text: "One frame forward", run: deeds.forward },
+    { keys: ["ArrowLeft"], text: "One frame back, outside the scene", run: deeds.back, page: true },
+    { keys: ["ArrowRight"], text: "One frame forward, outside the scene", run: deeds.forward, page: true },
+    { keys: ["Home"], text: "First frame", run: deeds.start },
+    { keys: ["End"], text: "Last frame", run: () => seek(time_s.length - 1) },
+    { keys: ["PageUp"], text: "Phase or step before", run: () => toPhase(-1), when: () => starts_s.length > 0 },
+    { keys: ["PageDown"], text: "Phase or step after", run: () => toPhase(1), when: () => starts_s.length > 0 },
+    { keys: ["["], text: "Play from here", run: deeds.from },
+    { keys: ["]"], text: "Play to here", run: deeds.to },
+    { keys: ["\\"], text: "Play all", run: deeds.whole },
+    { keys: ["1"], text: "View from the side", run: () => look("side") },
+    { keys: ["2"], text: "View from the front", run: () => look("front") },
+    { keys: ["3"], text: "View from above", run: () => look("above") },
+    { keys: ["4"], text: "The view follows what moves", run: follow },
+    { keys: ["p"], text: "Picture of the scene", run: () => pictures.open() },
+    ...CAMERA_KEYS,
+  ],
+  () => Boolean(scene?.nodes.viser),
+);
