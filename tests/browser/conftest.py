@@ -10,6 +10,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 from urllib.parse import urlsplit
 
 import httpx
@@ -142,11 +143,14 @@ def chromium() -> Iterator[Browser]:
 
 @pytest.fixture
 def open_tab(chromium: Browser, site: Service) -> Iterator[Callable[..., Tab]]:
-    """Opens tabs of a given size; at the end none may have logged an error or asked another host for anything."""
+    """Opens tabs of a given size; at the end none may have logged an error or asked another host for anything.
+
+    Further arguments go to the browser: ``device_scale_factor``, ``has_touch``, ``is_mobile``, ``color_scheme``.
+    """
     tabs: list[Tab] = []
 
-    def open_one(width: int = 1400, height: int = 850) -> Tab:
-        page = chromium.new_page(viewport={"width": width, "height": height})
+    def open_one(width: int = 1400, height: int = 850, **options: Any) -> Tab:
+        page = chromium.new_page(viewport={"width": width, "height": height}, **options)
         page.set_default_timeout(30_000)
         page.add_init_script(TEN_PICTURES_A_SECOND)
         tab = Tab(page, site.url)

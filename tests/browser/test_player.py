@@ -113,16 +113,46 @@ def test_the_scene_is_looked_at_from_its_sides_and_along_the_way(tab: Tab, lab: 
     assert page.evaluate(CAMERA)["target"] == pytest.approx(after["target"], abs=1e-6)
 
 
-def test_what_is_seen_can_be_kept_as_a_picture(tab: Tab, lab: Lab, tmp_path: Path) -> None:
-    page = opened(tab, f"/view/?plan={lab.fake.add_plan().id}&t=1")
-    with page.expect_download(timeout=60_000) as download:
-        page.get_by_role("button", name="Picture").click()
+def picture(page: Page, times: int, transparent: bool) -> Image.Image:
+    """The PNG that the dialog gives."""
+    page.get_by_role("button", name="Picture…").click()
+    dialog = page.get_by_role("dialog", name="Picture of the scene")
+    dialog.get_by_label("Size").select_option(str(times))
+    dialog.get_by_label("Transparent background").set_checked(transparent)
+    with page.expect_download(timeout=90_000) as download:
+        dialog.get_by_role("button", name="Save PNG").click()
+    expect(dialog).to_be_hidden()
     assert download.value.suggested_filename == "Two steps 1.000 s.png"
-    picture = Image.open(io.BytesIO(Path(download.value.path()).read_bytes())).convert("RGB")
-    frame_box = page.locator("iframe").bounding_box()
-    assert frame_box is not None
-    assert picture.size == pytest.approx((frame_box["width"], frame_box["height"]), abs=1)
-    assert len(picture.getcolors(1 << 20) or []) > 200, "there is more than a background"
+    return Image.open(io.BytesIO(Path(download.value.path()).read_bytes()))
+
+
+def test_what_is_seen_can_be_kept_as_a_picture(tab: Tab, lab: Lab) -> None:
+    page = opened(tab, f"/view/?plan={lab.fake.add_plan().id}&t=1")
+    box = page.locator("iframe").bounding_box()
+    assert box is not None
+    shown = picture(page, 1, transparent=False).convert("RGBA")
+    assert shown.size == (round(box["width"]), round(box["height"]))
+    assert shown.getchannel("A").getextrema() == (255, 255)
+    assert len(shown.convert("RGB").getcolors(1 << 20) or []) > 200, "there is more than a background"
+
+    large = picture(page, 4, transparent=False).convert("RGB")
+    assert large.size == (4 * shown.width, 4 * shown.height)
+    smaller = np.asarray(large.resize(shown.size, Image.Resampling.BOX), dtype=float)
+    assert np.abs(smaller - np.asarray(shown.convert("RGB"), dtype=float)).mean() < 3, "its parts fit together"
+
+    clear = picture(page, 3, transparent=True)
+    assert clear.size == (3 * shown.width, 3 * shown.height)
+    assert clear.mode == "RGBA"
+    least, most = clear.getchannel("A").getextrema()
+    assert (least, most) == (0, 255)
+    assert clear.getpixel((0, 0)) == (0, 0, 0, 0), "above the horizon is nothing"
+
+
+def test_a_picture_of_a_dark_room_is_dark(open_tab: Callable[..., Tab], lab: Lab) -> None:
+    tab = open_tab(900, 640, color_scheme="dark")
+    page = opened(tab, f"/view/?plan={lab.fake.add_plan().id}&t=1")
+    red, green, blue = picture(page, 2, transparent=False).convert("RGB").getpixel((1, 1))
+    assert max(red, green, blue) < 60
 
 
 def test_the_player_fits_a_small_window(tab: Tab, lab: Lab) -> None:
@@ -134,6 +164,7 @@ def test_the_player_fits_a_small_window(tab: Tab, lab: Lab) -> None:
     assert stage is not None
     assert stage["height"] > 200
     sizes = page.evaluate("""() => [...document.querySelectorAll(".player button, .player [role=slider]")]
+        .filter((node) => node.checkVisibility())
         .map((node) => [node.getBoundingClientRect().width, node.getBoundingClientRect().height])""")
     assert min(width for width, _ in sizes) >= 24
 

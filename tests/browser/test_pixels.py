@@ -1,0 +1,57 @@
+"""The scene has the pixels of the screen at rest, and fewer while its pictures come slowly."""
+
+from collections.abc import Callable
+
+import pytest
+from playwright.sync_api import Page
+
+from support.fake_lab import Lab
+from support.scene_view import opened, until
+from support.tab import Tab
+
+pytestmark = pytest.mark.usefixtures("lab")
+
+RATIO = """() => {
+    const { canvas } = document.querySelector("iframe").contentWindow.__viserMutable;
+    return canvas.width / canvas.clientWidth;
+}"""
+
+
+def ratio(page: Page) -> float:
+    found: float = page.evaluate(RATIO)
+    return found
+
+
+@pytest.mark.parametrize("screen", [1, 2])
+def test_the_scene_has_the_pixels_of_the_screen(open_tab: Callable[..., Tab], lab: Lab, screen: int) -> None:
+    """In the tests a picture takes a tenth of a second: slow, when they follow each other."""
+    tab = open_tab(480, 420, device_scale_factor=screen)
+    page = opened(tab, f"/view/?plan={lab.fake.add_plan().id}&t=1")
+    assert ratio(page) == pytest.approx(screen, abs=0.01)
+    page.locator("body").press(" ")
+    until(page, lambda: ratio(page) < 0.8 * screen)
+    page.locator("body").press(" ")
+    until(page, lambda: ratio(page) == pytest.approx(screen, abs=0.01))
+
+
+def test_the_editor_and_the_robot_have_them_too(open_tab: Callable[..., Tab], addresses: dict[str, str]) -> None:
+    for name in ("view-scenario", "view-robot"):
+        page = opened(open_tab(800, 600, device_scale_factor=2), addresses[name])
+        assert ratio(page) == pytest.approx(2, abs=0.01), name
+
+
+def test_the_ratio_follows_the_time_that_pictures_take(tab: Tab) -> None:
+    page = tab.go("/jobs")
+    found = page.evaluate("""async () => {
+        const { next, ratios } = await import("/static/js/pixels.js"), all = ratios(2);
+        return {
+            ratios: [0.5, 1, 2, 3].map(ratios),
+            slow: [60, 100, 1000].map((ms) => all[next(all, 0, ms)]),
+            between: all[next(all, 1, 40)],
+            fast: [[1, 16], [2, 12], [2, 20]].map(([k, ms]) => all[next(all, k, ms)]),
+        };
+    }""")
+    assert found["ratios"] == [[0.5], [1, 0.75], [2, 1.5, 1], [3, 2.25, 1.5]]
+    assert found["slow"] == [1.5, 1, 1], "the finest with which a picture takes 50 ms at most, else the coarsest"
+    assert found["between"] == 1.5
+    assert found["fast"] == [2, 1.5, 1], "a finer one where that stays below 33 ms"
