@@ -82,7 +82,7 @@ export class Shortcuts {
   help() {
     this.dialog ??= document.body.appendChild(document.createElement("dialog"));
     const heading = element("h2", "Keyboard shortcuts"), list = element("dl"), close = element("button", "Close");
-    heading.id = "shortcuts-h";
+    Object.assign(heading, { id: "shortcuts-h", tabIndex: -1, autofocus: true }); // a list that is higher than the screen begins at its top
     this.dialog.setAttribute("aria-labelledby", heading.id);
     this.dialog.className = "shortcuts";
     for (const row of this.listed) {
