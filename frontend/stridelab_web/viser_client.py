@@ -104,7 +104,8 @@ def _name(content: bytes) -> str:
 
 def _links(styles: str, code: str, decoder: str) -> bytes:
     return (
-        f'<link rel="stylesheet" href="{styles}"><link rel="stylesheet" href="{FRAME_STYLES}"><link rel="modulepreload" href="{code}">'
+        f'<link rel="stylesheet" href="{styles}"><link rel="stylesheet" href="{FRAME_STYLES}">'
+        f'<link rel="modulepreload" href="{code}">'
         f'<link rel="preload" href="{decoder}" as="fetch" crossorigin>'
         '<script type="module" src="/static/js/viser_start.js"></script>'
     ).encode()
