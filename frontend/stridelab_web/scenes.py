@@ -21,8 +21,8 @@ from stridelab_web.documents import KEY_HEADER, REFUSAL_HEADER, Document, docume
 from stridelab_web.service import client_of
 
 OPENING_S = 120.0
-STARTING_TRIES = 5
-"""A viewer that is still starting refuses connections: so many more are tried, over some seven seconds."""
+STARTING_TRIES = 6
+"""A viewer that is still starting refuses connections: so many more are tried, over some 15 seconds."""
 SHARE_MESSAGE = b"ShareUrl"
 """Type name inside the messages that ask viser for a tunnel through a server outside."""
 

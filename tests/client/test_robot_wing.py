@@ -27,10 +27,12 @@ def drawn(service: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> I
     monkeypatch.setenv("ROBOT_DIARY", str(tmp_path / "diary"))
     before = service.parts
     stubs = {name: f"support.robot_children:{name}" for name in ("describe", "draw", "enclose")}
+    service.run(before.blobs.delete_prefix("robots"))  # made from the real robots
     shelf = RobotShelf(IsolatedPool(), before.blobs, before.spool, 500, **stubs)
     service.app.state.parts = replace(before, robots=shelf)
     yield service
-    service.run(shelf.pool.close())
+    service.run(shelf.aclose())
+    service.run(before.blobs.delete_prefix("robots"))
     service.app.state.parts = before
 
 
@@ -101,6 +103,7 @@ def test_facts_meshes_and_reach_of_a_robot_come_as_the_service_has_them(
     assert lab.robot_links("talos", tmp_path / "talos.glb").read_bytes() == GLB
     assert lab.robot_reachability("talos") == lab.robot_reachability("talos", "uniform")
     assert lab.robot_reachability("talos").model_dump(mode="json") == REACH
+    assert (lab.robot_preparation("talos").state, lab.robot_preparation("talos").fraction) == ("ready", 1.0)
     with pytest.raises(ProblemError) as unknown:
         lab.robot_reachability("talos", "conditioned")
     assert unknown.value.code == "reachability-not-learned"
@@ -124,6 +127,7 @@ async def test_the_asynchronous_client_does_the_same(drawn: Served, tmp_path: Pa
         assert (await lab.robot("talos")).sha256 == FACTS["sha256"]
         assert (await lab.robot_links("talos", tmp_path / "talos.glb")).read_bytes() == GLB
         assert (await lab.robot_reachability("talos")).robot == "talos"
+        assert (await lab.robot_preparation("talos")).state == "ready"
 
 
 def test_a_robot_may_take_longer_than_other_calls() -> None:

@@ -6,6 +6,7 @@ from collections.abc import Callable
 import httpx
 import pytest
 
+from stridelab.schemas.robots import RobotPreparation
 from support import fake_reach
 from support.fake_service import FakeService
 
@@ -130,3 +131,27 @@ def test_a_plan_can_show_its_densities_where_there_are_some(fake: FakeService, b
     assert 'data-show="/reach/"' not in browse(f"/view/?plan={job.id}").text
     fake.robot_refusal = (503, "robot-data-missing", "Its package is missing.")
     assert browse(f"/view/?plan={job.id}").status_code == 200
+
+
+def test_a_viewer_whose_robot_is_being_prepared_tells_how_far_it_is(fake: FakeService, browse: Browse) -> None:
+    scenario = fake.add_scenario()
+    plan = fake.add_plan(scenario)
+    for address in ("/view/?robot=boxes", f"/view/?scenario={scenario.id}", f"/view/?plan={plan.id}"):
+        fake.preparations.append(RobotPreparation(state="preparing", fraction=0.418, message="thinning out its meshes"))
+        waiting = browse(address)
+        assert waiting.status_code == 200
+        assert 'data-preparing="boxes"' in waiting.text
+        assert 'max="100" value="41"' in waiting.text
+        assert "41 %: thinning out its meshes" in texts(waiting.text)
+        assert "<iframe" not in waiting.text, "no scene is asked for before it can be built"
+        ready = browse(address).text
+        assert "<iframe" in ready
+        assert "data-preparing" not in ready
+
+
+def test_a_viewer_whose_robot_cannot_be_prepared_says_why_at_once(fake: FakeService, browse: Browse) -> None:
+    fake.preparations.append(RobotPreparation(state="failed", fraction=0.0, message="Its data is missing."))
+    fake.robot_refusal = (503, "robot-data-missing", "Its data is missing.")
+    answer = browse("/view/?robot=boxes")
+    assert answer.status_code == 503
+    assert "Its data is missing." in answer.text

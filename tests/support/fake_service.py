@@ -21,7 +21,7 @@ from stridelab.schemas.jobs import Artifact, Job, JobEvent, JobResult, Progress
 from stridelab.schemas.plans import StoppedMotion
 from stridelab.schemas.previews import SolverFacts, Solvers
 from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
-from stridelab.schemas.robots import Measure
+from stridelab.schemas.robots import Measure, RobotPreparation
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab.schemas.service import Health
 from support import fake_comparison, fake_planner, fake_population, fake_reach, fake_wheel
@@ -77,6 +77,7 @@ class FakeService:
         self.measures: list[Measure] = list(fake_reach.MEASURES)
         self.stale_measures: list[Measure] = []
         self.robot_refusal: tuple[int, str, str] | None = None
+        self.preparations: list[RobotPreparation] = []
         self.step_s = step_s
         self.tracks = tracks_parquet()
         self.com = com_parquet()
@@ -226,6 +227,7 @@ class FakeService:
             Route(f"{api}/solvers", self._solvers),
             Route(f"{api}/robots", self._robots),
             Route(f"{api}/robots/{{name}}", self._robot),
+            Route(f"{api}/robots/{{name}}/preparation", self._preparation),
             Route(f"{api}/robots/{{name}}/reachability", self._reachability),
             Route(f"{api}/robots/{{name}}/links", self._links),
         ]
@@ -363,6 +365,12 @@ class FakeService:
         if self.robot_refusal is not None:
             return _problem(*self.robot_refusal)
         return _answer(fake_planner.robot(self.measures, self.stale_measures).model_dump(mode="json"))
+
+    async def _preparation(self, _: Request) -> Response:
+        """What is left of ``preparations``, one per question; ready after that."""
+        if self.preparations:
+            return _answer(self.preparations.pop(0).model_dump(mode="json"))
+        return _answer(RobotPreparation(state="ready", fraction=1.0, message="ready").model_dump(mode="json"))
 
     async def _reachability(self, request: Request) -> Response:
         measure = request.query_params.get("measure", "uniform")

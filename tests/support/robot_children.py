@@ -47,8 +47,9 @@ def _note(word: str) -> None:
         diary.write(f"{word}\n")
 
 
-def describe(task: dict[str, Any], _folder: Path, _progress: Any) -> dict[str, Any]:
+def describe(task: dict[str, Any], _folder: Path, progress: Any) -> dict[str, Any]:
     _note(f"describe {task['robot']}")
+    progress(0.5, "half way")
     time.sleep(0.3)
     return {"summary": FACTS, "references": [], "artifacts": []}
 
@@ -58,15 +59,17 @@ def describe_changed(_task: dict[str, Any], _folder: Path, _progress: Any) -> di
     return {"summary": {**FACTS, "measures": [], "stale_measures": ["uniform"]}, "references": [], "artifacts": []}
 
 
-def draw(task: dict[str, Any], folder: Path, _progress: Any) -> dict[str, Any]:
+def draw(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
     _note(f"draw {task['robot']}")
+    progress(0.5, "half way")
     time.sleep(0.3)
     (folder / "links.glb").write_bytes(GLB)
     return {"summary": {}, "references": [], "artifacts": [{"name": "links.glb", "media_type": "model/gltf-binary"}]}
 
 
-def enclose(task: dict[str, Any], folder: Path, _progress: Any) -> dict[str, Any]:
+def enclose(task: dict[str, Any], folder: Path, progress: Any) -> dict[str, Any]:
     _note(f"enclose {task['robot']} {task['measure']}")
+    progress(0.5, "half way")
     time.sleep(0.3)
     (folder / "reachability.json.gz").write_bytes(gzip.compress(json.dumps(REACH).encode()))
     return {"summary": {}, "references": [], "artifacts": []}

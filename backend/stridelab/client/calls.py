@@ -14,7 +14,7 @@ from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, Solvers
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectInput
-from stridelab.schemas.robots import Measure, RobotFacts, RobotSummary
+from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation, RobotSummary
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
 from stridelab.schemas.service import Health
 
@@ -179,6 +179,11 @@ def robots() -> Call[Page[RobotSummary]]:
 def robot(name: str) -> Call[RobotFacts]:
     """Facts of one robot."""
     return Call("GET", _at("robots", name), model(RobotFacts), wait_s=LOADING_S)
+
+
+def robot_preparation(name: str) -> Call[RobotPreparation]:
+    """How far the files of one robot are."""
+    return Call("GET", _at("robots", name, "preparation"), model(RobotPreparation))
 
 
 def robot_reachability(name: str, measure: Measure | None) -> Call[RobotReachability]:

@@ -29,7 +29,7 @@ from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, Solvers
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.recordings import Recording, RecordingPatch, Subject, SubjectFields, SubjectInput
-from stridelab.schemas.robots import Measure, RobotFacts, RobotSummary
+from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation, RobotSummary
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
 from stridelab.schemas.service import Health
 from stridelab.schemas.streams import StreamConfiguration
@@ -187,6 +187,10 @@ class Client:
     def robot(self, name: str) -> RobotFacts:
         """Facts of one robot; the first question takes a few seconds."""
         return self._send(calls.robot(name))
+
+    def robot_preparation(self, name: str) -> RobotPreparation:
+        """How far the files that show a robot are; the first question begins to make what is missing."""
+        return self._send(calls.robot_preparation(name))
 
     def robot_reachability(self, name: str, measure: Measure | None = None) -> RobotReachability:
         """Where the centre of mass of a robot can be, as samples, surfaces and maps; by default as plans see it."""

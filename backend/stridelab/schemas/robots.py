@@ -105,3 +105,15 @@ class RobotSummary(Contract):
     available: bool
     reason: str | None = None
     effectors: list[str]
+
+
+class RobotPreparation(Contract):
+    """How far the files are that show a robot: its facts, its display meshes, and its densities.
+
+    ``message`` says what is being done, or, where the state is ``failed``, why the robot cannot be shown. ``failed`` is
+    tried again after a minute.
+    """
+
+    state: Literal["preparing", "ready", "failed"]
+    fraction: float
+    message: str

@@ -15,6 +15,7 @@ from stridelab_web.documents import Document
 from stridelab_web.footholds import facts, half_sizes, side
 from stridelab_web.frames import Frames
 from stridelab_web.friction_cones import GROUP as CONES
+from stridelab_web.pages.preparing import preparing
 from stridelab_web.pages.render import page
 from stridelab_web.plan_files import REPLAYED, SCENARIO, needed, read_plan
 from stridelab_web.plan_frames import GHOST, MEASURED, MOMENTUM, MOMENTUM_M_PER_NMS, ROBOT
@@ -41,6 +42,8 @@ async def plan(request: Request, job_id: str) -> Response:
         raise HTTPException(409, f"This plan is {words(job.state)}: there is nothing to show yet.")
     result = await client.result(job.id)
     scenario = Scenario.model_validate_json(await client.read_artifact(job.id, SCENARIO))
+    if (waiting := await preparing(request, scenario.robot, scenario.name)) is not None:
+        return waiting
     layers = [
         Layer("/forces/", "Forces"),
         Layer(CONES, "Cones", False, "Friction cones of the contacts that are loaded: a force must lie inside"),
@@ -88,6 +91,8 @@ async def scenario(request: Request, scenario_id: str) -> Response:
     """``GET /view/?scenario=``."""
     client = client_of(request)
     stored = await client.scenario(scenario_id)
+    if (waiting := await preparing(request, stored.robot, stored.name)) is not None:
+        return waiting
     used = dict.fromkeys(touch.effector for touch in touches(stored))
     effectors = dict.fromkeys([*await _effectors(client, stored.robot), *used])
     right = request.app.state.config.scenario_right(request.scope, stored.id, stored.owner)

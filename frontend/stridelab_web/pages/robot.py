@@ -10,6 +10,7 @@ from stridelab.schemas.robots import Measure, RobotFacts
 from stridelab_web.assets import plotly_style_ids
 from stridelab_web.documents import Document
 from stridelab_web.pages import learned
+from stridelab_web.pages.preparing import preparing
 from stridelab_web.pages.render import page
 from stridelab_web.service import client_of
 
@@ -48,6 +49,8 @@ async def robot(request: Request) -> Response:
 
 async def scene(request: Request, name: str) -> Response:
     """``GET /view/?robot=&measure=&effector=``."""
+    if (waiting := await preparing(request, name, name)) is not None:
+        return waiting
     found = await client_of(request).robot(name)
     reach = {
         measure: {card.effector: card.frame for card in found.proxies if card.measure == measure}

@@ -2,7 +2,9 @@
 
 import asyncio
 import json
+import shutil
 import struct
+import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -11,10 +13,12 @@ from pathlib import Path
 import httpx
 import pytest
 
-from stridelab.robots import card
-from stridelab.service.api.robots import catalogue
+from stridelab.robots import card, data_files
+from stridelab.service.api.robots import catalogue, source_hash
 from stridelab.service.api.robots import shelf as shelf_module
-from stridelab.service.api.robots.shelf import LINKS_EDITION, RobotShelf
+from stridelab.service.api.robots.children import RobotChildren
+from stridelab.service.api.robots.shelf import RobotShelf
+from stridelab.service.api.robots.source_hash import source_sha256
 from stridelab.service.api.scenarios.examples import ONE_STEP
 from stridelab.service.jobs.isolated import IsolatedPool
 from support.answers import refusal
@@ -53,6 +57,7 @@ def close_shelf(service: Served) -> None:
 @pytest.fixture
 def stubbed(service: Served, diary: Path) -> Iterator[Served]:
     before = service.parts
+    service.run(before.blobs.delete_prefix("robots"))
     shelve(service)
     yield service
     close_shelf(service)
@@ -147,7 +152,7 @@ def test_meshes_are_drawn_once_and_kept(http: httpx.Client, stubbed: Served, dia
     assert first.headers["content-type"] == "model/gltf-binary"
     assert first.headers["cache-control"] == "private, no-cache"
     assert first.headers["content-length"] == str(len(GLB))
-    key = f"robots/talos/{FACTS['sha256']}/{LINKS_EDITION}/links.glb"
+    key = f"robots/talos/{source_sha256('talos')}/links.glb"
     assert key in stubbed.stored_files()
     etag = first.headers["etag"]
     for asked in (etag, f"W/{etag}", f'"x", {etag}', "*"):
@@ -157,7 +162,7 @@ def test_meshes_are_drawn_once_and_kept(http: httpx.Client, stubbed: Served, dia
 
     shelve(stubbed)  # as after a restart
     assert http.get(path).headers["etag"] == etag
-    assert diary.read_text().splitlines() == ["describe talos", "draw talos", "describe talos"]
+    assert diary.read_text().splitlines() == ["describe talos", "draw talos"]
 
     stubbed.run(stubbed.parts.blobs.delete(key))
     renewed = http.get(path, headers={"If-None-Match": etag})
@@ -247,7 +252,7 @@ def test_the_real_talos_has_its_mass_effectors_and_meshes(service: Served) -> No
     assert drawn.headers["content-type"] == "model/gltf-binary"
     assert set(nodes_of(drawn.content)) <= set(facts["links"])
     assert "base_link" in nodes_of(drawn.content)
-    assert f"robots/talos/{facts['sha256']}/{LINKS_EDITION}/links.glb" in service.stored_files()
+    assert f"robots/talos/{source_sha256('talos')}/links.glb" in service.stored_files()
 
 
 def test_an_application_that_stops_ends_its_children(stubbed: Served, diary: Path) -> None:
@@ -264,13 +269,129 @@ def test_an_application_that_stops_ends_its_children(stubbed: Served, diary: Pat
     assert list(stubbed.parts.spool.iterdir()) == []
 
 
-def test_robots_are_warmed_one_after_the_other_and_what_fails_costs_nothing(
+ALL_OF_TALOS = ["describe talos", "draw talos", "enclose talos uniform"]
+
+
+def test_robots_are_prepared_one_after_the_other_and_what_fails_costs_nothing(
     http: httpx.Client, stubbed: Served, diary: Path
 ) -> None:
-    stubbed.run(stubbed.parts.robots.warm(["talos", "g1"], others=["talos", "hrp2"]))
+    stubbed.run(stubbed.parts.robots.warm(["talos", "g1"]))
     told = diary.read_text()
-    assert told.splitlines() == ["describe talos", "draw talos", "describe g1", "draw g1", "describe hrp2"]
+    assert told.splitlines() == [*ALL_OF_TALOS, *(line.replace("talos", "g1") for line in ALL_OF_TALOS)]
     assert http.get(f"{ROBOTS}/talos/links").status_code == 200
     assert diary.read_text() == told
     shelve(stubbed, describe="support.robot_children:missing")
-    stubbed.run(stubbed.parts.robots.warm(["talos"], others=["talos", "g1"]))
+    stubbed.run(stubbed.parts.robots.warm(["hrp2"]))
+    assert diary.read_text() == told
+
+
+def test_a_service_that_starts_again_makes_nothing_anew(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+    stubbed.run(stubbed.parts.robots.warm(["talos"]))
+    paths = (f"{ROBOTS}/talos", f"{ROBOTS}/talos/links", f"{ROBOTS}/talos/reachability")
+    first = [http.get(path).content for path in paths]
+    shelve(stubbed)
+    stubbed.run(stubbed.parts.robots.warm(["talos"]))
+    assert [http.get(path).content for path in paths] == first
+    assert diary.read_text().splitlines() == ALL_OF_TALOS
+
+
+@pytest.mark.parametrize("file", ["facts.json", "links.glb", "uniform-reachability.json.gz"])
+def test_only_what_is_lost_is_made_anew(http: httpx.Client, stubbed: Served, diary: Path, file: str) -> None:
+    made = dict(zip(("facts.json", "links.glb", "uniform-reachability.json.gz"), ALL_OF_TALOS, strict=True))
+    stubbed.run(stubbed.parts.robots.warm(["talos"]))
+    stubbed.run(stubbed.parts.blobs.delete(f"robots/talos/{source_sha256('talos')}/{file}"))
+    shelve(stubbed)
+    stubbed.run(stubbed.parts.robots.warm(["talos"]))
+    assert diary.read_text().splitlines() == [*ALL_OF_TALOS, made[file]]
+
+
+@pytest.mark.parametrize("file", ["facts.json", "uniform-reachability.json.gz"])
+@pytest.mark.parametrize("damage", [b"", b"{", b"\x1f\x8b\x08\x00"])
+def test_a_damaged_file_is_not_served(
+    http: httpx.Client, stubbed: Served, tmp_path: Path, file: str, damage: bytes
+) -> None:
+    stubbed.run(stubbed.parts.robots.warm(["talos"]))
+    (tmp_path / "damaged").write_bytes(damage)
+    key = f"robots/talos/{source_sha256('talos')}/{file}"
+    stubbed.run(stubbed.parts.blobs.put_file(key, tmp_path / "damaged"))
+    shelve(stubbed)
+    assert http.get(f"{ROBOTS}/talos").json() == FACTS
+    assert http.get(f"{ROBOTS}/talos/reachability").json() == REACH
+
+
+def test_the_preparation_is_told_while_it_goes_on(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+    path, seen = f"{ROBOTS}/talos/preparation", []
+    while not seen or seen[-1]["state"] == "preparing":
+        began = time.monotonic()
+        seen.append(http.get(path).json())
+        assert time.monotonic() - began < 5.0, "the answer does not wait for the files"
+    fractions = [each["fraction"] for each in seen]
+    assert fractions == sorted(fractions)
+    assert seen[0]["state"] == "preparing"
+    assert seen[-1] == {"state": "ready", "fraction": 1.0, "message": "ready"}
+    assert "half way" in [each["message"] for each in seen]
+    assert diary.read_text().splitlines() == ALL_OF_TALOS, "however often it is asked"
+
+
+@pytest.mark.parametrize("child", ["describe", "draw", "enclose"])
+def test_a_preparation_that_fails_says_why_and_is_tried_again_later(
+    http: httpx.Client, stubbed: Served, diary: Path, monkeypatch: pytest.MonkeyPatch, child: str
+) -> None:
+    shelve(stubbed, **{child: "support.robot_children:no_data"})
+    path = f"{ROBOTS}/talos/preparation"
+    while (told := http.get(path).json())["state"] == "preparing":
+        time.sleep(0.05)
+    assert told == {"state": "failed", "fraction": 0.0, "message": "The description of TALOS is missing."}
+    assert http.get(path).json() == told
+    assert diary.read_text().splitlines().count("no data") == 1
+    monkeypatch.setattr(shelf_module, "RETRY_S", 0.0)
+    while http.get(path).json()["state"] == "preparing":
+        time.sleep(0.05)
+    assert diary.read_text().splitlines().count("no data") > 1
+
+
+def test_the_preparation_of_an_unknown_robot_is_refused(http: httpx.Client, stubbed: Served, diary: Path) -> None:
+    assert refusal(http.get(f"{ROBOTS}/nao/preparation")) == (404, "robot-not-found")
+    assert diary.read_text() == ""
+
+
+def test_the_libraries_leave_memory_when_nothing_is_made(tmp_path: Path, diary: Path) -> None:
+    async def work() -> tuple[list[bool], str]:
+        pool = IsolatedPool()
+        children = RobotChildren(pool, tmp_path, 500, rest_s=0.4)
+        alive = []
+
+        async def describe() -> str:
+            async with children.run(STUBS["describe"], {"robot": "talos"}, 30.0, lambda *_: None) as (value, _):
+                alive.append(pool._nursery is not None)
+                return str(value["summary"]["name"])
+
+        await asyncio.gather(describe(), describe())
+        while pool._nursery is not None:
+            await asyncio.sleep(0.05)
+        name = await describe()
+        await children.aclose()
+        return [*alive, pool._nursery is not None], name
+
+    assert asyncio.run(work()) == ([True, True, True, False], "talos")
+
+
+def test_the_hash_names_all_that_the_files_are_made_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    models = tmp_path / "models"
+    shutil.copytree(card.models_dir() / "robots", models / "robots")
+    shutil.copytree(card.models_dir() / "reachability" / "hrp2", models / "reachability" / "hrp2")
+    for module in (card, data_files, source_hash):
+        monkeypatch.setattr(module, "models_dir", lambda: models)
+    first = source_sha256("hrp2")
+    assert first == source_sha256("hrp2")
+    mesh = source_hash._meshes(data_files.data_files(card.robot_card("hrp2")))
+    changed = [next(models.rglob("hrp2*.urdf")), models / "robots" / "hrp2.toml", *mesh]
+    changed += list((models / "reachability" / "hrp2").iterdir())
+    for path in changed:
+        before = path.read_bytes()
+        path.write_bytes(before + b"\n")
+        assert source_sha256("hrp2") != first, path.name
+        path.write_bytes(before)
+    assert source_sha256("hrp2") == first
+    monkeypatch.setattr(source_hash, "EDITION", 0)
+    assert source_sha256("hrp2") != first

@@ -30,6 +30,7 @@ from stridelab.service.api.plans import endpoints as plans
 from stridelab.service.api.plans.resident import Resident
 from stridelab.service.api.recordings import endpoints as recordings
 from stridelab.service.api.robots import endpoints as robots
+from stridelab.service.api.robots.children import DRAWING
 from stridelab.service.api.robots.shelf import RobotShelf
 from stridelab.service.api.scenarios import endpoints as scenarios
 from stridelab.service.api.stream import endpoint as stream
@@ -66,7 +67,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
             if with_sample:
                 await bundled.seed(parts.engine, parts.blobs)
                 await bundled_scenarios.seed(parts.engine)
-            # whoever looks first does not wait for meshes to be made
+            # in children, at low priority: the service answers meanwhile, and whoever looks first finds the files
             async with _beside(_warmed(parts, with_sample)):
                 yield
 
@@ -103,7 +104,8 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
 
 async def _warmed(parts: Parts, with_sample: bool) -> None:
     if with_sample:
-        await parts.robots.warm(bundled_scenarios.robots(), others=robot_names())
+        # the robots of the samples first
+        await parts.robots.warm(dict.fromkeys((*bundled_scenarios.robots(), *robot_names())))
 
 
 @asynccontextmanager
@@ -144,7 +146,9 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
             JobBoard(url) as board,
             IsolatedPool(READING, settings.job_niceness) as pool,
             Resident() as resident,
-            aclosing(RobotShelf(pool, blobs, spool, settings.job_memory_mb)) as shelf,
+            aclosing(
+                RobotShelf(IsolatedPool(DRAWING, settings.job_niceness), blobs, spool, settings.job_memory_mb)
+            ) as shelf,
         ):
             yield Parts(
                 settings=settings,
@@ -168,6 +172,11 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
             )
     finally:
         await engine.dispose()
+
+
+def _shelf(settings: Settings, blobs: BlobStore, spool: Path) -> RobotShelf:
+    """The robots, with a pool of their own, which holds no memory once all is prepared."""
+    return RobotShelf(IsolatedPool(DRAWING, settings.job_niceness), blobs, spool, settings.job_memory_mb)
 
 
 def _clean_spool(spool: Path) -> Path:

@@ -10,7 +10,7 @@ from starlette.responses import Response, StreamingResponse
 
 from stridelab.schemas.base import Page
 from stridelab.schemas.reachability import RobotReachability
-from stridelab.schemas.robots import Measure, RobotFacts, RobotSummary
+from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation, RobotSummary
 from stridelab.service.api.files import send_blob
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.parts import AppParts
@@ -26,6 +26,7 @@ _FAILURES: Final = failures(
     s404="No robot of this name (`robot-not-found`).",
     s503="The robot's description is not installed (`robot-data-missing`) or cannot be loaded (`robot-not-loaded`).",
 )
+_UNKNOWN: Final = failures(s404="No robot of this name (`robot-not-found`).")
 _MESHES: Final[dict[int | str, dict[str, Any]]] = {
     200: {"description": "The meshes.", "content": {GLTF: {"schema": {"type": "string", "format": "binary"}}}}
 }
@@ -58,6 +59,16 @@ async def get_robot(parts: AppParts, name: str) -> RobotFacts:
     return await parts.robots.facts(known_name(name))
 
 
+@router.get("/{name}/preparation", summary="How far the files of a robot are", responses=_UNKNOWN)
+async def get_preparation(parts: AppParts, name: str) -> RobotPreparation:
+    """Whether facts, display meshes and densities are ready, and else how far they are, from 0 to 1.
+
+    A service prepares its robots when it starts for the first time; the first question about one that is not ready
+    begins with it. The answer comes within a second.
+    """
+    return await parts.robots.preparation(known_name(name))
+
+
 @router.get(
     "/{name}/links",
     summary="Display meshes of a robot",
@@ -67,7 +78,8 @@ async def get_robot(parts: AppParts, name: str) -> RobotFacts:
 async def get_links(parts: AppParts, name: str, request: Request) -> Response:
     """The robot's visual meshes as binary glTF, one named node per moving link, each in its link's frame.
 
-    They are made when first asked for, which takes a while, and kept. `ETag` and `If-None-Match` spare sending them
+    A service makes them when it starts for the first time, or when they are first asked for, and stores them
+    (`GET /robots/{name}/preparation` tells how far they are). `ETag` and `If-None-Match` spare sending them
     again.
     """
     robot = known_name(name)
@@ -87,8 +99,8 @@ async def get_links(parts: AppParts, name: str, request: Request) -> Response:
 async def get_reachability(parts: AppParts, name: str, request: Request, measure: Measure | None = None) -> Response:
     """Per effector: sampled positions of the CoM, the level sets of its density as triangles, and its projections.
 
-    Without `measure`, of the densities that plans use. Computed when first asked for, which takes some seconds, and
-    kept; sent compressed to whoever takes gzip.
+    Without `measure`, of the densities that plans use. Computed with the display meshes, and stored; sent compressed to
+    whoever takes gzip.
     """
     compressed = await parts.robots.reach(known_name(name), measure)
     headers = {

@@ -1,42 +1,48 @@
-"""What is known of each robot: computed in a killable child when first asked for, then kept.
+"""What is known of each robot: made in killable children, stored under a hash of what it is made from.
 
-Facts and what can be drawn of densities are kept in memory, display meshes as a file. The service itself never
-imports a rigid-body library.
+Facts, display meshes and what can be drawn of densities are files of the store, below ``robots/<name>/<hash>``. Each is
+published as a whole when it is complete. They are made at the first start of a service (``warm``), or for whoever asks
+before; every later start finds them. The service itself never imports a rigid-body library.
 """
 
-import tempfile
+import asyncio
+import gzip
 import time
-from collections.abc import AsyncIterator, Iterable
-from contextlib import asynccontextmanager, suppress
+import zlib
+from collections.abc import Awaitable, Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import structlog
+from pydantic import ValidationError
 
 from stridelab.errors import NotFound, StridelabError, Unavailable
-from stridelab.schemas.robots import Measure, RobotFacts
+from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation
+from stridelab.service.api.robots.children import DESCRIBE, LINKS, REACH, RobotChildren
 from stridelab.service.api.robots.once import Once
+from stridelab.service.api.robots.source_hash import source_sha256
 from stridelab.service.jobs.isolated import IsolatedPool
 from stridelab.service.storage.blobs import BlobInfo, BlobStore
 
 log = structlog.get_logger(__name__)
 
-DESCRIBE: Final = "stridelab.service.jobs.kinds.robot_description:run_in_child"
-LINKS: Final = "stridelab.service.jobs.kinds.robot_links:run_in_child"
-REACH: Final = "stridelab.service.jobs.kinds.robot_reachability:run_in_child"
+FACTS_FILE: Final = "facts.json"
 LINKS_FILE: Final = "links.glb"
 REACH_FILE: Final = "reachability.json.gz"
-LINKS_EDITION: Final = 2
-"""Grows whenever the shapes are made in another way, so that no older file is served."""
 DESCRIBE_TIMEOUT_S: Final = 60.0
 LINKS_TIMEOUT_S: Final = 180.0
 REACH_TIMEOUT_S: Final = 120.0
 RETRY_S: Final = 60.0
 """For so long a robot that could not be loaded is said to be unavailable without another attempt."""
+SHORTLY_S: Final = 0.5
+"""How long a question about the preparation waits for one that only has to find the files."""
+DESCRIBED, DRAWN = 0.3, 0.6
+"""Shares of the preparation that are over when a robot is described, and when it is drawn."""
 
 
-@dataclass(frozen=True)
+@dataclass(eq=False)
 class RobotShelf:
     """What is known of the robots, for one application; ``describe``, ``draw`` and ``enclose`` are run by children."""
 
@@ -47,10 +53,17 @@ class RobotShelf:
     describe: str = DESCRIBE
     draw: str = LINKS
     enclose: str = REACH
+    _places: Once[str] = field(default_factory=lambda: Once(keep=True))
     _facts: Once[RobotFacts] = field(default_factory=lambda: Once(keep=True))
     _failed: dict[str, tuple[float, str]] = field(default_factory=dict)
     _links: Once[BlobInfo] = field(default_factory=lambda: Once(keep=False))
     _reach: Once[bytes] = field(default_factory=lambda: Once(keep=True))
+    _prepared: Once[str | None] = field(default_factory=lambda: Once(keep=False))
+    _ready: set[str] = field(default_factory=set)
+    _progress: dict[str, tuple[float, str]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self._children = RobotChildren(self.pool, self.spool, self.memory_mb)
 
     async def facts(self, name: str) -> RobotFacts:
         """Facts of a known robot.
@@ -60,8 +73,14 @@ class RobotShelf:
         """
 
         async def load() -> RobotFacts:
-            async with self._child(self.describe, {"robot": name}, DESCRIBE_TIMEOUT_S) as (value, _):
-                return RobotFacts.model_validate(value["summary"])
+            key = f"{await self._place(name)}/{FACTS_FILE}"
+            with suppress(ValidationError):  # nothing is stored, or it is damaged
+                return RobotFacts.model_validate_json(await self._stored(key) or b"")
+            told = self._telling(name, 0.0, DESCRIBED)
+            async with self._children.run(self.describe, {"robot": name}, DESCRIBE_TIMEOUT_S, told) as (value, folder):
+                found = RobotFacts.model_validate(value["summary"])
+                await self._store(key, folder / FACTS_FILE, found.model_dump_json().encode())
+                return found
 
         return await self._facts.get(name, load)
 
@@ -70,24 +89,18 @@ class RobotShelf:
 
         A failure is remembered for ``RETRY_S``.
         """
-        failed_s, reason = self._failed.get(name, (-RETRY_S, ""))
-        if time.monotonic() - failed_s < RETRY_S:
-            return reason
-        try:
-            await self.facts(name)
-        except StridelabError as error:
-            self._failed[name] = (time.monotonic(), error.message)
-            return error.message
-        return None
+        return await self._attempt(name, lambda: self.facts(name))
 
     async def links(self, name: str) -> BlobInfo:
         """The file with one named mesh per link (GLB), made where it is not there yet; raises as ``facts``."""
-        key = f"robots/{name}/{(await self.facts(name)).sha256}/{LINKS_EDITION}/{LINKS_FILE}"
+        await self.facts(name)
+        key = f"{await self._place(name)}/{LINKS_FILE}"
 
         async def make() -> BlobInfo:
             found = await self.blobs.info(key)
             if found is None:
-                async with self._child(self.draw, {"robot": name}, LINKS_TIMEOUT_S) as (_, folder):
+                told = self._telling(name, DESCRIBED, DRAWN)
+                async with self._children.run(self.draw, {"robot": name}, LINKS_TIMEOUT_S, told) as (_, folder):
                     await self.blobs.put_file(key, folder / LINKS_FILE)
                 found = await self.blobs.info(key)
             if found is None:
@@ -118,42 +131,111 @@ class RobotShelf:
             )
 
         async def enclose() -> bytes:
+            key = f"{await self._place(name)}/{wanted}-{REACH_FILE}"
+            stored = await self._stored(key)
+            if stored is not None and await asyncio.to_thread(_is_whole, stored):
+                return stored
+            k, step = known.measures.index(wanted), (1.0 - DRAWN) / len(known.measures)
+            told = self._telling(name, DRAWN + k * step, DRAWN + (k + 1) * step)
             task = {"robot": name, "measure": wanted}
-            async with self._child(self.enclose, task, REACH_TIMEOUT_S) as (_, folder):
-                return (folder / REACH_FILE).read_bytes()
+            async with self._children.run(self.enclose, task, REACH_TIMEOUT_S, told) as (_, folder):
+                made = (folder / REACH_FILE).read_bytes()
+                await self._store(key, folder / REACH_FILE, made)
+                return made
 
         return await self._reach.get(f"{name}/{wanted}", enclose)
 
-    async def warm(self, names: Iterable[str], others: Iterable[str] = ()) -> None:
-        """Facts and meshes of robots that will be asked for, and whether the ``others`` can be loaded.
+    async def prepare(self, name: str) -> str | None:
+        """Make whatever of a known robot's files is not stored yet; why that fails, or None where it does not.
 
-        What cannot be had is told to whoever asks for it.
+        A failure is remembered for ``RETRY_S``.
         """
+
+        async def make() -> None:
+            known = await self.facts(name)
+            await self.links(name)
+            for measure in known.measures:
+                await self.reach(name, measure)
+            self._ready.add(name)
+
+        if name in self._ready:
+            return None
+        return await self._prepared.get(name, lambda: self._attempt(f"{name}/files", make))
+
+    async def preparation(self, name: str) -> RobotPreparation:
+        """How far the files of a known robot are; the first question begins to make what is missing."""
+        waiting = asyncio.ensure_future(self.prepare(name))
+        done, _ = await asyncio.wait({waiting}, timeout=SHORTLY_S)
+        if not done:
+            waiting.cancel()  # the preparation itself goes on
+            fraction, message = self._progress.get(name, (0.0, "waiting"))
+            return RobotPreparation(state="preparing", fraction=fraction, message=message)
+        reason = waiting.result()
+        if reason is None:
+            return RobotPreparation(state="ready", fraction=1.0, message="ready")
+        return RobotPreparation(state="failed", fraction=0.0, message=reason)
+
+    async def warm(self, names: Iterable[str]) -> None:
+        """Prepare robots one after the other; what fails is told to whoever asks for it."""
         for name in names:
-            with suppress(StridelabError):
-                await self.links(name)
-        for name in others:
-            await self.problem(name)
+            await self.prepare(name)
 
     async def aclose(self) -> None:
         """End the children that are still at work."""
-        await self._facts.aclose()
-        await self._links.aclose()
-        await self._reach.aclose()
+        for running in (self._prepared, self._facts, self._links, self._reach, self._places):
+            await running.aclose()
+        await self._children.aclose()
 
-    @asynccontextmanager
-    async def _child(
-        self, target: str, task: dict[str, str], timeout_s: float
-    ) -> AsyncIterator[tuple[dict[str, Any], Path]]:
-        """What ``target`` returned for a task about a robot, and the folder with the files it left, for a moment."""
-        with tempfile.TemporaryDirectory(dir=self.spool) as folder:
-            outcome = await self.pool.run(target, task, Path(folder), timeout_s=timeout_s, memory_mb=self.memory_mb)
-            if outcome.raised is not None:
-                raise outcome.as_error()
-            if outcome.state != "ok":
-                log.error("robot not loaded", **task, state=outcome.state, log_tail=outcome.log_tail[-2000:])
-                raise Unavailable(
-                    "robot-not-loaded",
-                    f"The model of {task['robot']} could not be loaded; the service's log says more.",
-                )
-            yield outcome.value, Path(folder)
+    async def _attempt(self, what: str, load: Callable[[], Awaitable[object]]) -> str | None:
+        """Why ``load`` fails, or failed within the last ``RETRY_S`` for the same ``what``; None where it does not."""
+        failed_s, reason = self._failed.get(what, (-RETRY_S, ""))
+        if time.monotonic() - failed_s < RETRY_S:
+            return reason
+        try:
+            await load()
+        except StridelabError as error:
+            self._failed[what] = (time.monotonic(), error.message)
+            return error.message
+        return None
+
+    async def _place(self, name: str) -> str:
+        """The prefix below which the files of a robot are stored."""
+
+        async def read() -> str:
+            return f"robots/{name}/{await asyncio.to_thread(source_sha256, name)}"
+
+        return await self._places.get(name, read)
+
+    async def _stored(self, key: str) -> bytes | None:
+        """A stored file, or None; a store that does not answer is as good as empty, for what can be made anew."""
+        try:
+            return b"".join([chunk async for chunk in self.blobs.stream(key)])
+        except NotFound:
+            return None
+        except Unavailable as error:
+            log.warning("robot file not read", key=key, error=error.message)
+            return None
+
+    async def _store(self, key: str, path: Path, content: bytes) -> None:
+        """Publish ``content``, written to ``path`` first; without the store, only this process has it."""
+        path.write_bytes(content)
+        try:
+            await self.blobs.put_file(key, path)
+        except Unavailable as error:
+            log.warning("robot file not stored", key=key, error=error.message)
+
+    def _telling(self, name: str, start: float, end: float) -> Callable[[float, str], None]:
+        """Takes the progress of one step, which is the share from ``start`` to ``end`` of the preparation."""
+
+        def tell(fraction: float, message: str) -> None:
+            self._progress[name] = (start + (end - start) * min(max(fraction, 0.0), 1.0), message)
+
+        tell(0.0, "starting")
+        return tell
+
+
+def _is_whole(compressed: bytes) -> bool:
+    try:
+        return bool(gzip.decompress(compressed))
+    except (OSError, EOFError, zlib.error):
+        return False

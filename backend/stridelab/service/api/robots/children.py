@@ -1,0 +1,92 @@
+"""Child processes that load, draw and enclose robots, forked from one that has imported the libraries for them.
+
+That one process starts with the first child and ends ``REST_S`` after the last, so that a service whose robots are
+prepared holds no rigid-body library in memory.
+"""
+
+import asyncio
+import tempfile
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from typing import Any, Final
+
+import structlog
+
+from stridelab.errors import Unavailable
+from stridelab.service.jobs.isolated import IsolatedPool
+
+log = structlog.get_logger(__name__)
+
+DESCRIBE: Final = "stridelab.service.jobs.kinds.robot_description:run_in_child"
+LINKS: Final = "stridelab.service.jobs.kinds.robot_links:run_in_child"
+REACH: Final = "stridelab.service.jobs.kinds.robot_reachability:run_in_child"
+DRAWING: Final = tuple(target.partition(":")[0] for target in (DESCRIBE, LINKS, REACH))
+"""What is imported ahead for these children: each would import it anew, for seconds."""
+REST_S: Final = 20.0
+
+Progress = Callable[[float, str], None]
+
+
+class RobotChildren:
+    """Runs one child per task in ``pool``, and closes the pool when there has been no child for ``rest_s``."""
+
+    def __init__(self, pool: IsolatedPool, spool: Path, memory_mb: int, rest_s: float = REST_S) -> None:
+        self._pool, self._spool, self._memory_mb, self._rest_s = pool, spool, memory_mb, rest_s
+        self._at_work = 0
+        self._closing = asyncio.Lock()
+        self._resting: asyncio.Task[None] | None = None
+
+    @asynccontextmanager
+    async def run(
+        self, target: str, task: dict[str, str], timeout_s: float, progress: Progress
+    ) -> AsyncIterator[tuple[dict[str, Any], Path]]:
+        """What ``target`` returned for ``task``, and the folder with the files that it left, for a moment.
+
+        Raises what the child raised, or ``Unavailable`` (``robot-not-loaded``) where it ended otherwise.
+        """
+        with tempfile.TemporaryDirectory(dir=self._spool) as folder:
+            self._begin()
+            try:
+                async with self._closing:  # whoever closes the pool is done with it
+                    pass
+                outcome = await self._pool.run(
+                    target, task, Path(folder), timeout_s=timeout_s, memory_mb=self._memory_mb, on_progress=progress
+                )
+            finally:
+                self._end()
+            if outcome.raised is not None:
+                raise outcome.as_error()
+            if outcome.state != "ok":
+                log.error("robot not loaded", **task, state=outcome.state, log_tail=outcome.log_tail[-2000:])
+                raise Unavailable(
+                    "robot-not-loaded",
+                    f"The model of {task['robot']} could not be loaded; the service's log says more.",
+                )
+            yield outcome.value, Path(folder)
+
+    async def aclose(self) -> None:
+        """End the pool."""
+        if self._resting is not None:
+            self._resting.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._resting
+        await self._pool.close()
+
+    def _begin(self) -> None:
+        self._at_work += 1
+
+    def _end(self) -> None:
+        self._at_work -= 1
+        if self._at_work == 0 and (self._resting is None or self._resting.done()):
+            self._resting = asyncio.get_running_loop().create_task(self._rest())
+
+    async def _rest(self) -> None:
+        """Close the pool once nothing has run for a while."""
+        quiet_s, step_s = 0.0, self._rest_s / 4
+        while quiet_s < self._rest_s:
+            await asyncio.sleep(step_s)
+            quiet_s = 0.0 if self._at_work else quiet_s + step_s
+        async with self._closing:
+            if not self._at_work:
+                await self._pool.close()

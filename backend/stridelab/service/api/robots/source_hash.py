@@ -1,0 +1,60 @@
+"""What the files of a robot are made from, as one hash: the folder in which they are cached is named after it."""
+
+import hashlib
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Final
+
+from stridelab import __version__
+from stridelab.resources import models_dir
+from stridelab.robots.card import card_bytes, robot_card
+from stridelab.robots.data_files import DataFiles, data_files
+
+EDITION: Final = 3
+"""Grows whenever facts, meshes or densities are made in another way within one version of this program."""
+LIBRARIES: Final = ("pin", "fast-simplification", "scikit-image", "trimesh")
+"""Distributions whose results are in the files."""
+
+
+def source_sha256(name: str) -> str:
+    """SHA-256 over the card, the description, all its meshes, what was learned of the reach, and the versions.
+
+    Reads files only; no library that computes is imported. A mesh that is missing counts as missing.
+
+    Raises ``NotFound`` (``robot-not-found``), ``InvalidInput`` (``robot-card-invalid``), ``Unavailable``
+    (``robot-data-missing``).
+    """
+    total = hashlib.sha256()
+    versions = [f"{library} {_version(library)}" for library in LIBRARIES]
+    for word in (f"edition {EDITION}", f"stridelab {__version__}", *versions):
+        total.update(hashlib.sha256(word.encode()).digest())
+    total.update(hashlib.sha256(card_bytes(name)).digest())
+    files = data_files(robot_card(name))
+    learned = models_dir() / "reachability" / name
+    for path in (files.urdf, files.srdf, *_meshes(files), *sorted(learned.glob("*"))):
+        total.update(b"-" * 32 if path is None or not path.is_file() else _digest(path))
+    return total.hexdigest()
+
+
+def _meshes(files: DataFiles) -> Iterator[Path]:
+    """The files that the URDF names, each once, in the order of their names; none of a URDF that cannot be read."""
+    try:
+        root = ET.parse(files.urdf).getroot()  # noqa: S314 (a file of the installation, not a user's)
+    except ET.ParseError:
+        return
+    for name in sorted({mesh.attrib.get("filename", "") for mesh in root.iter("mesh")}):
+        yield files.package_dir / name.removeprefix("package://")
+
+
+def _digest(path: Path) -> bytes:
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").digest()
+
+
+def _version(distribution: str) -> str:
+    try:
+        return version(distribution)
+    except PackageNotFoundError:
+        return "not installed"
