@@ -33,6 +33,15 @@ def only_look(scope: Scope, scenario_id: str, owner: str | None) -> ScenarioRigh
     return ScenarioRight(None, "This service does not say who may change its scenarios.")
 
 
+UserOf = Callable[[Scope], str]
+"""The name of the caller of a request; empty where nobody logs in."""
+
+
+def nobody(scope: Scope) -> str:
+    """Nobody logs in."""
+    return ""
+
+
 @dataclass(frozen=True)
 class WebConfig:
     """Where the HTTP interface is and how to reach it.
@@ -40,7 +49,7 @@ class WebConfig:
     ``transport`` short-cuts the network where the interface lives in the same process; ``token`` is the API token,
     if one is set; ``viewer_url`` is the loopback control address of the viewer process, or None where there is none.
     ``settings`` are those in force, for whoever asks. ``scenario_right`` tells what the caller of a request may do with
-    a scenario.
+    a scenario, ``user_of`` who the caller is.
     """
 
     base_url: str
@@ -50,3 +59,4 @@ class WebConfig:
     viewer_url: str | None = None
     settings: tuple[ShownSetting, ...] = ()
     scenario_right: ScenarioRights = field(default=only_look, repr=False)
+    user_of: UserOf = field(default=nobody, repr=False)

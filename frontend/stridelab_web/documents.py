@@ -11,6 +11,8 @@ KEY_HEADER: Final = "X-Stridelab-Scenario-Key"
 """With which key to store what is changed through a websocket to the viewer."""
 REFUSAL_HEADER: Final = "X-Stridelab-Scenario-Refusal"
 """In its place: why nothing may be changed through it."""
+USER_HEADER: Final = "X-Stridelab-User"
+"""Who watches through a websocket to the viewer, percent-encoded; empty where nobody logs in."""
 NO_JOB: Final = "-"
 """Stands for "no result" in an address."""
 

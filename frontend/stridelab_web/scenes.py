@@ -1,8 +1,9 @@
 """The door to the viewer process: viser's page and, through the web app's gate, its websocket."""
 
 import asyncio
+from http import HTTPStatus
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import quote, urlsplit
 
 import httpx
 import websockets
@@ -15,9 +16,10 @@ from websockets.asyncio.client import ClientConnection
 from websockets.exceptions import ConnectionClosed
 
 from stridelab.client import ClientError
+from stridelab.schemas.base import Problem
 from stridelab_web import viser_client
 from stridelab_web.config import WebConfig
-from stridelab_web.documents import KEY_HEADER, REFUSAL_HEADER, Document, document_of
+from stridelab_web.documents import KEY_HEADER, REFUSAL_HEADER, USER_HEADER, Document, document_of
 from stridelab_web.service import client_of
 
 OPENING_S = 120.0
@@ -30,13 +32,13 @@ SHARE_MESSAGE = b"ShareUrl"
 class ViewerUnavailable(Exception):
     """The viewer process does not answer, or cannot show the document."""
 
-    status = 503
+    def __init__(self, detail: str, status: int = 503, code: str = "viewer-unavailable") -> None:
+        super().__init__(detail)
+        self.status, self.code = status, code
 
 
-class NoSuchScene(ViewerUnavailable):
-    """The address names no kind of scene, or the viewer knows no such document."""
-
-    status = 404
+PASSED_ON = frozenset({404, 429})
+"""What the viewer answers as it is for a reader too; else it is the viewer that cannot."""
 
 
 async def page(request: Request) -> Response:
@@ -52,9 +54,14 @@ async def open_scene(request: Request) -> Response:
     ``said`` is why the last change from within the scene was refused, or empty.
     """
     try:
-        opened = await _open(request.app.state.config, _document(request))
+        opened = await _open(request, _document(request))
     except ViewerUnavailable as error:
-        return JSONResponse({"detail": str(error)}, status_code=error.status)
+        problem = Problem(
+            title=HTTPStatus(error.status).phrase, status=error.status, code=error.code, detail=str(error)
+        )
+        return JSONResponse(
+            problem.model_dump(mode="json"), status_code=error.status, media_type="application/problem+json"
+        )
     return JSONResponse({"ready": True, "said": opened["said"]})
 
 
@@ -62,7 +69,7 @@ async def player(request: Request) -> Response:
     """``GET /view/scene/{kind}/{id}/{job}/motion.{form}``: a recording of the scene for viser's own player."""
     form = request.path_params["form"]
     try:
-        answer = await _ask(request.app.state.config, f"players/{form}", _document(request))
+        answer = await _ask(request, f"players/{form}", _document(request))
     except ViewerUnavailable as error:
         raise HTTPException(error.status, str(error)) from error
     headers = {"Content-Disposition": f'attachment; filename="motion.{form}"', "Cache-Control": "no-store"}
@@ -84,7 +91,7 @@ async def pump(socket: WebSocket) -> None:
     await socket.accept(subprotocol=versions[0] if versions else None)
     try:
         document = _document(socket)
-        opened = await _open(socket.app.state.config, document)
+        opened = await _open(socket, document)
         upstream = await websockets.connect(
             f"ws://127.0.0.1:{opened['port']}/{opened['secret']}",
             subprotocols=[websockets.Subprotocol(name) for name in versions[:1]],
@@ -92,9 +99,12 @@ async def pump(socket: WebSocket) -> None:
             compression=None,
             proxy=None,
             user_agent_header=None,
-            additional_headers=await _right(socket, document),
+            additional_headers={USER_HEADER: quote(_user(socket)), **await _right(socket, document)},
         )
-    except (ViewerUnavailable, ClientError, OSError, websockets.InvalidHandshake):
+    except ViewerUnavailable as error:
+        await socket.close(1013, error.code)
+        return
+    except (ClientError, OSError, websockets.InvalidHandshake):
         await socket.close(1013, "viewer-unavailable")
         return
     async with upstream:
@@ -137,28 +147,36 @@ def _document(connection: HTTPConnection) -> Document:
     try:
         return document_of(connection.path_params)
     except KeyError as error:
-        raise NoSuchScene("There is no such scene.") from error
+        raise ViewerUnavailable("There is no such scene.", 404, "scene-not-found") from error
 
 
-async def _open(config: WebConfig, document: Document) -> dict[str, Any]:
+def _user(connection: HTTPConnection) -> str:
+    config: WebConfig = connection.app.state.config
+    return config.user_of(connection.scope)
+
+
+async def _open(connection: HTTPConnection, document: Document) -> dict[str, Any]:
     """Where the scene of ``document`` is (``port`` and ``secret``); the viewer builds it where it is not open."""
-    said: dict[str, Any] = (await _ask(config, "scenes", document)).json()
+    said: dict[str, Any] = (await _ask(connection, "scenes", document)).json()
     return said
 
 
-async def _ask(config: WebConfig, path: str, document: Document) -> httpx.Response:
+async def _ask(connection: HTTPConnection, path: str, document: Document) -> httpx.Response:
     """The viewer's answer about ``document``. Raises ``ViewerUnavailable`` where it refuses or gives none."""
+    config: WebConfig = connection.app.state.config
     if config.viewer_url is None:
         raise ViewerUnavailable("This service runs without a viewer.")
     headers = {"Authorization": f"Bearer {config.token}"} if config.token else {}
+    wanted = {**document.wanted, "user": _user(connection)}
     patient = httpx.AsyncHTTPTransport(retries=STARTING_TRIES)
     try:
         async with httpx.AsyncClient(transport=patient, timeout=OPENING_S) as viewer:
-            answer = await viewer.post(f"{config.viewer_url}/{path}", json=document.wanted, headers=headers)
+            answer = await viewer.post(f"{config.viewer_url}/{path}", json=wanted, headers=headers)
         refusal = answer.json() if answer.is_error else {}
     except (httpx.HTTPError, ValueError) as error:
         raise ViewerUnavailable("The viewer does not answer. It may be starting; try again.") from error
     if answer.is_error:
-        refused = NoSuchScene if answer.status_code == NoSuchScene.status else ViewerUnavailable
-        raise refused(str(refusal.get("detail", "The viewer cannot show this.")))
+        detail, code = refusal.get("detail", "The viewer cannot show this."), refusal.get("code", "viewer-unavailable")
+        status = answer.status_code if answer.status_code in PASSED_ON else 503
+        raise ViewerUnavailable(str(detail), status, str(code))
     return answer

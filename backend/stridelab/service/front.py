@@ -43,8 +43,15 @@ def mount(app: FastAPI, settings: Settings) -> None:
         viewer_url=settings.viewer_url,
         settings=shown(settings),
         scenario_right=_scenario_right(app),
+        user_of=_user_of,
     )
     app.router.routes.append(_Pages("", app=create_web(config)))
+
+
+def _user_of(scope: Scope) -> str:
+    """The name of whoever calls; empty where nobody logs in."""
+    caller: Caller = scope.get(KEY, STRANGER)
+    return caller.name or ""
 
 
 def _scenario_right(app: FastAPI) -> ScenarioRights:

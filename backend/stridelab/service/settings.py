@@ -73,6 +73,10 @@ class Settings(BaseSettings):
     stream_message_kb: int = Field(default=256, ge=1, description="largest message of a stream in kB (10^3 bytes)")
     stream_idle_s: float = Field(default=60.0, gt=0, description="silence after which a stream is closed")
     viewer_url: str | None = Field(default=None, description="loopback control address of the viewer process")
+    viewer_scenes: int | None = Field(
+        default=None, ge=1, description="3D scenes that may be open in all; by default as memory allows"
+    )
+    user_scenes: int = Field(default=16, ge=0, description="3D scenes one user may have open; 0 for no limit")
     otlp_url: str | None = Field(
         default=None, description="collector of OpenTelemetry traces (OTLP over HTTP), such as http://127.0.0.1:4318"
     )

@@ -1,7 +1,8 @@
 """``python -m stridelab_web.viewer``: the viewer process.
 
 ``STRIDELAB_VIEWER_URL`` says at which loopback address it listens, ``STRIDELAB_HOST`` and ``STRIDELAB_PORT`` where the
-HTTP interface is, ``STRIDELAB_API_TOKEN`` or ``STRIDELAB_API_TOKEN_FILE`` how to log in there.
+HTTP interface is, ``STRIDELAB_API_TOKEN`` or ``STRIDELAB_API_TOKEN_FILE`` how to log in there,
+``STRIDELAB_VIEWER_SCENES`` and ``STRIDELAB_USER_SCENES`` how many scenes may be open.
 """
 
 import asyncio
@@ -20,6 +21,7 @@ from stridelab.client import Client
 from stridelab_web.viewer.control import create_control
 from stridelab_web.viewer.kinds import kinds
 from stridelab_web.viewer.library import Library
+from stridelab_web.viewer.scene_limits import limits_of
 
 TIDY_EVERY_S = 30.0
 SLOWEST_S = 110.0
@@ -48,7 +50,7 @@ def main() -> None:
     def acting(key: str | None) -> Client:
         return Client(service_url(), key, timeout_s=SLOWEST_S, transport=httpx.HTTPTransport())
 
-    library = Library(kinds(acting(token()), acting))
+    library = Library(kinds(acting(token()), acting), limits_of(os.environ))
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:

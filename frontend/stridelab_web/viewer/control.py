@@ -13,6 +13,7 @@ from starlette.routing import Route
 from stridelab.client import ProblemError, Unreachable
 from stridelab_web.documents import PlayerForm, document_of
 from stridelab_web.viewer.library import Library
+from stridelab_web.viewer.scene_limits import ScenesInUse
 
 Answer = Callable[[Request], Awaitable[Response]]
 
@@ -20,7 +21,8 @@ Answer = Callable[[Request], Awaitable[Response]]
 def create_control(library: Library, token: str | None) -> Starlette:
     """``GET /health``; ``POST /scenes`` and ``POST /players/{form}`` about the document ``{kind, id, job_id}``.
 
-    A scene is answered by ``{port, secret, said}``, a player by its file.
+    ``user`` beside the document is who asks for a scene. A scene is answered by ``{port, secret, said}``, a player by
+    its file.
 
     Browsers cannot call it: a page's request carries an Origin and is refused, and a name that was rebound to this
     machine is not a loopback host. Where the service has a token, it is needed here too.
@@ -30,7 +32,8 @@ def create_control(library: Library, token: str | None) -> Starlette:
         return JSONResponse({"status": "ok", "scenes": len(library)})
 
     async def scenes(request: Request) -> Response:
-        opened = await run_in_threadpool(library.open, document_of(await request.json()))
+        asked = await request.json()
+        opened = await run_in_threadpool(library.open, document_of(asked), str(asked.get("user") or ""))
         return JSONResponse({"port": opened.port, "secret": opened.secret, "said": opened.said})
 
     async def players(request: Request) -> Response:
@@ -47,6 +50,9 @@ def create_control(library: Library, token: str | None) -> Starlette:
                 return await answer(request)
             except KeyError:
                 return JSONResponse({"detail": "There is no such scene."}, status_code=404)
+            except ScenesInUse as full:
+                problem = {"code": full.code, "detail": str(full)}
+                return JSONResponse(problem, status_code=full.status)
             except ProblemError as refusal:
                 return JSONResponse(refusal.problem.model_dump(mode="json"), status_code=refusal.status)
             except Unreachable as silence:

@@ -10,7 +10,9 @@ import functools
 import http
 import secrets
 import threading
+from collections.abc import Callable
 from typing import Any
+from urllib.parse import unquote
 
 import viser
 import websockets.asyncio.server
@@ -20,15 +22,20 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from stridelab_web.documents import USER_HEADER
+
 _starting = threading.Lock()
 
 
-def start_guarded_server() -> tuple[viser.ViserServer, str]:
-    """A viser server on a free loopback port, and the secret that its websocket path must be."""
+def start_guarded_server(came: Callable[[str], None] = lambda _: None) -> tuple[viser.ViserServer, str]:
+    """A viser server on a free loopback port, and the secret that its websocket path must be.
+
+    ``came`` is called with the user of each websocket that is let in.
+    """
     secret = secrets.token_urlsafe(24)
     with _starting:
         genuine = websockets.asyncio.server.serve
-        websockets.asyncio.server.serve = functools.partial(_serve_guarded, genuine, secret)  # type: ignore[misc,assignment]
+        websockets.asyncio.server.serve = functools.partial(_serve_guarded, genuine, secret, came)  # type: ignore[misc,assignment]
         try:
             server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
         finally:
@@ -47,7 +54,17 @@ def header_of(server: viser.ViserServer, client_id: int, name: str) -> str | Non
     return None if connection is None or connection.request is None else connection.request.headers.get(name)
 
 
-def _serve_guarded(genuine: Any, secret: str, *args: Any, **options: Any) -> Any:
+def users_of(server: viser.ViserServer) -> list[str]:
+    """The user of each websocket that is open, as ``USER_HEADER`` names it."""
+    connections = list(server._websock_server._live_connections.values())  # noqa: SLF001  (viser is pinned)
+    return [_user(connection.request) for connection in connections if connection.request is not None]
+
+
+def _user(request: Request) -> str:
+    return unquote(request.headers.get(USER_HEADER, ""))
+
+
+def _serve_guarded(genuine: Any, secret: str, came: Callable[[str], None], *args: Any, **options: Any) -> Any:
     viser_answers = options.pop("process_request")
 
     def process_request(connection: ServerConnection, request: Request) -> Response | None:
@@ -55,6 +72,8 @@ def _serve_guarded(genuine: Any, secret: str, *args: Any, **options: Any) -> Any
         if not welcome or "Origin" in request.headers or request.headers.get("Upgrade", "").lower() != "websocket":
             return Response(http.HTTPStatus.FORBIDDEN, "Forbidden", Headers(), b"")
         answer: Response | None = viser_answers(connection, request)
+        if answer is None:
+            came(_user(request))
         return answer
 
     return genuine(*args, process_request=process_request, **options)
