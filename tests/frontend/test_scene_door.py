@@ -1,6 +1,7 @@
 """The websocket between a page and its scene: who may use it, and what passes."""
 
 import asyncio
+import json
 import socket
 import threading
 import time
@@ -78,3 +79,38 @@ def test_a_viewer_that_is_still_starting_is_waited_for(fake: FakeService) -> Non
 def test_share_requests_are_known_by_the_name_that_viser_gives_them() -> None:
     assert SHARE_MESSAGE in _messages.ShareUrlRequest.__name__.encode()
     assert SHARE_MESSAGE in _messages.ShareUrlDisconnect.__name__.encode()
+
+
+@pytest.mark.parametrize(
+    ("answered", "status"),
+    [
+        ((429, "scene-limit"), 429),
+        ((503, "scenes-full"), 503),
+        ((404, "recording-not-found"), 404),
+        ((400, "odd"), 503),
+    ],
+)
+def test_a_refusal_of_the_viewer_is_a_problem_with_its_code(
+    fake: FakeService, answered: tuple[int, str], status: int
+) -> None:
+    asked: list[bytes] = []
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def refuse() -> None:
+            with server.accept()[0] as caller:
+                _, _, sent = caller.recv(65536).partition(b"\r\n\r\n")
+                while not sent.endswith(b"}"):
+                    sent += caller.recv(65536)
+                asked.append(sent)
+                body = json.dumps({"code": answered[1], "detail": "What to do."}).encode()
+                caller.sendall(b"HTTP/1.1 %d No\r\nContent-Length: %d\r\n\r\n%b" % (answered[0], len(body), body))
+
+        viewer = threading.Thread(target=refuse)
+        viewer.start()
+        caller = make_client(fake, viewer_url=f"http://127.0.0.1:{server.getsockname()[1]}", user_of=lambda _: "änn")
+        answer = caller.request("POST", "/view/scene/recording/some/-/open")
+        viewer.join()
+    assert (answer.status_code, answer.headers["content-type"]) == (status, "application/problem+json")
+    problem = answer.json()
+    assert (problem["status"], problem["code"], problem["detail"]) == (status, answered[1], "What to do.")
+    assert json.loads(asked[0])["user"] == "änn"

@@ -1,16 +1,10 @@
 """A drag in the 3D view is stored with the right of the person who drags: scope, owner, revocation, audit."""
 
 import asyncio
-import os
-import socket
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any, Literal
 
-import httpx
 import msgspec
 import pytest
 import viser
@@ -19,55 +13,18 @@ from viser import _messages
 
 from stridelab.service.api.keys import SESSION_S, Keys
 from support.database import TestDatabases
-from support.interface import Served, served
 from support.scenarios import one_step
+from support.viewer_lab import ADMIN, Lab, viewer_lab
 
-ADMIN = "a-secret-of-the-lab"
 SCENARIOS = "/api/v1/scenarios"
 MARK = 1
 """Number of the touch that is dragged."""
 
 
-@dataclass(frozen=True)
-class Lab:
-    """A service with its viewer, and somebody's scenario."""
-
-    served: Served
-    admin: httpx.Client
-
-    def token(self, name: str, scope: str) -> dict[str, Any]:
-        answer = self.admin.post("/api/v1/tokens", json={"name": name, "scope": scope})
-        assert answer.status_code == 201, answer.text
-        return dict(answer.json())
-
-    def http(self, secret: str) -> httpx.Client:
-        return self.served.http(headers={"Authorization": f"Bearer {secret}"})
-
-    def audited(self, scenario_id: str) -> list[tuple[str, str]]:
-        items = self.admin.get("/api/v1/audit").json()["items"]
-        return [(item["action"], item["caller"]) for item in items if item["what"] == scenario_id]
-
-
 @pytest.fixture(scope="module")
 def lab(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
-    with socket.create_server(("127.0.0.1", 0)) as taken:
-        viewer_url = f"http://127.0.0.1:{taken.getsockname()[1]}"
-    data = tmp_path_factory.mktemp("data")
-    with postgres.fresh() as url, served(url, data, api_token=ADMIN, viewer_url=viewer_url) as running:
-        environment = {
-            **os.environ,
-            "STRIDELAB_API_TOKEN": ADMIN,
-            "STRIDELAB_HOST": "127.0.0.1",
-            "STRIDELAB_PORT": running.base_url.rpartition(":")[2],
-            "STRIDELAB_VIEWER_URL": viewer_url,
-        }
-        viewer = subprocess.Popen([sys.executable, "-m", "stridelab_web.viewer"], env=environment)
-        try:
-            with running.http(headers={"Authorization": f"Bearer {ADMIN}"}, timeout=120) as admin:
-                yield Lab(running, admin)
-        finally:
-            viewer.terminate()
-            viewer.wait(20)
+    with viewer_lab(postgres, tmp_path_factory.mktemp("data")) as running:
+        yield running
 
 
 @pytest.fixture(scope="module")
@@ -148,6 +105,7 @@ def test_others_drags_change_nothing_and_say_why(lab: Lab, owner: dict[str, Any]
     with lab.http(other["secret"]) as http:
         refused = http.put(f"{SCENARIOS}/{theirs['id']}", json=one_step(name="Taken"))
         assert refused.status_code == 403
+        lab.wait_until_prepared(theirs["robot"])
         page = http.get(f"/view/?scenario={theirs['id']}").text
     assert 'data-own="false"' in page
     assert reason in page.replace("&#39;", "'")
