@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
+from stridelab.schemas.robots import RobotPreparation
 from stridelab_web.reach_places import reach_places
 from support import fake_planner, fake_reach
 from support.fake_lab import Lab
+from support.fake_service import READY
 from support.scene_view import nodes, opened, until
 from support.tab import Tab
 
@@ -138,3 +140,31 @@ def test_a_plan_shows_the_densities_of_the_present_phase(tab: Tab, lab: Lab) -> 
     for place in places:
         if place.name in now:
             assert shown[place.name]["position"] == pytest.approx(place.contact.position_m)
+
+
+def test_a_robot_that_is_being_prepared_tells_how_far_it_is_and_then_opens_by_itself(tab: Tab, lab: Lab) -> None:
+    def tell(fraction: float, message: str) -> None:
+        lab.fake.preparation = RobotPreparation(state="preparing", fraction=fraction, message=message)
+
+    tell(0.1, "loading the robot")
+    try:
+        page = tab.go("/view/?robot=boxes&show=robot")
+        bar = page.get_by_role("progressbar", name="Preparation of the robot")
+        for fraction, message in ((0.1, "loading the robot"), (0.42, "thinning out its meshes"), (0.8, "enclosing")):
+            tell(fraction, message)
+            expect(page.get_by_role("status")).to_have_text(f"{100 * fraction:.0f} %: {message}")
+            expect(bar).to_have_js_property("value", round(100 * fraction))
+    finally:
+        lab.fake.preparation = READY
+    page.wait_for_selector("[data-ready=true]", timeout=120_000)
+    assert "robot=boxes&show=robot" in page.url, "what the address asked for is kept"
+
+
+def test_a_viewer_without_room_says_which_limit_is_met(tab: Tab) -> None:
+    detail = "You have 16 3D views open in browsers. Close one of those tabs, then load this page again."
+    problem = {"title": "Too Many Requests", "status": 429, "code": "scene-limit", "detail": detail}
+    tab.page.route("**/open", lambda route: route.fulfill(status=429, json=problem))
+    page = tab.go("/view/?robot=boxes")
+    expect(page.locator("[data-veil]")).to_have_text(detail)
+    expect(page.locator("iframe")).to_have_count(0)
+    tab.missteps.clear()  # the browser logs the 429

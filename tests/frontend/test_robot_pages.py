@@ -8,7 +8,7 @@ import pytest
 
 from stridelab.schemas.robots import RobotPreparation
 from support import fake_reach
-from support.fake_service import FakeService
+from support.fake_service import READY, FakeService
 
 Browse = Callable[[str], httpx.Response]
 
@@ -137,20 +137,21 @@ def test_a_viewer_whose_robot_is_being_prepared_tells_how_far_it_is(fake: FakeSe
     scenario = fake.add_scenario()
     plan = fake.add_plan(scenario)
     for address in ("/view/?robot=boxes", f"/view/?scenario={scenario.id}", f"/view/?plan={plan.id}"):
-        fake.preparations.append(RobotPreparation(state="preparing", fraction=0.418, message="thinning out its meshes"))
+        fake.preparation = RobotPreparation(state="preparing", fraction=0.418, message="thinning out its meshes")
         waiting = browse(address)
         assert waiting.status_code == 200
         assert 'data-preparing="boxes"' in waiting.text
         assert 'max="100" value="41"' in waiting.text
         assert "41 %: thinning out its meshes" in texts(waiting.text)
         assert "<iframe" not in waiting.text, "no scene is asked for before it can be built"
+        fake.preparation = READY
         ready = browse(address).text
         assert "<iframe" in ready
         assert "data-preparing" not in ready
 
 
 def test_a_viewer_whose_robot_cannot_be_prepared_says_why_at_once(fake: FakeService, browse: Browse) -> None:
-    fake.preparations.append(RobotPreparation(state="failed", fraction=0.0, message="Its data is missing."))
+    fake.preparation = RobotPreparation(state="failed", fraction=0.0, message="Its data is missing.")
     fake.robot_refusal = (503, "robot-data-missing", "Its data is missing.")
     answer = browse("/view/?robot=boxes")
     assert answer.status_code == 503

@@ -40,6 +40,9 @@ from support.fake_walk import (
 _NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
 
 
+READY = RobotPreparation(state="ready", fraction=1.0, message="ready")
+
+
 class Loop(httpx.BaseTransport):
     """Asks an ASGI app from code that waits; one event loop per request."""
 
@@ -77,7 +80,7 @@ class FakeService:
         self.measures: list[Measure] = list(fake_reach.MEASURES)
         self.stale_measures: list[Measure] = []
         self.robot_refusal: tuple[int, str, str] | None = None
-        self.preparations: list[RobotPreparation] = []
+        self.preparation = READY
         self.step_s = step_s
         self.tracks = tracks_parquet()
         self.com = com_parquet()
@@ -367,10 +370,7 @@ class FakeService:
         return _answer(fake_planner.robot(self.measures, self.stale_measures).model_dump(mode="json"))
 
     async def _preparation(self, _: Request) -> Response:
-        """What is left of ``preparations``, one per question; ready after that."""
-        if self.preparations:
-            return _answer(self.preparations.pop(0).model_dump(mode="json"))
-        return _answer(RobotPreparation(state="ready", fraction=1.0, message="ready").model_dump(mode="json"))
+        return _answer(self.preparation.model_dump(mode="json"))
 
     async def _reachability(self, request: Request) -> Response:
         measure = request.query_params.get("measure", "uniform")

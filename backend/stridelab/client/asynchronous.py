@@ -190,7 +190,7 @@ class AsyncClient:
         return await self._send(calls.robots())
 
     async def robot(self, name: str) -> RobotFacts:
-        """Facts of one robot; the first question takes a few seconds."""
+        """Facts of one robot; those of one that is not prepared yet take a few seconds."""
         return await self._send(calls.robot(name))
 
     async def robot_preparation(self, name: str) -> RobotPreparation:

@@ -185,7 +185,7 @@ class Client:
         return self._send(calls.robots())
 
     def robot(self, name: str) -> RobotFacts:
-        """Facts of one robot; the first question takes a few seconds."""
+        """Facts of one robot; those of one that is not prepared yet take a few seconds."""
         return self._send(calls.robot(name))
 
     def robot_preparation(self, name: str) -> RobotPreparation:

@@ -54,7 +54,7 @@ async def list_robots(parts: AppParts) -> Page[RobotSummary]:
 async def get_robot(parts: AppParts, name: str) -> RobotFacts:
     """Mass, effectors, reference posture, limits, and how well the reach of each effector is known.
 
-    The first question loads the robot, which takes a few seconds.
+    Of a robot that is not prepared yet the answer waits until the robot is loaded, a few seconds.
     """
     return await parts.robots.facts(known_name(name))
 

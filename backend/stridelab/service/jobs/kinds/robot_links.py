@@ -1,6 +1,6 @@
 """What a robot looks like, for the viewer: one named mesh per moving link, as binary glTF.
 
-Runs in a killable child of ``GET /robots/{name}/links``, when the meshes are first asked for.
+Runs in a killable child of the web server: at the first start of a service, or when the meshes are asked for before.
 """
 
 from pathlib import Path
