@@ -10,7 +10,6 @@ from stridelab.schemas.robots import RobotPreparation
 from stridelab_web.reach_places import reach_places
 from support import fake_planner, fake_reach
 from support.fake_lab import Lab
-from support.fake_service import READY
 from support.scene_view import nodes, opened, until
 from support.tab import Tab
 
@@ -155,7 +154,7 @@ def test_a_robot_that_is_being_prepared_tells_how_far_it_is_and_then_opens_by_it
             expect(page.get_by_role("status")).to_have_text(f"{100 * fraction:.0f} %: {message}")
             expect(bar).to_have_js_property("value", round(100 * fraction))
     finally:
-        lab.fake.preparation = READY
+        lab.fake.preparation = fake_planner.READY
     page.wait_for_selector("[data-ready=true]", timeout=120_000)
     assert "robot=boxes&show=robot" in page.url, "what the address asked for is kept"
 

@@ -7,8 +7,8 @@ import httpx
 import pytest
 
 from stridelab.schemas.robots import RobotPreparation
-from support import fake_reach
-from support.fake_service import READY, FakeService
+from support import fake_planner, fake_reach
+from support.fake_service import FakeService
 
 Browse = Callable[[str], httpx.Response]
 
@@ -144,7 +144,7 @@ def test_a_viewer_whose_robot_is_being_prepared_tells_how_far_it_is(fake: FakeSe
         assert 'max="100" value="41"' in waiting.text
         assert "41 %: thinning out its meshes" in texts(waiting.text)
         assert "<iframe" not in waiting.text, "no scene is asked for before it can be built"
-        fake.preparation = READY
+        fake.preparation = fake_planner.READY
         ready = browse(address).text
         assert "<iframe" in ready
         assert "data-preparing" not in ready

@@ -29,7 +29,7 @@ from stridelab.schemas.plans import (
     ReplaySummary,
 )
 from stridelab.schemas.receding import PlanRecedingSummary
-from stridelab.schemas.robots import LinkPose, Measure, RobotEffector, RobotFacts, RobotSummary
+from stridelab.schemas.robots import LinkPose, Measure, RobotEffector, RobotFacts, RobotPreparation, RobotSummary
 from stridelab.schemas.scenarios import (
     BoxSurface,
     ContactMargin,
@@ -65,6 +65,9 @@ PASSES = [
     AgreementPass(mismatch_max_nms=0.75, mismatch_rms_nms=0.25, solve_time_s=0.004),
 ]
 _NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
+
+
+READY = RobotPreparation(state="ready", fraction=1.0, message="ready")
 
 
 def scenario(name: str = "Two steps", robot: str = "boxes") -> Scenario:

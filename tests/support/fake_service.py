@@ -21,7 +21,7 @@ from stridelab.schemas.jobs import Artifact, Job, JobEvent, JobResult, Progress
 from stridelab.schemas.plans import StoppedMotion
 from stridelab.schemas.previews import SolverFacts, Solvers
 from stridelab.schemas.recordings import PlateInfo, Recording, SubjectFields
-from stridelab.schemas.robots import Measure, RobotPreparation
+from stridelab.schemas.robots import Measure
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab.schemas.service import Health
 from support import fake_comparison, fake_planner, fake_population, fake_reach, fake_wheel
@@ -34,13 +34,11 @@ from support.fake_walk import (
     SUMMARY,
     WINDOW_S,
     com_parquet,
+    corners,
     tracks_parquet,
 )
 
 _NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
-
-
-READY = RobotPreparation(state="ready", fraction=1.0, message="ready")
 
 
 class Loop(httpx.BaseTransport):
@@ -80,7 +78,7 @@ class FakeService:
         self.measures: list[Measure] = list(fake_reach.MEASURES)
         self.stale_measures: list[Measure] = []
         self.robot_refusal: tuple[int, str, str] | None = None
-        self.preparation = READY
+        self.preparation = fake_planner.READY
         self.step_s = step_s
         self.tracks = tracks_parquet()
         self.com = com_parquet()
@@ -93,8 +91,8 @@ class FakeService:
             marker_set=fields.pop("marker_set", "plug-in-gait"), n_markers=len(LABELS),
             subject=fields.pop("subject", SubjectFields(height_m=1.71, sex="female")), mass_from_force_kg=60.2,
             plates=[
-                PlateInfo(index=1, type=2, corners_m=_corners(1.2, 0.1), loaded_s=[(0.6, 1.6)]),
-                PlateInfo(index=2, type=2, corners_m=_corners(2.0, -0.1), loaded_s=[(1.4, 2.4)]),
+                PlateInfo(index=1, type=2, corners_m=corners(1.2, 0.1), loaded_s=[(0.6, 1.6)]),
+                PlateInfo(index=2, type=2, corners_m=corners(2.0, -0.1), loaded_s=[(1.4, 2.4)]),
             ],
             windows_s=[WINDOW_S], up_axis="+z", walking_direction=[1.0, 0.0, 0.0], labels=list(LABELS),
             landmarks=LANDMARKS, missing_landmarks=["l_mt2", "r_mt2"], marker_map={},
@@ -390,10 +388,6 @@ class FakeService:
             return Response(fake_reach.job_file(), media_type="application/json")
         content = self.wheel if request.path_params["name"] == "wheel.parquet" else self.com
         return Response(content, media_type="application/vnd.apache.parquet")
-
-
-def _corners(x: float, y: float) -> list[list[float]]:
-    return [[x + a, y + b, 0.0] for a, b in ((0.25, 0.2), (-0.25, 0.2), (-0.25, -0.2), (0.25, -0.2))]
 
 
 def _answer(value: Any, status: int = 200) -> Response:

@@ -94,3 +94,8 @@ SUMMARY = {
     "diagnostics": {"marker_mm": 0.336, "momentum_about_walk_nms": 0.62},
     "warnings": [{"code": "arms-missing", "message": "Arms have no markers; they are taken to hang."}],
 }  # fmt: skip
+
+
+def corners(x: float, y: float) -> list[list[float]]:
+    """Corners of a force plate around (x, y), in m."""
+    return [[x + a, y + b, 0.0] for a, b in ((0.25, 0.2), (-0.25, 0.2), (-0.25, -0.2), (0.25, -0.2))]

@@ -54,6 +54,18 @@ def describe(task: dict[str, Any], _folder: Path, progress: Any) -> dict[str, An
     return {"summary": FACTS, "references": [], "artifacts": []}
 
 
+def describe_nicely(_task: dict[str, Any], _folder: Path, _progress: Any) -> dict[str, Any]:
+    """A robot of which nothing was learned; notes the child's niceness."""
+    _note(str(os.nice(0)))
+    return {"summary": {**FACTS, "measures": []}, "references": [], "artifacts": []}
+
+
+def draw_nicely(_task: dict[str, Any], folder: Path, _progress: Any) -> dict[str, Any]:
+    _note(str(os.nice(0)))
+    (folder / "links.glb").write_bytes(GLB)
+    return {"summary": {}, "references": [], "artifacts": []}
+
+
 def describe_changed(_task: dict[str, Any], _folder: Path, _progress: Any) -> dict[str, Any]:
     """A robot whose densities were learned on another description."""
     return {"summary": {**FACTS, "measures": [], "stale_measures": ["uniform"]}, "references": [], "artifacts": []}

@@ -2,7 +2,6 @@
 
 import asyncio
 import json
-import shutil
 import struct
 import time
 from collections.abc import Iterator
@@ -13,14 +12,14 @@ from pathlib import Path
 import httpx
 import pytest
 
-from stridelab.robots import card, data_files
-from stridelab.service.api.robots import catalogue, source_hash
+from stridelab.robots import card
+from stridelab.service.api.robots import catalogue
 from stridelab.service.api.robots import shelf as shelf_module
-from stridelab.service.api.robots.children import RobotChildren
 from stridelab.service.api.robots.shelf import RobotShelf
 from stridelab.service.api.robots.source_hash import source_sha256
 from stridelab.service.api.scenarios.examples import ONE_STEP
 from stridelab.service.jobs.isolated import IsolatedPool
+from stridelab.service.niceness import NICENESS
 from support.answers import refusal
 from support.interface import Served
 from support.robot_children import FACTS, GLB, REACH
@@ -285,6 +284,18 @@ def test_robots_are_prepared_one_after_the_other_and_what_fails_costs_nothing(
     assert diary.read_text() == told
 
 
+def test_children_yield_the_processor_until_somebody_waits_for_them(
+    http: httpx.Client, stubbed: Served, diary: Path
+) -> None:
+    shelve(stubbed, describe="support.robot_children:describe_nicely", draw="support.robot_children:draw_nicely")
+    stubbed.run(stubbed.parts.robots.warm(["talos"]))
+    while http.get(f"{ROBOTS}/g1/preparation").json()["state"] == "preparing":
+        time.sleep(0.05)
+    warmed, drawn, asked, also = (int(line) for line in diary.read_text().splitlines())
+    assert (warmed, asked) == (drawn, also)
+    assert warmed - asked == NICENESS
+
+
 def test_a_service_that_starts_again_makes_nothing_anew(http: httpx.Client, stubbed: Served, diary: Path) -> None:
     stubbed.run(stubbed.parts.robots.warm(["talos"]))
     paths = (f"{ROBOTS}/talos", f"{ROBOTS}/talos/links", f"{ROBOTS}/talos/reachability")
@@ -353,45 +364,3 @@ def test_a_preparation_that_fails_says_why_and_is_tried_again_later(
 def test_the_preparation_of_an_unknown_robot_is_refused(http: httpx.Client, stubbed: Served, diary: Path) -> None:
     assert refusal(http.get(f"{ROBOTS}/nao/preparation")) == (404, "robot-not-found")
     assert diary.read_text() == ""
-
-
-def test_the_libraries_leave_memory_when_nothing_is_made(tmp_path: Path, diary: Path) -> None:
-    async def work() -> tuple[list[bool], str]:
-        pool = IsolatedPool()
-        children = RobotChildren(pool, tmp_path, 500, rest_s=0.4)
-        alive = []
-
-        async def describe() -> str:
-            async with children.run(STUBS["describe"], {"robot": "talos"}, 30.0, lambda *_: None) as (value, _):
-                alive.append(pool._nursery is not None)
-                return str(value["summary"]["name"])
-
-        await asyncio.gather(describe(), describe())
-        while pool._nursery is not None:
-            await asyncio.sleep(0.05)
-        name = await describe()
-        await children.aclose()
-        return [*alive, pool._nursery is not None], name
-
-    assert asyncio.run(work()) == ([True, True, True, False], "talos")
-
-
-def test_the_hash_names_all_that_the_files_are_made_from(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    models = tmp_path / "models"
-    shutil.copytree(card.models_dir() / "robots", models / "robots")
-    shutil.copytree(card.models_dir() / "reachability" / "hrp2", models / "reachability" / "hrp2")
-    for module in (card, data_files, source_hash):
-        monkeypatch.setattr(module, "models_dir", lambda: models)
-    first = source_sha256("hrp2")
-    assert first == source_sha256("hrp2")
-    mesh = source_hash._meshes(data_files.data_files(card.robot_card("hrp2")))
-    changed = [next(models.rglob("hrp2*.urdf")), models / "robots" / "hrp2.toml", *mesh]
-    changed += list((models / "reachability" / "hrp2").iterdir())
-    for path in changed:
-        before = path.read_bytes()
-        path.write_bytes(before + b"\n")
-        assert source_sha256("hrp2") != first, path.name
-        path.write_bytes(before)
-    assert source_sha256("hrp2") == first
-    monkeypatch.setattr(source_hash, "EDITION", 0)
-    assert source_sha256("hrp2") != first

@@ -39,9 +39,11 @@ class RobotChildren:
 
     @asynccontextmanager
     async def run(
-        self, target: str, task: dict[str, str], timeout_s: float, progress: Progress
+        self, target: str, task: dict[str, str], timeout_s: float, progress: Progress, *, yields: bool = False
     ) -> AsyncIterator[tuple[dict[str, Any], Path]]:
         """What ``target`` returned for ``task``, and the folder with the files that it left, for a moment.
+
+        The child has low priority where it ``yields``: nobody waits for it.
 
         Raises what the child raised, or ``Unavailable`` (``robot-not-loaded``) where it ended otherwise.
         """
@@ -51,7 +53,13 @@ class RobotChildren:
                 async with self._closing:  # whoever closes the pool is done with it
                     pass
                 outcome = await self._pool.run(
-                    target, task, Path(folder), timeout_s=timeout_s, memory_mb=self._memory_mb, on_progress=progress
+                    target,
+                    task,
+                    Path(folder),
+                    timeout_s=timeout_s,
+                    memory_mb=self._memory_mb,
+                    on_progress=progress,
+                    yields=yields,
                 )
             finally:
                 self._end()

@@ -10,17 +10,17 @@ import gzip
 import time
 import zlib
 from collections.abc import Awaitable, Callable, Iterable
-from contextlib import suppress
+from contextlib import AbstractAsyncContextManager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import structlog
 from pydantic import ValidationError
 
 from stridelab.errors import NotFound, StridelabError, Unavailable
 from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation
-from stridelab.service.api.robots.children import DESCRIBE, LINKS, REACH, RobotChildren
+from stridelab.service.api.robots.children import DESCRIBE, LINKS, REACH, Progress, RobotChildren
 from stridelab.service.api.robots.once import Once
 from stridelab.service.api.robots.source_hash import source_sha256
 from stridelab.service.jobs.isolated import IsolatedPool
@@ -61,6 +61,7 @@ class RobotShelf:
     _prepared: Once[str | None] = field(default_factory=lambda: Once(keep=False))
     _ready: set[str] = field(default_factory=set)
     _progress: dict[str, tuple[float, str]] = field(default_factory=dict)
+    _unasked: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
         self._children = RobotChildren(self.pool, self.spool, self.memory_mb)
@@ -77,7 +78,7 @@ class RobotShelf:
             with suppress(ValidationError):  # nothing is stored, or it is damaged
                 return RobotFacts.model_validate_json(await self._stored(key) or b"")
             told = self._telling(name, 0.0, DESCRIBED)
-            async with self._children.run(self.describe, {"robot": name}, DESCRIBE_TIMEOUT_S, told) as (value, folder):
+            async with self._child(self.describe, {"robot": name}, DESCRIBE_TIMEOUT_S, told) as (value, folder):
                 found = RobotFacts.model_validate(value["summary"])
                 await self._store(key, folder / FACTS_FILE, found.model_dump_json().encode())
                 return found
@@ -100,7 +101,7 @@ class RobotShelf:
             found = await self.blobs.info(key)
             if found is None:
                 told = self._telling(name, DESCRIBED, DRAWN)
-                async with self._children.run(self.draw, {"robot": name}, LINKS_TIMEOUT_S, told) as (_, folder):
+                async with self._child(self.draw, {"robot": name}, LINKS_TIMEOUT_S, told) as (_, folder):
                     await self.blobs.put_file(key, folder / LINKS_FILE)
                 found = await self.blobs.info(key)
             if found is None:
@@ -138,7 +139,7 @@ class RobotShelf:
             k, step = known.measures.index(wanted), (1.0 - DRAWN) / len(known.measures)
             told = self._telling(name, DRAWN + k * step, DRAWN + (k + 1) * step)
             task = {"robot": name, "measure": wanted}
-            async with self._children.run(self.enclose, task, REACH_TIMEOUT_S, told) as (_, folder):
+            async with self._child(self.enclose, task, REACH_TIMEOUT_S, told) as (_, folder):
                 made = (folder / REACH_FILE).read_bytes()
                 await self._store(key, folder / REACH_FILE, made)
                 return made
@@ -164,6 +165,7 @@ class RobotShelf:
 
     async def preparation(self, name: str) -> RobotPreparation:
         """How far the files of a known robot are; the first question begins to make what is missing."""
+        self._unasked.discard(name)
         waiting = asyncio.ensure_future(self.prepare(name))
         done, _ = await asyncio.wait({waiting}, timeout=SHORTLY_S)
         if not done:
@@ -176,9 +178,16 @@ class RobotShelf:
         return RobotPreparation(state="failed", fraction=0.0, message=reason)
 
     async def warm(self, names: Iterable[str]) -> None:
-        """Prepare robots one after the other; what fails is told to whoever asks for it."""
+        """Prepare robots one after the other; what fails is told to whoever asks for it.
+
+        The children of a robot have low priority until somebody asks for its preparation.
+        """
         for name in names:
-            await self.prepare(name)
+            self._unasked.add(name)
+            try:
+                await self.prepare(name)
+            finally:
+                self._unasked.discard(name)
 
     async def aclose(self) -> None:
         """End the children that are still at work."""
@@ -224,7 +233,12 @@ class RobotShelf:
         except Unavailable as error:
             log.warning("robot file not stored", key=key, error=error.message)
 
-    def _telling(self, name: str, start: float, end: float) -> Callable[[float, str], None]:
+    def _child(
+        self, target: str, task: dict[str, str], timeout_s: float, progress: Progress
+    ) -> AbstractAsyncContextManager[tuple[dict[str, Any], Path]]:
+        return self._children.run(target, task, timeout_s, progress, yields=task["robot"] in self._unasked)
+
+    def _telling(self, name: str, start: float, end: float) -> Progress:
         """Takes the progress of one step, which is the share from ``start`` to ``end`` of the preparation."""
 
         def tell(fraction: float, message: str) -> None:
