@@ -23,8 +23,8 @@ from stridelab_web.documents import KEY_HEADER, REFUSAL_HEADER, USER_HEADER, Doc
 from stridelab_web.service import client_of
 
 OPENING_S = 120.0
-STARTING_TRIES = 6
-"""A viewer that is still starting refuses connections: so many more are tried, over some 15 seconds."""
+STARTING_TRIES = 7
+"""A viewer that is still starting refuses connections: so many more are tried, over some 30 seconds."""
 SHARE_MESSAGE = b"ShareUrl"
 """Type name inside the messages that ask viser for a tunnel through a server outside."""
 

@@ -75,13 +75,11 @@ class FakeService:
         self.comparisons: dict[str, tuple[bool, dict[str, bytes]]] = {}
         self.wheel = fake_wheel.wheel_parquet()
         self.failing: Problem | None = None
-        self.measures: list[Measure] = list(fake_reach.MEASURES)
-        self.stale_measures: list[Measure] = []
+        self.measures, self.stale_measures = list[Measure](fake_reach.MEASURES), list[Measure]()
         self.robot_refusal: tuple[int, str, str] | None = None
         self.preparation = fake_planner.READY
         self.step_s = step_s
-        self.tracks = tracks_parquet()
-        self.com = com_parquet()
+        self.tracks, self.com = tracks_parquet(), com_parquet()
 
     def add_recording(self, filename: str = "walk.c3d", **fields: Any) -> Recording:
         """A recording that parsed well."""
