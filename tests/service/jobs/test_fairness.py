@@ -176,3 +176,26 @@ def test_a_delivery_whose_job_was_deleted_is_handed_out_and_leads_nowhere(queue:
         assert await made.consumer.fetch(LANES) is None
 
     queue(act)
+
+
+@pytest.mark.parametrize("how", ["its worker died", "its worker left", "its process was killed"])
+def test_a_job_that_comes_back_keeps_its_place(queue: Any, how: str) -> None:
+    """Before jobs that were submitted later, one's own and those of owners who are served in turn."""
+
+    async def act(made: Queue) -> None:
+        first, second = await made.submit("anna"), await made.submit("anna")
+        assert await made.fetch() == first
+        await made.submit("ben")
+        delivery, attempt = made.held.pop(first)
+        if how == "its worker died":
+            await made.consumer.sign_off()
+            assert await made.attempts.reap(None) == [first]
+        else:
+            assert await made.attempts.hand_back(attempt, counts=how == "its process was killed")
+            await made.consumer.finish(delivery)
+        made.waiting["anna"].insert(0, first)
+        assert (await made.store.get(first)).queue_position == 1
+        assert (await made.store.get(second)).queue_position == 3
+        assert await made.fetch() == first
+
+    queue(act)

@@ -228,7 +228,6 @@ class JobMachine(RuleBasedStateMachine):
             model = self.models[held.job_id]
             model.state, model.holder, model.carried = "queued", None, False
             model.returned += 1
-            model.order = self.count = self.count + 1
         self._let_go(held)
 
     def _let_go(self, held: Held) -> None:
@@ -272,7 +271,6 @@ class JobMachine(RuleBasedStateMachine):
                 model.state, model.error = "failed", "worker-died"
             else:
                 model.state, model.holder = "queued", None
-                model.order = self.count = self.count + 1
 
     # -- what always holds ------------------------------------------------------------------------------------------
 

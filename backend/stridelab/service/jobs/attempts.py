@@ -191,6 +191,7 @@ class Attempts:
                 state="queued",
                 returned=job.c.returned + (0 if counts else 1),
                 queue_id=queue_id,
+                started_at=None,
                 fraction=0.0,
                 message="its process was killed; waiting again" if counts else "waiting again",
             )
@@ -232,7 +233,9 @@ class Attempts:
             }
             return {"state": "failed", "finished_at": func.now(), "message": "failed", "error": problem}
         again = await self._deliver_again(connection, row)
-        return {"state": "queued", "queue_id": again, "fraction": 0.0, "message": "its worker was lost; waiting again"}
+        # a lost start does not count as the owner's turn (``consumer``)
+        waiting = {"state": "queued", "queue_id": again, "started_at": None, "fraction": 0.0}
+        return {**waiting, "message": "its worker was lost; waiting again"}
 
     async def _deliver_again(self, connection: AsyncConnection, row: Mapping[str, Any]) -> int:
         await queue.retire(connection, row["queue_id"])

@@ -2,8 +2,8 @@
 
 A free slot goes to the owner with the fewest jobs in workers' hands, among several to the one whose last job was
 started longest ago. So whoever has one job waiting and none in hand waits for at most one job of every other owner,
-however many these have waiting. Priority, then age, order the jobs of one owner; all jobs without an owner have the
-same one. Workers that fetch at the same moment know nothing of each other's choice: each may be ahead by one job.
+however many these have waiting. Priority, then the time of submission, order the jobs of one owner, so that a job
+taken from a dead worker keeps its place; all jobs without an owner have the same one. Workers that fetch at the same moment know nothing of each other's choice: each may be ahead by one job.
 """
 
 import asyncio
@@ -23,7 +23,7 @@ DATABASE_IS_AWAY: Final = (OperationalError, InterfaceError, DriverError, Connec
 """What a database that does not answer looks like, by whichever way it was asked."""
 _FETCH = """
     WITH held AS (
-        SELECT q.id, q.status, coalesce(j.owner, '') AS owner
+        SELECT q.id, q.status, coalesce(j.owner, '') AS owner, j.created_at
           FROM procrastinate_jobs q LEFT JOIN job j ON j.id = q.args ->> 'job_id'
          WHERE q.status IN ('todo', 'doing')
     ), share AS (
@@ -33,7 +33,7 @@ _FETCH = """
     ), next AS (
         SELECT q.id FROM procrastinate_jobs q JOIN held USING (id) JOIN share USING (owner)
          WHERE q.status = 'todo' AND q.queue_name = ANY(%(lanes)s)
-         ORDER BY share.in_hand, share.served_at NULLS FIRST, q.priority DESC, q.id
+         ORDER BY share.in_hand, share.served_at NULLS FIRST, q.priority DESC, held.created_at, q.id
          LIMIT 1 FOR UPDATE OF q SKIP LOCKED
     )
     UPDATE procrastinate_jobs q SET status = 'doing', worker_id = %(worker)s

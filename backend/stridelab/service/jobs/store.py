@@ -305,10 +305,12 @@ def _unknown_reference(error: IntegrityError, recording_id: str | None, scenario
 
 def _shown() -> Select[Any]:
     """A job with its place in the queue, as if every owner with waiting jobs were served in turn (``consumer``)."""
-    order = (job.c.priority.desc(), job.c.queue_id)
+    order = (job.c.priority.desc(), job.c.created_at, job.c.queue_id)
     turn = func.row_number().over(partition_by=job.c.owner, order_by=order).label("turn")
-    waiting = select(job.c.id, job.c.priority, job.c.queue_id, turn).where(job.c.state == "queued").subquery()
-    place = func.row_number().over(order_by=(waiting.c.turn, waiting.c.priority.desc(), waiting.c.queue_id))
+    columns = (job.c.id, job.c.priority, job.c.created_at, job.c.queue_id)
+    waiting = select(*columns, turn).where(job.c.state == "queued").subquery()
+    order_by = (waiting.c.turn, waiting.c.priority.desc(), waiting.c.created_at, waiting.c.queue_id)
+    place = func.row_number().over(order_by=order_by)
     # found out once for all rows, and not at all where none of them is waiting
     placed = select(waiting.c.id, place.label("place")).cte("placed").prefix_with("MATERIALIZED")
     position = select(placed.c.place).where(placed.c.id == job.c.id).scalar_subquery()
