@@ -28,6 +28,9 @@ def backup(
 def restore(
     file: Annotated[Path, typer.Argument(help="A backup.")],
     replace: Replace = False,
+    with_tokens: Annotated[
+        bool, typer.Option("--with-tokens", help="Put the backup's API tokens in the place of those that are there.")
+    ] = False,
 ) -> None:
     """Put a backup in the place of what the service holds; all of it or nothing. The service must not run."""
     from stridelab.service.backup.archive import open_archive
@@ -39,8 +42,10 @@ def restore(
         open_archive(file, bar) as archive,  # before a database is made for it
         place(read_settings(), alone=True, create=True) as there,
     ):
-        taken = run(archive, there, replace=replace, on_progress=bar)
+        taken = run(archive, there, with_tokens=with_tokens, replace=replace, on_progress=bar)
     out.print(f"restored {_told(taken.rows, taken.files, taken.bytes)}")
+    if taken.rows.get("token") and not with_tokens:
+        out.print("The API tokens of the backup were not restored; --with-tokens restores them.")
     _tell_missing(taken.missing)
 
 

@@ -33,8 +33,8 @@ def empty(postgres: TestDatabases) -> Iterator[str]:
 def put_back(tmp_path: Path) -> Callable[..., Taken]:
     """Restore a backup into a database and the folder ``blobs`` of the test."""
 
-    def run(path: Path, url: str, *, replace: bool = False) -> Taken:
+    def run(path: Path, url: str, **options: bool) -> Taken:
         with open_archive(path) as archive:
-            return restore(archive, Place(url, (tmp_path / "blobs").as_uri(), {}), replace=replace)
+            return restore(archive, Place(url, (tmp_path / "blobs").as_uri(), {}), **options)
 
     return run

@@ -207,3 +207,34 @@ def test_rows_alone_do_not_restore_files(database_url: str, empty: str, put_back
     take(database_url, None, tmp_path / "rows")
     with pytest.raises(UnreadableFile, match="no files"):
         put_back(tmp_path / "rows", empty)
+
+
+def _add_token(url: str, name: str) -> None:
+    with psycopg.connect(url) as connection:
+        connection.execute(
+            "INSERT INTO token (id, name, scope, token_hash) VALUES (%s, %s, 'admin', %s)", (name, name, f"hash of {name}")
+        )
+
+
+def _tokens(url: str) -> list[str]:
+    with psycopg.connect(url) as connection:
+        return [name for (name,) in connection.execute("SELECT name FROM token ORDER BY name")]
+
+
+@pytest.mark.parametrize(("options", "there"), [({}, ["own"]), ({"with_tokens": True}, ["theirs"])])
+def test_tokens_of_a_backup_come_back_only_when_that_was_said(
+    postgres: TestDatabases,
+    database_url: str,
+    put_back: PutBack,
+    tmp_path: Path,
+    options: dict[str, bool],
+    there: list[str],
+) -> None:
+    with postgres.fresh() as url:
+        fill(url, tmp_path / "source")
+        _add_token(url, "theirs")
+        take(url, of(tmp_path / "source"), tmp_path / "lab.backup")
+    _add_token(database_url, "own")
+    put_back(tmp_path / "lab.backup", database_url, **options)
+    assert _tokens(database_url) == there
+    assert len(rows(database_url)["recording"]) == 2

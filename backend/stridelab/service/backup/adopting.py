@@ -33,7 +33,9 @@ def adopt(folder: Path, settings: Settings, *, replace: bool = False, on_progres
         take(source.database_url, None if kept else source.store(), archive, on_progress=on_progress)
         with open_archive(archive, on_progress) as opened:
             target = Place(str(settings.database_dsn), settings.blob_address, settings.blob_options)
-            return restore(opened, target, with_files=not kept, replace=replace, on_progress=on_progress)
+            return restore(
+                opened, target, with_files=not kept, with_tokens=True, replace=replace, on_progress=on_progress
+            )
 
 
 def _own_store(folder: Path, settings: Settings) -> str | None:

@@ -24,6 +24,7 @@ from stridelab.service.backup.taking import Taken
 from stridelab.service.bundled import SHIPPED_JOBS
 from stridelab.service.storage.migrating import engine_of, migrate, revisions, upgrade_on
 from stridelab.service.storage.publication import Publication
+from stridelab.service.storage.tables import token
 
 _STAGE: Final = "stridelab_restore"
 _SPARE_BYTES: Final = 50_000_000
@@ -47,12 +48,14 @@ def restore(
     target: Place,
     *,
     with_files: bool = True,
+    with_tokens: bool = False,
     replace: bool = False,
     on_progress: Progress = silent,
 ) -> Taken:
     """Put a backup, checked by ``open_archive``, in the place of what ``target`` holds; returns what it held.
 
-    Without ``with_files``, the files stay where they are.
+    Without ``with_files``, the files stay where they are. Without ``with_tokens``, API tokens stay those of
+    ``target``: a backup from elsewhere would bring tokens that its author knows.
 
     Raises ``Conflict``: ``service-running`` while anything else uses the database, ``restore-over-data`` where it
     holds more than the samples and ``replace`` was not said; ``UnreadableFile`` (``backup-damaged``,
@@ -75,7 +78,7 @@ def restore(
         try:
             with publication.synchronous_transaction(engine) as transaction:
                 driver: Connection = transaction.connection.driver_connection  # type: ignore[assignment]
-                named = _rows_in_place(transaction, driver, archive, replace=replace)
+                named = _rows_in_place(transaction, driver, archive, with_tokens=with_tokens, replace=replace)
                 if files is not None:
                     _put_files(files, named, archive, new, on_progress)
         except BaseException as error:
@@ -90,7 +93,7 @@ def restore(
 
 
 def _rows_in_place(
-    transaction: sqlalchemy.Connection, driver: Connection, archive: Archive, *, replace: bool
+    transaction: sqlalchemy.Connection, driver: Connection, archive: Archive, *, with_tokens: bool, replace: bool
 ) -> set[str]:
     """The rows, not yet committed; returns the keys of the files that they name."""
     driver.execute(sql.SQL("SET LOCAL lock_timeout = {}").format(sql.Literal(_WAIT_FOR_LOCKS)))
@@ -98,7 +101,7 @@ def _rows_in_place(
     if not replace:
         _refuse_data(driver)
     _stage(transaction, driver, archive)
-    _exchange(driver)
+    _exchange(driver, with_tokens=with_tokens)
     named = Rows(driver).named_files()
     manifest = archive.manifest
     lacking = named - set(manifest.files) - set(manifest.missing) if manifest.with_files else set()
@@ -153,10 +156,12 @@ def _stage(transaction: sqlalchemy.Connection, driver: Connection, archive: Arch
     driver.execute("SELECT set_config('search_path', %s, true)", home)
 
 
-def _exchange(driver: Connection) -> None:
+def _exchange(driver: Connection, *, with_tokens: bool) -> None:
     """The staged rows take the place of those in the tables."""
     rows = Rows(driver)
     tables = rows.tables()
+    if not with_tokens:
+        del tables[token.name]
     with rows.without_references(list(tables)):
         driver.execute(sql.SQL("TRUNCATE {}").format(sql.SQL(", ").join(map(sql.Identifier, tables))))
         driver.execute("DELETE FROM procrastinate_jobs")
