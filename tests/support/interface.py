@@ -55,7 +55,7 @@ class Served:
         """Keys of all stored files, and what lies in the spool."""
         blobs = self.data / "blobs"
         kept = {str(path.relative_to(blobs)) for path in blobs.rglob("*") if path.is_file()}
-        return kept | {f"spool/{path.name}" for path in (self.data / "spool").iterdir()}
+        return kept | {f"spool/{path.name}" for path in (self.data / "spool").glob("*/files/*")}
 
 
 @contextmanager

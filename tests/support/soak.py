@@ -71,7 +71,7 @@ def look(service: Service, accepted: int) -> Sample:
         sample.computed_s = float((spent.fetchone() or (0,))[0])
     sample.blobs = sum(path.is_file() for path in (service.folder / "blobs").rglob("*"))
     # below "work", each worker has a folder of its own, and in it one for each job
-    sample.scratch = sum(1 for pattern in ("work/*/*/", "spool/*/") for _ in service.folder.glob(pattern))
+    sample.scratch = sum(1 for pattern in ("work/*/*/", "spool/*/files/*/") for _ in service.folder.glob(pattern))
     return sample
 
 

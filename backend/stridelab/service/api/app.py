@@ -1,7 +1,6 @@
 """The web application: its layers, its calls, and what it opens when it starts."""
 
 import asyncio
-import shutil
 import time
 from collections.abc import AsyncIterator, Coroutine
 from contextlib import aclosing, asynccontextmanager, suppress
@@ -40,6 +39,7 @@ from stridelab.service.jobs.board import JobBoard
 from stridelab.service.jobs.isolated import IsolatedPool
 from stridelab.service.jobs.kinds.registry import KINDS, READING
 from stridelab.service.jobs.store import JobStore
+from stridelab.service.jobs.work_folder import WorkFolder
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import database_url, make_engine
@@ -51,7 +51,6 @@ BATCHES: Final = 2
 """Bulk uploads that are parsed at the same time, beside the single ones: each may take minutes."""
 JUDGES: Final = 2
 """Scenarios that are checked at the same time."""
-STALE_SPOOL_S: Final = 3600.0
 
 
 def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
@@ -138,11 +137,11 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
             "database-not-configured",
             "STRIDELAB_DATABASE_URL is not set; `stridelab serve` starts one and sets it.",
         )
-    spool = _clean_spool(settings.data_folder / "spool")
     engine = make_engine(url)
     try:
         blobs = BlobStore.from_url(settings.blob_address, settings.blob_options)
         async with (
+            _spool(settings.data_folder / "spool") as spool,
             JobBoard(url) as board,
             IsolatedPool(READING, settings.job_niceness) as pool,
             Resident() as resident,
@@ -179,11 +178,10 @@ def _shelf(settings: Settings, blobs: BlobStore, spool: Path) -> RobotShelf:
     return RobotShelf(IsolatedPool(DRAWING, settings.job_niceness), blobs, spool, settings.job_memory_mb)
 
 
-def _clean_spool(spool: Path) -> Path:
-    """The folder for uploads on their way in, without what a killed process left there."""
-    spool.mkdir(parents=True, exist_ok=True)
-    spool.chmod(0o700)
-    for folder in spool.iterdir():
-        if time.time() - folder.stat().st_mtime > STALE_SPOOL_S:
-            shutil.rmtree(folder, ignore_errors=True)
-    return spool
+@asynccontextmanager
+async def _spool(root: Path) -> AsyncIterator[Path]:
+    """A folder of this process's own for uploads on their way in; what killed processes left there is removed."""
+    with WorkFolder(root) as own:
+        files = own / "files"
+        files.mkdir(mode=0o700)
+        yield files
