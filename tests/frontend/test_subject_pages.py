@@ -38,6 +38,22 @@ def test_the_page_of_one_lists_the_recordings_and_offers_those_of_nobody(fake: F
     assert f'href="/subjects/{person.subject_id}"' in browse(f"/recordings/{own.id}").text
 
 
+def test_recordings_of_a_person_and_of_nobody_are_offered_page_by_page(fake: FakeService, browse: Browse) -> None:
+    person = fake.subjects.add()
+    own = [fake.add_recording(f"own {n}.c3d").id for n in range(53)]
+    for recording_id in own:
+        give(fake, recording_id, person.subject_id)
+    free = [fake.add_recording(f"free {n}.c3d").id for n in range(53)]
+    address = f"/subjects/{person.subject_id}"
+    first = browse(address).text
+    assert re.findall(r'name="recording" value="(\w+)"', first) == own[:2:-1]
+    assert re.findall(r'<option value="(\w+)"', first.partition("data-link")[2]) == free[:2:-1]
+    (older,) = re.findall(rf'href="({address}\?cursor=[^"]+)"', first)
+    assert re.findall(r'name="recording" value="(\w+)"', browse(older).text) == own[2::-1]
+    (others,) = re.findall(rf'href="({address}\?others=[^"]+)"', first)
+    assert re.findall(r'<option value="(\w+)"', browse(others).text.partition("data-link")[2]) == free[2::-1]
+
+
 def test_a_pseudonym_is_text_and_never_markup(fake: FakeService, browse: Browse) -> None:
     person = fake.subjects.add("<script>alert(1)</script>")
     give(fake, (recording := fake.add_recording()).id, person.subject_id)

@@ -25,7 +25,7 @@ from stridelab.schemas.robots import Measure
 from stridelab.schemas.scenarios import Scenario, StoredScenario
 from stridelab.schemas.service import Health
 from support import fake_comparison, fake_planner, fake_population, fake_reach, fake_wheel
-from support.fake_subjects import FakeSubjects
+from support.fake_subjects import FakeSubjects, listed_recordings
 from support.fake_walk import (
     DURATION_S,
     LABELS,
@@ -63,7 +63,7 @@ class FakeService:
 
     def __init__(self, step_s: float = 0.05) -> None:
         self.recordings: dict[str, Recording] = {}
-        self.subjects = FakeSubjects()
+        self.subjects = FakeSubjects(self.recordings)
         self.busy: int | None = None
         self.jobs: dict[str, Job] = {}
         self.inputs: dict[str, dict[str, Any]] = {}
@@ -234,9 +234,7 @@ class FakeService:
 
     async def _recordings(self, request: Request) -> Response:
         if request.method == "GET":
-            session_id, limit = request.query_params.get("session_id"), int(request.query_params.get("limit", 50))
-            newest = [r for r in reversed(self.recordings.values()) if session_id in (None, r.session_id)]
-            return _answer({"items": [r.model_dump(mode="json") for r in newest[:limit]], "next": None})
+            return _answer(listed_recordings(self.recordings.values(), request.query_params))
         form = await request.form()
         file = form["file"]
         assert not isinstance(file, str)

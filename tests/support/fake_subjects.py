@@ -1,6 +1,7 @@
 """Subjects as the interface gives them, kept in memory."""
 
 import uuid
+from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -9,16 +10,29 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from stridelab.schemas.base import Problem
-from stridelab.schemas.recordings import Subject, SubjectInput
+from stridelab.schemas.recordings import Recording, Subject, SubjectInput
 
 _NOW = datetime(2026, 1, 2, 3, 4, tzinfo=UTC)
+
+
+def listed_recordings(kept: Iterable[Recording], query: Mapping[str, str]) -> dict[str, Any]:
+    """The page of recordings that ``query`` asks for; a cursor is the number of those before it."""
+    found = [one for one in reversed(list(kept)) if query.get("session_id") in (None, one.session_id)]
+    if "subject_id" in query:
+        found = [one for one in found if one.subject_id == query["subject_id"]]
+    if "linked" in query:
+        found = [one for one in found if (one.subject_id is not None) == (query["linked"] == "true")]
+    start, limit = int(query.get("cursor", 0)), int(query.get("limit", 50))
+    shown = [one.model_dump(mode="json") for one in found[start : start + limit]]
+    return {"items": shown, "next": str(start + limit) if len(found) > start + limit else None}
 
 
 class FakeSubjects:
     """Persons by their id."""
 
-    def __init__(self) -> None:
+    def __init__(self, recordings: Mapping[str, Recording]) -> None:
         self.kept: dict[str, Subject] = {}
+        self._recordings = recordings
 
     def add(self, name: str | None = "P07", **fields: Any) -> Subject:
         """A person."""
@@ -33,9 +47,13 @@ class FakeSubjects:
             Route(f"{root}/subjects/{{id}}", self._one, methods=["GET", "PATCH", "DELETE"]),
         ]
 
+    def _shown(self, one: Subject) -> dict[str, Any]:
+        linked = sum(recording.subject_id == one.subject_id for recording in self._recordings.values())
+        return one.model_copy(update={"n_recordings": linked}).model_dump(mode="json")
+
     async def _all(self, request: Request) -> Response:
         if request.method == "GET":
-            newest = [one.model_dump(mode="json") for one in reversed(self.kept.values())]
+            newest = [self._shown(one) for one in reversed(self.kept.values())]
             return JSONResponse({"items": newest, "next": None})
         given = SubjectInput.model_validate(await request.json())
         return JSONResponse(self.add(**given.model_dump()).model_dump(mode="json"), 201)
@@ -51,4 +69,4 @@ class FakeSubjects:
         if request.method == "PATCH":
             given = SubjectInput.model_validate(await request.json()).model_dump(exclude_unset=True)
             self.kept[key] = self.kept[key].model_copy(update=given)
-        return JSONResponse(self.kept[key].model_dump(mode="json"))
+        return JSONResponse(self._shown(self.kept[key]))

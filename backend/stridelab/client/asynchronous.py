@@ -106,10 +106,16 @@ class AsyncClient:
         return calls.model(RecordingBatch)(response)
 
     async def recordings(
-        self, limit: int = 50, cursor: str | None = None, session_id: str | None = None
+        self,
+        limit: int = 50,
+        cursor: str | None = None,
+        session_id: str | None = None,
+        *,
+        subject_id: str | None = None,
+        linked: bool | None = None,
     ) -> Page[Recording]:
-        """One page of recordings, newest first; of one session where one is named."""
-        return await self._send(calls.recordings(limit, cursor, session_id))
+        """One page of recordings, newest first; of one session or subject, or only those with or without a subject."""
+        return await self._send(calls.recordings(limit, cursor, session_id, subject_id, linked))
 
     async def recording(self, recording_id: str) -> Recording:
         """One recording."""

@@ -82,9 +82,17 @@ def _page(path: str, page: type[T], limit: int, cursor: str | None, **filters: s
     return Call("GET", path, model(page), {name: value for name, value in params.items() if value is not None})
 
 
-def recordings(limit: int, cursor: str | None, session_id: str | None = None) -> Call[Page[Recording]]:
-    """A page of recordings, of one session where one is named."""
-    return _page(f"{API}/recordings", Page[Recording], limit, cursor, session_id=session_id)
+def recordings(
+    limit: int,
+    cursor: str | None,
+    session_id: str | None = None,
+    subject_id: str | None = None,
+    linked: bool | None = None,
+) -> Call[Page[Recording]]:
+    """A page of recordings, of one session or subject where one is named, or only those with or without a subject."""
+    filters = {"session_id": session_id, "subject_id": subject_id}
+    filters["linked"] = None if linked is None else str(linked).lower()
+    return _page(f"{API}/recordings", Page[Recording], limit, cursor, **filters)
 
 
 def recording(recording_id: str) -> Call[Recording]:

@@ -102,9 +102,17 @@ class Client:
         calls.raise_for_problem(response)
         return calls.model(RecordingBatch)(response)
 
-    def recordings(self, limit: int = 50, cursor: str | None = None, session_id: str | None = None) -> Page[Recording]:
-        """One page of recordings, newest first; of one session where one is named."""
-        return self._send(calls.recordings(limit, cursor, session_id))
+    def recordings(
+        self,
+        limit: int = 50,
+        cursor: str | None = None,
+        session_id: str | None = None,
+        *,
+        subject_id: str | None = None,
+        linked: bool | None = None,
+    ) -> Page[Recording]:
+        """One page of recordings, newest first; of one session or subject, or only those with or without a subject."""
+        return self._send(calls.recordings(limit, cursor, session_id, subject_id, linked))
 
     def recording(self, recording_id: str) -> Recording:
         """One recording."""

@@ -34,6 +34,7 @@ class Subject(SubjectFields):
 
     subject_id: str
     created_at: datetime
+    n_recordings: int = Field(default=0, description="how many recordings are linked to the subject")
 
 
 class PlateInfo(Contract):

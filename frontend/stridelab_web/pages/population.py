@@ -5,6 +5,7 @@ from typing import Any, Final
 from starlette.requests import Request
 from starlette.responses import RedirectResponse, Response
 
+from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.population import StudyPopulationSummary
@@ -44,22 +45,40 @@ async def population(request: Request) -> Response:
 
 
 async def new(request: Request) -> Response:
-    """``GET /population``: recordings to choose from, those named as ``recording=`` chosen; and the studies so far."""
+    """``GET /population``: recordings to choose from, those named as ``recording=`` chosen; and the studies so far.
+
+    ``cursor=`` names a later page of the recordings; those that were chosen are on every page.
+    """
     asked = request.query_params.getlist("recording")
     client = client_of(request)
-    found = (await client.recordings(limit=OFFERED)).items
+    listed = await client.recordings(limit=OFFERED, cursor=request.query_params.get("cursor"))
+    shown = {item.id: item for item in listed.items}
+    for recording_id in dict.fromkeys(asked):
+        if recording_id not in shown:
+            shown |= await _known(client, recording_id)
     chosen = set(asked)
-    ordered = sorted(found, key=lambda item: item.id not in chosen)
+    ordered = sorted(shown.values(), key=lambda item: item.id not in chosen)
     return page(
         request,
         "population_new.html",
         section="Population",
         recordings=ordered,
         chosen=chosen,
+        next=listed.next,
         people={item.id: _person(item) for item in ordered},
         methods=METHODS,
         jobs=(await client.jobs(kind=KIND)).items,
     )
+
+
+async def _known(client: AsyncClient, recording_id: str) -> dict[str, Recording]:
+    """One recording by its id, or nothing where it is gone."""
+    try:
+        return {recording_id: await client.recording(recording_id)}
+    except ProblemError as refusal:
+        if refusal.status != 404:
+            raise
+        return {}
 
 
 def _study(result: JobResult, asked: str) -> dict[str, Any]:

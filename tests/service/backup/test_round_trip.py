@@ -212,7 +212,8 @@ def test_rows_alone_do_not_restore_files(database_url: str, empty: str, put_back
 def _add_token(url: str, name: str) -> None:
     with psycopg.connect(url) as connection:
         connection.execute(
-            "INSERT INTO token (id, name, scope, token_hash) VALUES (%s, %s, 'admin', %s)", (name, name, f"hash of {name}")
+            "INSERT INTO token (id, name, scope, token_hash) VALUES (%s, %s, 'admin', %s)",
+            (name, name, f"hash of {name}"),
         )
 
 

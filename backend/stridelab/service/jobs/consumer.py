@@ -3,7 +3,8 @@
 A free slot goes to the owner with the fewest jobs in workers' hands, among several to the one whose last job was
 started longest ago. So whoever has one job waiting and none in hand waits for at most one job of every other owner,
 however many these have waiting. Priority, then the time of submission, order the jobs of one owner, so that a job
-taken from a dead worker keeps its place; all jobs without an owner have the same one. Workers that fetch at the same moment know nothing of each other's choice: each may be ahead by one job.
+taken from a dead worker keeps its place; all jobs without an owner have the same one. Workers that fetch at the same
+moment know nothing of each other's choice: each may be ahead by one job.
 """
 
 import asyncio

@@ -34,6 +34,7 @@ subject = Table(
     _created_at(),
     Column("owner", Text),
     Column("fields", JSONB, nullable=False, comment="SubjectFields"),
+    Index("subject_newest", "created_at", "id"),
 )
 
 recording = Table(
@@ -60,6 +61,7 @@ recording = Table(
     Index("recording_sha256", "sha256"),
     Index("recording_newest", "created_at", "id"),
     Index("recording_session", "session_id"),
+    Index("recording_subject", "subject_id", "created_at", "id"),
 )
 
 scenario = Table(

@@ -77,6 +77,8 @@ _CHANGES: Final[Any] = {
     "reset": {"summary": "Undo all switches", "value": {"plates": None, "marker_map": None}},
 }
 InSession = Annotated[str | None, Query(max_length=64, pattern=r"^[A-Za-z0-9._-]*$", description="one session alone")]
+OfSubject = Annotated[str | None, Query(max_length=64, pattern=r"^[A-Za-z0-9_-]*$", description="one subject alone")]
+Linked = Annotated[bool | None, Query(description="true: those that are linked to a subject; false: the others")]
 _UNKNOWN: Final = failures(s404="No recording with this id (`recording-not-found`).")
 _FILE: Final[dict[int | str, dict[str, Any]]] = {
     200: {"description": "The file.", "content": {OCTETS: {"schema": {"type": "string", "format": "binary"}}}}
@@ -143,10 +145,19 @@ async def upload_recordings(parts: AppParts, caller: CallerOf, request: Request)
 
 @router.get("", summary="List recordings")
 async def list_recordings(
-    parts: AppParts, session_id: InSession = None, limit: Limit = 50, cursor: Cursor = None
+    parts: AppParts,
+    session_id: InSession = None,
+    subject_id: OfSubject = None,
+    linked: Linked = None,
+    limit: Limit = 50,
+    cursor: Cursor = None,
 ) -> Page[Recording]:
-    """Recordings, newest first; with `session_id` those of one session."""
+    """Recordings, newest first; with `session_id` or `subject_id` those of one session or subject."""
     query = recordings_with_subjects()
+    if subject_id is not None:
+        query = query.where(recording.c.subject_id == subject_id)
+    if linked is not None:
+        query = query.where(recording.c.subject_id.is_not(None) if linked else recording.c.subject_id.is_(None))
     if session_id is not None:
         query = query.where(recording.c.session_id == session_id)
     query = newest_first(query, recording, limit, cursor)

@@ -16,7 +16,7 @@ from stridelab.service.api.openapi import failures
 from stridelab.service.api.paging import Cursor, Limit, cut, newest_first
 from stridelab.service.api.parts import AppParts
 from stridelab.service.api.strict import StrictRoute
-from stridelab.service.api.subjects.rows import subject_of, subject_row
+from stridelab.service.api.subjects.rows import subject_of, subject_row, subjects_with_counts
 from stridelab.service.storage.tables import recording, subject
 
 router = APIRouter(prefix="/subjects", tags=["subjects"], route_class=StrictRoute)
@@ -33,9 +33,10 @@ _UNKNOWN: Final = failures(s404="No subject with this id (`subject-not-found`)."
 
 @router.get("", summary="List subjects")
 async def list_subjects(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[Subject]:
-    """Subjects, newest first."""
+    """Subjects, newest first, each with the number of its recordings."""
+    query = newest_first(subjects_with_counts(), subject, limit, cursor)
     async with parts.engine.connect() as connection:
-        rows = (await connection.execute(newest_first(select(subject), subject, limit, cursor))).mappings().all()
+        rows = (await connection.execute(query)).mappings().all()
     shown, following = cut(rows, limit)
     return Page[Subject](items=[subject_of(row) for row in shown], next=following)
 
