@@ -117,6 +117,7 @@ KINDS = {
     "learn-reachability": "Reachability",
     "fit-cycloid": "Rolling wheel",
     "study-population": "Population",
+    "read-batch": "Bulk upload",
 }
 
 _SOLVERS = {"native": "C++, exact cones", "ipopt": "CasADi with ipopt", "fatrop": "CasADi with fatrop"}

@@ -4,6 +4,7 @@ import asyncio
 import time
 from collections.abc import AsyncIterator, Iterator, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, contextmanager
+from http import HTTPStatus
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
@@ -93,7 +94,10 @@ class AsyncClient:
         *,
         progress: uploads.ProgressCallback | None = None,
     ) -> RecordingBatch:
-        """Upload many files (name, path), or zips of them, with the CSV of the subjects; parsed when it returns."""
+        """Upload many files (name, path), or zips of them, with the CSV of the subjects; parsed when it returns.
+
+        Where the service reads them in a job, that is waited for; its failure is a ``ProblemError``.
+        """
         upload = uploads.BatchUpload(files, table)
         with self._reached():
             response = await self._http.post(
@@ -103,7 +107,13 @@ class AsyncClient:
                 timeout=uploads.READING_S,
             )
         calls.raise_for_problem(response)
-        return calls.model(RecordingBatch)(response)
+        if response.status_code != HTTPStatus.ACCEPTED:
+            return calls.model(RecordingBatch)(response)
+        job = await self.wait(calls.model(Job)(response).id)
+        if job.state != "succeeded":
+            raise uploads.refusal_of(job)
+        summary = (await self.result(job.id)).summary
+        return uploads.batch_of(summary, [await self.recording(one) for one in summary["recording_ids"]])
 
     async def recordings(
         self,

@@ -3,6 +3,7 @@
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager
+from http import HTTPStatus
 from pathlib import Path
 from types import TracebackType
 from typing import Any, TypeVar
@@ -90,7 +91,10 @@ class Client:
         *,
         progress: uploads.ProgressCallback | None = None,
     ) -> RecordingBatch:
-        """Upload many files (name, path), or zips of them, with the CSV of the subjects; parsed when it returns."""
+        """Upload many files (name, path), or zips of them, with the CSV of the subjects; parsed when it returns.
+
+        Where the service reads them in a job, that is waited for; its failure is a ``ProblemError``.
+        """
         upload = uploads.BatchUpload(files, table)
         with self._reached():
             response = self._http.post(
@@ -100,7 +104,13 @@ class Client:
                 timeout=uploads.READING_S,
             )
         calls.raise_for_problem(response)
-        return calls.model(RecordingBatch)(response)
+        if response.status_code != HTTPStatus.ACCEPTED:
+            return calls.model(RecordingBatch)(response)
+        job = self.wait(calls.model(Job)(response).id)
+        if job.state != "succeeded":
+            raise uploads.refusal_of(job)
+        summary = (self.result(job.id)).summary
+        return uploads.batch_of(summary, [self.recording(one) for one in summary["recording_ids"]])
 
     def recordings(
         self,

@@ -4,14 +4,19 @@ import secrets
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from stridelab.client.calls import API
-from stridelab.schemas.recordings import SubjectFields
+from stridelab.client.errors import ProblemError
+from stridelab.schemas.base import Problem
+from stridelab.schemas.jobs import Job
+from stridelab.schemas.population import ReadBatchSummary, RecordingBatch
+from stridelab.schemas.recordings import Recording, SubjectFields
 
 PATH = f"{API}/recordings"
 BATCH_PATH = f"{PATH}/batch"
 READING_S = 900.0
-"""How long the service may read a bulk upload before it answers."""
+"""How long a service may read a bulk upload before it answers; later versions answer sooner, with a job."""
 PIECE_BYTES = 256 * 1024
 ProgressCallback = Callable[[int, int], None]
 """Called with the bytes sent so far and the bytes to send."""
@@ -75,6 +80,20 @@ class BatchUpload:
     def _head(self, name: str) -> bytes:
         # what stands before the first boundary is no part, so every file may begin with an end of line
         return f"\r\n--{self.boundary}\r\n{_file_part(name)}".encode("utf-8", "replace")
+
+
+def batch_of(summary: Mapping[str, Any], recordings: Sequence[Recording]) -> RecordingBatch:
+    """The answer to a bulk upload that was read by a job with this summary; ``recordings`` are those it names."""
+    told = ReadBatchSummary.model_validate(summary, extra="ignore")
+    return RecordingBatch(
+        recordings=list(recordings), studied=told.studied, subjects=told.subjects, refused=told.refused
+    )
+
+
+def refusal_of(job: Job) -> ProblemError:
+    """Why a job that was to read a bulk upload did not succeed."""
+    said = f"The job {job.id} that reads the files ended as {job.state.replace('_', ' ')}."
+    return ProblemError(job.error or Problem(title="Conflict", status=409, code="job-without-result", detail=said))
 
 
 async def from_a_loop(pieces: Iterator[bytes]) -> AsyncIterator[bytes]:

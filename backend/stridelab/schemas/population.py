@@ -52,6 +52,22 @@ class RecordingBatch(Contract):
     refused: list[RefusedFile]
 
 
+class ReadBatchInput(Contract):
+    """Input of ``read-batch``, a job that only ``POST /recordings/batch`` submits: where the received files lie."""
+
+    batch_id: Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
+    files: list[str] = Field(description="names of the stored files, which are ours and not the user's")
+
+
+class ReadBatchSummary(Contract):
+    """The recordings of a bulk upload by their ids; the other fields are those of the direct answer."""
+
+    recording_ids: list[str]
+    studied: list[str]
+    subjects: list[SubjectOfRecording]
+    refused: list[RefusedFile]
+
+
 class StudyPopulationInput(Contract):
     """Input of ``study-population``; what ``subjects`` does not say is taken from the recordings."""
 

@@ -33,6 +33,9 @@ class Settings(BaseSettings):
     allowed_hosts: str = Field(default="", description="comma-separated host names accepted beside the bound address")
     max_upload_mb: int = Field(default=128, ge=1, description="largest upload in MB (10^6 bytes)")
     max_batch_mb: int = Field(default=1024, ge=1, description="largest bulk upload in MB, sent and unpacked")
+    batch_answer_s: float = Field(
+        default=60.0, ge=0, description="how long a bulk upload is read before it goes on as a job; 0: always a job"
+    )
     min_free_disk_mb: int = Field(default=500, ge=0, description="uploads are refused when less disk is free")
     parse_timeout_s: float = Field(default=10.0, gt=0, description="wall-clock limit for parsing an upload")
     parse_memory_mb: int = Field(default=1024, ge=128, description="memory limit for parsing an upload")

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from stridelab.service.api.recordings import endpoints, parsing, storing
-from stridelab.service.api.recordings.multipart import safe_filename
+from stridelab.service.filenames import safe_filename
 from support.answers import places, refusal, upload
 from support.database import TestDatabases
 from support.interface import Served, served

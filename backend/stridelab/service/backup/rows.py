@@ -24,6 +24,9 @@ _NAMED_FILES: Final = """
     UNION SELECT blob_prefix || '/' || (artifact->>'name')
             FROM job, jsonb_array_elements(job.result->'artifacts') AS artifact
            WHERE blob_prefix IS NOT NULL
+    UNION SELECT 'batches/' || (input->>'batch_id') || '/' || name
+            FROM job, jsonb_array_elements_text(job.input->'files') AS name
+           WHERE kind = 'read-batch' AND state IN ('queued', 'running')
 """
 _FAREWELL_S: Final = 3.0
 """A connection that was closed a moment ago is still listed."""

@@ -15,6 +15,7 @@ import structlog
 from sqlalchemy.ext.asyncio import AsyncEngine
 
 from stridelab.errors import StorageFull, StridelabError, Unavailable
+from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service import telemetry
 from stridelab.service.jobs.attempts import Attempt, Attempts, FinalState
 from stridelab.service.jobs.consumer import DATABASE_IS_AWAY
@@ -23,6 +24,7 @@ from stridelab.service.jobs.kinds.kind import JobKind, Json, problem_of
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.publication import Publication, publishing
+from stridelab.service.storage.removal import may_remove
 
 PROGRESS_S: Final = 0.2
 """Progress is written to the database at most this often."""
@@ -68,11 +70,23 @@ class Errand:
         """Do all of it, in a folder of its own below ``root``; returns how it ended."""
         helpers = [asyncio.create_task(helper()) for helper in (self._report, self._watch)]
         try:
-            return await self._run(engine, pool, root, patiently)
+            state = await self._run(engine, pool, root, patiently)
+            if state in FINAL_STATES:
+                await self._remove_own_files(engine)
+            return state
         finally:
             for helper in helpers:
                 helper.cancel()
             await asyncio.gather(*helpers, return_exceptions=True)
+
+    async def _remove_own_files(self, engine: AsyncEngine) -> None:
+        """Remove what was stored for this job alone; what stays is removed by the janitor."""
+        if self._kind.own_files is None:
+            return
+        with contextlib.suppress(StridelabError, *DATABASE_IS_AWAY):
+            async with engine.begin() as connection:
+                if await may_remove(connection):
+                    await self._blobs.delete_prefix(self._kind.own_files(self._attempt.row["input"]))
 
     async def _run(self, engine: AsyncEngine, pool: IsolatedPool, root: Path, patiently: Patiently) -> str:
         folder: Path | None = None

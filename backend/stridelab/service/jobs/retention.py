@@ -11,6 +11,7 @@ from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service.access import audit
 from stridelab.service.bundled import SHIPPED_JOBS
 from stridelab.service.jobs.consumer import Consumer
+from stridelab.service.jobs.kinds import batch_rows
 from stridelab.service.settings import Settings
 from stridelab.service.storage import locks, uploads
 from stridelab.service.storage.blobs import BlobStore
@@ -70,14 +71,17 @@ async def remove_orphans(connection: AsyncConnection, blobs: BlobStore, age: tim
     still ``running`` in the attempt that the prefix names; the key of a recording's file is locked (``lock_blob``).
     """
     results = await _old_prefixes(blobs, "results", 3, age)
+    batches = await _old_prefixes(blobs, batch_rows.FOLDER, 2, age)
     recordings = await _old_prefixes(blobs, "recordings", 3, age)  # keys: a recording may have got other tracks
     # the rows are read after the files: a row written meanwhile is seen
     rows = (await connection.execute(select(job.c.id, job.c.attempt, job.c.state, job.c.blob_prefix))).all()
     referred = {row.blob_prefix for row in rows}
     referred |= {f"results/{row.id}/{row.attempt}" for row in rows if row.state == "running"}
+    unread = select(job.c.input).where(job.c.kind == batch_rows.KIND, job.c.state.not_in(FINAL_STATES))
+    referred |= {batch_rows.own_files(asked) for asked in (await connection.execute(unread)).scalars()}
     files = (await connection.execute(select(recording.c.blob_key, recording.c.tracks_key))).all()
     await connection.rollback()
-    prefixes, keys = sorted(results - referred), sorted(recordings - {key for row in files for key in row})
+    prefixes, keys = sorted((results | batches) - referred), sorted(recordings - {key for row in files for key in row})
     for prefix in prefixes:
         await blobs.delete_prefix(prefix)
     removed = [key for key in keys if await _remove_unnamed(connection, blobs, key)]

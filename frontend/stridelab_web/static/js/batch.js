@@ -1,5 +1,6 @@
 // Many files and one subject table go up together; what can be read is studied, what cannot be is named first.
-import { answerOf, onSubmit, sentence, startJob } from "./api.js";
+// A large upload is read by a job, which is followed.
+import { answerOf, call, followJob, headline, onSubmit, sentence, startJob } from "./api.js";
 
 const form = document.querySelector("[data-batch]");
 const bar = form.querySelector("progress");
@@ -18,12 +19,24 @@ function send(data) {
     });
     request.addEventListener("load", () => {
       const answer = answerOf(request);
-      if (request.status === 201 && answer) done(answer);
+      if (request.status === 201 && answer) done({ ...answer, count: answer.recordings.length });
+      else if (request.status === 202 && answer) readByJob(answer.id).then(done, failed);
       else failed(new Error(sentence(request.status, answer)));
     });
     request.addEventListener("error", () => failed(new Error(sentence(0, null))));
     request.send(data);
   });
+}
+
+async function readByJob(id) {
+  const said = form.querySelector("[data-said]");
+  const job = await followJob(id, ({ progress }) => {
+    bar.value = progress.fraction;
+    said.textContent = progress.message || "waiting to be read…";
+  });
+  if (job.state !== "succeeded") throw new Error(headline(job) || `The files were not read: ${job.state.replaceAll("_", " ")}.`);
+  const { summary } = await call("GET", `/jobs/${id}/result`);
+  return { ...summary, count: summary.recording_ids.length };
 }
 
 async function study() {
@@ -57,7 +70,7 @@ onSubmit(form, async (data) => {
     return row;
   }));
   go.hidden = uploaded.studied.length === 0;
-  return `${uploaded.recordings.length} uploaded, ${uploaded.refused.length} refused.`;
+  return `${uploaded.count} uploaded, ${uploaded.refused.length} refused.`;
 });
 
 go.addEventListener("click", async () => {

@@ -49,10 +49,14 @@ async def delete_finished(parts: Parts, job_id: str, caller: Caller) -> None:
 
 
 async def studies_of(parts: Parts, recording_ids: Sequence[str]) -> list[str]:
-    """Jobs on many recordings, among them one of ``recording_ids``: their inputs and results name the people."""
+    """Jobs on many recordings, among them one of ``recording_ids``: their inputs and results name the people.
+
+    A bulk upload that was read by a job is one of them.
+    """
     if not recording_ids:
         return []
-    named = or_(*(job.c.input["recording_ids"].contains([recording_id]) for recording_id in recording_ids))
+    places = (job.c.input["recording_ids"], job.c.result["summary"]["recording_ids"])
+    named = or_(*(place.contains([recording_id]) for place in places for recording_id in recording_ids))
     async with parts.engine.connect() as connection:
         return list((await connection.execute(select(job.c.id).where(named).order_by(job.c.id))).scalars())
 

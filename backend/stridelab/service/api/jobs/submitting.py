@@ -132,11 +132,12 @@ _EXAMPLES: Final[dict[str, Any]] = {
 
 def add_kinds(router: APIRouter) -> None:
     """Give ``router`` a call for every registered kind, and an answer for all other names."""
-    for kind in KINDS.values():
+    offered = [kind for kind in KINDS.values() if kind.offered]
+    for kind in offered:
         _add_kind(router, kind)
 
     async def unknown_kind(kind: str) -> NoReturn:
-        known = ", ".join(KINDS)
+        known = ", ".join(each.name for each in offered)
         raise NotFound("unknown-job-kind", f"There is no job kind of that name; there are {known}.")
 
     router.add_api_route("/{kind}", unknown_kind, methods=["POST"], include_in_schema=False, response_model=None)

@@ -1,51 +1,50 @@
-"""``POST /recordings/batch``: many files, or zips of them, with one subject table."""
+"""``POST /recordings/batch``: many files, or zips of them, with one subject table.
 
-from dataclasses import dataclass
+A proxy gives up on an answer that takes minutes. So a small upload is read before it is answered, for at most
+``batch_answer_s``; one that is larger, or takes longer, is stored as it came and read by the job ``read-batch``.
+"""
+
+import asyncio
+import uuid
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import structlog
 from sqlalchemy import update
 from starlette.requests import Request
 
-from stridelab.errors import Fault, InvalidInput, UnreadableFile
-from stridelab.schemas.population import (
-    MAX_RECORDINGS,
-    PersonFields,
-    RecordingBatch,
-    RefusedFile,
-    SubjectOfRecording,
-)
-from stridelab.schemas.recordings import RecordingFacts, SubjectFields
+from stridelab.errors import Fault, InvalidInput, StridelabError, UnreadableFile
+from stridelab.schemas.population import MAX_RECORDINGS, RecordingBatch
 from stridelab.service.access.callers import Caller
 from stridelab.service.api.parts import Parts
-from stridelab.service.api.recordings.multipart import Limits, ReceivedForm, ReceivedForms, receive_forms, safe_filename
+from stridelab.service.api.quotas import refuse_full
+from stridelab.service.api.recordings.multipart import Limits, ReceivedForm, ReceivedForms, receive_forms
 from stridelab.service.api.recordings.parsing import Parsed
 from stridelab.service.api.recordings.rows import recording_of, recording_row
 from stridelab.service.api.recordings.storing import delete_recording, store_upload
+from stridelab.service.jobs.kinds import batch_rows
+from stridelab.service.jobs.kinds.batch_rows import ReadUpload
 from stridelab.service.jobs.kinds.registry import PARSE_BATCH
+from stridelab.service.jobs.kinds.tasks import BatchFile, ParseBatchTask
+from stridelab.service.jobs.store import JobRecord
 from stridelab.service.storage.tables import recording
 
 log = structlog.get_logger(__name__)
 
 TABLE_FIELD, TABLE_FILE, TABLE_BYTES = "subjects", "subjects.csv", 1_000_000
-TIMEOUT_S = 900.0
+DIRECT_BYTES: Final = 20_000_000
+DIRECT_FILES: Final = 20
+"""Up to so many bytes in so many files, an upload is tried to be read before it is answered."""
+JOB_PATIENCE: Final = 6.0
+"""A job yields the processor to others: it may take so many times as long for a file."""
 
 
-@dataclass(frozen=True)
-class _Line:
-    """A line of the table: whose recording it is, and which file is the static trial."""
-
-    static: int | None
-    person: PersonFields
-
-
-async def receive_batch(parts: Parts, request: Request, folder: Path, caller: Caller) -> RecordingBatch:
-    """Read the form of ``request`` into ``folder``, store what can be read, and say what cannot.
+async def receive_batch(parts: Parts, request: Request, folder: Path, caller: Caller) -> RecordingBatch | JobRecord:
+    """Read the form of ``request`` into ``folder``, store what can be read, and say what cannot; or submit a job.
 
     Raises as ``receive_forms`` does, ``UnreadableFile`` (``zip-...``; ``nothing-readable`` where no file is a
     recording), ``InvalidInput`` (``subject-table-invalid``, ``subject-table-twice``, ``too-many-files``,
-    ``invalid-request``). Nothing is kept then.
+    ``invalid-request``), ``TooLarge`` (``storage-limit``), ``Busy`` (``queue-full``). Nothing is kept then.
     """
     settings = parts.settings
     total_bytes = settings.max_batch_mb * 1_000_000
@@ -61,30 +60,54 @@ async def receive_batch(parts: Parts, request: Request, folder: Path, caller: Ca
     if unknown:
         faults = [Fault(name, "unknown field") for name in unknown]
         raise InvalidInput("invalid-request", f"The form is not valid: see {', '.join(unknown)}.", faults)
-    return await _store_all(parts, await _read_all(parts, forms, folder), folder, caller)
+    task = _task(parts, forms, folder)
+    received_bytes = sum(one.size_bytes for one in forms.files)
+    if received_bytes <= DIRECT_BYTES and len(forms.files) <= DIRECT_FILES:
+        read = await _read_at_once(parts, task, folder)
+        if read is not None:
+            return await _store_all(parts, ReadUpload.of(read), folder, caller)
+    await refuse_full(parts, caller.name, received_bytes)
+    return await _submit(parts, task, folder, caller)
 
 
-async def _read_all(parts: Parts, forms: ReceivedForms, folder: Path) -> dict[str, Any]:
+def _task(parts: Parts, forms: ReceivedForms, folder: Path) -> ParseBatchTask:
     table = forms.fields.get(TABLE_FIELD, "")
     if table.strip():
         (folder / TABLE_FILE).write_text(table, encoding="utf-8")
     settings = parts.settings
-    task = {
-        "files": [{"file": one.path.name, "filename": one.filename} for one in forms.files],
-        "table": TABLE_FILE if table.strip() else None,
-        "file_bytes": settings.max_upload_mb * 1_000_000,
-        "total_bytes": settings.max_batch_mb * 1_000_000,
-        "timeout_s": settings.parse_timeout_s,
-        "memory_mb": settings.parse_memory_mb,
-    }
-    async with parts.batches:
-        outcome = await parts.pool.run(
-            PARSE_BATCH, task, folder, timeout_s=TIMEOUT_S, memory_mb=3 * settings.parse_memory_mb, yields=False
-        )
+    return ParseBatchTask(
+        files=[BatchFile(file=one.path.name, filename=one.filename) for one in forms.files],
+        table=TABLE_FILE if table.strip() else None,
+        file_bytes=settings.max_upload_mb * 1_000_000,
+        total_bytes=settings.max_batch_mb * 1_000_000,
+        timeout_s=settings.parse_timeout_s,
+        memory_mb=settings.parse_memory_mb,
+    )
+
+
+async def _read_at_once(parts: Parts, task: ParseBatchTask, folder: Path) -> dict[str, Any] | None:
+    """What ``parse_batch`` answers, or None where that takes longer than ``batch_answer_s``."""
+    within_s = parts.settings.batch_answer_s
+    if within_s <= 0:
+        return None
+    try:
+        async with asyncio.timeout(within_s), parts.batches:
+            outcome = await parts.pool.run(
+                PARSE_BATCH,
+                task.model_dump(mode="json"),
+                folder,
+                timeout_s=within_s,
+                memory_mb=3 * parts.settings.parse_memory_mb,
+                yields=False,
+            )
+    except TimeoutError:
+        return None
     if outcome.raised is not None:
         raise outcome.as_error()
+    if outcome.state == "timeout":
+        return None
     if outcome.state != "ok":
-        message = "Reading the files took more time or memory than this service allows; send fewer at a time."
+        message = "Reading the files took more memory than this service allows; send fewer at a time."
         raise UnreadableFile("batch-not-read", message, [Fault("file", outcome.state)])
     broken = [one["name"] for one in outcome.value["files"] if one.get("problem", {}).get("code") == "parser-crashed"]
     if broken:
@@ -92,44 +115,39 @@ async def _read_all(parts: Parts, forms: ReceivedForms, folder: Path) -> dict[st
     return dict(outcome.value)
 
 
-async def _store_all(parts: Parts, read: dict[str, Any], folder: Path, caller: Caller) -> RecordingBatch:
+async def _store_all(parts: Parts, upload: ReadUpload, folder: Path, caller: Caller) -> RecordingBatch:
     """Store what was read and link static trials; what was stored goes again where something fails."""
-    lines = {row["place"]: _Line(row["static"], PersonFields.model_validate(row["person"])) for row in read["rows"]}
-    refused = [
-        RefusedFile(filename=safe_filename(one["name"]), **one["problem"]) for one in read["files"] if "problem" in one
-    ]
-    readable = {place: one for place, one in enumerate(read["files"]) if "problem" not in one}
-    if not readable:
-        faults = [Fault(one.filename, f"{one.message} ({one.code})") for one in refused]
-        raise UnreadableFile("nothing-readable", "None of the files is a recording that can be read.", faults)
     ids: dict[int, str] = {}
     try:
-        for place, one in readable.items():
-            form = ReceivedForm(
-                folder / one["file"], safe_filename(one["name"]), one["bytes"], one["sha256"], fields={}
-            )
-            parsed = Parsed(RecordingFacts.model_validate(one["facts"]), folder / one["tracks"])
-            person = lines[place].person if place in lines else PersonFields()
-            ids[place] = (await store_upload(parts, form, parsed, _stated(person), caller.name)).id
+        for one in upload.files:
+            form = ReceivedForm(folder / one.file, one.filename, one.size_bytes, one.sha256, fields={})
+            parsed = Parsed(one.facts, folder / one.tracks)
+            ids[one.place] = (await store_upload(parts, form, parsed, one.stated, caller.name)).id
         async with parts.engine.begin() as connection:
-            for place, line in lines.items():
-                if place in ids and line.static in ids:
-                    linked = update(recording).where(recording.c.id == ids[place])
-                    await connection.execute(linked.values(static_recording_id=ids[line.static]))
+            for recording_id, static_id in upload.links(ids).items():
+                linked = update(recording).where(recording.c.id == recording_id)
+                await connection.execute(linked.values(static_recording_id=static_id))
             stored = [recording_of(await recording_row(connection, recording_id)) for recording_id in ids.values()]
     except BaseException:
         for recording_id in ids.values():
             await delete_recording(parts, recording_id, caller)
         raise
-    subjects = [
-        SubjectOfRecording(recording_id=ids[place], **line.person.model_dump())
-        for place, line in lines.items()
-        if place in ids
-    ]
-    standing = {line.static for line in lines.values()} - set(lines)
-    studied = [recording_id for place, recording_id in ids.items() if place not in standing]
-    return RecordingBatch(recordings=stored, studied=studied, subjects=subjects, refused=refused)
+    told = upload.summary(ids)
+    return RecordingBatch(recordings=stored, studied=told.studied, subjects=told.subjects, refused=told.refused)
 
 
-def _stated(person: PersonFields) -> SubjectFields:
-    return SubjectFields(name=person.subject, **person.model_dump(exclude={"subject", "group"}))
+async def _submit(parts: Parts, task: ParseBatchTask, folder: Path, caller: Caller) -> JobRecord:
+    """Store the received files and submit the job that reads them."""
+    patient = task.model_copy(update={"timeout_s": JOB_PATIENCE * task.timeout_s})
+    (folder / batch_rows.TASK).write_text(patient.model_dump_json(), encoding="utf-8")
+    names = [batch_rows.TASK, *(one.file for one in task.files), *([task.table] if task.table else [])]
+    asked = {"batch_id": uuid.uuid4().hex, "files": names}
+    prefix = batch_rows.own_files(asked)
+    try:
+        for name in names:
+            await parts.blobs.put_file(f"{prefix}/{name}", folder / name)
+        submitted = await parts.store.submit(batch_rows.KIND, asked, owner=caller.name)
+    except StridelabError:  # a definite no; whatever else leaves files leaves them to the janitor
+        await parts.blobs.delete_prefix(prefix)
+        raise
+    return await parts.store.get(submitted.job_id)

@@ -4,14 +4,16 @@ import shutil
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Body, Query, Request, Response
-from starlette.responses import StreamingResponse
+from starlette.responses import JSONResponse, StreamingResponse
 
 from stridelab.schemas.base import Page
+from stridelab.schemas.jobs import Job
 from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, RecordingPatch
 from stridelab.service.api.callers import CallerOf
 from stridelab.service.api.files import OCTETS, PARQUET, send_blob
 from stridelab.service.api.jobs import deleting
+from stridelab.service.api.jobs.rows import job_of
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.paging import Cursor, Limit, cut, newest_first
 from stridelab.service.api.parts import AppParts
@@ -125,22 +127,33 @@ async def upload_recording(parts: AppParts, caller: CallerOf, request: Request, 
     status_code=201,
     summary="Upload many recordings",
     openapi_extra=_BATCH,
-    responses=failures(
-        s413="The files are over the limit (`upload-too-large`), or over yours (`storage-limit`).",
-        s422="No file can be read (`nothing-readable`), or a zip or the table cannot be used.",
-        s507="No disk space is left (`disk-full`).",
-    ),
+    response_model=RecordingBatch,
+    responses={
+        202: {"model": Job, "description": "The files are read by a job, whose summary is a ReadBatchSummary."},
+        **failures(
+            s413="The files are over the limit (`upload-too-large`), or over yours (`storage-limit`).",
+            s422="No file can be read (`nothing-readable`), or a zip or the table cannot be used.",
+            s429="Too many jobs are waiting (`queue-full`), or of yours (`user-queue-full`).",
+            s507="No disk space is left (`disk-full`).",
+        ),
+    },
 )
-async def upload_recordings(parts: AppParts, caller: CallerOf, request: Request) -> RecordingBatch:
+async def upload_recordings(parts: AppParts, caller: CallerOf, request: Request) -> RecordingBatch | Response:
     """Upload many recordings, or zips of them, with one subject table.
 
     What can be read is stored, what cannot be is listed in `refused`; a zip or a table that cannot be used refuses all.
+    An upload of more than 20 files or 20 MB, and one that is not read within `STRIDELAB_BATCH_ANSWER_S`, is answered
+    202 with the job that reads it (`Location`).
     """
     folder = storing.spool_folder(parts)
     try:
-        return await receive_batch(parts, request, folder, caller)
+        answer = await receive_batch(parts, request, folder, caller)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+    if isinstance(answer, RecordingBatch):
+        return answer
+    location = {"Location": f"/api/v1/jobs/{answer.id}"}
+    return JSONResponse(job_of(answer).model_dump(mode="json"), status_code=202, headers=location)
 
 
 @router.get("", summary="List recordings")

@@ -2,9 +2,7 @@
 
 import errno
 import hashlib
-import re
 import shutil
-import unicodedata
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +14,7 @@ from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.requests import Request
 
 from stridelab.errors import Fault, InvalidInput, StorageFull, TooLarge
+from stridelab.service.filenames import safe_filename
 
 FORM_OVERHEAD_BYTES: Final = 64_000
 """Room for boundaries and text fields beside the file."""
@@ -24,7 +23,6 @@ FILE_OVERHEAD_BYTES: Final = 1_000
 FIELD_LIMIT_BYTES: Final = 4_000
 PART_LIMIT: Final = 20
 """Parts beside the files."""
-NAME_LIMIT: Final = 120
 
 
 @dataclass(frozen=True)
@@ -67,20 +65,6 @@ class ReceivedForms:
 
     files: tuple[ReceivedFile, ...]
     fields: dict[str, str]
-
-
-def safe_filename(claimed: str) -> str:
-    """The last part of a claimed file name without control, direction or path characters, at most 120 long.
-
-    It is shown and offered for download, and never used as a path of ours.
-    """
-    plain = unicodedata.normalize("NFC", re.split(r"[/\\]", claimed)[-1])
-    plain = "".join(character for character in plain if character.isprintable() and character not in '"<>:|?*')
-    plain = plain.strip(" .")
-    stem, dot, suffix = plain.rpartition(".")
-    if dot and len(suffix) <= 10:
-        plain = f"{stem[: NAME_LIMIT - 1 - len(suffix)]}.{suffix}"
-    return plain[:NAME_LIMIT] or "recording"
 
 
 async def receive_form(request: Request, path: Path, limits: Limits) -> ReceivedForm:

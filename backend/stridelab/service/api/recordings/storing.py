@@ -1,11 +1,9 @@
 """A recording's row and its files belong together: no row without files, no files that nobody needs."""
 
 import asyncio
-import hashlib
 import time
 import uuid
 from collections.abc import Callable, Mapping, Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, Final
 
@@ -20,22 +18,17 @@ from stridelab.service.access.callers import Caller, require_owner
 from stridelab.service.api.parts import Parts
 from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.recordings.multipart import ReceivedForm
-from stridelab.service.api.recordings.parsing import NO_SWITCHES, Parsed, Switches
+from stridelab.service.api.recordings.parsing import Parsed, Switches
 from stridelab.service.api.recordings.rows import recording_of, recording_row
-from stridelab.service.sessions import session_id_of
 from stridelab.service.storage.publication import NO_ANSWER, publishing
 from stridelab.service.storage.removal import may_remove
 from stridelab.service.storage.tables import job, recording
-from stridelab.service.storage.uploads import delete_if_unused, lock_blob, try_lock_blob, upload_key
+from stridelab.service.storage.uploads import delete_if_unused, lock_blob, try_lock_blob
+from stridelab.service.uploaded_row import new_tracks_key, own_prefix, uploaded_row
 
 _LOOK_AGAIN_S: Final = 10.0
 """How long an upload waits for a database that went away while it committed."""
 log = structlog.get_logger(__name__)
-
-
-def own_prefix(recording_id: str) -> str:
-    """Below this lie the files that only this recording has."""
-    return f"recordings/{recording_id}"
 
 
 async def store_upload(
@@ -54,21 +47,18 @@ async def store_upload(
     """
     await refuse_full(parts, owner, form.size_bytes)
     recording_id = uuid.uuid4().hex
-    tracks_key = await _tracks_key(recording_id, parsed.tracks)
-    values: dict[str, Any] = {
-        "id": recording_id,
-        "owner": owner,
-        "filename": form.filename,
-        "sha256": form.sha256,
-        "bytes": form.size_bytes,
-        "blob_key": upload_key(form.sha256),
-        "tracks_key": tracks_key,
-        "facts": parsed.facts.model_dump(mode="json"),
-        "subject_fields": subject.model_dump(mode="json", exclude_none=True),
-        **NO_SWITCHES.to_columns(),
-        "session_stated": session_id is not None,
-    }
-    values["session_id"] = session_id or session_id_of(values, datetime.now(UTC))
+    tracks_key = await new_tracks_key(recording_id, parsed.tracks)
+    values = uploaded_row(
+        recording_id=recording_id,
+        owner=owner,
+        filename=form.filename,
+        sha256=form.sha256,
+        size_bytes=form.size_bytes,
+        tracks_key=tracks_key,
+        facts=parsed.facts,
+        subject=subject,
+        session_id=session_id,
+    )
     stored: Recording | None = None
     async with publishing(lambda: _discard(parts, recording_id, values["blob_key"])) as publication:
         try:
@@ -126,7 +116,7 @@ async def replace_facts(
 
     Raises ``Conflict`` (``changed-meanwhile``) where somebody else changed the switches since ``before`` was read.
     """
-    tracks_key = await _tracks_key(before["id"], parsed.tracks)
+    tracks_key = await new_tracks_key(before["id"], parsed.tracks)
     async with publishing(lambda: _discard_tracks(parts, tracks_key)) as publication:
         async with publication.transaction(parts.engine) as connection:
             await lock_blob(connection, tracks_key)
@@ -186,16 +176,6 @@ async def _discard_tracks(parts: Parts, tracks_key: str) -> None:
     async with parts.engine.begin() as connection:
         if await may_remove(connection):
             await parts.blobs.delete(tracks_key)
-
-
-async def _tracks_key(recording_id: str, tracks: Path) -> str:
-    """A key of their own for these tracks, which ends in their SHA-256 (``named_hash``)."""
-
-    def digest() -> str:
-        with tracks.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-
-    return f"{own_prefix(recording_id)}/tracks-{uuid.uuid4().hex[:8]}-{await asyncio.to_thread(digest)}.parquet"
 
 
 def spool_folder(parts: Parts) -> Path:

@@ -30,6 +30,9 @@ class Blobs(Protocol):
     async def put_file(self, key: str, path: Path) -> Any:
         """Store the file ``path`` as blob ``key``."""
 
+    async def keep_or_replace(self, key: str, path: Path, sha256: str) -> Any:
+        """Store the file ``path`` as blob ``key`` unless that is there with this content."""
+
     async def exists(self, key: str) -> bool:
         """Whether there is a blob ``key``."""
         ...
@@ -93,6 +96,8 @@ class JobKind:
 
     ``run`` is an import path ``"module:function"``, called in a child process as ``f(task, folder, progress)``; it
     returns ``Outcome.to_json()``, with the files lying in ``folder``. ``None`` limits mean those of the settings.
+    A kind that is not ``offered`` has no call of its own; another call submits it. ``own_files`` tells from a job's
+    input below which key files lie that only this job needs: they are removed when it has ended.
     """
 
     name: str
@@ -104,3 +109,5 @@ class JobKind:
     timeout_s: float | None = None
     memory_mb: int | None = None
     lane: Literal["short", "long"] = "short"
+    offered: bool = True
+    own_files: Callable[[Mapping[str, Any]], str] | None = None

@@ -1,23 +1,22 @@
 """A bulk upload: archives unpacked, the subject table matched to the files, and every file read in its own process.
 
-Runs in a killable child of ``POST /recordings/batch``.
+Runs in a killable child of ``POST /recordings/batch``, or in that of a job.
 """
 
 import hashlib
+import json
 from pathlib import Path
 from typing import Any, Final
 
-from pydantic import Field
-
 from stridelab.errors import Fault, InvalidInput, StridelabError, TooLarge
 from stridelab.recordings.batch_archive import BatchLimits, is_batch, unpack_batch
-from stridelab.schemas.base import Contract
 from stridelab.schemas.population import MAX_RECORDINGS
 from stridelab.service.jobs.child import limit_memory
 from stridelab.service.jobs.kinds import parse_upload
 from stridelab.service.jobs.kinds.apart import each_apart
-from stridelab.service.jobs.kinds.kind import Json, ProgressCallback
-from stridelab.service.jobs.kinds.tasks import ParseUploadTask, RecordingSource
+from stridelab.service.jobs.kinds.batch_rows import ReadUpload
+from stridelab.service.jobs.kinds.kind import Json, Outcome, ProgressCallback
+from stridelab.service.jobs.kinds.tasks import ParseBatchTask, ParseUploadTask, RecordingSource
 from stridelab.service.subject_table import match, read_subject_table
 
 PRELOAD: Final = ("stridelab.service.jobs.kinds.parse_batch",)
@@ -27,24 +26,6 @@ BROKEN: Final = {
     "computation-crashed": ("parser-crashed", "The file broke its reader; it is damaged, or not what it claims to be."),
     "computation-timed-out": ("parser-timed-out", "Reading the file took longer than this service allows."),
 }
-
-
-class BatchFile(Contract):
-    """One file that came with the form."""
-
-    file: str = Field(description="file name inside the task's folder")
-    filename: str
-
-
-class ParseBatchTask(Contract):
-    """Task of ``parse_batch``; ``table`` is the file of the subject table that came with the form."""
-
-    files: list[BatchFile]
-    table: str | None = None
-    file_bytes: int
-    total_bytes: int
-    timeout_s: float
-    memory_mb: int
 
 
 def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
@@ -80,6 +61,16 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
         if m.row is not None
     ]
     return {"files": found, "rows": lines}
+
+
+def run_as_job(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run_in_child`` for the job ``read-batch``; what was read stands beside the outcome, as ``read``.
+
+    Raises ``UnreadableFile`` (``nothing-readable``), and what ``run_in_child`` raises.
+    """
+    read = run_in_child(json.loads(task["task"]), folder, progress)
+    ReadUpload.of(read)
+    return Outcome(summary={}, references=(), artifacts=()).to_json() | {"read": read}
 
 
 def read_one(item: Json) -> Json:

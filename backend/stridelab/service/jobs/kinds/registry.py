@@ -20,11 +20,16 @@ from stridelab.schemas.plans import (
     PlanMotionInput,
     PlanMotionSummary,
 )
-from stridelab.schemas.population import StudyPopulationInput, StudyPopulationSummary
+from stridelab.schemas.population import (
+    ReadBatchInput,
+    ReadBatchSummary,
+    StudyPopulationInput,
+    StudyPopulationSummary,
+)
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingSummary
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
 from stridelab.schemas.sweeps import SweepInput, SweepSummary
-from stridelab.service.jobs.kinds import population_stage, rows
+from stridelab.service.jobs.kinds import batch_rows, population_stage, rows
 from stridelab.service.jobs.kinds.kind import JobKind
 
 ESTIMATE_COM = JobKind(
@@ -131,6 +136,21 @@ REPRODUCE = JobKind(
     lane="long",
 )
 
+READ_BATCH = JobKind(
+    name=batch_rows.KIND,
+    input_model=ReadBatchInput,
+    summary_model=ReadBatchSummary,
+    run="stridelab.service.jobs.kinds.parse_batch:run_as_job",
+    stage=batch_rows.stage_read_batch,
+    publish=batch_rows.publish_read_batch,
+    timeout_s=7200.0,
+    memory_mb=4096,
+    lane="long",
+    offered=False,
+    own_files=batch_rows.own_files,
+)
+"""A bulk upload that is too large to be read before it is answered."""
+
 KINDS: Mapping[str, JobKind] = MappingProxyType(
     {
         kind.name: kind
@@ -146,6 +166,7 @@ KINDS: Mapping[str, JobKind] = MappingProxyType(
             SWEEP,
             LEARN_REACHABILITY,
             REPRODUCE,
+            READ_BATCH,
         )
     }
 )
@@ -154,7 +175,7 @@ PARSE_UPLOAD = "stridelab.service.jobs.kinds.parse_upload:run_in_child"
 """Import path of the parser of uploads; it is run by ``POST /recordings``, not by the queue."""
 
 PARSE_BATCH = "stridelab.service.jobs.kinds.parse_batch:run_in_child"
-"""Import path of the reader of bulk uploads; it is run by ``POST /recordings/batch``."""
+"""Import path of the reader of bulk uploads; it is run by ``POST /recordings/batch``, and by the job ``read-batch``."""
 
 _LIBRARIES: Final = ("numpy", "scipy.optimize", "scipy.spatial", "scipy.stats", "scipy.signal")
 READING: Final = (*_LIBRARIES, "ezc3d", "pyarrow.parquet", PARSE_UPLOAD.partition(":")[0])

@@ -117,3 +117,21 @@ class ReproduceTask(Contract):
     """Task of ``reproduce``."""
 
     input: ReproduceInput
+
+
+class BatchFile(Contract):
+    """One file that came with the form."""
+
+    file: str = Field(description="file name inside the task's folder")
+    filename: str
+
+
+class ParseBatchTask(Contract):
+    """Task of ``parse_batch``; ``table`` is the file of the subject table that came with the form."""
+
+    files: list[BatchFile]
+    table: str | None = None
+    file_bytes: int
+    total_bytes: int
+    timeout_s: float
+    memory_mb: int

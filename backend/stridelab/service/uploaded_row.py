@@ -1,0 +1,58 @@
+"""The row of a recording that was uploaded, and the key of its tracks."""
+
+import asyncio
+import hashlib
+import uuid
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from stridelab.schemas.recordings import RecordingFacts, SubjectFields
+from stridelab.service.sessions import session_id_of
+from stridelab.service.storage.uploads import upload_key
+
+
+def own_prefix(recording_id: str) -> str:
+    """Below this lie the files that only this recording has."""
+    return f"recordings/{recording_id}"
+
+
+async def new_tracks_key(recording_id: str, tracks: Path) -> str:
+    """A key of their own for these tracks, which ends in their SHA-256 (``named_hash``)."""
+
+    def digest() -> str:
+        with tracks.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+
+    return f"{own_prefix(recording_id)}/tracks-{uuid.uuid4().hex[:8]}-{await asyncio.to_thread(digest)}.parquet"
+
+
+def uploaded_row(
+    *,
+    recording_id: str,
+    owner: str | None,
+    filename: str,
+    sha256: str,
+    size_bytes: int,
+    tracks_key: str,
+    facts: RecordingFacts,
+    subject: SubjectFields,
+    session_id: str | None = None,
+) -> dict[str, Any]:
+    """Values of the row of a new recording, without switches; where no ``session_id`` is stated, it is found."""
+    values: dict[str, Any] = {
+        "id": recording_id,
+        "owner": owner,
+        "filename": filename,
+        "sha256": sha256,
+        "bytes": size_bytes,
+        "blob_key": upload_key(sha256),
+        "tracks_key": tracks_key,
+        "facts": facts.model_dump(mode="json"),
+        "subject_fields": subject.model_dump(mode="json", exclude_none=True),
+        "marker_map": {},
+        "plate_switches": {},
+        "session_stated": session_id is not None,
+    }
+    values["session_id"] = session_id or session_id_of(values, datetime.now(UTC))
+    return values
