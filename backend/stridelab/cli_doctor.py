@@ -15,6 +15,7 @@ from pydantic import ValidationError
 
 from stridelab import cli_doctor_service as parts
 from stridelab.cli_check import Check, nearest, show
+from stridelab.errors import InvalidInput
 from stridelab.resources import models_dir
 from stridelab.service.postgres_home import ESCAPE, MAJOR
 from stridelab.service.settings import Settings
@@ -120,9 +121,8 @@ def database(settings: Settings) -> Check:
     """The given PostgreSQL answers, or the binaries of the embedded one run."""
     try:
         url = settings.database_dsn
-    except OSError as error:
-        fix = "Make the file of STRIDELAB_DATABASE_PASSWORD_FILE readable."
-        return Check("database", False, f"the password file cannot be read ({error.strerror})", fix)
+    except InvalidInput as error:
+        return Check("database", False, error.message, "Make the file of STRIDELAB_DATABASE_PASSWORD_FILE readable.")
     if url:
         return _database_answers(url)
     folder = settings.pg_bin or _bundled_binaries()
@@ -182,9 +182,8 @@ def network(settings: Settings) -> Check:
         return Check("network", True, "loopback only, no token needed")
     try:
         token = settings.token
-    except OSError as error:
-        fix = "Make the file of STRIDELAB_API_TOKEN_FILE readable."
-        return Check("network", False, f"the token file cannot be read ({error.strerror})", fix)
+    except InvalidInput as error:
+        return Check("network", False, error.message, "Put the token into the file of STRIDELAB_API_TOKEN_FILE.")
     fix = "Set STRIDELAB_API_TOKEN or STRIDELAB_API_TOKEN_FILE; without one only loopback is served."
     return Check("network", bool(token), f"bound to {settings.host}, token {'set' if token else 'missing'}", fix)
 

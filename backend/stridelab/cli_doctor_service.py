@@ -12,7 +12,7 @@ import psycopg
 
 from stridelab.cli_check import Check
 from stridelab.cores import default_slots
-from stridelab.errors import StridelabError
+from stridelab.errors import InvalidInput, StridelabError
 from stridelab.service.embedded_postgres import running_url
 from stridelab.service.jobs.work_folder import BEAT_FILE
 from stridelab.service.settings import Settings
@@ -147,7 +147,7 @@ def _url(settings: Settings) -> str | None:
     """The database that runs, if one does."""
     try:
         return settings.database_dsn or running_url(settings.data_folder)
-    except OSError:
+    except InvalidInput:
         return None  # the password file: the check of the database tells
 
 

@@ -22,9 +22,11 @@ def serve(*, host: str | None, port: int | None, data_dir: Path | None, without_
 
 def worker() -> None:
     """One worker on an existing database."""
+    from stridelab.service.data_folder import open_data_folder
     from stridelab.service.jobs.worker import main
 
     _database_url("worker")
+    open_data_folder(read_settings().data_folder)
     main()
 
 

@@ -20,6 +20,7 @@ import psutil
 import psycopg
 
 from stridelab.errors import Unavailable
+from stridelab.service.data_folder import FIRST_START_BYTES, LATER_START_BYTES, explained, open_data_folder
 from stridelab.service.postgres_home import ESCAPE, PostgresHome, prepare_home, remember, run
 from stridelab.service.tether import tethered
 
@@ -55,13 +56,14 @@ class EmbeddedPostgres:
     def start(self, timeout_s: float = 120.0) -> str:
         """Own the data folder, make the cluster where there is none, start or adopt its server; returns its URL.
 
-        Raises ``Unavailable``: ``data-folder-in-use``, ``cluster-missing``, ``cluster-version``,
-        ``postgres-cannot-run``.
+        Raises ``Unavailable``: ``data-folder-in-use``, ``data-folder-unusable``, ``disk-full``, ``state-file-damaged``,
+        ``cluster-missing``, ``cluster-version``, ``postgres-cannot-run``.
         """
         is_first = self._home is None
         self._take_lock()
         try:
-            return self._start(timeout_s)
+            with explained(self._data):
+                return self._start(timeout_s)
         except Unavailable:
             if is_first:
                 self.stop()  # nothing is kept of a start that failed
@@ -141,8 +143,10 @@ class EmbeddedPostgres:
     def _take_lock(self) -> None:
         if self._lock is not None:
             return
-        self._data.mkdir(parents=True, exist_ok=True)
-        lock = (self._data / "supervisor.lock").open("a+", encoding="utf-8")
+        is_new = not (self._data / "postgres.json").exists()
+        open_data_folder(self._data, FIRST_START_BYTES if is_new else LATER_START_BYTES)
+        with explained(self._data):
+            lock = (self._data / "supervisor.lock").open("a+", encoding="utf-8")
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
@@ -161,7 +165,13 @@ class EmbeddedPostgres:
         draft.rename(home.cluster)
 
     def _check_major(self, home: PostgresHome) -> None:
-        made_by = (home.cluster / "PG_VERSION").read_text(encoding="utf-8").strip()
+        made_by = (home.cluster / "PG_VERSION").read_text(encoding="utf-8", errors="replace").strip()
+        if not made_by.isdecimal():
+            raise Unavailable(
+                "state-file-damaged",
+                f"{home.cluster / 'PG_VERSION'} is damaged: it does not hold the version of the database. Restore a "
+                "backup into an empty data folder; or write the number into it, where nothing else is damaged.",
+            )
         present = run([home.binaries / "postgres", "--version"], home.account).split()[2].split(".")[0]
         if made_by != present:
             raise Unavailable(
@@ -214,22 +224,38 @@ class EmbeddedPostgres:
             lines = (cluster / "postmaster.pid").read_text(encoding="utf-8").splitlines()
             process = psutil.Process(int(lines[0]))
             is_ours = process.status() != psutil.STATUS_ZOMBIE and Path(process.cwd()).resolve() == cluster.resolve()
-        except (OSError, ValueError, IndexError, psutil.Error):
+        except (OSError, ValueError, IndexError, OverflowError, psutil.Error):
             return None
         return process if is_ours else None
 
     def _remove_foreign_pid_file(self, home: PostgresHome) -> None:
-        """A pid file whose number another program bears by now would keep PostgreSQL from starting."""
+        """A pid file that is damaged, or whose number another program bears by now, keeps PostgreSQL from starting.
+
+        It goes unless a process works in the cluster.
+        """
+        file = home.cluster / "postmaster.pid"
         try:
-            pid = int((home.cluster / "postmaster.pid").read_text(encoding="utf-8").split()[0])
+            pid = int(file.read_text(encoding="utf-8").split()[0])
             if psutil.Process(pid).status() != psutil.STATUS_ZOMBIE:
-                (home.cluster / "postmaster.pid").unlink()
-        except (OSError, ValueError, IndexError, psutil.NoSuchProcess):
+                file.unlink()
+        except (OSError, psutil.NoSuchProcess):
             return
+        except (ValueError, IndexError, OverflowError):
+            if not _works_in(home.cluster):
+                file.unlink(missing_ok=True)
 
     def _log_tail(self) -> str:
         log = self._placed().log
         return log.read_text(encoding="utf-8", errors="replace")[-4000:] if log.exists() else ""
+
+
+def _works_in(folder: Path) -> bool:
+    """Whether the working directory of some process is ``folder``."""
+    for process in psutil.process_iter():
+        with contextlib.suppress(psutil.Error, OSError):
+            if Path(process.cwd()).resolve() == folder.resolve():
+                return True
+    return False
 
 
 def _wait_gone(process: psutil.Process, timeout_s: float) -> None:
@@ -249,6 +275,6 @@ def running_url(folder: Path) -> str | None:
         known = json.loads((folder / "postgres.json").read_text(encoding="utf-8"))
         socket = Path(str(known["socket"]))
         runs = any(socket.glob(".s.PGSQL.*[0-9]"))
-    except (OSError, ValueError, KeyError):
+    except (OSError, ValueError, KeyError, TypeError):
         return None
     return f"postgresql://postgres@/postgres?host={socket}" if runs else None

@@ -19,6 +19,7 @@ import tempfile
 import uuid
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 from stridelab.errors import Unavailable
 
@@ -53,11 +54,11 @@ class PostgresHome:
 def prepare_home(data: Path, pg_bin: Path | None = None, shelter: Path | None = None) -> PostgresHome:
     """Decide, create and remember where everything lies; ``shelter`` replaces the default places outside.
 
-    Raises ``Unavailable`` (``postgres-cannot-run``, ``cluster-missing``) with what to do.
+    Raises ``Unavailable`` (``postgres-cannot-run``, ``cluster-missing``, ``state-file-damaged``) with what to do.
     """
     data.mkdir(parents=True, exist_ok=True)
     pointer = data / "postgres.json"
-    known: dict[str, str | None] = json.loads(pointer.read_text(encoding="utf-8")) if pointer.exists() else {}
+    known = _read_pointer(pointer)
     as_root = os.geteuid() == 0
     account = (known.get("account") or _account()) if as_root else None
     if known.get("cluster"):
@@ -79,11 +80,35 @@ def prepare_home(data: Path, pg_bin: Path | None = None, shelter: Path | None = 
     return home
 
 
+def _read_pointer(pointer: Path) -> dict[str, Any]:
+    """What ``remember`` wrote; empty where there is no such file."""
+    try:
+        known = json.loads(pointer.read_bytes())
+    except FileNotFoundError:
+        return {}
+    except ValueError:
+        known = None
+    texts = ("cluster", "socket", "account")
+    if isinstance(known, dict) and known.get("cluster") and all(isinstance(known.get(t), str | None) for t in texts):
+        return known
+    if (pointer.parent / "postgres" / "cluster" / "PG_VERSION").exists():
+        remedy = "Remove it: the database beside it is found without it."
+    else:
+        remedy = (
+            'Write it again as {"cluster": "FOLDER", "initialised": true} with the folder that holds PG_VERSION (those '
+            f"of root lie below {' or '.join(map(str, SHELTERS))}), or remove it to begin with an empty database."
+        )
+    raise Unavailable("state-file-damaged", f"{pointer} is damaged: it does not say where the database is. {remedy}")
+
+
 def remember(data: Path, home: PostgresHome, *, initialised: bool) -> None:
     """Write the pointer file, whole or not at all."""
     record = {key: None if value is None else str(value) for key, value in asdict(home).items() if key != "binaries"}
     draft = data / "postgres.json.new"
-    draft.write_text(json.dumps({**record, "initialised": initialised}, indent=1) + "\n", encoding="utf-8")
+    with draft.open("w", encoding="utf-8") as file:
+        file.write(json.dumps({**record, "initialised": initialised}, indent=1) + "\n")
+        file.flush()
+        os.fsync(file.fileno())  # else a power cut may leave an empty file of this name
     draft.replace(data / "postgres.json")
 
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
+from stridelab.errors import Fault, InvalidInput
 from stridelab.service.niceness import NICENESS
 
 LOOPBACK = frozenset({"127.0.0.1", "::1", "localhost"})
@@ -102,15 +103,22 @@ class Settings(BaseSettings):
         """Address and keys of the object store from the credentials file; empty where there is none."""
         if self.blob_credentials_file is None:
             return {}
-        lines = self.blob_credentials_file.read_text(encoding="utf-8").splitlines()
-        pairs = (line.partition("=") for line in lines if line.strip() and not line.lstrip().startswith("#"))
+        variable = "STRIDELAB_BLOB_CREDENTIALS_FILE"
+        lines = _read_secret(self.blob_credentials_file, variable).splitlines()
+        pairs = [line.partition("=") for line in lines if line.strip() and not line.lstrip().startswith("#")]
+        if not all(name.strip() and separator for name, separator, _ in pairs):
+            raise _unreadable(self.blob_credentials_file, variable, "a line is not of the form name=value")
         return {name.strip(): value.strip() for name, _, value in pairs}
 
     @property
     def token(self) -> str | None:
         """The API token, if one is set."""
         if self.api_token_file is not None:
-            return self.api_token_file.read_text(encoding="utf-8").strip() or None
+            variable = "STRIDELAB_API_TOKEN_FILE"
+            token = _read_secret(self.api_token_file, variable).strip()
+            if not token or not token.isprintable():
+                raise _unreadable(self.api_token_file, variable, "it holds no token")
+            return token
         return self.api_token.get_secret_value() or None if self.api_token else None
 
     @property
@@ -120,13 +128,28 @@ class Settings(BaseSettings):
             return self.database_url
         from sqlalchemy.engine import make_url  # slow to import, and a start with the embedded database has no need
 
-        password = self.database_password_file.read_text(encoding="utf-8").strip()
+        password = _read_secret(self.database_password_file, "STRIDELAB_DATABASE_PASSWORD_FILE").strip()
         return make_url(self.database_url).set(password=password).render_as_string(hide_password=False)
 
     @property
     def is_loopback(self) -> bool:
         """Whether only this machine can reach the service."""
         return self.host in LOOPBACK
+
+
+def _read_secret(path: Path, variable: str) -> str:
+    """The text of a secret's file. Raises ``InvalidInput`` (``secret-unreadable``)."""
+    try:
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise _unreadable(path, variable, error.strerror or str(error)) from error
+    except UnicodeDecodeError as error:
+        raise _unreadable(path, variable, "it is no UTF-8 text") from error
+
+
+def _unreadable(path: Path, variable: str, why: str) -> InvalidInput:
+    message = f"{path}, which {variable} names, cannot be used: {why}."
+    return InvalidInput("secret-unreadable", message, [Fault(variable, why)])
 
 
 @cache

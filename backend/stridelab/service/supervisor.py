@@ -28,6 +28,7 @@ import psycopg
 
 from stridelab import heartbeat
 from stridelab.errors import Fault, InvalidInput, Unavailable
+from stridelab.service.data_folder import explained, open_data_folder
 from stridelab.service.embedded_postgres import EmbeddedPostgres
 from stridelab.service.settings import Settings
 from stridelab.service.storage.migrating import migrate, plain
@@ -151,14 +152,16 @@ class _Program:
 def serve(settings: Settings, *, with_worker: bool = True, say: Callable[[str], None] | None = None) -> None:
     """Run the whole service until SIGINT or SIGTERM.
 
-    Raises ``InvalidInput`` (``token-needed``), ``Unavailable`` (``port-taken``, ``data-folder-in-use``,
-    ``postgres-cannot-run``, ``database-unreachable``, ``service-does-not-start``).
+    Raises ``InvalidInput`` (``token-needed``, ``secret-unreadable``), ``Unavailable`` (``port-taken``, ``data-folder-in-use``,
+    ``data-folder-unusable``, ``disk-full``, ``state-file-damaged``, ``postgres-cannot-run``, ``database-unreachable``,
+    ``service-does-not-start``).
     """
     speak = say or _print_line
+    _refuse_unusable_secrets(settings)
     _refuse_open_address(settings)
     _refuse_taken_port(settings)
     folder = settings.data_folder
-    folder.mkdir(parents=True, exist_ok=True)
+    open_data_folder(folder)
     url = _configured_database(settings)
     database = EmbeddedPostgres(folder, settings.pg_bin) if url is None else None
     programs: list[_Program] = []
@@ -171,8 +174,9 @@ def serve(settings: Settings, *, with_worker: bool = True, say: Callable[[str], 
             migrate(str(url))
             forget = _forgetting_workers(str(url)) if database is not None else _nothing
             forget()
-            programs += _programs(settings, str(url), forget, with_worker=with_worker)
-            _until_healthy(settings, programs[0])
+            with explained(folder):
+                programs += _programs(settings, str(url), forget, with_worker=with_worker)
+                _until_healthy(settings, programs[0])
             speak(f"stridelab is running on {_address(settings)}")
             speak(
                 f"Next: open it in a browser, or run `{_program()} demo` in another terminal. Ctrl-C stops everything."
@@ -318,6 +322,11 @@ def _stop(programs: list[_Program]) -> None:
                 program.process.wait(max(0.0, deadline - time.monotonic()))
             program.send(signal.SIGKILL)
             program.process.wait()
+
+
+def _refuse_unusable_secrets(settings: Settings) -> None:
+    """Raise ``InvalidInput`` (``secret-unreadable``) here, where somebody reads it, and not in every program's log."""
+    _ = settings.token, settings.blob_options, settings.database_dsn
 
 
 def _refuse_open_address(settings: Settings) -> None:

@@ -201,7 +201,11 @@ def test_files_of_a_refused_or_cancelled_job_go_and_those_of_a_waiting_one_stay(
     monkeypatch.setattr(service.parts.store, "_queue_limit", limit)
 
     waiting, cancelled = send(http, files[:1], None).json()["id"], send(http, files[:2], None).json()["id"]
+    assert len(batches(service)) == 5
     http.delete(f"/api/v1/jobs/{cancelled}")
+    assert len(batches(service)) == 2
+    (tmp_path / "x").write_bytes(b"of a web server that was killed before it submitted the job")
+    service.run(service.parts.blobs.put_file(f"batches/{'0' * 32}/upload-0000", tmp_path / "x"))
 
     async def sweep() -> None:
         async with service.parts.engine.connect() as connection:
@@ -213,7 +217,6 @@ def test_files_of_a_refused_or_cancelled_job_go_and_those_of_a_waiting_one_stay(
     with open_archive(tmp_path / "lab.backup") as archive:
         assert {key for key in archive.manifest.files if key.startswith("batches/")} == batches(service)
     http.delete(f"/api/v1/jobs/{waiting}")
-    service.run(sweep())
     assert batches(service) == set()
 
 

@@ -8,6 +8,8 @@ import uuid
 from pathlib import Path
 from types import TracebackType
 
+from stridelab.service.data_folder import explained
+
 BEAT_FILE = "worker.beat"
 """Touched in the data folder whenever the worker has told the database that it lives; health checks look at its age."""
 _LOCK = ".lock"
@@ -16,7 +18,10 @@ _UNLOCKED_S = 3600.0
 
 
 class WorkFolder:
-    """A folder of this process's own below ``root``, held by a lock and removed at the end. A context manager."""
+    """A folder of this process's own below ``root``, held by a lock and removed at the end. A context manager.
+
+    Raises ``Unavailable`` (``data-folder-unusable``, ``disk-full``) where it cannot be made.
+    """
 
     def __init__(self, root: Path) -> None:
         self._root = root
@@ -24,6 +29,10 @@ class WorkFolder:
         self._lock = -1
 
     def __enter__(self) -> Path:
+        with explained(self._root):
+            return self._enter()
+
+    def _enter(self) -> Path:
         self._root.mkdir(mode=0o700, parents=True, exist_ok=True)
         for left in self._root.iterdir():
             _remove_if_abandoned(left)

@@ -11,6 +11,8 @@ from stridelab.service.access import audit
 from stridelab.service.access.callers import Caller, require_owner
 from stridelab.service.api.parts import Parts
 from stridelab.service.bundled import SHIPPED_JOBS
+from stridelab.service.jobs.kinds.registry import KINDS
+from stridelab.service.jobs.store import JobRecord
 from stridelab.service.storage.removal import may_remove
 from stridelab.service.storage.tables import job, recording
 
@@ -46,6 +48,16 @@ async def delete_finished(parts: Parts, job_id: str, caller: Caller) -> None:
     async with parts.engine.begin() as connection:
         if await may_remove(connection):  # else the janitor removes them
             await parts.blobs.delete_prefix(f"results/{job_id}")
+
+
+async def remove_own_files(parts: Parts, record: JobRecord) -> None:
+    """Remove what was stored for a job alone that was cancelled before it ran; a worker does so after any other end."""
+    kind = KINDS.get(record.kind)
+    if record.state != "cancelled" or kind is None or kind.own_files is None:
+        return
+    async with parts.engine.begin() as connection:
+        if await may_remove(connection):  # else the janitor removes them
+            await parts.blobs.delete_prefix(kind.own_files(record.input))
 
 
 async def studies_of(parts: Parts, recording_ids: Sequence[str]) -> list[str]:

@@ -100,7 +100,9 @@ async def cancel_job(
         return job_of(record)
     async with parts.engine.begin() as connection:
         await audit.note(connection, caller, "job-cancelled", job_id)
-    return job_of(await parts.store.request_cancel(job_id))
+    cancelled = await parts.store.request_cancel(job_id)
+    await deleting.remove_own_files(parts, cancelled)
+    return job_of(cancelled)
 
 
 @router.get(

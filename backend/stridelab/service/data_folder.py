@@ -1,0 +1,56 @@
+"""The data folder: made where it is missing, and refused in one sentence where it cannot be used."""
+
+import errno
+import shutil
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Final
+
+from stridelab.errors import StridelabError, Unavailable
+
+FIRST_START_BYTES: Final = 100_000_000
+"""A new database takes about 70 MB with its log."""
+LATER_START_BYTES: Final = 2_000_000
+_NO_ROOM: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
+
+
+def open_data_folder(folder: Path, free_bytes: int = LATER_START_BYTES) -> None:
+    """Make ``folder`` and write into it.
+
+    Raises ``Unavailable``: ``data-folder-unusable`` (no folder, read-only, not permitted), ``disk-full`` where it has
+    less than ``free_bytes`` left.
+    """
+    with explained(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=folder, prefix=".probe-") as probe:
+            probe.write(b"\0" * 4096)
+            probe.flush()
+        if shutil.disk_usage(folder).free < free_bytes:
+            raise _full(folder, free_bytes)
+
+
+@contextmanager
+def explained(folder: Path) -> Iterator[None]:
+    """What the operating system refuses inside the block becomes ``Unavailable``, as ``open_data_folder`` has it."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in _NO_ROOM:
+            raise _full(folder, LATER_START_BYTES) from error
+        where = f" ({error.filename})" if error.filename and str(error.filename) != str(folder) else ""
+        said = error.strerror or str(error)
+        raise Unavailable(
+            "data-folder-unusable",
+            f"The data folder {folder} cannot be used: {said}{where}. Make it a folder that this account may write "
+            "to, or set STRIDELAB_DATA_DIR to another one.",
+        ) from error
+
+
+def _full(folder: Path, free_bytes: int) -> StridelabError:
+    return Unavailable(
+        "disk-full",
+        f"The disk of the data folder {folder} is full: a start needs {free_bytes / 1e6:.0f} MB there. Free some "
+        "space, or set STRIDELAB_DATA_DIR to a folder on another disk.",
+    )
