@@ -152,9 +152,8 @@ class _Program:
 def serve(settings: Settings, *, with_worker: bool = True, say: Callable[[str], None] | None = None) -> None:
     """Run the whole service until SIGINT or SIGTERM.
 
-    Raises ``InvalidInput`` (``token-needed``, ``secret-unreadable``), ``Unavailable`` (``port-taken``, ``data-folder-in-use``,
-    ``data-folder-unusable``, ``disk-full``, ``state-file-damaged``, ``postgres-cannot-run``, ``database-unreachable``,
-    ``service-does-not-start``).
+    Raises ``InvalidInput`` (``token-needed``, ``secret-unreadable``), ``Unavailable`` (``port-taken``,
+    ``data-folder-unusable``, ``disk-full``, ``service-does-not-start``, and those of ``EmbeddedPostgres.start``).
     """
     speak = say or _print_line
     _refuse_unusable_secrets(settings)
