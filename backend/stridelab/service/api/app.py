@@ -145,9 +145,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
             JobBoard(url) as board,
             IsolatedPool(READING, settings.job_niceness) as pool,
             Resident() as resident,
-            aclosing(
-                RobotShelf(IsolatedPool(DRAWING, settings.job_niceness), blobs, spool, settings.job_memory_mb)
-            ) as shelf,
+            aclosing(_shelf(settings, blobs, spool)) as shelf,
         ):
             yield Parts(
                 settings=settings,
