@@ -10,7 +10,7 @@ from stridelab.cli_console import out, progress_bar
 from stridelab.cli_groups import Delivery
 from stridelab.cli_options import PlanSolver, PostureMeasure
 from stridelab.cli_output import refuse_to_overwrite, result_folder
-from stridelab.cli_result import show_files, show_json, show_remarks, write_result
+from stridelab.cli_result import show_files, show_json, show_remarks, show_verdict, write_result
 from stridelab.cli_scenario import read_scenario
 from stridelab.errors import Fault, InvalidInput, NotFound, StridelabError
 from stridelab.schemas.jobs import JobResult
@@ -176,6 +176,8 @@ def show_plan(result: JobResult, target: Path, *, as_json: bool) -> None:
         for remark in summary.replay.remarks or ():
             if remark.code != "replay-fell":  # the line above says when
                 out.print(f"  [yellow]{escape(remark.code)}[/] {escape(remark.message)}")
+    if summary.stopped is None:
+        show_verdict(result)
     times_s = {stage: summary.stage_times_s[stage] for stage in PLAN_STAGES if stage in summary.stage_times_s}
     out.print(f"[bold]took[/] {', '.join(f'{stage} {seconds:.1f} s' for stage, seconds in times_s.items())}")
     show_remarks(summary.warnings)

@@ -18,11 +18,15 @@ from stridelab.schemas.quality import Quality
 from stridelab.service.jobs.kinds.kind import Outcome
 from stridelab.service.jobs.kinds.provenance import bibliography
 from stridelab.service.jobs.kinds.provenance import versions as local_versions
+from stridelab.service.jobs.verdict import verdict_of
 
 T = TypeVar("T", bound=Contract)
 
 VERDICT_COLOURS: Final[Mapping[str, str]] = {"contradicted": "bold red", "doubtful": "yellow"}
 """Codes of the remarks that state the verdict of a recording's quality, with their colours."""
+
+OUTCOME_COLOURS: Final[Mapping[str, str]] = {"failed": "bold red", "doubtful": "yellow", "passed": "green"}
+"""Colours of the outcome of a verdict."""
 
 OPTIONS = {
     "height_m": "--height",
@@ -104,6 +108,13 @@ def show_quality(quality: Quality | None, remarks: Sequence[Remark]) -> None:
     if quality.not_checked:
         reasons = "; ".join(f"{name} ({why})" for name, why in quality.not_checked.items())
         out.print(f"[dim]not checked: {escape(reasons)}[/]")
+
+
+def show_verdict(result: JobResult) -> None:
+    """The verdict on the whole result in one line, red where it failed; nothing where nothing was checked."""
+    verdict = verdict_of(result.summary)
+    if verdict is not None:
+        out.print(f"[{OUTCOME_COLOURS[verdict.outcome]}]verdict[/] {escape(verdict.message)}")
 
 
 def end_if_contradicted(result: JobResult) -> None:

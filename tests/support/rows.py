@@ -4,7 +4,7 @@ import asyncio
 import hashlib
 import tempfile
 import uuid
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -89,7 +89,12 @@ async def report(parts: Parts, attempt: Attempt, fraction: float, message: str) 
     assert await Attempts(parts.engine, KINDS).report(attempt, fraction, message)
 
 
-async def succeed(parts: Parts, attempt: Attempt, files: Sequence[tuple[str, str, bytes]] = ()) -> None:
+async def succeed(
+    parts: Parts,
+    attempt: Attempt,
+    files: Sequence[tuple[str, str, bytes]] = (),
+    summary: Mapping[str, Any] | None = None,
+) -> None:
     """Publish a result with ``files`` (name, media type, content)."""
     artifacts = []
     with tempfile.TemporaryDirectory() as name:
@@ -99,16 +104,16 @@ async def succeed(parts: Parts, attempt: Attempt, files: Sequence[tuple[str, str
             await parts.blobs.put_file(f"{attempt.blob_prefix}/{file}", folder / file)
             artifacts.append({"name": file, "media_type": media_type, "bytes": len(content)})
         outcome = {
-            "summary": {"mass_kg": 60.2},
+            "summary": {"mass_kg": 60.2} if summary is None else dict(summary),
             "references": ["carpentier2017thesis"],
             "versions": {"stridelab": "0.1.0"},
         }
         assert await Attempts(parts.engine, KINDS).succeed(attempt, parts.blobs, outcome, artifacts, folder, "log")
 
 
-async def fail(parts: Parts, attempt: Attempt) -> None:
+async def fail(parts: Parts, attempt: Attempt, kept: tuple[Any, list[Any]] | None = None) -> None:
     problem = {"code": "no-plates", "detail": "No plates.", "errors": [{"where": "plates", "message": "none"}]}
-    assert await Attempts(parts.engine, KINDS).end(attempt, "failed", problem, "log")
+    assert await Attempts(parts.engine, KINDS).end(attempt, "failed", problem, "log", kept)
 
 
 async def pause(seconds: float) -> None:

@@ -9,6 +9,7 @@ from stridelab.schemas.base import Contract, Interval, Problem, Remark
 from stridelab.schemas.methods import Method
 from stridelab.schemas.quality import Quality
 from stridelab.schemas.sessions import LatencySource, SessionValues
+from stridelab.schemas.verdicts import JobVerdict
 
 JobState = Literal["queued", "running", "succeeded", "failed", "cancelled", "timed_out"]
 FINAL_STATES: frozenset[JobState] = frozenset({"succeeded", "failed", "cancelled", "timed_out"})
@@ -40,6 +41,10 @@ class Job(Contract):
     scenario_id: str | None = None
     log_tail: str | None = None
     has_result: bool = False
+    verdict: JobVerdict | None = Field(
+        default=None,
+        description="whether the result can be used; null until the job has succeeded, and where nothing was checked",
+    )
 
 
 class JobEvent(Contract):

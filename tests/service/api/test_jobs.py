@@ -360,3 +360,28 @@ def test_every_registered_kind_has_a_call(service: Served) -> None:
     paths = service.app.openapi()["paths"]
     called = {name for name in KINDS if f"{JOBS}/{name}" in paths}
     assert called == {name for name, kind in KINDS.items() if kind.offered} == set(KINDS) - {"read-batch"}
+
+
+def test_jobs_say_their_verdict_in_the_list_as_alone(http: httpx.Client, service: Served) -> None:
+    check = {"name": "vertical_bias", "value": 0.3, "limit": 0.022, "contradicted_above": 0.05, "passed": False}
+    contradicted = {"quality": {"verdict": "contradicted", "checks": [check], "not_checked": {}}}
+    certified = {"certificate": {"passed": True, "checks": []}, "replay": None}
+    ids = [service.run(add_job(service.parts)) for _ in range(5)]
+    attempts = [service.run(start_job(service.parts, job_id)) for job_id in ids[:4]]
+    service.run(succeed(service.parts, attempts[0], summary=contradicted))
+    service.run(succeed(service.parts, attempts[1], summary=certified))
+    service.run(succeed(service.parts, attempts[2]))
+    kept = ({"summary": contradicted, "references": [], "versions": {}}, [])
+    service.run(fail(service.parts, attempts[3], kept))
+    alone = {job_id: http.get(f"{JOBS}/{job_id}").json() for job_id in ids}
+    listed = {job["id"]: job for job in http.get(JOBS, params={"limit": 200}).json()["items"]}
+    verdicts = [alone[job_id]["verdict"] for job_id in ids]
+    assert verdicts == [listed[job_id]["verdict"] for job_id in ids]
+    assert verdicts[0] == {
+        "outcome": "failed",
+        "code": "sensors-contradict",
+        "message": "Sensors contradict each other: vertical bias",
+        "failed_checks": ["vertical_bias"],
+    }
+    assert (verdicts[1]["outcome"], verdicts[1]["code"]) == ("passed", "certified")
+    assert verdicts[2:] == [None, None, None], "nothing was checked; failed, though it kept a result; still waiting"

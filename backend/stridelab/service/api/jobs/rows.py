@@ -5,7 +5,9 @@ from typing import Final
 
 from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.jobs import Job, JobState, Progress
+from stridelab.schemas.verdicts import JobVerdict
 from stridelab.service.jobs.store import JobRecord
+from stridelab.service.jobs.verdict import verdict_of
 
 _ENDED: Final[Mapping[JobState, tuple[int, str]]] = {
     "failed": (422, "Job failed"),
@@ -33,7 +35,15 @@ def job_of(record: JobRecord) -> Job:
         scenario_id=record.scenario_id,
         log_tail=record.log_tail,
         has_result=record.result is not None,
+        verdict=_verdict_of(record),
     )
+
+
+def _verdict_of(record: JobRecord) -> JobVerdict | None:
+    """A job that failed has no verdict, whatever it kept: its state and its error say enough."""
+    if record.state != "succeeded" or record.result is None:
+        return None
+    return verdict_of(record.result.get("summary") or {})
 
 
 def _problem_of(record: JobRecord) -> Problem | None:
