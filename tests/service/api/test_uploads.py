@@ -16,7 +16,7 @@ from stridelab.service.filenames import safe_filename
 from support.answers import places, refusal, upload
 from support.database import TestDatabases
 from support.interface import Served, served
-from support.rows import facts
+from support.rows import add_recording, facts
 
 RECORDINGS = "/api/v1/recordings"
 
@@ -67,6 +67,48 @@ def test_the_same_file_twice_is_two_recordings_and_one_blob(http: httpx.Client, 
     assert http.get(f"{RECORDINGS}/{again['id']}/file").content == content
     assert http.delete(f"{RECORDINGS}/{again['id']}").status_code == 204
     assert f"uploads/{first['sha256']}" not in service.stored_files()
+
+
+def reused(http: httpx.Client, content: bytes, name: str = "walk.c3d") -> httpx.Response:
+    return http.post(RECORDINGS, params={"reuse": "true"}, files={"file": (name, content)})
+
+
+@pytest.mark.usefixtures("parsed_at_once")
+def test_the_same_file_again_is_the_newest_recording_of_it_where_that_is_asked_for(
+    http: httpx.Client, service: Served
+) -> None:
+    content = b"once and again" * 1000
+    first = reused(http, content)
+    assert first.status_code == 201, "there is no earlier one"
+    newest = upload(http, content, "walk 2.c3d").json()
+    before, listed = service.stored_files(), http.get(RECORDINGS).json()
+    again = reused(http, content, "other name.c3d")
+    assert again.status_code == 200
+    assert again.json() == newest
+    assert again.headers["location"] == f"{RECORDINGS}/{newest['id']}"
+    assert (service.stored_files(), http.get(RECORDINGS).json()) == (before, listed)
+    assert reused(http, content + b"!").status_code == 201, "other bytes are another recording"
+    for made in (first.json(), newest):
+        http.delete(f"{RECORDINGS}/{made['id']}")
+    assert reused(http, content).status_code == 201, "the earlier ones are deleted"
+
+
+@pytest.mark.usefixtures("parsed_at_once")
+def test_the_same_file_again_repairs_the_damaged_one(http: httpx.Client, service: Served) -> None:
+    content = b"soon damaged" * 1000
+    made = reused(http, content).json()
+    (service.data / "blobs" / f"uploads/{made['sha256']}").write_bytes(b"damaged")
+    assert reused(http, content).json()["id"] == made["id"]
+    assert http.get(f"{RECORDINGS}/{made['id']}/file").content == content
+
+
+def test_somebody_elses_upload_of_the_same_bytes_is_not_reused(http: httpx.Client, service: Served) -> None:
+    content = b"of a colleague"
+    digest = hashlib.sha256(content).hexdigest()
+    for owner in ("colleague", None):
+        columns = {"owner": owner, "bundled": owner is None, "blob_key": f"uploads/{digest}"}
+        service.run(add_recording(service.parts, content=content, **columns))
+    assert refusal(reused(http, content))[0] == 422, "it is read like any new file, and is no recording"
 
 
 @pytest.mark.usefixtures("parsed_at_once")

@@ -18,8 +18,9 @@ from stridelab.service.access.callers import Caller, require_owner
 from stridelab.service.api.parts import Parts
 from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.recordings.multipart import ReceivedForm
-from stridelab.service.api.recordings.parsing import Parsed, Switches
-from stridelab.service.api.recordings.rows import recording_of, recording_row
+from stridelab.service.api.recordings.parsing import NO_SWITCHES, Parsed, Switches
+from stridelab.service.api.recordings.rows import recording_of, recording_row, recordings_with_subjects
+from stridelab.service.sessions import session_id_of
 from stridelab.service.storage.publication import NO_ANSWER, publishing
 from stridelab.service.storage.removal import may_remove
 from stridelab.service.storage.tables import job, recording
@@ -78,6 +79,28 @@ async def store_upload(
     if stored is None:
         raise Unavailable("database-unreachable", "The database does not answer; nothing was stored. Try again.")
     return stored
+
+
+async def uploaded_before(parts: Parts, form: ReceivedForm, owner: str | None) -> Recording | None:
+    """The newest recording that ``owner`` made of the same bytes, or None; samples of the program do not count.
+
+    Its stored file is checked, and replaced by the one of ``form`` where it is damaged.
+    """
+    key = upload_key(form.sha256)
+    same = recordings_with_subjects().where(
+        recording.c.sha256 == form.sha256,
+        recording.c.blob_key == key,
+        recording.c.owner.is_not_distinct_from(owner),
+        ~recording.c.bundled,
+    )
+    newest = same.order_by(recording.c.created_at.desc(), recording.c.id.desc()).limit(1)
+    async with parts.engine.begin() as connection:
+        await lock_blob(connection, key)
+        row = (await connection.execute(newest)).mappings().one_or_none()
+        if row is None:
+            return None
+        await parts.blobs.keep_or_replace(key, form.path, form.sha256)
+        return recording_of(row)
 
 
 async def _look_again(parts: Parts, recording_id: str, tracks_key: str) -> Recording | None:
