@@ -11,6 +11,7 @@ import numpy as np
 
 from stridelab.schemas.scenarios import BoxSurface, Scenario
 from stridelab_web.touches import Touch, box_corners_m, rotation, touches
+from stridelab_web.words import counted
 
 PX_PER_M: Final = 200.0
 MARGIN_M: Final = 0.25
@@ -79,7 +80,8 @@ def draw(scenario: Scenario, view: View, region_m: Sequence[tuple[float, float]]
     if len(region_m) > 2:
         shapes.append(_polygon(to_px(np.array(region_m)), "support"))
     width, height = (high - low) * PX_PER_M
-    said = f"{scenario.name} {'from the side' if view == 'side' else 'from above'}: {len(found)} touches"
+    side = "from the side" if view == "side" else "from above"
+    said = f"{scenario.name} {side}: {counted(len(found), 'touch', 'touches')}"
     return Drawing(round(float(width), 1), round(float(height), 1), tuple(shapes), said)
 
 

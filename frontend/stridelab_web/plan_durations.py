@@ -23,13 +23,14 @@ class DurationRow:
 
 @dataclass(frozen=True)
 class ChosenDurations:
-    """Bars per phase of both timings on one axis, the rows of the table, and what they come to in a sentence."""
+    """Bars per phase of both timings on one axis of ``length_s``, the rows of the table, and both in a sentence."""
 
     given: tuple[strips.Bar, ...]
     chosen: tuple[strips.Bar, ...]
     ticks: tuple[strips.Tick, ...]
     rows: tuple[DurationRow, ...]
     said: str
+    length_s: float
 
 
 def chosen_durations(found: Sequence[PhaseDuration], scenario: Scenario) -> ChosenDurations:
@@ -53,6 +54,7 @@ def chosen_durations(found: Sequence[PhaseDuration], scenario: Scenario) -> Chos
         rows=rows,
         said=f"Phase {least.phase} takes {least.share:.2f} times what the scenario gives it, phase {most.phase} "
         f"{most.share:.2f} times; no phase less, none more.",
+        length_s=length_s,
     )
 
 

@@ -7,7 +7,7 @@ from typing import Final
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.plans import CertificateCheck, PlanMotionSummary
 from stridelab_web.strips import Bar, Row
-from stridelab_web.words import check_name, measured, words
+from stridelab_web.words import check_name, counted, measured, words
 
 MARK_PERCENT: Final = 0.5
 """Width of a mark, in percent of the motion."""
@@ -47,7 +47,7 @@ def check_rows(moments: Sequence[Moment], duration_s: float) -> list[Row]:
         for moment in reversed(moments)
     )
     failed = sum(not moment.passed for moment in moments)
-    said = f"Worst moments of {len(moments)} checks, {failed} of them failed"
+    said = f"Worst moments of {counted(len(moments), 'check')}, {failed} of them failed"
     return [Row("Checks", bars, said, "check")]
 
 

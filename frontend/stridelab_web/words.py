@@ -3,6 +3,9 @@
 from collections.abc import Iterable, Sequence
 from datetime import UTC, datetime
 
+from markupsafe import Markup
+
+from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.jobs import FINAL_STATES, Job
 
 
@@ -25,8 +28,19 @@ def measured(value: float, unit: str) -> str:
 
 
 def moment(value: datetime) -> str:
-    """A time stamp to the minute, in UTC, which it says."""
+    """A time stamp to the minute, in UTC, which it says; for places that hold text alone."""
     return value.astimezone(UTC).strftime("%Y-%m-%d %H:%M UTC")
+
+
+def when(value: datetime) -> Markup:
+    """A ``<time>`` element: in UTC, until ``static/js/times.js`` puts the local time with its zone in its place."""
+    text = moment(value)
+    return Markup('<time datetime="{}" title="{}">{}</time>').format(value.astimezone(UTC).isoformat(), text, text)
+
+
+def counted(number: int, noun: str, plural: str = "") -> str:
+    """``1 frame``, ``2 frames``; the same as in static/js/counted.js. ``plural`` where it is not ``noun`` with an s."""
+    return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 
 def megabytes(count: int) -> str:
@@ -76,7 +90,10 @@ def method(code: str) -> str:
 
 
 def headline(job: Job) -> str:
-    """What to say beside the state of a job; the same sentence as in static/js/api.js."""
+    """What to say beside the state of a job; the same sentence as in static/js/api.js.
+
+    A verdict is shown apart from it, in its own colour.
+    """
     if job.state == "queued":
         return "waiting" if job.queue_position is None else f"place {job.queue_position} in the queue"
     if job.error is not None:
@@ -120,7 +137,28 @@ KINDS = {
     "read-batch": "Bulk upload",
 }
 
+_MARKS = {"failed": "✗ ", "doubtful": "! ", "passed": "✓ "}
+
 _SOLVERS = {"native": "C++, exact cones", "ipopt": "CasADi with ipopt", "fatrop": "CasADi with fatrop"}
+
+
+def tab_mark(job: Job) -> str:
+    """How a finished job ended, as a mark before the title: what a tab in the background shows."""
+    if job.state in ("failed", "timed_out"):
+        return "✗ "
+    if job.state != "succeeded":
+        return ""
+    return "✓ " if job.verdict is None else _MARKS[job.verdict.outcome]
+
+
+def not_in_detail(problem: Problem) -> list[FaultItem]:
+    """The places of a problem, without what its sentence says already."""
+    left = []
+    for item in problem.errors:
+        message = "" if item.message in problem.detail else item.message
+        if message or item.where not in problem.detail:
+            left.append(FaultItem(where=item.where, message=message))
+    return left
 
 
 def solver(name: str) -> str:
@@ -140,6 +178,8 @@ FILTERS = {
         plain,
         measured,
         moment,
+        when,
+        counted,
         megabytes,
         total_s,
         words,
@@ -149,6 +189,8 @@ FILTERS = {
         verdict,
         method,
         headline,
+        tab_mark,
+        not_in_detail,
         solver,
         short_time,
     )

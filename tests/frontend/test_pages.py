@@ -171,6 +171,27 @@ def test_failed_job_says_why_and_where_and_shows_its_log(fake: FakeService, brow
     for part in ("No interval is measured.", "plate 2", "never loaded", "no-window", "&lt;b&gt;stopped"):
         assert part in page
     assert 'data-final="true"' in page
+    assert page.count("No interval is measured.") == 1
+
+
+def test_a_failure_is_told_once_on_the_page_of_its_job(fake: FakeService, browse: Browse) -> None:
+    detail = "The knee is straight in phases[3]. The hand is 0.2 m too far away."
+    places = [
+        FaultItem(where="phases[3]", message="The knee is straight"),
+        FaultItem(where="phases[5]", message="The hand is 0.2 m too far away."),
+        FaultItem(where="stage: whole body", message="stopped after 3.1 s"),
+    ]
+    problem = Problem(title="Failed", status=422, code="stance-unreachable", detail=detail, errors=places)
+    page = browse(f"/jobs/{fake.add_job(state='failed', error=problem, log_tail='the log').id}").text
+    assert page.count("The knee is straight") == 1
+    assert page.count("0.2 m too far away") == 1
+    assert re.findall(r"<li><b>([^<]*)</b>([^<]*)</li>", page) == [
+        ("phases[5]", ""),
+        ("stage: whole body", ": stopped after 3.1 s"),
+    ]
+    assert "<details ><summary>End of the log" in page, "folded: the sentence says why"
+    assert re.search(r"<progress[^>]*>", page)
+    assert 'class="wide" hidden' in page, "a bar of a job that has ended says nothing"
 
 
 def test_result_page_shows_every_number_of_the_summary_with_its_unit(fake: FakeService, browse: Browse) -> None:

@@ -8,7 +8,7 @@ from stridelab.schemas.methods import METHODS
 from stridelab.service.jobs.kinds.registry import KINDS
 from stridelab_web import words
 from stridelab_web.comparison_plots import STYLES
-from stridelab_web.words import fixed, moment
+from stridelab_web.words import counted, fixed, moment, when
 
 
 @pytest.mark.parametrize(
@@ -25,6 +25,27 @@ def test_every_estimator_has_a_name_and_a_line_of_its_own() -> None:
 
 def test_every_kind_of_job_has_a_name() -> None:
     assert set(words.KINDS) == set(KINDS)
+
+
+@pytest.mark.parametrize(
+    ("number", "words_of", "text"),
+    [
+        (0, ("frame",), "0 frames"),
+        (1, ("frame",), "1 frame"),
+        (2, ("frame",), "2 frames"),
+        (1, ("touch", "touches"), "1 touch"),
+        (31, ("touch", "touches"), "31 touches"),
+    ],
+)
+def test_one_is_counted_in_the_singular(number: int, words_of: tuple[str, ...], text: str) -> None:
+    assert counted(number, *words_of) == text
+
+
+def test_an_element_for_a_time_holds_the_instant_and_the_utc_text() -> None:
+    there = timezone(timedelta(hours=-5))
+    assert when(datetime(2026, 11, 22, 23, 30, tzinfo=there)) == (
+        '<time datetime="2026-11-23T04:30:00+00:00" title="2026-11-23 04:30 UTC">2026-11-23 04:30 UTC</time>'
+    )
 
 
 def test_a_time_says_that_it_is_utc_whatever_its_own_zone() -> None:

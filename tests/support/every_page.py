@@ -10,6 +10,7 @@ from stridelab.schemas.base import FaultItem, Problem
 from stridelab.schemas.jobs import Artifact, JobResult, Progress
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
 from stridelab.schemas.sweeps import SweepAxis, SweepSummary
+from stridelab.schemas.verdicts import JobVerdict
 from stridelab_web.pages.home import SAMPLE_RECORDING
 from support import fake_population, fake_reach, fake_wheel
 from support.fake_service import FakeService
@@ -39,6 +40,9 @@ def every_page(fake: FakeService) -> dict[str, str]:
         "running": fake.add_job(state="running", progress=Progress(fraction=0.5, message="fusing")).id,
         "failed": fake.add_job(state="failed", error=_PROBLEM, log_tail="step 3 of 7\nstopped\n" * 40).id,
     }
+    fake.change(plan.id, verdict=_FELL)
+    fake.change(estimate.id, verdict=_DOUBTFUL)
+    fake.change(wheel.id, verdict=_AGREE)
     return {
         "home": "/",
         "recordings": "/recordings",
@@ -70,6 +74,11 @@ def every_page(fake: FakeService) -> dict[str, str]:
     }
 
 
+_FELL = JobVerdict(
+    outcome="failed", code="replay-fell", message="Not certified: terrain distance min; the robot falls at 3.2 s"
+)
+_DOUBTFUL = JobVerdict(outcome="doubtful", code="sensors-doubtful", message="Doubtful: force residual")
+_AGREE = JobVerdict(outcome="passed", code="sensors-agree", message="Sensors agree")
 _PROBLEM = Problem(
     title="Unprocessable",
     status=422,

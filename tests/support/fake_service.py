@@ -4,6 +4,7 @@ The walk is that of ``fake_walk``.
 """
 
 import asyncio
+import hashlib
 import uuid
 from concurrent.futures import ThreadPoolExecutor
 from datetime import UTC, datetime
@@ -245,7 +246,13 @@ class FakeService:
             return _problem(
                 422, "not-a-recording", f"{name} is neither a C3D file nor a ZIP.", [(name, "no C3D header")]
             )
-        return _answer(self.add_recording(name).model_dump(mode="json"), 201)
+        digest = hashlib.sha256(content).hexdigest()
+        same = [known for known in self.recordings.values() if known.sha256 == digest]
+        if same and request.query_params.get("reuse") == "true":
+            return _answer(same[-1].model_dump(mode="json"))
+        made = self.add_recording(name).model_copy(update={"sha256": digest})
+        self.recordings[made.id] = made
+        return _answer(made.model_dump(mode="json"), 201)
 
     async def _recording(self, request: Request) -> Response:
         key = request.path_params["id"]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from stridelab.schemas.jobs import JobResult
-from stridelab_web.words import words
+from stridelab_web.words import counted, words
 
 
 @dataclass(frozen=True)
@@ -111,11 +111,7 @@ def _latency(latency_s: float, sd_s: float | None, applied_s: float, trials: int
         done = "this was corrected"
     else:
         done = f"{1000 * applied_s:z.1f} ms were corrected, as asked"
-    of = (
-        ""
-        if trials is None
-        else f", as {trials} trial{'' if trials == 1 else 's'} of its session say{'s' if trials == 1 else ''}"
-    )
+    of = "" if trials is None else f", as {counted(trials, 'trial')} of its session say{'s' if trials == 1 else ''}"
     return f"{found} than the markers{of}; {done}."
 
 

@@ -7,6 +7,7 @@ from starlette.requests import Request
 from starlette.responses import Response
 
 from stridelab.client import AsyncClient, ProblemError
+from stridelab.schemas.jobs import Job
 from stridelab.schemas.scenarios import StoredScenario
 from stridelab_web.pages.overview import filenames_of
 from stridelab_web.pages.render import page
@@ -47,12 +48,12 @@ async def _scenarios(client: AsyncClient) -> list[StoredScenario]:
     return [*first, *(item for item in newest if item.id != SAMPLE_SCENARIO)][:SCENARIOS]
 
 
-async def _motion_of(client: AsyncClient, scenario_id: str) -> str | None:
+async def _motion_of(client: AsyncClient, scenario_id: str) -> Job | None:
     """The newest plan of a scenario, where it has a motion to watch."""
     found = (await client.jobs(1, state="succeeded", kind="plan-motion", scenario_id=scenario_id)).items
     if not found or (await client.result(found[0].id)).summary.get("certificate") is None:
         return None
-    return found[0].id
+    return found[0]
 
 
 async def _there(asked: Awaitable[T]) -> T | None:

@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from datetime import datetime
 from typing import Final
 
 from starlette.concurrency import run_in_threadpool
@@ -23,11 +24,12 @@ OFFERED_AT_MOST: Final = 20
 
 @dataclass(frozen=True)
 class Offer:
-    """A plan that can be chosen."""
+    """A plan that can be chosen; ``created_at`` is in its label, in UTC."""
 
     id: str
     label: str
     same: bool
+    created_at: datetime
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,7 @@ class Against:
     chosen: str = ""
     refusal: str = ""
     other: str = ""
+    other_at: datetime | None = None
     remarks: Sequence[str] = ()
     rows: Sequence[PairRow] = field(default_factory=list)
 
@@ -61,6 +64,7 @@ async def against(client: AsyncClient, job: Job, facts: PlanFacts, chosen: str) 
         offers,
         chosen,
         other=f"{other.summary.scenario_name}, {moment(there.created_at)}",
+        other_at=there.created_at,
         remarks=pair_remarks(facts, other),
         rows=[*pair_rows(facts, other), apart],
     )
@@ -108,7 +112,7 @@ async def _offer(client: AsyncClient, other: Job, job: Job, facts: PlanFacts) ->
     same = named or (job.scenario_id is not None and other.scenario_id == job.scenario_id)
     parts = [found.summary.scenario_name, moment(other.created_at), found.control, found.summary.solver]
     parts.append("whole body" if found.summary.certificate else "centre of mass alone")
-    return Offer(other.id, " · ".join(parts), same)
+    return Offer(other.id, " · ".join(parts), same, other.created_at)
 
 
 async def _facts(client: AsyncClient, job_id: str) -> PlanFacts:

@@ -24,7 +24,8 @@ from stridelab_web.reach_places import GROUP, SHOWN_MASS
 from stridelab_web.service import client_of
 from stridelab_web.strips import Layer, Row
 from stridelab_web.touches import touches
-from stridelab_web.words import words
+from stridelab_web.verdicts import shown_verdict
+from stridelab_web.words import counted, words
 
 EXPORTS = {"motion.viser": ".viser", "motion.html": "HTML"}
 """Players of a plan that need no service, and how the viewer names them."""
@@ -78,6 +79,7 @@ async def plan(request: Request, job_id: str) -> Response:
         bodies="poses.f32" in files,
         bands=False,
         links=links,
+        verdict=shown_verdict(job, links[0][1], until_s(result)),
         steps=(),
         downloads=[
             (text, f"/api/v1/jobs/{job.id}/artifacts/{name}")
@@ -141,7 +143,7 @@ def phase_rows(scenario: Scenario, until_s: float | None = None) -> list[Row]:
         Row(
             "Phase",
             strips.numbered(itertools.pairwise(ends_s), duration_s),
-            f"{len(scenario.phases)} phases, counted from 0",
+            f"{counted(len(scenario.phases), 'phase')}, counted from 0",
             "phase",
         )
     ]

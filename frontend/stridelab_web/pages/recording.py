@@ -28,7 +28,7 @@ GEOMETRY = "geometry"
 
 
 async def recording(request: Request) -> Response:
-    """``GET /recordings/{id}``."""
+    """``GET /recordings/{id}``; with ``known`` the page says that a file that was sent again is this recording."""
     client = client_of(request)
     found = await client.recording(request.path_params["id"])
     jobs = await client.jobs(recording_id=found.id)
@@ -42,6 +42,7 @@ async def recording(request: Request) -> Response:
         "recording.html",
         section="Recordings",
         recording=found,
+        known="known" in request.query_params,
         person=person,
         jobs=jobs.items,
         job=estimated,

@@ -18,6 +18,8 @@ from stridelab_web.pages.render import page
 from stridelab_web.result_tables import frames_of, shown_in_scene
 from stridelab_web.service import client_of, read_tracks
 from stridelab_web.strips import Layer, Row
+from stridelab_web.verdicts import shown_verdict
+from stridelab_web.words import counted
 
 GZIP_LEVEL: Final = 6
 COM_LAYERS = (
@@ -91,11 +93,14 @@ async def _recording(request: Request) -> Response:
     ]
     links = [("Recording", f"/recordings/{recording.id}")]
     steps_s = await _steps_s(client, recording.id, job_id)
+    verdict = None
     if job_id:
-        layers += [*COM_LAYERS, *(WHEEL_LAYERS if (await client.job(job_id)).kind == WHEEL else ())]
-        links.append(("Result", f"/jobs/{job_id}"))
+        job, result_url = await client.job(job_id), f"/jobs/{job_id}"
+        layers += [*COM_LAYERS, *(WHEEL_LAYERS if job.kind == WHEEL else ())]
+        links.append(("Result", result_url))
+        verdict = shown_verdict(job, result_url)
     numbered = strips.numbered(steps_s, recording.duration_s, first=1)
-    said = f"{len(steps_s)} steps, foot off to the next foot off, as the wheel was fitted to them"
+    said = f"{counted(len(steps_s), 'step')}, foot off to the next foot off, as the wheel was fitted to them"
     return page(
         request,
         "view.html",
@@ -116,6 +121,7 @@ async def _recording(request: Request) -> Response:
         bodies=False,
         bands=bool(job_id),
         links=links,
+        verdict=verdict,
     )
 
 

@@ -107,7 +107,11 @@ def test_a_recording_is_judged_by_its_sensors(
 
 def test_a_walk_with_a_receding_horizon_is_doubtful_where_a_replan_failed() -> None:
     assert found({"replans": 40, "carried_on": 0})[:2] == ("passed", "every-replan-solved")
-    assert found({"replans": 40, "carried_on": 3})[:3] == ("doubtful", "replan-failed", "No solution in 3 of 40 replans")
+    assert found({"replans": 40, "carried_on": 3})[:3] == (
+        "doubtful",
+        "replan-failed",
+        "No solution in 3 of 40 replans",
+    )
 
 
 @pytest.mark.parametrize(

@@ -70,8 +70,15 @@ export function headline(job) {
 }
 
 export function showState(node, job) {
-  node.className = `state state-${job.state}`;
+  node.className = `state state-${job.state}${job.verdict ? ` judged-${job.verdict.outcome}` : ""}`;
   node.textContent = job.state.replaceAll("_", " ");
+}
+
+// The verdict on the result of a job that succeeded; most kinds of jobs have none.
+export function showOutcome(node, job) {
+  node.hidden = !job.verdict;
+  node.className = `outcome${job.verdict ? ` outcome-${job.verdict.outcome}` : ""}`;
+  node.textContent = job.verdict?.message ?? "";
 }
 
 // Runs `work` on submit with the button disabled; what it returns, or the failure, is said beside the button.

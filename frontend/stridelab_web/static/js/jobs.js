@@ -1,5 +1,5 @@
 // Rows of job tables follow their jobs; only rows that can still change are asked for.
-import { FINAL, call, headline, showState } from "./api.js";
+import { FINAL, call, headline, showOutcome, showState } from "./api.js";
 
 const EVERY_MS = 1000;
 const rows = [...document.querySelectorAll("tr[data-job]")];
@@ -20,8 +20,11 @@ async function refresh(row) {
   const job = await call("GET", `/jobs/${row.dataset.job}`);
   const state = row.querySelector("[data-state]");
   if (!state.classList.contains(`state-${job.state}`)) showState(state, job);
-  row.querySelector("progress").value = job.progress.fraction;
+  const bar = row.querySelector("progress");
+  bar.value = job.progress.fraction;
+  bar.hidden = FINAL.has(job.state);
   row.querySelector("[data-message]").textContent = headline(job);
+  showOutcome(row.querySelector("[data-outcome]"), job);
   row.dataset.final = FINAL.has(job.state);
   row.querySelector("[data-cancel]").hidden = FINAL.has(job.state);
 }

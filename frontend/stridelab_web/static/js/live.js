@@ -1,5 +1,6 @@
 // Plans a scenario anew while it is changed: one question at a time, and the latest wins; a push, and what follows it.
 import { call } from "./api.js";
+import { counted } from "./counted.js";
 import { LIVE, showLive } from "./live_view.js";
 
 export { LIVE };
@@ -85,7 +86,7 @@ export class Live {
       return;
     }
     const { motion, recovered } = answer;
-    const effort = (one) => `cost ${one.objective.toFixed(2)}, ${one.iterations} iterations, solved in ${(1e3 * one.solve_time_s).toFixed(1)} ms`;
+    const effort = (one) => `cost ${one.objective.toFixed(2)}, ${counted(one.iterations, "iteration")}, solved in ${(1e3 * one.solve_time_s).toFixed(1)} ms`;
     // What the judge refuses is said below the scene already.
     if (answer.errors.length) this.say("No plan: the contacts are not valid.");
     else this.say(motion.converged ? `${effort(motion)}; answered in ${took_ms.toFixed(0)} ms` : `No motion: ${motion.status}`);

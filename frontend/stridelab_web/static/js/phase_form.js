@@ -30,7 +30,7 @@ export class PhaseForm {
   show(body, k) {
     Object.assign(this, { body, k: Math.min(k, body.phases.length - 1) });
     const phase = body.phases[this.k], end_s = endsOf(body)[this.k];
-    this.number.textContent = `${this.k} of ${body.phases.length - 1}`;
+    this.number.textContent = `${this.k} (${this.k + 1} of ${body.phases.length})`;
     this.when.textContent = `from ${(end_s - phase.duration_s).toFixed(2)} s to ${end_s.toFixed(2)} s`;
     const text = String(phase.duration_s);
     if (!this.typing && this.duration.value !== text) this.duration.value = text;

@@ -16,7 +16,8 @@ const STYLES = {
 const lineOf = (style) => ({ ...STYLES[style], color: colour(STYLES[style].color) });
 const SAMPLE_OF_DASH = { solid: "━━", dash: "╍╍", dot: "┈┈" };
 const ROUND = [-2, -1, 0, 1, 2].flatMap((power) => [1, 2, 5].map((digit) => digit * 10 ** power));
-// On a large screen, where letters are larger, so is the figure.
+// On a large screen, where letters are larger, so is the figure. The margins left and right are also those of a strip of
+// intervals beside the curves (`.strip.timed`), whose zero and scale are the same.
 const LARGER = parseFloat(getComputedStyle(document.documentElement).fontSize) / 16;
 const [ROW_PX, GAP_PX, TOP_PX, BOTTOM_PX, LETTER_PX, SAMPLE_PX, LEFT_PX, RIGHT_PX] = [170, 26, 10, 46, 8, 44, 74, 16].map((px) => px * LARGER);
 
@@ -154,6 +155,11 @@ function link(t, { columns, readings, shades_s, switches, x }) {
   else toWindow?.remove();
   document.querySelector("[data-all]").addEventListener("click", () => zoom([t[0], t[t.length - 1]]));
   addSwitches(switches, read);
+  if (!x.log) {
+    const tell = () => document.dispatchEvent(new CustomEvent("span", { detail: [...box._fullLayout.xaxis.range] }));
+    box.on("plotly_relayout", (change) => Object.keys(change).some((key) => key.startsWith("xaxis")) && tell());
+    tell();
+  }
   const [from, to] = shades_s[0] ?? [t[0], t[0]];
   const start = t.findIndex((value) => value >= (from + to) / 2);
   show(start < 0 ? 0 : start);

@@ -2,6 +2,8 @@
 import { call, onSubmit, startJob } from "./api.js";
 
 const root = document.querySelector("[data-recording]");
+// Said once: a reload, or a link that is kept, is about the recording alone.
+if (document.querySelector("[data-known]")) history.replaceState(null, "", location.pathname);
 const id = root.dataset.recording;
 const find = (selector) => root.querySelector(selector);
 // As the page came, whatever a browser has filled in since.

@@ -1,10 +1,26 @@
 // A table or a log that is larger than its place can be scrolled by keyboard too: where nothing in it takes the focus, it
-// takes it itself, and says what it is.
-const regions = [...document.querySelectorAll(".scroll, pre.log")];
+// takes it itself, and says what it is. Where more of it lies to the left or the right, that edge is shaded.
+let regions = [];
 const watch = new ResizeObserver(() => regions.forEach(mark));
-for (const region of regions) watch.observe(region);
+watchRegions();
+
+// Finds the regions of the page as it is now: called again where a part of the page was replaced.
+export function watchRegions() {
+  watch.disconnect();
+  regions = [...document.querySelectorAll(".scroll, pre.log")];
+  for (const region of regions) {
+    watch.observe(region);
+    region.onscroll = () => shade(region);
+  }
+}
+
+function shade(region) {
+  const left = region.scrollLeft, right = region.scrollWidth - region.clientWidth - left;
+  region.dataset.more = [left > 1 && "left", right > 1 && "right"].filter(Boolean).join(" ");
+}
 
 function mark(region) {
+  shade(region);
   const larger = region.scrollWidth > region.clientWidth || region.scrollHeight > region.clientHeight;
   if (!larger || region.querySelector("a[href], button, input, select")) {
     for (const name of ["tabindex", "role", "aria-label"]) region.removeAttribute(name);

@@ -1,9 +1,9 @@
 // Tokens, for admins: listed, made, revoked. A secret is shown once, and kept nowhere.
 import { call, onSubmit } from "./api.js";
+import { local } from "./times.js";
 
 const card = document.querySelector("[data-tokens]"), find = (selector) => card.querySelector(selector);
 const state = find("[data-state]"), rows = find("tbody");
-const day = (moment) => `${moment.slice(0, 16).replace("T", " ")} UTC`;
 
 function cell(text, tag = "td") {
   const made = document.createElement(tag);
@@ -12,9 +12,9 @@ function cell(text, tag = "td") {
 }
 
 function until(token) {
-  if (token.revoked_at) return `revoked ${day(token.revoked_at)}`;
+  if (token.revoked_at) return `revoked ${local(token.revoked_at)}`;
   if (!token.expires_at) return "it is revoked";
-  return `${day(token.expires_at)}${new Date(token.expires_at) < new Date() ? " (over)" : ""}`;
+  return `${local(token.expires_at)}${new Date(token.expires_at) < new Date() ? " (over)" : ""}`;
 }
 
 function rowOf(token) {
@@ -27,7 +27,7 @@ function rowOf(token) {
     button.addEventListener("click", () => revoke(button, token));
     last.append(button);
   }
-  row.append(name, cell(token.scope), cell(day(token.created_at)), cell(until(token)), last);
+  row.append(name, cell(token.scope), cell(local(token.created_at)), cell(until(token)), last);
   return row;
 }
 

@@ -17,7 +17,7 @@ picker?.addEventListener("change", async () => {
   button.disabled = true;
   said.textContent = `${file.name} goes up…`;
   try {
-    const { id } = await call("POST", "/recordings", form);
+    const { id } = await call("POST", "/recordings?reuse=true", form);
     location.assign(`/view/?recording=${encodeURIComponent(id)}`);
   } catch (error) {
     said.textContent = `${file.name}: ${error.message}`;

@@ -1,0 +1,24 @@
+"""The verdict on a result where only its pictures are shown: what the viewer says beside the time."""
+
+from dataclasses import dataclass
+
+from stridelab.schemas.jobs import Job
+
+
+@dataclass(frozen=True)
+class ShownVerdict:
+    """``outcome`` is "passed", "doubtful" or "failed"; ``href`` is the page with the reasons."""
+
+    outcome: str
+    message: str
+    href: str
+
+
+def shown_verdict(job: Job, href: str, until_s: float | None = None) -> ShownVerdict | None:
+    """The verdict on the result of ``job``; a job that failed and kept a motion says ``until_s`` when it lasts."""
+    if job.verdict is not None:
+        return ShownVerdict(job.verdict.outcome, job.verdict.message, href)
+    if job.state == "succeeded":
+        return None
+    until = "" if until_s is None else f": the body cannot follow the plan beyond {until_s:.2f} s"
+    return ShownVerdict("failed", f"Failed{until}", href)
