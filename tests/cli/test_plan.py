@@ -209,7 +209,7 @@ def test_the_tables_say_what_failed_and_where(tmp_path: Path, capsys: pytest.Cap
     ):
         assert words in replay
     assert any("replay-fell" in line for line in lines)
-    assert "verdict Not certified: terrain distance min; the robot falls at 12.2 s in the replay" in lines
+    assert "verdict Not certified: terrain distance; the robot falls at 12.2 s in the replay" in lines
     assert lines[-1] == f"To see the motion, open {tmp_path / 'motion.html'} in a browser."
 
 

@@ -75,7 +75,7 @@ def every_page(fake: FakeService) -> dict[str, str]:
 
 
 _FELL = JobVerdict(
-    outcome="failed", code="replay-fell", message="Not certified: terrain distance min; the robot falls at 3.2 s"
+    outcome="failed", code="replay-fell", message="Not certified: terrain distance; the robot falls at 3.2 s"
 )
 _DOUBTFUL = JobVerdict(outcome="doubtful", code="sensors-doubtful", message="Doubtful: force residual")
 _AGREE = JobVerdict(outcome="passed", code="sensors-agree", message="Sensors agree")

@@ -46,7 +46,7 @@ def found(summary: dict[str, Any]) -> tuple[str, str, str, list[str]]:
             (
                 "failed",
                 "not-certified",
-                "Not certified: leg clearance min; replay completed",
+                "Not certified: leg clearance; replay completed",
                 ["leg_clearance_min"],
             ),
         ),
@@ -70,7 +70,7 @@ def test_a_fall_outweighs_failed_checks_of_which_three_are_named() -> None:
     failed = ("leg_clearance_min", "self_collisions", "torque_ratio_max_arms", "com_error_max", "hand_load")
     _, code, message, names = found({"certificate": certificate(*failed), "replay": replay(False, 2.0, "replay-fell")})
     assert code == "replay-fell"
-    assert "com error max, leg clearance min, self collisions and 2 more; the robot falls at 2.0 s" in message
+    assert "CoM error, leg clearance, self collisions and 2 more; the robot falls at 2.0 s" in message
     assert set(names) == set(failed)
 
 

@@ -101,10 +101,16 @@ def _contradicted(quality: Mapping[str, Any]) -> list[str]:
     return found
 
 
+def _in_words(name: str) -> str:
+    """``com_error_max`` as ``CoM error``: which extreme of it was checked is in the certificate."""
+    said = name.removesuffix("_max").removesuffix("_min").replace("_", " ").replace("-", " ")
+    return f"CoM {said.removeprefix('com ')}" if said.startswith("com ") else said
+
+
 def _listed(names: Sequence[str]) -> str:
     """``: a, b, c and 2 more``, in words; empty where there is no name."""
     if not names:
         return ""
-    said = ", ".join(name.replace("_", " ").replace("-", " ") for name in names[:LISTED])
+    said = ", ".join(_in_words(name) for name in names[:LISTED])
     more = f" and {len(names) - LISTED} more" if len(names) > LISTED else ""
     return f": {said}{more}"

@@ -1,5 +1,6 @@
 // Strips of intervals beside the curves: they share the curves' instant and the span of time that is shown, and a press on
 // a strip moves the cursor there.
+const EDGE_S = 1e-6;
 const strips = [...document.querySelectorAll(".strip[data-duration]")].map(stripOf);
 
 function stripOf(root) {
@@ -29,7 +30,11 @@ function newMark(svg) {
 
 function draw({ span_s: [from_s, to_s], at_s, placed, marks }) {
   const percent = (length_s) => `${(100 * length_s) / (to_s - from_s)}%`;
-  for (const { node, name, value_s } of placed) node.setAttribute(name, percent(name === "width" ? value_s : value_s - from_s));
+  for (const { node, name, value_s } of placed) {
+    node.setAttribute(name, percent(name === "width" ? value_s : value_s - from_s));
+    // a mark of the axis is there whole, or not at all
+    if (node.closest(".axis")) node.setAttribute("visibility", value_s < from_s - EDGE_S || value_s > to_s + EDGE_S ? "hidden" : "visible");
+  }
   if (at_s === null) return;
   for (const mark of marks) for (const name of ["x1", "x2"]) mark.setAttribute(name, percent(at_s - from_s));
 }
