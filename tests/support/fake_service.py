@@ -85,9 +85,9 @@ class FakeService:
     def add_recording(self, filename: str = "walk.c3d", **fields: Any) -> Recording:
         """A recording that parsed well."""
         recording = Recording(
-            id=uuid.uuid4().hex, sha256="0" * 64, filename=filename, bytes=123456, created_at=_NOW,
-            duration_s=DURATION_S, n_frames=300, marker_rate_hz=RATE_HZ, force_rate_hz=1000.0,
-            marker_set=fields.pop("marker_set", "plug-in-gait"), n_markers=len(LABELS),
+            id=uuid.uuid4().hex, sha256=fields.pop("sha256", "0" * 64), filename=filename,
+            bytes=123456, created_at=_NOW, duration_s=DURATION_S, n_frames=300, marker_rate_hz=RATE_HZ,
+            force_rate_hz=1000.0, marker_set=fields.pop("marker_set", "plug-in-gait"), n_markers=len(LABELS),
             subject=fields.pop("subject", SubjectFields(height_m=1.71, sex="female")), mass_from_force_kg=60.2,
             plates=[
                 PlateInfo(index=1, type=2, corners_m=corners(1.2, 0.1), loaded_s=[(0.6, 1.6)]),
@@ -194,13 +194,9 @@ class FakeService:
             Artifact(name="com.csv", media_type="text/csv", bytes=12345),
         ]
         return JobResult(
-            kind=job.kind,
-            input=given,
-            versions=versions,
-            references=["dumas2007"],
-            summary=SUMMARY,
-            artifacts=artifacts,
-        )
+            kind=job.kind, input=given, versions=versions, references=["dumas2007"],
+            summary=SUMMARY, artifacts=artifacts,
+        )  # fmt: skip
 
     def client(self) -> Client:
         """A synchronous client of the fake, without a network."""
@@ -243,16 +239,13 @@ class FakeService:
         content = await file.read()
         await form.close()
         if not content.startswith(b"\x02P"):
-            return _problem(
-                422, "not-a-recording", f"{name} is neither a C3D file nor a ZIP.", [(name, "no C3D header")]
-            )
+            said = f"{name} is neither a C3D file nor a ZIP."
+            return _problem(422, "not-a-recording", said, [(name, "no C3D header")])
         digest = hashlib.sha256(content).hexdigest()
         same = [known for known in self.recordings.values() if known.sha256 == digest]
-        if same and request.query_params.get("reuse") == "true":
+        if same and "reuse" in request.query_params:
             return _answer(same[-1].model_dump(mode="json"))
-        made = self.add_recording(name).model_copy(update={"sha256": digest})
-        self.recordings[made.id] = made
-        return _answer(made.model_dump(mode="json"), 201)
+        return _answer(self.add_recording(name, sha256=digest).model_dump(mode="json"), 201)
 
     async def _recording(self, request: Request) -> Response:
         key = request.path_params["id"]
