@@ -244,7 +244,7 @@ class FakeService:
         digest = hashlib.sha256(content).hexdigest()
         same = [known for known in self.recordings.values() if known.sha256 == digest]
         if same and "reuse" in request.query_params:
-            return _answer(same[-1].model_dump(mode="json"))
+            return JSONResponse(same[-1].model_dump(mode="json"), 201, {"Stridelab-Reused": "true"})
         return _answer(self.add_recording(name, sha256=digest).model_dump(mode="json"), 201)
 
     async def _recording(self, request: Request) -> Response:

@@ -79,18 +79,21 @@ def test_the_same_file_again_is_the_newest_recording_of_it_where_that_is_asked_f
 ) -> None:
     content = b"once and again" * 1000
     first = reused(http, content)
-    assert first.status_code == 201, "there is no earlier one"
+    assert "stridelab-reused" not in first.headers, "there is no earlier one"
     newest = upload(http, content, "walk 2.c3d").json()
     before, listed = service.stored_files(), http.get(RECORDINGS).json()
     again = reused(http, content, "other name.c3d")
-    assert again.status_code == 200
+    assert again.headers["stridelab-reused"] == "true"
     assert again.json() == newest
     assert again.headers["location"] == f"{RECORDINGS}/{newest['id']}"
     assert (service.stored_files(), http.get(RECORDINGS).json()) == (before, listed)
-    assert reused(http, content + b"!").status_code == 201, "other bytes are another recording"
+    other = reused(http, content + b"!").json()["id"]
+    assert other not in {first.json()["id"], newest["id"]}, "other bytes are another recording"
     for made in (first.json(), newest):
         http.delete(f"{RECORDINGS}/{made['id']}")
-    assert reused(http, content).status_code == 201, "the earlier ones are deleted"
+    anew = reused(http, content)
+    assert anew.status_code == 201
+    assert "stridelab-reused" not in anew.headers, "the earlier ones are deleted"
 
 
 @pytest.mark.usefixtures("parsed_at_once")

@@ -108,8 +108,9 @@ function send(upload) {
     request.addEventListener("abort", done);
     request.addEventListener("load", () => {
       const answer = answerOf(request);
-      if (request.status === 201 && answer) accepted(upload, answer);
-      else if (request.status === 200 && answer) known(upload, answer);
+      const stored = request.status === 201 && answer;
+      if (stored && request.getResponseHeader("Stridelab-Reused")) known(upload, answer);
+      else if (stored) accepted(upload, answer);
       else refused(upload, sentence(request.status, answer));
       done();
     });

@@ -26,11 +26,13 @@ from stridelab.service.api.recordings.rows import recording_of, recording_row, r
 from stridelab.service.api.strict import StrictRoute
 from stridelab.service.storage.tables import recording
 
+REUSED: Final = "Stridelab-Reused"
+"""Header of an answer to an upload of which nothing was stored, because the bytes were there."""
 Reuse = Annotated[
     bool,
     Query(
-        description="answer 200 with the newest recording that you made of the same bytes, where there is one, as it "
-        "is: nothing is stored, and the other fields of the form are not used"
+        description="answer with the newest recording that you made of the same bytes, where there is one, as it is: "
+        "nothing is stored, and the other fields of the form are not used"
     ),
 ]
 WithStudies = Annotated[bool, Query(description="also delete finished studies of one's own that hold the person")]
@@ -102,14 +104,11 @@ _TABLE: Final[dict[int | str, dict[str, Any]]] = {
     status_code=201,
     summary="Upload a recording",
     openapi_extra=_FORM,
-    responses={
-        200: {"description": "With `reuse`: the recording of an earlier upload.", "model": Recording},
-        **failures(
-            s413="The file is over the limit (`upload-too-large`), or over yours (`storage-limit`).",
-            s422="The file cannot be read (for example `unreadable-file`, `empty-file`), or a field is not valid.",
-            s507="No disk space is left (`disk-full`).",
-        ),
-    },
+    responses=failures(
+        s413="The file is over the limit (`upload-too-large`), or over yours (`storage-limit`).",
+        s422="The file cannot be read (for example `unreadable-file`, `empty-file`), or a field is not valid.",
+        s507="No disk space is left (`disk-full`).",
+    ),
 )
 async def upload_recording(
     parts: AppParts, caller: CallerOf, request: Request, response: Response, reuse: Reuse = False
@@ -120,7 +119,8 @@ async def upload_recording(
 
     The file is read before the answer: 201 means that it is stored and understood, and what is in it. A file that
     cannot be read is refused with the reason, and nothing of it is kept. The same bytes sent again are another
-    recording, unless `reuse` asks for the one that is there.
+    recording, unless `reuse` asks for the one that is there, which is then the answer with the header
+    `Stridelab-Reused`.
     """
     limits = Limits(parts.settings.max_upload_mb * 1_000_000, parts.settings.min_free_disk_mb * 1_000_000)
     folder = storing.spool_folder(parts)
@@ -129,8 +129,7 @@ async def upload_recording(
         subject, session_id = subject_of_form(form.fields), session_of_form(form.fields)
         known = await storing.uploaded_before(parts, form, caller.name) if reuse else None
         if known is not None:
-            response.status_code = 200
-            response.headers["Location"] = f"/api/v1/recordings/{known.id}"
+            response.headers.update({"Location": f"/api/v1/recordings/{known.id}", REUSED: "true"})
             return known
         parsed = await parse(parts, folder, form.path.name, form.filename, NO_SWITCHES)
         stored = await storing.store_upload(parts, form, parsed, subject, caller.name, session_id)
