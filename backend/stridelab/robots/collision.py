@@ -37,5 +37,46 @@ class SelfCollision:
         checked = zip(self.robot.collision.collisionPairs, self.hulls.collisionResults, strict=True)
         return tuple((self._link(p.first), self._link(p.second)) for p, result in checked if result.isCollision())
 
+    def colliding(self, q: Float[np.ndarray, "nq"]) -> tuple[int, ...]:
+        """Numbers of all pairs that collide, in the order of ``pairs``."""
+        pin.computeCollisions(self.robot.model, self.data, self.robot.collision, self.hulls, q, False)
+        return tuple(k for k, result in enumerate(self.hulls.collisionResults) if result.isCollision())
+
     def _link(self, part: int) -> str:
         return str(self.robot.model.frames[self.robot.collision.geometryObjects[part].parentFrame].name)
+
+
+@dataclass(frozen=True, eq=False)
+class Apart:
+    """Rows that push shapes out of each other: of the pairs with these ``numbers``, nearer than ``gap_m``.
+
+    With the distance ``d`` (negative by the depth), its direction ``n`` from the first shape to the second and the
+    nearest points, ``n^T (J_2 - J_1) dq = gap - d``.
+    """
+
+    robot: Robot
+    hulls: pin.GeometryData
+    numbers: tuple[int, ...]
+    gap_m: float = 0.005
+
+    def rows(self, model: pin.Model, data: pin.Data) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
+        """Errors and their Jacobian, where the joint Jacobians in ``data`` are those of the posture."""
+        geometry = self.robot.collision
+        pin.updateGeometryPlacements(model, data, geometry, self.hulls)
+        e, J = [], []
+        for number in self.numbers:
+            pin.computeDistance(geometry, self.hulls, number)
+            found, pair = self.hulls.distanceResults[number], geometry.collisionPairs[number]
+            if found.min_distance >= self.gap_m:
+                continue
+            n = np.array(found.normal)
+            ends = ((pair.first, found.getNearestPoint1(), -1.0), (pair.second, found.getNearestPoint2(), 1.0))
+            row = np.zeros(model.nv)
+            for part, point, sign in ends:
+                joint = geometry.geometryObjects[part].parentJoint
+                J_joint = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
+                arm = np.array(point) - data.oMi[joint].translation
+                row += sign * (n @ J_joint[:3] + np.cross(arm, n) @ J_joint[3:])
+            e.append(self.gap_m - found.min_distance)
+            J.append(row)
+        return np.array(e), np.array(J).reshape(-1, model.nv)

@@ -11,10 +11,14 @@ twice over: first with a softness ``s`` that falls from step to step, so that th
 posture, then with ``s = 0`` to land on the contacts. ``W`` holds the base upright first, then the torso, the arms and
 the legs, in the proportions in which the whole-body stage weighs them: a motion that starts here starts at rest. The
 joint limits are never crossed on the way.
+
+Where the CoM may lie anywhere in a room ``A c <= b``, its rows of ``e`` are only those of the walls behind which it is,
+and ``s w_c |J_c dq - (c_0 - c)|^2`` draws it to a place ``c_0`` that one prefers.
 """
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import daqp
 import numpy as np
@@ -24,6 +28,7 @@ from jaxtyping import Float
 from stridelab.conventions import Angles, Vector3
 from stridelab.dynamics.placement import Placement
 from stridelab.errors import InvalidInput
+from stridelab.robots.collision import Apart
 from stridelab.robots.contact_frames import se3, with_contact_frames
 from stridelab.robots.robot import Robot
 
@@ -31,18 +36,56 @@ TOLERANCE: float = 1e-7
 """Largest error (m, rad) of a converged configuration."""
 _MARGIN_RAD = 0.02
 _STEP = 0.2
-_POSTURE_STEPS, _STEPS = 100, 150
+_AT_LIMIT_RAD = 1e-3
 _DAMPING = 1e-9
 _UPRIGHT = 4.0
 _GROUP = {"leg": 4.5e-4, "torso": 0.125, "arm": 0.03125, "head": 0.03125}
 _HAND = 0.045
+_COM = 1.0
+"""``w_c``: where the CoM is free it is drawn less than a base is held upright, but more than any limb is."""
+
+
+class _Pace(NamedTuple):
+    """The softness is ``decay**step`` for so many steps, then 0; ``lands`` ends, ``tolerance`` converges."""
+
+    decay: float
+    posture_steps: int
+    steps: int
+    lands: float
+    tolerance: float
+
+
+_THOROUGH = _Pace(0.85, 100, 150, 1e-10, TOLERANCE)
+_QUICK = _Pace(0.75, 45, 75, 1e-7, 1e-5)
+
+
+@dataclass(frozen=True, eq=False)
+class ComRoom:
+    """Where the CoM may be: ``A c <= b`` with rows of length 1, ``A`` ``(m, 3)`` and ``b`` ``(m,)`` in metres."""
+
+    A: Float[np.ndarray, "m 3"]
+    b: Float[np.ndarray, "m"]
+
+    @staticmethod
+    def above(region_m: Float[np.ndarray, "k 2"]) -> "ComRoom":
+        """Above a convex polygon, counter-clockwise as seen from above; everywhere without at least three corners."""
+        edge = np.roll(region_m, -1, axis=0) - region_m
+        length = np.linalg.norm(edge, axis=1)
+        some = length > 0.0
+        if len(region_m) < 3 or not some.any():
+            return ComRoom(np.zeros((0, 3)), np.zeros(0))
+        normal = np.column_stack([edge[some, 1], -edge[some, 0]]) / length[some, None]
+        A = np.column_stack([normal, np.zeros(len(normal))])
+        return ComRoom(A, (normal * region_m[some]).sum(axis=1))
 
 
 @dataclass(frozen=True, eq=False)
 class IkResult:
     """What was found: the largest errors left in position and orientation, the target with the first as ``worst``.
 
-    ``q`` ``(nq,)`` keeps the joint limits whether or not it ``converged``.
+    ``q`` ``(nq,)`` keeps the joint limits whether or not it ``converged``. ``away_m`` is the error in position of every
+    target, the CoM as ``centre of mass``; ``at_limit`` names the joints that stand at an end of their range, less the
+    margin.
     """
 
     q: Float[np.ndarray, "nq"]
@@ -50,6 +93,8 @@ class IkResult:
     converged: bool
     error_rad: float
     worst: str
+    away_m: Mapping[str, float]
+    at_limit: tuple[str, ...]
 
 
 def stand(
@@ -70,19 +115,33 @@ def stand(
     if unknown:
         raise InvalidInput("effector-unknown", f"{robot.title} has no effector {', '.join(unknown)}")
     problem = _Problem(robot, placements, com_m, 0.0 if margins_rad is None else margins_rad)
-    posture = _reference_at(robot, placements, com_m) if q_start is None else q_start
-    q = posture.copy()
-    q[7:] = np.clip(q[7:], problem.lower, problem.upper)
-    for step in range(_STEPS):
-        softness = 0.85**step if step < _POSTURE_STEPS else 0.0
-        e, _ = problem.errors(q)
-        if softness == 0.0 and np.abs(e).max() < 1e-10:
-            break
-        q = pin.integrate(problem.model, q, problem.step(q, softness, posture))
-    return problem.result(q)
+    posture = reference_at(robot, placements, com_m) if q_start is None else q_start
+    return problem.solve(posture, _THOROUGH)
 
 
-def _reference_at(robot: Robot, placements: Mapping[str, Placement], com_m: Vector3) -> Float[np.ndarray, "nq"]:
+def stand_in_room(
+    robot: Robot,
+    placements: Mapping[str, Placement],
+    room: ComRoom,
+    com_m: Vector3,
+    q_start: Float[np.ndarray, "nq"] | None = None,
+    margins_rad: Angles | None = None,
+    apart: Apart | None = None,
+) -> IkResult:
+    """``stand`` with the CoM anywhere in ``room``, and near ``com_m`` where the contacts let it; in half of its steps.
+
+    The pairs of ``apart`` are pushed out of each other on the way. It ``converged`` where every error is below 0.01 mm,
+    whether or not they still overlap. Raises ``InvalidInput`` (``effector-unknown``).
+    """
+    unknown = sorted(set(placements) - set(robot.effectors))
+    if unknown:
+        raise InvalidInput("effector-unknown", f"{robot.title} has no effector {', '.join(unknown)}")
+    problem = _Problem(robot, placements, com_m, 0.0 if margins_rad is None else margins_rad, room, apart)
+    posture = reference_at(robot, placements, com_m) if q_start is None else q_start
+    return problem.solve(posture, _QUICK)
+
+
+def reference_at(robot: Robot, placements: Mapping[str, Placement], com_m: Vector3) -> Float[np.ndarray, "nq"]:
     """The reference posture above the CoM, turned to the mean heading of the surface contacts."""
     ahead = [p.rotation[:2, 0] for name, p in placements.items() if robot.effectors[name].kind == "surface"]
     x, y = np.sum(ahead, axis=0) if ahead else (1.0, 0.0)
@@ -99,12 +158,18 @@ class _Problem:
     """Errors, Jacobian and one bounded step."""
 
     def __init__(
-        self, robot: Robot, placements: Mapping[str, Placement], com_m: Vector3, margins_rad: Angles | float
+        self,
+        robot: Robot,
+        placements: Mapping[str, Placement],
+        com_m: Vector3,
+        margins_rad: Angles | float,
+        room: ComRoom | None = None,
+        apart: Apart | None = None,
     ) -> None:
         self.model, self._frames = with_contact_frames(robot)
         self._data = self.model.createData()
         self._targets = {name: (se3(p), robot.effectors[name].kind) for name, p in placements.items()}
-        self._com_m = com_m
+        self._com_m, self._room, self._apart, self._joints = com_m, room, apart, robot.joint_names
         groups = [_GROUP[robot.group[joint]] for joint in robot.joint_names]
         self._weights = np.array([0.0, 0.0, 0.0, _UPRIGHT, _UPRIGHT, _UPRIGHT, *groups])
         middle = 0.5 * (self.model.lowerPositionLimit + self.model.upperPositionLimit)[7:]
@@ -128,7 +193,23 @@ class _Problem:
             if kind == "surface":
                 e.append(pin.log3(target.rotation @ here.rotation.T))
                 J.append(J_frame[3:])
-        return np.concatenate([*e, self._com_m - data.com[0]]), np.vstack([*J, J_com])
+        if self._room is None:
+            return np.concatenate([*e, self._com_m - data.com[0]]), np.vstack([*J, J_com])
+        behind = self._room.A @ data.com[0] > self._room.b
+        A, b = self._room.A[behind], self._room.b[behind]
+        return np.concatenate([*e, b - A @ data.com[0]]), np.vstack([*J, A @ J_com])
+
+    def solve(self, posture: Float[np.ndarray, "nq"], pace: _Pace) -> IkResult:
+        """Step after step from ``posture``, which is also what the redundancy goes to."""
+        q = posture.copy()
+        q[7:] = np.clip(q[7:], self.lower, self.upper)
+        for step in range(pace.steps):
+            softness = pace.decay**step if step < pace.posture_steps else 0.0
+            e, _ = self.errors(q)
+            if softness == 0.0 and np.abs(e).max() < pace.lands:
+                break
+            q = pin.integrate(self.model, q, self.step(q, softness, posture))
+        return self.result(q, pace.tolerance)
 
     def step(self, q: Float[np.ndarray, "nq"], softness: float, posture: Float[np.ndarray, "nq"]) -> np.ndarray:
         """The bounded least-squares step ``(nv,)``."""
@@ -139,6 +220,14 @@ class _Problem:
         s_h = softness * _HAND
         P = J.T @ J + s_h * H_hand.T @ H_hand + np.diag(w + _DAMPING)
         c = -J.T @ e - s_h * H_hand.T @ h - w * pin.difference(self.model, q, posture)
+        if self._apart is not None:
+            e_apart, J_apart = self._apart.rows(self.model, self._data)
+            P += J_apart.T @ J_apart
+            c -= J_apart.T @ e_apart
+        if self._room is not None and softness > 0.0:
+            J_com, s_c = self._data.Jcom, softness * _COM
+            P += s_c * J_com.T @ J_com
+            c -= s_c * J_com.T @ (self._com_m - self._data.com[0])
         upper, lower = np.full(nv, _STEP), np.full(nv, -_STEP)
         upper[6:] = np.minimum(upper[6:], self.upper - q[7:])
         lower[6:] = np.maximum(lower[6:], self.lower - q[7:])
@@ -159,7 +248,7 @@ class _Problem:
                 H.append(J[3:])
         return np.concatenate(h), np.vstack(H)
 
-    def result(self, q: Float[np.ndarray, "nq"]) -> IkResult:
+    def result(self, q: Float[np.ndarray, "nq"], tolerance: float) -> IkResult:
         """Errors at ``q`` by target."""
         e, _ = self.errors(q)
         away: dict[str, float] = {}
@@ -174,4 +263,7 @@ class _Problem:
         away["centre of mass"] = float(np.linalg.norm(e[row:]))
         worst = max(away, key=lambda name: away[name])
         error_m = away[worst]
-        return IkResult(q, error_m, error_m < TOLERANCE and turned < TOLERANCE, turned, worst)
+        ends = (q[7:] <= self.lower + _AT_LIMIT_RAD) | (q[7:] >= self.upper - _AT_LIMIT_RAD)
+        at_limit = tuple(joint for joint, end in zip(self._joints, ends, strict=True) if end)
+        converged = error_m < tolerance and turned < tolerance
+        return IkResult(q, error_m, converged, turned, worst, away, at_limit)

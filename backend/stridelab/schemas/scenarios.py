@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from stridelab.schemas.base import Contract, FaultItem, Remark
+from stridelab.schemas.robots import LinkPose
 
 # What is only too large, or too small a friction, is left to the judge, who names phase and effector.
 Metres = Annotated[float, Field(ge=-1e6, le=1e6, description="metres, -100 to 100")]
@@ -116,10 +117,33 @@ class PhaseSupport(Contract):
     com_m: Position | None = Field(description="the place of the CoM at which it does")
 
 
+BodyAnswer = Literal["reachable", "unreachable", "not-asked"]
+"""Whether the whole body can take the stance of a phase; ``not-asked`` where nobody looked."""
+
+
+class PhaseBody(Contract):
+    """What the inverse kinematics of the whole body says of one phase."""
+
+    phase: int
+    body: BodyAnswer
+    reason: str | None = Field(default=None, description="what ran out, where it is unreachable")
+    limits: list[str] = Field(
+        default_factory=list,
+        description="the effector that misses its place and joints at an end of their range, "
+        "or the two links that touch",
+    )
+    link_poses: list[LinkPose] | None = Field(
+        default=None,
+        description="of the phase that `posture_of` names: the posture, or the one that misses the contacts least, as "
+        "poses of `GET /robots/{name}`'s `links` in the world",
+    )
+
+
 class ScenarioCheck(Contract):
     """Answer of ``POST /scenarios/check``.
 
-    ``support_region_m`` holds, per phase, the polygon above which the CoM can rest; ``support`` how well it can.
+    ``support_region_m`` holds, per phase, the polygon above which the CoM can rest; ``support`` how well it can;
+    ``phases`` whether the whole body can take its stance, where the request says ``body_checked``.
     """
 
     valid: bool
@@ -128,4 +152,5 @@ class ScenarioCheck(Contract):
     margins: list[ContactMargin]
     support_region_m: list[list[tuple[float, float]]]
     support: list[PhaseSupport]
+    phases: list[PhaseBody] = Field(default_factory=list)
     duration_s: float

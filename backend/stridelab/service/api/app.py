@@ -145,6 +145,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
             JobBoard(url) as board,
             IsolatedPool(READING, settings.job_niceness) as pool,
             Resident() as resident,
+            Resident() as bodies,
             aclosing(_shelf(settings, blobs, spool)) as shelf,
         ):
             yield Parts(
@@ -163,6 +164,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
                 tokens=TokenBook(engine),
                 robots=shelf,
                 resident=resident,
+                bodies=bodies,
                 streams=StreamPlaces(settings.stream_limit),
                 started_at_s=time.monotonic(),
                 closing=asyncio.Event(),

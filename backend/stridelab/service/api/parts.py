@@ -42,6 +42,7 @@ class Parts:
     tokens: TokenBook
     robots: RobotShelf
     resident: Resident
+    bodies: Resident
     streams: StreamPlaces
     started_at_s: float
     closing: asyncio.Event

@@ -23,6 +23,7 @@ from stridelab.robots.loader import load_robot
 from stridelab.schemas.base import FaultItem
 from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, PreviewMotion, PreviewPush, SolverFacts, Solvers
 from stridelab.schemas.scenarios import Scenario
+from stridelab.service.api.plans import stances
 from stridelab.service.jobs.kinds.plan_options import native_missing
 from stridelab.service.jobs.kinds.plan_posing import densities, outlined
 
@@ -36,9 +37,11 @@ LEAST_S: Final = 0.2
 
 
 def answer(question: Json) -> Json:
-    """``{"ask": "solvers"}`` or ``{"ask": "preview", "input": PlanPreviewInput}``."""
+    """``{"ask": "solvers"}``, ``{"ask": "preview", "input": PlanPreviewInput}`` or a question of ``stances``."""
     if question["ask"] == "solvers":
         return solvers().model_dump(mode="json")
+    if question["ask"] == "stances":
+        return stances.answer(question)
     return preview(PlanPreviewInput.model_validate(question["input"])).model_dump(mode="json")
 
 

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Body, Header, Response
+from fastapi import APIRouter, Body, Header, Query, Response
 from sqlalchemy import delete, func, insert, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
@@ -14,6 +14,7 @@ from stridelab.service.api.callers import CallerOf
 from stridelab.service.api.openapi import failures
 from stridelab.service.api.paging import Cursor, Limit
 from stridelab.service.api.parts import AppParts
+from stridelab.service.api.scenarios.bodies import with_bodies
 from stridelab.service.api.scenarios.examples import IN_THE_AIR, ONE_STEP
 from stridelab.service.api.scenarios.judging import judge, refuse_invalid
 from stridelab.service.api.scenarios.rows import own_row, refuse_changed, scenario_of, scenario_row, scenarios_page
@@ -59,14 +60,34 @@ async def add_scenario(
     return stored
 
 
-@router.post("/check", summary="Check a scenario")
-async def check_scenario(parts: AppParts, body: Annotated[Scenario, Body(openapi_examples=_CHECKED)]) -> ScenarioCheck:
+@router.post(
+    "/check",
+    summary="Check a scenario",
+    responses=failures(
+        s429="Too many wait for the body (`preview-busy`); `Retry-After` says when to come back.",
+        s503="The check of the body failed and was started anew (`preview-failed`, `preview-stuck`).",
+    ),
+)
+async def check_scenario(
+    parts: AppParts,
+    body: Annotated[Scenario, Body(openapi_examples=_CHECKED)],
+    body_checked: Annotated[bool, Query(description="also ask whether the whole body can take each stance")] = False,
+    posture_of: Annotated[
+        int | None, Query(ge=0, le=1000, description="the phase whose posture is wanted, with `body_checked`")
+    ] = None,
+) -> ScenarioCheck:
     """Tell, without storing anything, whether the robot can do a scenario.
 
     `errors` names what is wrong where, `margins` how far every contact is from being refused, and `support_region_m`
-    where, seen from above, the centre of mass may rest in each phase.
+    where, seen from above, the centre of mass may rest in each phase: limits that were learned for each contact.
+
+    With `body_checked`, the inverse kinematics of the whole body looks for a posture in each phase: `phases[].body` is
+    `reachable` or `unreachable` (with a `reason`, and `limits` that name the joint or the contact), and `valid` is
+    false where there is none. Without it, `phases[].body` is `not-asked`. A stance that can be taken is not yet a
+    motion: that is the plan's to say.
     """
-    return await judge(body, parts.judges, parts.robots)
+    found = await judge(body, parts.judges, parts.robots)
+    return await with_bodies(body, found, parts.bodies, posture_of) if body_checked else found
 
 
 @router.get("/{scenario_id}", summary="One scenario", responses=_UNKNOWN)

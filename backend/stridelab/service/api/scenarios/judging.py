@@ -12,7 +12,7 @@ import anyio
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.robots.card import robot_names
 from stridelab.schemas.base import FaultItem, Remark
-from stridelab.schemas.scenarios import ContactMargin, PhaseSupport, Scenario, ScenarioCheck
+from stridelab.schemas.scenarios import ContactMargin, PhaseBody, PhaseSupport, Scenario, ScenarioCheck
 from stridelab.service.api.problems import SHOWN_FAULTS
 from stridelab.service.api.robots.shelf import RobotShelf
 
@@ -71,6 +71,7 @@ def check(scenario: Scenario) -> ScenarioCheck:
         ],
         support_region_m=[list(rest.region_m) for rest in report.rests],
         support=[_support(k, rest) for k, rest in enumerate(report.rests)],
+        phases=_not_asked(scenario),
         duration_s=report.duration_s,
     )
 
@@ -82,6 +83,10 @@ def _support(k: int, rest: "Rest") -> PhaseSupport:
     return PhaseSupport(phase=k, margin_m=rest.margin_m, com_m=(x, y, z))
 
 
+def _not_asked(scenario: Scenario) -> list[PhaseBody]:
+    return [PhaseBody(phase=k, body="not-asked") for k in range(len(scenario.phases))]
+
+
 def _refused(scenario: Scenario, fault: FaultItem) -> ScenarioCheck:
     return ScenarioCheck(
         valid=False,
@@ -90,5 +95,6 @@ def _refused(scenario: Scenario, fault: FaultItem) -> ScenarioCheck:
         margins=[],
         support_region_m=[[] for _ in scenario.phases],
         support=[PhaseSupport(phase=k, margin_m=None, com_m=None) for k in range(len(scenario.phases))],
+        phases=_not_asked(scenario),
         duration_s=math.fsum(phase.duration_s for phase in scenario.phases),
     )
