@@ -130,7 +130,7 @@ def stand_in_room(
 ) -> IkResult:
     """``stand`` with the CoM anywhere in ``room``, and near ``com_m`` where the contacts let it; in half of its steps.
 
-    The pairs of ``apart`` are pushed out of each other on the way. It ``converged`` where every error is below 0.01 mm,
+    The pairs of ``apart`` are pushed out of each other on the way, not while it lands on the contacts. It ``converged`` where every error is below 0.01 mm,
     whether or not they still overlap. Raises ``InvalidInput`` (``effector-unknown``).
     """
     unknown = sorted(set(placements) - set(robot.effectors))
@@ -220,7 +220,7 @@ class _Problem:
         s_h = softness * _HAND
         P = J.T @ J + s_h * H_hand.T @ H_hand + np.diag(w + _DAMPING)
         c = -J.T @ e - s_h * H_hand.T @ h - w * pin.difference(self.model, q, posture)
-        if self._apart is not None:
+        if self._apart is not None and softness > 0.0:
             e_apart, J_apart = self._apart.rows(self.model, self._data)
             P += J_apart.T @ J_apart
             c -= J_apart.T @ e_apart

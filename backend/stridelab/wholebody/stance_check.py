@@ -20,7 +20,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from stridelab.conventions import Points, Vector3
+from stridelab.conventions import Vector3
 from stridelab.dynamics.placement import Placement
 from stridelab.robots.collision import Apart, SelfCollision
 from stridelab.robots.inverse_kinematics import ComRoom, IkResult, reference_at, stand_in_room
@@ -44,6 +44,8 @@ LIFT_M: Final = 0.06
 REMEMBERED: Final = 4096
 BLAME: Final = 0.3
 """A contact that is off by less than this share of the worst error is not at fault."""
+LEAST_SAID_M: Final = 5e-4
+"""A contact that misses its place by less misses its direction."""
 CENTRE_OF_MASS: Final = "centre of mass"
 
 
@@ -76,11 +78,14 @@ class StanceVerdict:
     """Whether the body can take a stance; ``q`` ``(nq,)`` is the posture, or the one that misses it least.
 
     ``reason`` says in a sentence what ran out, ``limits`` names it: effectors, joints or links. Both are empty where
-    the stance is reachable. ``contact`` is the contact that is missed by most, None where that is not the cause.
+    the stance is reachable. It is ``strained`` where limbs had to be pushed apart or the search had to start elsewhere:
+    the whole-body stage, which does neither, seldom gets through such a stance. ``contact`` is the contact that is
+    missed by most, None where that is not the cause.
     """
 
     reachable: bool
     q: Float[np.ndarray, "nq"]
+    strained: bool = False
     reason: str = ""
     limits: tuple[str, ...] = ()
     contact: str | None = None
@@ -115,7 +120,8 @@ class StanceCheck:
     def usual_com_m(self, contacts: Mapping[str, Placement]) -> Vector3:
         """Over the middle of the soles, as high as in the reference posture."""
         soles = [place.position_m for name, place in contacts.items() if name in self._soles]
-        return np.asarray(np.mean(soles, axis=0) + [0.0, 0.0, self._height_m])
+        x, y, z = np.mean(soles, axis=0)
+        return np.array([x, y, z + self._height_m])
 
     def verdict(self, stance: Stance) -> StanceVerdict:
         """The verdict on ``stance``. Raises ``InvalidInput`` (``effector-unknown``)."""
@@ -137,16 +143,17 @@ class StanceCheck:
             far = touching is None and missed is not None and _off(missed) > FAR_M
             if attempt.second and (far or solves >= SOLVES):
                 break
-            placements, com_m, q_start, watched = attempt.placements, attempt.com_m, attempt.q_start, ()
+            placements, q_start = attempt.placements, attempt.q_start
+            watched: tuple[int, ...] = ()
             for _ in range(1 + PUSHES):
                 apart = Apart(self.robot, self._collision.hulls, watched) if watched else None
-                found = stand_in_room(self.robot, placements, room, com_m, q_start, self._margins_rad, apart)
+                found = stand_in_room(self.robot, placements, room, attempt.com_m, q_start, self._margins_rad, apart)
                 solves += 1
                 if not found.converged:
                     break
                 pairs = self._collision.colliding(found.q)
                 if not pairs:
-                    return StanceVerdict(True, found.q)
+                    return StanceVerdict(True, found.q, attempt.second or bool(watched))
                 if touching is None or len(pairs) < len(touching[1]):
                     touching = (found, pairs)
                 q_start, watched = found.q, tuple(sorted({*watched, *pairs}))
@@ -195,22 +202,21 @@ class StanceCheck:
 
     def _missed(self, found: IkResult) -> StanceVerdict:
         least_m = BLAME * max(found.away_m.values())
-        at_fault = [
-            name for name, away_m in sorted(found.away_m.items(), key=lambda item: -item[1]) if away_m >= least_m
-        ]
-        contact = next((name for name in at_fault if name != CENTRE_OF_MASS), None)
-        limb = {joint for name in at_fault if name != CENTRE_OF_MASS for joint in self._limb(name)}
-        joints = tuple(joint for joint in found.at_limit if joint in limb)[:3]
-        what = (contact or CENTRE_OF_MASS).replace("_", " ")
+        at_fault = [name for name, away_m in found.away_m.items() if away_m >= least_m and name != CENTRE_OF_MASS]
+        contact = max(at_fault, key=lambda name: found.away_m[name], default=None)
+        limbs = {joint for name in at_fault for joint in self._limb(name)}
+        joints = tuple(joint for joint in found.at_limit if joint in limbs)[:3]
+        what = contact or CENTRE_OF_MASS
+        away = f"{100.0 * found.away_m[what]:.1f} cm" if found.away_m[what] >= LEAST_SAID_M else "turned away"
         where = "its place" if contact else "where these contacts hold it"
-        ends = f"; at the end of {'its' if len(joints) == 1 else 'their'} range: {', '.join(joints)}" if joints else ""
-        reason = f"the body cannot take this stance: the {what} stays {100.0 * (found.away_m[contact or CENTRE_OF_MASS]):.1f} cm from {where}{ends}"
-        return StanceVerdict(False, found.q, reason, ((contact or CENTRE_OF_MASS), *joints), contact)
+        ends = f", with {' and '.join(joints)} at the end of the range" if joints else ""
+        reason = f"the body cannot take this stance: the {what.replace('_', ' ')} stays {away} from {where}{ends}"
+        return StanceVerdict(False, found.q, False, reason, (what, *joints), contact)
 
     def _collides(self, found: IkResult, numbers: tuple[int, ...]) -> StanceVerdict:
         first, second = self._collision.pairs(found.q)[0]
         reason = f"the body cannot take this stance without touching itself: {first} is inside {second}"
-        return StanceVerdict(False, found.q, reason, (first, second))
+        return StanceVerdict(False, found.q, False, reason, (first, second))
 
     def _limb(self, name: str) -> set[str]:
         """Joints that move an effector."""
@@ -233,7 +239,7 @@ def _off(found: IkResult) -> float:
     return max(found.error_m, found.error_rad)
 
 
-def _beside(robot: Robot, soles: tuple[str, ...]) -> Mapping[tuple[str, str], Points]:
+def _beside(robot: Robot, soles: tuple[str, ...]) -> Mapping[tuple[str, str], Vector3]:
     """Where each sole is in the frame of each other one, in the reference posture."""
     model = robot.model
     data = model.createData()

@@ -86,6 +86,7 @@ def _said(check: StanceCheck, verdict: StanceVerdict, *, shown: bool) -> Json:
     poses = np.round(link_poses(check.robot, verdict.q), DIGITS).tolist() if shown else None
     return {
         "body": "reachable" if verdict.reachable else "unreachable",
+        "strained": verdict.strained,
         "reason": verdict.reason or None,
         "contact": verdict.contact,
         "limits": list(verdict.limits),

@@ -10,6 +10,7 @@ from stridelab.service.api.problems import SHOWN_FAULTS
 Json = dict[str, Any]
 
 UNFINISHED: Final = "body-unfinished"
+STRAINED: Final = "body-strained"
 
 
 async def with_bodies(
@@ -28,16 +29,11 @@ async def with_bodies(
         for k, said in enumerate(answer["phases"])
         if said is not None and said["body"] == "unreachable"
     ]
-    left = sum(
-        said is None and bool(phase.contacts) for phase, said in zip(scenario.phases, answer["phases"], strict=True)
-    )
-    message = f"the body was not asked in {left} of {len(phases)} phases; ask again for more of them"
-    unfinished = [Remark(code=UNFINISHED, message=message)] if left and not found.errors else []
     return found.model_copy(
         update={
             "valid": found.valid and not faults,
             "errors": [*found.errors, *faults][:SHOWN_FAULTS],
-            "warnings": [*found.warnings, *unfinished],
+            "warnings": [*found.warnings, *_remarks(scenario, answer["phases"])],
             "phases": phases,
         }
     )
@@ -51,6 +47,20 @@ def _question(scenario: Scenario, found: ScenarioCheck, posture_of: int | None) 
         contacts = [contact.model_dump(mode="json") for contact in phase.contacts]
         phases.append({"contacts": contacts, "region_m": region_m if rests else [], "com_m": rest.com_m})
     return {"ask": "stances", "robot": scenario.robot, "posture_of": posture_of, "phases": phases}
+
+
+def _remarks(scenario: Scenario, answers: list[Json | None]) -> list[Remark]:
+    remarks = []
+    strained = [k for k, said in enumerate(answers) if said is not None and said["strained"]]
+    if strained:
+        named = f"phase {strained[0]}" if len(strained) == 1 else f"phases {', '.join(map(str, strained))}"
+        message = f"the body takes the stance of {named} only with its limbs pushed apart; the plan may fail there"
+        remarks.append(Remark(code=STRAINED, message=message))
+    left = sum(said is None and bool(phase.contacts) for phase, said in zip(scenario.phases, answers, strict=True))
+    if left:
+        message = f"the body was not asked in {left} of {len(answers)} phases; ask again for more of them"
+        remarks.append(Remark(code=UNFINISHED, message=message))
+    return remarks
 
 
 def _phase(k: int, said: Json | None) -> PhaseBody:

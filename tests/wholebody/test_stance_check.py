@@ -1,0 +1,141 @@
+"""Stances that the whole body can and cannot take, and what is said of them."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from stridelab.dynamics.placement import Placement
+from stridelab.errors import InvalidInput
+from stridelab.robots.collision import SelfCollision
+from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.inverse_kinematics import ComRoom, stand_in_room
+from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.stance_check import Stance, StanceCheck, StanceVerdict, swung
+
+APART_M = 0.21
+ROBOTS = ("talos", "hrp2")
+
+
+@pytest.fixture(scope="module", params=ROBOTS)
+def check(request: pytest.FixtureRequest) -> StanceCheck:
+    return StanceCheck(load_robot(request.param))
+
+
+def feet(left: tuple[float, float], right: tuple[float, float] = (0.0, -APART_M / 2)) -> dict[str, Placement]:
+    return {"left_foot": Placement.of([*left, 0.0]), "right_foot": Placement.of([*right, 0.0])}
+
+
+def standing(check: StanceCheck, contacts: Mapping[str, Placement]) -> StanceVerdict:
+    """With the CoM above the middle of the soles, 10 cm to either side."""
+    com_m = check.usual_com_m(contacts)
+    square = com_m[:2] + 0.1 * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    return check.verdict(Stance(contacts, com_m, square))
+
+
+def held(robot: Robot, q: np.ndarray, contacts: Mapping[str, Placement]) -> float:
+    """The largest distance of an effector from its contact, by the model itself."""
+    model, frames = with_contact_frames(robot)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, q)
+    return max(float(np.abs(data.oMf[frames[name]].translation - p.position_m).max()) for name, p in contacts.items())
+
+
+def test_a_usual_stance_is_reachable_and_its_posture_proves_it(check: StanceCheck) -> None:
+    contacts = feet((0.15, APART_M / 2)) | {"right_hand": Placement.of([0.3, -0.4, 0.75])}
+    found = standing(check, contacts)
+    assert (found.reachable, found.reason, found.limits, found.contact) == (True, "", (), None)
+    robot = check.robot
+    assert held(robot, found.q, contacts) < 1e-4
+    assert np.all(found.q[7:] > robot.model.lowerPositionLimit[7:])
+    assert np.all(found.q[7:] < robot.model.upperPositionLimit[7:])
+    assert not SelfCollision.of(robot).found(found.q)
+    com_m = pin.centerOfMass(robot.model, robot.model.createData(), found.q)
+    assert np.abs(com_m - check.usual_com_m(contacts))[:2].max() < 0.1 + 1e-4
+
+
+def test_a_foot_a_metre_aside_is_out_of_reach(check: StanceCheck) -> None:
+    found = standing(check, feet((0.0, 1.03 - APART_M / 2)))
+    assert not found.reachable
+    assert "foot" in found.reason
+    assert found.contact in {"left_foot", "right_foot"}
+    legs = [joint for joint in found.limits if check.robot.group.get(joint) == "leg"]
+    assert legs, "a joint of the legs is what ran out"
+    ends = np.minimum(
+        found.q[7:] - check.robot.model.lowerPositionLimit[7:], check.robot.model.upperPositionLimit[7:] - found.q[7:]
+    )
+    for joint in legs:
+        at = check.robot.joint_names.index(joint)
+        width = check.robot.model.upperPositionLimit[7 + at] - check.robot.model.lowerPositionLimit[7 + at]
+        assert ends[at] <= max(0.02, 0.02 * width + 0.005) + 2e-3
+
+
+def test_a_hand_a_metre_and_a_half_away_is_out_of_reach(check: StanceCheck) -> None:
+    found = standing(check, feet((0.0, APART_M / 2)) | {"right_hand": Placement.of([1.5, -0.3, 1.0])})
+    assert not found.reachable
+    assert found.contact == "right_hand"
+    assert "right hand" in found.reason
+
+
+def test_feet_inside_each_other_collide(check: StanceCheck) -> None:
+    found = standing(check, feet((0.0, -APART_M / 2 + 0.03)))
+    assert not found.reachable
+    assert "without touching itself" in found.reason
+    assert len(found.limits) == 2
+    assert found.contact is None
+
+
+def test_legs_that_cross_at_first_are_pushed_apart() -> None:
+    """A foot ahead of the other and across it: legs go through each other until they are pushed."""
+    check = StanceCheck(load_robot("talos"))
+    contacts = feet((0.25, -APART_M / 2 - 0.05))
+    com_m = check.usual_com_m(contacts)
+    plain = stand_in_room(check.robot, contacts, ComRoom.above(np.zeros((0, 2))), com_m)
+    assert plain.converged
+    assert SelfCollision.of(check.robot).found(plain.q)
+    found = check.verdict(Stance(contacts, com_m))
+    assert (found.reachable, found.strained) == (True, True)
+    assert held(check.robot, found.q, contacts) < 1e-4
+
+
+def test_the_com_stays_above_the_region(check: StanceCheck) -> None:
+    """On one foot, with the CoM above its sole; above a place half a metre aside there is no posture."""
+    contacts = {"left_foot": Placement.of([0.0, 0.1, 0.0])}
+    sole = np.array([[-0.05, 0.07], [0.05, 0.07], [0.05, 0.13], [-0.05, 0.13]])
+    com_m = check.usual_com_m(contacts)
+    found = check.verdict(Stance(contacts, com_m, sole))
+    assert found.reachable
+    x, y, _ = pin.centerOfMass(check.robot.model, check.robot.model.createData(), found.q)
+    assert -0.0501 < x < 0.0501
+    assert 0.0699 < y < 0.1301
+    away = check.verdict(Stance(contacts, com_m, sole + np.array([0.0, 0.9])))
+    assert not away.reachable
+
+
+def test_a_verdict_is_a_function_of_the_stance(check: StanceCheck) -> None:
+    """Whatever was asked before: a fresh check gives the same posture to the last digit."""
+    contacts = feet((0.2, APART_M / 2))
+    first = standing(check, contacts)
+    standing(check, feet((0.0, 1.03 - APART_M / 2)))
+    assert standing(check, contacts) is first
+    fresh = standing(StanceCheck(check.robot), contacts)
+    np.testing.assert_array_equal(fresh.q, first.q)
+
+
+def test_an_effector_that_is_not_there_is_refused(check: StanceCheck) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        standing(check, feet((0.0, 0.1)) | {"third_hand": Placement.of([0.0, 0.0, 1.0])})
+    assert refusal.value.code == "effector-unknown"
+
+
+def test_a_swing_is_held_half_way_and_lifted() -> None:
+    a, b = Placement.of([0.0, 0.1, 0.0]), Placement.of([0.4, 0.1, 0.15])
+    half = swung(a, b)
+    assert half is not None
+    np.testing.assert_allclose(half.position_m, [0.2, 0.1, 0.21])
+    assert swung(None, None) is None
+    only = swung(None, b)
+    assert only is not None
+    np.testing.assert_allclose(only.position_m, [0.4, 0.1, 0.21])
