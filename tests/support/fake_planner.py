@@ -33,6 +33,7 @@ from stridelab.schemas.robots import LinkPose, Measure, RobotEffector, RobotFact
 from stridelab.schemas.scenarios import (
     BoxSurface,
     ContactMargin,
+    PhaseBody,
     PhaseSupport,
     RailSurface,
     Scenario,
@@ -386,5 +387,6 @@ def check(given: Scenario) -> ScenarioCheck:
         margins=margins,
         support_region_m=[region(phase) for phase in given.phases],
         support=[support(k, phase) for k, phase in enumerate(given.phases)],
+        phases=[PhaseBody(phase=k, body="reachable") for k in range(len(given.phases))],
         duration_s=duration_s(given),
     )

@@ -130,8 +130,9 @@ def stand_in_room(
 ) -> IkResult:
     """``stand`` with the CoM anywhere in ``room``, and near ``com_m`` where the contacts let it; in half of its steps.
 
-    The pairs of ``apart`` are pushed out of each other on the way, not while it lands on the contacts. It ``converged`` where every error is below 0.01 mm,
-    whether or not they still overlap. Raises ``InvalidInput`` (``effector-unknown``).
+    The pairs of ``apart`` are pushed out of each other on the way, not while it lands on the contacts. It ``converged``
+    where every error is below 0.01 mm, whether or not they still overlap. Raises ``InvalidInput``
+    (``effector-unknown``).
     """
     unknown = sorted(set(placements) - set(robot.effectors))
     if unknown:

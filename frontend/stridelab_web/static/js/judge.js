@@ -4,9 +4,10 @@ import { call } from "./api.js";
 const EVERY_MS = 120;
 
 export class Judge {
-  // `tell(check, body)` gets every answer with what was asked; where there was none, `fail(sentence)`.
-  constructor(tell, fail) {
-    Object.assign(this, { tell, fail, next: null, busy: false });
+  // `tell(check, body)` gets every answer with what was asked; where there was none, `fail(sentence, body)`. `query()` is
+  // what stands behind the address: with `body_checked` the whole body is asked, which takes longer.
+  constructor(tell, fail, query = () => "") {
+    Object.assign(this, { tell, fail, query, next: null, busy: false });
   }
 
   ask(body) {
@@ -20,8 +21,8 @@ export class Judge {
       const body = this.next;
       this.next = null;
       const pause = new Promise((done) => setTimeout(done, EVERY_MS));
-      const answer = await call("POST", "/scenarios/check", body).catch((error) => error);
-      if (answer instanceof Error) this.fail(answer.message);
+      const answer = await call("POST", `/scenarios/check${this.query()}`, body).catch((error) => error);
+      if (answer instanceof Error) this.fail(answer.message, body);
       else this.tell(answer, body);
       await pause;
     }

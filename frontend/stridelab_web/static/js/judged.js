@@ -1,9 +1,9 @@
-// What an editor shows of the judge's answer: the verdict, the phases, the margins of a contact, and the picture.
+// What an editor shows of the judge's answer: the verdict, the phases, the margins of a contact, and the picture. The
+// learned reach answers first; the whole body, which is asked besides, has the last word.
 import { Judge } from "./judge.js";
+import { Posture } from "./posture.js";
 import { showMarks, showSupport } from "./support_view.js";
-import { marginsOf, phasesOf, placeOf, sentenceOf, sentenceOfPhase, tightest } from "./verdict.js";
-
-const VALID = "Valid: every contact is on its surface and within reach.";
+import { UNFINISHED, marginsOf, phasesOf, placeOf, sentenceOfPhase, tightest, verdictOf } from "./verdict.js";
 
 export class Judged {
   // `strip` shows the phases; `turn(k)` hears which of them is chosen.
@@ -11,39 +11,85 @@ export class Judged {
     const part = (name) => root.querySelector(`[data-${name}]`);
     Object.assign(this, { root, rows, strip, turn, verdict: part("verdict"), said: part("phase-said"), answer: null, phases: [], phase: null });
     Object.assign(this, { nodes: null, touches: [], chosen: null });
-    this.judge = new Judge((answer, body) => this.hear(answer, body), (sentence) => this.say(sentence, false));
+    Object.assign(this, { learned: null, whole: null, wholeOf: null, trouble: "", body: null, posture: new Posture() });
+    this.judge = new Judge((answer, body) => this.hear(answer, body), (sentence) => this.say(sentence, "invalid"));
+    const query = () => `?body_checked=true${this.phase === null ? "" : `&posture_of=${this.phase}`}`;
+    this.bodies = new Judge((answer, body) => this.hearBody(answer, body), (sentence) => this.noBody(sentence), query);
   }
 
   // What the picture shows, and which touch is chosen (its number, or null).
   look(nodes, touches, chosen) {
     const other = chosen !== this.chosen;
     Object.assign(this, { nodes, touches, chosen });
-    if (other) this.phase = this.phaseOf(chosen);
+    if (other) {
+      this.phase = this.phaseOf(chosen);
+      this.askPosture();
+    }
     this.show();
   }
 
   ask(body) {
+    this.body = body;
+    this.posture.of(body.robot).then(() => this.drawPosture());
     this.judge.ask(body);
+    this.bodies.ask(body);
   }
 
   hear(answer, body) {
-    this.answer = answer;
-    this.phases = phasesOf(answer, body);
+    this.learned = answer;
+    this.weigh(body);
+  }
+
+  hearBody(answer, body) {
+    Object.assign(this, { whole: answer, wholeOf: body, trouble: "" });
+    this.posture.take(answer.phases.find((one) => one.link_poses)?.link_poses);
+    if (this.learned) this.weigh(this.body);
+    this.drawPosture();
+    this.root.dataset.bodied = String(Number(this.root.dataset.bodied ?? 0) + 1); // what tests wait for
+    if (answer.warnings.some(({ code }) => code === UNFINISHED) && body === this.body) this.bodies.ask(body);
+  }
+
+  noBody(sentence) {
+    this.whole = null;
+    this.trouble = sentence;
+    if (this.learned) this.weigh(this.body);
+  }
+
+  // While something is dragged, the body's last word is about the place before. A refusal stays until the next one; a
+  // consent does not.
+  weigh(body) {
+    const fresh = this.wholeOf === this.body || this.whole?.phases.some((one) => one.body === "unreachable");
+    const whole = fresh && this.whole?.phases.length === body.phases.length ? this.whole : null;
+    const { errors, kind, text } = verdictOf(this.learned, whole, this.trouble);
+    if (this.learned.support.length !== body.phases.length) return; // an answer to another scenario
+    this.answer = { ...this.learned, errors };
+    this.phases = phasesOf(this.answer, body);
     if (!(this.phase < this.phases.length)) this.phase = null;
     this.phase ??= this.phaseOf(this.chosen);
-    const remark = answer.warnings[0]?.message ?? "";
-    this.say(answer.errors.length ? sentenceOf(answer.errors[0]) : `${VALID} ${remark}`.trim(), answer.valid);
+    this.say(text, kind);
     this.show();
   }
 
-  say(text, valid) {
-    this.root.dataset.judged = valid ? "valid" : "invalid";
+  say(text, kind) {
+    this.root.dataset.judged = kind;
     if (this.verdict.textContent !== text) this.verdict.textContent = text;
   }
 
   choosePhase(k) {
     this.phase = k;
     this.show();
+    this.askPosture();
+  }
+
+  // The posture of the phase that is looked at; the service remembers the stances that it has found.
+  askPosture() {
+    if (this.body) this.bodies.ask(this.body);
+  }
+
+  drawPosture() {
+    if (!this.nodes?.viser) return;
+    this.posture.show(this.nodes);
+    this.nodes.draw();
   }
 
   // The worst phase of a touch; of all, where none is chosen.
@@ -64,6 +110,7 @@ export class Judged {
     const touch = this.touches.find((one) => one.number === this.chosen);
     if (touch) this.rows.margins(touch.number, marginsOf(this.answer, touch));
     if (!this.nodes?.viser) return;
+    this.posture.show(this.nodes);
     showSupport(this.nodes, phase);
     showMarks(this.nodes, this.touches, this.phase, this.chosen, this.wrong());
     this.nodes.draw();

@@ -3,6 +3,25 @@ const PLACE = /^phases\[(\d+)\](?:\.contacts\[(\w+)\])?/;
 const EQUAL_M = 1e-4; // margins that differ by less are the same
 const LEVEL_M = 5e-4; // closer than this to its surface, a contact is on it
 
+export const UNFINISHED = "body-unfinished";
+const REACHED = "Every contact is on its surface and within reach";
+
+// What is said of a scenario: by the learned reach (`check`), and by the whole body, null before it has answered or where
+// `trouble` says why it cannot. `kind` is "invalid", "asked" or "valid".
+export function verdictOf(check, whole, trouble = "") {
+  if (check.errors.length) return { errors: check.errors, kind: "invalid", text: sentenceOf(check.errors[0]) };
+  if (trouble) return { errors: [], kind: "asked", text: `${REACHED}; whether the body can stand there is not known: ${trouble}` };
+  if (!whole) return { errors: [], kind: "asked", text: `${REACHED}; the body is being asked…` };
+  const errors = whole.phases.filter(({ body }) => body === "unreachable").map((one) => bodyError(whole, one));
+  if (errors.length) return { errors, kind: "invalid", text: sentenceOf(errors[0]) };
+  const remark = whole.warnings[0]?.message ?? "";
+  if (whole.phases.some(({ body }) => body === "not-asked")) return { errors: [], kind: "asked", text: `${REACHED}. ${remark}`.trim() };
+  return { errors: [], kind: "valid", text: `Valid: every contact is on its surface, and the body can take the stance of every phase. ${remark}`.trim() };
+}
+
+// The error that names the contact; of more than the service lists, the phase.
+const bodyError = (whole, { phase, reason }) => whole.errors.find((error) => error.message === reason && placeOf(error)?.phase === phase) ?? { where: `phases[${phase}]`, message: reason };
+
 const cm = (length_m) => `${(100 * Math.abs(length_m)).toFixed(1)} cm`;
 export const named = (effector) => effector.replaceAll("_", " ");
 
