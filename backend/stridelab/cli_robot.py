@@ -88,13 +88,19 @@ def sweep(
     processes: Annotated[
         int | None, typer.Option("--processes", min=1, help="Scenarios at a time; all cores by default.")
     ] = None,
+    whole_body: Annotated[
+        bool,
+        typer.Option(
+            "--whole-body", help="Let the body follow each plan: its certificate decides. Takes seconds each."
+        ),
+    ] = False,
     delivery: Delivery,
 ) -> None:
     """Find out at which strides, heights, paces and frictions a scenario has a motion; needs no server."""
     from stridelab.cli_sweep import SweepRequest
     from stridelab.cli_sweep import sweep as run
 
-    request = SweepRequest(scenario, tuple(vary), formulation, solver, node_rate, measure, processes)
+    request = SweepRequest(scenario, tuple(vary), formulation, solver, node_rate, measure, processes, whole_body)
     run(request, delivery)
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from rich.markup import escape
 
@@ -20,6 +20,12 @@ from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sweeps import SweepInput, SweepSummary
 from stridelab.service.jobs.kinds.tasks import SweepTask
 
+SCOPES: Final = {
+    "centre of mass": "centre of mass only: whether the body can follow was not computed",
+    "whole body": "whole body: it follows the plan, and its certificate passes",
+}
+"""What the counts are about."""
+
 
 @dataclass(frozen=True)
 class SweepRequest:
@@ -32,6 +38,7 @@ class SweepRequest:
     node_rate_hz: float = 10.0
     measure: PostureMeasure | None = None
     processes: int | None = None
+    whole_body: bool = False
 
     def of(self, scenario: Scenario | None) -> SweepInput:
         """Input of the job, for a scenario or, without one, for that of this id.
@@ -40,6 +47,7 @@ class SweepRequest:
         """
         fields: dict[str, Any] = {"scenario_id": self.scenario} if scenario is None else {"scenario": scenario}
         fields |= {"formulation": self.formulation, "solver": self.solver, "node_rate_hz": self.node_rate_hz}
+        fields |= {"whole_body": self.whole_body}
         return validated(SweepInput, {**fields, "measure": self.measure, "vary": ranges(self.vary)})
 
 
@@ -101,8 +109,9 @@ def show_swept(result: JobResult, target: Path, *, as_json: bool) -> None:
         return
     summary = SweepSummary.model_validate(result.summary)
     out.print(
-        f"[bold]{escape(summary.scenario_name)}[/] {summary.feasible} of {summary.points} scenarios have a motion; "
-        f"{summary.refused} were refused before any solver, {summary.infeasible} have none that was found"
+        f"[bold]{escape(summary.scenario_name)}[/] {summary.feasible} of {summary.points} scenarios have a motion "
+        f"({SCOPES[summary.scope]}); {summary.refused} were refused before any solver, "
+        f"{summary.infeasible} have none that was found"
     )
     for axis in summary.axes:
         unit = f" {axis.unit}" if axis.unit else ""

@@ -56,6 +56,7 @@ def test_a_stance_that_no_body_can_take_is_said_and_not_valid(tab: Tab, service:
 def test_the_robot_takes_the_posture_of_the_chosen_phase(tab: Tab, service: Service) -> None:
     page = opened(tab, "/view/?scenario=stairs-with-rail-hrp2&phase=0")
     expect(page.locator("[data-editor]")).to_have_attribute("data-judged", "valid", timeout=60_000)
+    until(page, lambda: int(page.locator("[data-editor]").get_attribute("data-bodied") or 0) > 0)
     low = base(page)
     page.locator("[data-phases] button").nth(30).click()
     until(page, lambda: float(base(page)[2] - low[2]) > 0.3)

@@ -54,7 +54,7 @@ def test_sweeps_are_listed_by_what_they_found(fake: FakeService, browse: Browse)
     assert "None yet." in browse("/sweeps").text
     every_page(fake)
     page = browse("/sweeps").text
-    assert "Steps over stride: 1 of 3" in page
+    assert "Steps over stride: 1 of 3, centre of mass only" in page
     assert page.count("<tr data-job=") == 1
 
 
@@ -94,3 +94,19 @@ def test_every_page_is_documented() -> None:
         if isinstance(route, Route) and "." not in route.path and not re.search("/scene/|^/static/", route.path)
     }
     assert documented == pages
+
+
+@pytest.mark.parametrize(
+    ("scope", "said"),
+    [
+        ("centre of mass", "<strong>Centre of mass only</strong>: whether the body can follow was not computed"),
+        ("whole body", "<strong>Whole body</strong>: a scenario has a motion where the body follows the plan"),
+    ],
+)
+def test_a_sweep_says_what_it_planned(fake: FakeService, browse: Browse, scope: str, said: str) -> None:
+    job = every_page(fake)["sweep"]
+    job_id = job.rpartition("/")[2]
+    result = fake.results[job_id]
+    fake.results[job_id] = result.model_copy(update={"summary": {**result.summary, "scope": scope}})
+    assert said in browse(job).text
+    assert f"1 of 3, {'centre of mass only' if scope == 'centre of mass' else 'whole body'}" in browse("/sweeps").text

@@ -12,6 +12,10 @@ SweepField = Literal["stride", "height", "timing", "friction"]
 SweepOutcome = Literal["feasible", "refused", "infeasible", "failed"]
 POINTS_AT_MOST: Final = 10_000
 """Scenarios of one sweep."""
+BODIES_AT_MOST: Final = 500
+"""Scenarios of one sweep of the whole body, which takes some seconds for each."""
+SweepScope = Literal["centre of mass", "whole body"]
+"""What was planned: the centroidal motion alone, or also the body that follows it."""
 SweepValue = Annotated[float, Field(gt=0.0, le=100.0)]
 
 
@@ -20,8 +24,9 @@ class SweepInput(Contract):
 
     ``vary`` maps a field to ``[from, to, number]``; every combination of the values is planned. ``stride`` and
     ``height`` are the longest way and the greatest rise of a foot between two of its places, in metres; ``timing`` is a
-    factor on all durations, ``friction`` the coefficient of all surfaces. The other fields are those of
-    ``plan-motion``.
+    factor on all durations, ``friction`` the coefficient of all surfaces. With ``whole_body``, the body follows every
+    plan that is found, and its certificate decides; without it, the answer is about the centre of mass alone. The
+    other fields are those of ``plan-motion``.
     """
 
     scenario_id: str | None = None
@@ -34,6 +39,7 @@ class SweepInput(Contract):
     solver: Literal["auto", "native", "casadi", "ipopt", "fatrop"] = "auto"
     node_rate_hz: Annotated[float, Field(ge=NODE_RATE_HZ[0], le=NODE_RATE_HZ[1])] = 10.0
     measure: Literal["uniform", "conditioned"] | None = None
+    whole_body: bool = False
 
     @model_validator(mode="after")
     def _whole(self) -> "SweepInput":
@@ -41,6 +47,8 @@ class SweepInput(Contract):
             raise ValueError("give either scenario_id or scenario")
         if self.points > POINTS_AT_MOST:
             raise ValueError(f"vary: {self.points} scenarios are more than {POINTS_AT_MOST}")
+        if self.whole_body and self.points > BODIES_AT_MOST:
+            raise ValueError(f"vary: {self.points} scenarios are more than {BODIES_AT_MOST}, the most with whole_body")
         return self
 
     @property
@@ -62,14 +70,16 @@ class SweepAxis(Contract):
 
 
 class SweepSummary(Contract):
-    """Summary of ``sweep``: how many scenarios have a motion.
+    """Summary of ``sweep``: how many scenarios have a motion of what ``scope`` names.
 
-    ``refused`` by the judge, before any solver; ``infeasible``: the solver found no motion; ``failed``: an error, or a
-    process that died. ``solvers`` counts the solver that served; ``solve_time_s`` is processor time of all solvers.
+    ``refused`` by the judge, before any solver; ``infeasible``: the solver found no motion, or, with the whole body,
+    the body cannot follow it or its certificate fails; ``failed``: an error, or a process that died. ``solvers`` counts
+    the solver that served; ``solve_time_s`` is processor time of all solvers.
     """
 
     scenario_name: str
     robot: str
+    scope: SweepScope = "centre of mass"
     axes: list[SweepAxis]
     points: int
     feasible: int

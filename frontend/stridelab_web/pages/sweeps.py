@@ -1,6 +1,7 @@
 """The list of sweeps: over what each went, and how many of its scenarios have a motion."""
 
 import asyncio
+from typing import Final
 
 from starlette.requests import Request
 from starlette.responses import Response
@@ -11,6 +12,8 @@ from stridelab.schemas.sweeps import SweepSummary
 from stridelab_web.pages.render import page
 from stridelab_web.pages.sweep import KIND
 from stridelab_web.service import client_of
+
+ONLY: Final = {"centre of mass": "centre of mass only", "whole body": "whole body"}
 
 
 async def sweeps(request: Request) -> Response:
@@ -27,7 +30,7 @@ async def _name(client: AsyncClient, job: Job) -> str:
 
 
 def said(result: JobResult) -> str:
-    """``Steps over stride, friction: 31 of 105``."""
+    """``Steps over stride, friction: 31 of 105, centre of mass only``."""
     summary = SweepSummary.model_validate(result.summary)
     fields = ", ".join(axis.field for axis in summary.axes)
-    return f"{summary.scenario_name} over {fields}: {summary.feasible} of {summary.points}"
+    return f"{summary.scenario_name} over {fields}: {summary.feasible} of {summary.points}, {ONLY[summary.scope]}"

@@ -101,3 +101,26 @@ def test_an_axis_of_one_value_is_that_value() -> None:
 def test_an_invalid_input_is_named(wrong: dict[str, Any], where: str) -> None:
     with pytest.raises(ValidationError, match=where):
         SweepInput.model_validate({"scenario": short_walk(), **wrong})
+
+
+def test_the_scope_is_said(tmp_path: Path) -> None:
+    plain = SweepSummary.model_validate(sweep.run(task({"timing": (1.0, 1.0, 1)}), tmp_path, Told(), 1).summary)
+    assert plain.scope == "centre of mass"
+    assert SweepSummary.model_validate({**plain.model_dump(exclude={"scope"})}).scope == "centre of mass"
+    with pytest.raises(ValidationError, match="more than 500"):
+        task({"timing": (1.0, 2.0, 501)}, whole_body=True)
+
+
+def test_with_the_body_its_certificate_decides(tmp_path: Path) -> None:
+    """Strides of 0.3 m pass; for strides of 0.8 m the centre of mass has a motion that the body cannot follow."""
+    vary = {"stride": (0.3, 0.8, 2)}
+    for name in "ab":
+        (tmp_path / name).mkdir()
+    alone = sweep.run(task(vary), tmp_path / "a", Told(), 1)
+    whole = sweep.run(task(vary, whole_body=True), tmp_path / "b", Told(), 1)
+    assert SweepSummary.model_validate(whole.summary).scope == "whole body"
+    assert pq.read_table(tmp_path / "a" / "sweep.parquet")["outcome"].to_pylist() == ["feasible", "feasible"]
+    table = pq.read_table(tmp_path / "b" / "sweep.parquet")
+    assert table["outcome"].to_pylist() == ["feasible", "infeasible"]
+    assert "The whole body cannot follow the plan" in table["why"][1].as_py()
+    assert alone.summary["feasible"] == 2

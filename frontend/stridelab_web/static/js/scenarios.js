@@ -22,7 +22,7 @@ for (const form of document.querySelectorAll("form[data-sweep]")) {
     for (const k of ["1", "2"]) {
       if (fields.get(`field${k}`)) vary[fields.get(`field${k}`)] = ["from", "to", "number"].map((name) => Number(fields.get(`${name}${k}`)));
     }
-    const job = await startJob("sweep", { scenario_id: form.dataset.sweep, vary });
+    const job = await startJob("sweep", { scenario_id: form.dataset.sweep, vary, whole_body: form.elements.whole_body.checked });
     location.assign(`/jobs/${job.id}`);
     return "started";
   });

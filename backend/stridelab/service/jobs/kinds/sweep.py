@@ -2,6 +2,8 @@
 
     scenario x values -> varied -> judge -> (4.20) -> feasible | refused | infeasible | failed
 
+With ``whole_body`` only what the body follows as in ``plan-motion``, with a certificate that passes, is feasible.
+
 Leaves ``sweep`` (Parquet and CSV), one row per scenario in the order of the values, the last field fastest.
 """
 
@@ -9,34 +11,47 @@ import itertools
 import math
 import time
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 
+from stridelab.centroidal.arms import hand_bounds_n
+from stridelab.centroidal.conditions import PathBounds
 from stridelab.centroidal.resting import from_rest_to_rest
 from stridelab.centroidal.solve import solve
+from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.varied import UNITS, present, varied
 from stridelab.cores import usable_cores
 from stridelab.errors import InvalidInput, StridelabError
+from stridelab.reachability.proxy import Proxy
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Remark
+from stridelab.schemas.plans import PlanMotionInput
 from stridelab.schemas.sweeps import SweepAxis, SweepField, SweepInput, SweepOutcome, SweepSummary
 from stridelab.service.jobs.kinds.apart import each_apart
 from stridelab.service.jobs.kinds.kind import Json, Outcome, ProgressCallback
+from stridelab.service.jobs.kinds.plan_centroidal import planned
 from stridelab.service.jobs.kinds.plan_options import because, control_of, limits_of, require_solver, solver_of
 from stridelab.service.jobs.kinds.plan_posing import checked, densities
 from stridelab.service.jobs.kinds.tables_io import write_table
 from stridelab.service.jobs.kinds.tasks import SweepTask
+from stridelab.wholebody.agreement import agree
+from stridelab.wholebody.certify import certify
+from stridelab.wholebody.controller import WholeBodyController
 
 REFERENCES: Final = ("carpentier2017thesis", "andersson2019casadi")
 HEAVY: Final = "stridelab.service.jobs.kinds.sweep"
 CHUNK: Final = 40
 """Scenarios that one process plans: what CasADi compiles for the first serves the others."""
 CHUNK_S: Final = 1800.0
+BODIES: Final = 4
+"""The same with the whole body: a scenario takes seconds."""
 SAID: Final = 200
 
 
@@ -80,6 +95,7 @@ def run(task: SweepTask, folder: Path, progress: ProgressCallback, processes: in
     summary = SweepSummary(
         scenario_name=task.scenario.name,
         robot=task.scenario.robot,
+        scope="whole body" if request.whole_body else "centre of mass",
         axes=axes,
         points=len(rows),
         feasible=counts["feasible"],
@@ -111,7 +127,8 @@ def axes_of(body: Json, request: SweepInput) -> list[SweepAxis]:
 def _planned(
     task: SweepTask, grid: list[dict[SweepField, float]], at_once: int, progress: ProgressCallback
 ) -> list[Row]:
-    size = max(1, min(CHUNK, math.ceil(len(grid) / (4 * at_once))))
+    most = BODIES if task.input.whole_body else CHUNK
+    size = max(1, min(most, math.ceil(len(grid) / (4 * at_once))))
     starts = range(0, len(grid), size)
     about = task.model_dump(mode="json")
     items: list[Json] = [{"task": about, "points": grid[k : k + size]} for k in starts]
@@ -155,10 +172,14 @@ def plan_chunk(item: Json) -> Json:
         except StridelabError as error:
             rows.append(Row("failed", _short(error), "", math.nan, 0, 0.0))
             continue
+        stopped = ""
+        if plan.converged and task.input.whole_body:
+            fields = task.input.model_dump(include={"formulation", "solver", "node_rate_hz", "measure"})
+            stopped = _body_stopped(robot, proxies, sequence, PlanMotionInput(scenario=scenario, **fields))
         rows.append(
             Row(
-                "feasible" if plan.converged else "infeasible",
-                "" if plan.converged else plan.status[:SAID],
+                "feasible" if plan.converged and not stopped else "infeasible",
+                stopped if plan.converged else plan.status[:SAID],
                 plan.solver,
                 plan.objective if plan.converged else math.nan,
                 plan.iterations,
@@ -166,6 +187,22 @@ def plan_chunk(item: Json) -> Json:
             )
         )
     return {"rows": [{**vars(row), "objective": None if math.isnan(row.objective) else row.objective} for row in rows]}
+
+
+def _body_stopped(robot: Robot, proxies: Mapping[str, Proxy], sequence: ContactSequence, asked: PlanMotionInput) -> str:
+    """Why the body does not follow as in ``plan-motion``, empty where it does and the certificate passes."""
+    control = control_of(asked)
+    bounds = PathBounds(None, hand_bounds_n(robot, sequence) if control.has_point_forces else {})
+    posed = from_rest_to_rest(robot, sequence, proxies)
+    problem = replace(posed, control=control, bounds=bounds, node_rate_hz=asked.node_rate_hz)
+    try:
+        problem, plan = planned(problem, asked, lambda _fraction, _message: None)
+        agreed = agree(robot, problem, plan, solve, WholeBodyController().run)
+    except StridelabError as error:
+        return _short(error)
+    certificate = certify(robot, sequence, agreed.plan, proxies, agreed.motion)
+    failed = [f"{one.name} {one.value:.3g} {one.unit}" for one in certificate.checks if not one.passed]
+    return f"The certificate fails: {', '.join(failed)}."[:SAID] if failed else ""
 
 
 def _short(error: Exception) -> str:
