@@ -1,8 +1,9 @@
 """Whether the whole body can take the stance of a contact phase: inverse kinematics where densities only estimate.
 
-A stance is reachable where some posture holds every contact of the phase, with the CoM above the support region, every
-joint inside the range that the whole-body stage plans with, and no shape of the robot in another one. Feet in the air
-are held half-way of their swing, or beside the other foot, so that the legs do not cross.
+A stance is reachable where some posture holds every contact of the phase, with the CoM above the support region and
+within the learned reach of every contact, every joint inside the range that the whole-body stage plans with, and no
+shape of the robot in another one. Feet in the air are held half-way of their swing, or beside the other foot, so that
+the legs do not cross. A posture that touches itself is solved for again, with what touches pushed apart.
 
 The search is local. It starts at the reference posture over the contacts and then at a fixed list of others, so the
 verdict is a function of the stance alone: it depends neither on what was asked before nor on a neighbouring phase, and
@@ -20,6 +21,7 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
+from stridelab.contacts.shapes import effector_shapes
 from stridelab.conventions import Vector3
 from stridelab.dynamics.placement import Placement
 from stridelab.robots.collision import Apart, SelfCollision
@@ -46,6 +48,7 @@ BLAME: Final = 0.3
 """A contact that is off by less than this share of the worst error is not at fault."""
 LEAST_SAID_M: Final = 5e-4
 """A contact that misses its place by less misses its direction."""
+CANNOT: Final = "the body cannot take this stance"
 CENTRE_OF_MASS: Final = "centre of mass"
 
 
@@ -113,6 +116,7 @@ class StanceCheck:
         self._collision = SelfCollision.of(robot)
         self._known: OrderedDict[tuple[object, ...], StanceVerdict] = OrderedDict()
         self._soles = tuple(name for name, one in robot.effectors.items() if one.kind == "surface")
+        self._shapes = effector_shapes(robot.name)
         data = robot.model.createData()
         self._height_m = float(pin.centerOfMass(robot.model, data, robot.q_reference)[2])
         self._apart = _beside(robot, self._soles)
@@ -135,7 +139,7 @@ class StanceCheck:
         return found
 
     def _searched(self, stance: Stance) -> StanceVerdict:
-        room = ComRoom.above(stance.region_m)
+        room = self._room(stance)
         missed: IkResult | None = None
         touching: tuple[IkResult, tuple[int, ...]] | None = None
         solves = 0
@@ -167,7 +171,20 @@ class StanceCheck:
             return self._collides(*touching)
         if missed is None:
             raise RuntimeError("the search never placed the contacts alone")
-        return self._missed(missed)
+        return self._missed(stance, missed)
+
+    def _room(self, stance: Stance) -> ComRoom:
+        """Above the support region, and within the learned reach of every contact, as the judge has it."""
+        room = ComRoom.above(stance.region_m)
+        A, b = [room.A], [room.b]
+        for name, place in stance.contacts.items():
+            shape = self._shapes.get(name)
+            if shape is None or shape.reach is None:
+                continue
+            axes, here = place.rotation.T, place.rotation.T @ place.position_m
+            A += [axes, -axes]
+            b += [np.array(shape.reach.com_high_m) + here, -np.array(shape.reach.com_low_m) - here]
+        return ComRoom(np.vstack(A), np.concatenate(b))
 
     def _attempts(self, stance: Stance) -> Iterator[_Attempt]:
         contacts, com_m = stance.contacts, stance.com_m
@@ -200,22 +217,31 @@ class StanceCheck:
             return None
         return contacts[other] @ Placement(self._apart[other, name] + [0.0, 0.0, LIFT_M], np.eye(3))
 
-    def _missed(self, found: IkResult) -> StanceVerdict:
+    def _missed(self, stance: Stance, found: IkResult) -> StanceVerdict:
         least_m = BLAME * max(found.away_m.values())
         at_fault = [name for name, away_m in found.away_m.items() if away_m >= least_m and name != CENTRE_OF_MASS]
         contact = max(at_fault, key=lambda name: found.away_m[name], default=None)
         limbs = {joint for name in at_fault for joint in self._limb(name)}
         joints = tuple(joint for joint in found.at_limit if joint in limbs)[:3]
-        what = contact or CENTRE_OF_MASS
-        away = f"{100.0 * found.away_m[what]:.1f} cm" if found.away_m[what] >= LEAST_SAID_M else "turned away"
-        where = "its place" if contact else "where these contacts hold it"
         ends = f", with {' and '.join(joints)} at the end of the range" if joints else ""
-        reason = f"the body cannot take this stance: the {what.replace('_', ' ')} stays {away} from {where}{ends}"
-        return StanceVerdict(False, found.q, False, reason, (what, *joints), contact)
+        if contact is None:
+            far = self._farthest(stance, found)
+            away = f"{100.0 * found.away_m[CENTRE_OF_MASS]:.1f} cm from where the contacts let it be"
+            reason = f"{CANNOT}: the centre of mass stays {away}, the {far.replace('_', ' ')} farthest from it"
+            return StanceVerdict(False, found.q, False, reason, (far, CENTRE_OF_MASS), far)
+        away_m = found.away_m[contact]
+        missed = f"{100.0 * away_m:.1f} cm from" if away_m >= LEAST_SAID_M else "turned from"
+        reason = f"{CANNOT}: the {contact.replace('_', ' ')} stays {missed} its place{ends}"
+        return StanceVerdict(False, found.q, False, reason, (contact, *joints), contact)
+
+    def _farthest(self, stance: Stance, found: IkResult) -> str:
+        """The contact that is farthest from the CoM."""
+        com_m = pin.centerOfMass(self.robot.model, self.robot.model.createData(), found.q)
+        return max(stance.contacts, key=lambda name: float(np.linalg.norm(stance.contacts[name].position_m - com_m)))
 
     def _collides(self, found: IkResult, numbers: tuple[int, ...]) -> StanceVerdict:
         first, second = self._collision.pairs(found.q)[0]
-        reason = f"the body cannot take this stance without touching itself: {first} is inside {second}"
+        reason = f"{CANNOT} without touching itself: {first} is inside {second}"
         return StanceVerdict(False, found.q, False, reason, (first, second))
 
     def _limb(self, name: str) -> set[str]:

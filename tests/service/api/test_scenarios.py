@@ -382,6 +382,7 @@ def test_a_hand_a_metre_and_a_half_away_is_unreachable(http: httpx.Client) -> No
     found = asked(http, body)
     assert found["valid"] is False
     assert [one["body"] for one in found["phases"]] == ["unreachable", "reachable", "reachable"]
+    assert found["phases"][0]["limits"][0] == "right_hand"
     assert "right hand" in found["phases"][0]["reason"]
 
 
