@@ -3,12 +3,10 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import httpx
 import pytest
 
-from stridelab.resources import models_dir
 from stridelab.service import bundled_scenarios
 from stridelab.service.api.scenarios import rows
 from support.answers import places, refusal
@@ -330,81 +328,3 @@ def test_odd_ids_are_not_found(http: httpx.Client, identifier: str) -> None:
 def test_only_json_is_read(http: httpx.Client) -> None:
     assert refusal(http.post(SCENARIOS, content=json.dumps(one_step()))) == (415, "unsupported-media-type")
     assert refusal(http.patch(SCENARIOS, json={})) == (405, "method-not-allowed")
-
-
-def asked(http: httpx.Client, body: dict[str, Any], **query: Any) -> dict[str, Any]:
-    answer = http.post(CHECK, json=body, params={"body_checked": True, **query}, timeout=120)
-    assert answer.status_code == 200, answer.text
-    return dict(answer.json())
-
-
-def test_the_body_is_asked_only_where_the_request_says_so(http: httpx.Client) -> None:
-    plain = http.post(CHECK, json=one_step()).json()
-    assert [one["body"] for one in plain["phases"]] == ["not-asked"] * 3
-    whole = asked(http, one_step())
-    assert [(one["phase"], one["body"]) for one in whole["phases"]] == [(k, "reachable") for k in range(3)]
-    assert all(one["reason"] is one["link_poses"] is None for one in whole["phases"])
-    del plain["phases"], whole["phases"]
-    assert whole == plain, "all else is the judge's answer"
-
-
-def stretched() -> dict[str, Any]:
-    """HRP-2's left foot 1.03 m from its right one: what the learned reach calls valid, with 5 cm to spare."""
-    body: dict[str, Any] = json.loads(
-        (models_dir() / "scenarios" / "stairs-with-rail-hrp2.json").read_text(encoding="utf-8")
-    )
-    for phase in body["phases"][6:11]:
-        for contact in phase["contacts"]:
-            if contact["effector"] == "left_foot":
-                contact["position_m"] = [-0.857, 0.467, 0.0]
-    return body
-
-
-def test_what_the_learned_reach_approves_and_no_body_can_do_is_not_valid(http: httpx.Client) -> None:
-    body = stretched()
-    plain = http.post(CHECK, json=body).json()
-    assert (plain["valid"], plain["errors"]) == (True, [])
-    whole = asked(http, body)
-    assert whole["valid"] is False
-    out = [one for one in whole["phases"] if one["body"] == "unreachable"]
-    assert [one["phase"] for one in out] == [10]
-    assert "left foot" in out[0]["reason"]
-    assert any(limit.startswith("LLEG_JOINT") for limit in out[0]["limits"])
-    assert [fault["where"] for fault in whole["errors"]] == ["phases[10].contacts[left_foot]"]
-    assert whole["errors"][0]["message"] == out[0]["reason"]
-
-
-def test_a_hand_a_metre_and_a_half_away_is_unreachable(http: httpx.Client) -> None:
-    """The judge refuses it, too; the body is asked all the same."""
-    body = one_step()
-    body["terrain"].append({"name": "table", "kind": "box", "center_m": [0.0, -1.6, 0.45], "size_m": [0.4, 0.4, 0.9]})
-    body["phases"][0]["contacts"].append({"effector": "right_hand", "position_m": [0.0, -1.5, 0.9]})
-    found = asked(http, body)
-    assert found["valid"] is False
-    assert [one["body"] for one in found["phases"]] == ["unreachable", "reachable", "reachable"]
-    assert found["phases"][0]["limits"][0] == "right_hand"
-    assert "right hand" in found["phases"][0]["reason"]
-
-
-def test_the_posture_of_a_phase_stands_on_its_contacts(http: httpx.Client) -> None:
-    facts = http.get("/api/v1/robots/talos", timeout=120).json()
-    found = asked(http, one_step(), posture_of=1)
-    poses = [one["link_poses"] for one in found["phases"]]
-    assert poses[0] is poses[2] is None
-    assert len(poses[1]) == len(facts["links"])
-    base, usual = poses[1][0], facts["link_poses"][0]
-    assert base[2] == pytest.approx(usual[2], abs=0.15)
-    assert len(asked(http, one_step(), posture_of=7)["phases"]) == 3
-    for wrong in ("-1", "x"):
-        refused = http.post(CHECK, json=one_step(), params={"body_checked": True, "posture_of": wrong})
-        assert refusal(refused) == (422, "invalid-request")
-
-
-def test_contacts_without_sense_are_not_asked(http: httpx.Client) -> None:
-    body = with_contact(0, 0, effector="tail")
-    body["phases"][1]["contacts"] = []
-    found = asked(http, body)
-    assert found["valid"] is False
-    assert [one["body"] for one in found["phases"]] == ["not-asked", "not-asked", "reachable"]
-    nobody = asked(http, one_step(robot="nobody"))
-    assert [one["body"] for one in nobody["phases"]] == ["not-asked"] * 3
