@@ -2,8 +2,9 @@
 
 It waits for one task on its wire, answers on it, and ends. JSON lines only, both ways; files lie in the task's folder.
 It ends with its parent, has a session of its own (so that what it starts can be killed with it), little priority
-unless it reads what somebody has just sent, one thread per library, and no secrets in its environment. This module
-imports no library but the standard one.
+unless it reads what somebody has just sent, one thread per library, and no secrets in its environment. Before it looks
+at a file it gives up everything else that it could reach (``sandbox``). This module imports no library but the standard
+one.
 """
 
 import contextlib
@@ -22,11 +23,14 @@ from pathlib import Path
 from typing import IO, Any, Final, NoReturn
 
 from stridelab.cores import limit_cores
+from stridelab.service.jobs.sandbox import Sandbox, confine
 from stridelab.service.niceness import yield_processor
 
 NAME: Final = "stridelab-job"
 """What the system calls a child that computes, to tell it from the process that it was forked from."""
 _MIN_PROGRESS_S = 0.02
+_own_pages = -1
+"""A descriptor of /proc/self/statm, for forks of this process that may no longer open theirs."""
 
 
 def live(wire: int, niceness: int) -> NoReturn:
@@ -58,6 +62,9 @@ def answer(task: dict[str, Any], wire: IO[str]) -> dict[str, Any]:
     try:
         module, _, function = task["target"].partition(":")
         run = getattr(importlib.import_module(module), function)
+        if task["sandbox"] is not None:
+            _keep_own_pages()
+            confine(Sandbox(**task["sandbox"]), folder)
         value = run(task["task"], folder, _reporter(wire))
         return {"value": json.loads(json.dumps(value, allow_nan=False))}
     except MemoryError:
@@ -118,10 +125,21 @@ def limit_memory(memory_mb: int) -> None:
 
 
 def _pages(column: int) -> int:
-    """Bytes that this process has reserved (column 0) or holds (1); 0 where the system does not tell."""
+    """Bytes that this process has reserved (column 0) or holds (1); 0 where the system does not tell.
+
+    A fork of a confined child has to take what that has: it began with the same.
+    """
     with contextlib.suppress(OSError):
         return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[column]) * resource.getpagesize()
+    with contextlib.suppress(OSError):
+        return int(os.pread(_own_pages, 256, 0).split()[column]) * resource.getpagesize()
     return 0
+
+
+def _keep_own_pages() -> None:
+    global _own_pages
+    with contextlib.suppress(OSError):  # not Linux
+        _own_pages = os.open("/proc/self/statm", os.O_RDONLY | os.O_CLOEXEC)
 
 
 def _without_limit() -> None:

@@ -104,6 +104,7 @@ class Errand:
                     memory_mb=self._memory_mb,
                     cancel=self._kill,
                     on_progress=self._note,
+                    sandbox=self._kind.sandbox,
                 )
                 computing.set_attribute("outcome", outcome.state)
             log_tail = outcome.log_tail

@@ -11,7 +11,7 @@ import json
 import os
 import signal
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
@@ -20,6 +20,7 @@ import psutil
 from stridelab import errors
 from stridelab.errors import Fault, StridelabError
 from stridelab.service.jobs.nursery import Forked, Nursery
+from stridelab.service.jobs.sandbox import STRICT, Sandbox
 from stridelab.service.niceness import NICENESS
 
 LOG_BYTES: Final = 64 * 1024
@@ -95,12 +96,15 @@ class IsolatedPool:
         cancel: asyncio.Event | None = None,
         on_progress: OnProgress | None = None,
         yields: bool = True,
+        sandbox: Sandbox | None = STRICT,
     ) -> IsolatedOutcome:
         """Run ``target`` (``"module:function"``) as ``f(task, folder, progress)`` in a child of its own.
 
         ``timeout_s`` counts from the moment at which the child is ready. Setting ``cancel``, or cancelling the
         calling task, kills the child and all that it started. Where it ``yields``, it
         does so by the niceness of the pool. A task whose child was killed before it came up is given to another one.
+
+        The child can do only what ``sandbox`` allows; None is for a task without any input that a stranger chose.
         """
         for is_last in (False, True):
             child = await self._born(self._niceness if yields else 0)
@@ -112,6 +116,7 @@ class IsolatedPool:
                         "folder": str(folder.resolve()),
                         "memory_mb": memory_mb,
                         "cores": self._cores,
+                        "sandbox": None if sandbox is None else asdict(sandbox),
                     },
                     timeout_s=timeout_s,
                     memory_mb=memory_mb,

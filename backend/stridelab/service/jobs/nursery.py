@@ -18,6 +18,7 @@ from typing import Final
 import structlog
 
 from stridelab.service.jobs.forking import ANSWER, FORK, LET_GO, PING, REQUEST
+from stridelab.service.jobs.sandbox import MODE, USER
 from stridelab.service.watchdog import Silence
 
 _PING_S: Final = 0.5
@@ -25,8 +26,8 @@ _LINE_BYTES: Final = 64 * 1024 * 1024
 _log = structlog.get_logger(__name__)
 _THREADS: Final = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB", "BLIS")
 _SECRETS: Final = ("STRIDELAB_", "AWS_", "PG", "AZURE_", "GOOGLE_")
-_NEEDED: Final = frozenset({"STRIDELAB_NATIVE_PATH"})
-"""The folder of the C++ solver: no secret, and computations look there for it."""
+_NEEDED: Final = frozenset({"STRIDELAB_NATIVE_PATH", MODE, USER})
+"""The folder of the C++ solver, in which computations look for it, and what a child gives up: no secrets."""
 _SINGLE_THREADED: Final = {"JE_ARROW_MALLOC_CONF": "background_thread:false"}
 """Arrow's allocator would start a thread at import, and a process with threads is not safely forked."""
 

@@ -13,6 +13,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.errors import StridelabError
 from stridelab.schemas.base import Contract
+from stridelab.service.jobs.sandbox import STRICT, Sandbox
 
 Json = dict[str, Any]
 """A JSON object."""
@@ -98,6 +99,7 @@ class JobKind:
     returns ``Outcome.to_json()``, with the files lying in ``folder``. ``None`` limits mean those of the settings.
     A kind that is not ``offered`` has no call of its own; another call submits it. ``own_files`` tells from a job's
     input below which key files lie that only this job needs: they are removed when it has ended.
+    ``sandbox`` says what the child may do beside that; None, for a kind that reads nobody's files, means anything.
     """
 
     name: str
@@ -111,3 +113,4 @@ class JobKind:
     lane: Literal["short", "long"] = "short"
     offered: bool = True
     own_files: Callable[[Mapping[str, Any]], str] | None = None
+    sandbox: Sandbox | None = STRICT

@@ -31,6 +31,10 @@ from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
 from stridelab.schemas.sweeps import SweepInput, SweepSummary
 from stridelab.service.jobs.kinds import batch_rows, population_stage, rows
 from stridelab.service.jobs.kinds.kind import JobKind
+from stridelab.service.jobs.sandbox import Sandbox
+
+FILMING: Final = Sandbox(programs=True, server=True)
+"""What a plan needs beside its files: ffmpeg, and the server to which viser's recorder listens."""
 
 ESTIMATE_COM = JobKind(
     name="estimate-com",
@@ -93,6 +97,7 @@ PLAN_MOTION = JobKind(
     timeout_s=600.0,
     memory_mb=4096,
     lane="long",
+    sandbox=FILMING,
 )
 PLAN_RECEDING = JobKind(
     name="plan-receding",
@@ -103,6 +108,7 @@ PLAN_RECEDING = JobKind(
     timeout_s=600.0,
     memory_mb=4096,
     lane="long",
+    sandbox=FILMING,
 )
 SWEEP = JobKind(
     name="sweep",
@@ -123,6 +129,7 @@ LEARN_REACHABILITY = JobKind(
     timeout_s=900.0,
     memory_mb=2048,
     lane="long",
+    sandbox=Sandbox(programs=True),  # interpreters of its own
 )
 
 REPRODUCE = JobKind(
@@ -134,6 +141,7 @@ REPRODUCE = JobKind(
     timeout_s=3600.0,
     memory_mb=4096,
     lane="long",
+    sandbox=None,  # it is told names of experiments only, and forks servers that fork
 )
 
 READ_BATCH = JobKind(

@@ -1,0 +1,195 @@
+"""seccomp: a process gives up system calls for good. The kernel runs the filter below before each one.
+
+The filter is a program of the classic Berkeley packet filter over ``struct seccomp_data``; see seccomp(2) and
+Documentation/userspace-api/seccomp_filter.rst of the kernel. A refused call fails with EPERM, as if the process were
+not allowed to, so that a library which can do without goes on. Only the standard library is imported.
+
+It is a list of what is refused. A list of what is allowed would be tighter, and would break with every new version of
+the C library; what the list is for (no network, no program, no other process, no part of the kernel that is often
+found broken) changes rarely.
+"""
+
+import ctypes
+import errno
+import platform
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+_FILTER_MODE, _ACTION_AVAILABLE, _ALL_THREADS = 1, 2, 1  # operations and flag of seccomp(2)
+_ALLOW, _REFUSE = 0x7FFF0000, 0x00050000
+_LOAD, _EQUAL, _AT_LEAST, _ANY_BIT, _RETURN = 0x20, 0x15, 0x35, 0x45, 0x06
+_NUMBER_AT, _ARCHITECTURE_AT, _ARGUMENTS_AT = 0, 4, 16
+_SECOND_TABLE: Final = 0x40000000
+"""Numbers from here on are those of the x32 interface of x86_64, a second door to the same calls."""
+_NAMESPACES: Final = 0x7E020000
+"""CLONE_NEWNS, CLONE_NEWUSER and their like: a user namespace gives its first process all capabilities inside."""
+_FAST_OPEN: Final = 0x20000000
+"""MSG_FASTOPEN: sending connects."""
+_AF_INET, _SOCK_STREAM = 2, 1
+
+
+@dataclass(frozen=True)
+class _Machine:
+    """How an architecture calls itself (AUDIT_ARCH of linux/audit.h), and which column of numbers is its own."""
+
+    audit: int
+    column: int
+
+
+_MACHINES: Final = {"x86_64": _Machine(0xC000003E, 0), "aarch64": _Machine(0xC00000B7, 1)}
+
+_CALLS: Final[Mapping[str, tuple[int, int]]] = {
+    "socket": (41, 198),
+    "connect": (42, 203),
+    "bind": (49, 200),
+    "listen": (50, 201),
+    "sendto": (44, 206),
+    "sendmsg": (46, 211),
+    "sendmmsg": (307, 269),
+    "execve": (59, 221),
+    "execveat": (322, 281),
+    "ptrace": (101, 117),
+    "process_vm_readv": (310, 270),
+    "process_vm_writev": (311, 271),
+    "kcmp": (312, 272),
+    "pidfd_getfd": (438, 438),
+    "process_madvise": (440, 440),
+    "prlimit64": (302, 261),
+    "shmget": (29, 194),
+    "shmat": (30, 196),
+    "msgget": (68, 186),
+    "semget": (64, 190),
+    "mq_open": (240, 180),
+    "clone": (56, 220),
+    "clone3": (435, 435),
+    "unshare": (272, 97),
+    "setns": (308, 268),
+    "mount": (165, 40),
+    "umount2": (166, 39),
+    "pivot_root": (155, 41),
+    "chroot": (161, 51),
+    "open_tree": (428, 428),
+    "move_mount": (429, 429),
+    "fsopen": (430, 430),
+    "fsconfig": (431, 431),
+    "fsmount": (432, 432),
+    "fspick": (433, 433),
+    "mount_setattr": (442, 442),
+    "open_by_handle_at": (304, 265),
+    "io_uring_setup": (425, 425),
+    "io_uring_enter": (426, 426),
+    "io_uring_register": (427, 427),
+    "bpf": (321, 280),
+    "perf_event_open": (298, 241),
+    "userfaultfd": (323, 282),
+    "add_key": (248, 217),
+    "request_key": (249, 218),
+    "keyctl": (250, 219),
+    "seccomp": (317, 277),
+}
+"""Numbers on x86_64 and aarch64 (asm/unistd_64.h, asm-generic/unistd.h).
+
+io_uring opens files and sockets past this filter. clone and clone3 are needed for threads and forks.
+"""
+_CONDITIONAL: Final = frozenset({"clone", "clone3", "prlimit64", "seccomp", "sendto", "sendmsg", "sendmmsg"})
+_PROGRAMS: Final = frozenset({"execve", "execveat"})
+_LISTENING: Final = frozenset({"socket", "bind", "listen"})
+
+
+class _Program(ctypes.Structure):
+    _fields_ = (("length", ctypes.c_ushort), ("instructions", ctypes.c_char_p))
+
+
+def is_available() -> bool:
+    """Whether the kernel takes filters from this process, and this architecture has a table here."""
+    machine = _machine()
+    if machine is None:
+        return False
+    refuse = ctypes.c_uint32(_REFUSE)
+    try:
+        return _seccomp(machine, _ACTION_AVAILABLE, 0, ctypes.byref(refuse)) == 0
+    except (OSError, AttributeError):
+        return False
+
+
+def restrict(*, programs: bool, server: bool) -> None:
+    """Refuse the calls of the table to all threads of this process; it must have set ``no_new_privs``.
+
+    With ``programs`` it may still start some, with ``server`` listen on TCP, but connect to nothing. Raises ``OSError``.
+    """
+    machine = _machine()
+    if machine is None:
+        raise OSError(errno.ENOSYS, "no table of system calls for this architecture")
+    code = instructions(machine.audit, machine.column, programs=programs, server=server)
+    program = _Program(len(code) // 8, code)
+    if (thread := _seccomp(machine, _FILTER_MODE, _ALL_THREADS, ctypes.byref(program))) != 0:
+        raise OSError(errno.EBUSY, f"seccomp: the thread {thread} has another filter")
+
+
+def instructions(audit: int, column: int, *, programs: bool, server: bool) -> bytes:
+    """The filter for the architecture ``audit`` whose numbers stand in ``column``."""
+    number = {name: numbers[column] for name, numbers in _CALLS.items()}
+    free = _CONDITIONAL | (_PROGRAMS if programs else frozenset()) | (_LISTENING if server else frozenset())
+    code = [
+        # Numbers mean other calls on another architecture, which an instruction may switch to: look at it first.
+        _instruction(_LOAD, _ARCHITECTURE_AT),
+        _instruction(_EQUAL, audit, skip_if=1),
+        _return(_REFUSE | errno.EPERM),
+        _instruction(_LOAD, _NUMBER_AT),
+        _instruction(_AT_LEAST, _SECOND_TABLE, skip_unless=1),
+        _return(_REFUSE | errno.EPERM),
+    ]
+    for name in _CALLS:
+        if name not in free:
+            code += [_instruction(_EQUAL, number[name], skip_unless=1), _return(_REFUSE | errno.EPERM)]
+    # The flags of clone3 lie in memory, where a filter cannot look: told that there is none, the C library uses clone.
+    code += [_instruction(_EQUAL, number["clone3"], skip_unless=1), _return(_REFUSE | errno.ENOSYS)]
+    code += _refused_where(number["clone"], 0, [_instruction(_ANY_BIT, _NAMESPACES, skip_unless=1)])
+    # Limits of this process (0) only, not of others that the same user runs.
+    code += _refused_where(number["prlimit64"], 0, [_instruction(_EQUAL, 0, skip_if=1)])
+    if server:
+        code += _refused_where(number["socket"], 0, [_instruction(_EQUAL, _AF_INET, skip_if=1)])
+        not_tcp = [_instruction(0x54, 0xF), _instruction(_EQUAL, _SOCK_STREAM, skip_if=1)]  # 0x54: and with 0xF
+        code += _refused_where(number["socket"], 1, not_tcp)
+    for name, flags in (("sendto", 3), ("sendmsg", 2), ("sendmmsg", 3)):
+        code += _refused_where(number[name], flags, [_instruction(_ANY_BIT, _FAST_OPEN, skip_unless=1)])
+    return b"".join([*code, _return(_ALLOW)])
+
+
+def _refused_where(number: int, argument: int, skipping: list[bytes]) -> list[bytes]:
+    """Refuse the call ``number`` unless ``skipping`` skips one instruction, looking at the lower half of an argument.
+
+    The kernel takes these arguments as 32 bits, or all their bits that count are there.
+    """
+    then = [
+        _instruction(_LOAD, _ARGUMENTS_AT + 8 * argument),  # both architectures are little endian
+        *skipping,
+        _return(_REFUSE | errno.EPERM),
+        _instruction(_LOAD, _NUMBER_AT),
+    ]
+    return [_instruction(_EQUAL, number, skip_unless=len(then)), *then]
+
+
+def _instruction(what: int, operand: int, *, skip_if: int = 0, skip_unless: int = 0) -> bytes:
+    return struct.pack("=HBBI", what, skip_if, skip_unless, operand)  # struct sock_filter
+
+
+def _return(action: int) -> bytes:
+    return _instruction(_RETURN, action)
+
+
+def _machine() -> _Machine | None:
+    """The architecture of this process, where it is known here."""
+    return _MACHINES.get(platform.machine()) if struct.calcsize("P") == 8 else None
+
+
+def _seccomp(machine: _Machine, operation: int, flags: int, argument: object) -> int:
+    system_call = ctypes.CDLL(None, use_errno=True).syscall
+    system_call.restype = ctypes.c_long
+    numbers = (_CALLS["seccomp"][machine.column], operation, flags)
+    result = int(system_call(*(ctypes.c_long(number) for number in numbers), argument))
+    if result < 0:
+        raise OSError(ctypes.get_errno(), "seccomp refused")
+    return result
