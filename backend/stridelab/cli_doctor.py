@@ -70,6 +70,7 @@ def check_machine() -> bool:
         parts.storage,
         disk,
         parts.memory,
+        parts.sandbox,
         parts.solver,
         port,
         network,

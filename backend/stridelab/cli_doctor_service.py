@@ -13,7 +13,9 @@ import psycopg
 from stridelab.cli_check import Check
 from stridelab.cores import default_slots
 from stridelab.errors import InvalidInput, StridelabError
+from stridelab.service import confinement
 from stridelab.service.embedded_postgres import running_url
+from stridelab.service.jobs.sandbox import LAYERS
 from stridelab.service.jobs.work_folder import BEAT_FILE
 from stridelab.service.settings import Settings
 from stridelab.service.storage.migrating import plain, present_revision, revisions
@@ -141,6 +143,17 @@ def solver(_settings: Settings) -> Check:
 
     found = availability()
     return Check("solver", True, f"CasADi: {found.reason}" if isinstance(found, Missing) else "C++")
+
+
+def sandbox(settings: Settings) -> Check:
+    """What processes that read files give up here; a failure only where all of it is required."""
+    there = confinement.layers(settings)
+    missing = [name for name in LAYERS if name not in there]
+    found = ", ".join(there) or "none"
+    if missing:
+        found += f"; without {', '.join(missing)}" + (" (STRIDELAB_SANDBOX=off)" if settings.sandbox == "off" else "")
+    fix = "Use Linux 6.7 or newer with Landlock and seccomp, or set STRIDELAB_SANDBOX=auto."
+    return Check("sandbox", settings.sandbox != "required" or not missing, found, fix)
 
 
 def _url(settings: Settings) -> str | None:

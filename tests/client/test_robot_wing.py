@@ -28,7 +28,7 @@ def drawn(service: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> I
     before = service.parts
     stubs = {name: f"support.robot_children:{name}" for name in ("describe", "draw", "enclose")}
     service.run(before.blobs.delete_prefix("robots"))  # made from the real robots
-    shelf = RobotShelf(IsolatedPool(), before.blobs, before.spool, 500, **stubs)
+    shelf = RobotShelf(IsolatedPool(), before.blobs, before.spool, 500, sandbox=None, **stubs)
     service.app.state.parts = replace(before, robots=shelf)
     yield service
     service.run(shelf.aclose())

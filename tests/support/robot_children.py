@@ -1,6 +1,6 @@
 """Stand-ins for the children that describe and draw robots and their reach.
 
-Each run leaves a line in the file ``$ROBOT_DIARY``.
+Each run leaves a line in the file ``$ROBOT_DIARY``, outside of its folder: they are run without a sandbox.
 """
 
 import gzip

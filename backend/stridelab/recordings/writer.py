@@ -1,5 +1,6 @@
 """C3D files out: a recording as a whole, or an uploaded file with points added."""
 
+import shutil
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
@@ -88,7 +89,7 @@ def add_points_to_c3d(source: Path, target: Path, points: Mapping[str, Points]) 
     with tempfile.TemporaryDirectory(dir=target.parent, prefix=".c3d-") as folder:
         written = Path(folder) / "out.c3d"
         written.write_bytes(content)
-        written.replace(target)
+        shutil.move(written, target)
 
 
 def homogeneous(cloud: Float[np.ndarray, "frames points 3"]) -> Float[np.ndarray, "4 points frames"]:
@@ -181,4 +182,4 @@ def _write(content: Any, path: Path) -> None:
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".c3d-") as folder:
         written = Path(folder) / "out.c3d"
         content.write(str(written))
-        written.replace(path)
+        shutil.move(written, path)

@@ -2,6 +2,8 @@
 
 from typing import Literal
 
+from pydantic import Field
+
 from stridelab.schemas.base import Contract
 
 
@@ -12,6 +14,10 @@ class Health(Contract):
     version: str
     database: Literal["ok"] = "ok"
     uptime_s: float
+    sandbox: list[str] = Field(
+        default_factory=list,
+        description="what the kernel takes from processes that read files: files, tcp-ports, system-calls",
+    )
 
 
 class ShownSetting(Contract):

@@ -2,6 +2,7 @@
 
 from functools import cache
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
@@ -40,6 +41,11 @@ class Settings(BaseSettings):
     min_free_disk_mb: int = Field(default=500, ge=0, description="uploads are refused when less disk is free")
     parse_timeout_s: float = Field(default=10.0, gt=0, description="wall-clock limit for parsing an upload")
     parse_memory_mb: int = Field(default=1024, ge=128, description="memory limit for parsing an upload")
+    sandbox: Literal["auto", "required", "off"] = Field(
+        default="auto",
+        description="what children that read files give up: what the kernel can, all or no start, or nothing",
+    )
+    child_user: str | None = Field(default=None, description="account of children that read files, where root runs")
     worker_slots: int | None = Field(default=None, ge=1, description="jobs at a time per worker; cores - 1 by default")
     job_timeout_s: float = Field(default=600.0, gt=0, description="wall-clock limit of a job, unless its kind sets one")
     job_memory_mb: int = Field(default=3072, ge=128, description="memory limit of a job's process")

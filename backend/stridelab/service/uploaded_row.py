@@ -17,14 +17,16 @@ def own_prefix(recording_id: str) -> str:
     return f"recordings/{recording_id}"
 
 
+def file_sha256(path: Path) -> str:
+    """SHA-256 of a file, in hexadecimal."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
 async def new_tracks_key(recording_id: str, tracks: Path) -> str:
     """A key of their own for these tracks, which ends in their SHA-256 (``named_hash``)."""
-
-    def digest() -> str:
-        with tracks.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-
-    return f"{own_prefix(recording_id)}/tracks-{uuid.uuid4().hex[:8]}-{await asyncio.to_thread(digest)}.parquet"
+    digest = await asyncio.to_thread(file_sha256, tracks)
+    return f"{own_prefix(recording_id)}/tracks-{uuid.uuid4().hex[:8]}-{digest}.parquet"
 
 
 def uploaded_row(

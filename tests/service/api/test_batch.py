@@ -1,5 +1,6 @@
 """Bulk uploads: what is stored with whose name on it, and what hostile zips and tables come to."""
 
+import hashlib
 import io
 import struct
 import zipfile
@@ -10,6 +11,7 @@ import httpx
 import pytest
 
 from stridelab.client import Client
+from stridelab.service.api.recordings import batch
 from support.database import TestDatabases
 from support.interface import Served, served
 
@@ -99,6 +101,22 @@ def test_files_a_zip_and_a_table_together(service: Served, http: httpx.Client, t
     assert problem(twice, 422)["code"] == "invalid-request"
     unknown = http.post("/api/v1/jobs/study-population", json={"recording_ids": [walk["id"], "nobody"]})
     assert "nobody" in problem(unknown, 404)["detail"]
+
+
+def test_a_reader_that_was_taken_over_cannot_pass_off_other_files(
+    postgres: TestDatabases, tmp_path: Path, trial: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the child says of a file's place and hash would otherwise decide what this service stores and hands out."""
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+    content = trial.read_bytes()
+    with postgres.fresh() as url, served(url, tmp_path) as service, service.http() as http:
+        monkeypatch.setattr(batch, "PARSE_BATCH", "support.hostile:claim_another_file")
+        assert problem(send(http, ("a.c3d", content)), 422)["code"] == "parser-crashed"
+        assert service.stored_files() == set()
+        monkeypatch.setattr(batch, "PARSE_BATCH", "support.hostile:claim_another_hash")
+        (recording,) = stored(send(http, ("a.c3d", content)))["recordings"]
+        assert recording["sha256"] == hashlib.sha256(content).hexdigest()
+        assert http.get(f"/api/v1/recordings/{recording['id']}/file").content == content
 
 
 def test_the_same_bytes_twice_count_once(http: httpx.Client, trial: Path) -> None:

@@ -41,7 +41,7 @@ def shelve(service: Served, **children: str) -> None:
     """Give the application a shelf that knows nothing yet and runs stand-ins."""
     parts = service.parts
     close_shelf(service)
-    shelf = RobotShelf(IsolatedPool(), parts.blobs, parts.spool, 500, **{**STUBS, **children})
+    shelf = RobotShelf(IsolatedPool(), parts.blobs, parts.spool, 500, sandbox=None, **{**STUBS, **children})
     service.app.state.parts = replace(parts, robots=shelf)
 
 

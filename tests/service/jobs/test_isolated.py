@@ -300,7 +300,8 @@ def test_what_is_imported_ahead_is_there_and_starts_no_thread(monkeypatch: pytes
     async def inside() -> Any:
         async with IsolatedPool(sorted(preload)) as pool:
             task = {"modules": sorted(preload)}
-            ask = {"timeout_s": 60.0, "memory_mb": 500, "on_progress": lambda _fraction, text: heard.append(text)}
+            ask: dict[str, Any] = {"timeout_s": 60.0, "memory_mb": 500, "sandbox": None}  # it looks at its parent
+            ask["on_progress"] = lambda _fraction, text: heard.append(text)
             return (await pool.run("support.computations:inheritance", task, tmp_path, **ask)).value
 
     found = asyncio.run(inside())

@@ -15,7 +15,7 @@ from fastapi import APIRouter, FastAPI
 from stridelab import __version__
 from stridelab.errors import Unavailable
 from stridelab.robots.card import robot_names
-from stridelab.service import bundled, bundled_scenarios
+from stridelab.service import bundled, bundled_scenarios, confinement
 from stridelab.service.access.book import TokenBook
 from stridelab.service.api import health, metrics, openapi, problems, session
 from stridelab.service.api.access import endpoints as access
@@ -129,7 +129,7 @@ def _mount_pages(app: FastAPI, settings: Settings) -> None:
 async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
     """Everything that the endpoints work with, open as long as the context lasts.
 
-    Raises ``Unavailable`` (``database-not-configured``) without a database address.
+    Raises ``Unavailable`` (``database-not-configured``) without a database address, and as ``confinement.begin`` does.
     """
     url = database_url(settings)
     if url is None:
@@ -141,7 +141,7 @@ async def open_parts(settings: Settings) -> AsyncIterator[Parts]:
     try:
         blobs = BlobStore.from_url(settings.blob_address, settings.blob_options)
         async with (
-            _spool(settings.data_folder / "spool") as spool,
+            _spool(settings) as spool,
             JobBoard(url) as board,
             IsolatedPool(READING, settings.job_niceness) as pool,
             Resident() as resident,
@@ -179,9 +179,14 @@ def _shelf(settings: Settings, blobs: BlobStore, spool: Path) -> RobotShelf:
 
 
 @asynccontextmanager
-async def _spool(root: Path) -> AsyncIterator[Path]:
-    """A folder of this process's own for uploads on their way in; what killed processes left there is removed."""
+async def _spool(settings: Settings) -> AsyncIterator[Path]:
+    """A folder of this process's own for uploads on their way in; what killed processes left there is removed.
+
+    Children that read uploads can reach it. Raises as ``confinement.begin`` does.
+    """
+    root = settings.data_folder / "spool"
     with WorkFolder(root) as own:
         files = own / "files"
         files.mkdir(mode=0o700)
+        confinement.begin(settings, settings.data_folder, root, own, files)
         yield files

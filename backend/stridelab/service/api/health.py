@@ -8,6 +8,7 @@ from sqlalchemy import text
 from stridelab import __version__
 from stridelab.schemas.service import Health
 from stridelab.service.api.parts import AppParts
+from stridelab.service.confinement import layers
 
 router = APIRouter(tags=["service"])
 
@@ -17,4 +18,5 @@ async def health(parts: AppParts) -> Health:
     """Whether the service and its database answer. Needs no login."""
     async with parts.engine.connect() as connection:
         await connection.execute(text("SELECT 1 FROM job LIMIT 1"))
-    return Health(version=__version__, uptime_s=round(time.monotonic() - parts.started_at_s, 1))
+    uptime_s = round(time.monotonic() - parts.started_at_s, 1)
+    return Health(version=__version__, uptime_s=uptime_s, sandbox=list(layers(parts.settings)))

@@ -57,6 +57,8 @@ _CALLS: Final[Mapping[str, tuple[int, int]]] = {
     "pidfd_getfd": (438, 438),
     "process_madvise": (440, 440),
     "prlimit64": (302, 261),
+    "setsid": (112, 157),
+    "setpgid": (109, 154),
     "shmget": (29, 194),
     "shmat": (30, 196),
     "msgget": (68, 186),
@@ -91,7 +93,8 @@ _CALLS: Final[Mapping[str, tuple[int, int]]] = {
 }
 """Numbers on x86_64 and aarch64 (asm/unistd_64.h, asm-generic/unistd.h).
 
-io_uring opens files and sockets past this filter. clone and clone3 are needed for threads and forks.
+io_uring opens files and sockets past this filter. What has a session or group of its own would outlive its child, which
+is killed as a group. clone and clone3 are needed for threads and forks.
 """
 _CONDITIONAL: Final = frozenset({"clone", "clone3", "prlimit64", "seccomp", "sendto", "sendmsg", "sendmmsg"})
 _PROGRAMS: Final = frozenset({"execve", "execveat"})
@@ -117,7 +120,7 @@ def is_available() -> bool:
 def restrict(*, programs: bool, server: bool) -> None:
     """Refuse the calls of the table to all threads of this process; it must have set ``no_new_privs``.
 
-    With ``programs`` it may still start some, with ``server`` listen on TCP, but connect to nothing. Raises ``OSError``.
+    With ``programs`` it may still start some, with ``server`` listen on TCP, but not connect. Raises ``OSError``.
     """
     machine = _machine()
     if machine is None:

@@ -19,7 +19,7 @@ from opentelemetry.trace import SpanKind
 from stridelab import heartbeat
 from stridelab.cores import cores_per_slot, default_slots
 from stridelab.errors import StridelabError, Unavailable
-from stridelab.service import telemetry
+from stridelab.service import confinement, telemetry
 from stridelab.service.jobs import retention
 from stridelab.service.jobs.attempts import Attempt, Attempts
 from stridelab.service.jobs.board import Listener
@@ -74,8 +74,9 @@ class Worker:
             errand.interrupt()
 
     async def run(self) -> None:
-        """Work until ``stop``."""
+        """Work until ``stop``. Raises as ``confinement.begin`` does."""
         with WorkFolder(self._limits.data_folder / "work") as folder:
+            confinement.begin(self._limits, self._limits.data_folder, folder.parent, folder)
             listener = Listener(self._url, [*Consumer.channels(), CANCEL_CHANNEL], self._heard, self._look_again)
             async with self._consumer, self._pool, listener:
                 slots = [asyncio.create_task(self._slot(lanes, folder)) for lanes in self._slots]

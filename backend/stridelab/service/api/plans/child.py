@@ -1,7 +1,8 @@
 """The process that answers directly: ``python -m stridelab.service.api.plans.child PARENT MEMORY_MB``.
 
 It reads one question per line of its standard input and answers each with one line on its standard output: a number and
-a value, or a problem. It ends with its parent, keeps no file, and ends when it has not been asked for ``IDLE_S``.
+a value, or a problem. It ends with its parent, can write no file (``sandbox``), and ends when it has not been asked for
+``IDLE_S``.
 """
 
 import faulthandler
@@ -15,6 +16,7 @@ from typing import IO, Any, Final
 
 from stridelab.errors import StridelabError
 from stridelab.service.jobs.child import forbid_core_files, limit_memory
+from stridelab.service.jobs.sandbox import STRICT, confine
 from stridelab.service.tether import die_with_parent
 
 Json = dict[str, Any]
@@ -31,6 +33,7 @@ def main(parent_pid: int, memory_mb: int) -> None:
     from stridelab.service.api.plans import preview  # before the limit: it counts from what the libraries take
 
     limit_memory(memory_mb)
+    confine(STRICT, None)
     converse(sys.stdin, wire, preview.answer)
     sys.stderr.flush()
     os._exit(0)

@@ -22,12 +22,14 @@ from stridelab.service.api.recordings.multipart import Limits, ReceivedForm, Rec
 from stridelab.service.api.recordings.parsing import Parsed
 from stridelab.service.api.recordings.rows import recording_of, recording_row
 from stridelab.service.api.recordings.storing import delete_recording, store_upload
+from stridelab.service.filenames import left_file
 from stridelab.service.jobs.kinds import batch_rows
 from stridelab.service.jobs.kinds.batch_rows import ReadUpload
 from stridelab.service.jobs.kinds.registry import PARSE_BATCH
 from stridelab.service.jobs.kinds.tasks import BatchFile, ParseBatchTask
 from stridelab.service.jobs.store import JobRecord
 from stridelab.service.storage.tables import recording
+from stridelab.service.uploaded_row import file_sha256
 
 log = structlog.get_logger(__name__)
 
@@ -120,8 +122,8 @@ async def _store_all(parts: Parts, upload: ReadUpload, folder: Path, caller: Cal
     ids: dict[int, str] = {}
     try:
         for one in upload.files:
-            form = ReceivedForm(folder / one.file, one.filename, one.size_bytes, one.sha256, fields={})
-            parsed = Parsed(one.facts, folder / one.tracks)
+            form = await asyncio.to_thread(_received, left_file(folder, one.file), one.filename)
+            parsed = Parsed(one.facts, left_file(folder, one.tracks))
             ids[one.place] = (await store_upload(parts, form, parsed, one.stated, caller.name)).id
         async with parts.engine.begin() as connection:
             for recording_id, static_id in upload.links(ids).items():
@@ -151,3 +153,8 @@ async def _submit(parts: Parts, task: ParseBatchTask, folder: Path, caller: Call
         await parts.blobs.delete_prefix(prefix)
         raise
     return await parts.store.get(submitted.job_id)
+
+
+def _received(path: Path, filename: str) -> ReceivedForm:
+    """A file as if it had come alone. Its hash, by which equal files are recognised, is not taken from the child."""
+    return ReceivedForm(path, filename, path.stat().st_size, file_sha256(path), fields={})

@@ -9,6 +9,7 @@ import structlog
 
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.schemas.recordings import PlateSwitch, RecordingFacts
+from stridelab.service.filenames import PARSER_CRASHED, left_file
 from stridelab.service.api.parts import Parts
 from stridelab.service.jobs.kinds.registry import PARSE_UPLOAD
 from stridelab.service.jobs.kinds.tasks import ParseUploadTask, RecordingSource
@@ -18,7 +19,7 @@ log = structlog.get_logger(__name__)
 TRACKS: Final = "tracks.parquet"
 
 _BROKEN: Final[Mapping[str, tuple[str, str]]] = {
-    "crashed": ("parser-crashed", "The file broke its reader; it is damaged, or not what it claims to be."),
+    "crashed": PARSER_CRASHED,
     "killed": (
         "parser-killed",
         "Reading the file was stopped from outside, perhaps for want of memory.",
@@ -91,4 +92,4 @@ async def parse(
         log.warning("upload not read", state=outcome.state, log_tail=outcome.log_tail[-2000:])
         code, sentence = _BROKEN.get(outcome.state, _BROKEN["error"])
         raise UnreadableFile(code, sentence, [Fault(filename, "cannot be read")])
-    return Parsed(RecordingFacts.model_validate(outcome.value["summary"]), folder / TRACKS)
+    return Parsed(RecordingFacts.model_validate(outcome.value["summary"]), left_file(folder, TRACKS))

@@ -15,6 +15,7 @@ import structlog
 
 from stridelab.errors import Unavailable
 from stridelab.service.jobs.isolated import IsolatedPool
+from stridelab.service.jobs.sandbox import STRICT, Sandbox
 
 log = structlog.get_logger(__name__)
 
@@ -31,8 +32,16 @@ Progress = Callable[[float, str], None]
 class RobotChildren:
     """Runs one child per task in ``pool``, and closes the pool when there has been no child for ``rest_s``."""
 
-    def __init__(self, pool: IsolatedPool, spool: Path, memory_mb: int, rest_s: float = REST_S) -> None:
+    def __init__(
+        self,
+        pool: IsolatedPool,
+        spool: Path,
+        memory_mb: int,
+        sandbox: Sandbox | None = STRICT,
+        rest_s: float = REST_S,
+    ) -> None:
         self._pool, self._spool, self._memory_mb, self._rest_s = pool, spool, memory_mb, rest_s
+        self._sandbox = sandbox
         self._at_work = 0
         self._closing = asyncio.Lock()
         self._resting: asyncio.Task[None] | None = None
@@ -60,6 +69,7 @@ class RobotChildren:
                     memory_mb=self._memory_mb,
                     on_progress=progress,
                     yields=yields,
+                    sandbox=self._sandbox,
                 )
             finally:
                 self._end()

@@ -24,6 +24,7 @@ from stridelab.service.api.robots.children import DESCRIBE, LINKS, REACH, Progre
 from stridelab.service.api.robots.once import Once
 from stridelab.service.api.robots.source_hash import source_sha256
 from stridelab.service.jobs.isolated import IsolatedPool
+from stridelab.service.jobs.sandbox import STRICT, Sandbox
 from stridelab.service.storage.blobs import BlobInfo, BlobStore
 
 log = structlog.get_logger(__name__)
@@ -54,6 +55,7 @@ class RobotShelf:
     draw: str = LINKS
     enclose: str = REACH
     _places: Once[str] = field(default_factory=lambda: Once(keep=True))
+    sandbox: Sandbox | None = STRICT
     _facts: Once[RobotFacts] = field(default_factory=lambda: Once(keep=True))
     _failed: dict[str, tuple[float, str]] = field(default_factory=dict)
     _links: Once[BlobInfo] = field(default_factory=lambda: Once(keep=False))
@@ -64,7 +66,7 @@ class RobotShelf:
     _unasked: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        self._children = RobotChildren(self.pool, self.spool, self.memory_mb)
+        self._children = RobotChildren(self.pool, self.spool, self.memory_mb, self.sandbox)
 
     async def facts(self, name: str) -> RobotFacts:
         """Facts of a known robot.

@@ -1,7 +1,7 @@
 """The process of one stream: ``python -m stridelab.service.api.stream.child PARENT MEMORY_MB``.
 
 It reads parcels (``wire``) from its standard input, the configuration first, and answers each with one on its standard
-output, until the input ends or something is wrong. It ends with its parent and keeps no file.
+output, until the input ends or something is wrong. It ends with its parent and can write no file (``sandbox``).
 """
 
 import faulthandler
@@ -15,6 +15,7 @@ from stridelab.errors import StridelabError
 from stridelab.schemas.streams import StreamAnswer, StreamConfiguration
 from stridelab.service.api.stream.wire import HEADER, PROBLEM, TEXT, Parcel
 from stridelab.service.jobs.child import forbid_core_files, limit_memory
+from stridelab.service.jobs.sandbox import STRICT, confine
 from stridelab.service.tether import die_with_parent
 
 
@@ -42,6 +43,7 @@ def converse(source: BinaryIO, wire: BinaryIO, memory_mb: int) -> None:
     """Answer the parcels of ``source`` on ``wire``."""
     from stridelab.service.api.stream.session import Session
 
+    confine(STRICT, None)
     first = _read(source)
     if first is None:
         return

@@ -4,6 +4,7 @@ The files of a bulk upload lie below ``batches/<batch_id>`` until its job has en
 ``ParseBatchTask``, and the files that it names. Names that users gave are in there and not in the job's row.
 """
 
+import asyncio
 import uuid
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -23,11 +24,11 @@ from stridelab.schemas.population import (
     SubjectOfRecording,
 )
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
-from stridelab.service.filenames import safe_filename
+from stridelab.service.filenames import left_file, safe_filename
 from stridelab.service.jobs.kinds.kind import Blobs, Json
 from stridelab.service.storage.tables import recording
 from stridelab.service.storage.uploads import lock_blob
-from stridelab.service.uploaded_row import new_tracks_key, uploaded_row
+from stridelab.service.uploaded_row import file_sha256, new_tracks_key, uploaded_row
 
 KIND: Final = "read-batch"
 FOLDER: Final = "batches"
@@ -46,8 +47,6 @@ class ReadFile:
     place: int
     file: str
     filename: str
-    sha256: str
-    size_bytes: int
     tracks: str
     facts: RecordingFacts
     person: PersonFields
@@ -79,7 +78,7 @@ class ReadUpload:
                 continue
             facts = RecordingFacts.model_validate(one["facts"])
             person = people.get(place, PersonFields())
-            files.append(ReadFile(place, one["file"], name, one["sha256"], one["bytes"], one["tracks"], facts, person))
+            files.append(ReadFile(place, one["file"], name, one["tracks"], facts, person))
         if not files:
             faults = [Fault(one.filename, f"{one.message} ({one.code})") for one in refused]
             raise UnreadableFile("nothing-readable", "None of the files is a recording that can be read.", faults)
@@ -129,13 +128,14 @@ async def publish_read_batch(
     }
     rows = {}
     for one in upload.files:
+        file = left_file(folder, one.file)
         rows[one.place] = uploaded_row(
             recording_id=ids[one.place],
             owner=job_row["owner"],
             filename=one.filename,
-            sha256=one.sha256,
-            size_bytes=one.size_bytes,
-            tracks_key=await new_tracks_key(ids[one.place], folder / one.tracks),
+            sha256=await asyncio.to_thread(file_sha256, file),
+            size_bytes=file.stat().st_size,
+            tracks_key=await new_tracks_key(ids[one.place], left_file(folder, one.tracks)),
             facts=one.facts,
             subject=one.stated,
         )
@@ -144,7 +144,7 @@ async def publish_read_batch(
         await lock_blob(connection, key)
     for one in upload.files:
         await blobs.put_file(rows[one.place]["tracks_key"], folder / one.tracks)
-        await blobs.keep_or_replace(rows[one.place]["blob_key"], folder / one.file, one.sha256)
+        await blobs.keep_or_replace(rows[one.place]["blob_key"], folder / one.file, rows[one.place]["sha256"])
         await connection.execute(insert(recording).values(rows[one.place]))
     for recording_id, static_id in upload.links(ids).items():
         linked = update(recording).where(recording.c.id == recording_id)

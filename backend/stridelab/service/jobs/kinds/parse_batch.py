@@ -5,6 +5,7 @@ Runs in a killable child of ``POST /recordings/batch``, or in that of a job.
 
 import hashlib
 import json
+import shutil
 from pathlib import Path
 from typing import Any, Final
 
@@ -82,7 +83,10 @@ def read_one(item: Json) -> Json:
     folder = Path(item["folder"])
     own = folder / f"parsed-{item['place']:04d}"
     own.mkdir()
-    (own / "trial").hardlink_to(folder / item["file"])
+    try:
+        (own / "trial").hardlink_to(folder / item["file"])
+    except OSError:  # the first version of Landlock forbids it
+        shutil.copyfile(folder / item["file"], own / "trial")
     source = RecordingSource(file="trial", filename=item["filename"])
     outcome = parse_upload.run(ParseUploadTask(recording=source), own, lambda _fraction, _message: None)
     return {"facts": outcome.summary, "tracks": f"{own.name}/tracks.parquet"}
