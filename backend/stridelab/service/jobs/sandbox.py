@@ -25,7 +25,7 @@ from typing import Any, Final
 from stridelab.errors import Unavailable
 from stridelab.resources import models_dir
 from stridelab.service.jobs import landlock, system_calls
-from stridelab.service.jobs.landlock import FILL, READ, RUN, USE, Rule
+from stridelab.service.jobs.landlock import FILL, READ, READ_FILE, RUN, USE, Rule
 from stridelab.service.tether import become, die_with_parent
 
 MODE: Final = "STRIDELAB_SANDBOX"
@@ -142,6 +142,8 @@ def _rules(sandbox: Sandbox, folder: Path | None) -> list[Rule]:
     rules: list[Rule] = [(Path("/dev/null"), USE)]
     rules += [(path, READ) for path in (*map(Path, _MACHINE), *_PROC)]
     rules += [(path, RUN if sandbox.programs else READ) for path in _code(sandbox, folder)]
+    if sandbox.programs:  # each looks at its own memory below /proc; into that of others Landlock lets it not look
+        rules.append((Path("/proc"), READ_FILE))
     if folder is not None:
         rules.append((folder, FILL))
     return rules
