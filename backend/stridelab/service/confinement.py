@@ -20,16 +20,25 @@ def layers(settings: Settings) -> tuple[str, ...]:
     return () if settings.sandbox == "off" else Kernel.present().layers
 
 
+def check(settings: Settings) -> None:
+    """Raise what makes a start useless.
+
+    ``Unavailable`` (``sandbox-missing``) where a layer is not there and all are required, ``InvalidInput``
+    (``child-user-unknown``).
+    """
+    if settings.sandbox == "required" and (missing := _missing(settings)):
+        raise required_layers_missing(missing)
+    if settings.child_user is not None:
+        _account(settings.child_user)
+
+
 def begin(settings: Settings, *folders: Path) -> None:
     """Write one line to the log where the sandbox lacks a layer, and let the children's account reach ``folders``.
 
-    Raises ``Unavailable`` (``sandbox-missing``) where all layers are required, ``InvalidInput``
-    (``child-user-unknown``, ``child-user-cannot-reach``).
+    Raises as ``check`` does, and ``InvalidInput`` (``child-user-cannot-reach``).
     """
-    there = layers(settings)
-    missing = tuple(name for name in LAYERS if name not in there)
-    if missing and settings.sandbox == "required":
-        raise required_layers_missing(missing)
+    check(settings)
+    there, missing = layers(settings), _missing(settings)
     if missing:
         why = (
             "STRIDELAB_SANDBOX=off" if settings.sandbox == "off" else "the kernel or the container does not offer them"
@@ -52,6 +61,11 @@ def let_in(user: str, *folders: Path) -> None:
         if not _may_pass(account, folder):
             os.chown(folder, -1, account.pw_gid)
             folder.chmod(stat.S_IMODE(folder.stat().st_mode) & ~0o070 | 0o010)
+
+
+def _missing(settings: Settings) -> tuple[str, ...]:
+    there = layers(settings)
+    return tuple(name for name in LAYERS if name not in there)
 
 
 def _require_reachable(user: str, path: Path) -> None:

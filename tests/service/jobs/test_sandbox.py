@@ -158,13 +158,34 @@ def test_an_unknown_account_is_refused() -> None:
     assert refusal.value.code == "child-user-unknown"
 
 
-def test_a_child_that_lacks_a_required_layer_reads_nothing(
-    spool: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setenv("STRIDELAB_SANDBOX", "required")
+def test_the_web_server_says_in_one_sentence_why_it_does_not_start(tmp_path: Path) -> None:
+    environment = os.environ | {"STRIDELAB_CHILD_USER": "nobody-of-this-name", "STRIDELAB_DATA_DIR": str(tmp_path)}
+    ended = subprocess.run(
+        [sys.executable, "-m", "stridelab.service.api"],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    assert ended.returncode == 1
+    assert ended.stderr == "STRIDELAB_CHILD_USER: there is no account nobody-of-this-name.\n"
+
+
+@as_root
+def test_an_account_that_cannot_get_to_the_data_is_refused_at_the_start(tmp_path: Path) -> None:
+    shut = tmp_path / "shut"
+    (shut / "data").mkdir(parents=True)
+    shut.chmod(0o700)
+    with pytest.raises(InvalidInput, match="may not pass through") as refusal:
+        confinement.begin(Settings(child_user="nobody"), shut / "data")
+    assert refusal.value.code == "child-user-cannot-reach"
+
+
+def test_a_child_that_lacks_a_required_layer_reads_nothing(spool: Path) -> None:
     outcome = run_on(Kernel(0, filters=True), "required", spool)
     assert outcome == ("Unavailable", "sandbox-missing")
-    assert not (spool / "result").exists()
+    assert list(spool.iterdir()) == []
 
 
 def run_on(kernel: Kernel, mode: str, folder: Path) -> Any:

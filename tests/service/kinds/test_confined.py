@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
+from stridelab.schemas.jobs import SimulateRecordingInput
 from stridelab.schemas.population import PersonFields
 from stridelab.schemas.receding import PlanRecedingInput
 from stridelab.schemas.sweeps import SweepInput

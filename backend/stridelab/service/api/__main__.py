@@ -9,8 +9,8 @@ import uvicorn
 from fastapi import FastAPI
 
 from stridelab import heartbeat
-from stridelab.errors import InvalidInput
-from stridelab.service import open_files, telemetry
+from stridelab.errors import InvalidInput, Unavailable
+from stridelab.service import confinement, open_files, telemetry
 from stridelab.service.api.app import create_app
 from stridelab.service.api.doors import BACKLOG, Doors, guarded
 from stridelab.service.api.parts import Parts
@@ -71,9 +71,10 @@ def main() -> None:
     settings = load_settings()
     configure_logging(settings.log_level)
     try:
+        confinement.check(settings)
         with telemetry.exported(settings.otlp_url, "api"):
             server(settings).run()
-    except InvalidInput as error:
+    except (InvalidInput, Unavailable) as error:
         raise SystemExit(error.message) from error
 
 

@@ -13,6 +13,7 @@ import ctypes
 import errno
 import platform
 import struct
+import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
@@ -113,7 +114,7 @@ def is_available() -> bool:
     refuse = ctypes.c_uint32(_REFUSE)
     try:
         return _seccomp(machine, _ACTION_AVAILABLE, 0, ctypes.byref(refuse)) == 0
-    except (OSError, AttributeError):
+    except OSError:
         return False
 
 
@@ -185,7 +186,8 @@ def _return(action: int) -> bytes:
 
 def _machine() -> _Machine | None:
     """The architecture of this process, where it is known here."""
-    return _MACHINES.get(platform.machine()) if struct.calcsize("P") == 8 else None
+    is_known = sys.platform == "linux" and struct.calcsize("P") == 8
+    return _MACHINES.get(platform.machine()) if is_known else None
 
 
 def _seccomp(machine: _Machine, operation: int, flags: int, argument: object) -> int:
