@@ -9,8 +9,8 @@ import structlog
 
 from stridelab.errors import Fault, UnreadableFile
 from stridelab.schemas.recordings import PlateSwitch, RecordingFacts
-from stridelab.service.filenames import PARSER_CRASHED, left_file
 from stridelab.service.api.parts import Parts
+from stridelab.service.filenames import PARSER_CRASHED, left_file
 from stridelab.service.jobs.kinds.registry import PARSE_UPLOAD
 from stridelab.service.jobs.kinds.tasks import ParseUploadTask, RecordingSource
 

@@ -18,9 +18,8 @@ from stridelab.service.access.callers import Caller, require_owner
 from stridelab.service.api.parts import Parts
 from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.recordings.multipart import ReceivedForm
-from stridelab.service.api.recordings.parsing import NO_SWITCHES, Parsed, Switches
+from stridelab.service.api.recordings.parsing import Parsed, Switches
 from stridelab.service.api.recordings.rows import recording_of, recording_row, recordings_with_subjects
-from stridelab.service.sessions import session_id_of
 from stridelab.service.storage.publication import NO_ANSWER, publishing
 from stridelab.service.storage.removal import may_remove
 from stridelab.service.storage.tables import job, recording
