@@ -17,6 +17,7 @@ from stridelab_web.tables import read_columns
 from stridelab_web.viewer.control import create_control
 from stridelab_web.viewer.kinds import kinds
 from stridelab_web.viewer.library import Library
+from stridelab_web.viewer.scene_limits import SceneLimits
 from support.fake_service import FakeService
 from support.web import Caller, make_client
 
@@ -53,7 +54,7 @@ def fake_with_estimate(fake: FakeService) -> tuple[FakeService, dict[str, str]]:
 
 
 def player(fake: FakeService, document: dict[str, str], form: str) -> httpx.Response:
-    calls = Caller(create_control(Library(kinds(fake.client(), lambda _: fake.client())), None))
+    calls = Caller(create_control(Library(kinds(fake.client(), lambda _: fake.client()), SceneLimits(8)), None))
     return calls.request("POST", f"/players/{form}", json=document, headers=HOST)
 
 

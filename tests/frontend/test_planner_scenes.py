@@ -25,6 +25,7 @@ from stridelab_web.viewer.parts import FOV_RAD, WIDE, camera
 from stridelab_web.viewer.planner_scene import RIGHT_FRONT, hidden
 from stridelab_web.viewer.robot_links import add_robot, pieces, read_links, shade
 from stridelab_web.viewer.scenario_scene import NOT_KNOWN, ScenarioScene
+from stridelab_web.viewer.scene_limits import SceneLimits
 from stridelab_web.viewer.standing import Posed, first_place
 from stridelab_web.viewer.support_marks import COM, CORNERS, EDGE, PLUMB, REGION
 from stridelab_web.viewer.terrain import faces_m
@@ -37,7 +38,7 @@ POSED = Posed(dict(zip(fake_planner.LINKS, fake_planner.REFERENCE, strict=True))
 
 @pytest.fixture
 def library(fake: FakeService) -> Iterator[Library]:
-    made = Library(kinds(fake.client(), lambda _: fake.client()))
+    made = Library(kinds(fake.client(), lambda _: fake.client()), SceneLimits(8))
     yield made
     made.close()
 

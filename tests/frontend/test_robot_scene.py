@@ -9,13 +9,14 @@ from stridelab_web.documents import Document
 from stridelab_web.reach_places import reach_places, repeats
 from stridelab_web.viewer.kinds import kinds
 from stridelab_web.viewer.library import Library, OpenScene
+from stridelab_web.viewer.scene_limits import SceneLimits
 from support import fake_planner, fake_reach
 from support.fake_service import FakeService
 
 
 @pytest.fixture
 def library(fake: FakeService) -> Iterator[Library]:
-    made = Library(kinds(fake.client(), lambda _: fake.client()))
+    made = Library(kinds(fake.client(), lambda _: fake.client()), SceneLimits(8))
     yield made
     made.close()
 
