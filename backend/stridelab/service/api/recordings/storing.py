@@ -23,7 +23,7 @@ from stridelab.service.api.recordings.rows import recording_of, recording_row, r
 from stridelab.service.storage.publication import NO_ANSWER, publishing
 from stridelab.service.storage.removal import may_remove
 from stridelab.service.storage.tables import job, recording
-from stridelab.service.storage.uploads import delete_if_unused, lock_blob, try_lock_blob
+from stridelab.service.storage.uploads import delete_if_unused, lock_blob, try_lock_blob, upload_key
 from stridelab.service.uploaded_row import new_tracks_key, own_prefix, uploaded_row
 
 _LOOK_AGAIN_S: Final = 10.0
