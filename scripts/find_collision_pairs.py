@@ -28,9 +28,9 @@ import numpy as np
 
 from stridelab.robots.assembly import assemble
 from stridelab.robots.card import robot_card, robot_names
-from stridelab.robots.collision import SelfCollision
 from stridelab.robots.data_files import data_files
 from stridelab.robots.robot import Robot
+from stridelab.robots.self_collision import SelfCollision
 
 CONFIGURATIONS: Final = 5_000
 SEED: Final = 0

@@ -7,7 +7,7 @@ Every variation that did not converge is named with its reason as it comes.
 import json
 import sys
 
-from stridelab.experiments.centroidal_variations import Outcome, attempts, refusals, summary, variations
+from stridelab.studies.centroidal_variations import Outcome, attempts, refusals, summary, variations
 
 
 def tell(outcome: Outcome) -> None:

@@ -8,10 +8,10 @@ import json
 import sys
 from pathlib import Path
 
-from stridelab.experiments.cold_starts import attempt, drawn, hasty, moved, summary
+from stridelab.studies.cold_starts import attempt, drawn, hasty, moved, summary
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
-from support.conic_oracle import exists
+from support.oracles.conic_feasibility import exists
 
 numbers = [int(a) for a in sys.argv[1:4]] or [1000, 300, 12]
 found = []

@@ -15,8 +15,8 @@ from typing import NamedTuple
 ROOT = Path(__file__).parents[1]
 LIST = ROOT / "docs" / "thesis_equations.toml"
 PAGE = ROOT / "docs" / "thesis-to-code.md"
-MODULES = ("conventions.py", "dynamics", "recordings", "body", "estimation", "walking", "experiments", "contacts",
-           "reachability", "centroidal", "wholebody")  # fmt: skip
+MODULES = ("conventions.py", "dynamics", "recordings", "body", "estimation", "walking", "contacts",
+           "reachability", "centroidal", "wholebody", "simulation", "studies", "reproduction")  # fmt: skip
 """What computes: the packages below the service."""
 CHAPTERS = {"2": "The centre of mass of a moving body", "3": "The rolling wheel", "4": "Multi-contact motion"}
 CITED = re.compile(r"\((\d\.\d+[a-z]?)\)(?:-\((\d\.\d+[a-z]?)\))?")

@@ -14,9 +14,10 @@ from pathlib import Path
 
 from pydantic import TypeAdapter
 
-from stridelab.experiments.execution import CASES, Execution, execute, followed, replayed
-from stridelab.experiments.replay_estimation import CONDITIONS, GOOD, estimators
-from stridelab.experiments.robustness import (
+from stridelab.robots.loader import load_robot
+from stridelab.studies.execution import CASES, Execution, execute, followed, replayed
+from stridelab.studies.replay_estimation import CONDITIONS, GOOD, estimators
+from stridelab.studies.robustness import (
     EXPERIMENTS,
     N_INSTANTS,
     PUSH_NS,
@@ -28,9 +29,8 @@ from stridelab.experiments.robustness import (
     instants,
     pushed,
 )
-from stridelab.robots.loader import load_robot
-from stridelab.wholebody.disturbance import Disturbances
 from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.replay.disturbances import Disturbances
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "theory" / "execution.md"
 KEPT: TypeAdapter[list[Execution]] = TypeAdapter(list[Execution])
@@ -44,14 +44,14 @@ TABLES = (
     (
         "estimated",
         "an estimator in front of the stabiliser",
-        "Largest error of the CoM, mm (`experiments.replay_estimation`): the filter is that of chapter 2, online.",
+        "Largest error of the CoM, mm (`studies.replay_estimation`): the filter is that of chapter 2, online.",
     ),
 )
 INTRO = """# Every bundled scenario, carried out
 
 Written by `scripts/make_execution.py`: each scenario planned with the default densities, followed by the whole body at
 250 Hz, certified and replayed once in physics. What depends on the robot (its feet, where its hand reaches) is in
-`experiments/execution.py`. How certificate and replay judge: [whole body](whole-body.md). *Speed* is the length of the
+`studies/execution.py`. How certificate and replay judge: [whole body](whole-body.md). *Speed* is the length of the
 motion over the process seconds of the whole-body stage, on one core while the other one was busy.
 """
 

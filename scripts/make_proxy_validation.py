@@ -21,14 +21,19 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.pipeline import make_pipeline
 from sklearn.preprocessing import PolynomialFeatures, StandardScaler
 
-from stridelab.experiments import proxy_roc, proxy_stances
-from stridelab.reachability.body_tree import Target
-from stridelab.reachability.feasibility import FeasibilityCard, learned, read_feasibility, save_feasibility
-from stridelab.reachability.proxy import Proxy
+from stridelab.reachability.kinematics.ik_ground_truth import ANY, STANDING, Contacts, StanceTruth
+from stridelab.reachability.kinematics.whole_body_ik import Target
+from stridelab.reachability.proxy.effector_proxy import Proxy
+from stridelab.reachability.proxy.feasibility_correction import (
+    FeasibilityCard,
+    learned,
+    read_feasibility,
+    save_feasibility,
+)
 from stridelab.reachability.random_contacts import Pairs, balanced, random_pairs
-from stridelab.reachability.stance_truth import ANY, STANDING, Contacts, StanceTruth
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
+from stridelab.studies import proxy_accuracy, proxy_roc
 
 ROOT = Path(__file__).parents[1]
 KEPT, MODELS = ROOT / ".data" / "proxy-validation", ROOT / "models" / "feasibility"
@@ -144,9 +149,9 @@ def stances(name: str, *, anew: bool, only: str) -> None:
         "corrected": corrected(name),
     }
     found = []
-    for label, placements in (proxy_stances.four_stances(name) | proxy_stances.stair_contacts(name)).items():
-        truth = proxy_stances.Truth.of(search, placements)
-        found += [asdict(row) for row in proxy_stances.compare(search, label, placements, truth, densities)]
+    for label, placements in (proxy_accuracy.four_stances(name) | proxy_accuracy.stair_contacts(name)).items():
+        truth = proxy_accuracy.Truth.of(search, placements)
+        found += [asdict(row) for row in proxy_accuracy.compare(search, label, placements, truth, densities)]
     write(f"stances-{name}", found)
 
 

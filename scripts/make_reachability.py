@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import get_args
 
 from stridelab.reachability.card import Measure
-from stridelab.reachability.learning import learn
+from stridelab.reachability.learning.fit import learn
 from stridelab.reachability.store import save, save_cloud
 from stridelab.resources import models_dir
 from stridelab.robots.card import robot_names

@@ -15,10 +15,10 @@ import sys
 import time
 from pathlib import Path
 
-from stridelab.experiments.reproduction.as_markdown import page
-from stridelab.experiments.reproduction.collected import FEW_SEEDS, PEOPLE, Section, collect, recipes
-from stridelab.experiments.reproduction.kept import Kept
-from stridelab.experiments.reproduction.registry import ITEMS
+from stridelab.reproduction.registry import ITEMS
+from stridelab.reproduction.report.markdown import page
+from stridelab.reproduction.result_cache import Kept
+from stridelab.reproduction.runner import FEW_SEEDS, PEOPLE, Section, collect, recipes
 
 ROOT = Path(__file__).parents[1]
 PAGE, KEPT = ROOT / "docs" / "reproduction.md", ROOT / ".data" / "reproduction"

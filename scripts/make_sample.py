@@ -11,12 +11,13 @@ from pathlib import Path
 
 from stridelab.resources import models_dir
 from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput, SimulationNoise
-from stridelab.service.bundled import ESTIMATE_JOB, INDEX_FILE, SAMPLE_ID, TRUTH_JOB
-from stridelab.service.jobs.kinds import estimate_com, simulate_recording
-from stridelab.service.jobs.kinds.kind import Outcome
-from stridelab.service.jobs.kinds.provenance import versions
-from stridelab.service.jobs.kinds.rows import FACTS_FILE, RECORDING_FILE, TRACKS_FILE
-from stridelab.service.jobs.kinds.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
+from stridelab.service.kinds.base import Outcome
+from stridelab.service.kinds.estimate_com import run as estimate_com
+from stridelab.service.kinds.provenance import versions
+from stridelab.service.kinds.simulate_recording import run as simulate_recording
+from stridelab.service.kinds.staging import FACTS_FILE, RECORDING_FILE, TRACKS_FILE
+from stridelab.service.samples.recording import ESTIMATE_JOB, INDEX_FILE, SAMPLE_ID, TRUTH_JOB
 
 FILENAME = "sample-walk.c3d"
 WALK = SimulateRecordingInput(

@@ -22,7 +22,7 @@ import httpx
 import psutil
 import psycopg
 
-from stridelab.service.embedded_postgres import running_url
+from stridelab.service.postgres.embedded import running_url
 
 TARGET = Path(__file__).parents[1] / "docs" / "job_costs.json"
 SUBMISSIONS, READINGS, REPORTS, CLIENTS = 200, 400, 2000, 8
@@ -65,7 +65,7 @@ def member(supervisor: psutil.Process, module: str) -> psutil.Process:
 
 def nursery(supervisor: psutil.Process) -> psutil.Process:
     """What the worker's children are forked from, when it has imported everything."""
-    found = member(member(supervisor, "stridelab.service.jobs.worker"), "stridelab.service.jobs.forking")
+    found = member(member(supervisor, "stridelab.service.jobs.worker"), "stridelab.service.processes.fork_server")
     while found.status() == psutil.STATUS_RUNNING:
         time.sleep(0.5)
     return found

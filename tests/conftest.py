@@ -12,7 +12,8 @@ from hypothesis import settings
 from support.type_checks import OftenEnough
 
 if TYPE_CHECKING:
-    from support.database import TestDatabases
+    from stridelab.simulation.robot.walker import RobotWalk
+    from support.service.database import TestDatabases
 
 type_checks = OftenEnough(jaxtyping.jaxtyped)
 vars(jaxtyping)["jaxtyped"] = type_checks  # the decorator that the hook puts on every function and dataclass
@@ -47,7 +48,7 @@ def gait(data_dir: Path) -> Path:
 @pytest.fixture(scope="session")
 def postgres() -> "Iterator[TestDatabases]":
     """One PostgreSQL for all tests that need one."""
-    from support.database import databases
+    from support.service.database import databases
 
     with databases() as made:
         yield made
@@ -56,7 +57,7 @@ def postgres() -> "Iterator[TestDatabases]":
 @pytest.fixture(scope="session")
 def service_url() -> Iterator[str]:
     """A whole service as ``make serve`` starts it, its own pages and samples and nothing else in it at first."""
-    from support.service import SERVE, running_service
+    from support.service.processes import SERVE, running_service
 
     patient = {"STRIDELAB_PARSE_TIMEOUT_S": "60", "STRIDELAB_STALL_S": "60"}  # the machine does other things as well
     with running_service(*SERVE, STRIDELAB_MIN_FREE_DISK_MB="0", **patient) as service:
@@ -68,3 +69,11 @@ def database_url(postgres: "TestDatabases") -> Iterator[str]:
     """A migrated database of this test's own."""
     with postgres.fresh() as url:
         yield url
+
+
+@pytest.fixture(scope="session")
+def robot_walk() -> "RobotWalk":
+    """TALOS at its own cadence: rest, walk, rest."""
+    from stridelab.studies.estimator_study import clean_motion
+
+    return clean_motion("robot")

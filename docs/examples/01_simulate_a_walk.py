@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from stridelab.experiments.noise import MeasurementNoise
-from stridelab.experiments.simulated_recording import record
-from stridelab.experiments.walker import HumanWalker
-from stridelab.recordings.writer import write_c3d
+from stridelab.recordings.files.c3d_writer import write_c3d
+from stridelab.simulation.human.walker import HumanWalker
+from stridelab.simulation.human_recording import record
+from stridelab.simulation.noise import MeasurementNoise
 
 walk = HumanWalker(height_m=1.71, mass_kg=60.0, sex="female", speed_m_s=1.2, duration_s=4.0, seed=1).walk()
 noise = MeasurementNoise(marker_m=0.001, mass_model=0.2, latency_s=0.012)

@@ -8,11 +8,11 @@ from pathlib import Path
 
 from stridelab.body.segment_model import SegmentModel
 from stridelab.estimation.smoother import Smoother
+from stridelab.recordings.force_windows import require_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Subject
-from stridelab.recordings.windows import require_windows
-from stridelab.recordings.wrench import wrench_track
+from stridelab.recordings.total_wrench import wrench_track
 
 recording = read_recording(Path("walk.c3d"))
 landmarks = identify(tuple(recording.markers_m)).landmarks

@@ -10,18 +10,17 @@ from pathlib import Path
 import numpy as np
 
 from stridelab.body.segment_model import SegmentModel
-from stridelab.estimation.comparison import Data, KnownMotion, compare
-from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.geometry import GeometryOnly
-from stridelab.estimation.kalman import KalmanFilter
+from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.evaluation.comparison import Data, KnownMotion, compare
+from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.latency import estimate_latency
-from stridelab.estimation.rts import RtsSmoother
+from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.smoother import Smoother
+from stridelab.recordings.force_windows import require_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Subject
-from stridelab.recordings.windows import require_windows
-from stridelab.recordings.wrench import wrench_track
+from stridelab.recordings.total_wrench import wrench_track
 
 MASS_KG = 60.0
 ESTIMATORS = {

@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 
 from stridelab.centroidal.point_forces import CircularCones
-from stridelab.centroidal.resting import from_rest_to_rest
-from stridelab.centroidal.solve import solve
-from stridelab.contacts.contact_planner import ContactPlanner
-from stridelab.contacts.scenario_json import sequence_of
-from stridelab.contacts.scenario_parts import TALOS, feet, ground
-from stridelab.contacts.shapes import effector_shapes
-from stridelab.contacts.stairs import Stairs
+from stridelab.centroidal.rest_to_rest import from_rest_to_rest
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.planner.planner import ContactPlanner
+from stridelab.contacts.scenario_io import sequence_of
+from stridelab.contacts.scenarios.parts import TALOS, feet, ground
+from stridelab.contacts.scenarios.stairs import Stairs
 from stridelab.reachability.planner_limits import planner_limits
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot

@@ -3,11 +3,11 @@
 The installed page holds one small script. That unpacks styles and the application from an attribute (base 88,
 zstandard, with a decoder in WebAssembly) and writes both into the document, in every scene anew: of a text that a page
 writes into itself a browser keeps neither the text nor what it has made of it. Here all are unpacked once and become
-files with addresses of their own; static/js/viser_start.js does what is left of the script.
+files with addresses of their own; static/js/viewer/viser_start.js does what is left of the script.
 
 One word of the application is another one: what lights a scene of which its server has said nothing yet. viser takes
 an image of a city, whose decoding and filtering keeps a computer without a graphics card busy for a second, and lets
-go of it at the first message: no scene here has one (``viewer/parts.py``).
+go of it at the first message: no scene here has one (``viewer/scene_parts.py``).
 """
 
 import gzip
@@ -107,5 +107,5 @@ def _links(styles: str, code: str, decoder: str) -> bytes:
         f'<link rel="stylesheet" href="{styles}"><link rel="stylesheet" href="{FRAME_STYLES}">'
         f'<link rel="modulepreload" href="{code}">'
         f'<link rel="preload" href="{decoder}" as="fetch" crossorigin>'
-        '<script type="module" src="/static/js/viser_start.js"></script>'
+        '<script type="module" src="/static/js/viewer/viser_start.js"></script>'
     ).encode()

@@ -10,15 +10,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stridelab.centroidal import programme
 from stridelab.centroidal.contact_wrench import ContactWrench
-from stridelab.centroidal.diagnosis import diagnose
-from stridelab.centroidal.freedom import FreeDurations, FreePlacements
-from stridelab.centroidal.horizon import RecedingHorizon, State
+from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
+from stridelab.centroidal.infeasibility.diagnosis import diagnose
+from stridelab.centroidal.nlp import nlp
+from stridelab.centroidal.nlp.transcription import transcribe
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
-from stridelab.centroidal.solve import solve
-from stridelab.centroidal.transcription import transcribe
-from support.talos_problems import bundled
+from stridelab.centroidal.receding_horizon import RecedingHorizon, State
+from stridelab.centroidal.solver import solve
+from support.robots.centroidal_problems import bundled
 
 pytestmark = pytest.mark.benchmark(timer=time.process_time)
 
@@ -44,7 +44,7 @@ def note(benchmark, plan):
 
 @pytest.fixture
 def forget(monkeypatch):
-    return lambda: monkeypatch.setattr(programme, "_kept", {})
+    return lambda: monkeypatch.setattr(nlp, "_kept", {})
 
 
 @pytest.mark.parametrize("scenario", EXPERIMENTS)

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from stridelab.contacts.contact_planner import ContactPlanner
-from stridelab.contacts.shapes import effector_shapes
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.planner.planner import ContactPlanner
 from stridelab.errors import NotEstimable
 from stridelab.reachability.planner_limits import planner_limits
-from support.contact_terrains import KINDS, box, random_task, task
+from support.robots.contact_terrains import KINDS, box, random_task, task
 
 SURFACES = 14
 

@@ -6,10 +6,10 @@ from center_of_mass import estimator
 
 from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.wrench import Wrench
-from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.filters import complementary_filters
-from stridelab.estimation.passes import filter_inputs, forward_backward
-from support.motions import walk
+from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.complementary.forward_backward import filter_inputs, forward_backward
+from stridelab.estimation.complementary.transfer_functions import complementary_filters
+from support.recordings.analytic_motions import walk
 
 RATE_HZ = 200.0
 FILTERS = complementary_filters(0.2, 1.0, RATE_HZ)

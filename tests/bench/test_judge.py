@@ -4,10 +4,10 @@ import json
 
 import pytest
 
-from stridelab.contacts.resting import region_seen_from_first_point
-from stridelab.contacts.shapes import effector_shapes
-from stridelab.contacts.stairs import CLIMBING, Stairs, climb
-from stridelab.contacts.validation import check
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenarios.stairs import CLIMBING, Stairs, climb
+from stridelab.contacts.validation.static_equilibrium import region_seen_from_first_point
+from stridelab.contacts.validation.validate import check
 from stridelab.resources import models_dir
 
 BUNDLED = sorted(path.stem for path in (models_dir() / "scenarios").glob("*.json"))

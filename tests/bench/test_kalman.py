@@ -5,13 +5,11 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from stridelab.estimation.jerk_record import JerkRecord
-from stridelab.estimation.kalman import KalmanFilter
-from stridelab.estimation.kalman_passes import Axis
-from stridelab.estimation.rts import RtsSmoother
+from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
+from stridelab.estimation.kalman.passes import Axis, JerkRecord
 from stridelab.recordings.recording import Window
-from support.motions import walk
-from support.textbook_kalman import textbook
+from support.oracles.textbook_kalman import textbook
+from support.recordings.analytic_motions import walk
 
 RATE_HZ = 200.0
 MOTION = walk()

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from stridelab.centroidal.contact_wrench import ContactWrench
-from stridelab.centroidal.freedom import FreeDurations, FreePlacements
-from stridelab.centroidal.horizon import RecedingHorizon
-from stridelab.centroidal.native import Missing, availability
-from stridelab.centroidal.native_input import native_input
-from stridelab.centroidal.native_solve import GAP, TOLERANCE
+from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
+from stridelab.centroidal.native.availability import Missing, availability
+from stridelab.centroidal.native.problem_arrays import native_input
+from stridelab.centroidal.native.solve import GAP, TOLERANCE
 from stridelab.centroidal.point_forces import CircularCones
-from stridelab.centroidal.solve import solve
-from support.talos_problems import bundled
+from stridelab.centroidal.receding_horizon import RecedingHorizon
+from stridelab.centroidal.solver import solve
+from support.robots.centroidal_problems import bundled
 
 EXPERIMENTS = ("long-stride", "six-stairs", "stairs-with-rail")
 found = availability()

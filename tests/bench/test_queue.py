@@ -17,13 +17,13 @@ import pytest
 
 from stridelab.client import Client
 from stridelab.schemas.jobs import JobEvent
-from stridelab.service.jobs.board import JobBoard
+from stridelab.service.jobs.notifications import JobBoard
 from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.storage.database import make_engine
-from support.database import TestDatabases
-from support.interface import served
-from support.kinds import KINDS
-from support.service import worker
+from support.service.database import TestDatabases
+from support.service.job_kinds import KINDS
+from support.service.processes import worker
+from support.service.web_server import served
 
 SPARE_S = 0.6
 """Between rounds, so that the next child is ready, as it is in a service that is not overrun."""

@@ -9,12 +9,12 @@ from sklearn.mixture import GaussianMixture
 from sklearn.neighbors import KernelDensity as TreeDensity
 from threadpoolctl import threadpool_limits
 
-from stridelab.centroidal.likelihood import likelihood
-from stridelab.reachability.density import KernelDensity
-from stridelab.reachability.divergence import divergences
-from stridelab.reachability.learning import KL_DRAWS, SIZES, expectation_maximisation
-from stridelab.reachability.mixture import Mixture
-from stridelab.reachability.sampling import BLOCK, sample_com
+from stridelab.centroidal.nlp.density_term import likelihood
+from stridelab.reachability.gaussian_mixture import Mixture
+from stridelab.reachability.learning.com_sampling import BLOCK, sample_com
+from stridelab.reachability.learning.fit import KL_DRAWS, SIZES, expectation_maximisation
+from stridelab.reachability.learning.kde import KernelDensity
+from stridelab.reachability.learning.kl_divergence import divergences
 from stridelab.reachability.store import load_card, load_cloud
 from stridelab.robots.loader import load_robot
 

@@ -7,7 +7,7 @@ import pytest
 
 from stridelab.estimation.smoother import Smoother
 from stridelab.recordings.recording import Window
-from support.motions import walk
+from support.recordings.analytic_motions import walk
 
 RATE_HZ = 200.0
 MOTION = walk()

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from stridelab.walking.gait_step import GaitStep
 from stridelab.walking.path_fit import fit_path
 from stridelab.walking.step_fit import fit_step
+from stridelab.walking.steps import GaitStep
 from stridelab.walking.timed_fit import fit_in_time
-from support.wheels import PERIOD_S
+from support.recordings.wheels import PERIOD_S
 
 
 def step(rate_hz: float) -> tuple[np.ndarray, np.ndarray]:

@@ -5,23 +5,23 @@ from pathlib import Path
 import pytest
 
 from stridelab.body.segment_model import SegmentModel
-from stridelab.estimation.agreement import bias_m, force_residual_n
-from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.estimate import ComEstimator
+from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.estimator import ComEstimator
+from stridelab.estimation.evaluation.physics_residuals import bias_m, force_residual_n
+from stridelab.estimation.kalman.filter import RtsSmoother
 from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.observability import observability
-from stridelab.estimation.rts import RtsSmoother
 from stridelab.estimation.smoother import Smoother
-from stridelab.experiments.noise import MeasurementNoise
-from stridelab.experiments.simulated_recording import record
-from stridelab.experiments.walker import HumanWalker
+from stridelab.recordings.files.c3d_writer import write_c3d
+from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
-from stridelab.recordings.windows import measured_windows
-from stridelab.recordings.wrench import wrench_track
-from stridelab.recordings.writer import write_c3d
-from stridelab.service.jobs.kinds import estimate_com
-from support.quiet import estimate_task, quiet
+from stridelab.recordings.total_wrench import wrench_track
+from stridelab.service.kinds.estimate_com import run as estimate_com
+from stridelab.simulation.human.walker import HumanWalker
+from stridelab.simulation.human_recording import record
+from stridelab.simulation.noise import MeasurementNoise
+from support.command_line import estimate_task, quiet
 
 DURATION_S = 2.0
 

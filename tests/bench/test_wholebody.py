@@ -10,15 +10,15 @@ import pytest
 from pytest_benchmark.fixture import BenchmarkFixture
 
 from stridelab.centroidal.plan import CentroidalPlan
-from stridelab.centroidal.resting import from_rest_to_rest
-from stridelab.centroidal.solve import solve
-from stridelab.contacts.scenario_json import sequence_of
-from stridelab.contacts.shapes import effector_shapes
-from stridelab.experiments.execution import CASES, replayed
+from stridelab.centroidal.rest_to_rest import from_rest_to_rest
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenario_io import sequence_of
 from stridelab.reachability.store import load_proxies
 from stridelab.robots.loader import load_robot
-from stridelab.wholebody.certify import certify
-from stridelab.wholebody.controller import WholeBodyController
+from stridelab.studies.execution import CASES, replayed
+from stridelab.wholebody.certificate.certify import certify
+from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.motion import WholeBodyMotion
 
 MOTIONS = [("talos", "wall-step"), ("talos", "six-stairs"), ("hrp2", "wall-step"), ("hrp2", "stairs-with-rail")]

@@ -8,12 +8,12 @@ import ezc3d
 import numpy as np
 import pytest
 
+from stridelab.body.missing_markers import SEX_UNKNOWN
 from stridelab.body.segment_model import SegmentModel
-from stridelab.body.substitutes import SEX_UNKNOWN
 from stridelab.recordings.marker_sets import identify, substitutes
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
-from support.centre_of_mass_oracle import whole_body_com_m
+from support.oracles.center_of_mass import whole_body_com_m
 
 TABLES = ("dumas2007", "deleva1996")
 CHILDREN = ("HC002D", "HC030A", "HC032A", "HC036A", "HC038A", "HC040A", "HC055A")

@@ -7,11 +7,11 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from stridelab.body import segment_tables
-from stridelab.body.frames import segment_frames
+from stridelab.body.segment_frames import segment_frames
 from stridelab.body.segment_model import SegmentModel
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.recordings.marker_sets import marker_sets
-from support.standing_body import landmarks, mirrored, recording
+from support.recordings.standing_body import landmarks, mirrored, recording
 
 TABLES = ("dumas2007", "deleva1996")
 angles = st.floats(-3.0, 3.0)

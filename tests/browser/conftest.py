@@ -18,11 +18,11 @@ import pytest
 from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from stridelab.client import Client
-from support.database import public_folder
-from support.every_page import every_page
-from support.fake_lab import Lab, running_lab
-from support.meter import Meter, metered
-from support.tab import Service, Tab
+from support.browser.every_page import every_page
+from support.browser.page import Service, Tab
+from support.browser.traffic_meter import Meter, metered
+from support.fakes.lab import Lab, running_lab
+from support.service.database import public_folder
 
 CHROMIUM = next(
     (

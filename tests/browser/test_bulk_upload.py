@@ -7,8 +7,8 @@ from playwright.sync_api import Route, expect
 
 from stridelab.schemas.base import Problem
 from stridelab.schemas.jobs import JobResult, Progress
-from support.fake_lab import Lab
-from support.tab import Tab
+from support.browser.page import Tab
+from support.fakes.lab import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 FILE = {"name": "walk.c3d", "mimeType": "application/octet-stream", "buffer": b"C3D" * 100}

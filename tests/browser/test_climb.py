@@ -6,10 +6,10 @@ import numpy as np
 from playwright.sync_api import expect
 
 from stridelab.schemas.scenarios import Scenario
-from stridelab_web.plan_frames import read_motion
-from stridelab_web.touches import touches
-from support.scene_view import drag, nodes, opened, until
-from support.tab import Service, Tab
+from stridelab_web.scene.contacts import touches
+from stridelab_web.scene.plan_frames import read_motion
+from support.browser.page import Service, Tab
+from support.browser.scene import drag, nodes, opened, until
 
 FOOT = "leg_right_6_link"
 PLANNED_WITHIN_MS = 240_000

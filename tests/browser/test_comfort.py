@@ -5,8 +5,8 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page, expect
 
-from support.scene_view import opened, until
-from support.tab import Tab
+from support.browser.page import Tab
+from support.browser.scene import opened, until
 
 pytestmark = pytest.mark.usefixtures("lab")
 

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 from playwright.sync_api import expect
 
-from support.tab import Service, Tab
+from support.browser.page import Service, Tab
 
 LEAST_M = 1e-8
 """Amplitudes per root hertz up to here are rounding and not drawn."""

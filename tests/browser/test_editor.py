@@ -14,9 +14,9 @@ from stridelab.schemas.scenarios import (
     ScenarioContact,
     ScenarioPhase,
 )
-from stridelab_web.touches import touches
-from support.scene_view import hold, nodes, opened, until
-from support.tab import Service, Tab
+from stridelab_web.scene.contacts import touches
+from support.browser.page import Service, Tab
+from support.browser.scene import hold, nodes, opened, until
 
 FOUND_WITHIN_MS = 120_000
 WARNING = [176, 0, 32]

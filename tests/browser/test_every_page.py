@@ -13,9 +13,9 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page
 
-from support.every_page import every_page
-from support.fake_lab import Lab
-from support.tab import Tab
+from support.browser.every_page import every_page
+from support.browser.page import Tab
+from support.fakes.lab import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

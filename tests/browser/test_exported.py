@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, Page, Route
 
-from stridelab_web.documents import Document
-from support.fake_lab import Lab
-from support.packed import read_frames
-from support.scene_view import until
+from stridelab_web.scene.documents import Document
+from support.browser.frame_decoder import read_frames
+from support.browser.scene import until
+from support.fakes.lab import Lab
 
 NOWHERE = "http://nowhere.invalid"
 """No such host: what the page asks for is answered by the test or by nobody."""

@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Browser, Page, expect
 
-from support.consumption import Consumption
-from support.meter import Meter
-from support.tab import Service
+from support.browser.consumption import Consumption
+from support.browser.page import Service
+from support.browser.traffic_meter import Meter
 
 FILE_BYTES = 100_000_000
 HELD_AT_BYTES = 40_000_000

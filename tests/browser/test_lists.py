@@ -9,9 +9,9 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 from stridelab.schemas.jobs import Progress
 from stridelab.schemas.plans import PhaseDuration
 from stridelab.schemas.verdicts import JobVerdict
-from support.fake_lab import Lab
-from support.scene_view import opened
-from support.tab import Tab
+from support.browser.page import Tab
+from support.browser.scene import opened
+from support.fakes.lab import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

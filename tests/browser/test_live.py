@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from stridelab.centroidal.native import Missing, availability
+from stridelab.centroidal.native.availability import Missing, availability
 from stridelab.schemas.previews import PlanPreviewInput, PreviewPush
 from stridelab.schemas.scenarios import Scenario
-from stridelab_web.touches import touches
-from stridelab_web.viewer.live_marks import RINGS, SIDES
-from support.scene_view import hold, opened, until
-from support.tab import Service, Tab
+from stridelab_web.scene.contacts import touches
+from stridelab_web.viewer.overlays import RINGS, SIDES
+from support.browser.page import Service, Tab
+from support.browser.scene import hold, opened, until
 
 if isinstance(availability(), Missing):
     pytest.skip(f"live plans need the C++ solver ({os.environ.get('STRIDELAB_NATIVE_PATH') or 'not built'})",

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Locator, Page, expect
 
-from support.tab import Service, Tab
+from support.browser.page import Service, Tab
 
 CLICKS_AT_MOST = 2
 PLANNED_WITHIN_MS = 420_000

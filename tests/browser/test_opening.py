@@ -6,10 +6,10 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page
 
-from support.every_page import ROBOT
-from support.fake_lab import Lab
-from support.scene_view import opened
-from support.tab import Tab
+from support.browser.every_page import ROBOT
+from support.browser.page import Tab
+from support.browser.scene import opened
+from support.fakes.lab import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

@@ -12,7 +12,7 @@ import pyarrow.parquet as pq
 import pytest
 from playwright.sync_api import Page, expect
 
-from support.tab import Service, Tab
+from support.browser.page import Service, Tab
 
 
 def facts(page: Page) -> dict[str, str]:

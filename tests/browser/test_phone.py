@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from playwright.sync_api import Page, expect
 
-from support.scene_view import opened
-from support.tab import Tab
+from support.browser.page import Tab
+from support.browser.scene import opened
 
 pytestmark = pytest.mark.usefixtures("lab")
 

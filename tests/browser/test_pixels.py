@@ -5,9 +5,9 @@ from collections.abc import Callable
 import pytest
 from playwright.sync_api import Page
 
-from support.fake_lab import Lab
-from support.scene_view import opened, until
-from support.tab import Tab
+from support.browser.page import Tab
+from support.browser.scene import opened, until
+from support.fakes.lab import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 
@@ -43,7 +43,7 @@ def test_the_editor_and_the_robot_have_them_too(open_tab: Callable[..., Tab], ad
 def test_the_ratio_follows_the_time_that_pictures_take(tab: Tab) -> None:
     page = tab.go("/jobs")
     found = page.evaluate("""async () => {
-        const { next, ratios } = await import("/static/js/pixels.js"), all = ratios(2);
+        const { next, ratios } = await import("/static/js/viewer/adaptive_resolution.js"), all = ratios(2);
         return {
             ratios: [0.5, 1, 2, 3].map(ratios),
             slow: [60, 100, 1000].map((ms) => all[next(all, 0, ms)]),

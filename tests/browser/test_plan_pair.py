@@ -9,8 +9,8 @@ import pyarrow.parquet as pq
 import pytest
 from playwright.sync_api import expect
 
-from support.fake_lab import Lab
-from support.tab import Tab
+from support.browser.page import Tab
+from support.fakes.lab import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

@@ -9,10 +9,10 @@ import pytest
 from playwright.sync_api import Route, expect
 
 from stridelab.schemas.base import FaultItem, Problem
-from support import fake_planner
-from support.fake_lab import Lab
-from support.scene_view import drag, nodes, opened, until
-from support.tab import Tab
+from support.browser.page import Tab
+from support.browser.scene import drag, nodes, opened, until
+from support.fakes import robots
+from support.fakes.lab import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 
@@ -36,11 +36,11 @@ def positions(lab: Lab, scenario_id: str, effector: str) -> list[tuple[float, ..
 def test_the_robot_stands_where_the_files_say(tab: Tab, lab: Lab) -> None:
     job = lab.fake.add_plan()
     page = opened(tab, f"/view/?plan={job.id}&t=2.0")
-    given = fake_planner.scenario()
-    poses, time_s = fake_planner.poses(given), fake_planner.display_times_s(given)
+    given = robots.scenario()
+    poses, time_s = robots.poses(given), robots.display_times_s(given)
 
     def foot_is_at(frame: int) -> Callable[[], bool]:
-        expected = poses[frame, fake_planner.LINKS.index("leg_right_6_link")].astype(float)
+        expected = poses[frame, robots.LINKS.index("leg_right_6_link")].astype(float)
 
         def holds() -> bool:
             shown = nodes(page, FOOT)[FOOT]
@@ -67,7 +67,7 @@ def test_between_two_frames_the_robot_turns_the_short_way(tab: Tab, lab: Lab) ->
     for _ in range(8):
         shown = nodes(page, FOOT)[FOOT]
         t_s = shown["position"][0] / 0.12
-        expected = fake_planner.foot_pose(np.array([t_s]))[0]
+        expected = robots.foot_pose(np.array([t_s]))[0]
         assert abs(np.dot(shown["wxyz"], expected[3:])) > 1 - 1e-5
         page.wait_for_timeout(60)
     page.locator("body").press(" ")

@@ -10,9 +10,9 @@ import pytest
 from PIL import Image
 from playwright.sync_api import Page, Route, expect
 
-from support.fake_lab import Lab
-from support.scene_view import opened, until
-from support.tab import Tab
+from support.browser.page import Tab
+from support.browser.scene import opened, until
+from support.fakes.lab import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

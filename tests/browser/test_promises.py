@@ -16,14 +16,14 @@ import pytest
 import websockets
 from playwright.sync_api import Browser, Page
 
-from stridelab.robots.display import link_poses
 from stridelab.robots.loader import load_robot
-from stridelab_web.documents import Document
-from support import own_loop
-from support.consumption import Consumption
-from support.meter import Meter
-from support.scene_poses import ScenePoses, apart
-from support.tab import Service
+from stridelab.robots.visuals import link_poses
+from stridelab_web.scene.documents import Document
+from support.browser import page as own_loop
+from support.browser.consumption import Consumption
+from support.browser.page import Service
+from support.browser.scene import ScenePoses, apart
+from support.browser.traffic_meter import Meter
 
 pytestmark = pytest.mark.timeout(1500)
 """The plan comes first; without a graphics card and beside other work even a picture can take a minute."""

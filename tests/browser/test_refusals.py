@@ -11,9 +11,9 @@ from playwright.sync_api import Page, Route, expect
 
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import EstimateOffer
-from stridelab_web import scenes
-from support.fake_lab import Lab
-from support.tab import Tab
+from stridelab_web.scene import proxy
+from support.browser.page import Tab
+from support.fakes.lab import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 
@@ -161,7 +161,7 @@ def test_a_scene_whose_first_connection_is_refused_is_taken_up(
             raise ConnectionRefusedError(address)
         return genuine(address, **options)
 
-    monkeypatch.setattr(scenes.websockets, "connect", once_refused)
+    monkeypatch.setattr(proxy.websockets, "connect", once_refused)
     page = tab.go(f"/view/?plan={job.id}")
     page.wait_for_selector("[data-ready]", timeout=120_000)
     assert len(tries) == 2

@@ -7,11 +7,11 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from stridelab.schemas.robots import RobotPreparation
-from stridelab_web.reach_places import reach_places
-from support import fake_planner, fake_reach
-from support.fake_lab import Lab
-from support.scene_view import nodes, opened, until
-from support.tab import Tab
+from stridelab_web.scene.density_nodes import reach_places
+from support.browser.page import Tab
+from support.browser.scene import nodes, opened, until
+from support.fakes import reachability, robots
+from support.fakes.lab import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 
@@ -41,8 +41,8 @@ def seen(page: Page) -> set[str]:
     """Parts of densities that are drawn."""
     names = [
         f"/reach/{measure}/{name}/{part}"
-        for measure in fake_reach.MEASURES
-        for name in fake_reach.EFFECTORS
+        for measure in reachability.MEASURES
+        for name in reachability.EFFECTORS
         for part in PARTS
     ]
     found: list[str] = page.evaluate(SEEN, names)
@@ -63,15 +63,15 @@ def test_the_list_asks_for_what_only_a_loaded_robot_tells(tab: Tab) -> None:
 def test_maps_are_those_of_the_service_and_a_metre_is_the_same_everywhere(tab: Tab) -> None:
     page = tab.go("/robots/boxes?measure=conditioned")
     page.wait_for_selector('#maps[data-ready="left_foot"]')
-    found = fake_reach.reach("conditioned").effectors[0].projections
+    found = reachability.reach("conditioned").effectors[0].projections
     expected = [values for each in found for values in (each.kernel_per_m2, each.mixture_per_m2)]
     drawn = page.evaluate(HEATMAPS)
     assert len(drawn) == 7, "six maps and the scale of their colours"
     assert np.allclose(drawn[:6], expected)
     lengths = page.evaluate(A_METRE)
     assert lengths == pytest.approx([abs(lengths[0])] * 4, rel=0.01)
-    litres = [f"{4000 / 3 * radius**3:.0f}" for radius in fake_reach.RADII_M.values()]
-    for effector in fake_reach.EFFECTORS:
+    litres = [f"{4000 / 3 * radius**3:.0f}" for radius in reachability.RADII_M.values()]
+    for effector in reachability.EFFECTORS:
         expect(page.locator(f'tr[data-effector="{effector}"] [data-volume]')).to_have_text(litres)
     page.get_by_label("Seen from").select_option("right_hand")
     page.wait_for_selector('#maps[data-ready="right_hand"]')
@@ -94,8 +94,8 @@ def test_one_effector_under_one_measure_is_shown(tab: Tab) -> None:
     page = opened(tab, "/view/?robot=boxes&measure=uniform&effector=right_foot")
     assert seen(page) == {f"uniform/right_foot/{part}" for part in ("mode", "50", "80", "95")}
     shown = nodes(page, "/reach/uniform/right_foot", "/robot/base_link")
-    assert shown["/reach/uniform/right_foot"]["position"] == pytest.approx(fake_reach.POSES["right_foot"][:3])
-    assert shown["/robot/base_link"]["position"] == pytest.approx(fake_planner.REFERENCE[0][:3])
+    assert shown["/reach/uniform/right_foot"]["position"] == pytest.approx(reachability.POSES["right_foot"][:3])
+    assert shown["/robot/base_link"]["position"] == pytest.approx(robots.REFERENCE[0][:3])
     page.get_by_label("Seen from").select_option("right_hand")
     page.get_by_label("Measure").select_option("conditioned")
     until(page, lambda: seen(page) == {f"conditioned/right_hand/{part}" for part in ("mode", "50", "80", "95")})
@@ -123,12 +123,12 @@ def test_a_robot_without_densities_stands_alone(tab: Tab, lab: Lab) -> None:
         expect(page.get_by_text("Nothing has been learned of this robot yet")).to_be_visible()
         assert page.evaluate(SEEN, ["/robot/base_link"]) == ["/robot/base_link"]
     finally:
-        lab.fake.measures = list(fake_reach.MEASURES)
+        lab.fake.measures = list(reachability.MEASURES)
 
 
 def test_a_plan_shows_the_densities_of_the_present_phase(tab: Tab, lab: Lab) -> None:
     page = opened(tab, f"/view/?plan={lab.fake.add_plan().id}&t=1.5")
-    places = reach_places(fake_planner.scenario())
+    places = reach_places(robots.scenario())
     names = [place.name for place in places]
     assert page.evaluate(SEEN, names) == []
     page.get_by_label("Reach, 80 %").check()
@@ -154,7 +154,7 @@ def test_a_robot_that_is_being_prepared_tells_how_far_it_is_and_then_opens_by_it
             expect(page.get_by_role("status")).to_have_text(f"{100 * fraction:.0f} %: {message}")
             expect(bar).to_have_js_property("value", round(100 * fraction))
     finally:
-        lab.fake.preparation = fake_planner.READY
+        lab.fake.preparation = robots.READY
     page.wait_for_selector("[data-ready=true]", timeout=120_000)
     assert "robot=boxes&show=robot" in page.url, "what the address asked for is kept"
 

@@ -8,8 +8,8 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Locator, Page, expect
 
-from support.scene_view import opened
-from support.tab import Tab
+from support.browser.page import Tab
+from support.browser.scene import opened
 
 pytestmark = pytest.mark.usefixtures("lab")
 

@@ -8,10 +8,10 @@ import pytest
 from playwright.sync_api import Locator, Page, Route, expect
 
 from stridelab.schemas.scenarios import StoredScenario
-from stridelab_web.touches import touches
-from support.fake_lab import Lab
-from support.scene_view import hold, nodes, opened, until
-from support.tab import Tab
+from stridelab_web.scene.contacts import touches
+from support.browser.page import Tab
+from support.browser.scene import hold, nodes, opened, until
+from support.fakes.lab import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

@@ -3,8 +3,8 @@
 import pytest
 from playwright.sync_api import expect
 
-from support.fake_lab import Lab
-from support.tab import Tab
+from support.browser.page import Tab
+from support.fakes.lab import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 

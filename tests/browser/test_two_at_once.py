@@ -12,11 +12,11 @@ import pytest
 import websockets
 from playwright.sync_api import Page, expect
 
-from stridelab_web.documents import Document
-from support import own_loop
-from support.fake_lab import Lab
-from support.scene_view import drag, nodes, opened, until
-from support.tab import Tab
+from stridelab_web.scene.documents import Document
+from support.browser import page
+from support.browser.page import Tab
+from support.browser.scene import drag, nodes, opened, until
+from support.fakes.lab import Lab
 
 pytestmark = pytest.mark.usefixtures("lab")
 
@@ -100,10 +100,10 @@ def test_the_socket_of_a_scene_is_closed_to_pages_of_other_origins(lab: Lab) -> 
         async with websockets.connect(address, **options) as socket:  # type: ignore[arg-type]
             return len(await asyncio.wait_for(socket.recv(), 60))
 
-    assert own_loop.run(first_words(lab.url)) > 0
+    assert page.run(first_words(lab.url)) > 0
     for origin in ("https://elsewhere.example", lab.url.replace("127.0.0.1", "localhost"), f"{lab.url}0", "null"):
         with pytest.raises(websockets.InvalidStatus) as refusal:
-            own_loop.run(first_words(origin))
+            page.run(first_words(origin))
         assert refusal.value.response.status_code == 403
 
 

@@ -4,9 +4,9 @@ import pytest
 
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.solve import solve
-from support.centroidal_problems import rest_to_rest
-from support.sequences import foot, hand, phase, sequence
+from stridelab.centroidal.solver import solve
+from support.robots.centroidal_problems import rest_to_rest
+from support.robots.sequences import foot, hand, phase, sequence
 
 
 @pytest.fixture(scope="session")

@@ -10,13 +10,13 @@ from stridelab.centroidal.contact_wrench import ContactWrench, Sharing, point_co
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.solve import solve
+from stridelab.centroidal.solver import solve
 from stridelab.contacts.sequence import Contact
-from stridelab.contacts.wrench_margin import conic_margin
-from stridelab.dynamics.placement import Placement
+from stridelab.contacts.wrench_cones.wrench_feasibility import conic_margin
+from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput, NotEstimable
-from support.centroidal_problems import rest_to_rest
-from support.sequences import EFFECTORS, foot, hand, phase, sequence
+from support.robots.centroidal_problems import rest_to_rest
+from support.robots.sequences import EFFECTORS, foot, hand, phase, sequence
 
 BODY_WEIGHT = 1e-6
 """Of it a force may lie outside its cone."""

@@ -7,12 +7,12 @@ import pytest
 
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
-from stridelab.centroidal.freedom import FreeDurations, FreePlacements
+from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.point_forces import CircularCones, Pyramids
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.solve import solve
-from support.talos_problems import bundled, rail_of_hrp2
+from stridelab.centroidal.solver import solve
+from support.robots.centroidal_problems import bundled, rail_of_hrp2
 
 SCENARIOS = ("flat-walk", "long-stride", "six-stairs", "stairs-with-rail")
 

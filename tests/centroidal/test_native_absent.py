@@ -6,23 +6,23 @@ from pathlib import Path
 
 import pytest
 
-from stridelab.centroidal import native
+from stridelab.centroidal.native import availability
 from stridelab.centroidal.point_forces import CircularCones
-from stridelab.centroidal.solve import solve
+from stridelab.centroidal.solver import solve
 from stridelab.errors import NotEstimable
-from support.centroidal_problems import rest_to_rest
-from support.sequences import two_steps
+from support.robots.centroidal_problems import rest_to_rest
+from support.robots.sequences import two_steps
 
 
 @pytest.fixture(autouse=True)
 def looked_for_anew() -> Iterator[None]:
-    native.availability.cache_clear()
+    availability.availability.cache_clear()
     yield
-    native.availability.cache_clear()
+    availability.availability.cache_clear()
 
 
 def absent(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(native, "MODULE", "stridelab_native_of_nobody")
+    monkeypatch.setattr(availability, "MODULE", "stridelab_native_of_nobody")
 
 
 def test_auto_asks_casadi(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -42,18 +42,18 @@ def test_native_is_refused_with_the_reason(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_another_build_is_not_taken(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "stridelab_native_of_old.py").write_text("INTERFACE = 0\n")
-    monkeypatch.setattr(native, "MODULE", "stridelab_native_of_old")
-    monkeypatch.setenv(native.FOLDER, str(tmp_path))
+    monkeypatch.setattr(availability, "MODULE", "stridelab_native_of_old")
+    monkeypatch.setenv(availability.FOLDER, str(tmp_path))
     monkeypatch.syspath_prepend(str(tmp_path))
-    missing = native.availability()
-    assert isinstance(missing, native.Missing)
+    missing = availability.availability()
+    assert isinstance(missing, availability.Missing)
     assert "another version" in missing.reason
 
 
 def test_one_that_does_not_load_says_why(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "stridelab_native_broken.py").write_text("raise ImportError('wrong processor')\n")
-    monkeypatch.setattr(native, "MODULE", "stridelab_native_broken")
+    monkeypatch.setattr(availability, "MODULE", "stridelab_native_broken")
     monkeypatch.syspath_prepend(str(tmp_path))
-    missing = native.availability()
-    assert isinstance(missing, native.Missing)
+    missing = availability.availability()
+    assert isinstance(missing, availability.Missing)
     assert "wrong processor" in missing.reason

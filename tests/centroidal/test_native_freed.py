@@ -6,17 +6,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stridelab.centroidal.conditions import PathBounds
+from stridelab.centroidal.boundary_conditions import PathBounds
 from stridelab.centroidal.contact_wrench import ContactWrench
 from stridelab.centroidal.control import Control
-from stridelab.centroidal.freedom import FreeDurations, FreePlacements
-from stridelab.centroidal.native import Missing, availability
+from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
+from stridelab.centroidal.native.availability import Missing, availability
 from stridelab.centroidal.point_forces import CircularCones
-from stridelab.centroidal.solve import solve
-from support.centroidal_problems import rest_to_rest, with_a_contact_between
-from support.native_agreement import assert_same, total
-from support.sequences import foot, phase, sequence, two_steps
-from support.talos_problems import bundled
+from stridelab.centroidal.solver import solve
+from support.robots.centroidal_problems import bundled, rest_to_rest, with_a_contact_between
+from support.robots.native_agreement import assert_same, total
+from support.robots.sequences import foot, phase, sequence, two_steps
 
 found = availability()
 if isinstance(found, Missing):

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from stridelab.centroidal.freedom import FreePlacements
-from stridelab.centroidal.horizon import RecedingHorizon, State
-from stridelab.centroidal.native import Missing, availability, lacks
+from stridelab.centroidal.force_splines import Shape
+from stridelab.centroidal.free_variables import FreePlacements
+from stridelab.centroidal.native.availability import Missing, availability, lacks
 from stridelab.centroidal.point_forces import CircularCones
-from stridelab.centroidal.solve import solve
-from stridelab.centroidal.spline import Shape
-from support.talos_problems import bundled
+from stridelab.centroidal.receding_horizon import RecedingHorizon, State
+from stridelab.centroidal.solver import solve
+from support.robots.centroidal_problems import bundled
 
 found = availability()
 if isinstance(found, Missing):

@@ -5,8 +5,8 @@ import pytest
 from scipy.stats import chi2, norm
 
 from stridelab.centroidal.reach_box import reach_box, usual_share
-from stridelab.reachability.mixture import Mixture
-from support.sequences import MIXTURES
+from stridelab.reachability.gaussian_mixture import Mixture
+from support.robots.sequences import MIXTURES
 
 SD_M = np.array([0.1, 0.2, 0.05])
 ONE = Mixture(np.ones(1), np.array([[0.1, -0.2, 0.8]]), np.diag(SD_M**2)[None])

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stridelab.centroidal.nlp.solvers import Limits, SolverName, run
+from stridelab.centroidal.nlp.transcription import transcribe
 from stridelab.centroidal.problem import CentroidalProblem
-from stridelab.centroidal.solve import solve
-from stridelab.centroidal.solvers import Limits, SolverName, run
-from stridelab.centroidal.transcription import transcribe
-from support.centroidal_problems import rest_to_rest
-from support.sequences import COM_HEIGHT_M, MASS_KG, MIXTURES, foot, mirrored, phase, sequence, two_steps
+from stridelab.centroidal.solver import solve
+from support.robots.centroidal_problems import rest_to_rest
+from support.robots.sequences import COM_HEIGHT_M, MASS_KG, MIXTURES, foot, mirrored, phase, sequence, two_steps
 
 MIRROR = np.array([1.0, -1.0, 1.0])
 

@@ -5,20 +5,20 @@ from pathlib import Path
 
 import pytest
 
-from stridelab import cli
-from support.commands import Ran, Run
+from stridelab.cli import app
+from support.command_line import Ran, Run
 
 
 @pytest.fixture
 def run(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path) -> Run:
     """Run it in ``tmp_path`` until it exits."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
+    monkeypatch.setattr(app.signal, "signal", lambda *_: None)
 
     def act(*arguments: object) -> Ran:
         monkeypatch.setattr(sys, "argv", ["stridelab", *map(str, arguments)])
         with pytest.raises(SystemExit) as end:
-            cli.main()
+            app.main()
         captured = capsys.readouterr()
         return Ran(int(end.value.code or 0), captured.out, captured.err)
 

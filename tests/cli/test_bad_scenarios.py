@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from stridelab.cli import app
-from stridelab.cli_console import EXIT_CODES
+from stridelab.cli.app import app
+from stridelab.cli.console import EXIT_CODES
 from stridelab.errors import InvalidInput
-from support.scenarios import one_step, with_contact
+from support.robots.scenario_bodies import one_step, with_contact
 
 Body = dict[str, Any]
 FLOOR = one_step()["terrain"][0]

@@ -4,13 +4,13 @@ from pathlib import Path
 
 import pytest
 
-from stridelab.cli_compare import compare
-from stridelab.cli_estimate_request import EstimateRequest
-from stridelab.cli_groups import Delivery, Walk
+from stridelab.cli.compare import compare
+from stridelab.cli.options import Delivery, Walk
+from stridelab.cli.recording_request import EstimateRequest
 from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.schemas.comparison import CompareEstimatorsSummary
 from stridelab.schemas.jobs import JobResult
-from support.quiet import SAMPLE
+from support.command_line import SAMPLE
 
 TRUTH = SAMPLE / "truth.parquet"
 

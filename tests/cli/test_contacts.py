@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from stridelab.cli import app
-from stridelab.cli_console import EXIT_CODES
-from stridelab.cli_contacts import task_of
-from stridelab.cli_scenario import bundled_names, read_document, read_scenario
+from stridelab.cli.app import app
+from stridelab.cli.console import EXIT_CODES
+from stridelab.cli.contacts import task_of
+from stridelab.cli.scenario_files import bundled_names, read_document, read_scenario
 from stridelab.errors import InvalidInput
 from stridelab.schemas.jobs import JobResult
-from support.contact_terrains import box, planks, task
+from support.robots.contact_terrains import box, planks, task
 
 
 def typed(*arguments: str) -> tuple[int, str]:

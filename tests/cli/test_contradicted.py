@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from support.commands import Run
-from support.quiet import SAMPLE
+from support.command_line import SAMPLE, Run
 
 TRIAL = SAMPLE / "recording.c3d"
 A_QUARTER_TOO_MUCH = 75

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 from typer.main import get_command
 
-from stridelab.cli import app
-from stridelab.cli_console import EXIT_CODES, FAILURE, INTERRUPTED
+from stridelab.cli.app import app
+from stridelab.cli.console import EXIT_CODES, FAILURE, INTERRUPTED
 from stridelab.schemas.jobs import SimulationNoise
 from stridelab.schemas.methods import METHODS
 from stridelab.service.settings import Settings

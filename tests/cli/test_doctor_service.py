@@ -10,14 +10,14 @@ import psycopg
 import pytest
 from typer.testing import CliRunner
 
-from stridelab import cli_doctor_service as parts
-from stridelab.cli import app
-from stridelab.service.embedded_postgres import EmbeddedPostgres
+from stridelab.cli import doctor_service as parts
+from stridelab.cli.app import app
 from stridelab.service.jobs.work_folder import BEAT_FILE
+from stridelab.service.postgres.embedded import EmbeddedPostgres
 from stridelab.service.settings import Settings
-from stridelab.service.storage.migrating import migrate
-from support.database import TestDatabases, public_folder
-from support.service import wait_until, worker
+from stridelab.service.storage.migrate import migrate
+from support.service.database import TestDatabases, public_folder
+from support.service.processes import wait_until, worker
 
 NOWHERE = Settings(database_url="postgresql://nobody@127.0.0.1:9/x")
 

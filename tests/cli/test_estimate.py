@@ -7,17 +7,17 @@ from typing import Any
 
 import pytest
 
-from stridelab.cli_estimate import estimate, simulate
-from stridelab.cli_estimate_request import EstimateRequest
-from stridelab.cli_groups import Delivery, Estimation, Preparation, Walk
-from stridelab.cli_result import write_result
+from stridelab.cli.estimate import estimate, simulate
+from stridelab.cli.options import Delivery, Estimation, Preparation, Walk
+from stridelab.cli.recording_request import EstimateRequest
+from stridelab.cli.results import write_result
 from stridelab.errors import NotEstimable, UnreadableFile
+from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.reader import read_recording
-from stridelab.recordings.writer import write_c3d
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, JobResult
-from stridelab.service.jobs.kinds import estimate_com
-from support.quiet import SAMPLE, estimate_task, quiet
-from support.trc_mot_files import write_trc
+from stridelab.service.kinds.estimate_com import run as estimate_com
+from support.command_line import SAMPLE, estimate_task, quiet
+from support.recordings.trc_mot_files import write_trc
 
 WALK = Walk(SAMPLE / "recording.c3d")
 FILES = {"com.parquet", "com.csv", "com.c3d", "result.json", "references.bib"}
@@ -96,7 +96,7 @@ def test_simulate_then_estimate(tmp_path: Path, capsys: pytest.CaptureFixture[st
 
 def test_a_result_without_references_is_written_too(tmp_path: Path) -> None:
     from stridelab.schemas.jobs import SimulateRecordingInput
-    from stridelab.service.jobs.kinds.kind import Outcome
+    from stridelab.service.kinds.base import Outcome
 
     write_result(tmp_path, "simulate-recording", SimulateRecordingInput(), Outcome({}, (), ()))
     assert (tmp_path / "references.bib").read_text().strip() == ""

@@ -7,7 +7,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from stridelab.cli_groups import with_groups
+from stridelab.cli.options import with_groups
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from stridelab.cli import app
-from stridelab.cli_console import EXIT_CODES
-from stridelab.cli_interchange import LARGEST_BYTES
-from stridelab.cli_scenario import bundled_names, read_scenario
+from stridelab.cli.app import app
+from stridelab.cli.console import EXIT_CODES
+from stridelab.cli.contacts import LARGEST_BYTES
+from stridelab.cli.scenario_files import bundled_names, read_scenario
 from stridelab.errors import Conflict, InvalidInput, NotFound, StridelabError, TooLarge, UnreadableFile
 
 Document = dict[str, Any]

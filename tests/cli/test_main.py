@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 
 from stridelab import __version__
-from stridelab.cli_console import EXIT_CODES, exit_code
+from stridelab.cli.console import EXIT_CODES, exit_code
 from stridelab.errors import InvalidInput, NotEstimable, StridelabError, Unauthenticated, Unavailable, UnreadableFile
-from support.commands import Run
+from support.command_line import Run
 
 
 def test_version_is_that_of_the_package(run: Run) -> None:
@@ -131,7 +131,7 @@ def test_ctrl_c_is_quiet(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(**_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("stridelab.cli_demo.demo", interrupted)
+    monkeypatch.setattr("stridelab.cli.demo.demo", interrupted)
     ran = run("demo")
     assert (ran.code, ran.out, ran.err) == (130, "", "")
 

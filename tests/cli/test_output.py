@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from stridelab.cli_output import RESULT_FILE, result_folder
+from stridelab.cli.results import RESULT_FILE, result_folder
 from stridelab.errors import Conflict, InvalidInput
 
 

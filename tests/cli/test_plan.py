@@ -8,19 +8,19 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from stridelab import cli_demo, cli_remote
-from stridelab.cli import app
-from stridelab.cli_groups import Delivery
-from stridelab.cli_plan import PlanRequest, plan, show_plan
+from stridelab.cli import demo, remote
+from stridelab.cli.app import app
+from stridelab.cli.options import Delivery
+from stridelab.cli.plan_motion import PlanRequest, plan_scenario, show_plan
 from stridelab.client import ProblemError
 from stridelab.errors import Conflict, InvalidInput, NotEstimable
 from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary
 from stridelab.schemas.scenarios import Scenario
-from stridelab.service.jobs.kinds import plan_motion
-from support.planning import changed, plan_task, short_walk, stopping_after
-from support.quiet import quiet
-from support.scripted_service import ScriptedService, problem
+from stridelab.service.kinds.plan_motion import run as plan_motion
+from support.command_line import quiet
+from support.robots.plan_runs import changed, plan_task, short_walk, stopping_after
+from support.service.scripted_client import ScriptedService, problem
 
 PLAN_FILES = {
     "centroidal.parquet",
@@ -41,7 +41,7 @@ def walk(tmp_path: Path) -> str:
 
 
 def act(request: PlanRequest, out_dir: Path | None, **options: Any) -> None:
-    plan(request, Delivery(out_dir, **options))
+    plan_scenario(request, Delivery(out_dir, **options))
 
 
 def test_the_result_is_that_of_the_job(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -216,7 +216,7 @@ def test_the_tables_say_what_failed_and_where(tmp_path: Path, capsys: pytest.Cap
 def test_a_motion_that_stops_is_written_with_its_reason_and_ends_as_the_error(
     walk: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    from stridelab.service.jobs.kinds import plan_motion
+    from stridelab.service.kinds.plan_motion import run as plan_motion
 
     monkeypatch.setattr(plan_motion, "WholeBodyController", stopping_after(0.4))
     with pytest.raises(NotEstimable) as refusal:
@@ -237,7 +237,7 @@ def service(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> ScriptedService:
     made.files.mkdir()
     made.artifact = "motion.viser"
     (made.files / "motion.viser").write_bytes(b"recorded")
-    monkeypatch.setattr(cli_remote, "Client", made)
+    monkeypatch.setattr(remote, "Client", made)
     return made
 
 
@@ -297,7 +297,7 @@ def test_a_scenario_that_the_service_refuses_is_invalid_input(
 
 
 def test_the_demo_does_both_main_jobs(walk: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    cli_demo.demo(out_dir=tmp_path / "demo", force=False, stairs=walk)
+    demo.demo(out_dir=tmp_path / "demo", force=False, stairs=walk)
     shown = capsys.readouterr().out
     com_files = {"com.parquet", "com.csv", "com.c3d", "result.json", "references.bib", "truth.parquet", "truth.csv"}
     assert {path.name for path in (tmp_path / "demo" / "walk").iterdir()} == com_files
@@ -311,5 +311,5 @@ def test_the_demo_does_both_main_jobs(walk: str, tmp_path: Path, capsys: pytest.
 def test_the_demo_refuses_before_any_work(tmp_path: Path) -> None:
     (tmp_path / "climb").mkdir()
     with pytest.raises(Conflict):
-        cli_demo.demo(out_dir=tmp_path, force=False)
+        demo.demo(out_dir=tmp_path, force=False)
     assert [path.name for path in tmp_path.iterdir()] == ["climb"]

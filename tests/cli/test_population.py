@@ -14,18 +14,17 @@ from typing import Any
 
 import pytest
 
-from stridelab import cli_remote
+from stridelab.cli import remote
 from stridelab.client import ProblemError
 from stridelab.errors import StridelabError, Unavailable
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.population import RecordingBatch, RefusedFile, StudyPopulationSummary
-from stridelab.service.jobs.kinds import study_population
-from stridelab.service.jobs.kinds.kind import ArtifactFile, Outcome, ProgressCallback
-from stridelab.service.jobs.kinds.tasks import StudyPopulationTask
-from support import fake_population
-from support.commands import Run
-from support.quiet import SAMPLE
-from support.scripted_service import ScriptedService, problem
+from stridelab.schemas.tasks import StudyPopulationTask
+from stridelab.service.kinds.base import ArtifactFile, Outcome, ProgressCallback
+from stridelab.service.kinds.study_population import run as study_population
+from support.command_line import SAMPLE, Run
+from support.fakes import population
+from support.service.scripted_client import ScriptedService, problem
 
 TABLES = {f"{stem}.{end}" for stem in ("subjects", "steps", "correlations") for end in ("csv", "parquet")}
 WRITTEN = TABLES | {"result.json", "references.bib"}
@@ -54,7 +53,7 @@ class FakeStudy:
             raise self.fails
         for name in TABLES:
             (folder / name).write_bytes(b"x")
-        summary = fake_population.summary().model_dump(mode="json")
+        summary = population.summary().model_dump(mode="json")
         return Outcome(summary, ("carpentier2017thesis",), tuple(ArtifactFile(n, "text/csv") for n in sorted(TABLES)))
 
 
@@ -262,9 +261,9 @@ def service(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> LabService:
     made.artifact = "subjects.csv"
     (made.files / made.artifact).write_text("subject\n")
     given = {"recording_ids": ["a"]}
-    done = fake_population.result(given).model_dump(mode="json", exclude={"kind", "input"})
+    done = population.result(given).model_dump(mode="json", exclude={"kind", "input"})
     made.done = {"kind": "study-population", "input": given, "result": done}
-    monkeypatch.setattr(cli_remote, "Client", made)
+    monkeypatch.setattr(remote, "Client", made)
     return made
 
 

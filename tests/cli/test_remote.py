@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-from stridelab import cli_remote
-from stridelab.cli_estimate_request import EstimateRequest
-from stridelab.cli_groups import Estimation, Preparation, Walk
+from stridelab.cli import remote
+from stridelab.cli.options import Estimation, Preparation, Walk
+from stridelab.cli.recording_request import EstimateRequest
 from stridelab.client import ProblemError
 from stridelab.errors import Busy, Forbidden, InvalidInput, NotEstimable, StridelabError, UnreadableFile
 from stridelab.schemas.jobs import JobResult
-from support.quiet import SAMPLE
-from support.scripted_service import DONE, ScriptedService, problem
+from support.command_line import SAMPLE
+from support.service.scripted_client import DONE, ScriptedService, problem
 
 WALK = Walk(SAMPLE / "recording.c3d")
 
@@ -21,14 +21,14 @@ WALK = Walk(SAMPLE / "recording.c3d")
 @pytest.fixture
 def service(monkeypatch: pytest.MonkeyPatch) -> ScriptedService:
     made = ScriptedService()
-    monkeypatch.setattr(cli_remote, "Client", made)
+    monkeypatch.setattr(remote, "Client", made)
     return made
 
 
 def ask(folder: Path, walk: Walk = WALK, **asked: Any) -> JobResult:
     folder.mkdir(exist_ok=True)
     request = EstimateRequest(walk, **asked)
-    return cli_remote.estimate_remotely(request, folder, "http://lab:8000", "secret")
+    return remote.estimate_remotely(request, folder, "http://lab:8000", "secret")
 
 
 def test_upload_job_and_download_in_order(service: ScriptedService, tmp_path: Path) -> None:

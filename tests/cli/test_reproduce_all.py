@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from stridelab import cli
-from stridelab.cli_reproduce_all import KEPT, REPORT, reproduce_all
+from stridelab.cli import app
+from stridelab.cli.reproduce import KEPT, REPORT, reproduce_all
 from stridelab.errors import InvalidInput
-from stridelab.experiments.reproduction import fig_2_5
+from stridelab.reproduction.chapter2 import fig_2_5
 
 QUICK = ("fig-2.5", "fig-4.3")
 
@@ -70,10 +70,10 @@ def test_what_cannot_be_meant_is_refused_before_anything_is_computed(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
+    monkeypatch.setattr(app.signal, "signal", lambda *_: None)
     monkeypatch.setattr(sys, "argv", ["stridelab", "reproduce", *arguments])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        app.main()
     assert end.value.code == 2
     assert f"{where}:" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
@@ -87,9 +87,9 @@ def test_a_place_that_cannot_be_written_is_told_first(tmp_path: Path) -> None:
 
 
 def test_the_exit_code_says_that_an_item_failed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cli.signal, "signal", lambda *_: None)
-    monkeypatch.setattr("stridelab.cli_reproduce_all.reproduce_all", lambda **_: False)
+    monkeypatch.setattr(app.signal, "signal", lambda *_: None)
+    monkeypatch.setattr("stridelab.cli.reproduce.reproduce_all", lambda **_: False)
     monkeypatch.setattr(sys, "argv", ["stridelab", "reproduce", "--all", "--out", str(tmp_path)])
     with pytest.raises(SystemExit) as end:
-        cli.main()
+        app.main()
     assert end.value.code == 1

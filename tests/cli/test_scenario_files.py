@@ -6,10 +6,10 @@ from typing import Any
 
 import pytest
 
-from stridelab.cli_scenario import bundled_names, place, read_scenario
+from stridelab.cli.scenario_files import bundled_names, place, read_scenario
 from stridelab.errors import InvalidInput, NotFound, StridelabError, TooLarge, UnreadableFile
 from stridelab.schemas.scenarios import Scenario
-from support.planning import short_walk
+from support.robots.plan_runs import short_walk
 
 
 def written(folder: Path, content: Any) -> str:

@@ -9,18 +9,18 @@ from typing import Any
 import pytest
 from typer.testing import CliRunner
 
-from stridelab.cli import app
-from stridelab.cli_session import Member, sessions_of
+from stridelab.cli.app import app
+from stridelab.cli.session import Member, sessions_of
 from stridelab.errors import StridelabError
-from stridelab.experiments.noise import MeasurementNoise
-from stridelab.experiments.simulated_recording import record
-from stridelab.experiments.walker import HumanWalker
+from stridelab.pipelines.session_values import TrialFacts
+from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Subject
-from stridelab.recordings.writer import write_c3d
-from stridelab.service.jobs.kinds.session_values import TrialFacts
-from support.rows import facts
-from support.trc_mot_files import write_trc
+from stridelab.simulation.human.walker import HumanWalker
+from stridelab.simulation.human_recording import record
+from stridelab.simulation.noise import MeasurementNoise
+from support.recordings.trc_mot_files import write_trc
+from support.service.stored_rows import facts
 
 QUICK = ("--method", "complementary")
 

@@ -8,15 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from stridelab.cli_estimate_request import EstimateRequest
-from stridelab.cli_groups import Walk
-from stridelab.cli_stream import COLUMNS, Played, Replay, paced, prepared, stream
+from stridelab.cli.options import Walk
+from stridelab.cli.recording_request import EstimateRequest
+from stridelab.cli.stream import COLUMNS, Played, Replay, paced, prepared, stream_samples
 from stridelab.errors import InvalidInput, Unavailable
 from stridelab.schemas.streams import StreamEstimate
-from support.database import TestDatabases
-from support.interface import Served, served
-from support.quiet import SAMPLE
-from support.streams import walk_samples
+from support.command_line import SAMPLE
+from support.service.database import TestDatabases
+from support.service.streams import walk_samples
+from support.service.web_server import Served, served
 
 REQUEST = EstimateRequest(Walk(SAMPLE / "recording.c3d"))
 
@@ -30,7 +30,7 @@ def service(postgres: TestDatabases, tmp_path_factory: pytest.TempPathFactory) -
 def test_the_sample_is_replayed(service: Served, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "com.csv"
     replay = Replay(speed=4.0, block=20, packed=True, csv=path)
-    stream(REQUEST, replay, as_json=True, server=service.base_url, token=None)
+    stream_samples(REQUEST, replay, as_json=True, server=service.base_url, token=None)
     figures = json.loads(capsys.readouterr().out)
     with path.open(encoding="utf-8", newline="") as file:
         header, *rows = list(csv.reader(file))
@@ -47,7 +47,7 @@ def test_the_sample_is_replayed(service: Served, tmp_path: Path, capsys: pytest.
 
 
 def test_the_summary_is_a_table(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
-    stream(REQUEST, Replay(speed=1000.0, block=50), as_json=False, server=service.base_url, token=None)
+    stream_samples(REQUEST, Replay(speed=1000.0, block=50), as_json=False, server=service.base_url, token=None)
     shown = capsys.readouterr().out
     for name in ("method", "played", "answered", "last position", "its band"):
         assert name in shown
@@ -55,7 +55,7 @@ def test_the_summary_is_a_table(service: Served, capsys: pytest.CaptureFixture[s
 
 def test_the_smoother_is_asked_for_by_name(service: Served, capsys: pytest.CaptureFixture[str]) -> None:
     replay = Replay(method="smoother", ahead="1,0", speed=1000.0, block=50)
-    stream(REQUEST, replay, as_json=True, server=service.base_url, token=None)
+    stream_samples(REQUEST, replay, as_json=True, server=service.base_url, token=None)
     assert json.loads(capsys.readouterr().out)["method"] == "smoother"
 
 
@@ -78,7 +78,7 @@ def test_a_senseless_method_or_direction_is_refused_before_anything_is_sent(
 
 def test_nobody_there_is_said_in_one_line() -> None:
     with pytest.raises(Unavailable) as refused:
-        stream(REQUEST, Replay(speed=1000.0), as_json=False, server="http://127.0.0.1:9", token=None)
+        stream_samples(REQUEST, Replay(speed=1000.0), as_json=False, server="http://127.0.0.1:9", token=None)
     assert refused.value.code == "service-unreachable"
 
 
@@ -89,8 +89,8 @@ def test_blocks_come_when_their_last_sample_is_measured(monkeypatch: pytest.Monk
         slept.append(seconds)
         now[0] += seconds
 
-    monkeypatch.setattr("stridelab.cli_stream.time.perf_counter", lambda: now[0])
-    monkeypatch.setattr("stridelab.cli_stream.time.sleep", sleep)
+    monkeypatch.setattr("stridelab.cli.stream.time.perf_counter", lambda: now[0])
+    monkeypatch.setattr("stridelab.cli.stream.time.sleep", sleep)
     samples = walk_samples(0.1, start_s=3.0)
     blocks = [samples[:10], samples[10:]]
     assert list(paced(blocks, 0.5)) == blocks

@@ -6,11 +6,11 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from stridelab.cli import app
-from stridelab.cli_sweep import SweepRequest, ranges
+from stridelab.cli.app import app
+from stridelab.cli.sweep import SweepRequest, ranges
 from stridelab.errors import InvalidInput
-from stridelab.service.jobs.kinds import sweep
-from support.planning import short_walk
+from stridelab.service.kinds import sweep
+from support.robots.plan_runs import short_walk
 
 
 @pytest.mark.parametrize(

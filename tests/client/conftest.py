@@ -5,8 +5,8 @@ from collections.abc import Iterator
 import pytest
 
 from stridelab.client import Client
-from support.database import TestDatabases
-from support.interface import Served, served
+from support.service.database import TestDatabases
+from support.service.web_server import Served, served
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from stridelab.resources import models_dir
-from support.book import PAGES, Block, blocks
+from support.docs.book import PAGES, Block, blocks
 
 PYTHON = [block for page in PAGES for block in blocks(page) if block.language == "python"]
 ADDRESS = "http://127.0.0.1:8000"

@@ -16,9 +16,9 @@ from stridelab.client.uploads import Upload
 from stridelab.schemas.base import Problem
 from stridelab.schemas.jobs import EstimateComInput, Job
 from stridelab.schemas.recordings import PlateSwitch, RecordingPatch, SubjectFields, SubjectInput
-from support.c3d_files import small_trial
-from support.interface import Served
-from support.rows import add_job, add_recording, fail, report, start_job, succeed
+from support.recordings.c3d_files import small_trial
+from support.service.stored_rows import add_job, add_recording, fail, report, start_job, succeed
+from support.service.web_server import Served
 
 
 def test_both_clients_have_the_same_methods() -> None:

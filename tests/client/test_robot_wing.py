@@ -9,15 +9,15 @@ import httpx
 import pytest
 
 from stridelab.client import AsyncClient, Client, ProblemError
-from stridelab.client.calls import LOADING_S
+from stridelab.client.endpoints import LOADING_S
 from stridelab.schemas.plans import PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
-from stridelab.service import bundled_scenarios
-from stridelab.service.api.robots.shelf import RobotShelf
-from stridelab.service.jobs.isolated import IsolatedPool
-from support.interface import Served
-from support.robot_children import FACTS, GLB, REACH
-from support.scenarios import one_step, with_contact
+from stridelab.service.api.robots.cache import RobotShelf
+from stridelab.service.processes.pool import IsolatedPool
+from stridelab.service.samples import scenarios
+from support.robots.scenario_bodies import one_step, with_contact
+from support.service.robot_children import FACTS, GLB, REACH
+from support.service.web_server import Served
 
 
 @pytest.fixture
@@ -26,7 +26,7 @@ def drawn(service: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> I
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
     monkeypatch.setenv("ROBOT_DIARY", str(tmp_path / "diary"))
     before = service.parts
-    stubs = {name: f"support.robot_children:{name}" for name in ("describe", "draw", "enclose")}
+    stubs = {name: f"support.service.robot_children:{name}" for name in ("describe", "draw", "enclose")}
     service.run(before.blobs.delete_prefix("robots"))  # made from the real robots
     shelf = RobotShelf(IsolatedPool(), before.blobs, before.spool, 500, sandbox=None, **stubs)
     service.app.state.parts = replace(before, robots=shelf)
@@ -37,7 +37,7 @@ def drawn(service: Served, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> I
 
 
 def test_a_scenario_from_storing_to_deletion(lab: Client, service: Served) -> None:
-    service.run(bundled_scenarios.seed(service.parts.engine))
+    service.run(scenarios.seed(service.parts.engine))
     body = Scenario.model_validate(one_step())
     made = lab.add_scenario(body)
     assert (made.name, made.bundled) == ("One step", False)
@@ -53,10 +53,10 @@ def test_a_scenario_from_storing_to_deletion(lab: Client, service: Served) -> No
         lab.put_scenario(made.id, body, unless_changed=made)
     assert (late.value.status, late.value.code) == (412, "scenario-changed")
     assert lab.put_scenario(made.id, changed, unless_changed=put).phases == made.phases
-    copy = lab.add_scenario(lab.scenario(bundled_scenarios.EXAMPLE_ID))
+    copy = lab.add_scenario(lab.scenario(scenarios.EXAMPLE_ID))
     assert copy.bundled is False
     with pytest.raises(ProblemError) as refused:
-        lab.put_scenario(bundled_scenarios.EXAMPLE_ID, body)
+        lab.put_scenario(scenarios.EXAMPLE_ID, body)
     assert (refused.value.status, refused.value.code) == (409, "scenario-read-only")
     for each in (made.id, copy.id):
         lab.delete_scenario(each)

@@ -8,8 +8,8 @@ import pytest
 from stridelab.client import AsyncClient, Client, ClientError, ProblemError, Unreachable
 from stridelab.client.streams import estimates, message
 from stridelab.schemas.streams import StreamConfiguration, StreamSample
-from support.interface import Served
-from support.streams import CONFIGURATION, MOTION, RATE_HZ, packed, walk_samples
+from support.service.streams import CONFIGURATION, MOTION, RATE_HZ, packed, walk_samples
+from support.service.web_server import Served
 
 SAMPLES = walk_samples(0.5)
 PACKED = CONFIGURATION.model_copy(update={"format": "float32"})

@@ -6,16 +6,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation as ScipyRotation
 
-from stridelab.contacts.scenario_json import sequence_of
-from stridelab.contacts.shapes import patch_m
-from stridelab.contacts.stairs import flat_walk, six_stairs, stairs_with_rail
-from stridelab.contacts.surfaces import depth_in_box_m, vertical_span_m
-from stridelab.contacts.swing import HAND_RETREAT_M, SwingCurve, swing_of
-from stridelab.contacts.swing_clearance import FOOT_CLEARANCE_M, MARGIN_M, rise_m
+from stridelab.contacts.effector_geometry import patch_m
+from stridelab.contacts.scenario_io import sequence_of
+from stridelab.contacts.scenarios.stairs import flat_walk, six_stairs, stairs_with_rail
+from stridelab.contacts.swing import FOOT_CLEARANCE_M, HAND_RETREAT_M, MARGIN_M, SwingCurve, rise_m, swing_of
 from stridelab.contacts.terrain import Box, Terrain
-from stridelab.dynamics.placement import Placement
+from stridelab.contacts.terrain_geometry import depth_in_box_m, vertical_span_m
+from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
-from support.shapes import SHAPES
+from support.robots.effectors import SHAPES
 
 coordinate = st.floats(-1.0, 1.0)
 position = st.tuples(coordinate, coordinate, coordinate)

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from stridelab.dynamics.cross import cross
+from stridelab.dynamics.spatial import cross
 
 vector = arrays(float, 3, elements=st.floats(-1e6, 1e6))
 

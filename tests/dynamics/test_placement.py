@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from stridelab.dynamics.placement import Placement
+from stridelab.dynamics.spatial import Placement
 
 seeds = st.integers(min_value=0, max_value=2**32 - 1)
 

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 from stridelab.dynamics.wrench import Wrench
-from stridelab.estimation.complementary import ComplementaryFilter
+from stridelab.estimation.complementary.filter import ComplementaryFilter
 from stridelab.estimation.error_band import FusedStretch, _errors
 from stridelab.estimation.error_priors import ErrorPriors
-from stridelab.estimation.geometry import GeometryOnly
-from stridelab.estimation.kalman import KalmanFilter
-from stridelab.estimation.rts import RtsSmoother
+from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
+from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.recordings.recording import Window
-from support.drawn_errors import TABLE_SD_M, draw
+from support.recordings.drawn_errors import TABLE_SD_M, draw
 
 PRIORS = ErrorPriors()
 SEEDS = 60

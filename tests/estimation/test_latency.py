@@ -8,10 +8,10 @@ import pytest
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.errors import NotEstimable
-from stridelab.estimation.derivatives import low_pass
+from stridelab.estimation.differentiation import low_pass
 from stridelab.estimation.latency import estimate_latency
 from stridelab.recordings.recording import Window, WrenchTrack
-from support.motions import Harmonics, Motion, uniform, walk
+from support.recordings.analytic_motions import Harmonics, Motion, uniform, walk
 
 WINDOW = Window(0.5, 1.5)
 T = np.arange(200) / 100.0

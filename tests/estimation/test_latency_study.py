@@ -9,9 +9,9 @@ from scipy.interpolate import CubicSpline
 
 from stridelab.errors import NotEstimable
 from stridelab.estimation.latency import Latency, estimate_latency
-from stridelab.experiments.study import StudyTrial, simulate
-from stridelab.experiments.study_noise import PRESETS
 from stridelab.recordings.recording import WrenchTrack
+from stridelab.simulation.noise import PRESETS
+from stridelab.studies.estimator_study import StudyTrial, simulate
 
 LATE_S = (-0.010, 0.0, 0.018, 0.030)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from stridelab.conventions import GRAVITY_M_S2, g
-from stridelab.estimation.estimate import ComEstimate
+from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.observability import (
     constant_jerk_matrix,
     force_and_geometry_matrix,

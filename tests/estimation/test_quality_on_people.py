@@ -13,11 +13,11 @@ from stridelab.body.segment_model import SegmentModel
 from stridelab.estimation.latency import estimate_latency
 from stridelab.estimation.quality import Quality, Recorded, assess_quality
 from stridelab.estimation.smoother import Smoother
+from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Plate, Recording
-from stridelab.recordings.windows import measured_windows
-from stridelab.recordings.wrench import wrench_track
+from stridelab.recordings.total_wrench import wrench_track
 
 GAIT = Path(os.environ.get("STRIDELAB_TEST_DATA", Path(__file__).parents[3] / "shared")).resolve() / "gait"
 if not GAIT.is_dir():

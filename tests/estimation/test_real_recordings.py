@@ -10,16 +10,16 @@ import pytest
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel
 from stridelab.conventions import Vector3
-from stridelab.estimation.agreement import bias_m, force_residual_n
-from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.estimate import ComEstimate, ComEstimator
-from stridelab.estimation.geometry import GeometryOnly
+from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.estimator import ComEstimate, ComEstimator
+from stridelab.estimation.evaluation.physics_residuals import bias_m, force_residual_n
 from stridelab.estimation.latency import Latency, estimate_latency
+from stridelab.estimation.markers_only import GeometryOnly
+from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording, WrenchTrack
-from stridelab.recordings.windows import measured_windows
-from stridelab.recordings.wrench import wrench_track
+from stridelab.recordings.total_wrench import wrench_track
 
 AUTO, THESIS, GEOMETRY = ComplementaryFilter(), ComplementaryFilter.thesis(), GeometryOnly()
 

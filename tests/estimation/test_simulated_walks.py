@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from stridelab.body.segment_model import SegmentModel
-from stridelab.estimation.agreement import force_residual_n
-from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.geometry import GeometryOnly
+from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.evaluation.physics_residuals import force_residual_n
 from stridelab.estimation.latency import estimate_latency
-from stridelab.experiments.noise import MeasurementNoise
-from stridelab.experiments.simulated_recording import record
-from stridelab.experiments.walker import HumanWalker
+from stridelab.estimation.markers_only import GeometryOnly
+from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
-from stridelab.recordings.windows import measured_windows
-from stridelab.recordings.wrench import wrench_track
+from stridelab.recordings.total_wrench import wrench_track
+from stridelab.simulation.human.walker import HumanWalker
+from stridelab.simulation.human_recording import record
+from stridelab.simulation.noise import MeasurementNoise
 
 LATE_S = 0.018
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from stridelab.errors import InvalidInput, NotEstimable
-from stridelab.estimation.estimate import ComEstimator
+from stridelab.estimation.estimator import ComEstimator
 from stridelab.estimation.smoother import Smoother, SmootherPriors
 from stridelab.recordings.recording import Window
-from support.motions import uniform, walk
+from support.recordings.analytic_motions import uniform, walk
 
 RATE_HZ = 100.0
 WHOLE = Window(0.0, 4.0)

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from stridelab.errors import NotEstimable
-from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.estimate import ComEstimate
-from stridelab.estimation.online import OnlineEstimator
+from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.estimator import ComEstimate
+from stridelab.estimation.online_estimator import OnlineEstimator
 from stridelab.estimation.smoother import Smoother, SmootherPriors
-from stridelab.experiments.study import StudyTrial, simulate
-from stridelab.experiments.study_noise import PRESETS
+from stridelab.simulation.noise import PRESETS
+from stridelab.studies.estimator_study import StudyTrial, simulate
 
 GAITS = ("robot", "human")
 

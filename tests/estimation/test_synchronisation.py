@@ -14,19 +14,19 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.body.segment_model import SegmentModel
 from stridelab.conventions import Vector3
 from stridelab.errors import NotEstimable
-from stridelab.estimation.agreement import bias_m
-from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.derivatives import low_pass
+from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.differentiation import low_pass
+from stridelab.estimation.evaluation.physics_residuals import bias_m
 from stridelab.estimation.latency import Latency, estimate_latency
-from stridelab.experiments.noise import MeasurementNoise
-from stridelab.experiments.simulated_recording import record
-from stridelab.experiments.walker import HumanWalker, Walk
+from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.plate_contacts import loaded_intervals
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Plate, Recording, WrenchTrack
-from stridelab.recordings.steps import loaded_intervals
-from stridelab.recordings.windows import measured_windows
-from stridelab.recordings.wrench import wrench_track
+from stridelab.recordings.total_wrench import wrench_track
+from stridelab.simulation.human.walker import HumanWalker, Walk
+from stridelab.simulation.human_recording import record
+from stridelab.simulation.noise import MeasurementNoise
 
 WrenchAt = Callable[[float], WrenchTrack]
 

@@ -7,7 +7,7 @@ from typing import Any
 import httpx
 import pytest
 
-from support.matlab import Web, run
+from support.docs.matlab import Web, run
 
 SCRIPT = Path(__file__).parents[2] / "docs" / "examples" / "from_matlab.m"
 

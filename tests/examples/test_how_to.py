@@ -12,15 +12,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from stridelab.contacts import bundled, stairs
-from stridelab.contacts.shapes import effector_shapes
-from stridelab.contacts.validation import check
-from stridelab.estimation.estimate import ComEstimator
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenarios import bundled, stairs
+from stridelab.contacts.validation.validate import check
+from stridelab.estimation.estimator import ComEstimator
 from stridelab.recordings import marker_sets
 from stridelab.recordings.recording import Window
 from stridelab.resources import models_dir
-from stridelab.service.jobs.kinds import registry, rows, tasks
-from support.motions import walk
+from stridelab.schemas import tasks
+from stridelab.service.kinds import registry
+from stridelab.service.kinds import staging as rows
+from support.recordings.analytic_motions import walk
 
 HOW_TO = Path(__file__).parents[2] / "docs" / "how-to"
 
@@ -84,7 +86,7 @@ def test_the_job_kind_weighs_the_sample(tmp_path: Path, monkeypatch: pytest.Monk
     schemas = added("stridelab.schemas.weighing", contract, monkeypatch)
     task_model = of_file(tasks, task, schemas)["WeighRecordingTask"]
     monkeypatch.setattr(tasks, "WeighRecordingTask", task_model, raising=False)
-    made = added("stridelab.service.jobs.kinds.weigh_recording", work, monkeypatch)
+    made = added("stridelab.service.kinds.weigh_recording", work, monkeypatch)
     staging = of_file(rows, stage, schemas | {"WeighRecordingTask": task_model})["stage_weigh_recording"]
     monkeypatch.setattr(rows, "stage_weigh_recording", staging, raising=False)
     registered = of_file(registry, kind, schemas)["WEIGH_RECORDING"]

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import httpx
 import pytest
 
-from support.fake_service import FakeService
-from support.web import make_client
+from support.fakes.service import FakeService
+from support.fakes.web_app import make_client
 
 
 @pytest.fixture

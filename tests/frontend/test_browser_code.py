@@ -8,8 +8,8 @@ import pytest
 import zstandard
 
 from stridelab_web import assets, viser_client
-from support.fake_service import FakeService
-from support.web import make_client
+from support.fakes.service import FakeService
+from support.fakes.web_app import make_client
 
 
 def test_plotly_is_the_installed_one_and_can_be_kept(

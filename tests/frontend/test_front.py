@@ -7,9 +7,9 @@ import pytest
 
 from stridelab.service.api.app import create_app
 from stridelab.service.settings import Settings
-from support.database import TestDatabases
-from support.interface import served
-from support.web import Caller
+from support.fakes.web_app import Caller
+from support.service.database import TestDatabases
+from support.service.web_server import served
 
 PAGE = {"Accept": "text/html"}
 

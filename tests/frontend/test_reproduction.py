@@ -9,8 +9,8 @@ import pytest
 
 from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary, ReproductionItem, Verdict
-from stridelab_web.words import item, verdict
-from support.fake_service import FakeService
+from stridelab_web.formatting import item, verdict
+from support.fakes.service import FakeService
 
 Browse = Callable[[str], httpx.Response]
 

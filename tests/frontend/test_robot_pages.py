@@ -7,8 +7,8 @@ import httpx
 import pytest
 
 from stridelab.schemas.robots import RobotPreparation
-from support import fake_planner, fake_reach
-from support.fake_service import FakeService
+from support.fakes import reachability, robots
+from support.fakes.service import FakeService
 
 Browse = Callable[[str], httpx.Response]
 
@@ -59,9 +59,9 @@ def test_the_curve_marks_the_chosen_size_and_that_of_the_thesis(browse: Browse) 
 
 def test_maps_and_volumes_are_those_of_the_service(browse: Browse) -> None:
     drawn = browse("/robots/boxes/reach.json?measure=conditioned&effector=right_hand").json()
-    found = fake_reach.reach("conditioned").effectors[2]
+    found = reachability.reach("conditioned").effectors[2]
     assert (drawn["effector"], drawn["frame"], drawn["components"]) == ("right_hand", "heading", 6)
-    assert drawn["volumes_m3"] == {f"{m:g}": pytest.approx(4 / 3 * r**3) for m, r in fake_reach.RADII_M.items()}
+    assert drawn["volumes_m3"] == {f"{m:g}": pytest.approx(4 / 3 * r**3) for m, r in reachability.RADII_M.items()}
     assert drawn["maps"] == [each.model_dump(mode="json") for each in found.projections]
     assert browse("/robots/boxes/reach.json?effector=tail").status_code == 404
     assert browse("/robots/boxes/reach.json").json()["effector"] == "left_foot"
@@ -144,7 +144,7 @@ def test_a_viewer_whose_robot_is_being_prepared_tells_how_far_it_is(fake: FakeSe
         assert 'max="100" value="41"' in waiting.text
         assert "41 %: thinning out its meshes" in texts(waiting.text)
         assert "<iframe" not in waiting.text, "no scene is asked for before it can be built"
-        fake.preparation = fake_planner.READY
+        fake.preparation = robots.READY
         ready = browse(address).text
         assert "<iframe" in ready
         assert "data-preparing" not in ready

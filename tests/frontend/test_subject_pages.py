@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import httpx
 
-from support.fake_service import FakeService
+from support.fakes.service import FakeService
 
 Browse = Callable[[str], httpx.Response]
 

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 import yaml
 
-from stridelab.service.jobs.kinds.provenance import known_references
-from support.book import DOCS, PAGES, ROOT, inline_code
-from support.contract import description
+from stridelab.service.kinds.provenance import known_references
+from support.docs.book import DOCS, PAGES, ROOT, inline_code
+from support.docs.http_contract import description
 
 BOOK = ROOT / "scripts" / "book"
 sys.path.insert(0, str(BOOK))  # where mkdocs looks for what the hook imports

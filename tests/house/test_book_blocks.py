@@ -13,10 +13,9 @@ import pytest
 import yaml
 
 from stridelab.robots.card import parse
-from support import contract
-from support.book import PAGES, ROOT, Block, blocks, inline_code
-from support.command_checks import check_command, check_synopsis, resolved
-from support.shell import commands
+from support.docs import http_contract
+from support.docs.book import PAGES, ROOT, Block, blocks, commands, inline_code
+from support.docs.commands import check_command, check_synopsis, resolved
 
 BLOCKS = [block for page in PAGES for block in blocks(page)]
 
@@ -32,7 +31,7 @@ def check_json(block: Block) -> list[str]:
         documents = [json.dumps(json.loads(block.text))]
     except ValueError:
         documents = block.text.splitlines()
-    return [f"nothing of the contract: {text}" for text in documents if not contract.kinds_of(text)]
+    return [f"nothing of the contract: {text}" for text in documents if not http_contract.kinds_of(text)]
 
 
 def check_toml(block: Block) -> list[str]:
@@ -51,7 +50,7 @@ def check_yaml(block: Block) -> list[str]:
 
 def paths_exist(block: Block) -> list[str]:
     """In a language that cannot be run here: every path of the interface exists."""
-    templates = {re.sub(r"\{\w+\}", "X", path) for path in contract.description()["paths"]}
+    templates = {re.sub(r"\{\w+\}", "X", path) for path in http_contract.description()["paths"]}
     named = re.findall(r"/api/v1(?:/[\w.-]+)*", block.text)
     return [path for path in named if not any(t == path or t.startswith(f"{path}/") for t in templates)]
 
@@ -105,7 +104,9 @@ def test_bodies_inside_of_sentences_are_true(page: Path) -> None:
     """`POST /x` with `{...}`: the body is one that the call takes."""
     calls = [c for c in CALL.findall(page.read_text(encoding="utf-8")) if "..." not in c[2]]
     assert [
-        w for method, path, body in calls for w in contract.complaints(contract.Call(method, contract.API + path, body))
+        w
+        for method, path, body in calls
+        for w in http_contract.complaints(http_contract.Call(method, http_contract.API + path, body))
     ] == []
 
 

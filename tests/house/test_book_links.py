@@ -6,7 +6,7 @@ from urllib.parse import unquote
 
 import pytest
 
-from support.book import DOCS, PAGES, PAPERS, ROOT, anchors, inline_code, links
+from support.docs.book import DOCS, PAGES, PAPERS, ROOT, anchors, inline_code, links
 
 BACKEND = ROOT / "backend" / "stridelab"
 PACKAGES = {p.name for p in BACKEND.iterdir() if (p / "__init__.py").is_file()}

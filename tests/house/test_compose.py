@@ -8,9 +8,9 @@ import pytest
 import yaml
 
 from stridelab.service.api.app import create_app
-from stridelab.service.postgres_home import MAJOR
+from stridelab.service.postgres.paths import MAJOR
 from stridelab.service.settings import Settings
-from support.compose import LAB, OBSERVED, OURS, ROOT, compose, megabytes
+from support.docs.compose import LAB, OBSERVED, OURS, ROOT, compose, megabytes
 
 FILES = {"lab": (LAB,), "observed": (LAB, OBSERVED)}
 ALL = compose(LAB, OBSERVED)
@@ -108,7 +108,7 @@ def test_one_shot_migration_comes_before_everything_that_needs_tables() -> None:
 def test_commands_and_health_checks_exist() -> None:
     from typer.main import get_command
 
-    from stridelab.cli import app
+    from stridelab.cli.app import app
 
     commands = get_command(app).commands  # type: ignore[attr-defined]
     for name, service in own():

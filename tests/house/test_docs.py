@@ -5,7 +5,7 @@ from pathlib import Path
 
 from typer.main import get_command
 
-from stridelab.cli import app as command_line
+from stridelab.cli.app import app as command_line
 from stridelab.service.api.app import create_app
 from stridelab.service.settings import Settings
 

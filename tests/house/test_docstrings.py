@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import pytest
 
-from support.floors import BACKEND, numeric_modules
+from support.docs.floors import BACKEND, numeric_modules
 
 RAISES = re.compile(r"\b[Rr]aises?\b")
 ODD_CODE = re.compile(r"[\"(][a-z]+(?:-[a-z0-9]+)+[\",)]")

@@ -7,10 +7,9 @@ import yaml
 from prometheus_client.parser import text_string_to_metric_families
 
 from stridelab.service.api.app import create_app
-from stridelab.service.api.counting import DEATHS, Counts, Histogram
-from stridelab.service.api.metrics import exposition
+from stridelab.service.api.metrics import DEATHS, Counts, Histogram, exposition
 from stridelab.service.settings import Settings
-from support.compose import LAB, OBSERVED, ROOT, compose
+from support.docs.compose import LAB, OBSERVED, ROOT, compose
 
 ALL = compose(LAB, OBSERVED)
 DEPLOY = ROOT / "deploy"

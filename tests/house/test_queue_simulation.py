@@ -9,7 +9,7 @@ from types import ModuleType
 
 import pytest
 
-from stridelab.service.jobs.kinds.registry import KINDS
+from stridelab.service.kinds.registry import KINDS
 
 ROOT = Path(__file__).parents[2]
 

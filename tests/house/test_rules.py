@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from support.floors import ROOT, numeric_modules
+from support.docs.floors import ROOT, numeric_modules
 
 
 def tracked() -> list[Path]:

@@ -6,7 +6,7 @@ import jaxtyping
 import numpy as np
 import pytest
 
-from stridelab.dynamics.placement import Placement
+from stridelab.dynamics.spatial import Placement
 from stridelab.dynamics.zmp import zmp_linearised
 from support.type_checks import EVERY, FIRST, OftenEnough
 

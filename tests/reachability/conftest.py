@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 from threadpoolctl import threadpool_limits
 
-from stridelab.reachability.sampling import ComCloud, sample_com
+from stridelab.reachability.learning.com_sampling import ComCloud, sample_com
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from stridelab.errors import UnreadableFile
-from stridelab.recordings.c3d_guard import check_c3d
+from stridelab.recordings.files.c3d_validation import check_c3d
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
-from support.c3d_machines import as_integers, as_written_by, parameter_at, with_parameter
-from support.synthetic_c3d import PlateChannels, write_file
+from support.recordings.c3d_files import PlateChannels, write_file
+from support.recordings.c3d_machines import as_integers, as_written_by, parameter_at, with_parameter
 
 BLOCK = 512
 STEPS_MM = (0.1, 0.05, 0.01, 0.02, 0.2, 0.3, 1 / 12, 0.125, 0.0625, 1.0)
@@ -204,7 +204,7 @@ def test_what_the_library_says_is_not_shown(tmp_path: Path, monkeypatch: pytest.
         raise MemoryError("std::bad_alloc")
 
     (tmp_path / "a.c3d").write_bytes(float_file(tmp_path))
-    monkeypatch.setattr("stridelab.recordings.c3d_ezc3d.ezc3d.c3d", fail)
+    monkeypatch.setattr("stridelab.recordings.files.c3d_ezc3d.ezc3d.c3d", fail)
     with pytest.raises(UnreadableFile) as refused:
         read_recording(tmp_path / "a.c3d")
     assert refused.value.code == "c3d-unreadable"

@@ -11,12 +11,12 @@ from pathlib import Path
 import pytest
 
 from stridelab.errors import UnreadableFile
-from support.fuzzing import Reader, inputs, outcome
+from support.recordings.fuzzing import Reader, inputs, outcome
 
 
 def test_no_reader_falls_over_mutated_files() -> None:
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[1])}
-    command = [sys.executable, "-m", "support.fuzzing", "--count", "60", "--seconds", "5"]
+    command = [sys.executable, "-m", "support.recordings.fuzzing", "--count", "60", "--seconds", "5"]
     ran = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     lines = ran.stdout.splitlines()

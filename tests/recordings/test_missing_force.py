@@ -6,14 +6,26 @@ import numpy as np
 import pytest
 
 from stridelab.errors import NotEstimable
-from stridelab.recordings.feet import find_feet
+from stridelab.recordings.files.raw import CONTACT_TYPE
+from stridelab.recordings.foot_contact import find_feet
 from stridelab.recordings.foot_outline import foot_outline
-from stridelab.recordings.raw import CONTACT_TYPE
+from stridelab.recordings.force_windows import find_windows, measured_windows, require_windows
 from stridelab.recordings.recording import Recording, Subject, Window
 from stridelab.recordings.vertical_motion import VerticalMotion, vertical_motion
-from stridelab.recordings.windows import find_windows, measured_windows, require_windows
-from support.moving_body import DROP_S, MASS_KG, MovingBody, drop_jump, moving_body, sit_to_stand, smooth, stand
-from support.schematic_walk import LANDMARKS, STANCE_S, STEP_S, walk
+from support.recordings.schematic_walk import (
+    DROP_S,
+    LANDMARKS,
+    MASS_KG,
+    STANCE_S,
+    STEP_S,
+    MovingBody,
+    drop_jump,
+    moving_body,
+    sit_to_stand,
+    smooth,
+    stand,
+    walk,
+)
 
 LANDED_2_S, LIFTED_1_S, LANDED_3_S, LANDED_4_S = (
     2 * STEP_S - 0.3,

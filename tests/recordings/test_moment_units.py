@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from stridelab.errors import NotEstimable
+from stridelab.recordings.force_windows import require_windows
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import PlateSwitches, Recording
-from stridelab.recordings.windows import require_windows
-from support.synthetic_c3d import FLAT_CORNERS_MM, PlateChannels, write_file
+from support.recordings.c3d_files import FLAT_CORNERS_MM, PlateChannels, write_file
 
 N = 1000
 LOADED = ((np.arange(N) >= 300) & (np.arange(N) < 900)).astype(float)

@@ -6,11 +6,10 @@ import ezc3d
 import numpy as np
 import pytest
 
-from stridelab.recordings.plates import plate_axes
+from stridelab.recordings.force_plates import find_tare, plate_axes
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
-from stridelab.recordings.tare import find_tare
-from support.synthetic_c3d import FLAT_CORNERS_MM, PlateChannels, write_file
+from support.recordings.c3d_files import FLAT_CORNERS_MM, PlateChannels, write_file
 
 N = 1000
 CENTRE_M = np.array([0.25, 0.2, 0.0])
@@ -122,7 +121,7 @@ def test_types_agree_with_ezc3d(kind: int, width: int, tmp_path: Path) -> None:
     plate = PlateChannels(kind, signals, origin_mm=(120.0, 90.0, -40.0), calibration=matrix)
     path = write_file(tmp_path / "a.c3d", markers(), plates=[plate])
     other = ezc3d.c3d(str(path), extract_forceplat_data=True)["data"]["platform"][0]
-    from stridelab.recordings.c3d import read_c3d
+    from stridelab.recordings.files.c3d import read_c3d
 
     (read,) = read_c3d(path).plates
     force = other["force"].T

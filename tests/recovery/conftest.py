@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from support.service import Service, running_service
+from support.service.processes import Service, running_service
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

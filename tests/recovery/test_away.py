@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from support.ledger import assert_sound
-from support.service import Jobs, wait_until, worker
-from support.small_disk import mounted
+from support.faults.disks import mounted
+from support.service.job_ledger import assert_sound
+from support.service.processes import Jobs, wait_until, worker
 
 
 def take_away(store: Path) -> None:

@@ -2,7 +2,7 @@
 
 import random
 
-from support.chaos import run
+from support.faults.chaos import run
 
 
 def test_jobs_under_random_kills_finish_exactly_once() -> None:

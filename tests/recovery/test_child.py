@@ -4,8 +4,8 @@ import os
 import signal
 from pathlib import Path
 
-from support.ledger import assert_sound
-from support.service import Jobs, worker
+from support.service.job_ledger import assert_sound
+from support.service.processes import Jobs, worker
 
 
 def kill_its_process(jobs: Jobs, job_id: str, attempt: int) -> None:

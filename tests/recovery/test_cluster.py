@@ -16,12 +16,12 @@ import httpx
 import pytest
 
 from stridelab.service.storage.database import parse_url
-from support.collector import Collector, Span, collector, said
-from support.cut import relay
-from support.database import TestDatabases
-from support.ledger import assert_sound
-from support.s3 import ADDRESS, BUCKET, OPTIONS
-from support.service import environment, free_port, wait_until
+from support.faults.network import relay
+from support.service.database import TestDatabases
+from support.service.job_ledger import assert_sound
+from support.service.object_store import ADDRESS, BUCKET, OPTIONS
+from support.service.processes import environment, free_port, wait_until
+from support.service.trace_collector import Collector, Span, collector, said
 
 
 @dataclass
@@ -40,7 +40,7 @@ class Cluster:
         return self.folder / "objects" / BUCKET / "data"
 
     def start_store(self) -> None:
-        self.store = _program("support.s3", str(self.store_port), str(self.folder / "objects"))
+        self.store = _program("support.service.object_store", str(self.store_port), str(self.folder / "objects"))
         wait_until(self._store_answers, 20.0, "the object store")
 
     def end_store(self) -> None:

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from support.commit_chaos import SCHEDULES, run_all
-from support.database import TestDatabases
+from support.faults.commit_schedules import SCHEDULES, run_all
+from support.service.database import TestDatabases
 
 CHOSEN = (
     *(("work", "publish", fault, "SIGTERM") for fault in ("late request", "late answer", "cut after")),

@@ -10,10 +10,10 @@ import pytest
 from sqlalchemy.exc import DBAPIError
 
 from stridelab.errors import StridelabError
-from support.database import public_folder
-from support.ledger import assert_sound
-from support.service import Service, wait_until
-from support.small_disk import mounted
+from support.faults.disks import mounted
+from support.service.database import public_folder
+from support.service.job_ledger import assert_sound
+from support.service.processes import Service, wait_until
 
 
 @pytest.fixture

@@ -7,11 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from support.database import public_folder
-from support.ledger import assert_sound
-from support.service import Service, ended, running_service, wait_until
+from support.service.database import public_folder
+from support.service.job_ledger import assert_sound
+from support.service.processes import Service, ended, running_service, wait_until
 
-MEMBERS = {"web server": "support.api_entry", "worker": "support.worker_entry", "postmaster": "postgres"}
+MEMBERS = {
+    "web server": "support.service.api_entry",
+    "worker": "support.service.worker_entry",
+    "postmaster": "postgres",
+}
 
 
 def starts_and_ends(diary: Path, name: str) -> tuple[int, int]:

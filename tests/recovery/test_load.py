@@ -2,10 +2,10 @@
 
 import asyncio
 
-from support.ledger import assert_sound
-from support.load import Load
-from support.load_entry import ADMIN, users
-from support.service import running_service
+from support.load.clients import Load
+from support.load.load import ADMIN, users
+from support.service.job_ledger import assert_sound
+from support.service.processes import running_service
 
 SETTINGS = {"STRIDELAB_API_TOKEN": ADMIN, "STRIDELAB_QUEUE_LIMIT": "60", "STRIDELAB_USER_QUEUE_LIMIT": "15"}
 

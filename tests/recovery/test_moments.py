@@ -11,8 +11,8 @@ from pathlib import Path
 import psycopg
 import pytest
 
-from support.ledger import assert_sound
-from support.service import Jobs, wait_until, worker
+from support.service.job_ledger import assert_sound
+from support.service.processes import Jobs, wait_until, worker
 
 
 @contextmanager

@@ -12,10 +12,10 @@ from typing import Protocol
 import pytest
 
 from stridelab.service.storage.database import parse_url
-from support.cut import relay
-from support.hosts import HERE, hosts
-from support.ledger import assert_sound
-from support.service import Jobs, environment, wait_until, worker
+from support.faults.hosts import HERE, hosts
+from support.faults.network import relay
+from support.service.job_ledger import assert_sound
+from support.service.processes import Jobs, environment, wait_until, worker
 
 
 class Cable(Protocol):
@@ -48,7 +48,7 @@ def by_net(database_url: str) -> Iterator[Far]:
     """On a host of its own whose cable is pulled: packets are lost, and connections may die of it."""
     address, port = parse_url(database_url), 5432
     with hosts() as pair:
-        door = [*pair.here, sys.executable, "-m", "support.cut", _socket(database_url), HERE, str(port)]
+        door = [*pair.here, sys.executable, "-m", "support.faults.network", _socket(database_url), HERE, str(port)]
         process = subprocess.Popen(door, env=environment())
         try:
             url = f"postgresql://{address.username}@{HERE}:{port}/{address.database}?sslmode=disable"

@@ -2,10 +2,10 @@
 
 import pytest
 
-from support.load_entry import ADMIN, users
-from support.service import running_service
-from support.soak import Sample, Soak, growth
-from support.soak_entry import LIGHT
+from support.load.growth import Sample, Soak, growth
+from support.load.load import ADMIN, users
+from support.load.soak import LIGHT
+from support.service.processes import running_service
 
 
 def test_nothing_grows_but_what_belongs_to_jobs() -> None:

@@ -9,7 +9,7 @@ import httpx
 import psutil
 import pytest
 
-from support.service import SERVE, Service, running_service, wait_until
+from support.service.processes import SERVE, Service, running_service, wait_until
 
 WITHIN_S = 15.0
 MEMBERS = {
@@ -42,7 +42,7 @@ def nursery_of(service: Service, parent: str) -> psutil.Process:
 
     def there() -> bool:
         children = service.member(parent).children()
-        found[:] = [child for child in children if "stridelab.service.jobs.forking" in child.cmdline()]
+        found[:] = [child for child in children if "stridelab.service.processes.fork_server" in child.cmdline()]
         return bool(found)
 
     wait_until(there, 60, f"a nursery of {parent}")

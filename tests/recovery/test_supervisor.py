@@ -6,8 +6,8 @@ import subprocess
 import sys
 from pathlib import Path
 
-from support.database import public_folder
-from support.service import Service, ended, environment, wait_until
+from support.service.database import public_folder
+from support.service.processes import Service, ended, environment, wait_until
 
 
 def test_ctrl_c_ends_everything_and_the_next_start_finds_everything() -> None:
@@ -39,7 +39,7 @@ def test_ctrl_c_ends_everything_and_the_next_start_finds_everything() -> None:
 def refused(**settings: str) -> str:
     """What a service that does not start says."""
     result = subprocess.run(
-        [sys.executable, "-m", "support.supervisor_entry"],
+        [sys.executable, "-m", "support.service.supervisor_entry"],
         env=environment(**settings),
         capture_output=True,
         text=True,

@@ -6,8 +6,8 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
-from support.ledger import assert_sound
-from support.service import Jobs, worker
+from support.service.job_ledger import assert_sound
+from support.service.processes import Jobs, worker
 
 
 def test_zombie_publishes_nothing_and_a_survivor_takes_over(database_url: str, tmp_path: Path) -> None:

@@ -12,9 +12,9 @@ import pytest
 
 from stridelab.resources import models_dir
 from stridelab.robots import card as cards
-from stridelab.robots.collision import SelfCollision
 from stridelab.robots.loader import load_robot, robot_names
 from stridelab.robots.robot import Robot
+from stridelab.robots.self_collision import SelfCollision
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "how-to" / "add-a-robot.md").read_text(encoding="utf-8")

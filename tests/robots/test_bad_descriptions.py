@@ -16,7 +16,7 @@ from stridelab.robots.card import card_bytes, parse
 from stridelab.robots.data_files import data_files
 from stridelab.robots.inertias import read_link
 from stridelab.robots.loader import load_robot
-from stridelab.wholebody.simulation_model import build_simulation
+from stridelab.wholebody.replay.mujoco_model import build_simulation
 
 CARD = card_bytes("hrp2").decode()
 FILES = data_files(parse("hrp2", CARD.encode()))

@@ -4,12 +4,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from stridelab.robots import description
+from stridelab.robots import urdf
 from stridelab.robots.card import robot_card
-from stridelab.robots.collision import SelfCollision
 from stridelab.robots.data_files import data_files
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
+from stridelab.robots.self_collision import SelfCollision
 
 
 @pytest.fixture(scope="module")
@@ -64,8 +64,8 @@ def test_the_first_hit_and_all_pairs_agree(talos: Robot) -> None:
 
 def test_hulls_judge_like_the_meshes_of_the_whole_robot(talos: Robot) -> None:
     """Oracle: all 52 meshes as they are. What the hulls miss are parts that the card leaves out, and it is rare."""
-    full = description.full_model(talos.urdf)
-    meshes = description.collision_geometry(full, talos.urdf, talos.package_dirs)
+    full = urdf.full_model(talos.urdf)
+    meshes = urdf.collision_geometry(full, talos.urdf, talos.package_dirs)
     meshes.addAllCollisionPairs()
     pin.removeCollisionPairs(full, meshes, str(data_files(robot_card("talos")).srdf), False)
     assert (meshes.ngeoms, len(meshes.collisionPairs)) == (52, 887)
@@ -77,7 +77,7 @@ def test_hulls_judge_like_the_meshes_of_the_whole_robot(talos: Robot) -> None:
     for _ in range(n):
         q = talos.q_reference.copy()
         q[7:] = rng.uniform(talos.model.lowerPositionLimit[7:], talos.model.upperPositionLimit[7:])
-        q_full = description.full_configuration(talos, full)
+        q_full = urdf.full_configuration(talos, full)
         q_full[where] = q[7:]
         truth = pin.computeCollisions(full, data, meshes, buffers, q_full, False)
         found = check.found(q)

@@ -3,7 +3,7 @@
 import numpy as np
 import pinocchio as pin
 
-from stridelab.dynamics.placement import Placement
+from stridelab.dynamics.spatial import Placement
 from stridelab.robots.contact_frames import se3, with_contact_frames
 from stridelab.robots.loader import load_robot
 

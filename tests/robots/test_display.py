@@ -13,11 +13,19 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from stridelab.errors import Unavailable
-from stridelab.robots.display import LinkMesh, glb, link_meshes, link_names, link_poses
-from stridelab.robots.gltf import linear
 from stridelab.robots.loader import load_robot
-from stridelab.robots.meshes import decimated, merged, mesh_of
 from stridelab.robots.robot import Robot
+from stridelab.robots.visuals import (
+    LinkMesh,
+    decimated,
+    glb,
+    linear,
+    link_meshes,
+    link_names,
+    link_poses,
+    merged,
+    mesh_of,
+)
 
 SPACING_M = 0.003
 """Distance of neighbouring points where a surface is sampled, and so the error of distances to it."""

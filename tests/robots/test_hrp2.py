@@ -7,11 +7,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from stridelab.robots import description
+from stridelab.robots import urdf
 from stridelab.robots.card import robot_card
-from stridelab.robots.collision import SelfCollision
 from stridelab.robots.data_files import data_files
 from stridelab.robots.loader import load_robot
+from stridelab.robots.self_collision import SelfCollision
 
 SOURCE = Path(os.environ.get("STRIDELAB_TEST_DATA", Path(__file__).parents[3] / "shared")).resolve() / "robots" / "hrp2"
 if not SOURCE.is_dir():
@@ -22,7 +22,7 @@ N = 1000
 
 @pytest.fixture(scope="module")
 def ours() -> pin.Model:
-    return description.full_model(data_files(robot_card("hrp2")).urdf)
+    return urdf.full_model(data_files(robot_card("hrp2")).urdf)
 
 
 @pytest.fixture(scope="module")

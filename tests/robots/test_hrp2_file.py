@@ -9,11 +9,11 @@ import pinocchio as pin
 import pytest
 
 from stridelab.resources import models_dir
-from stridelab.robots import description
+from stridelab.robots import urdf
 from stridelab.robots.card import robot_card
-from stridelab.robots.collision import SelfCollision
 from stridelab.robots.data_files import data_files
 from stridelab.robots.loader import load_robot
+from stridelab.robots.self_collision import SelfCollision
 
 
 def test_the_file_is_what_the_numbers_make() -> None:
@@ -26,9 +26,9 @@ def test_the_file_is_what_the_numbers_make() -> None:
 
 def test_the_shapes_are_primitive_and_are_what_is_shown() -> None:
     files = data_files(robot_card("hrp2"))
-    ours = description.full_model(files.urdf)
-    shapes = description.collision_geometry(ours, files.urdf, (files.package_dir,)).geometryObjects
-    looks = description.visual_geometry(ours, files.urdf, (files.package_dir,)).geometryObjects
+    ours = urdf.full_model(files.urdf)
+    shapes = urdf.collision_geometry(ours, files.urdf, (files.package_dir,)).geometryObjects
+    looks = urdf.visual_geometry(ours, files.urdf, (files.package_dir,)).geometryObjects
     assert {type(part.geometry) for part in shapes} <= {coal.Box, coal.Cylinder, coal.Sphere}
     assert [part.geometry for part in shapes] == [part.geometry for part in looks]
     assert {ours.frames[part.parentFrame].name for part in shapes} == {

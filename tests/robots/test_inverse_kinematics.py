@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from stridelab.dynamics.placement import Placement
+from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
 from stridelab.robots.inverse_kinematics import IkResult, stand
 from stridelab.robots.loader import load_robot

@@ -9,10 +9,10 @@ import pinocchio as pin
 import pytest
 
 from stridelab.errors import Unavailable
-from stridelab.robots import description
+from stridelab.robots import urdf
+from stridelab.robots.assembly import fingerprint
 from stridelab.robots.card import card_bytes, parse, robot_card
 from stridelab.robots.data_files import DataFiles, data_files
-from stridelab.robots.fingerprint import fingerprint
 from stridelab.robots.loader import load_robot, robot_names
 from stridelab.robots.robot import Robot
 
@@ -140,9 +140,9 @@ def test_collision_pairs_are_those_that_the_srdf_leaves(talos: Robot) -> None:
 
 
 def test_hulls_contain_their_meshes_and_are_convex(talos: Robot) -> None:
-    full = description.full_model(talos.urdf)
+    full = urdf.full_model(talos.urdf)
     originals = {
-        part.name: part for part in description.collision_geometry(full, talos.urdf, talos.package_dirs).geometryObjects
+        part.name: part for part in urdf.collision_geometry(full, talos.urdf, talos.package_dirs).geometryObjects
     }
     for part in talos.collision.geometryObjects:
         mesh, hull = originals[part.name].geometry, part.geometry
@@ -190,12 +190,12 @@ def test_a_broken_description_is_unavailable(tmp_path: Path, talos: Robot) -> No
     broken.write_text("<robot name='x'><link name='a'>")
     without.write_text(talos.urdf.read_text().replace("torso/base_link_collision.STL", "torso/nowhere.STL"))
     with pytest.raises(Unavailable) as caught:
-        description.full_model(broken)
+        urdf.full_model(broken)
     assert caught.value.code == "robot-data-unreadable"
     assert "line 1" in caught.value.message
     with pytest.raises(Unavailable, match=r"without\.urdf.*nowhere") as caught:
-        description.collision_geometry(description.full_model(without), without, talos.package_dirs)
+        urdf.collision_geometry(urdf.full_model(without), without, talos.package_dirs)
     assert caught.value.code == "robot-meshes-missing"
     assert [fault.where.rpartition("/")[2] for fault in caught.value.faults] == ["nowhere.STL"]
     with pytest.raises(Unavailable):
-        description.read_srdf(talos.model.copy(), broken)
+        urdf.read_srdf(talos.model.copy(), broken)

@@ -7,15 +7,15 @@ import pinocchio as pin
 import pytest
 
 from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
-from stridelab.centroidal.solve import solve
-from stridelab.contacts.scenario_json import sequence_of
-from stridelab.contacts.scenario_parts import Timing
-from stridelab.contacts.shapes import effector_shapes
-from stridelab.dynamics.placement import Placement
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenario_io import sequence_of
+from stridelab.contacts.scenarios.parts import Timing
+from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
-from stridelab.reachability.body_tree import BASE, BodyTree
-from stridelab.reachability.sampling import sample_com
-from stridelab.reachability.stance_truth import StanceTruth
+from stridelab.reachability.kinematics.ik_ground_truth import StanceTruth
+from stridelab.reachability.kinematics.whole_body_ik import BASE, BodyTree
+from stridelab.reachability.learning.com_sampling import sample_com
 from stridelab.robots.assembly import assemble
 from stridelab.robots.card import card_bytes, parse, robot_card
 from stridelab.robots.contact_frames import with_contact_frames
@@ -24,10 +24,9 @@ from stridelab.robots.inverse_kinematics import stand
 from stridelab.robots.loader import load_robot, robot_names
 from stridelab.robots.robot import Robot
 from stridelab.robots.trunk_axes import own_axes
-from stridelab.wholebody.controller import WholeBodyController
-from stridelab.wholebody.replay import replay
-from support.any_robot import com_height_m, one_normal, walk_of
-from support.turned_root import turned_hrp2
+from stridelab.wholebody.control.controller import WholeBodyController
+from stridelab.wholebody.replay.replay import replay
+from support.robots.models import com_height_m, one_normal, turned_hrp2, walk_of
 
 TURNS = {"backwards": (0.0, 0.0, np.pi), "z ahead": (0.0, -np.pi / 2, 0.0), "askew": (0.5, 0.6, 2.1)}
 

@@ -9,21 +9,21 @@ import numpy as np
 import pytest
 
 from stridelab.errors import StridelabError
-from stridelab.estimation import span
-from stridelab.recordings import windows
+from stridelab.estimation import time_span
+from stridelab.pipelines.trial import examine
+from stridelab.recordings import force_windows
+from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording, Subject
-from stridelab.recordings.writer import write_c3d
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import EstimateOffer, PlateSwitch, RecordingFacts, SubjectFields
+from stridelab.schemas.tasks import RecordingSource
 from stridelab.service import estimable
 from stridelab.service.estimable import estimates_of
-from stridelab.service.jobs.kinds import estimate_com
-from stridelab.service.jobs.kinds.parse_upload import facts as facts_of
-from stridelab.service.jobs.kinds.tasks import RecordingSource
-from stridelab.service.jobs.kinds.trial import examine
-from support.quiet import SAMPLE, estimate_task, quiet
-from support.rows import facts
+from stridelab.service.kinds.estimate_com import run as estimate_com
+from stridelab.service.kinds.parse_upload import facts as facts_of
+from support.command_line import SAMPLE, estimate_task, quiet
+from support.service.stored_rows import facts
 
 NOBODY = SubjectFields()
 
@@ -48,8 +48,8 @@ def codes(
 
 
 def test_the_limits_are_those_of_the_estimators() -> None:
-    assert estimable.SHORTEST_WINDOW_S == span.SHORTEST_WINDOW_S
-    assert estimable.MIN_WINDOW_S == windows.MIN_WINDOW_S
+    assert estimable.SHORTEST_WINDOW_S == time_span.SHORTEST_WINDOW_S
+    assert estimable.MIN_WINDOW_S == force_windows.MIN_WINDOW_S
 
 
 def cut(recording: Recording, start: int, stop: int) -> Recording:

@@ -9,10 +9,10 @@ import viser
 import websockets
 from websockets.sync.client import ClientConnection, connect
 
-from support.answers import refusal
-from support.database import TestDatabases
-from support.scenarios import one_step
-from support.viewer_lab import Lab, viewer_lab
+from support.browser.viewer_lab import Lab, viewer_lab
+from support.robots.scenario_bodies import one_step
+from support.service.answers import refusal
+from support.service.database import TestDatabases
 
 PER_USER = 2
 

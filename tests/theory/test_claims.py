@@ -8,14 +8,14 @@ import pytest
 from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.newton_euler import momentum_rate
 from stridelab.dynamics.wrench import Wrench, transport
-from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.kalman import KalmanFilter
-from stridelab.experiments.noise import MeasurementNoise
-from stridelab.experiments.simulated_recording import record
-from stridelab.experiments.study import StudyTrial, simulate
-from stridelab.experiments.walker import HumanWalker
+from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.kalman.filter import KalmanFilter
 from stridelab.recordings.recording import Window
-from support.motions import walk
+from stridelab.simulation.human.walker import HumanWalker
+from stridelab.simulation.human_recording import record
+from stridelab.simulation.noise import MeasurementNoise
+from stridelab.studies.estimator_study import StudyTrial, simulate
+from support.recordings.analytic_motions import walk
 
 WALK = walk()
 SEEDS = 4

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from stridelab.dynamics.wrench import Wrench
-from stridelab.estimation.complementary import ComplementaryFilter
-from stridelab.estimation.error_priors import ErrorPriors
-from stridelab.estimation.filters import complementary_filters
-from stridelab.estimation.passes import (
+from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.complementary.forward_backward import (
     FilterState,
     filter_inputs,
     forward,
@@ -15,8 +13,10 @@ from stridelab.estimation.passes import (
     initial_state,
     joined_passes,
 )
+from stridelab.estimation.complementary.transfer_functions import complementary_filters
+from stridelab.estimation.error_priors import ErrorPriors
 from stridelab.recordings.recording import Window
-from support.drawn_errors import draw
+from support.recordings.drawn_errors import draw
 
 DRAWS = 100
 ZERO = FilterState(*(np.zeros((2, 3)),) * 3)

@@ -10,7 +10,7 @@ from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.newton_euler import com_acceleration, contact_force, contact_wrench
 from stridelab.dynamics.wrench import Wrench, total_wrench, transport
 from stridelab.dynamics.zmp import zmp, zmp_of_motion
-from stridelab.estimation.jerk_model import C, JerkModel
+from stridelab.estimation.kalman.jerk_model import C, JerkModel
 
 UP = np.array([0.0, 0.0, 1.0])
 

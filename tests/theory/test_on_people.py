@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from stridelab.body.segment_model import SegmentModel
-from stridelab.estimation.derivatives import derivatives, low_pass
+from stridelab.estimation.differentiation import derivatives, low_pass
+from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Event, Recording
-from stridelab.recordings.windows import measured_windows
-from stridelab.recordings.wrench import wrench_track
+from stridelab.recordings.total_wrench import wrench_track
 from stridelab.walking.path_fit import PathFit, fit_path
 
 

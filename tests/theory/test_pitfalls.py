@@ -8,11 +8,17 @@ from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.newton_euler import com_acceleration
 from stridelab.dynamics.wrench import Wrench, total_wrench
 from stridelab.dynamics.zmp import zmp
-from stridelab.estimation.filters import complementary_filters
-from stridelab.estimation.passes import FilterState, filter_inputs, forward, forward_backward, initial_state
+from stridelab.estimation.complementary.forward_backward import (
+    FilterState,
+    filter_inputs,
+    forward,
+    forward_backward,
+    initial_state,
+)
+from stridelab.estimation.complementary.transfer_functions import complementary_filters
 from stridelab.recordings.recording import Plate, Recording, Subject, Window
-from stridelab.recordings.wrench import wrench_track
-from support.motions import Harmonics, Motion, uniform, walk
+from stridelab.recordings.total_wrench import wrench_track
+from support.recordings.analytic_motions import Harmonics, Motion, uniform, walk
 
 WALK = walk()
 UP = np.array([0.0, 0.0, 1.0])

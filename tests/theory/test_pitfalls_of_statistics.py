@@ -6,11 +6,11 @@ from numpy.testing import assert_allclose
 
 from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.wrench import Wrench
-from stridelab.estimation.agreement import force_residual_n
-from stridelab.estimation.geometry import GeometryOnly
-from stridelab.estimation.rts import RtsSmoother
+from stridelab.estimation.evaluation.physics_residuals import force_residual_n
+from stridelab.estimation.kalman.filter import RtsSmoother
+from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.recordings.recording import Window
-from support.motions import Harmonics, Motion, walk
+from support.recordings.analytic_motions import Harmonics, Motion, walk
 
 WALK = walk()
 UP = np.array([0.0, 0.0, 1.0])

@@ -9,13 +9,13 @@ import pytest
 
 from stridelab.body.segment_model import SegmentModel
 from stridelab.estimation.latency import estimate_latency
+from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.reader import read_recording
 from stridelab.recordings.recording import Recording
-from stridelab.recordings.windows import measured_windows
-from stridelab.recordings.wrench import wrench_track
-from stridelab.walking.contacts import Contact, find_contacts
-from support.schematic_walk import LANDMARKS, STANCE_S, STEP_S, walk
+from stridelab.recordings.total_wrench import wrench_track
+from stridelab.walking.gait_events import Contact, find_contacts
+from support.recordings.schematic_walk import LANDMARKS, STANCE_S, STEP_S, walk
 
 LOADED_S = 0.003
 """A foot of the schematic walk carries 20 N this long after it landed."""

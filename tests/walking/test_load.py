@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from stridelab.recordings.recording import Plate
-from stridelab.walking.load import contact_intervals
-from support.schematic_walk import corners
+from stridelab.walking.gait_events import contact_intervals
+from support.recordings.schematic_walk import corners
 
 RATE_HZ = 1000.0
 START_S, END_S = 0.3042, 0.9037

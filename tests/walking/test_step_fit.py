@@ -7,12 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from stridelab.errors import NotEstimable
-from stridelab.estimation.estimate import ComEstimate
+from stridelab.estimation.estimator import ComEstimate
 from stridelab.recordings.recording import Window
 from stridelab.walking.curtate_cycloid import Wheel
-from stridelab.walking.gait_step import GaitStep
 from stridelab.walking.step_fit import fit_step, fit_steps
-from support.wheels import HUMAN, PERIOD_S
+from stridelab.walking.steps import GaitStep
+from support.recordings.wheels import HUMAN, PERIOD_S
 
 T = np.arange(200) / 100.0
 OMEGA = 2 * np.pi / PERIOD_S

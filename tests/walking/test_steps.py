@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from stridelab.recordings.force_windows import measured_windows
 from stridelab.recordings.recording import Recording, Remark
-from stridelab.recordings.windows import measured_windows
 from stridelab.walking.steps import find_steps
-from support.schematic_walk import LANDMARKS as FEET
-from support.schematic_walk import STANCE_S, STEP_M, STEP_S, walk
+from support.recordings.schematic_walk import LANDMARKS as FEET
+from support.recordings.schematic_walk import STANCE_S, STEP_M, STEP_S, walk
 
 LANDMARKS = {**FEET, "l_asis": "pelvis_0", "r_asis": "pelvis_4", "sacrum": "pelvis_2"}
 SPEED_M_S = STEP_M / STEP_S

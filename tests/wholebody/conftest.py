@@ -7,19 +7,19 @@ import pytest
 
 from stridelab.centroidal.plan import CentroidalPlan
 from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
-from stridelab.centroidal.solve import solve
-from stridelab.contacts.scenario_json import sequence_of
-from stridelab.contacts.scenario_parts import Timing
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenario_io import sequence_of
+from stridelab.contacts.scenarios.parts import Timing
+from stridelab.contacts.scenarios.stairs import flat_walk
 from stridelab.contacts.sequence import ContactSequence
-from stridelab.contacts.shapes import effector_shapes
-from stridelab.contacts.stairs import flat_walk
-from stridelab.reachability.mixture import Mixture
-from stridelab.reachability.proxy import Proxy
+from stridelab.reachability.gaussian_mixture import Mixture
+from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.controller import WholeBodyController
+from stridelab.wholebody.control.controller import WholeBodyController
 from stridelab.wholebody.motion import WholeBodyMotion
-from support.sway import sway
+from support.robots.swaying_plan import sway
 
 COM_HEIGHT_M = 0.86
 

@@ -6,13 +6,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from stridelab.dynamics.placement import Placement
+from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
-from stridelab.robots.collision import SelfCollision
 from stridelab.robots.contact_frames import with_contact_frames
 from stridelab.robots.inverse_kinematics import ComRoom, stand_in_room
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
+from stridelab.robots.self_collision import SelfCollision
 from stridelab.wholebody.stance_check import Stance, StanceCheck, StanceVerdict, swung
 
 APART_M = 0.21

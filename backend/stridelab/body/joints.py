@@ -1,9 +1,14 @@
-"""Joint centres, and the directions in which the segments between them face."""
+"""Joint centres, and the directions in which the segments between them face.
+
+Centre of a hinge joint (knee, ankle, elbow) from its outer and inner landmark, or from the outer one alone.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from stridelab.body.anthropometry import Anthropometry
+from stridelab.body.vectors import across, distance_m, unit
 from stridelab.conventions import Points
 
 Tracks = Mapping[str, Points]
@@ -35,3 +40,55 @@ class Joints:
 def has(p: Tracks, *names: str) -> bool:
     """Whether all of these landmarks are there."""
     return set(names) <= p.keys()
+
+
+_SHANKS: Final = (
+    ("knee_lateral", "ankle_lateral", 1.0),
+    ("knee_centre", "ankle_centre", 1.0),
+    ("knee_lateral", "ankle_centre", 1.0),
+    ("knee_lateral", "heel", 0.874),
+)
+"""Ends between which the shank can be measured, and its share of that distance (0.874, sd 0.008 in ten adults)."""
+
+
+def hinge(
+    p: Tracks, name: str, proximal: Points, Z: Points, body: Anthropometry, widths_m: Mapping[str, float]
+) -> Joints | None:
+    """Joint ``name`` (``l_knee``, ...), or None where neither its outer landmark nor its centre is marked.
+
+    Midway between both landmarks where both are marked. With the outer one o alone, the centre c lies half the joint
+    width w/2 inwards, at a right angle to the segment above, whose upper end is h (as in the conventional gait model):
+
+        c = o + w/2 (cos a i + sin a u),   u = (h - o) / |h - o|,   sin a = w / (2 |h - o|)
+
+    with i the part of ``Z`` (rightwards, with the sign of the side) perpendicular to u. ``w`` is the measured width,
+    else the mean proportion of the shank.
+    """
+    s, joint = name.split("_")
+    outer, inner, centre = (p.get(f"{name}_{kind}") for kind in ("lateral", "medial", "centre"))
+    if outer is not None and inner is not None:
+        middle = (outer + inner) / 2 if centre is None else centre
+        return Joints({name: middle}, {name: SIGN[s] * (outer - inner)})
+    if centre is not None:
+        return Joints({name: centre}, {name: Z})
+    if outer is None:
+        return None
+    half = widths_m.get(name, body.proportions[joint] * shank_length_m(p)) / 2
+    u = unit(proximal - outer)
+    i = -SIGN[s] * across(Z, u)
+    sin_a = min(half / distance_m(proximal, outer), 1.0)
+    cos_a = (1.0 - sin_a**2) ** 0.5
+    inwards = cos_a * i + sin_a * u
+    return Joints({name: outer + half * inwards}, {name: -SIGN[s] * inwards}, frozenset({f"{joint}-medial-missing"}))
+
+
+def shank_length_m(p: Tracks) -> float:
+    """Typical length of the shank between outer markers: the yardstick of the proportions; NaN where none allows it.
+
+    Without ankles, the distance from knee to heel marker stands in, which changes little with the ankle's angle.
+    """
+    for upper, lower, share in _SHANKS:
+        sides = [s for s in "lr" if has(p, f"{s}_{upper}", f"{s}_{lower}")]
+        if sides:
+            return share * sum(distance_m(p[f"{s}_{upper}"], p[f"{s}_{lower}"]) for s in sides) / len(sides)
+    return float("nan")

@@ -6,12 +6,12 @@ from typing import Final, Literal
 
 import numpy as np
 
-from stridelab.body import segment_tables, substitutes, virtual_markers
+from stridelab.body import missing_markers, segment_tables
 from stridelab.body.anthropometry import anthropometry
-from stridelab.body.frames import Frame, segment_frames
 from stridelab.body.geometric_com import GeometricCom, SegmentTrack
 from stridelab.body.joint_centres import joint_centres
 from stridelab.body.joints import Tracks, has
+from stridelab.body.segment_frames import Frame, segment_frames
 from stridelab.body.segment_tables import SegmentTable
 from stridelab.body.vectors import distance_m
 from stridelab.conventions import Points
@@ -63,14 +63,14 @@ class SegmentModel:
         segments = _segments(table, segment_frames(p, joints, body))
         com_m = np.sum([s.mass_fraction * s.com_m for s in segments.values()], axis=0)
         _require_some(com_m, p)
-        gaps = substitutes.used(joints.substitutes)
-        sd_m = substitutes.widened(table.sd_m, gaps)
+        gaps = missing_markers.used(joints.substitutes)
+        sd_m = missing_markers.widened(table.sd_m, gaps)
         remarks = [gap.remark for gap in gaps]
         if rebuilt:
             remarks.append(Remark("markers-rebuilt", f"Rebuilt from their rigid neighbours: {', '.join(rebuilt)}."))
         if subject.sex is None and table.name != CARRIED:
-            sd_m = substitutes.widened(sd_m, (substitutes.SEX_UNKNOWN,))
-            remarks.append(substitutes.SEX_UNKNOWN.remark)
+            sd_m = missing_markers.widened(sd_m, (missing_markers.SEX_UNKNOWN,))
+            remarks.append(missing_markers.SEX_UNKNOWN.remark)
         return GeometricCom(
             time_s=recording.time_s,
             com_m=com_m,
@@ -104,13 +104,13 @@ def _static_tracks(
     return _tracks(static, {**own, **shared})
 
 
-def _completed(tracks: Tracks, shapes: virtual_markers.Shapes) -> tuple[dict[str, Points], tuple[str, ...]]:
+def _completed(tracks: Tracks, shapes: missing_markers.Shapes) -> tuple[dict[str, Points], tuple[str, ...]]:
     """Tracks with gaps filled by rigid clusters, first as in the static trial, then as seen in the trial itself.
 
     What is still visible in less than half of the frames that show the pelvis counts as not marked.
     """
-    p, from_static = virtual_markers.rebuild(tracks, shapes)
-    p, from_itself = virtual_markers.rebuild(p, p)
+    p, from_static = missing_markers.rebuild(tracks, shapes)
+    p, from_itself = missing_markers.rebuild(p, p)
     pelvis = [np.isfinite(p[name]).all(axis=1) for name in ("l_asis", "r_asis") if name in p]
     if pelvis:
         frames = np.logical_and.reduce(pelvis)
@@ -119,7 +119,7 @@ def _completed(tracks: Tracks, shapes: virtual_markers.Shapes) -> tuple[dict[str
     return p, tuple(sorted((from_static | from_itself) & p.keys()))
 
 
-def _widths_m(recording: Recording, shapes: virtual_markers.Shapes) -> dict[str, float]:
+def _widths_m(recording: Recording, shapes: missing_markers.Shapes) -> dict[str, float]:
     """Joint widths between marker centres: measured with a calliper, else as seen in the static trial."""
     seen = {
         f"{s}_{joint}": distance_m(shapes[f"{s}_{joint}_lateral"], shapes[f"{s}_{joint}_medial"])

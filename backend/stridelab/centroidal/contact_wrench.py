@@ -21,9 +21,9 @@ import numpy as np
 from jaxtyping import Float
 
 from stridelab.centroidal.control import Control, Forces, Generators, Touch, Values
-from stridelab.contacts.point_contacts import PointContacts, change_of_frame
-from stridelab.contacts.thesis_cone import outer_cone
-from stridelab.contacts.wrench_cone import N_RAYS, LinearCone, LorentzCone
+from stridelab.contacts.wrench_cones.contact_points import PointContacts, change_of_frame
+from stridelab.contacts.wrench_cones.thesis_lorentz_cone import outer_cone
+from stridelab.contacts.wrench_cones.wrench_cone import N_RAYS, LinearCone, LorentzCone
 from stridelab.errors import InvalidInput
 
 WRENCH: Final = "wrench"

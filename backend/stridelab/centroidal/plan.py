@@ -10,11 +10,11 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from stridelab.centroidal.solution import Solution
-from stridelab.centroidal.spline import weights
+from stridelab.centroidal.force_splines import weights
+from stridelab.centroidal.nlp.kkt import Solution
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.conventions import Vector3, g
-from stridelab.dynamics.cross import cross
+from stridelab.dynamics.spatial import cross
 
 
 @dataclass(frozen=True)

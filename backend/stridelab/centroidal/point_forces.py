@@ -6,6 +6,14 @@ With f = S u at every point p of a contact, R its axes,
     circular cones    S = R diag(mu, mu, 1)      u = (f_t / mu, f_n),  |f_t| / mu <= f_n
 
 and the wrench of the contact is the sum of (S u, p x S u).
+
+The friction cone ``mu f_z >= |f_xy|`` from inside: forces as sums of rays that lie on it.
+
+    f = V lambda,   lambda >= 0,   V = [ mu cos a_j, mu sin a_j, 1 ],   a_j = 2 pi (j + 1/2) / n
+
+spans the largest n-sided pyramid in the cone, for even n with faces along the contact's axes. Every such force
+satisfies the exact cone; in the solver the cone becomes a set of bounds, without a single inequality row. The pyramid
+holds the share (n / 2 pi) sin(2 pi / n) of the circle: 0.64 for four rays, 0.90 for eight, 0.95 for twelve.
 """
 
 from abc import abstractmethod
@@ -16,7 +24,6 @@ from typing import ClassVar, Final
 import numpy as np
 from jaxtyping import Float
 
-from stridelab.centroidal.cone import rays
 from stridelab.centroidal.control import Control, Forces, Generators, Touch, Values
 from stridelab.centroidal.dynamics import skew
 from stridelab.errors import InvalidInput
@@ -103,3 +110,9 @@ class CircularCones(_PointForces):
 
 PYRAMIDS: Final = Pyramids()
 """The control unless another is chosen."""
+
+
+def rays(friction: float, n: int) -> Float[np.ndarray, "3 n"]:
+    """``V`` in the contact frame, one ray per column, normal component 1."""
+    a = 2.0 * np.pi * (np.arange(n) + 0.5) / n
+    return np.stack([friction * np.cos(a), friction * np.sin(a), np.ones(n)])

@@ -16,15 +16,15 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
-from stridelab.centroidal.conditions import AT_REST, UNBOUNDED, PathBounds, Start, Terminal
+from stridelab.centroidal.boundary_conditions import AT_REST, UNBOUNDED, PathBounds, Start, Terminal
 from stridelab.centroidal.control import Control, Touch
-from stridelab.centroidal.freedom import FreeDurations, FreePlacements
+from stridelab.centroidal.force_splines import Shape, limb_times_s
+from stridelab.centroidal.free_variables import FreeDurations, FreePlacements
 from stridelab.centroidal.point_forces import PYRAMIDS
-from stridelab.centroidal.spline import Shape, limb_times_s
 from stridelab.contacts.sequence import Contact, ContactSequence
 from stridelab.conventions import GRAVITY_M_S2, Points, Series, Vector3
 from stridelab.errors import Fault, InvalidInput
-from stridelab.reachability.proxy import Proxy
+from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.robots.robot import Effector
 
 NODES_PER_PHASE_MIN = 2

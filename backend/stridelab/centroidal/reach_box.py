@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtr
 
 from stridelab.conventions import Points, Series, Vector3
-from stridelab.reachability.mixture import Mixture
+from stridelab.reachability.gaussian_mixture import Mixture
 
 SHARE = 0.999
 """Of the mass along each axis that lies in the box."""

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import httpx
 from pydantic import BaseModel
 
-from stridelab.client import calls, uploads
+from stridelab.client import endpoints, uploads
 from stridelab.client.connection import (
     DEFAULT_URL,
     RETRY_S,
@@ -67,7 +67,7 @@ class AsyncClient:
 
     async def health(self) -> Health:
         """Whether the service and its database answer, and its version."""
-        return await self._send(calls.health())
+        return await self._send(endpoints.health())
 
     async def upload(
         self,
@@ -84,8 +84,8 @@ class AsyncClient:
             response = await self._http.post(
                 uploads.PATH, content=uploads.from_a_loop(upload.pieces(progress)), headers=upload.headers()
             )
-        calls.raise_for_problem(response)
-        return calls.model(Recording)(response)
+        endpoints.raise_for_problem(response)
+        return endpoints.model(Recording)(response)
 
     async def upload_batch(
         self,
@@ -106,10 +106,10 @@ class AsyncClient:
                 headers=upload.headers(),
                 timeout=uploads.READING_S,
             )
-        calls.raise_for_problem(response)
+        endpoints.raise_for_problem(response)
         if response.status_code != HTTPStatus.ACCEPTED:
-            return calls.model(RecordingBatch)(response)
-        job = await self.wait(calls.model(Job)(response).id)
+            return endpoints.model(RecordingBatch)(response)
+        job = await self.wait(endpoints.model(Job)(response).id)
         if job.state != "succeeded":
             raise uploads.refusal_of(job)
         summary = (await self.result(job.id)).summary
@@ -125,101 +125,101 @@ class AsyncClient:
         linked: bool | None = None,
     ) -> Page[Recording]:
         """One page of recordings, newest first; of one session or subject, or only those with or without a subject."""
-        return await self._send(calls.recordings(limit, cursor, session_id, subject_id, linked))
+        return await self._send(endpoints.recordings(limit, cursor, session_id, subject_id, linked))
 
     async def recording(self, recording_id: str) -> Recording:
         """One recording."""
-        return await self._send(calls.recording(recording_id))
+        return await self._send(endpoints.recording(recording_id))
 
     async def patch_recording(self, recording_id: str, patch: RecordingPatch) -> Recording:
         """Change the fields that were set in ``patch``."""
-        return await self._send(calls.patch_recording(recording_id, patch))
+        return await self._send(endpoints.patch_recording(recording_id, patch))
 
     async def delete_recording(self, recording_id: str) -> None:
         """Delete a recording with its jobs, results and files."""
-        await self._send(calls.delete_recording(recording_id))
+        await self._send(endpoints.delete_recording(recording_id))
 
     async def download_file(self, recording_id: str, target: Path) -> Path:
         """Save the uploaded file as ``target``."""
-        return await self._download(calls.file_path(recording_id), target)
+        return await self._download(endpoints.file_path(recording_id), target)
 
     async def download_tracks(self, recording_id: str, target: Path) -> Path:
         """Save markers and wrenches as ``target`` (Parquet)."""
-        return await self._download(calls.tracks_path(recording_id), target)
+        return await self._download(endpoints.tracks_path(recording_id), target)
 
     async def subjects(self, limit: int = 50, cursor: str | None = None) -> Page[Subject]:
         """One page of subjects, newest first."""
-        return await self._send(calls.subjects(limit, cursor))
+        return await self._send(endpoints.subjects(limit, cursor))
 
     async def subject(self, subject_id: str) -> Subject:
         """One subject."""
-        return await self._send(calls.subject(subject_id))
+        return await self._send(endpoints.subject(subject_id))
 
     async def add_subject(self, fields: SubjectInput) -> Subject:
         """Add a subject."""
-        return await self._send(calls.add_subject(fields))
+        return await self._send(endpoints.add_subject(fields))
 
     async def patch_subject(self, subject_id: str, fields: SubjectInput) -> Subject:
         """Change the fields that were set in ``fields``."""
-        return await self._send(calls.patch_subject(subject_id, fields))
+        return await self._send(endpoints.patch_subject(subject_id, fields))
 
     async def delete_subject(self, subject_id: str) -> None:
         """Delete a subject; its recordings stay."""
-        await self._send(calls.delete_subject(subject_id))
+        await self._send(endpoints.delete_subject(subject_id))
 
     async def scenarios(self, limit: int = 50, cursor: str | None = None) -> Page[StoredScenario]:
         """One page of scenarios, newest first."""
-        return await self._send(calls.scenarios(limit, cursor))
+        return await self._send(endpoints.scenarios(limit, cursor))
 
     async def scenario(self, scenario_id: str) -> StoredScenario:
         """One scenario."""
-        return await self._send(calls.scenario(scenario_id))
+        return await self._send(endpoints.scenario(scenario_id))
 
     async def add_scenario(self, body: Scenario | Mapping[str, Any]) -> StoredScenario:
         """Store a scenario; one that its robot cannot do is refused (``scenario-invalid``)."""
-        return await self._send(calls.add_scenario(body))
+        return await self._send(endpoints.add_scenario(body))
 
     async def put_scenario(
         self, scenario_id: str, body: Scenario | Mapping[str, Any], unless_changed: StoredScenario | None = None
     ) -> StoredScenario:
         """Replace a scenario as a whole; one that is no longer ``unless_changed`` is kept (``scenario-changed``)."""
-        return await self._send(calls.put_scenario(scenario_id, body, unless_changed))
+        return await self._send(endpoints.put_scenario(scenario_id, body, unless_changed))
 
     async def delete_scenario(self, scenario_id: str) -> None:
         """Delete a scenario; its jobs stay."""
-        await self._send(calls.delete_scenario(scenario_id))
+        await self._send(endpoints.delete_scenario(scenario_id))
 
     async def check_scenario(self, body: Scenario | Mapping[str, Any]) -> ScenarioCheck:
         """Whether its robot can do a scenario, and how far each contact is from being refused."""
-        return await self._send(calls.check_scenario(body))
+        return await self._send(endpoints.check_scenario(body))
 
     async def solvers(self) -> Solvers:
         """Which solvers of the centroidal problem there are, and what is missing."""
-        return await self._send(calls.solvers())
+        return await self._send(endpoints.solvers())
 
     async def preview_plan(self, body: PlanPreviewInput | Mapping[str, Any]) -> PlanPreview:
         """The centroidal motion of a scenario, and after a push, at once; the C++ solver must be there."""
-        return await self._send(calls.preview_plan(body))
+        return await self._send(endpoints.preview_plan(body))
 
     async def robots(self) -> Page[RobotSummary]:
         """All robots."""
-        return await self._send(calls.robots())
+        return await self._send(endpoints.robots())
 
     async def robot(self, name: str) -> RobotFacts:
         """Facts of one robot; those of one that is not prepared yet take a few seconds."""
-        return await self._send(calls.robot(name))
+        return await self._send(endpoints.robot(name))
 
     async def robot_preparation(self, name: str) -> RobotPreparation:
         """How far the files that show a robot are; the first question begins to make what is missing."""
-        return await self._send(calls.robot_preparation(name))
+        return await self._send(endpoints.robot_preparation(name))
 
     async def robot_reachability(self, name: str, measure: Measure | None = None) -> RobotReachability:
         """Where the centre of mass of a robot can be, as samples, surfaces and maps; by default as plans see it."""
-        return await self._send(calls.robot_reachability(name, measure))
+        return await self._send(endpoints.robot_reachability(name, measure))
 
     async def robot_links(self, name: str, target: Path) -> Path:
         """Save the display meshes of a robot as ``target`` (binary glTF); they take a while to make at first."""
-        return await self._download(calls.links_path(name), target, wait_s=calls.LOADING_S)
+        return await self._download(endpoints.links_path(name), target, wait_s=endpoints.LOADING_S)
 
     async def submit(
         self,
@@ -230,7 +230,7 @@ class AsyncClient:
         idempotency_key: str | None = None,
     ) -> Job:
         """Submit a job; the same ``idempotency_key`` again returns the same job."""
-        return await self._send(calls.submit(kind, request, priority, idempotency_key))
+        return await self._send(endpoints.submit(kind, request, priority, idempotency_key))
 
     async def jobs(
         self,
@@ -244,11 +244,11 @@ class AsyncClient:
     ) -> Page[Job]:
         """One page of jobs, newest first."""
         filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
-        return await self._send(calls.jobs(limit, cursor, **filters))
+        return await self._send(endpoints.jobs(limit, cursor, **filters))
 
     async def job(self, job_id: str, wait_s: float = 0.0) -> Job:
         """One job; waits up to ``wait_s`` (at most 60 s) for it to finish."""
-        return await self._send(calls.job(job_id, wait_s))
+        return await self._send(endpoints.job(job_id, wait_s))
 
     async def wait(self, job_id: str, timeout_s: float | None = None) -> Job:
         """The job once it has finished. Raises ``TimeoutError`` after ``timeout_s``; None waits for ever."""
@@ -280,10 +280,10 @@ class AsyncClient:
             if reader.last_id is not None:
                 headers["Last-Event-ID"] = reader.last_id
             try:
-                async with self._http.stream("GET", calls.events_path(job_id), headers=headers) as response:
+                async with self._http.stream("GET", endpoints.events_path(job_id), headers=headers) as response:
                     if response.status_code >= 400:
                         await response.aread()
-                        calls.raise_for_problem(response)
+                        endpoints.raise_for_problem(response)
                     async for line in response.aiter_lines():
                         event = reader.feed(line)
                         if event is not None:
@@ -302,36 +302,38 @@ class AsyncClient:
 
     async def cancel(self, job_id: str) -> Job:
         """Cancel a job that has not finished."""
-        return await self._send(calls.cancel(job_id))
+        return await self._send(endpoints.cancel(job_id))
 
     async def delete_job(self, job_id: str) -> Job:
         """Delete a finished job with its result and files (one that has not finished is cancelled)."""
-        return await self._send(calls.delete_job(job_id))
+        return await self._send(endpoints.delete_job(job_id))
 
     async def result(self, job_id: str) -> JobResult:
         """Summary and list of files of a succeeded job."""
-        return await self._send(calls.result(job_id))
+        return await self._send(endpoints.result(job_id))
 
     async def download_artifact(self, job_id: str, name: str, target: Path) -> Path:
         """Save one file of a result as ``target``."""
-        return await self._download(calls.artifact_path(job_id, name), target)
+        return await self._download(endpoints.artifact_path(job_id, name), target)
 
     async def download_bundle(self, job_id: str, target: Path) -> Path:
         """Save input, result, versions, references and all files of a job as one zip file ``target``."""
-        return await self._download(calls.bundle_path(job_id), target)
+        return await self._download(endpoints.bundle_path(job_id), target)
 
     async def read_artifact(self, job_id: str, name: str) -> bytes:
         """The bytes of one file of a result."""
-        return await self._send(calls.Call("GET", calls.artifact_path(job_id, name), lambda response: response.content))
+        return await self._send(
+            endpoints.Call("GET", endpoints.artifact_path(job_id, name), lambda response: response.content)
+        )
 
     def stream_com(self, configuration: StreamConfiguration) -> AbstractAsyncContextManager[AsyncComStream]:
         """Estimate online: ``async with lab.stream_com(...) as stream`` opens it, ``stream.send`` estimates."""
         return open_async(str(self._http.base_url), self._headers, configuration, self._timeout_s)
 
-    async def _send(self, call: calls.Call[T]) -> T:
+    async def _send(self, call: endpoints.Call[T]) -> T:
         with self._reached():
             response = await self._http.request(call.method, call.path, **request_arguments(call, self._timeout_s))
-        calls.raise_for_problem(response)
+        endpoints.raise_for_problem(response)
         return call.read(response)
 
     async def _download(self, path: str, target: Path, wait_s: float = 0.0) -> Path:
@@ -341,7 +343,7 @@ class AsyncClient:
                 async with self._http.stream("GET", path, timeout=self._timeout_s + wait_s) as response:
                     if response.status_code >= 400:
                         await response.aread()
-                        calls.raise_for_problem(response)
+                        endpoints.raise_for_problem(response)
                     with part.open("wb") as file:
                         async for piece in response.aiter_bytes():
                             file.write(piece)

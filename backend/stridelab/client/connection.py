@@ -5,7 +5,7 @@ from typing import Any
 import httpx
 
 from stridelab import __version__
-from stridelab.client.calls import MAX_WAIT_S, Call
+from stridelab.client.endpoints import MAX_WAIT_S, Call
 from stridelab.client.errors import ProblemError, Unreachable
 
 DEFAULT_URL = "http://127.0.0.1:8000"

@@ -14,7 +14,7 @@ from websockets.exceptions import ConnectionClosed, InvalidHandshake, InvalidSta
 from websockets.sync.client import ClientConnection as SyncConnection
 from websockets.sync.client import connect as connect_sync
 
-from stridelab.client.calls import API
+from stridelab.client.endpoints import API
 from stridelab.client.errors import ClientError, ProblemError, Unreachable
 from stridelab.schemas.base import Problem
 from stridelab.schemas.streams import (

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import httpx
 from pydantic import BaseModel
 
-from stridelab.client import calls, uploads
+from stridelab.client import endpoints, uploads
 from stridelab.client.connection import (
     DEFAULT_URL,
     RETRY_S,
@@ -66,7 +66,7 @@ class Client:
 
     def health(self) -> Health:
         """Whether the service and its database answer, and its version."""
-        return self._send(calls.health())
+        return self._send(endpoints.health())
 
     def upload(
         self,
@@ -81,8 +81,8 @@ class Client:
         upload = uploads.Upload(path, subject or SubjectFields(), filename, session_id)
         with self._reached():
             response = self._http.post(uploads.PATH, content=upload.pieces(progress), headers=upload.headers())
-        calls.raise_for_problem(response)
-        return calls.model(Recording)(response)
+        endpoints.raise_for_problem(response)
+        return endpoints.model(Recording)(response)
 
     def upload_batch(
         self,
@@ -103,10 +103,10 @@ class Client:
                 headers=upload.headers(),
                 timeout=uploads.READING_S,
             )
-        calls.raise_for_problem(response)
+        endpoints.raise_for_problem(response)
         if response.status_code != HTTPStatus.ACCEPTED:
-            return calls.model(RecordingBatch)(response)
-        job = self.wait(calls.model(Job)(response).id)
+            return endpoints.model(RecordingBatch)(response)
+        job = self.wait(endpoints.model(Job)(response).id)
         if job.state != "succeeded":
             raise uploads.refusal_of(job)
         summary = (self.result(job.id)).summary
@@ -122,101 +122,101 @@ class Client:
         linked: bool | None = None,
     ) -> Page[Recording]:
         """One page of recordings, newest first; of one session or subject, or only those with or without a subject."""
-        return self._send(calls.recordings(limit, cursor, session_id, subject_id, linked))
+        return self._send(endpoints.recordings(limit, cursor, session_id, subject_id, linked))
 
     def recording(self, recording_id: str) -> Recording:
         """One recording."""
-        return self._send(calls.recording(recording_id))
+        return self._send(endpoints.recording(recording_id))
 
     def patch_recording(self, recording_id: str, patch: RecordingPatch) -> Recording:
         """Change the fields that were set in ``patch``."""
-        return self._send(calls.patch_recording(recording_id, patch))
+        return self._send(endpoints.patch_recording(recording_id, patch))
 
     def delete_recording(self, recording_id: str) -> None:
         """Delete a recording with its jobs, results and files."""
-        self._send(calls.delete_recording(recording_id))
+        self._send(endpoints.delete_recording(recording_id))
 
     def download_file(self, recording_id: str, target: Path) -> Path:
         """Save the uploaded file as ``target``."""
-        return self._download(calls.file_path(recording_id), target)
+        return self._download(endpoints.file_path(recording_id), target)
 
     def download_tracks(self, recording_id: str, target: Path) -> Path:
         """Save markers and wrenches as ``target`` (Parquet)."""
-        return self._download(calls.tracks_path(recording_id), target)
+        return self._download(endpoints.tracks_path(recording_id), target)
 
     def subjects(self, limit: int = 50, cursor: str | None = None) -> Page[Subject]:
         """One page of subjects, newest first."""
-        return self._send(calls.subjects(limit, cursor))
+        return self._send(endpoints.subjects(limit, cursor))
 
     def subject(self, subject_id: str) -> Subject:
         """One subject."""
-        return self._send(calls.subject(subject_id))
+        return self._send(endpoints.subject(subject_id))
 
     def add_subject(self, fields: SubjectInput) -> Subject:
         """Add a subject."""
-        return self._send(calls.add_subject(fields))
+        return self._send(endpoints.add_subject(fields))
 
     def patch_subject(self, subject_id: str, fields: SubjectInput) -> Subject:
         """Change the fields that were set in ``fields``."""
-        return self._send(calls.patch_subject(subject_id, fields))
+        return self._send(endpoints.patch_subject(subject_id, fields))
 
     def delete_subject(self, subject_id: str) -> None:
         """Delete a subject; its recordings stay."""
-        self._send(calls.delete_subject(subject_id))
+        self._send(endpoints.delete_subject(subject_id))
 
     def scenarios(self, limit: int = 50, cursor: str | None = None) -> Page[StoredScenario]:
         """One page of scenarios, newest first."""
-        return self._send(calls.scenarios(limit, cursor))
+        return self._send(endpoints.scenarios(limit, cursor))
 
     def scenario(self, scenario_id: str) -> StoredScenario:
         """One scenario."""
-        return self._send(calls.scenario(scenario_id))
+        return self._send(endpoints.scenario(scenario_id))
 
     def add_scenario(self, body: Scenario | Mapping[str, Any]) -> StoredScenario:
         """Store a scenario; one that its robot cannot do is refused (``scenario-invalid``)."""
-        return self._send(calls.add_scenario(body))
+        return self._send(endpoints.add_scenario(body))
 
     def put_scenario(
         self, scenario_id: str, body: Scenario | Mapping[str, Any], unless_changed: StoredScenario | None = None
     ) -> StoredScenario:
         """Replace a scenario as a whole; one that is no longer ``unless_changed`` is kept (``scenario-changed``)."""
-        return self._send(calls.put_scenario(scenario_id, body, unless_changed))
+        return self._send(endpoints.put_scenario(scenario_id, body, unless_changed))
 
     def delete_scenario(self, scenario_id: str) -> None:
         """Delete a scenario; its jobs stay."""
-        self._send(calls.delete_scenario(scenario_id))
+        self._send(endpoints.delete_scenario(scenario_id))
 
     def check_scenario(self, body: Scenario | Mapping[str, Any]) -> ScenarioCheck:
         """Whether its robot can do a scenario, and how far each contact is from being refused."""
-        return self._send(calls.check_scenario(body))
+        return self._send(endpoints.check_scenario(body))
 
     def solvers(self) -> Solvers:
         """Which solvers of the centroidal problem there are, and what is missing."""
-        return self._send(calls.solvers())
+        return self._send(endpoints.solvers())
 
     def preview_plan(self, body: PlanPreviewInput | Mapping[str, Any]) -> PlanPreview:
         """The centroidal motion of a scenario, and after a push, at once; the C++ solver must be there."""
-        return self._send(calls.preview_plan(body))
+        return self._send(endpoints.preview_plan(body))
 
     def robots(self) -> Page[RobotSummary]:
         """All robots."""
-        return self._send(calls.robots())
+        return self._send(endpoints.robots())
 
     def robot(self, name: str) -> RobotFacts:
         """Facts of one robot; those of one that is not prepared yet take a few seconds."""
-        return self._send(calls.robot(name))
+        return self._send(endpoints.robot(name))
 
     def robot_preparation(self, name: str) -> RobotPreparation:
         """How far the files that show a robot are; the first question begins to make what is missing."""
-        return self._send(calls.robot_preparation(name))
+        return self._send(endpoints.robot_preparation(name))
 
     def robot_reachability(self, name: str, measure: Measure | None = None) -> RobotReachability:
         """Where the centre of mass of a robot can be, as samples, surfaces and maps; by default as plans see it."""
-        return self._send(calls.robot_reachability(name, measure))
+        return self._send(endpoints.robot_reachability(name, measure))
 
     def robot_links(self, name: str, target: Path) -> Path:
         """Save the display meshes of a robot as ``target`` (binary glTF); they take a while to make at first."""
-        return self._download(calls.links_path(name), target, wait_s=calls.LOADING_S)
+        return self._download(endpoints.links_path(name), target, wait_s=endpoints.LOADING_S)
 
     def submit(
         self,
@@ -227,7 +227,7 @@ class Client:
         idempotency_key: str | None = None,
     ) -> Job:
         """Submit a job; the same ``idempotency_key`` again returns the same job."""
-        return self._send(calls.submit(kind, request, priority, idempotency_key))
+        return self._send(endpoints.submit(kind, request, priority, idempotency_key))
 
     def jobs(
         self,
@@ -241,11 +241,11 @@ class Client:
     ) -> Page[Job]:
         """One page of jobs, newest first."""
         filters = {"state": state, "kind": kind, "recording_id": recording_id, "scenario_id": scenario_id}
-        return self._send(calls.jobs(limit, cursor, **filters))
+        return self._send(endpoints.jobs(limit, cursor, **filters))
 
     def job(self, job_id: str, wait_s: float = 0.0) -> Job:
         """One job; waits up to ``wait_s`` (at most 60 s) for it to finish."""
-        return self._send(calls.job(job_id, wait_s))
+        return self._send(endpoints.job(job_id, wait_s))
 
     def wait(self, job_id: str, timeout_s: float | None = None) -> Job:
         """The job once it has finished. Raises ``TimeoutError`` after ``timeout_s``; None waits for ever."""
@@ -277,10 +277,10 @@ class Client:
             if reader.last_id is not None:
                 headers["Last-Event-ID"] = reader.last_id
             try:
-                with self._http.stream("GET", calls.events_path(job_id), headers=headers) as response:
+                with self._http.stream("GET", endpoints.events_path(job_id), headers=headers) as response:
                     if response.status_code >= 400:
                         response.read()
-                        calls.raise_for_problem(response)
+                        endpoints.raise_for_problem(response)
                     for line in response.iter_lines():
                         event = reader.feed(line)
                         if event is not None:
@@ -299,36 +299,38 @@ class Client:
 
     def cancel(self, job_id: str) -> Job:
         """Cancel a job that has not finished."""
-        return self._send(calls.cancel(job_id))
+        return self._send(endpoints.cancel(job_id))
 
     def delete_job(self, job_id: str) -> Job:
         """Delete a finished job with its result and files (one that has not finished is cancelled)."""
-        return self._send(calls.delete_job(job_id))
+        return self._send(endpoints.delete_job(job_id))
 
     def result(self, job_id: str) -> JobResult:
         """Summary and list of files of a succeeded job."""
-        return self._send(calls.result(job_id))
+        return self._send(endpoints.result(job_id))
 
     def download_artifact(self, job_id: str, name: str, target: Path) -> Path:
         """Save one file of a result as ``target``."""
-        return self._download(calls.artifact_path(job_id, name), target)
+        return self._download(endpoints.artifact_path(job_id, name), target)
 
     def download_bundle(self, job_id: str, target: Path) -> Path:
         """Save input, result, versions, references and all files of a job as one zip file ``target``."""
-        return self._download(calls.bundle_path(job_id), target)
+        return self._download(endpoints.bundle_path(job_id), target)
 
     def read_artifact(self, job_id: str, name: str) -> bytes:
         """The bytes of one file of a result."""
-        return self._send(calls.Call("GET", calls.artifact_path(job_id, name), lambda response: response.content))
+        return self._send(
+            endpoints.Call("GET", endpoints.artifact_path(job_id, name), lambda response: response.content)
+        )
 
     def stream_com(self, configuration: StreamConfiguration) -> AbstractContextManager[ComStream]:
         """Estimate online: ``with lab.stream_com(...) as stream`` opens it, ``stream.send`` estimates."""
         return open_sync(str(self._http.base_url), self._headers, configuration, self._timeout_s)
 
-    def _send(self, call: calls.Call[T]) -> T:
+    def _send(self, call: endpoints.Call[T]) -> T:
         with self._reached():
             response = self._http.request(call.method, call.path, **request_arguments(call, self._timeout_s))
-        calls.raise_for_problem(response)
+        endpoints.raise_for_problem(response)
         return call.read(response)
 
     def _download(self, path: str, target: Path, wait_s: float = 0.0) -> Path:
@@ -337,7 +339,7 @@ class Client:
             with self._reached(), self._http.stream("GET", path, timeout=self._timeout_s + wait_s) as response:
                 if response.status_code >= 400:
                     response.read()
-                    calls.raise_for_problem(response)
+                    endpoints.raise_for_problem(response)
                 with part.open("wb") as file:
                     for piece in response.iter_bytes():
                         file.write(piece)

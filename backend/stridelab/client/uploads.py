@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stridelab.client.calls import API
+from stridelab.client.endpoints import API
 from stridelab.client.errors import ProblemError
 from stridelab.schemas.base import Problem
 from stridelab.schemas.jobs import Job

@@ -13,7 +13,7 @@ import numpy as np
 
 from stridelab.contacts.terrain import Terrain
 from stridelab.conventions import Series
-from stridelab.dynamics.placement import Placement
+from stridelab.dynamics.spatial import Placement
 
 
 @dataclass(frozen=True, eq=False)

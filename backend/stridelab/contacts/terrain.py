@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from stridelab.conventions import Points, Vector3
-from stridelab.dynamics.placement import Placement
+from stridelab.dynamics.spatial import Placement
 
 
 @dataclass(frozen=True, eq=False)

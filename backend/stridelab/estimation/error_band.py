@@ -27,9 +27,9 @@ from stridelab.conventions import Points
 from stridelab.dynamics.central_axis import AXIS_THRESHOLD_N
 from stridelab.dynamics.newton_euler import com_acceleration
 from stridelab.dynamics.wrench import Wrench
-from stridelab.estimation.derivatives import derivatives
+from stridelab.estimation.complementary.forward_backward import FilterInputs
+from stridelab.estimation.differentiation import derivatives
 from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
-from stridelab.estimation.passes import FilterInputs
 from stridelab.estimation.walk_frame import walk_frame
 
 WindowPoints = Float[np.ndarray, "window 3"]

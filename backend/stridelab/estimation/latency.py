@@ -25,9 +25,9 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, PerAxis, Points, Rotation, Series
 from stridelab.dynamics.newton_euler import contact_force
 from stridelab.errors import NotEstimable
-from stridelab.estimation.clock_likelihood import clock_likelihood
-from stridelab.estimation.derivatives import BAND_HZ, derivatives, low_pass
-from stridelab.estimation.span import Span, require_mass, window_span
+from stridelab.estimation.differentiation import BAND_HZ, derivatives, low_pass
+from stridelab.estimation.latency_likelihood import clock_likelihood
+from stridelab.estimation.time_span import Span, require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
 
 PerLag = Float[np.ndarray, "lags 3"]

@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from stridelab.conventions import GRAVITY_M_S2, Mask, Points, Vector3, g
-from stridelab.estimation.estimate import ComEstimate
+from stridelab.estimation.estimator import ComEstimate
 
 FLIGHT: Final = 0.1
 """Force over body weight below which there is no contact."""

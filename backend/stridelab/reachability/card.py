@@ -6,8 +6,8 @@ from typing import Final, Literal
 import numpy as np
 from pydantic import ConfigDict
 
-from stridelab.reachability.mixture import Mixture
-from stridelab.reachability.proxy import Frame, Proxy
+from stridelab.reachability.gaussian_mixture import Mixture
+from stridelab.reachability.proxy.effector_proxy import Frame, Proxy
 
 _STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
 

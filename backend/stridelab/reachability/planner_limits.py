@@ -10,8 +10,8 @@ from typing import Final
 
 import numpy as np
 
-from stridelab.contacts.shapes import EffectorReach, effector_shapes
-from stridelab.contacts.step_limits import EffectorLimits, RobotLimits, StepDefaults
+from stridelab.contacts.effector_geometry import EffectorReach, effector_shapes
+from stridelab.contacts.planner.step_limits import EffectorLimits, RobotLimits, StepDefaults
 from stridelab.errors import NotFound
 from stridelab.reachability.card import Reach, ReachabilityCard
 from stridelab.reachability.store import load_card

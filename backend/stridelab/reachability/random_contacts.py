@@ -12,9 +12,9 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from stridelab.conventions import Mask, Points
-from stridelab.reachability.body_tree import Target
-from stridelab.reachability.stance import Stance, about
-from stridelab.reachability.stance_truth import Contacts, StanceTruth
+from stridelab.reachability.kinematics.ik_ground_truth import Contacts, StanceTruth
+from stridelab.reachability.kinematics.whole_body_ik import Target
+from stridelab.reachability.standing_conditions import Stance, about
 
 GROWN: Final = 1.3
 HAND_LOW: Final = (-0.2, -0.8, 0.7)

@@ -25,7 +25,7 @@ from pydantic import TypeAdapter, ValidationError
 from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput, NotFound, Unavailable, UnreadableFile
 from stridelab.reachability.card import EffectorCard, Measure, ReachabilityCard
-from stridelab.reachability.proxy import Proxy
+from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.resources import models_dir
 from stridelab.robots.card import robot_names
 

@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from stridelab.conventions import Points
-from stridelab.recordings.feet import Foot
+from stridelab.recordings.foot_contact import Foot
 from stridelab.recordings.recording import Recording
 
 _BALL = 0.72

@@ -14,11 +14,11 @@ import numpy as np
 from scipy.ndimage import minimum_filter1d
 
 from stridelab.conventions import GRAVITY_M_S2, Mask, Series
-from stridelab.recordings.gaps import runs
+from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.plate_contacts import vertical_force_n, whole_steps
 from stridelab.recordings.recording import Recording, Window
-from stridelab.recordings.steps import vertical_force_n, whole_steps
+from stridelab.recordings.total_wrench import low_pass
 from stridelab.recordings.vertical_motion import VerticalMotion, low_band
-from stridelab.recordings.wrench import low_pass
 
 MISSING, MISSING_BY_PELVIS = 0.2, 0.4
 """Share of body weight above which force is missing. The largest D in windows without a fault is 0.12 (fast walks)."""

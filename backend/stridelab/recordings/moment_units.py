@@ -13,11 +13,10 @@ from typing import Final
 import numpy as np
 
 from stridelab.conventions import Points, Vector3
-from stridelab.recordings.plates import plate_axes, repair_origin, upward_sign
-from stridelab.recordings.raw import PlateSignals
+from stridelab.recordings.files.raw import PlateSignals
+from stridelab.recordings.files.units import moment_scale
+from stridelab.recordings.force_plates import find_tare, plate_axes, repair_origin, upward_sign
 from stridelab.recordings.recording import Remark
-from stridelab.recordings.tare import find_tare
-from stridelab.recordings.units import moment_scale
 
 AS_STATED, THOUSANDTH, THOUSANDFOLD = 1.0, 1e-3, 1e3
 """Factors on the stated unit: metres and millimetres are what laboratories confuse."""

@@ -9,16 +9,16 @@ import numpy as np
 
 from stridelab.conventions import Mask, Points, Rotation, Vector3
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
-from stridelab.recordings import axes
-from stridelab.recordings.archive import is_trc
-from stridelab.recordings.c3d import read_c3d
-from stridelab.recordings.gaps import fill_short_gaps
+from stridelab.recordings import orientation
+from stridelab.recordings.files.c3d import read_c3d
+from stridelab.recordings.files.opensim_zip import is_trc
+from stridelab.recordings.files.raw import FilePlate, RawTrial
+from stridelab.recordings.files.trc_mot import read_trc, read_trc_mot
+from stridelab.recordings.force_plates import plate_wrench, rough_normal, rough_total_force
+from stridelab.recordings.gap_filling import fill_short_gaps
 from stridelab.recordings.moment_units import with_true_moment_units
-from stridelab.recordings.plates import plate_wrench, rough_normal, rough_total_force
-from stridelab.recordings.raw import FilePlate, RawTrial
+from stridelab.recordings.plate_contacts import fore_aft_remarks
 from stridelab.recordings.recording import Plate, PlateSwitches, Recording, Remark
-from stridelab.recordings.steps import fore_aft_remarks
-from stridelab.recordings.trc_mot import read_trc, read_trc_mot
 
 _HEAD_BYTES: Final = 2000
 _C3D_KEY: Final = 0x50
@@ -85,8 +85,8 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
     """Turn the file's axes into the world frame (z up), tare and repair the plates, fill short gaps."""
     remarks = list(raw.remarks)
     up = up_axis_of(raw)
-    R = axes.rotation_to_z_up(up)
-    plates, plate_remarks = _plates(raw, axes.axis_vector(up), R, switches)
+    R = orientation.rotation_to_z_up(up)
+    plates, plate_remarks = _plates(raw, orientation.axis_vector(up), R, switches)
     remarks += plate_remarks
     points = raw.points_m @ R.T
     markers, outputs, filled = _tracks(raw, points)
@@ -96,7 +96,7 @@ def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
         remarks.append(Remark("gaps-filled", message))
     is_marker = [label not in raw.outputs for label in raw.labels]
     body = points[:, is_marker, :]
-    direction = axes.walking_direction(body, raw.marker_rate_hz)
+    direction = orientation.walking_direction(body, raw.marker_rate_hz)
     if direction is None and plates:
         direction = _belt_direction(list(markers.values()), raw.marker_rate_hz)
         if direction is not None:
@@ -130,7 +130,7 @@ def up_axis_of(raw: RawTrial) -> str:
         vertical = rough_total_force(raw.plates)
         vertical = rough_normal(raw.plates) if vertical is None else vertical
         centres = [signals.corners_m.mean(axis=0) for signals in raw.plates]
-    return axes.find_up_axis(vertical, centres, raw.points_m, raw.up_hint)
+    return orientation.find_up_axis(vertical, centres, raw.points_m, raw.up_hint)
 
 
 def _plates(
@@ -185,4 +185,4 @@ def _belt_direction(tracks: list[Points], rate_hz: float) -> Vector3 | None:
     """Direction of walking on a belt, from the lowest quarter of the markers."""
     heights = [float(np.nanmedian(track[:, 2])) for track in tracks]
     low = np.argsort(heights)[: max(2, len(tracks) // 4)]
-    return axes.belt_direction([tracks[int(i)] for i in low], rate_hz)
+    return orientation.belt_direction([tracks[int(i)] for i in low], rate_hz)

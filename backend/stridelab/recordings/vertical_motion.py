@@ -11,7 +11,7 @@ import numpy as np
 from scipy.signal import butter, sosfiltfilt
 
 from stridelab.conventions import Mask, Points, Series
-from stridelab.recordings.gaps import runs
+from stridelab.recordings.gap_filling import runs
 from stridelab.recordings.recording import Recording
 
 BAND_HZ = 4.0

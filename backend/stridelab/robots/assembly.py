@@ -1,7 +1,12 @@
-"""From a robot's card and description to the ``Robot`` of the robot wing."""
+"""From a robot's card and description to the ``Robot`` of the robot wing.
 
+What identifies a robot: a hash of all that makes a difference to a motion, and of nothing else.
+"""
+
+import hashlib
 import re
 from collections.abc import Mapping
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -9,17 +14,16 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.conventions import Rotation
-from stridelab.dynamics.placement import Placement
+from stridelab.dynamics.spatial import Placement
 from stridelab.errors import Fault, InvalidInput
 from stridelab.robots import card as cards
-from stridelab.robots import checks, inertias
+from stridelab.robots import card_validation, inertias
 from stridelab.robots.card import EffectorCard, RobotCard
-from stridelab.robots.collision_model import collision_model, matches
 from stridelab.robots.data_files import DataFiles
-from stridelab.robots.description import collision_geometry, full_model, read_srdf, some_visuals, tree
-from stridelab.robots.fingerprint import fingerprint
 from stridelab.robots.robot import Effector, Robot
+from stridelab.robots.self_collision import collision_model, matches
 from stridelab.robots.trunk_axes import faced, level_axes, own_axes
+from stridelab.robots.urdf import collision_geometry, full_model, read_srdf, some_visuals, tree
 
 V = TypeVar("V")
 
@@ -39,7 +43,7 @@ def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
     sizes = inertias.sizes_m(full, parts)
     if faults := list(inertias.unphysical(tree(files.urdf), sizes, card.accepted_inertias)):
         raise invalid_description(name, faults)
-    if faults := list(checks.mismatches(card, full, parts, looks)):
+    if faults := list(card_validation.mismatches(card, full, parts, looks)):
         raise cards.invalid(name, faults)
     set_limits(full, card)
     touching = collision_model(full, parts, looks, card.collision, files.srdf)
@@ -51,9 +55,12 @@ def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
     effectors = {key: effector_of(key, effector) for key, effector in card.effectors.items()}
     moving = list(model.names)[2:]
     q = np.concatenate([q_full[:7], [q_full[_index(full, joint)] for joint in moving]])
-    if faults := list(checks.limitless(model)):
+    if faults := list(card_validation.limitless(model)):
         raise invalid_description(name, faults)
-    if faults := [*checks.immovable(model, card.base_frame, effectors), *checks.out_of_range(model, q)]:
+    if faults := [
+        *card_validation.immovable(model, card.base_frame, effectors),
+        *card_validation.out_of_range(model, q),
+    ]:
         raise cards.invalid(name, faults)
     try:
         q = on_the_ground(model, faced(q, level_axes(model, q, effectors)), effectors)
@@ -154,3 +161,21 @@ def _stated(table: Mapping[str, V], joint: str) -> V | None:
 
 def _index(model: pin.Model, joint: str) -> int:
     return int(model.joints[model.getJointId(joint)].idx_q)
+
+
+def fingerprint(card: RobotCard, files: DataFiles, collision: pin.GeometryModel) -> str:
+    """SHA-256 over the URDF, the SRDF where there is one, the meshes that can touch, and what the card says.
+
+    Comments, layout, title and licence of the card do not enter, nor where the files lie.
+    """
+    total = hashlib.sha256()
+    meshes = sorted({Path(part.meshPath) for part in collision.geometryObjects if part.meshPath not in _PRIMITIVES})
+    for path in (files.urdf, files.srdf, *meshes):
+        content = b"" if path is None else path.read_bytes()
+        total.update(hashlib.sha256(content).digest())
+    total.update(hashlib.sha256(card.canonical()).digest())
+    return total.hexdigest()
+
+
+_PRIMITIVES = {"", "BOX", "CYLINDER", "SPHERE", "CAPSULE"}
+"""What pinocchio writes for the path of a shape that has no file."""

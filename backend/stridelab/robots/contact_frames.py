@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import pinocchio as pin
 
-from stridelab.dynamics.placement import Placement
+from stridelab.dynamics.spatial import Placement
 from stridelab.robots.robot import Robot
 
 

@@ -26,11 +26,11 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.conventions import Angles, Vector3
-from stridelab.dynamics.placement import Placement
+from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
-from stridelab.robots.collision import Apart
 from stridelab.robots.contact_frames import se3, with_contact_frames
 from stridelab.robots.robot import Robot
+from stridelab.robots.self_collision import Apart
 
 TOLERANCE: float = 1e-7
 """Largest error (m, rad) of a converged configuration."""

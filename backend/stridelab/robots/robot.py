@@ -10,7 +10,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.conventions import Points, Rotation
-from stridelab.dynamics.placement import Placement
+from stridelab.dynamics.spatial import Placement
 
 Group = Literal["leg", "torso", "arm", "head"]
 """Where in the body a joint lies."""

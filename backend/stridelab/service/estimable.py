@@ -11,9 +11,9 @@ from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import EstimateOffer, RecordingFacts, SubjectFields
 
 SHORTEST_WINDOW_S: Final = 0.4
-"""That of ``stridelab.estimation.span``, which needs a numeric package."""
+"""That of ``stridelab.estimation.time_span``, which needs a numeric package."""
 MIN_WINDOW_S: Final = 0.25
-"""That of ``stridelab.recordings.windows``."""
+"""That of ``stridelab.recordings.force_windows``."""
 _BY_GEOMETRY: Final = "The method geometry gives the centre of mass from the markers alone."
 
 Refusal = tuple[str, str]

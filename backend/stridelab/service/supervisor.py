@@ -29,11 +29,11 @@ import psycopg
 from stridelab import heartbeat
 from stridelab.errors import Fault, InvalidInput, Unavailable
 from stridelab.service.data_folder import explained, open_data_folder
-from stridelab.service.embedded_postgres import EmbeddedPostgres
+from stridelab.service.postgres.embedded import EmbeddedPostgres
+from stridelab.service.processes.parent_death import tethered
+from stridelab.service.processes.watchdog import Silence, Verdict
 from stridelab.service.settings import Settings
-from stridelab.service.storage.migrating import migrate, plain
-from stridelab.service.tether import tethered
-from stridelab.service.watchdog import Silence, Verdict
+from stridelab.service.storage.migrate import migrate, plain
 
 VIEWER: Final = "stridelab_web.viewer"
 API: Final = "stridelab.service.api"

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from stridelab.schemas.recordings import RecordingFacts, SubjectFields
-from stridelab.service.sessions import session_id_of
-from stridelab.service.storage.uploads import upload_key
+from stridelab.service.recording_sessions import session_id_of
+from stridelab.service.storage.content_addressed import upload_key
 
 
 def own_prefix(recording_id: str) -> str:

@@ -16,7 +16,7 @@ from jaxtyping import Float
 
 from stridelab.conventions import Series
 from stridelab.walking.curtate_cycloid import Branch, Plane, Wheel, parameter_rows, turn_to_zero
-from stridelab.walking.first_guess import first_guess
+from stridelab.walking.initial_guess import first_guess
 
 ITERATIONS: Final = 200
 DAMPING: Final = 1e-4

@@ -9,13 +9,13 @@ import numpy as np
 
 from stridelab.conventions import Mask, Series, Vector3
 from stridelab.errors import NotEstimable
-from stridelab.estimation.estimate import ComEstimate
+from stridelab.estimation.estimator import ComEstimate
 from stridelab.recordings.recording import Window
+from stridelab.walking.alternative_models import Contest, Step, path_contest, time_contest
 from stridelab.walking.curtate_cycloid import FullTurn, Plane
-from stridelab.walking.gait_step import MOST_MISSING, GaitStep
+from stridelab.walking.double_support import double_support_of_wheel
 from stridelab.walking.path_fit import PathFit, fit_path
-from stridelab.walking.rivals import Contest, Step, path_contest, time_contest
-from stridelab.walking.segmentation import double_support_of_wheel
+from stridelab.walking.steps import MOST_MISSING, GaitStep
 from stridelab.walking.timed_fit import TimedFit, fit_in_time
 
 LEAST_SAMPLES: Final = 20

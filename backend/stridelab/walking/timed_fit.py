@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from stridelab.conventions import Series
 from stridelab.walking.curtate_cycloid import Branch, FullTurn, Plane, Wheel, parameter_rows, turn_to_zero
-from stridelab.walking.first_guess import first_guess
+from stridelab.walking.initial_guess import first_guess
 
 OMEGA_RANGE: Final = (0.75, 1.33)
 """Of one turn per step."""

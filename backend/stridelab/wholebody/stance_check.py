@@ -21,14 +21,14 @@ import numpy as np
 import pinocchio as pin
 from jaxtyping import Float
 
-from stridelab.contacts.shapes import effector_shapes
+from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.conventions import Vector3
-from stridelab.dynamics.placement import Placement
-from stridelab.robots.collision import Apart, SelfCollision
+from stridelab.dynamics.spatial import Placement
 from stridelab.robots.inverse_kinematics import ComRoom, IkResult, reference_at, stand_in_room
 from stridelab.robots.robot import Robot
-from stridelab.wholebody.joint_limits import JointLimits
-from stridelab.wholebody.programme import Settings
+from stridelab.robots.self_collision import Apart, SelfCollision
+from stridelab.wholebody.control.joint_limits import JointLimits
+from stridelab.wholebody.control.task_stack import Settings
 
 STARTS: Final = 4
 """Postures besides the reference posture from which a stance is searched for."""

@@ -25,7 +25,7 @@ async def on_problem(request: Request, error: Exception) -> Response:
     wait = error.retry_after_s
     answer = page(
         request,
-        "error.html",
+        "pages/error.html",
         problem.status,
         title=_TITLES.get(problem.status, problem.title),
         detail=problem.detail if wait is None else f"{problem.detail} Try again in {wait:g} s.",
@@ -45,7 +45,7 @@ async def on_http(request: Request, error: Exception) -> Response:
     status = error.status_code
     detail = "There is no page at this address." if status == 404 else str(error.detail)
     title = _TITLES.get(status, "That did not work")
-    return page(request, "error.html", status, title=title, detail=detail, code="", status=status, errors=[])
+    return page(request, "pages/error.html", status, title=title, detail=detail, code="", status=status, errors=[])
 
 
 async def on_unreachable(request: Request, error: Exception) -> Response:
@@ -53,4 +53,4 @@ async def on_unreachable(request: Request, error: Exception) -> Response:
     if not isinstance(error, Unreachable):
         raise error
     detail = "The service does not answer at the moment. Try again in a few seconds."
-    return page(request, "error.html", 503, title=_TITLES[503], detail=detail, code="", status=503, errors=[])
+    return page(request, "pages/error.html", 503, title=_TITLES[503], detail=detail, code="", status=503, errors=[])

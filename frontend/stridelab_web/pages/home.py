@@ -9,10 +9,10 @@ from starlette.responses import Response
 from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import Job
 from stridelab.schemas.scenarios import StoredScenario
-from stridelab_web.pages.overview import filenames_of
+from stridelab_web.api_client import client_of
+from stridelab_web.pages.lists import filenames_of
 from stridelab_web.pages.render import page
-from stridelab_web.pages.scenario import cards
-from stridelab_web.service import client_of
+from stridelab_web.pages.scenarios.page import cards
 
 SAMPLE_RECORDING: Final = "sample-walk"
 SAMPLE_SCENARIO: Final = "six-stairs"
@@ -28,7 +28,7 @@ async def home(request: Request) -> Response:
     shown = await _scenarios(client)
     return page(
         request,
-        "home.html",
+        "pages/home.html",
         section="Home",
         sample=await _there(client.recording(SAMPLE_RECORDING)),
         recordings=recordings.items,

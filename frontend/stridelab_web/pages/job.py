@@ -8,16 +8,16 @@ from starlette.responses import JSONResponse, RedirectResponse, Response
 from stridelab.client import AsyncClient, ProblemError
 from stridelab.schemas.jobs import Job, JobResult
 from stridelab.schemas.recordings import Recording
+from stridelab_web.api_client import client_of
 from stridelab_web.assets import plotly_style_ids
-from stridelab_web.com_plots import COM_TABLE, com_curves
-from stridelab_web.pages import comparison, cycloid, learned, population, receding, reproduction, sweep
-from stridelab_web.pages.facts import facts_of, sentences_of
+from stridelab_web.pages import reproduction
 from stridelab_web.pages.render import page
-from stridelab_web.plan_files import SCENARIO
-from stridelab_web.quality import shown_quality
-from stridelab_web.result_tables import SCENE_TABLES
-from stridelab_web.service import client_of
-from stridelab_web.tables import read_columns
+from stridelab_web.pages.results import comparison, cycloid, population, reachability, receding, sweep
+from stridelab_web.pages.results.com_plots import COM_TABLE, com_curves
+from stridelab_web.pages.results.quality import shown_quality
+from stridelab_web.pages.results.summary_facts import facts_of, sentences_of
+from stridelab_web.parquet import read_columns
+from stridelab_web.scene.result_files import SCENARIO, SCENE_TABLES
 
 
 async def job(request: Request) -> Response:
@@ -37,8 +37,8 @@ async def job(request: Request) -> Response:
     if result is not None and found.kind == cycloid.KIND:
         rolled = await cycloid.cycloid_of(client, found.id, result, request.query_params.get("step", ""))
     reach = None
-    if result is not None and found.kind == learned.KIND:
-        reach = await learned.learned_of(client, found.id, result)
+    if result is not None and found.kind == reachability.KIND:
+        reach = await reachability.learned_of(client, found.id, result)
     swept = None
     if result is not None and found.kind == sweep.KIND:
         swept = await sweep.sweep_of(client, found.id, result)
@@ -51,13 +51,13 @@ async def job(request: Request) -> Response:
     plots = curves or walked is not None or (compared is not None and compared["figure"] is not None)
     return page(
         request,
-        "job.html",
+        "pages/job.html",
         section="Jobs",
         job=found,
         took_s=took_s(found),
         result=result,
         quality=shown_quality(result.summary) if result else None,
-        facts=learned.beside(facts) if reach else facts,
+        facts=reachability.beside(facts) if reach else facts,
         sentences=sentences_of(result) if result else [],
         recording=recording,
         plots=plots,

@@ -7,10 +7,10 @@ from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.recordings import Recording
-from stridelab_web import strips
+from stridelab_web.api_client import client_of
 from stridelab_web.assets import plotly_style_ids
+from stridelab_web.charts import intervals
 from stridelab_web.pages.render import page
-from stridelab_web.service import client_of
 
 LATENCIES = (
     ("report", "estimate and report"),
@@ -39,7 +39,7 @@ async def recording(request: Request) -> Response:
     alternatives = {name for group in found.missing_landmarks for name in group.split("|")}
     return page(
         request,
-        "recording.html",
+        "pages/recording.html",
         section="Recordings",
         recording=found,
         known="known" in request.query_params,
@@ -56,10 +56,10 @@ async def recording(request: Request) -> Response:
             dict.fromkeys([*found.labels, *(label for item in session if item.still for label in item.labels)])
         ),
         standing=[item for item in session if item.still and item.id != found.id],
-        windows=strips.bars(found.windows_s, found.duration_s),
-        windows_text=strips.windows_text(found),
-        plate_bars=[strips.plate_bars(plate, found.duration_s) for plate in found.plates],
-        ticks=strips.ticks(found.duration_s),
+        windows=intervals.bars(found.windows_s, found.duration_s),
+        windows_text=intervals.windows_text(found),
+        plate_bars=[intervals.plate_bars(plate, found.duration_s) for plate in found.plates],
+        ticks=intervals.ticks(found.duration_s),
         mappable=sorted({*found.landmarks, *alternatives, *found.marker_map}),
         methods=METHODS,
         method=_method_of(found),

@@ -9,8 +9,8 @@ from starlette.responses import HTMLResponse
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab_web.assets import TEMPLATES
 from stridelab_web.config import WebConfig
-from stridelab_web.quality import VERDICT_CODES
-from stridelab_web.words import FILTERS
+from stridelab_web.formatting import FILTERS
+from stridelab_web.pages.results.quality import VERDICT_CODES
 
 
 def make_environment(config: WebConfig) -> Environment:

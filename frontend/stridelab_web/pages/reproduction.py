@@ -12,8 +12,8 @@ from starlette.responses import Response
 from stridelab.client import AsyncClient
 from stridelab.schemas.jobs import FINAL_STATES, Artifact, Job, JobResult
 from stridelab.schemas.reproduction import ReproduceSummary, ReproductionItem, Verdict
+from stridelab_web.api_client import client_of
 from stridelab_web.pages.render import page
-from stridelab_web.service import client_of
 
 KIND: Final = "reproduce"
 ITEMS: Final[tuple[str, ...]] = get_args(ReproductionItem)
@@ -44,7 +44,7 @@ async def reproduction(request: Request) -> Response:
     recent, found = await asyncio.gather(client.jobs(AT_ONCE, kind=KIND), _newest(client))
     return page(
         request,
-        "reproduction.html",
+        "pages/reproduction.html",
         section="Reproduction",
         items=ITEMS,
         found=found,

@@ -7,12 +7,12 @@ from starlette.responses import JSONResponse, Response
 
 from stridelab.client import ProblemError
 from stridelab.schemas.robots import Measure, RobotFacts
+from stridelab_web.api_client import client_of
 from stridelab_web.assets import plotly_style_ids
-from stridelab_web.documents import Document
-from stridelab_web.pages import learned
-from stridelab_web.pages.preparing import preparing
 from stridelab_web.pages.render import page
-from stridelab_web.service import client_of
+from stridelab_web.pages.results import reachability
+from stridelab_web.pages.viewer.preparing import preparing
+from stridelab_web.scene.documents import Document
 
 NOT_HERE: Final = frozenset({"robot-data-missing", "robot-data-unreadable", "robot-not-loaded"})
 """Why a robot that has a card may have no page."""
@@ -21,7 +21,7 @@ NOT_HERE: Final = frozenset({"robot-data-missing", "robot-data-unreadable", "rob
 async def robots(request: Request) -> Response:
     """``GET /robots``; what is known only of a robot that is loaded, the page asks for by itself."""
     found = await client_of(request).robots()
-    return page(request, "robots.html", section="Robots", robots=found.items)
+    return page(request, "pages/robots.html", section="Robots", robots=found.items)
 
 
 async def robot(request: Request) -> Response:
@@ -33,16 +33,16 @@ async def robot(request: Request) -> Response:
         if refusal.code not in NOT_HERE:
             raise
         known = next(item for item in (await client.robots()).items if item.name == name)
-        return page(request, "robot_missing.html", 503, section="Robots", robot=known, reason=refusal.detail)
+        return page(request, "pages/robot_missing.html", 503, section="Robots", robot=known, reason=refusal.detail)
     measure = _measure(found, request.query_params.get("measure"))
     cards = [card for card in found.proxies if card.measure == measure]
     return page(
         request,
-        "robot.html",
+        "pages/robot.html",
         section="Robots",
         robot=found,
         measure=measure,
-        learned=learned.shown(cards, f"/robots/{found.name}/reach.json?measure={measure}") if cards else None,
+        learned=reachability.shown(cards, f"/robots/{found.name}/reach.json?measure={measure}") if cards else None,
         plotly_style_ids=plotly_style_ids() if cards else (),
     )
 
@@ -58,7 +58,7 @@ async def scene(request: Request, name: str) -> Response:
     }
     return page(
         request,
-        "view_robot.html",
+        "viewer/view_robot.html",
         robot=found,
         scene=Document("robot", found.name).address,
         measure=_measure(found, request.query_params.get("measure")),
@@ -75,7 +75,7 @@ async def reach(request: Request) -> Response:
         found = await client.robot_reachability(name, measure)
     except ProblemError as refusal:  # for a script, not for a reader
         return JSONResponse(refusal.problem.model_dump(mode="json"), status_code=refusal.status)
-    return learned.maps(found, request)
+    return reachability.maps(found, request)
 
 
 def _measure(found: RobotFacts, asked: str | None) -> Measure:

@@ -5,8 +5,8 @@ from typing import Final
 from starlette.requests import Request
 from starlette.responses import Response
 
+from stridelab_web.api_client import client_of
 from stridelab_web.pages.render import page
-from stridelab_web.service import client_of
 
 OFFERED: Final = 50
 """Recordings of nobody that are offered at a time."""
@@ -15,7 +15,7 @@ OFFERED: Final = 50
 async def subjects(request: Request) -> Response:
     """``GET /subjects``."""
     found = await client_of(request).subjects(cursor=request.query_params.get("cursor"))
-    return page(request, "subjects.html", section="Subjects", subjects=found.items, next=found.next)
+    return page(request, "pages/subjects.html", section="Subjects", subjects=found.items, next=found.next)
 
 
 async def subject(request: Request) -> Response:
@@ -26,7 +26,7 @@ async def subject(request: Request) -> Response:
     others = await client.recordings(limit=OFFERED, cursor=query.get("others"), linked=False)
     return page(
         request,
-        "subject.html",
+        "pages/subject.html",
         section="Subjects",
         subject=found,
         recordings=own.items,

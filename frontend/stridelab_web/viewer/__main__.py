@@ -19,9 +19,9 @@ from starlette.applications import Starlette
 from stridelab import heartbeat
 from stridelab.client import Client
 from stridelab_web.viewer.control import create_control
-from stridelab_web.viewer.kinds import kinds
-from stridelab_web.viewer.library import Library
+from stridelab_web.viewer.scene_builders import kinds
 from stridelab_web.viewer.scene_limits import limits_of
+from stridelab_web.viewer.scene_pool import Library
 
 TIDY_EVERY_S = 30.0
 SLOWEST_S = 110.0

@@ -11,9 +11,9 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from stridelab.client import ProblemError, Unreachable
-from stridelab_web.documents import PlayerForm, document_of
-from stridelab_web.viewer.library import Library
+from stridelab_web.scene.documents import PlayerForm, document_of
 from stridelab_web.viewer.scene_limits import ScenesInUse
+from stridelab_web.viewer.scene_pool import Library
 
 Answer = Callable[[Request], Awaitable[Response]]
 

@@ -1,16 +1,16 @@
 """The gait scene: floor, plates, markers, skeleton, forces, central axis, centre of mass with its band, wheel.
 
-Nodes are placed at the first instant at which they exist; from then on the page moves them (static/js/scene.js).
+Nodes are placed at the first instant at which they exist; from then on the page moves them (static/js/viewer/scene.js).
 """
 
 import numpy as np
 import viser
 
 from stridelab.schemas.recordings import Recording
-from stridelab_web import com_frames, wheel_frames
-from stridelab_web.frames import Frames
-from stridelab_web.viewer import shapes
-from stridelab_web.viewer.parts import Colour, add_arrow, add_floor, add_mesh, add_path, place_camera, prepare
+from stridelab_web.scene import com_frames, cycloid_frames
+from stridelab_web.scene.frames import Frames
+from stridelab_web.viewer import meshes
+from stridelab_web.viewer.scene_parts import Colour, add_arrow, add_floor, add_mesh, add_path, place_camera, prepare
 
 BLUE, ORANGE, BROWN = (11, 92, 156), (226, 132, 20), (176, 96, 0)
 MARKER, BONE, PLATE, PLATE_OFF = (62, 78, 94), (166, 180, 194), (214, 224, 232), (235, 235, 235)
@@ -20,16 +20,16 @@ POINTS: dict[str, tuple[Colour, float]] = {
     com_frames.FUSED: (BLUE, 0.014),
     f"{com_frames.GEOMETRY}/point": (BROWN, 0.012),
     f"{com_frames.ON_AXIS}/point": (AXIS_COLOUR, 0.012),
-    wheel_frames.HUB: (WHEEL, 0.008),
-    wheel_frames.POINT: (WHEEL, 0.01),
+    cycloid_frames.HUB: (WHEEL, 0.008),
+    cycloid_frames.POINT: (WHEEL, 0.01),
 }
 PATHS: dict[str, tuple[Colour, float]] = {
     com_frames.PATH: (BLUE, 0.004),
     f"{com_frames.GEOMETRY}/path": (BROWN, 0.003),
     f"{com_frames.ON_AXIS}/path": (AXIS_COLOUR, 0.003),
-    wheel_frames.TRACE: (WHEEL, 0.003),
-    wheel_frames.GROUND: (WHEEL, 0.003),
-    wheel_frames.HUB_PATH: (BONE, 0.0015),
+    cycloid_frames.TRACE: (WHEEL, 0.003),
+    cycloid_frames.GROUND: (WHEEL, 0.003),
+    cycloid_frames.HUB_PATH: (BONE, 0.0015),
 }
 """Colour and radius of the centre of mass, of the inputs that are places, and of the wheel."""
 PLATE_RIM, LABEL_INSIDE = 0.04, 0.25
@@ -48,12 +48,12 @@ def build(server: viser.ViserServer, recording: Recording, frames: Frames) -> No
     _add_plates(scene, recording, view)
     for point in frames.points:
         _add_point(scene, point.name, _first(frames, point.at))
-    bone, thin = shapes.cylinder(BONE_RADIUS_M), shapes.cylinder(AXIS_RADIUS_M)
-    of = {com_frames.AXIS: (thin, AXIS_COLOUR), wheel_frames.SPOKE: (thin, WHEEL)}
+    bone, thin = meshes.cylinder(BONE_RADIUS_M), meshes.cylinder(AXIS_RADIUS_M)
+    of = {com_frames.AXIS: (thin, AXIS_COLOUR), cycloid_frames.SPOKE: (thin, WHEEL)}
     for stick in frames.sticks:
         add_mesh(scene, stick.name, *of.get(stick.name, (bone, BONE)))
     for hoop in frames.hoops:
-        add_mesh(scene, hoop.name, shapes.wheel(RIM_SHARE, SPOKES), WHEEL)
+        add_mesh(scene, hoop.name, meshes.wheel(RIM_SHARE, SPOKES), WHEEL)
     for arrow in frames.arrows:
         add_arrow(scene, arrow, BROWN if arrow.shaft == "/forces/total_shaft" else ORANGE)
     _add_com(scene, frames)
@@ -69,7 +69,7 @@ def _add_plates(scene: viser.SceneApi, recording: Recording, towards_camera: np.
         below = corners - np.array([0, 0, 0.004], dtype=np.float32)
         faces = np.array([[0, 1, 2], [0, 2, 3]], dtype=np.uint32)
         add_mesh(scene, name, (below, faces), colour)
-        edge = shapes.rim(corners, PLATE_RIM)
+        edge = meshes.rim(corners, PLATE_RIM)
         add_mesh(scene, f"{name}/edge", edge, BONE)
         text = f"plate {plate.index}" if plate.use else f"plate {plate.index} (not used)"
         nearest = corners[np.argmax(corners @ towards_camera.astype(np.float32))]
@@ -89,7 +89,7 @@ def _add_com(scene: viser.SceneApi, frames: Frames) -> None:
         colour, radius_m = PATHS[track.name]
         add_path(scene, track.name, frames.track(track.name), colour, radius_m)
     for ellipsoid in frames.ellipsoids:
-        add_mesh(scene, ellipsoid.name, shapes.ball(1.0), BLUE, opacity=0.35)
+        add_mesh(scene, ellipsoid.name, meshes.ball(1.0), BLUE, opacity=0.35)
 
 
 def _first(frames: Frames, at: int) -> np.ndarray:

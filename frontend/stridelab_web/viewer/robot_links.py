@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 import viser
 
-from stridelab_web.viewer.parts import Colour
+from stridelab_web.viewer.scene_parts import Colour
 
 PLAIN: Colour = (186, 196, 206)
 """Of a link without a colour."""

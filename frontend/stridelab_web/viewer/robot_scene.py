@@ -1,6 +1,6 @@
 """The scene of a robot: its reference posture, and where its centre of mass can be, seen from each effector.
 
-Everything that the page may show is there from the start; the page shows what is chosen (static/js/robot_view.js).
+Everything that the page may show is there from the start; the page shows what is chosen (static/js/viewer/robot_view.js).
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,9 +12,9 @@ import viser
 
 from stridelab.schemas.reachability import EffectorReach, RobotReachability
 from stridelab.schemas.robots import RobotFacts
-from stridelab_web.viewer import shapes
-from stridelab_web.viewer.parts import NARROW, Colour, add_floor, add_mesh, place_camera, prepare
+from stridelab_web.viewer import meshes
 from stridelab_web.viewer.robot_links import add_robot
+from stridelab_web.viewer.scene_parts import NARROW, Colour, add_floor, add_mesh, place_camera, prepare
 
 AMBIENT = 1.1
 LEVELS: Final[Mapping[float, tuple[Colour, float]]] = {
@@ -69,7 +69,7 @@ def _add_reach(scene: viser.SceneApi, name: str, found: EffectorReach) -> None:
         point_size=POINT_M,
         point_shape="circle",
     )
-    mode = add_mesh(scene, f"{name}/mode", shapes.ball(MODE_RADIUS_M), MODE, side="front")
+    mode = add_mesh(scene, f"{name}/mode", meshes.ball(MODE_RADIUS_M), MODE, side="front")
     mode.position = found.card.mode_m
     for level in found.level_sets:
         colour, opacity = LEVELS[level.mass]

@@ -3,7 +3,7 @@
 Whoever drags sees the mark slide at once; on release the scenario is stored through the HTTP interface with the key of
 that person. Whoever has no key moves nothing, and ``said`` holds the reason. Where the service refuses, the mark goes
 back and ``said`` holds its sentence. Each attempt, and each change that was stored elsewhere, moves the node ``TURN``
-one metre up its x axis: so the pages that show the scene learn of it (static/js/edit.js).
+one metre up its x axis: so the pages that show the scene learn of it (static/js/editor/editor.js).
 """
 
 import asyncio
@@ -17,18 +17,16 @@ import viser
 
 from stridelab.client import ClientError, ProblemError
 from stridelab.schemas.scenarios import Scenario, StoredScenario
-from stridelab_web.documents import KEY_HEADER, REFUSAL_HEADER
-from stridelab_web.footholds import HalfSizes, moved
-from stridelab_web.touches import Touch, touches
-from stridelab_web.viewer.guard import header_of
-from stridelab_web.viewer.live_marks import add_live
-from stridelab_web.viewer.marks import add_mark, place
-from stridelab_web.viewer.parts import NARROW, place_camera, prepare
-from stridelab_web.viewer.planner_scene import AMBIENT, BODY_M, sights_m, turned, way
-from stridelab_web.viewer.standing import Posed, add_standing, first_place, stand
-from stridelab_web.viewer.support_marks import add_support
+from stridelab_web.scene.contacts import HalfSizes, Touch, moved, touches
+from stridelab_web.scene.documents import KEY_HEADER, REFUSAL_HEADER
+from stridelab_web.viewer.access_guard import header_of
+from stridelab_web.viewer.contact_markers import add_mark, place
+from stridelab_web.viewer.foothold_constraints import Guide, guide_of
+from stridelab_web.viewer.initial_posture import Posed, add_standing, first_place, stand
+from stridelab_web.viewer.overlays import add_live, add_support
+from stridelab_web.viewer.plan_scene import AMBIENT, BODY_M, sights_m, turned, way
+from stridelab_web.viewer.scene_parts import NARROW, place_camera, prepare
 from stridelab_web.viewer.terrain import add_terrain
-from stridelab_web.viewer.treads import Guide, guide_of
 
 TURN = "/turn"
 REAR = np.array([-0.42, 1.0, 0.75])
@@ -185,7 +183,7 @@ class ScenarioScene:
 
 
 def sentence(refusal: ClientError) -> str:
-    """What to tell whoever tried; the same sentence as in static/js/api.js."""
+    """What to tell whoever tried; the same sentence as in static/js/shared/api.js."""
     if not isinstance(refusal, ProblemError):
         return "The service does not answer. Is it still running?"
     return " ".join([refusal.detail, *(f"{item.where}: {item.message}" for item in refusal.errors)])

@@ -7,9 +7,9 @@ import numpy as np
 import viser
 
 from stridelab.schemas.scenarios import BoxSurface, RailSurface, Scenario
-from stridelab_web.touches import box_rotation
-from stridelab_web.viewer import shapes
-from stridelab_web.viewer.parts import Colour, add_mesh
+from stridelab_web.scene.contacts import box_rotation
+from stridelab_web.viewer import meshes
+from stridelab_web.viewer.scene_parts import Colour, add_mesh
 
 BOX: Colour = (222, 229, 235)
 RIM: Colour = (150, 165, 180)
@@ -111,13 +111,13 @@ def _add_box(scene: viser.SceneApi, name: str, box: BoxSurface, others: Sequence
     square = np.array([[1, 1], [-1, 1], [-1, -1], [1, -1]])
     outer = np.column_stack([square * np.maximum(half[:2] - RIM_FROM_M, 0.0), np.full(4, half[2] + LIFT_M)])
     inner = np.column_stack([square * np.maximum(half[:2] - RIM_M, 0.0), np.full(4, half[2] + LIFT_M)])
-    rim, rim_faces = shapes.between(outer, inner)
+    rim, rim_faces = meshes.between(outer, inner)
     add_mesh(scene, f"{name}/rim", ((np.array(box.center_m) + rim @ R.T).astype(np.float32), rim_faces), RIM)
 
 
 def _add_rail(scene: viser.SceneApi, name: str, rail: RailSurface) -> None:
     ends = np.array([rail.from_m, rail.to_m])
-    add_mesh(scene, name, shapes.tube(ends, rail.radius_m, sides=12), RAIL)
+    add_mesh(scene, name, meshes.tube(ends, rail.radius_m, sides=12), RAIL)
     for k, end in enumerate(ends):
         scene.add_icosphere(
             f"{name}/end{k}", rail.radius_m, RAIL, subdivisions=2, position=end, cast_shadow=False, receive_shadow=False

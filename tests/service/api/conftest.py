@@ -6,9 +6,9 @@ from pathlib import Path
 import httpx
 import pytest
 
-from support.c3d_files import small_trial
-from support.database import TestDatabases
-from support.interface import Served, served
+from support.recordings.c3d_files import small_trial
+from support.service.database import TestDatabases
+from support.service.web_server import Served, served
 
 
 @pytest.fixture(scope="module")

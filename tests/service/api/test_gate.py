@@ -8,11 +8,11 @@ from starlette.types import Message, Receive, Scope, Send
 
 from stridelab.errors import InvalidInput
 from stridelab.service.api.__main__ import server
-from stridelab.service.api.auth import Gate, inside, local_target
-from stridelab.service.api.keys import COOKIE, SESSION_S, Keys
+from stridelab.service.api.middleware.authentication import Gate, inside, local_target
+from stridelab.service.api.session_cookies import COOKIE, SESSION_S, Keys
 from stridelab.service.settings import Settings
-from support.database import TestDatabases
-from support.interface import Served, served
+from support.service.database import TestDatabases
+from support.service.web_server import Served, served
 
 TOKEN = "a-secret-of-the-lab"
 SUBJECTS = "/api/v1/subjects"

@@ -11,11 +11,11 @@ import httpx
 import psycopg
 import pytest
 
-from stridelab.service.jobs.kinds.registry import KINDS
-from support.answers import refusal
-from support.database import TestDatabases
-from support.interface import Served, served
-from support.rows import add_job, add_recording, fail, report, start_job, succeed
+from stridelab.service.kinds.registry import KINDS
+from support.service.answers import refusal
+from support.service.database import TestDatabases
+from support.service.stored_rows import add_job, add_recording, fail, report, start_job, succeed
+from support.service.web_server import Served, served
 
 JOBS = "/api/v1/jobs"
 

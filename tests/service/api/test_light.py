@@ -9,7 +9,7 @@ from pathlib import Path
 
 def test_serving_robots_and_scenarios_imports_nothing_heavy(database_url: str, tmp_path: Path) -> None:
     served = subprocess.run(
-        [sys.executable, "-m", "support.light_entry", database_url, str(tmp_path)],
+        [sys.executable, "-m", "support.service.light_entry", database_url, str(tmp_path)],
         env={**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])},
         capture_output=True,
         text=True,

@@ -12,10 +12,10 @@ import psycopg
 import pytest
 
 from stridelab.service.cursors import encode_cursor
-from stridelab.service.storage.migrating import plain
-from support.database import TestDatabases
-from support.interface import Served, served
-from support.rows import facts
+from stridelab.service.storage.migrate import plain
+from support.service.database import TestDatabases
+from support.service.stored_rows import facts
+from support.service.web_server import Served, served
 
 RECORDINGS, SUBJECTS, OF_OLDEST = 20_000, 400, 130
 WITHIN_S = 0.1

@@ -19,15 +19,15 @@ from schemathesis.specs.openapi.checks import positive_data_acceptance
 from starlette.routing import Route
 
 from stridelab.errors import Fault, UnreadableFile
-from stridelab.service import bundled_scenarios
 from stridelab.service.api.app import create_app
-from stridelab.service.api.recordings.parsing import Parsed
-from stridelab.service.bundled import seed
+from stridelab.service.api.recordings.parse import Parsed
+from stridelab.service.samples import scenarios
+from stridelab.service.samples.recording import seed
 from stridelab.service.settings import Settings
 from stridelab_web.app import routes
-from support.interface import Served
-from support.rows import add_job, add_recording, facts, start_job, succeed
-from support.scenarios import add_scenario
+from support.robots.scenario_bodies import add_scenario
+from support.service.stored_rows import add_job, add_recording, facts, start_job, succeed
+from support.service.web_server import Served
 
 DESCRIPTION = create_app(Settings()).openapi()
 OPERATIONS = [
@@ -89,7 +89,7 @@ def stocked(service: Served) -> Iterator[Served]:
     """Enough things with known ids that examples and generated calls find something; uploads are not parsed."""
     parts = service.parts
     service.run(seed(parts.engine, parts.blobs))
-    service.run(bundled_scenarios.seed(parts.engine))
+    service.run(scenarios.seed(parts.engine))
     service.run(add_scenario(parts, CHANGEABLE))
     service.run(add_recording(parts, CHANGEABLE))
     for _ in range(2):
@@ -97,7 +97,7 @@ def stocked(service: Served) -> Iterator[Served]:
         service.run(succeed(parts, service.run(start_job(parts, job_id)), [("com.csv", "text/csv", b"x")]))
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("stridelab.service.api.recordings.endpoints.parse", unreadable)
-        patch.setattr("stridelab.service.api.recordings.changing.parse", understood)
+        patch.setattr("stridelab.service.api.recordings.service.parse", understood)
         yield service
 
 

@@ -9,8 +9,8 @@ from typing import Any
 import httpx
 import pytest
 
-from stridelab.service.jobs.kinds.registry import PARSE_BATCH
-from support.interface import Served
+from stridelab.service.kinds.registry import PARSE_BATCH
+from support.service.web_server import Served
 
 
 def test_a_single_upload_does_not_wait_for_batches(

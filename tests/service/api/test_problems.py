@@ -6,10 +6,10 @@ from starlette.types import Message
 
 from stridelab import errors
 from stridelab.errors import StridelabError
-from stridelab.service.api.edge import HEADERS, Edge
+from stridelab.service.api.middleware.request_context import HEADERS, Edge
 from stridelab.service.api.problems import STATUS, status_of
-from stridelab.service.api.strict import parse_json
-from support.interface import Served
+from stridelab.service.api.strict_json import parse_json
+from support.service.web_server import Served
 
 SUBJECTS = "/api/v1/subjects"
 

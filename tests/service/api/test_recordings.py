@@ -8,10 +8,10 @@ import pytest
 from sqlalchemy import select
 
 from stridelab.service.storage.tables import job, recording
-from support.answers import places, refusal, upload
-from support.database import TestDatabases
-from support.interface import Served, served
-from support.rows import add_job, add_recording, facts, start_job, succeed
+from support.service.answers import places, refusal, upload
+from support.service.database import TestDatabases
+from support.service.stored_rows import add_job, add_recording, facts, start_job, succeed
+from support.service.web_server import Served, served
 
 RECORDINGS = "/api/v1/recordings"
 

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from stridelab.service.backup.rows import snapshot
+from stridelab.service.backup.table_rows import snapshot
 from stridelab.service.jobs import retention
-from stridelab.service.jobs.consumer import Consumer
+from stridelab.service.jobs.queue_consumer import Consumer
 from stridelab.service.settings import Settings
-from support.answers import refusal, upload
-from support.c3d_files import small_trial
-from support.database import TestDatabases
-from support.interface import Served, served
+from support.recordings.c3d_files import small_trial
+from support.service.answers import refusal, upload
+from support.service.database import TestDatabases
+from support.service.web_server import Served, served
 
 RECORDINGS = "/api/v1/recordings"
 

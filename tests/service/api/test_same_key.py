@@ -4,8 +4,8 @@ import threading
 from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 
-from support.interface import Served
-from support.rows import add_recording
+from support.service.stored_rows import add_recording
+from support.service.web_server import Served
 
 AT_ONCE = 12
 

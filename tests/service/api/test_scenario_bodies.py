@@ -7,8 +7,8 @@ import httpx
 import pytest
 
 from stridelab.resources import models_dir
-from support.answers import refusal
-from support.scenarios import one_step, with_contact
+from support.robots.scenario_bodies import one_step, with_contact
+from support.service.answers import refusal
 
 CHECK = "/api/v1/scenarios/check"
 

@@ -17,11 +17,11 @@ from prometheus_client.parser import text_string_to_metric_families
 from stridelab import __version__
 from stridelab.errors import Unavailable
 from stridelab.service.api.app import create_app
-from stridelab.service.logs import BURST, RATE_HZ, Flood, configure_logging
+from stridelab.service.logging import BURST, RATE_HZ, Flood, configure_logging
 from stridelab.service.settings import Settings
-from support.database import TestDatabases
-from support.interface import Served, served
-from support.rows import add_job, add_recording, fail, start_job
+from support.service.database import TestDatabases
+from support.service.stored_rows import add_job, add_recording, fail, start_job
+from support.service.web_server import Served, served
 
 
 def test_a_healthy_service_tells_version_and_uptime(http: httpx.Client) -> None:

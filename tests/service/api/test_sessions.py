@@ -12,14 +12,14 @@ from sqlalchemy import select, update
 
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.recordings import TrialClock
-from stridelab.service.jobs.kinds import rows
-from stridelab.service.jobs.kinds.tasks import EstimateComTask
-from stridelab.service.sessions import session_id_of
+from stridelab.schemas.tasks import EstimateComTask
+from stridelab.service.kinds import staging
+from stridelab.service.recording_sessions import session_id_of
 from stridelab.service.storage.tables import recording
-from support.answers import places, refusal, upload
-from support.c3d_files import small_trial
-from support.interface import Served
-from support.rows import add_recording, facts
+from support.recordings.c3d_files import small_trial
+from support.service.answers import places, refusal, upload
+from support.service.stored_rows import add_recording, facts
+from support.service.web_server import Served
 
 RECORDINGS = "/api/v1/recordings"
 NOW = datetime(2026, 3, 1, 12, tzinfo=UTC)
@@ -147,7 +147,7 @@ def task_of(service: Served, recording_id: str, folder: Path) -> EstimateComTask
     async def stage() -> Any:
         async with service.parts.engine.begin() as connection:
             asked = EstimateComInput(recording_id=recording_id)
-            return await rows.stage_estimate_com(connection, service.parts.blobs, asked, folder)
+            return await staging.stage_estimate_com(connection, service.parts.blobs, asked, folder)
 
     return EstimateComTask.model_validate(service.run(stage()))
 

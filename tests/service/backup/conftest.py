@@ -4,12 +4,12 @@ from pathlib import Path
 import pytest
 
 from stridelab.service.backup.archive import open_archive
-from stridelab.service.backup.places import Place
-from stridelab.service.backup.restoring import restore
-from stridelab.service.backup.taking import Taken, take
+from stridelab.service.backup.create import Taken, take
+from stridelab.service.backup.locations import Place
+from stridelab.service.backup.restore import restore
 from stridelab.service.storage.blobs import BlobStore
-from support.database import TestDatabases
-from support.filled import fill
+from support.service.database import TestDatabases
+from support.service.stored_rows import fill
 
 
 @pytest.fixture(scope="module")

@@ -14,9 +14,9 @@ import pytest
 
 from stridelab.errors import UnreadableFile
 from stridelab.service.backup.archive import MANIFEST, open_archive
-from stridelab.service.backup.taking import Taken
-from stridelab.service.storage.migrating import is_migrated
-from support.filled import rows, stored
+from stridelab.service.backup.create import Taken
+from stridelab.service.storage.migrate import is_migrated
+from support.service.stored_rows import rows, stored
 
 PutBack = Callable[..., Taken]
 Contents = dict[str, bytes]

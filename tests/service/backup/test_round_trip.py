@@ -11,16 +11,15 @@ import pytest
 
 from stridelab.errors import Conflict, InvalidInput, StorageFull, TooLarge, Unavailable, UnreadableFile
 from stridelab.service.backup import archive as archive_module
-from stridelab.service.backup import restoring
+from stridelab.service.backup import restore
 from stridelab.service.backup.archive import open_archive
-from stridelab.service.backup.files import Files
-from stridelab.service.backup.taking import Taken, take
+from stridelab.service.backup.create import Taken, take
+from stridelab.service.backup.stored_files import Files
 from stridelab.service.storage.blobs import BlobStore
-from stridelab.service.storage.migrating import is_migrated
-from support.database import TestDatabases
-from support.filled import AWKWARD, FILES, fill, rows, stored
-from support.revisions import migrate_to
-from support.service import Jobs, worker
+from stridelab.service.storage.migrate import is_migrated
+from support.service.database import TestDatabases, migrate_to
+from support.service.processes import Jobs, worker
+from support.service.stored_rows import AWKWARD, FILES, fill, rows, stored
 
 PutBack = Callable[..., Taken]
 
@@ -144,7 +143,7 @@ def test_a_restore_that_fails_leaves_everything_as_it_was(
 def test_a_small_disk_is_told_before_anything_is_done(
     backup: Path, empty: str, put_back: PutBack, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(restoring.shutil, "disk_usage", lambda _: type("Usage", (), {"free": 1000})())
+    monkeypatch.setattr(restore.shutil, "disk_usage", lambda _: type("Usage", (), {"free": 1000})())
     with pytest.raises(StorageFull, match="MB left"):
         put_back(backup, empty)
     assert not is_migrated(empty)

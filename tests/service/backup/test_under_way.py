@@ -14,17 +14,17 @@ from unittest import mock
 import psycopg
 
 from stridelab.service.api.app import create_app
-from stridelab.service.api.robots.shelf import RobotShelf
-from stridelab.service.backup.rows import snapshot
-from stridelab.service.backup.taking import Taken, take
-from stridelab.service.bundled import SAMPLE_ID
+from stridelab.service.api.robots.cache import RobotShelf
+from stridelab.service.backup.create import Taken, take
+from stridelab.service.backup.table_rows import snapshot
+from stridelab.service.samples.recording import SAMPLE_ID
 from stridelab.service.settings import Settings
 from stridelab.service.storage import locks
 from stridelab.service.storage.blobs import BlobStore
-from support.database import TestDatabases
-from support.filled import rows, stored
-from support.late_pool import LatePool
-from support.service import wait_until
+from support.service.database import TestDatabases
+from support.service.late_pool import LatePool
+from support.service.processes import wait_until
+from support.service.stored_rows import rows, stored
 
 PutBack = Callable[..., Taken]
 SLOW_RESTORE = """
@@ -32,7 +32,7 @@ import sys, time
 from pathlib import Path
 from stridelab.service.backup import restoring
 from stridelab.service.backup.archive import open_archive
-from stridelab.service.backup.places import Place
+from stridelab.service.backup.locations import Place
 put = restoring.Files.put
 def slowly(*how):
     put(*how)

@@ -11,13 +11,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from stridelab.service.jobs.attempts import Attempts
-from stridelab.service.jobs.consumer import Consumer
 from stridelab.service.jobs.queue import LANES, Delivery
+from stridelab.service.jobs.queue_consumer import Consumer
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import make_engine
-from support.database import TestDatabases
-from support.kinds import KINDS
+from support.service.database import TestDatabases
+from support.service.job_kinds import KINDS
 
 OUTCOME = {"summary": {}, "references": [], "artifacts": []}
 OWNERS = ("anna", "ben", "carla", None)

@@ -5,8 +5,8 @@ from pathlib import Path
 import psycopg
 import pytest
 
-from support.ledger import assert_sound, faults
-from support.service import Jobs
+from support.service.job_ledger import assert_sound, faults
+from support.service.processes import Jobs
 
 JOB = "a" * 32
 STARTED = [("queued", 0), ("running", 1)]

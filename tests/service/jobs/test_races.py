@@ -8,11 +8,11 @@ import psycopg
 import pytest
 
 from stridelab.service.jobs.attempts import Attempt, Attempts
-from stridelab.service.jobs.consumer import Consumer
 from stridelab.service.jobs.queue import LANES
+from stridelab.service.jobs.queue_consumer import Consumer
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.database import make_engine
-from support.kinds import KINDS
+from support.service.job_kinds import KINDS
 
 STALL_S = 20.0
 Work = Callable[[JobStore, Attempts, list[Consumer]], Coroutine[Any, Any, None]]

@@ -8,12 +8,12 @@ import psycopg
 import pytest
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
-from stridelab.service.jobs.consumer import Consumer
+from stridelab.service.jobs.queue_consumer import Consumer
 from stridelab.service.jobs.retention import remove_old_events, remove_old_jobs, remove_orphans
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.blobs import BlobStore
-from support.database import within
-from support.kinds import KINDS
+from support.service.database import within
+from support.service.job_kinds import KINDS
 
 Act = Callable[[JobStore, AsyncConnection], Awaitable[Any]]
 

@@ -14,12 +14,12 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, ru
 from stridelab.errors import Busy, Conflict
 from stridelab.schemas.jobs import FINAL_STATES
 from stridelab.service.jobs.attempts import Attempt, Attempts
-from stridelab.service.jobs.consumer import Consumer
 from stridelab.service.jobs.queue import LANES, Delivery
+from stridelab.service.jobs.queue_consumer import Consumer
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import make_engine
-from support.kinds import KINDS
+from support.service.job_kinds import KINDS
 
 MAX_ATTEMPTS = 2
 QUEUE_LIMIT = 4

@@ -7,8 +7,8 @@ import pytest
 
 from stridelab.errors import Busy, Conflict, InvalidInput, NotFound
 from stridelab.service.jobs.store import JobStore
-from support.database import within
-from support.kinds import KINDS
+from support.service.database import within
+from support.service.job_kinds import KINDS
 
 Use = Callable[[Callable[[JobStore], Awaitable[Any]]], Any]
 

@@ -12,14 +12,14 @@ import pytest
 import structlog
 
 from stridelab.errors import Conflict
-from stridelab.service.api.jobs.rows import job_of
-from stridelab.service.jobs.board import JobBoard
+from stridelab.service.api.jobs.presentation import job_of
+from stridelab.service.jobs.notifications import JobBoard
 from stridelab.service.jobs.store import JobRecord, JobStore
 from stridelab.service.jobs.worker import Worker
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import make_engine
-from support.kinds import KINDS
+from support.service.job_kinds import KINDS
 
 
 @dataclass(frozen=True)
@@ -297,4 +297,4 @@ def test_children_of_the_worker_are_gone_afterwards(in_shop: Open) -> None:
 def nurseries() -> list[psutil.Process]:
     """Processes that children are forked from, of whoever works within this one."""
     mine = psutil.Process(os.getpid()).children()
-    return [process for process in mine if "stridelab.service.jobs.forking" in process.cmdline()]
+    return [process for process in mine if "stridelab.service.processes.fork_server" in process.cmdline()]

@@ -2,8 +2,7 @@
 
 import pytest
 
-from support.planned import Planned, run
-from support.planning import short_walk
+from support.robots.plan_runs import Planned, run, short_walk
 
 
 @pytest.fixture(scope="session")

@@ -9,12 +9,13 @@ import pytest
 from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.schemas.comparison import CompareEstimatorsInput, CompareEstimatorsSummary
 from stridelab.schemas.methods import METHODS
-from stridelab.service.jobs.kinds import compare_estimators, estimate_com
-from stridelab.service.jobs.kinds.provenance import known_references
-from stridelab.service.jobs.kinds.tables_io import read_about
-from stridelab.service.jobs.kinds.tasks import CompareEstimatorsTask
-from stridelab.service.jobs.kinds.truth import com_errors_mm, known_motion
-from support.quiet import SAMPLE, Told, estimate_task, quiet
+from stridelab.schemas.tasks import CompareEstimatorsTask
+from stridelab.service.kinds import compare_estimators
+from stridelab.service.kinds.estimate_com import run as estimate_com
+from stridelab.service.kinds.provenance import known_references
+from stridelab.service.kinds.result_tables import read_about
+from stridelab.service.kinds.simulate_recording.truth_table import com_errors_mm, known_motion
+from support.command_line import SAMPLE, Told, estimate_task, quiet
 
 TRIAL, TRUTH = SAMPLE / "recording.c3d", SAMPLE / "truth.parquet"
 TABLES = ("comparison", "spectra", "contributions", "bode")

@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
-from stridelab.service.jobs.kinds.kind import ArtifactFile, Outcome
-from stridelab.service.jobs.kinds.provenance import bibliography, known_references, versions
-from stridelab.service.jobs.kinds.registry import KINDS, PARSE_UPLOAD
+from stridelab.service.kinds.base import ArtifactFile, Outcome
+from stridelab.service.kinds.provenance import bibliography, known_references, versions
+from stridelab.service.kinds.registry import KINDS, PARSE_UPLOAD
 
 
 @pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
@@ -26,7 +26,7 @@ def test_the_upload_parser_is_an_importable_function() -> None:
 def test_importing_the_registry_imports_no_numeric_package() -> None:
     """The API and the worker import it; only the child pays for numpy and friends."""
     code = (
-        "import sys, stridelab.service.jobs.kinds.registry;"
+        "import sys, stridelab.service.kinds.registry;"
         "print(sorted({'numpy', 'scipy', 'ezc3d', 'pinocchio', 'pyarrow'} & set(sys.modules)))"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -17,16 +17,16 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 from stridelab.errors import NotFound
+from stridelab.parallel import worthwhile
 from stridelab.reachability import store
-from stridelab.reachability.learning import learn
-from stridelab.reachability.processes import worthwhile
+from stridelab.reachability.learning.fit import learn
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.plans import LearnReachabilitySummary
-from stridelab.service.jobs.isolated import IsolatedOutcome, IsolatedPool
-from stridelab.service.jobs.kinds.learn_reachability import run_in_child
-from stridelab.service.jobs.kinds.provenance import known_references
-from stridelab.service.jobs.kinds.registry import KINDS
-from stridelab.service.jobs.kinds.tables_io import read_about
+from stridelab.service.kinds.learn_reachability import run_in_child
+from stridelab.service.kinds.provenance import known_references
+from stridelab.service.kinds.registry import KINDS
+from stridelab.service.kinds.result_tables import read_about
+from stridelab.service.processes.pool import IsolatedOutcome, IsolatedPool
 
 SCRIPT = Path(__file__).parents[3] / "scripts" / "make_reachability.py"
 REQUEST = {"robot": "talos", "effectors": ["left_foot", "right_hand"], "samples": 500, "seed": 4}

@@ -9,9 +9,9 @@ import pytest
 
 from stridelab.errors import InvalidInput, UnreadableFile
 from stridelab.schemas.recordings import PlateSwitch, RecordingFacts
-from stridelab.service.jobs.kinds import parse_upload
-from stridelab.service.jobs.kinds.tasks import ParseUploadTask, RecordingSource
-from support.quiet import SAMPLE, Told, quiet
+from stridelab.schemas.tasks import ParseUploadTask, RecordingSource
+from stridelab.service.kinds import parse_upload
+from support.command_line import SAMPLE, Told, quiet
 
 AXES = "xyz"
 

@@ -5,15 +5,15 @@ from typing import Any
 
 import pytest
 
-from stridelab.contacts.shapes import effector_shapes
-from stridelab.contacts.validation import check
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.validation.validate import check
 from stridelab.errors import InvalidInput, NotEstimable, NotFound
 from stridelab.schemas.plans import PlanContactsSummary, PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
-from stridelab.service.jobs.kinds.plan_contacts import run_in_child
-from stridelab.service.jobs.kinds.registry import KINDS
-from support.contact_terrains import box, feet, planks, task
-from support.quiet import quiet
+from stridelab.service.kinds.plan_contacts import run_in_child
+from stridelab.service.kinds.registry import KINDS
+from support.command_line import quiet
+from support.robots.contact_terrains import box, feet, planks, task
 
 
 def asked(**change: Any) -> dict[str, Any]:

@@ -9,8 +9,7 @@ import pytest
 import yaml
 
 from stridelab.robots.loader import load_robot
-from support.planned import Planned
-from support.planning import short_walk
+from support.robots.plan_runs import Planned, short_walk
 
 
 def test_the_display_files_are_the_motion(walked: Planned) -> None:

@@ -8,16 +8,16 @@ import pyarrow.parquet as pq
 import pytest
 from pydantic import ValidationError
 
-from stridelab.centroidal.horizon import State
+from stridelab.centroidal.receding_horizon import State
 from stridelab.errors import InvalidInput
+from stridelab.pipelines.plan_problem import native_missing
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingSummary, Push
 from stridelab.schemas.scenarios import Scenario
-from stridelab.service.jobs.kinds.plan_options import native_missing
-from stridelab.service.jobs.kinds.plan_receding import pushed, run_in_child
-from stridelab.service.jobs.kinds.registry import KINDS
-from support.planning import changed, short_walk
-from support.quiet import Told
+from stridelab.service.kinds.plan_receding import pushed, run_in_child
+from stridelab.service.kinds.registry import KINDS
+from support.command_line import Told
+from support.robots.plan_runs import changed, short_walk
 
 PERIOD_S = 0.2
 FILES = {"receding.parquet", "receding.csv", "centroidal.parquet", "centroidal.csv", "scenario.json"}

@@ -5,15 +5,15 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from stridelab.cli_groups import Delivery
-from stridelab.cli_reproduce import reproduce
+from stridelab.cli.options import Delivery
+from stridelab.cli.reproduce import reproduce
 from stridelab.errors import InvalidInput
 from stridelab.schemas.jobs import JobResult
 from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
-from stridelab.service.jobs.kinds import reproduce as kind
-from stridelab.service.jobs.kinds.provenance import known_references
-from stridelab.service.jobs.kinds.tasks import ReproduceTask
-from support.quiet import Told
+from stridelab.schemas.tasks import ReproduceTask
+from stridelab.service.kinds import reproduce as kind
+from stridelab.service.kinds.provenance import known_references
+from support.command_line import Told
 
 
 def test_an_item_leaves_numbers_tables_and_a_drawing(tmp_path: Path) -> None:

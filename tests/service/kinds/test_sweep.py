@@ -8,16 +8,17 @@ import pyarrow.parquet as pq
 import pytest
 from pydantic import ValidationError
 
-from stridelab.contacts.varied import present
+from stridelab.contacts.scenarios.variations import present
 from stridelab.errors import InvalidInput, NotEstimable, StridelabError
+from stridelab.pipelines import plan_problem
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sweeps import POINTS_AT_MOST, SweepInput, SweepSummary
-from stridelab.service.jobs.kinds import plan_options, sweep
-from stridelab.service.jobs.kinds.registry import KINDS
-from stridelab.service.jobs.kinds.sweep import axes_of, plan_chunk
-from stridelab.service.jobs.kinds.tasks import SweepTask
-from support.planning import changed, short_walk
-from support.quiet import Told
+from stridelab.schemas.tasks import SweepTask
+from stridelab.service.kinds import sweep
+from stridelab.service.kinds.registry import KINDS
+from stridelab.service.kinds.sweep import axes_of, plan_chunk
+from support.command_line import Told
+from support.robots.plan_runs import changed, short_walk
 
 
 def task(vary: dict[str, Any], scenario: Scenario | None = None, **asked: Any) -> SweepTask:
@@ -73,7 +74,7 @@ def test_what_cannot_be_varied_is_refused_before_any_work(tmp_path: Path) -> Non
 
 
 def test_the_native_solver_is_refused_where_it_is_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(plan_options, "native_missing", lambda: "It was not built.")
+    monkeypatch.setattr(plan_problem, "native_missing", lambda: "It was not built.")
     with pytest.raises(NotEstimable) as refusal:
         sweep.run(task({"timing": (1.0, 1.2, 2)}, solver="native"), tmp_path, Told())
     assert (refusal.value.code, refusal.value.message) == ("solver-unavailable", "It was not built.")

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from stridelab.errors import InvalidInput, NotFound, Unavailable
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
-from support.s3 import ADDRESS, object_store
+from support.service.object_store import ADDRESS, object_store
 
 
 @pytest.fixture(params=["folder", "object store"])

@@ -12,9 +12,8 @@ from stridelab.errors import InvalidInput, Unavailable
 from stridelab.service.settings import Settings
 from stridelab.service.storage import database
 from stridelab.service.storage.database import database_url, make_engine, parse_url
-from stridelab.service.storage.migrating import MIGRATIONS, engine_of, is_migrated, migrate, revisions
-from support.database import TestDatabases, within
-from support.revisions import differences
+from stridelab.service.storage.migrate import MIGRATIONS, engine_of, is_migrated, migrate, revisions
+from support.service.database import TestDatabases, differences, within
 
 
 def test_migrations_make_exactly_the_declared_tables(database_url: str) -> None:

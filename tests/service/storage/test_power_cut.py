@@ -11,18 +11,18 @@ import pytest
 import sqlalchemy
 from sqlalchemy import event
 
-from stridelab.service.jobs.board import JobBoard
+from stridelab.service.jobs.notifications import JobBoard
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.jobs.worker import Worker
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import make_engine
 from stridelab.service.storage.local_files import write_durably
-from support.answers import upload
-from support.c3d_files import small_trial
-from support.interface import served
-from support.kinds import KINDS
-from support.power_cut import VolatileFileSystem
+from support.faults.disks import VolatileFileSystem
+from support.recordings.c3d_files import small_trial
+from support.service.answers import upload
+from support.service.job_kinds import KINDS
+from support.service.web_server import served
 
 PUBLISHING = ("INSERT INTO recording ", "UPDATE recording SET", "finished_at=now()")
 
@@ -146,7 +146,7 @@ def test_results_are_on_the_disk_when_they_are_committed(
     cuts: Cuts,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))  # the children import support.computations
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))  # the children import support.service.computations
     store, limits = store_on(system, tmp_path / "blobs"), Settings(data_dir=tmp_path, worker_slots=1)
 
     async def act() -> Any:

@@ -5,10 +5,9 @@ from pathlib import Path
 import psycopg
 import pytest
 
-from stridelab.service.storage.migrating import engine_of, is_migrated, migrate, revisions
-from support.database import TestDatabases
-from support.filled import fill, rows
-from support.revisions import differences, migrate_to
+from stridelab.service.storage.migrate import engine_of, is_migrated, migrate, revisions
+from support.service.database import TestDatabases, differences, migrate_to
+from support.service.stored_rows import fill, rows
 
 
 def test_scenarios_and_jobs_of_revision_0001(postgres: TestDatabases) -> None:

@@ -11,10 +11,10 @@ import numpy as np
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.dynamics.newton_euler import contact_force
-from stridelab.estimation.against_physics import MOMENTUM_BAND_HZ
-from stridelab.estimation.derivatives import derivatives, low_pass
+from stridelab.estimation.differentiation import derivatives, low_pass
+from stridelab.estimation.evaluation.physics_residuals import MOMENTUM_BAND_HZ
 from stridelab.estimation.walk_frame import walk_frame
-from stridelab.recordings.gaps import runs
+from stridelab.recordings.gap_filling import runs
 from stridelab.recordings.recording import WrenchTrack
 
 AXES: Final = ("along the walk", "across the walk", "vertically")

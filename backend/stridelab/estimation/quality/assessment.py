@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
-from stridelab.estimation.estimate import ComEstimate
+from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.quality.checks import Check, Quality
 from stridelab.estimation.quality.limits import limit_of
 from stridelab.estimation.quality.measures import Measures, Recorded, measure

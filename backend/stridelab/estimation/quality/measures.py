@@ -8,14 +8,14 @@ import numpy as np
 
 from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, Mask
-from stridelab.estimation.agreement import force_residual_track_n
-from stridelab.estimation.estimate import ComEstimate
+from stridelab.estimation.estimator import ComEstimate
+from stridelab.estimation.evaluation.physics_residuals import force_residual_track_n
 from stridelab.estimation.quality.accelerations import acceleration_difference
 from stridelab.estimation.quality.body_hull import distance_outside_m
+from stridelab.estimation.quality.body_weight import dynamic_mass_kg
 from stridelab.estimation.quality.limb_lengths import length_change
 from stridelab.estimation.quality.pressure import PlatePressure, plate_pressures
-from stridelab.estimation.quality.weighing import dynamic_mass_kg
-from stridelab.recordings.gaps import runs
+from stridelab.recordings.gap_filling import runs
 from stridelab.recordings.recording import Recording, WrenchTrack
 
 NAN = math.nan

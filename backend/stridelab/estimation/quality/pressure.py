@@ -8,11 +8,11 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from stridelab.conventions import Mask, Points, Series
-from stridelab.recordings.feet import Foot, find_feet
-from stridelab.recordings.plates import plate_axes
-from stridelab.recordings.raw import CONTACT_TYPE
+from stridelab.recordings.files.raw import CONTACT_TYPE
+from stridelab.recordings.foot_contact import Foot, find_feet
+from stridelab.recordings.force_plates import plate_axes
 from stridelab.recordings.recording import Plate, Recording
-from stridelab.recordings.wrench import low_pass
+from stridelab.recordings.total_wrench import low_pass
 
 LOADED_N: Final = 100.0
 """Below this the centre of pressure is the ratio of two small numbers."""

@@ -9,19 +9,22 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import GRAVITY_M_S2, Points, Vector3
 from stridelab.dynamics.newton_euler import com_acceleration
 from stridelab.errors import NotEstimable
-from stridelab.estimation.against_physics import segment_momentum_rate
-from stridelab.estimation.derivatives import derivatives
-from stridelab.estimation.estimate import ComEstimate
-from stridelab.estimation.smoother.causal import OnlineSmoother
-from stridelab.estimation.smoother.learning import learned
-from stridelab.estimation.smoother.model import ACCELERATION, Sizes, state_space
+from stridelab.estimation.differentiation import derivatives
+from stridelab.estimation.estimator import ComEstimate
+from stridelab.estimation.evaluation.physics_residuals import segment_momentum_rate
+from stridelab.estimation.smoother.consistency import (
+    normalised_innovations,
+    plate_bias_remarks,
+    plate_bias_statistic,
+    require_single_support,
+)
+from stridelab.estimation.smoother.kalman_rts import filtered, gains, smoothed
+from stridelab.estimation.smoother.measurements import Walk, in_walking_frame, signals
+from stridelab.estimation.smoother.noise_levels import learned, sizes_of
+from stridelab.estimation.smoother.online_filter import OnlineSmoother
 from stridelab.estimation.smoother.priors import SmootherPriors
-from stridelab.estimation.smoother.recursions import filtered, gains, smoothed
-from stridelab.estimation.smoother.signals import Walk, in_walking_frame, signals
-from stridelab.estimation.smoother.sizes import sizes_of
-from stridelab.estimation.smoother.support import require_single_support
-from stridelab.estimation.smoother.suspicion import normalised_innovations, plate_bias_remarks, plate_bias_statistic
-from stridelab.estimation.span import require_mass, window_span
+from stridelab.estimation.smoother.state_space import ACCELERATION, Sizes, state_space
+from stridelab.estimation.time_span import require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
 
 LEFT_OVER: Final = 0.5

@@ -10,11 +10,12 @@ from fastapi import FastAPI
 
 from stridelab import heartbeat
 from stridelab.errors import InvalidInput, Unavailable
-from stridelab.service import confinement, open_files, telemetry
+from stridelab.service import telemetry
 from stridelab.service.api.app import create_app
-from stridelab.service.api.doors import BACKLOG, Doors, guarded
-from stridelab.service.api.parts import Parts
-from stridelab.service.logs import configure_logging
+from stridelab.service.api.connection_limits import BACKLOG, Doors, guarded
+from stridelab.service.api.dependencies import Parts
+from stridelab.service.logging import configure_logging
+from stridelab.service.processes import confinement, open_files
 from stridelab.service.settings import Settings
 from stridelab.service.settings import settings as load_settings
 

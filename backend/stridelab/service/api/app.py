@@ -15,36 +15,38 @@ from fastapi import APIRouter, FastAPI
 from stridelab import __version__
 from stridelab.errors import Unavailable
 from stridelab.robots.card import robot_names
-from stridelab.service import bundled, bundled_scenarios, confinement
-from stridelab.service.access.book import TokenBook
-from stridelab.service.api import health, metrics, openapi, problems, session
-from stridelab.service.api.access import endpoints as access
-from stridelab.service.api.auth import Gate
-from stridelab.service.api.edge import Edge
+from stridelab.service.api import health, login, metrics, openapi, problems
+from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.jobs import endpoints as jobs
-from stridelab.service.api.keys import Keys
-from stridelab.service.api.linger import Linger
-from stridelab.service.api.parts import Parts
-from stridelab.service.api.plans import endpoints as plans
-from stridelab.service.api.plans.resident import Resident
+from stridelab.service.api.middleware.authentication import Gate
+from stridelab.service.api.middleware.lingering_close import Linger
+from stridelab.service.api.middleware.request_context import Edge
+from stridelab.service.api.previews import endpoints as plans
 from stridelab.service.api.recordings import endpoints as recordings
 from stridelab.service.api.robots import endpoints as robots
+from stridelab.service.api.robots.cache import RobotShelf
 from stridelab.service.api.robots.children import DRAWING
-from stridelab.service.api.robots.shelf import RobotShelf
 from stridelab.service.api.scenarios import endpoints as scenarios
-from stridelab.service.api.stream import endpoint as stream
+from stridelab.service.api.session_cookies import Keys
+from stridelab.service.api.stream import endpoints as stream
 from stridelab.service.api.stream.limits import StreamPlaces
 from stridelab.service.api.subjects import endpoints as subjects
-from stridelab.service.jobs.board import JobBoard
-from stridelab.service.jobs.isolated import IsolatedPool
-from stridelab.service.jobs.kinds.registry import KINDS, READING
+from stridelab.service.api.tokens import endpoints as access
+from stridelab.service.auth.token_cache import TokenBook
+from stridelab.service.jobs.notifications import JobBoard
 from stridelab.service.jobs.store import JobStore
 from stridelab.service.jobs.work_folder import WorkFolder
+from stridelab.service.kinds.registry import KINDS, READING
+from stridelab.service.processes import confinement
+from stridelab.service.processes.pool import IsolatedPool
+from stridelab.service.processes.resident import Resident
+from stridelab.service.samples import recording
+from stridelab.service.samples import scenarios as bundled_scenarios
 from stridelab.service.settings import Settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import database_url, make_engine
 
-FRONT: Final = "stridelab.service.front"
+FRONT: Final = "stridelab.service.web_mount"
 PARSERS: Final = 2
 """Single uploads that are parsed at the same time; others wait their turn."""
 BATCHES: Final = 2
@@ -64,7 +66,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
         async with open_parts(settings) as parts:
             app.state.parts = parts
             if with_sample:
-                await bundled.seed(parts.engine, parts.blobs)
+                await recording.seed(parts.engine, parts.blobs)
                 await bundled_scenarios.seed(parts.engine)
             # in children, at low priority: the service answers meanwhile, and whoever looks first finds the files
             async with _beside(_warmed(parts, with_sample)):
@@ -93,7 +95,7 @@ def create_app(settings: Settings, *, with_sample: bool = False) -> FastAPI:
     api.include_router(access.anybody)
     app.include_router(api)
     app.include_router(metrics.router)
-    app.include_router(session.router)
+    app.include_router(login.router)
     _mount_pages(app, settings)
     app.add_middleware(Gate, settings=settings, keys=keys)
     app.add_middleware(Linger)

@@ -7,8 +7,8 @@ from sqlalchemy import text
 
 from stridelab import __version__
 from stridelab.schemas.service import Health
-from stridelab.service.api.parts import AppParts
-from stridelab.service.confinement import layers
+from stridelab.service.api.dependencies import AppParts
+from stridelab.service.processes.confinement import layers
 
 router = APIRouter(tags=["service"])
 

@@ -1,6 +1,12 @@
-"""``GET /metrics``: Prometheus text, read from the database when it is asked for."""
+"""``GET /metrics``: Prometheus text, read from the database when it is asked for.
+
+What ``/metrics`` tells, read from the tables at one moment, so that any API process tells the same.
+
+Everything counts what the tables hold: where retention removes old jobs, numbers fall.
+"""
 
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from itertools import accumulate
 from typing import Any, Final
 
@@ -9,9 +15,107 @@ from prometheus_client import CollectorRegistry
 from prometheus_client.core import GaugeMetricFamily, HistogramMetricFamily
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4, generate_latest
 from prometheus_client.registry import Collector
+from sqlalchemy import ARRAY, BigInteger, ColumnElement, Float, case, func, literal, select, text
+from sqlalchemy.ext.asyncio import AsyncConnection
 
-from stridelab.service.api.counting import BUCKETS_S, DEATHS, Counts, Histogram, count
-from stridelab.service.api.parts import AppParts
+from stridelab.schemas.jobs import FINAL_STATES
+from stridelab.service.api.dependencies import AppParts
+from stridelab.service.jobs.queue import LANES
+from stridelab.service.storage.tables import job, recording
+
+BUCKETS_S: Final = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 60.0, 120.0, 300.0, 600.0)
+"""Upper limits of the histograms' buckets, in seconds."""
+DEATHS: Final = {
+    "computation-crashed": "crash",
+    "computation-out-of-memory": "memory",
+    "computation-timed-out": "timeout",
+}
+"""Error codes of jobs whose child process did not end by itself, and what they count as."""
+
+_DEPTH = text("SELECT queue_name, count(*) FROM procrastinate_jobs WHERE status = 'todo' GROUP BY queue_name")
+_WORKERS = text(
+    "SELECT count(*) FILTER (WHERE last_heartbeat >= now() - make_interval(secs => :stall_s)), count(*)"
+    " FROM procrastinate_workers"
+)
+
+
+@dataclass(frozen=True)
+class Histogram:
+    """Durations in seconds: how many in each of ``BUCKETS_S`` and above, and their sum."""
+
+    labels: tuple[str, ...]
+    counts: tuple[int, ...]
+    sum_s: float
+
+
+@dataclass(frozen=True)
+class Counts:
+    """What the database says at one moment."""
+
+    jobs: tuple[tuple[str, str, int], ...]
+    took: tuple[Histogram, ...]
+    waited: tuple[Histogram, ...]
+    failures: tuple[tuple[str, str, int], ...]
+    lost_starts: int
+    depth: dict[str, int]
+    oldest_queued_s: float
+    workers_alive: int
+    workers_silent: int
+    recordings: int
+    upload_bytes: float
+    database_bytes: float
+
+
+async def count(connection: AsyncConnection, stall_s: float) -> Counts:
+    """Read the counts; a worker that has been silent for ``stall_s`` counts as silent."""
+    by_state = select(job.c.kind, job.c.state, func.count()).group_by(job.c.kind, job.c.state)
+    code = job.c.error["code"].astext
+    failed = select(job.c.kind, code, func.count()).where(job.c.error.is_not(None)).group_by(job.c.kind, code)
+    oldest = select(func.extract("epoch", func.now() - func.min(job.c.created_at))).where(job.c.state == "queued")
+    # one start that went well is no loss, and neither is one that was handed back in good order
+    started = job.c.attempt - job.c.returned - case((job.c.state == "queued", 0), else_=1)
+    lost = select(func.coalesce(func.sum(func.greatest(started, 0)), 0))
+    stored = (await connection.execute(select(func.count(), func.sum(recording.c.bytes)))).one()
+    alive, known = (await connection.execute(_WORKERS, {"stall_s": stall_s})).one()
+    waiting = {str(lane): int(n) for lane, n in (await connection.execute(_DEPTH)).all()}
+    return Counts(
+        jobs=tuple((str(k), str(s), int(n)) for k, s, n in (await connection.execute(by_state)).all()),
+        took=await _histograms(connection, job.c.finished_at - job.c.started_at, (job.c.kind, job.c.state)),
+        waited=await _histograms(connection, job.c.started_at - job.c.created_at, (job.c.kind,)),
+        failures=tuple((str(k), str(c), int(n)) for k, c, n in (await connection.execute(failed)).all()),
+        lost_starts=int((await connection.execute(lost)).scalar_one()),
+        depth={lane: waiting.get(lane, 0) for lane in LANES},
+        oldest_queued_s=float((await connection.execute(oldest)).scalar_one() or 0.0),
+        workers_alive=int(alive),
+        workers_silent=int(known) - int(alive),
+        recordings=int(stored[0]),
+        upload_bytes=float(stored[1] or 0),
+        database_bytes=float(
+            (await connection.execute(select(func.pg_database_size(func.current_database())))).scalar_one()
+        ),
+    )
+
+
+async def _histograms(
+    connection: AsyncConnection, interval: ColumnElement[Any], labels: tuple[ColumnElement[str], ...]
+) -> tuple[Histogram, ...]:
+    """Intervals of jobs that have ended, by ``labels``."""
+    seconds = func.extract("epoch", interval).cast(Float)
+    limits = literal(list(BUCKETS_S), ARRAY(Float))
+    # width_bucket counts a limit into the bucket above it, Prometheus below it: no clock is that exact
+    bucket = func.width_bucket(seconds, limits).cast(BigInteger)
+    wanted = (
+        select(*labels, bucket, func.count(), func.sum(seconds))
+        .where(job.c.state.in_(FINAL_STATES), job.c.started_at.is_not(None), job.c.finished_at.is_not(None))
+        .group_by(*labels, bucket)
+    )
+    found: dict[tuple[str, ...], tuple[list[int], list[float]]] = {}
+    for *named, place, number, total_s in (await connection.execute(wanted)).all():
+        counts, sums = found.setdefault(tuple(map(str, named)), ([0] * (len(BUCKETS_S) + 1), []))
+        counts[int(place)] += int(number)
+        sums.append(float(total_s))
+    return tuple(Histogram(named, tuple(counts), sum(sums)) for named, (counts, sums) in sorted(found.items()))
+
 
 router = APIRouter(tags=["service"])
 

@@ -3,7 +3,7 @@
 from sqlalchemy import BigInteger, cast, func, select
 
 from stridelab.errors import TooLarge
-from stridelab.service.api.parts import Parts
+from stridelab.service.api.dependencies import Parts
 from stridelab.service.storage.tables import job, recording
 
 

@@ -13,9 +13,9 @@ from sqlalchemy import ColumnElement, Update, func, select, text, update
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.service.jobs import queue
-from stridelab.service.jobs.kinds.kind import JobKind, Json
-from stridelab.service.jobs.kinds.provenance import versions
 from stridelab.service.jobs.store import emit
+from stridelab.service.kinds.base import JobKind, Json
+from stridelab.service.kinds.provenance import versions
 from stridelab.service.storage import locks
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.publication import Publication

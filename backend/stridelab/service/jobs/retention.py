@@ -8,12 +8,12 @@ from sqlalchemy import delete, exists, func, or_, select
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from stridelab.schemas.jobs import FINAL_STATES
-from stridelab.service.access import audit
-from stridelab.service.bundled import SHIPPED_JOBS
-from stridelab.service.jobs.consumer import Consumer
-from stridelab.service.jobs.kinds import batch_rows
+from stridelab.service.auth import audit
+from stridelab.service.jobs.queue_consumer import Consumer
+from stridelab.service.kinds import batch_staging
+from stridelab.service.samples.recording import SHIPPED_JOBS
 from stridelab.service.settings import Settings
-from stridelab.service.storage import locks, uploads
+from stridelab.service.storage import content_addressed, locks
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.tables import job, job_event, recording
 
@@ -34,7 +34,7 @@ async def sweep(engine: AsyncEngine, blobs: BlobStore, consumer: Consumer, limit
             await remove_old_jobs(connection, blobs, timedelta(days=limits.result_retention_days))
             await audit.remove_old(connection, timedelta(days=limits.audit_retention_days))
             await remove_orphans(connection, blobs)
-            await uploads.remove_unused(connection, blobs, ORPHAN_AGE)
+            await content_addressed.remove_unused(connection, blobs, ORPHAN_AGE)
             await consumer.remove_old(_QUEUE_HOURS)
         finally:
             await connection.rollback()
@@ -71,14 +71,14 @@ async def remove_orphans(connection: AsyncConnection, blobs: BlobStore, age: tim
     still ``running`` in the attempt that the prefix names; the key of a recording's file is locked (``lock_blob``).
     """
     results = await _old_prefixes(blobs, "results", 3, age)
-    batches = await _old_prefixes(blobs, batch_rows.FOLDER, 2, age)
+    batches = await _old_prefixes(blobs, batch_staging.FOLDER, 2, age)
     recordings = await _old_prefixes(blobs, "recordings", 3, age)  # keys: a recording may have got other tracks
     # the rows are read after the files: a row written meanwhile is seen
     rows = (await connection.execute(select(job.c.id, job.c.attempt, job.c.state, job.c.blob_prefix))).all()
     referred = {row.blob_prefix for row in rows}
     referred |= {f"results/{row.id}/{row.attempt}" for row in rows if row.state == "running"}
-    unread = select(job.c.input).where(job.c.kind == batch_rows.KIND, job.c.state.not_in(FINAL_STATES))
-    referred |= {batch_rows.own_files(asked) for asked in (await connection.execute(unread)).scalars()}
+    unread = select(job.c.input).where(job.c.kind == batch_staging.KIND, job.c.state.not_in(FINAL_STATES))
+    referred |= {batch_staging.own_files(asked) for asked in (await connection.execute(unread)).scalars()}
     files = (await connection.execute(select(recording.c.blob_key, recording.c.tracks_key))).all()
     await connection.rollback()
     prefixes, keys = sorted((results | batches) - referred), sorted(recordings - {key for row in files for key in row})
@@ -94,7 +94,10 @@ async def _remove_unnamed(connection: AsyncConnection, blobs: BlobStore, key: st
     """Delete a recording's file unless a row names it, or one is just being written; returns whether it was."""
     named = exists().where(or_(recording.c.blob_key == key, recording.c.tracks_key == key))
     try:
-        if not await uploads.try_lock_blob(connection, key) or (await connection.execute(select(named))).scalar_one():
+        if (
+            not await content_addressed.try_lock_blob(connection, key)
+            or (await connection.execute(select(named))).scalar_one()
+        ):
             return False
         await blobs.delete(key)
         return True

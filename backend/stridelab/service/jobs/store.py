@@ -23,7 +23,7 @@ from stridelab.schemas.jobs import FINAL_STATES, Artifact, JobEvent, JobResult, 
 from stridelab.service import telemetry
 from stridelab.service.cursors import decode_cursor, encode_cursor
 from stridelab.service.jobs import queue
-from stridelab.service.jobs.kinds.kind import JobKind
+from stridelab.service.kinds.base import JobKind
 from stridelab.service.storage import locks
 from stridelab.service.storage.database import reading
 from stridelab.service.storage.tables import job, job_event

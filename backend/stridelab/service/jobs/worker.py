@@ -19,17 +19,18 @@ from opentelemetry.trace import SpanKind
 from stridelab import heartbeat
 from stridelab.cores import cores_per_slot, default_slots
 from stridelab.errors import StridelabError, Unavailable
-from stridelab.service import confinement, telemetry
+from stridelab.service import telemetry
 from stridelab.service.jobs import retention
+from stridelab.service.jobs.attempt_runner import Errand
 from stridelab.service.jobs.attempts import Attempt, Attempts
-from stridelab.service.jobs.board import Listener
-from stridelab.service.jobs.consumer import DATABASE_IS_AWAY, Consumer
-from stridelab.service.jobs.errand import Errand
-from stridelab.service.jobs.isolated import IsolatedPool
-from stridelab.service.jobs.kinds.kind import JobKind
+from stridelab.service.jobs.notifications import Listener
 from stridelab.service.jobs.queue import LANES, Delivery, Lane
+from stridelab.service.jobs.queue_consumer import DATABASE_IS_AWAY, Consumer
 from stridelab.service.jobs.store import CANCEL_CHANNEL
 from stridelab.service.jobs.work_folder import BEAT_FILE, WorkFolder
+from stridelab.service.kinds.base import JobKind
+from stridelab.service.processes import confinement
+from stridelab.service.processes.pool import IsolatedPool
 from stridelab.service.settings import Settings, settings
 from stridelab.service.storage.blobs import BlobStore
 from stridelab.service.storage.database import database_url, is_migrated, make_engine
@@ -249,8 +250,8 @@ async def work(limits: Settings, kinds: Mapping[str, JobKind], preload: Sequence
 
 def main() -> None:
     """Entry point: a worker for all job kinds."""
-    from stridelab.service.jobs.kinds.registry import COMPUTING, KINDS
-    from stridelab.service.logs import configure_logging
+    from stridelab.service.kinds.registry import COMPUTING, KINDS
+    from stridelab.service.logging import configure_logging
 
     limits = settings()
     configure_logging(limits.log_level)

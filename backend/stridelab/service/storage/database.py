@@ -10,7 +10,7 @@ from sqlalchemy.ext.asyncio import AsyncEngine, create_async_engine
 
 from stridelab.errors import InvalidInput
 from stridelab.service.settings import Settings
-from stridelab.service.storage.migrating import is_migrated, migrate
+from stridelab.service.storage.migrate import is_migrated, migrate
 
 __all__ = ["conninfo", "database_url", "is_migrated", "make_engine", "migrate", "parse_url", "reading"]
 

@@ -11,10 +11,10 @@ from sqlalchemy import select
 from starlette.responses import StreamingResponse
 
 from stridelab.schemas.jobs import JobResult
-from stridelab.service.api.files import content_disposition
-from stridelab.service.api.parts import Parts
-from stridelab.service.jobs.kinds.provenance import bibliography
+from stridelab.service.api.dependencies import Parts
+from stridelab.service.api.downloads import content_disposition
 from stridelab.service.jobs.store import JobRecord
+from stridelab.service.kinds.provenance import bibliography
 from stridelab.service.storage.tables import recording
 
 _FLUSH_BYTES: Final = 256 * 1024

@@ -9,18 +9,17 @@ from starlette.responses import StreamingResponse
 from stridelab.errors import NotFound
 from stridelab.schemas.base import Page
 from stridelab.schemas.jobs import Job, JobResult, JobState
-from stridelab.service.access import audit
-from stridelab.service.access.callers import require_owner
-from stridelab.service.api.callers import CallerOf
-from stridelab.service.api.closing import unless
-from stridelab.service.api.files import OCTETS, send_blob
-from stridelab.service.api.jobs import bundle, deleting, events
-from stridelab.service.api.jobs.rows import job_of
-from stridelab.service.api.jobs.submitting import add_kinds
+from stridelab.service.api.dependencies import AppParts, CallerOf, Parts, known_form
+from stridelab.service.api.downloads import OCTETS, send_blob
+from stridelab.service.api.jobs import bundle, delete, events
+from stridelab.service.api.jobs.presentation import job_of
+from stridelab.service.api.jobs.submit import add_kinds
 from stridelab.service.api.openapi import failures
-from stridelab.service.api.paging import Cursor, Limit
-from stridelab.service.api.parts import AppParts, Parts, known_form
-from stridelab.service.api.strict import StrictRoute
+from stridelab.service.api.pagination import Cursor, Limit
+from stridelab.service.api.shutdown import unless
+from stridelab.service.api.strict_json import StrictRoute
+from stridelab.service.auth import audit
+from stridelab.service.auth.callers import require_owner
 from stridelab.service.jobs.store import JobRecord
 
 router = APIRouter(prefix="/jobs", tags=["jobs"], route_class=StrictRoute)
@@ -96,12 +95,12 @@ async def cancel_job(
     require_owner(caller, record.owner, "job")
     if record.is_final:
         if not cancel_only:
-            await deleting.delete_finished(parts, record.id, caller)
+            await delete.delete_finished(parts, record.id, caller)
         return job_of(record)
     async with parts.engine.begin() as connection:
         await audit.note(connection, caller, "job-cancelled", job_id)
     cancelled = await parts.store.request_cancel(job_id)
-    await deleting.remove_own_files(parts, cancelled)
+    await delete.remove_own_files(parts, cancelled)
     return job_of(cancelled)
 
 

@@ -9,8 +9,8 @@ from starlette.responses import StreamingResponse
 
 from stridelab.errors import Fault, InvalidInput, StridelabError
 from stridelab.schemas.jobs import FINAL_STATES, JobEvent, JobState, Progress
-from stridelab.service.api.closing import until
-from stridelab.service.api.parts import Parts
+from stridelab.service.api.dependencies import Parts
+from stridelab.service.api.shutdown import until
 from stridelab.service.jobs.store import JobRecord
 
 log = structlog.get_logger(__name__)

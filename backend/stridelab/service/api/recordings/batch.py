@@ -15,19 +15,19 @@ from starlette.requests import Request
 
 from stridelab.errors import Fault, InvalidInput, StridelabError, UnreadableFile
 from stridelab.schemas.population import MAX_RECORDINGS, RecordingBatch
-from stridelab.service.access.callers import Caller
-from stridelab.service.api.parts import Parts
+from stridelab.schemas.tasks import BatchFile, ParseBatchTask
+from stridelab.service.api.dependencies import Parts
 from stridelab.service.api.quotas import refuse_full
 from stridelab.service.api.recordings.multipart import Limits, ReceivedForm, ReceivedForms, receive_forms
-from stridelab.service.api.recordings.parsing import Parsed
-from stridelab.service.api.recordings.rows import recording_of, recording_row
-from stridelab.service.api.recordings.storing import delete_recording, store_upload
+from stridelab.service.api.recordings.parse import Parsed
+from stridelab.service.api.recordings.repository import recording_of, recording_row
+from stridelab.service.api.recordings.service import delete_recording, store_upload
+from stridelab.service.auth.callers import Caller
 from stridelab.service.filenames import left_file
-from stridelab.service.jobs.kinds import batch_rows
-from stridelab.service.jobs.kinds.batch_rows import ReadUpload
-from stridelab.service.jobs.kinds.registry import PARSE_BATCH
-from stridelab.service.jobs.kinds.tasks import BatchFile, ParseBatchTask
 from stridelab.service.jobs.store import JobRecord
+from stridelab.service.kinds import batch_staging
+from stridelab.service.kinds.batch_staging import ReadUpload
+from stridelab.service.kinds.registry import PARSE_BATCH
 from stridelab.service.storage.tables import recording
 from stridelab.service.uploaded_row import file_sha256
 
@@ -141,14 +141,14 @@ async def _store_all(parts: Parts, upload: ReadUpload, folder: Path, caller: Cal
 async def _submit(parts: Parts, task: ParseBatchTask, folder: Path, caller: Caller) -> JobRecord:
     """Store the received files and submit the job that reads them."""
     patient = task.model_copy(update={"timeout_s": JOB_PATIENCE * task.timeout_s})
-    (folder / batch_rows.TASK).write_text(patient.model_dump_json(), encoding="utf-8")
-    names = [batch_rows.TASK, *(one.file for one in task.files), *([task.table] if task.table else [])]
+    (folder / batch_staging.TASK).write_text(patient.model_dump_json(), encoding="utf-8")
+    names = [batch_staging.TASK, *(one.file for one in task.files), *([task.table] if task.table else [])]
     asked = {"batch_id": uuid.uuid4().hex, "files": names}
-    prefix = batch_rows.own_files(asked)
+    prefix = batch_staging.own_files(asked)
     try:
         for name in names:
             await parts.blobs.put_file(f"{prefix}/{name}", folder / name)
-        submitted = await parts.store.submit(batch_rows.KIND, asked, owner=caller.name)
+        submitted = await parts.store.submit(batch_staging.KIND, asked, owner=caller.name)
     except StridelabError:  # a definite no; whatever else leaves files leaves them to the janitor
         await parts.blobs.delete_prefix(prefix)
         raise

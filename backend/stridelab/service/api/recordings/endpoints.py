@@ -10,20 +10,19 @@ from stridelab.schemas.base import Page
 from stridelab.schemas.jobs import Job
 from stridelab.schemas.population import RecordingBatch
 from stridelab.schemas.recordings import Recording, RecordingPatch
-from stridelab.service.api.callers import CallerOf
-from stridelab.service.api.files import OCTETS, PARQUET, send_blob
-from stridelab.service.api.jobs import deleting
-from stridelab.service.api.jobs.rows import job_of
+from stridelab.service.api.dependencies import AppParts, CallerOf
+from stridelab.service.api.downloads import OCTETS, PARQUET, send_blob
+from stridelab.service.api.jobs import delete
+from stridelab.service.api.jobs.presentation import job_of
 from stridelab.service.api.openapi import failures
-from stridelab.service.api.paging import Cursor, Limit, cut, newest_first
-from stridelab.service.api.parts import AppParts
-from stridelab.service.api.recordings import changing, storing
+from stridelab.service.api.pagination import Cursor, Limit, cut, newest_first
+from stridelab.service.api.recordings import service
 from stridelab.service.api.recordings.batch import receive_batch
-from stridelab.service.api.recordings.fields import session_of_form, subject_of_form
+from stridelab.service.api.recordings.form_fields import session_of_form, subject_of_form
 from stridelab.service.api.recordings.multipart import Limits, receive_form
-from stridelab.service.api.recordings.parsing import NO_SWITCHES, parse
-from stridelab.service.api.recordings.rows import recording_of, recording_row, recordings_with_subjects
-from stridelab.service.api.strict import StrictRoute
+from stridelab.service.api.recordings.parse import NO_SWITCHES, parse
+from stridelab.service.api.recordings.repository import recording_of, recording_row, recordings_with_subjects
+from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.storage.tables import recording
 
 REUSED: Final = "Stridelab-Reused"
@@ -123,16 +122,16 @@ async def upload_recording(
     `Stridelab-Reused`.
     """
     limits = Limits(parts.settings.max_upload_mb * 1_000_000, parts.settings.min_free_disk_mb * 1_000_000)
-    folder = storing.spool_folder(parts)
+    folder = service.spool_folder(parts)
     try:
         form = await receive_form(request, folder / "trial", limits)
         subject, session_id = subject_of_form(form.fields), session_of_form(form.fields)
-        known = await storing.uploaded_before(parts, form, caller.name) if reuse else None
+        known = await service.uploaded_before(parts, form, caller.name) if reuse else None
         if known is not None:
             response.headers.update({"Location": f"/api/v1/recordings/{known.id}", REUSED: "true"})
             return known
         parsed = await parse(parts, folder, form.path.name, form.filename, NO_SWITCHES)
-        stored = await storing.store_upload(parts, form, parsed, subject, caller.name, session_id)
+        stored = await service.store_upload(parts, form, parsed, subject, caller.name, session_id)
     finally:
         shutil.rmtree(folder, ignore_errors=True)
     response.headers["Location"] = f"/api/v1/recordings/{stored.id}"
@@ -162,7 +161,7 @@ async def upload_recordings(parts: AppParts, caller: CallerOf, request: Request)
     An upload of more than 20 files or 20 MB, and one that is not read within `STRIDELAB_BATCH_ANSWER_S`, is answered
     202 with the job that reads it (`Location`).
     """
-    folder = storing.spool_folder(parts)
+    folder = service.spool_folder(parts)
     try:
         answer = await receive_batch(parts, request, folder, caller)
     finally:
@@ -219,7 +218,7 @@ async def change_recording(
 
     Only the given fields change. A changed marker map or plate switch makes the file be read again.
     """
-    return await changing.change_recording(parts, recording_id, body)
+    return await service.change_recording(parts, recording_id, body)
 
 
 @router.delete(
@@ -236,12 +235,12 @@ async def delete_recording(
     Studies of several recordings hold the person's name, height, mass, age and the file's name. `with_studies`
     deletes them as well; those that stay are named by the header `Stridelab-Kept-In`.
     """
-    studies = await deleting.studies_of(parts, [recording_id])
-    await storing.delete_recording(parts, recording_id, caller)
+    studies = await delete.studies_of(parts, [recording_id])
+    await service.delete_recording(parts, recording_id, caller)
     if with_studies:
-        studies = await deleting.delete_studies(parts, studies, caller)
+        studies = await delete.delete_studies(parts, studies, caller)
     if studies:
-        response.headers[deleting.KEPT_IN] = ", ".join(studies)
+        response.headers[delete.KEPT_IN] = ", ".join(studies)
 
 
 @router.get(

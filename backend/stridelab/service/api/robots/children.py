@@ -14,14 +14,14 @@ from typing import Any, Final
 import structlog
 
 from stridelab.errors import Unavailable
-from stridelab.service.jobs.isolated import IsolatedPool
-from stridelab.service.jobs.sandbox import STRICT, Sandbox
+from stridelab.service.processes.pool import IsolatedPool
+from stridelab.service.processes.sandbox import STRICT, Sandbox
 
 log = structlog.get_logger(__name__)
 
-DESCRIBE: Final = "stridelab.service.jobs.kinds.robot_description:run_in_child"
-LINKS: Final = "stridelab.service.jobs.kinds.robot_links:run_in_child"
-REACH: Final = "stridelab.service.jobs.kinds.robot_reachability:run_in_child"
+DESCRIBE: Final = "stridelab.service.kinds.robots.description:run_in_child"
+LINKS: Final = "stridelab.service.kinds.robots.links:run_in_child"
+REACH: Final = "stridelab.service.kinds.robots.reachability:run_in_child"
 DRAWING: Final = tuple(target.partition(":")[0] for target in (DESCRIBE, LINKS, REACH))
 """What is imported ahead for these children: each would import it anew, for seconds."""
 REST_S: Final = 20.0

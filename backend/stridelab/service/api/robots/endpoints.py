@@ -1,4 +1,7 @@
-"""Robots: which there are, what is known of them, what they look like, and where their centre of mass can be."""
+"""Robots: which there are, what is known of them, what they look like, and where their centre of mass can be.
+
+The robots that have a card: what small files say of them, and whether they can be loaded.
+"""
 
 import gzip
 import hashlib
@@ -8,14 +11,17 @@ import anyio
 from fastapi import APIRouter, Request
 from starlette.responses import Response, StreamingResponse
 
+from stridelab.errors import NotFound, StridelabError
+from stridelab.robots.card import robot_card, robot_names
+from stridelab.robots.data_files import data_files
 from stridelab.schemas.base import Page
 from stridelab.schemas.reachability import RobotReachability
 from stridelab.schemas.robots import Measure, RobotFacts, RobotPreparation, RobotSummary
-from stridelab.service.api.files import send_blob
+from stridelab.service.api.dependencies import AppParts
+from stridelab.service.api.downloads import send_blob
 from stridelab.service.api.openapi import failures
-from stridelab.service.api.parts import AppParts
-from stridelab.service.api.robots.catalogue import known_name, loaded, summaries
-from stridelab.service.api.strict import StrictRoute
+from stridelab.service.api.robots.cache import RobotShelf
+from stridelab.service.api.strict_json import StrictRoute
 from stridelab.service.storage.blobs import BlobInfo
 
 router = APIRouter(prefix="/robots", tags=["robots"], route_class=StrictRoute)
@@ -123,3 +129,45 @@ def _etag(info: BlobInfo) -> str:
 def _already_there(request: Request, etag: str) -> bool:
     asked = request.headers.get("if-none-match", "")
     return etag in {tag.strip().removeprefix("W/") for tag in asked.split(",")} or asked.strip() == "*"
+
+
+def known_name(name: str) -> str:
+    """``name`` if there is such a robot; what a user typed goes no further otherwise.
+
+    Raises ``NotFound`` (``robot-not-found``).
+    """
+    names = robot_names()
+    if name not in names:
+        raise NotFound("robot-not-found", f"There is no robot of this name; there is {', '.join(names) or 'none'}.")
+    return names[names.index(name)]
+
+
+def summaries() -> list[RobotSummary]:
+    """One line per robot, by name; one whose card cannot be read, or whose files are missing, says why."""
+    return [_summary(name) for name in robot_names()]
+
+
+async def loaded(summary: RobotSummary, robots: RobotShelf) -> RobotSummary:
+    """``summary`` of a robot that can be loaded, or with the reason why it cannot."""
+    reason = await robots.problem(summary.name) if summary.available else summary.reason
+    return summary.model_copy(update={"available": reason is None, "reason": reason})
+
+
+def _summary(name: str) -> RobotSummary:
+    try:
+        card = robot_card(name)
+    except StridelabError as error:
+        return RobotSummary(name=name, title=name, licence="", available=False, reason=error.message, effectors=[])
+    reason = None
+    try:
+        data_files(card)
+    except StridelabError as error:
+        reason = error.message
+    return RobotSummary(
+        name=name,
+        title=card.title,
+        licence=card.licence,
+        available=reason is None,
+        reason=reason,
+        effectors=list(card.effectors),
+    )

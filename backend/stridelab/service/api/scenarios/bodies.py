@@ -4,8 +4,8 @@ from typing import Any, Final
 
 from stridelab.schemas.base import FaultItem, Remark
 from stridelab.schemas.scenarios import PhaseBody, Scenario, ScenarioCheck
-from stridelab.service.api.plans.resident import Resident
 from stridelab.service.api.problems import SHOWN_FAULTS
+from stridelab.service.processes.resident import Resident
 
 Json = dict[str, Any]
 

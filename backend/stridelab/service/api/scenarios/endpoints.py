@@ -8,18 +8,23 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.schemas.base import Page
 from stridelab.schemas.scenarios import Scenario, ScenarioCheck, StoredScenario
-from stridelab.service.access import audit
-from stridelab.service.access.callers import Caller, require_owner
-from stridelab.service.api.callers import CallerOf
+from stridelab.service.api.dependencies import AppParts, CallerOf
 from stridelab.service.api.openapi import failures
-from stridelab.service.api.paging import Cursor, Limit
-from stridelab.service.api.parts import AppParts
+from stridelab.service.api.pagination import Cursor, Limit
 from stridelab.service.api.scenarios.bodies import with_bodies
 from stridelab.service.api.scenarios.examples import IN_THE_AIR, ONE_STEP
-from stridelab.service.api.scenarios.judging import judge, refuse_invalid
-from stridelab.service.api.scenarios.rows import own_row, refuse_changed, scenario_of, scenario_row, scenarios_page
-from stridelab.service.api.strict import StrictRoute
-from stridelab.service.bundled_scenarios import new_id
+from stridelab.service.api.scenarios.repository import (
+    own_row,
+    refuse_changed,
+    scenario_of,
+    scenario_row,
+    scenarios_page,
+)
+from stridelab.service.api.scenarios.validation import judge, refuse_invalid
+from stridelab.service.api.strict_json import StrictRoute
+from stridelab.service.auth import audit
+from stridelab.service.auth.callers import Caller, require_owner
+from stridelab.service.samples.scenarios import new_id
 from stridelab.service.storage.tables import scenario
 
 router = APIRouter(prefix="/scenarios", tags=["scenarios"], route_class=StrictRoute)

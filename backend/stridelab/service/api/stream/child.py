@@ -13,10 +13,10 @@ from typing import BinaryIO
 
 from stridelab.errors import StridelabError
 from stridelab.schemas.streams import StreamAnswer, StreamConfiguration
-from stridelab.service.api.stream.wire import HEADER, PROBLEM, TEXT, Parcel
-from stridelab.service.jobs.child import forbid_core_files, limit_memory
-from stridelab.service.jobs.sandbox import STRICT, confine
-from stridelab.service.tether import die_with_parent
+from stridelab.service.api.stream.messages import HEADER, PROBLEM, TEXT, Parcel
+from stridelab.service.processes.child import forbid_core_files, limit_memory
+from stridelab.service.processes.parent_death import die_with_parent
+from stridelab.service.processes.sandbox import STRICT, confine
 
 
 def main(parent_pid: int, memory_mb: int) -> None:

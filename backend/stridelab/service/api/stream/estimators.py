@@ -11,10 +11,16 @@ import numpy as np
 
 from stridelab.conventions import GRAVITY_M_S2
 from stridelab.errors import Fault, InvalidInput
-from stridelab.estimation.cutoffs import AUTO_HIGH_HZ, AUTO_LOW_HZ, THESIS_HIGH_HZ, THESIS_LOW_HZ, require_cutoffs
+from stridelab.estimation.complementary.online_filter import OnlineComplementaryFilter
+from stridelab.estimation.complementary.transfer_functions import (
+    AUTO_HIGH_HZ,
+    AUTO_LOW_HZ,
+    THESIS_HIGH_HZ,
+    THESIS_LOW_HZ,
+    require_cutoffs,
+)
 from stridelab.estimation.error_priors import ErrorPriors
-from stridelab.estimation.online import OnlineEstimator
-from stridelab.estimation.online_complementary import OnlineComplementaryFilter
+from stridelab.estimation.online_estimator import OnlineEstimator
 from stridelab.schemas.streams import StreamConfiguration, StreamPriors, StreamReady
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from stridelab.schemas.streams import (
     StreamSamples,
 )
 from stridelab.service.api.stream.estimators import begin
-from stridelab.service.api.stream.wire import PACKED, TEXT, Parcel
+from stridelab.service.api.stream.messages import PACKED, TEXT, Parcel
 
 _TIME_BYTES: Final = struct.calcsize(PACKED_TIME)
 _ROW_BYTES: Final = struct.calcsize(PACKED_ROW)

@@ -1,22 +1,25 @@
-"""Subjects: pseudonymous persons that several recordings may share."""
+"""Subjects: pseudonymous persons that several recordings may share.
+
+Rows of subjects as the contract shows them.
+"""
 
 import uuid
+from collections.abc import Mapping
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Body, Query, Response
-from sqlalchemy import delete, insert, select, update
+from sqlalchemy import Select, delete, func, insert, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
 
 from stridelab.schemas.base import Page
 from stridelab.schemas.recordings import Subject, SubjectInput
-from stridelab.service.access import audit
-from stridelab.service.access.callers import require_owner
-from stridelab.service.api.callers import CallerOf
-from stridelab.service.api.jobs import deleting
+from stridelab.service.api.dependencies import AppParts, CallerOf, known_form, not_found
+from stridelab.service.api.jobs import delete as deleting
 from stridelab.service.api.openapi import failures
-from stridelab.service.api.paging import Cursor, Limit, cut, newest_first
-from stridelab.service.api.parts import AppParts
-from stridelab.service.api.strict import StrictRoute
-from stridelab.service.api.subjects.rows import subject_of, subject_row, subjects_with_counts
+from stridelab.service.api.pagination import Cursor, Limit, cut, newest_first
+from stridelab.service.api.strict_json import StrictRoute
+from stridelab.service.auth import audit
+from stridelab.service.auth.callers import require_owner
 from stridelab.service.storage.tables import recording, subject
 
 router = APIRouter(prefix="/subjects", tags=["subjects"], route_class=StrictRoute)
@@ -104,3 +107,27 @@ async def delete_subject(
         studies = await deleting.delete_studies(parts, studies, caller)
     if studies:
         response.headers[deleting.KEPT_IN] = ", ".join(studies)
+
+
+def subjects_with_counts() -> Select[Any]:
+    """Every subject with the number of recordings that are linked to it."""
+    linked = select(func.count()).where(recording.c.subject_id == subject.c.id).scalar_subquery()
+    return select(subject, linked.label("n_recordings"))
+
+
+async def subject_row(connection: AsyncConnection, subject_id: str, *, lock: bool = False) -> Mapping[str, Any]:
+    """The row of one subject. Raises ``NotFound`` (``subject-not-found``)."""
+    query = subjects_with_counts().where(subject.c.id == known_form(subject_id, "subject"))
+    if lock:
+        query = query.with_for_update(of=subject)
+    row = (await connection.execute(query)).mappings().one_or_none()
+    if row is None:
+        raise not_found("subject")
+    return dict(row)
+
+
+def subject_of(row: Mapping[str, Any]) -> Subject:
+    """The subject of a row."""
+    return Subject(
+        subject_id=row["id"], created_at=row["created_at"], n_recordings=row["n_recordings"], **row["fields"]
+    )

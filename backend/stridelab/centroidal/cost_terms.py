@@ -1,0 +1,81 @@
+"""The terms of (4.20a), and of our regularisers, for a motion: plain arithmetic on what the solver returned."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from stridelab.centroidal.force_splines import N_GAUSS, gauss
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.verification import Motion, instants, total_force_n, wrenches_of
+from stridelab.conventions import Series, g
+
+REGULARISERS = ("surface_force", "point_force", "duration")
+
+
+def cost_terms(problem: CentroidalProblem, motion: Motion) -> Mapping[str, float]:
+    """Every term by its name; log-densities per effector by the trapezoidal rule over each interval.
+
+    The effort of splines is that of their inner control points, which is never less than that of the curves between
+    nodes evenly spaced.
+    """
+    h = np.diff(motion.time_s)
+    weights = problem.weights
+    a, l_rate = _squares(problem, motion)
+    terms = {
+        "com_acceleration": weights.com_acceleration * float(h @ a),
+        "momentum_rate": weights.momentum_rate * float(h @ l_rate),
+        **{f"log_density_{name}": weights.likelihood * value for name, value in _densities(problem, motion).items()},
+        "surface_force": 0.0,
+        "point_force": 0.0,
+    }
+    if problem.durations is not None and problem.durations.price_per_s:
+        terms["duration"] = problem.durations.price_per_s * float(h.sum())
+    effort_n = {name: curve[:, 1:3] for name, curve in motion.curves_n.items()} or motion.controls_n
+    for name, f in effort_n.items():
+        kind = "surface_force" if problem.effectors[name].kind == "surface" else "point_force"
+        squares = ((f / problem.weight_n) ** 2).sum(axis=(2, 3)).mean(axis=1)
+        terms[kind] += problem.force_weight(name) * float(h @ squares)
+    return terms
+
+
+def _squares(problem: CentroidalProblem, motion: Motion) -> tuple[Series, Series]:
+    """``|c''|^2`` and ``|L_c'|^2`` per interval.
+
+    Constant forces: of the mean rate of L_c. Splines: both by the rule of Gauss that the programme uses. What the limbs
+    take is taken off.
+    """
+    n = len(motion.phase)
+    limbs_nm = np.zeros((n, N_GAUSS, 3)) if problem.limbs_nm is None else problem.limbs_nm.reshape(n, -1, 3)
+    if not motion.curves_n:
+        a = total_force_n(motion) / problem.mass_kg + g
+        l_rate = np.diff(motion.l_nms, axis=0) / np.diff(motion.time_s)[:, None] - limbs_nm[:, 0]
+        return (a**2).sum(axis=1), (l_rate**2).sum(axis=1)
+    a_squared, l_squared = np.zeros(n), np.zeros(n)
+    wrenches = wrenches_of(problem.sequence, motion)
+    for k, (s, w) in enumerate(gauss(N_GAUSS)):
+        now = instants(problem.mass_kg, motion, wrenches, s)
+        a_squared += w * (now.com_a_m_s2**2).sum(axis=1)
+        l_squared += w * ((now.l_rate_nm - limbs_nm[:, k]) ** 2).sum(axis=1)
+    return a_squared, l_squared
+
+
+def objective(terms: Mapping[str, float]) -> float:
+    """(4.20a): the sum of all terms but our regularisers."""
+    return float(sum(value for name, value in terms.items() if name not in REGULARISERS))
+
+
+def _densities(problem: CentroidalProblem, motion: Motion) -> dict[str, float]:
+    """``-int log p_i(c) dt`` per effector while it touches."""
+    sums: dict[str, float] = {}
+    h = np.diff(motion.time_s)
+    for i, phase in enumerate(problem.sequence.phases):
+        intervals = np.flatnonzero(motion.phase == i)
+        seconds = h[intervals] / 2
+        for name, contact in phase.contacts.items():
+            if name not in problem.proxies:
+                continue
+            com_m = motion.com_m[intervals[0] : intervals[-1] + 2]
+            heading_rad = float(problem.sequence.headings_rad[i])
+            logp = problem.proxies[name].log_density(com_m, contact.placement, heading_rad)
+            sums[name] = sums.get(name, 0.0) - float(seconds @ (logp[:-1] + logp[1:]))
+    return sums

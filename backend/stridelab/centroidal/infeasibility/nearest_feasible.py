@@ -1,0 +1,302 @@
+"""The nearest problem whose constraints have a solution: durations or placements changed as little as possible.
+
+    min  sum |theta_i|  +  P (sum T s + ... of ``relaxed``)      over theta and the variables of ``relaxed``
+
+theta are seconds added to the phases, or shifts (in decimetres) of contacts along x and y of their own frames. The rows
+are not linear in theta: an interval's state at its end changes with the length h as A'(h) x + B'(h) (F, T) + b'(h), its
+moment with a contact's place as dp x f. So linear programmes of the rows at the last solution, in a region that shrinks
+where they promise too much, each step judged by the exact relaxed programme (sequential linear programming). P is so
+large that nothing gives way at the end if nothing has to. What comes out is the border of the possible; it is proposed
+with a share of ``SPARES`` more of every change.
+"""
+
+import time
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import scipy.sparse as sp
+from jaxtyping import Int
+
+from stridelab.centroidal.dynamics import DOWN, N_STATE, Step, skew, step
+from stridelab.centroidal.free_variables import Stay, movable
+from stridelab.centroidal.infeasibility.body_limits import bodily
+from stridelab.centroidal.infeasibility.elastic_lp import Relaxed, least, relax
+from stridelab.centroidal.infeasibility.lp_constraints import Blocks, Rows, Vector, Where, missing, rows, sticking
+from stridelab.centroidal.placement_windows import room_m
+from stridelab.centroidal.problem import CentroidalProblem, Grid
+from stridelab.contacts.sequence import ContactPhase, ContactSequence
+from stridelab.conventions import GRAVITY_M_S2, Vector3
+
+What = Literal["durations", "placements"]
+Counts = Int[np.ndarray, "phases"]
+PENALTY = 100.0
+"""Price of what gives way, per weight and second and per metre and second."""
+SPARES = (0.1, 0.25, 0.5, 1.0)
+"""Shares by which a change that only just suffices is exceeded."""
+RATE_HZ = 3.0
+"""Nodes per second, fewer than a plan has: a motion in fewer steps is a motion in more."""
+COARSE, FINE = 3, 5
+"""Least number of intervals of a phase in the search, and where its answer is confirmed, twice as many per second."""
+SHORTEST_S = 0.05
+DECIMETRE_M = 0.1
+FARTHEST_M = 2.0
+"""Farther no contact is moved."""
+ROUNDS = 25
+FIRST_REGION = 0.4
+LAST_REGION = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Nearest:
+    """A sequence near the one that was asked for.
+
+    ``held``: its constraints have a solution within reach. ``longer_s`` by how much each phase lasts longer;
+    ``shifts_m`` where contacts move to in the world, by the phase in which they begin.
+    """
+
+    sequence: ContactSequence
+    held: bool
+    longer_s: Vector
+    shifts_m: dict[Where, Vector3]
+
+
+def nearest(problem: CentroidalProblem, what: What, until_s: float = np.inf) -> Nearest | None:
+    """Change the durations, or the places of the contacts that begin and end within; None where neither is there.
+
+    The search ends when the processor's clock shows ``until_s``; where that is past already there is none either.
+    """
+    counts = _counts(problem, RATE_HZ, COARSE)
+    stays = movable(problem.sequence) if what == "placements" else []
+    size = len(problem.sequence.phases) if what == "durations" else 2 * len(stays)
+    limits = _limits(problem, what, stays)
+    if time.process_time() > until_s:
+        return None
+    theta, region = np.zeros(size), FIRST_REGION
+    now = _judged(problem, what, stays, theta, counts)
+    if not size or now is None:
+        return None
+    for _ in range(ROUNDS):
+        settled = now.price < LAST_REGION and region < FIRST_REGION and np.abs(theta).sum() < LAST_REGION
+        if settled or time.process_time() > until_s:
+            break
+        found = _linear(problem, what, stays, theta, now, _Region(theta, region, limits), counts)
+        after = None if found is None else _judged(problem, what, stays, found, counts)
+        if found is None or after is None or _merit(found, after) > _merit(theta, now) - LAST_REGION / 10.0:
+            region /= 3.0
+            if region < LAST_REGION:
+                break
+            continue
+        theta, now, region = found, after, min(FIRST_REGION, 1.5 * region)
+    return _spared(problem, what, stays, theta, until_s)
+
+
+def _spared(problem: CentroidalProblem, what: What, stays: list[Stay], theta: Vector, until_s: float) -> Nearest:
+    """With the least of ``SPARES`` that holds on a grid twice as fine; the last one tried where none does."""
+    before = np.array([phase.duration_s for phase in problem.sequence.phases])
+    for spare in SPARES if what == "durations" else SPARES[:1]:
+        more = (1.0 + spare) * np.where(np.abs(theta) > LAST_REGION, theta, 0.0)
+        spared = _changed(problem, what, stays, more)
+        fine = grid_of(spared, _counts(spared, 2.0 * RATE_HZ, FINE))
+        final = relax(spared, cones=PENALTY, body=PENALTY, end=PENALTY, grid=fine)
+        holds = final is not None and final.held
+        if holds or time.process_time() > until_s:
+            break
+    return Nearest(
+        spared.sequence,
+        holds,
+        np.array([phase.duration_s for phase in spared.sequence.phases]) - before,
+        {
+            (stay.first, stay.contact.effector): _shift(stay, more[2 * j : 2 * j + 2])
+            for j, stay in enumerate(stays)
+            if more[2 * j : 2 * j + 2].any()
+        },
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Region:
+    """Where theta may go in one step: so far about where it is, within its limits."""
+
+    at: Vector
+    radius: float
+    limits: tuple[Vector, Vector]
+
+    @property
+    def low(self) -> Vector:
+        return np.asarray(np.maximum(self.at - self.radius, self.limits[0]))
+
+    @property
+    def high(self) -> Vector:
+        return np.asarray(np.minimum(self.at + self.radius, self.limits[1]))
+
+
+def _limits(problem: CentroidalProblem, what: What, stays: list[Stay]) -> tuple[Vector, Vector]:
+    """Phases keep ``SHORTEST_S``; contacts stay on their surfaces, clear of what rises beside, with their spare."""
+    if what == "durations":
+        lasts = np.array([phase.duration_s for phase in problem.sequence.phases])
+        return np.minimum(0.0, SHORTEST_S - lasts), np.full(len(lasts), np.inf)
+    rooms = []
+    for stay in stays:
+        points_m = problem.points_m(stay.contact.effector)
+        rooms.append(room_m(stay.contact, points_m, problem.sequence.terrain, (FARTHEST_M, FARTHEST_M)))
+    low, high = (np.concatenate([np.zeros(0), *(room[side] for room in rooms)]) for side in (0, 1))
+    spared = (1.0 + SPARES[0]) * DECIMETRE_M
+    return low / spared, high / spared
+
+
+def _merit(theta: Vector, relaxed: Relaxed) -> float:
+    return float(np.abs(theta).sum()) + relaxed.price
+
+
+def coarse_grid(problem: CentroidalProblem) -> Grid:
+    """The grid of the search, for questions about the problem as it is."""
+    return grid_of(problem, _counts(problem, RATE_HZ, COARSE))
+
+
+def grid_of(problem: CentroidalProblem, counts: Counts) -> Grid:
+    """So many intervals per phase."""
+    phase = np.repeat(np.arange(len(counts)), counts)
+    h = np.array([p.duration_s for p in problem.sequence.phases]) / counts
+    return Grid(np.concatenate([[0.0], np.cumsum(h[phase])]), phase, h[phase])
+
+
+def _counts(problem: CentroidalProblem, rate_hz: float, least: int) -> Counts:
+    return np.array([max(least, round(rate_hz * phase.duration_s)) for phase in problem.sequence.phases])
+
+
+def _judged(problem: CentroidalProblem, what: What, stays: list[Stay], theta: Vector, counts: Counts) -> Relaxed | None:
+    changed = _changed(problem, what, stays, theta)
+    return relax(changed, cones=PENALTY, body=PENALTY, end=PENALTY, grid=grid_of(changed, counts))
+
+
+def _changed(problem: CentroidalProblem, what: What, stays: list[Stay], theta: Vector) -> CentroidalProblem:
+    phases = list(problem.sequence.phases)
+    if what == "durations":
+        phases = [
+            ContactPhase(max(SHORTEST_S, phase.duration_s + float(dt)), phase.contacts)
+            for phase, dt in zip(phases, theta, strict=True)
+        ]
+    for j, stay in enumerate(stays):
+        place, name = stay.contact.placement, stay.contact.effector
+        there = replace(place, position_m=place.position_m + _shift(stay, theta[2 * j : 2 * j + 2]))
+        for i in range(stay.first, stay.last + 1):
+            moved = replace(stay.contact, placement=there)
+            phases[i] = ContactPhase(phases[i].duration_s, {**phases[i].contacts, name: moved})
+    return replace(problem, sequence=replace(problem.sequence, phases=tuple(phases)))
+
+
+def _shift(stay: Stay, along: Vector) -> Vector3:
+    return np.asarray(DECIMETRE_M * stay.contact.placement.rotation[:, :2] @ along)
+
+
+def _linear(
+    problem: CentroidalProblem,
+    what: What,
+    stays: list[Stay],
+    theta: Vector,
+    now: Relaxed,
+    region: "_Region",
+    counts: Counts,
+) -> Vector | None:
+    """The theta of the linear programme at the solution ``now``."""
+    changed = _changed(problem, what, stays, theta)
+    programme = rows(changed, grid_of(changed, counts))
+    m, n = programme.A.shape
+    _, sticks, seconds = sticking(programme, changed)
+    G, room = bodily(programme, changed, now.w[: N_STATE * (len(programme.grid.step_s) + 1)].reshape(-1, N_STATE))
+    J, H = (
+        (_by_durations(programme, changed, now), sp.csc_matrix((G.shape[0], len(theta))))
+        if what == "durations"
+        else _by_places(programme, changed, now, stays, G.shape[0])
+    )
+    lasts = np.array([phase.duration_s for phase in changed.sequence.phases])
+    slacks = PENALTY * np.concatenate([seconds, seconds, seconds, lasts, np.ones(2 * programme.n_end)])
+    size, count = len(theta), len(slacks)
+    E, zero = sp.identity(size), sp.csc_matrix((size, n + count))
+    unasked = sp.csc_matrix((m, 2 * len(seconds) + len(lasts)))
+    miss, n_end = missing(programme), programme.n_end
+    found = least(
+        np.concatenate([np.zeros(n), slacks, np.zeros(size), np.ones(size)]),
+        (
+            sp.hstack([programme.A, sticks, unasked, miss, -miss, J, sp.csc_matrix((m, size))], format="csc"),
+            programme.b + J @ theta,
+        ),
+        (
+            sp.vstack(
+                [
+                    sp.hstack([G, sp.csc_matrix((G.shape[0], 2 * n_end)), H, sp.csc_matrix(H.shape)]),
+                    sp.hstack([zero, E, -E]),
+                    sp.hstack([zero, -E, -E]),
+                ],
+                format="csc",
+            ),
+            np.concatenate([room + H @ theta, np.zeros(2 * size)]),
+        ),
+        np.column_stack(
+            [
+                np.concatenate([programme.lower, np.zeros(count), region.low, np.zeros(size)]),
+                np.concatenate([np.full(n + count, np.inf), region.high, np.full(size, np.inf)]),
+            ]
+        ),
+    )
+    return None if found is None else found[-2 * size : -size]
+
+
+def _forces(programme: Rows, now: Relaxed, k: int, effector: str) -> Vector:
+    """``(F, T)`` of a contact in interval ``k``, what sticks included."""
+    i = int(programme.grid.phase[k])
+    W, start = programme.wrenches[i, effector], programme.first[k, effector]
+    return np.asarray(W @ (now.w[start : start + W.shape[1]] - now.sticks[i, effector]))
+
+
+def _by_durations(programme: Rows, problem: CentroidalProblem, now: Relaxed) -> sp.csc_matrix:
+    """Derivative of the rows by the seconds added to the phases; the body's limits do not know of time."""
+    J, phases = Blocks(), problem.sequence.phases
+    counts = np.bincount(programme.grid.phase)
+    for k, h in enumerate(programme.grid.step_s):
+        i, rate = int(programme.grid.phase[k]), _step_rate(float(h))
+        x = now.w[N_STATE * k : N_STATE * (k + 1)]
+        wrench = sum((_forces(programme, now, k, name) for name in phases[i].contacts), np.zeros(6))
+        J.add(N_STATE * k, i, -(rate.A @ x + rate.B @ wrench + rate.b)[:, None] / counts[i])
+    return J.matrix(len(programme.b), len(phases))
+
+
+def _by_places(
+    programme: Rows, problem: CentroidalProblem, now: Relaxed, stays: list[Stay], n_limits: int
+) -> tuple[sp.csc_matrix, sp.csc_matrix]:
+    """Derivatives of the rows and of the body's limits, boxes first, by the shifts of the contacts."""
+    J, H, row = Blocks(), Blocks(), 0
+    of = {(i, stay.contact.effector): j for j, stay in enumerate(stays) for i in range(stay.first, stay.last + 1)}
+    along = [DECIMETRE_M * stay.contact.placement.rotation[:, :2] for stay in stays]
+    for k, h in enumerate(programme.grid.step_s):
+        i, B = int(programme.grid.phase[k]), step(float(h)).B
+        for name in problem.sequence.phases[i].contacts:
+            if (i, name) in of:
+                j = of[i, name]
+                F = _forces(programme, now, k, name)[:3]
+                J.add(N_STATE * k, 2 * j, B[:, 3:] @ skew(F) @ along[j])
+    for i, phase in enumerate(problem.sequence.phases):
+        for name, contact in phase.contacts.items():
+            if name not in problem.proxies:
+                continue
+            heading_rad = float(problem.sequence.headings_rad[i])
+            R = problem.proxies[name].placement(contact.placement, heading_rad).rotation
+            for _ in range(int((programme.grid.phase == i).sum()) + 1):
+                if (i, name) in of:
+                    j = of[i, name]
+                    H.add(row, 2 * j, -np.vstack([R.T, -R.T]) @ along[j])
+                row += 6
+    return J.matrix(len(programme.b), 2 * len(stays)), H.matrix(n_limits, 2 * len(stays))
+
+
+def _step_rate(h: float) -> Step:
+    """Derivative of ``dynamics.step`` by the length of the interval."""
+    G, E, cross_g = GRAVITY_M_S2, np.eye(3), -skew(DOWN)
+    A, B, b = np.zeros((N_STATE, N_STATE)), np.zeros((N_STATE, 6)), np.zeros(N_STATE)
+    A[0:3, 3:6] = E
+    A[6:9, 0:3], A[6:9, 3:6] = cross_g, h * cross_g
+    B[0:3, 0:3], B[3:6, 0:3] = h * G * E, G * E
+    B[6:9, 0:3], B[6:9, 3:6] = h**2 / 2 * G * cross_g, E
+    b[0:3], b[3:6] = h * G * DOWN, G * DOWN
+    return Step(A, B, b)

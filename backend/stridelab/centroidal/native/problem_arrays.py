@@ -1,0 +1,248 @@
+"""A problem as the flat arrays that the C++ solver takes, relative to the CoM at the start, forces in m |g|."""
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from stridelab.centroidal.control import Touch
+from stridelab.centroidal.force_splines import INNER, comes_and_goes
+from stridelab.centroidal.free_variables import Stay, movable
+from stridelab.centroidal.nlp.transcription import capture_of, ground_m
+from stridelab.centroidal.placement_windows import room_m
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.dynamics.spatial import Placement
+from stridelab.reachability.gaussian_mixture import Mixture
+
+POINTS: Final = 4
+"""Of a contact that share a block; more points take more blocks."""
+ROOM_M: Final = 1e-6
+"""Windows below this are none."""
+MixtureArrays = tuple[Float[np.ndarray, "_"], Float[np.ndarray, "_ 3"], Float[np.ndarray, "_ 3 3"]]
+"""Constants, means and whitenings: ``log w_j N(y; mu_j, S_j) = constant_j - |W_j (y - mu_j)|^2 / 2``."""
+
+
+@dataclass(frozen=True)
+class Slot:
+    """A block of points in an interval: ``points`` of ``effector`` from its ``first`` one on."""
+
+    effector: str
+    first: int
+    points: int
+
+
+@dataclass(frozen=True, eq=False)
+class NativeInput:
+    """Arguments of ``stridelab_native.Problem`` in its order, and the blocks of every phase."""
+
+    weights: Float[np.ndarray, "3"]
+    start: Float[np.ndarray, "9"]
+    goal: Float[np.ndarray, "9"]
+    mixtures: list[MixtureArrays]
+    visit_mixture: Int[np.ndarray, "visits"]
+    visit_place: Float[np.ndarray, "visits 3"]
+    visit_axes: Float[np.ndarray, "visits 3 3"]
+    block_axes: Float[np.ndarray, "blocks 3 3"]
+    block_points: Float[np.ndarray, "blocks 4 3"]
+    block_count: Int[np.ndarray, "blocks"]
+    block_effort: Float[np.ndarray, "blocks 2"]
+    block_most: Float[np.ndarray, "blocks"]
+    phase_layout: Int[np.ndarray, "phases 5"]
+    phase_step_s: Float[np.ndarray, "phases"]
+    phase_height: Float[np.ndarray, "phases 2"]
+    capturable: bool
+    planes: Float[np.ndarray, "planes 5"]
+    wrench_cones: Float[np.ndarray, "cones 6 6"]
+    phase_cone: Int[np.ndarray, "phases"]
+    freedom: Float[np.ndarray, "_"]
+    block_edges: Int[np.ndarray, "blocks 2"]
+    cubic: bool
+    place_phases: Int[np.ndarray, "places 2"]
+    place_axes: Float[np.ndarray, "places 2 3"]
+    place_windows: Float[np.ndarray, "places 4"]
+    block_place: Int[np.ndarray, "blocks"]
+    visit_place_of: Int[np.ndarray, "visits"]
+    limbs: Float[np.ndarray, "_ 3"]
+    slots: tuple[tuple[Slot, ...], ...]
+    moved: tuple[Stay, ...]
+
+    def arguments(self) -> list[object]:
+        """As the module takes them."""
+        return [value for name, value in vars(self).items() if name not in ("slots", "moved")]
+
+    def present(self, phase: int) -> Bool[np.ndarray, "controls blocks"]:
+        """Which blocks of a phase have forces, one control point after the other: one per interval, two of splines."""
+        controls, first, blocks = self.phase_layout[phase, :3].tolist()
+        there = np.ones((controls, blocks), dtype=bool)
+        edges = self.block_edges[first : first + blocks].astype(bool)
+        there[0, edges[:, 0]] = False
+        there[-1, edges[:, 1]] = False
+        return there
+
+
+def native_input(problem: CentroidalProblem) -> NativeInput:
+    """The arrays of a problem."""
+    grid, origin, sequence, weights = problem.grid(), problem.com_start_m, problem.sequence, problem.weights
+    names = [name for name in sequence.effectors if name in problem.proxies]
+    controls = (INNER[problem.shape] * np.bincount(grid.phase)).tolist()
+    blocks: list[tuple[Touch, int]] = []
+    slots: list[tuple[Slot, ...]] = []
+    places: list[tuple[int, Placement]] = []
+    layout = []
+    moved, place_axes, place_windows = _places(problem)
+    of_block, of_visit = [], []
+    forces = problem.control.has_point_forces
+    for i, phase in enumerate(sequence.phases):
+        first_block, first_visit = len(blocks), len(places)
+        touches = problem.touches(i, origin)
+        of = [(t, k) for t in touches for k in range(0, len(t.points_m), POINTS)] if forces else []
+        blocks += of
+        of_block += [_place_of(moved, t.effector, i) for t, _ in of]
+        slots.append(tuple(Slot(t.effector, k, len(t.points_m[k : k + POINTS])) for t, k in of))
+        for name in names:
+            if name in phase.contacts:
+                at, heading_rad = phase.contacts[name].placement, float(sequence.headings_rad[i])
+                places.append((names.index(name), problem.proxies[name].placement(at, heading_rad)))
+                of_visit.append(_place_of(moved, name, i))
+        layout.append([controls[i], first_block, len(of), first_visit, len(places) - first_visit])
+    points = np.zeros((len(blocks), POINTS, 3))
+    for b, (t, k) in enumerate(blocks):
+        points[b, : len(t.points_m[k : k + POINTS])] = t.points_m[k : k + POINTS]
+    wrench_cones, phase_cone = _wrench_cones(problem)
+    start_l = problem.start.l_nms / problem.weight_n
+    return NativeInput(
+        weights=np.array(
+            [weights.com_acceleration, weights.momentum_rate * problem.weight_n**2, weights.likelihood], dtype=float
+        ),
+        start=np.concatenate([np.zeros(3), problem.start.com_v_m_s, start_l]),
+        goal=np.concatenate([problem.com_end_m - origin, np.zeros(6)]),
+        mixtures=[_mixture(problem.proxies[name].mixture) for name in names],
+        visit_mixture=np.array([j for j, _ in places], dtype=np.int32),
+        visit_place=np.array([at.position_m - origin for _, at in places], dtype=float).reshape(-1, 3),
+        visit_axes=np.array([at.rotation for _, at in places], dtype=float).reshape(-1, 3, 3),
+        block_axes=np.array(
+            [t.rotation * np.array([t.friction, t.friction, 1.0]) for t, _ in blocks], dtype=float
+        ).reshape(-1, 3, 3),
+        block_points=points,
+        block_count=np.array([len(t.points_m[k : k + POINTS]) for t, k in blocks], dtype=np.int32),
+        block_effort=np.array(
+            [[2.0 * t.force_weight * t.friction**2, 2.0 * t.force_weight] for t, _ in blocks], dtype=float
+        ).reshape(-1, 2),
+        block_most=np.array(
+            [problem.bounds.normal_force_max_n.get(t.effector, np.inf) / problem.weight_n for t, _ in blocks],
+            dtype=float,
+        ),
+        phase_layout=np.array(layout, dtype=np.int32),
+        phase_step_s=np.array([p.duration_s / n for p, n in zip(sequence.phases, controls, strict=True)], dtype=float),
+        phase_height=_heights(problem),
+        capturable=problem.terminal == "capturable",
+        planes=_planes(problem),
+        wrench_cones=wrench_cones,
+        phase_cone=phase_cone,
+        freedom=_freedom(problem),
+        block_edges=_edges(problem, slots),
+        cubic=problem.shape == "cubic",
+        place_phases=np.array([[stay.first, stay.last] for stay in moved], dtype=np.int32).reshape(-1, 2),
+        place_axes=place_axes,
+        place_windows=place_windows,
+        block_place=np.array(of_block, dtype=np.int32),
+        visit_place_of=np.array(of_visit, dtype=np.int32),
+        limbs=np.zeros((0, 3)) if problem.limbs_nm is None else problem.limbs_nm / problem.weight_n,
+        slots=tuple(slots),
+        moved=moved,
+    )
+
+
+def _places(
+    problem: CentroidalProblem,
+) -> tuple[tuple[Stay, ...], Float[np.ndarray, "places 2 3"], Float[np.ndarray, "places 4"]]:
+    """Contacts that may be moved, in the order of their ends, with axes and windows (low, high, low, high).
+
+    Along an axis without room nothing moves: it is zero, in a window that does not matter.
+    """
+    moved, axes, windows = [], [], []
+    if problem.placements is not None:
+        for stay in sorted(movable(problem.sequence), key=lambda stay: stay.last):
+            corners_m = problem.effectors[stay.contact.effector].points_m()
+            low, high = room_m(stay.contact, corners_m, problem.sequence.terrain, problem.placements.reach_m)
+            room = high - low > ROOM_M
+            if room.any():
+                moved.append(stay)
+                axes.append(np.where(room, stay.contact.placement.rotation[:, :2], 0.0).T)
+                windows.append(np.where(room, [low, high], [[-1.0], [1.0]]).T.ravel())
+    return tuple(moved), np.array(axes).reshape(-1, 2, 3), np.array(windows).reshape(-1, 4)
+
+
+def _place_of(moved: tuple[Stay, ...], effector: str, phase: int) -> int:
+    """Which of the moved contacts an effector has in a phase; -1 for none."""
+    of = (i for i, s in enumerate(moved) if s.contact.effector == effector and s.first <= phase <= s.last)
+    return next(of, -1)
+
+
+def wrench_cone(problem: CentroidalProblem, phase: int) -> Float[np.ndarray, "6 6"] | None:
+    """G of the wrench (tau, eta) as control, zero columns where the contacts have fewer dimensions; eta in weights.
+
+    None in flight, and with forces as control.
+    """
+    if problem.control.has_point_forces:
+        return None
+    groups = problem.control.generators(problem.touches(phase, problem.com_start_m))
+    if not groups:
+        return None
+    (group,) = groups.values()
+    G = np.zeros((6, 6))
+    G[:, : group.lorentz] = group.wrench[:, :-1]
+    G[:, -1] = group.wrench[:, -1]
+    return np.asarray(G * group.rest[-1])
+
+
+def _wrench_cones(problem: CentroidalProblem) -> tuple[Float[np.ndarray, "cones 6 6"], Int[np.ndarray, "phases"]]:
+    cones: list[Float[np.ndarray, "6 6"]] = []
+    which = []
+    for i in range(len(problem.sequence.phases)):
+        found = wrench_cone(problem, i)
+        which.append(-1 if found is None else len(cones))
+        cones += [] if found is None else [found]
+    return np.array(cones).reshape(-1, 6, 6), np.array(which, dtype=np.int32)
+
+
+def _freedom(problem: CentroidalProblem) -> Float[np.ndarray, "_"]:
+    """Shortest and longest durations as shares of the given ones, the total (s), the price of a second; or nothing."""
+    free = problem.durations
+    if free is None or free.shortest == free.longest:
+        return np.zeros(0)
+    total_s = problem.sequence.duration_s if free.fixed_total else np.inf
+    return np.array([free.shortest, free.longest, total_s, free.price_per_s])
+
+
+def _edges(problem: CentroidalProblem, slots: list[tuple[Slot, ...]]) -> Int[np.ndarray, "blocks 2"]:
+    """Whether the contact of a block comes with its phase, and goes with it: splines begin and end without force."""
+    none: set[tuple[int, str]] = set()
+    comes, goes = comes_and_goes(problem.sequence) if problem.shape == "cubic" else (none, none)
+    found = [((i, slot.effector) in comes, (i, slot.effector) in goes) for i, of in enumerate(slots) for slot in of]
+    return np.array(found, dtype=np.int32).reshape(-1, 2)
+
+
+def _heights(problem: CentroidalProblem) -> Float[np.ndarray, "phases 2"]:
+    """Bounds on the height of the CoM, phase by phase."""
+    phases = len(problem.sequence.phases)
+    if problem.bounds.com_height_m is None:
+        return np.tile(np.array([-np.inf, np.inf]), (phases, 1))
+    above_m = np.array(problem.bounds.com_height_m) - problem.com_start_m[2]
+    return np.array([ground_m(problem, i) + above_m for i in range(phases)])
+
+
+def _planes(problem: CentroidalProblem) -> Float[np.ndarray, "planes 5"]:
+    """Where the capture point of a capturable end must be; none at rest."""
+    end = capture_of(problem)
+    if end is None:
+        return np.zeros((0, 5))
+    return np.column_stack([end.normals, end.normals / end.omega_1_s, end.offsets])
+
+
+def _mixture(mixture: Mixture) -> MixtureArrays:
+    W = mixture.whitenings
+    log_det = np.log(np.einsum("jaa->ja", W)).sum(axis=1)
+    constants = np.log(mixture.weights) + log_det - 1.5 * np.log(2.0 * np.pi)
+    return np.ascontiguousarray(constants), np.ascontiguousarray(mixture.means_m), np.ascontiguousarray(W)

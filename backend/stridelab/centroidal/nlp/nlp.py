@@ -1,0 +1,239 @@
+"""The nonlinear programme of a structure, written once: which small function goes where.
+
+Problems alike in structure differ in the parameters of the same compiled programme, which is therefore kept.
+"""
+
+from collections.abc import Hashable, Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+from jaxtyping import Int
+
+from stridelab.centroidal.dynamics import N_STATE, N_WRENCH
+from stridelab.centroidal.nlp import cubic_stage_functions, stage_functions
+from stridelab.centroidal.nlp.assembly import Cost, Programme, Rows, assemble
+from stridelab.centroidal.nlp.density_term import likelihood
+from stridelab.centroidal.nlp.stage_functions import CostFunctions, RowFunctions
+from stridelab.centroidal.nlp.variable_layout import N_CAPTURABLE, Layout, Structure, Use, lay_out, n_cones, n_limits
+from stridelab.reachability.gaussian_mixture import Mixture
+
+SCALE: Final = 1e-2
+"""Brings the objective's gradient near that of the constraints."""
+CAPTURE: Final = "capture"
+"""Name of the rows of the capture point."""
+KEPT: Final = 8
+"""Compiled programmes that stay in memory."""
+
+
+@dataclass(frozen=True)
+class Visit:
+    """A node at which the log-density of an effector is evaluated, as a share of an interval of ``phase``."""
+
+    node: int
+    phase: int
+    share: float
+
+
+@dataclass(frozen=True, eq=False)
+class Compiled:
+    """A structure's programme with what its numbers must be filled into.
+
+    ``ties``, ``efforts`` and ``limits`` are uses of groups by the name of their part, ``visits`` those of a density;
+    ``solvers`` keeps what was set up for it.
+    """
+
+    structure: Structure
+    layout: Layout
+    programme: Programme
+    ties: Mapping[str, list[Use]]
+    efforts: Mapping[str, list[Use]]
+    limits: Mapping[str, list[Use]]
+    visits: Mapping[str, tuple[str, list[Visit]]]
+    solvers: dict[Hashable, object] = field(default_factory=dict)
+
+
+_kept: dict[Structure, Compiled] = {}
+
+
+def compiled(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
+    """The programme of ``structure``, compiled at its first use, for one thread; the last ``KEPT`` stay."""
+    if structure in _kept:
+        _kept[structure] = _kept.pop(structure)
+    else:
+        _kept[structure] = _compile(structure, mixtures)
+        for oldest in list(_kept)[:-KEPT]:
+            del _kept[oldest]
+    return _kept[structure]
+
+
+def _compile(structure: Structure, mixtures: Mapping[str, Mixture]) -> Compiled:
+    layout, free = lay_out(structure), structure.free_durations
+    phase_of = np.array(structure.phase_of)
+    costs: list[Cost] = []
+    rows: list[Rows] = []
+
+    def timed(of_y: Int[np.ndarray, "uses y"], phases: Int[np.ndarray, "uses"]) -> Int[np.ndarray, "uses z"]:
+        """With the duration of its phase as the last entry of each y, where that is a variable."""
+        return np.column_stack([of_y, layout.durations[phases]]) if free else of_y
+
+    def cost(name: str, of_y: Int[np.ndarray, "uses y"], of: CostFunctions) -> None:
+        costs.append(Cost(name, of_y, of.value.size1_in(1), of.value, of.gradient, of.curvature))
+
+    def row(name: str, of_y: Int[np.ndarray, "uses y"], of_row: Int[np.ndarray, "uses r"], of: RowFunctions) -> None:
+        rows.append(Rows(name, of_y, of_row, of.value.size1_in(1), of.value, of.jacobian, of.curvature))
+
+    x, F = layout.state, layout.wrench
+    if structure.shape == "cubic":
+        for name, k, (first, last) in splines(len(phase_of)):
+            before = _run(F[k - 1, 1], N_WRENCH)[:, first * N_WRENCH :]
+            after = _run(F[(k + 1) % len(F), 0], N_WRENCH)[:, last * N_WRENCH :]
+            own = _run(F[k, 0], 2 * N_WRENCH)
+            cost(
+                f"squares{name}",
+                np.hstack([before, _run(x[k], 6), own, after]),
+                cubic_stage_functions.squares(first, last),
+            )
+            across = np.hstack([before, _run(x[k], N_STATE), own, _run(x[k + 1], N_STATE), after])
+            row(f"gap{name}", across, _run(layout.gap[k], N_STATE), cubic_stage_functions.gap(first, last))
+    else:
+        cost(
+            "squares",
+            timed(np.hstack([_run(x[:-1], 6), _run(F[:, 0], N_WRENCH)]), phase_of),
+            stage_functions.squares(free),
+        )
+        across = np.hstack([_run(x[:-1], N_STATE), _run(F[:, 0], N_WRENCH), _run(x[1:], N_STATE)])
+        row("gap", timed(across, phase_of), _run(layout.gap, N_STATE), stage_functions.gap(free))
+    row("start", _run(x[:1], N_STATE), _run(np.array([layout.start]), N_STATE), stage_functions.same(N_STATE))
+    end = np.array([layout.end])
+    if structure.capture_planes:
+        row("end height", x[-1:, None] + np.array([2, 5]), _run(end, 2), stage_functions.same(2))
+        row("end momentum", _run(x[-1:], N_STATE), _run(end + 2, 3), stage_functions.momentum())
+        planes = N_CAPTURABLE + end + np.arange(structure.capture_planes)[:, None]
+        row(
+            CAPTURE,
+            np.repeat(x[-1:, None] + np.array([0, 1, 3, 4]), len(planes), axis=0),
+            planes,
+            stage_functions.dot(4),
+        )
+    else:
+        row("end", _run(x[-1:], N_STATE), _run(end, N_STATE), stage_functions.same(N_STATE))
+        row("rest", _run(F[-1:, -1], 3), _run(np.array([layout.rest]), 3), stage_functions.same(3))
+    row("wrench", _run(F.ravel(), N_WRENCH), _run(layout.tie.ravel(), N_WRENCH), stage_functions.same(N_WRENCH))
+
+    ties, efforts, limits = _grouped(layout.uses)
+    for name, uses in ties.items():
+        group = uses[0].group
+        of_y = _run(np.array([use.start for use in uses]), group.size)
+        if group.shift is not None:
+            of_y = np.hstack([of_y, _run(layout.shifts[_shifts(uses)], 2)])
+        row(
+            name,
+            of_y,
+            _run(np.array([layout.tie[use.k, use.inner] for use in uses]), N_WRENCH),
+            stage_functions.tie(group.size, group.shift is not None),
+        )
+    for name, uses in efforts.items():
+        size = uses[0].group.block
+        starts = np.array([use.start + i for use in uses for i in range(0, use.group.size, size)])
+        phases = np.array([use.phase for use in uses for _ in range(0, use.group.size, size)])
+        cost(name, timed(_run(starts, size), phases), stage_functions.effort(size, free))
+    for name, uses in limits.items():
+        size = uses[0].group.block
+        of_y, of_row = np.array(
+            [
+                (use.start + i * size, use.row + n_cones(use.group) + i)
+                for use in uses
+                for i in range(n_limits(use.group))
+            ]
+        ).T
+        row(name, _run(of_y, size), of_row[:, None], stage_functions.dot(size))
+    for size in sorted({use.group.lorentz for use in layout.uses} - {0}):
+        cones = [
+            (use.start + i * (size + 1), use.row + i)
+            for use in layout.uses
+            if use.group.lorentz == size
+            for i in range(n_cones(use.group))
+        ]
+        of_y, of_row = np.array(cones).T
+        row(f"cone {size}", _run(of_y, size + 1), of_row[:, None], stage_functions.cone(size))
+
+    visits: dict[str, tuple[str, list[Visit]]] = {}
+    for effector, _ in structure.densities:
+        functions = likelihood(mixtures[effector])
+        for moving in (False, True):
+            found, shifts = _visits(structure, effector, moving)
+            if not found:
+                continue
+            name = f"density {effector}{' moving' if moving else ''}"
+            visits[name] = (effector, found)
+            of_y = _run(x[[visit.node for visit in found]], 3)
+            if moving:
+                of_y = np.hstack([of_y, _run(layout.shifts[shifts], 2)])
+            cost(
+                name,
+                timed(of_y, np.array([visit.phase for visit in found])),
+                stage_functions.density(functions, free, moving),
+            )
+    if free:
+        of_y = layout.durations[:, None]
+        cost("price", of_y, stage_functions.price())
+        if structure.fixed_total:
+            row("total", of_y, np.full_like(of_y, layout.total), stage_functions.same(1))
+    programme = assemble(layout.n, layout.n_rows, costs, rows, SCALE)
+    return Compiled(structure, layout, programme, ties, efforts, limits, visits)
+
+
+def splines(n: int) -> list[tuple[str, Int[np.ndarray, "uses"], tuple[bool, bool]]]:
+    """Parts of ``n`` spline intervals by their name: those under way, the first, the last."""
+    parts = [
+        ("", np.arange(1, n - 1), (False, False)),
+        (" first", np.array([0]), (True, False)),
+        (" last", np.array([n - 1]), (False, True)),
+    ]
+    return [part for part in parts if len(part[1])]
+
+
+def _run(starts: Int[np.ndarray, "uses"], size: int) -> Int[np.ndarray, "uses size"]:
+    return starts[:, None] + np.arange(size)
+
+
+def _shifts(uses: list[Use]) -> list[int]:
+    return [use.group.shift for use in uses if use.group.shift is not None]
+
+
+Uses = dict[str, list[Use]]
+
+
+def _grouped(uses: tuple[Use, ...]) -> tuple[Uses, Uses, Uses]:
+    """Uses that share a function, for the wrench, for the regulariser and for bounds on normal forces."""
+    ties: dict[str, list[Use]] = {}
+    efforts: dict[str, list[Use]] = {}
+    limits: dict[str, list[Use]] = {}
+    for use in uses:
+        group = use.group
+        ties.setdefault(f"tie {group.size}{'' if group.shift is None else ' moving'}", []).append(use)
+        if group.weighed:
+            efforts.setdefault(f"effort {group.block}", []).append(use)
+        if group.limited:
+            limits.setdefault(f"limit {group.block}", []).append(use)
+    return ties, efforts, limits
+
+
+def _visits(structure: Structure, effector: str, moving: bool) -> tuple[list[Visit], list[int]]:
+    """Trapezoidal rule over every interval of the phases in which it touches, those whose contact moves or stays.
+
+    A node between two phases counts half for the contacts of each.
+    """
+    found: list[Visit] = []
+    shifts: list[int] = []
+    first = 0
+    for i, phase in enumerate(structure.phases):
+        for visited in phase.visited:
+            if visited.effector != effector or (visited.shift is not None) != moving:
+                continue
+            for k in range(phase.intervals + 1):
+                found.append(Visit(first + k, i, 0.5 if k in (0, phase.intervals) else 1.0))
+                shifts.append(-1 if visited.shift is None else visited.shift)
+        first += phase.intervals
+    return found, shifts

@@ -1,0 +1,209 @@
+"""Where things stand in the vectors of variables and of rows.
+
+    w = x_0, u_0, (F, T)_0,  x_1, u_1, (F, T)_1,  ...  x_N,  then displacements of contacts and durations of phases
+    g = gap_0, x_0 = .., wrench_0, cones_0,  gap_1, wrench_1, cones_1,  ..  at rest_N-1,  x_N = ..,  total duration
+
+which is the order that solvers want who go from stage to stage.
+
+What of a problem decides the shape of its programme, and nothing else: two problems alike in it share a solver.
+
+Contacts, durations, weights, friction and mass are numbers that a compiled programme takes as parameters. The pattern
+of phases, how many intervals each has, the sizes and cones of the groups of u, the mixtures and what is left free
+are its structure.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from jaxtyping import Int
+
+from stridelab.centroidal.dynamics import N_STATE, N_WRENCH
+from stridelab.centroidal.force_splines import INNER, Shape
+
+
+@dataclass(frozen=True)
+class Group:
+    """``size`` variables of u in blocks of ``block``, one for each point; ``lorentz`` as in ``Generators``.
+
+    ``weighed``: whether effort costs; ``limited``: whether normal forces are bounded; ``shift``: which contact
+    displacement moves its points, None where they stay.
+    """
+
+    name: str
+    size: int
+    lorentz: int
+    block: int
+    weighed: bool
+    limited: bool
+    shift: int | None
+
+
+@dataclass(frozen=True)
+class Visited:
+    """An effector whose log-density counts in a phase, and the displacement of its contact."""
+
+    effector: str
+    shift: int | None
+
+
+@dataclass(frozen=True)
+class PhaseStructure:
+    """``intervals`` of a phase, the groups of u in it and the log-densities."""
+
+    intervals: int
+    groups: tuple[Group, ...]
+    visited: tuple[Visited, ...]
+
+
+@dataclass(frozen=True)
+class Structure:
+    """Equal and hashable by its contents; ``densities`` pairs effectors with the digest of their mixture.
+
+    ``capture_planes``: half-planes for the capture point at the end; 0: the motion ends at rest. ``shape`` is that of
+    the controls within an interval.
+    """
+
+    phases: tuple[PhaseStructure, ...]
+    densities: tuple[tuple[str, bytes], ...]
+    free_durations: bool
+    fixed_total: bool
+    n_shifts: int
+    capture_planes: int
+    shape: Shape
+
+    @property
+    def n_intervals(self) -> int:
+        """Of the whole motion."""
+        return sum(phase.intervals for phase in self.phases)
+
+    @property
+    def phase_of(self) -> list[int]:
+        """The phase of every interval."""
+        return [i for i, phase in enumerate(self.phases) for _ in range(phase.intervals)]
+
+
+N_CAPTURABLE: Final = 5
+"""Rows at a capturable end before those of the capture point: height, vertical velocity, angular momentum."""
+
+
+@dataclass(frozen=True)
+class Use:
+    """A group of u in an interval ``k`` of ``phase``, at its control point ``inner`` (0, or 0 and 1 of a spline).
+
+    ``start`` is its first variable, ``row`` the row of its first cone.
+    """
+
+    group: Group
+    k: int
+    inner: int
+    phase: int
+    start: int
+    row: int
+
+
+@dataclass(frozen=True, eq=False)
+class Layout:
+    """First indices: ``state`` per node, ``gap`` per interval, ``wrench`` and ``tie`` (its rows) per control point.
+
+    ``durations`` per phase and ``shifts`` per displacement (none where they are not free); ``start``, ``rest``, ``end``
+    and ``total`` are single rows' firsts. ``stage_rows`` counts per node the rows that do not lead to the next.
+    """
+
+    n: int
+    n_rows: int
+    state: Int[np.ndarray, "nodes"]
+    wrench: Int[np.ndarray, "intervals inner"]
+    uses: tuple[Use, ...]
+    durations: Int[np.ndarray, "phases"]
+    shifts: Int[np.ndarray, "shifts"]
+    gap: Int[np.ndarray, "intervals"]
+    tie: Int[np.ndarray, "intervals inner"]
+    start: int
+    rest: int
+    end: int
+    total: int
+    stage_rows: tuple[int, ...]
+
+    @cached_property
+    def uses_in(self) -> list[list[Use]]:
+        """The groups of every interval."""
+        found: list[list[Use]] = [[] for _ in self.wrench]
+        for use in self.uses:
+            found[use.k].append(use)
+        return found
+
+    def uses_of(self, phase: int) -> Mapping[str, list[Use]]:
+        """The groups of a phase, interval by interval and control point by control point."""
+        found: dict[str, list[Use]] = {}
+        for use in self.uses:
+            if use.phase == phase:
+                found.setdefault(use.group.name, []).append(use)
+        return found
+
+
+def n_cones(group: Group) -> int:
+    """Rows that the cones of a group take."""
+    return group.size // (group.lorentz + 1) if group.lorentz else 0
+
+
+def n_limits(group: Group) -> int:
+    """Rows that bound the normal forces of a group, after its cones."""
+    return group.size // group.block if group.limited else 0
+
+
+def lay_out(structure: Structure) -> Layout:
+    """The layout of a structure."""
+    n = row = 0
+    state, wrench, gap, tie, stage_rows = [], [], [], [], []
+    uses: list[Use] = []
+    start = rest = 0
+    phase_of, inner = structure.phase_of, range(INNER[structure.shape])
+    for k, phase in enumerate(phase_of):
+        state.append(n)
+        n += N_STATE
+        gap.append(row)
+        row += N_STATE
+        first = row
+        if k == 0:
+            start, row = row, row + N_STATE
+        tie.append([row + N_WRENCH * i for i in inner])
+        row += N_WRENCH * len(inner)
+        for i in inner:
+            for group in structure.phases[phase].groups:
+                uses.append(Use(group, k, i, phase, n, row))
+                n += group.size
+                row += n_cones(group) + n_limits(group)
+        wrench.append([n + N_WRENCH * i for i in inner])
+        n += N_WRENCH * len(inner)
+        if k + 1 == len(phase_of) and not structure.capture_planes:
+            rest, row = row, row + 3
+        stage_rows.append(row - first)
+    state.append(n)
+    n += N_STATE
+    n_end = N_CAPTURABLE + structure.capture_planes if structure.capture_planes else N_STATE
+    end, row = row, row + n_end
+    stage_rows.append(n_end)
+    shifts = n + 2 * np.arange(structure.n_shifts)
+    n += 2 * structure.n_shifts
+    durations = n + np.arange(len(structure.phases) if structure.free_durations else 0)
+    n += len(durations)
+    total, row = row, row + (1 if structure.free_durations and structure.fixed_total else 0)
+    return Layout(
+        n=n,
+        n_rows=row,
+        state=np.array(state),
+        wrench=np.array(wrench),
+        uses=tuple(uses),
+        durations=durations,
+        shifts=shifts,
+        gap=np.array(gap),
+        tie=np.array(tie),
+        start=start,
+        rest=rest,
+        end=end,
+        total=total,
+        stage_rows=tuple(stage_rows),
+    )

@@ -1,0 +1,73 @@
+"""How far a contact may move on its surface: a window along x and y of its own frame.
+
+The window asked for, cut back until the contact stays on the face (or the rail's line) that it is on, and clear of
+every box that rises beside it. With d the displacement each of these is a half-plane ``n d <= b`` that holds at d = 0;
+the sides of the window that reach beyond one shrink in proportion, which is exact where the axes are parallel.
+"""
+
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.contacts.sequence import Contact
+from stridelab.contacts.terrain import Box, Terrain
+from stridelab.contacts.terrain_geometry import Touchable, face_towards, touchable
+from stridelab.conventions import Points
+
+RISES_M: Final = 0.01
+"""What is lower than this above the contact is stepped over; what is higher keeps it off."""
+PARALLEL: Final = 1e-9
+"""Cosines below this are rounding."""
+
+Window = Float[np.ndarray, "2"]
+
+
+def room_m(contact: Contact, points_m: Points, terrain: Terrain, reach_m: tuple[float, float]) -> tuple[Window, Window]:
+    """Least and greatest displacement; both 0 where the terrain does not have the surface.
+
+    ``points_m`` ``(k, 3)`` are the corners of what touches, in the contact frame.
+    """
+    own = next((surface for surface in terrain.surfaces if surface.name == contact.surface), None)
+    if own is None:
+        return np.zeros(2), np.zeros(2)
+    face = face_towards(own, contact.placement.rotation[:, 2]) if isinstance(own, Box) else touchable(own)
+    axes, corners_m = contact.placement.rotation[:, :2], contact.placement.act(points_m)
+    planes = _edges(face, axes, corners_m)
+    for box in terrain.boxes:
+        if box is not own:
+            planes += _beside(box, face, axes, corners_m)
+    lower, upper = -np.array(reach_m), np.array(reach_m)
+    for n, b in planes:
+        n = np.where(np.abs(n) > PARALLEL, n, 0.0)
+        farthest = float(np.maximum(n * lower, n * upper).sum())
+        if farthest > b:
+            share = max(b, 0.0) / farthest
+            upper = np.where(n > 0.0, share * upper, upper)
+            lower = np.where(n < 0.0, share * lower, lower)
+    return lower, upper
+
+
+HalfPlane = tuple[Float[np.ndarray, "2"], float]
+
+
+def _edges(face: Touchable, axes: Float[np.ndarray, "3 2"], corners_m: Points) -> list[HalfPlane]:
+    """The four edges of the face."""
+    local, moves = (corners_m - face.center_m) @ face.frame[:, :2], face.frame[:, :2].T @ axes
+    found = []
+    for i in range(2):
+        found.append((moves[i], float(face.half_m[i] - local[:, i].max())))
+        found.append((-moves[i], float(face.half_m[i] + local[:, i].min())))
+    return found
+
+
+def _beside(box: Box, face: Touchable, axes: Float[np.ndarray, "3 2"], corners_m: Points) -> list[HalfPlane]:
+    """The side of a box that the contact is farthest from, if the box rises above the contact at all."""
+    R, half = box.placement.rotation, box.size_m / 2
+    top = (box.placement.position_m - corners_m.mean(axis=0)) @ face.normal + np.abs(face.normal @ R) @ half
+    if top <= RISES_M:
+        return []
+    local, moves = (corners_m - box.placement.position_m) @ R, R.T @ axes
+    sides = [(-moves[i], float(local[:, i].min() - half[i])) for i in range(3)]
+    sides += [(moves[i], float(-half[i] - local[:, i].max())) for i in range(3)]
+    return [max(sides, key=lambda side: side[1])]

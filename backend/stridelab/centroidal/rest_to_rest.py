@@ -1,0 +1,31 @@
+"""The problem that the planner poses: from standing still on the first contacts to standing still on the last."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import pinocchio as pin
+
+from stridelab.centroidal.problem import CentroidalProblem, standing_com_m
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.reachability.proxy.effector_proxy import Proxy
+from stridelab.robots.robot import Robot
+
+BEND_M: Final = 0.017
+"""The CoM stands this much below that of the reference posture, where the knees leave more room upwards."""
+
+
+def from_rest_to_rest(robot: Robot, sequence: ContactSequence, proxies: Mapping[str, Proxy]) -> CentroidalProblem:
+    """``sequence`` with the CoM over the soles' mean at both ends; how high it starts, the scenario may say.
+
+    Raises ``InvalidInput`` as ``CentroidalProblem`` and ``standing_com_m`` do.
+    """
+    height_m = standing_height_m(robot)
+    starts_m = height_m if sequence.start_com_height_m is None else sequence.start_com_height_m
+    start = standing_com_m(sequence.phases[0].contacts, starts_m, robot.effectors)
+    end = standing_com_m(sequence.phases[-1].contacts, height_m, robot.effectors)
+    return CentroidalProblem(sequence, robot.mass_kg, robot.effectors, proxies, start, end)
+
+
+def standing_height_m(robot: Robot) -> float:
+    """Height of the CoM above the soles of a robot at rest."""
+    return float(pin.centerOfMass(robot.model, robot.model.createData(), robot.q_reference)[2]) - BEND_M

@@ -1,0 +1,5 @@
+"""``python -m stridelab.cli``: the command line."""
+
+from stridelab.cli.app import main
+
+main()

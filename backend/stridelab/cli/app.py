@@ -1,0 +1,279 @@
+"""The command line: the service, and the main jobs without one.
+
+Numeric packages are imported inside the commands, so that ``stridelab --help`` answers at once.
+"""
+
+import os
+import signal
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from stridelab import __version__
+from stridelab.cli.backup import adopt, backup, restore
+from stridelab.cli.console import FAILURE, INTERRUPTED, exit_code, out, show_error
+from stridelab.cli.fit_cycloid import fit_cycloid
+from stridelab.cli.options import (
+    AsJson,
+    BestMethod,
+    Delivery,
+    Estimation,
+    Force,
+    Gait,
+    Lab,
+    OutFolder,
+    Preparation,
+    Walk,
+    Walker,
+    Walks,
+    with_groups,
+)
+from stridelab.cli.plan_motion import export_contacts, import_contacts, learn_reachability, plan, plan_contacts, sweep
+from stridelab.cli.stream import stream
+from stridelab.cli.study_population import study_population
+from stridelab.cli.tokens import tokens
+from stridelab.errors import StridelabError
+from stridelab.schemas.methods import Method
+from stridelab.schemas.recordings import Sex
+
+
+class Commands(TyperGroup):
+    """All commands; an error of this project becomes one line and an exit code, Ctrl-C only an exit code."""
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run the command that was typed."""
+        try:
+            return super().invoke(ctx)
+        except StridelabError as error:
+            show_error(error)
+            raise typer.Exit(exit_code(error)) from error
+        except KeyboardInterrupt as interrupt:
+            raise typer.Exit(INTERRUPTED) from interrupt
+
+
+app = typer.Typer(
+    name="stridelab",
+    cls=Commands,
+    help="Human gait and the climbing of humanoid robots, as a service and on the command line.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+
+
+@app.command()
+def serve(
+    host: Annotated[str | None, typer.Option("--host", help="Address to bind to (STRIDELAB_HOST).")] = None,
+    port: Annotated[int | None, typer.Option("--port", help="The one public port (STRIDELAB_PORT).")] = None,
+    data_dir: Annotated[Path | None, typer.Option("--data-dir", help="Data folder (STRIDELAB_DATA_DIR).")] = None,
+    without_worker: Annotated[
+        bool, typer.Option("--without-worker", help="Start no worker beside the server.")
+    ] = False,
+) -> None:
+    """Start everything: database, API and pages, worker, viewer. Ctrl-C ends what it started."""
+    from stridelab.cli.serve import serve as run
+
+    run(host=host, port=port, data_dir=data_dir, without_worker=without_worker)
+
+
+@app.command()
+def worker() -> None:
+    """Start one worker that takes jobs from STRIDELAB_DATABASE_URL until Ctrl-C."""
+    from stridelab.cli.serve import worker as run
+
+    run()
+
+
+@app.command()
+def migrate() -> None:
+    """Bring the schema of STRIDELAB_DATABASE_URL up to date."""
+    from stridelab.cli.serve import migrate as run
+
+    run()
+
+
+app.command()(backup)
+app.command()(restore)
+app.command()(adopt)
+app.add_typer(tokens, name="token")
+
+
+@app.command()
+@with_groups
+def estimate(
+    *,
+    walks: Walks,
+    method: BestMethod = None,
+    estimation: Estimation,
+    preparation: Preparation,
+    delivery: Delivery,
+) -> None:
+    """Estimate the centre of mass of one recording, or of each of a session; needs no server."""
+    from stridelab.cli.estimate import estimate as run
+    from stridelab.cli.recording_request import EstimateRequest
+    from stridelab.cli.session import estimate_session, recordings_below
+
+    if len(walks.files) == 1 and not walks.files[0].is_dir():
+        run(EstimateRequest(walks.each(walks.files)[0], method, estimation, preparation), delivery)
+        return
+    each = walks.each(recordings_below(walks.files))
+    estimate_session([EstimateRequest(walk, method, estimation, preparation) for walk in each], delivery)
+
+
+@app.command()
+@with_groups
+def compare(
+    *,
+    walk: Walk,
+    method: Annotated[Method | None, typer.Option("--method", help="Only this one, beside the geometry.")] = None,
+    estimation: Estimation,
+    preparation: Preparation,
+    truth: Annotated[Path | None, typer.Option("--truth", help="truth.parquet of a simulated recording.")] = None,
+    delivery: Delivery,
+) -> None:
+    """Compare all estimators on one recording; needs no server."""
+    from stridelab.cli.compare import compare as run
+    from stridelab.cli.recording_request import EstimateRequest
+
+    request = EstimateRequest(walk, method, estimation, preparation)
+    run(request, truth=truth, delivery=delivery)
+
+
+app.command()(stream)
+app.command(name="fit-cycloid")(fit_cycloid)
+app.command(name="study-population")(study_population)
+
+
+@app.command()
+def simulate(
+    out_dir: OutFolder = None,
+    seed: Annotated[int, typer.Option("--seed", help="Varies the walk and its noise.")] = 0,
+    duration_s: Annotated[float, typer.Option("--duration", help="Seconds, 2 to 60.")] = 6.0,
+    robot: Annotated[Walker, typer.Option("--robot", help="A person, or the humanoid TALOS.")] = "human",
+    gait: Annotated[Gait, typer.Option("--gait", help="Only TALOS runs, with flight phases.")] = "walking",
+    speed_m_s: Annotated[
+        float | None, typer.Option("--speed", help="Speed in m/s, 0 to 2; by default their own.")
+    ] = None,
+    height_m: Annotated[float | None, typer.Option("--height", help="Stature of the person in metres; 1.71.")] = None,
+    mass_kg: Annotated[float | None, typer.Option("--mass", help="Mass of the person in kilograms; 60.")] = None,
+    sex: Annotated[Sex | None, typer.Option("--sex", help="Proportions of the person; female.")] = None,
+    lab: Annotated[Lab, typer.Option("--lab", help="Plates under every footprint, or two in a row.")] = "walkway",
+    noise: Annotated[
+        list[str] | None, typer.Option("--noise", help="FIELD=VALUE, e.g. force_n=2; may be repeated.")
+    ] = None,
+    force: Force = False,
+    as_json: AsJson = False,
+) -> None:
+    """Record a simulated walk, of a person or of TALOS: recording.c3d and the true centre of mass."""
+    from stridelab.cli.estimate import simulate as run
+
+    stated = {"speed_m_s": speed_m_s, "height_m": height_m, "mass_kg": mass_kg, "sex": sex}
+    fields: dict[str, object] = {"seed": seed, "duration_s": duration_s, "robot": robot, "gait": gait, "lab": lab}
+    fields |= {name: value for name, value in stated.items() if value is not None}
+    run(fields, noise=tuple(noise or ()), out_dir=out_dir, force=force, as_json=as_json)
+
+
+app.command()(plan)
+app.command()(sweep)
+app.command(name="plan-contacts")(plan_contacts)
+app.command(name="export-contacts")(export_contacts)
+app.command(name="import-contacts")(import_contacts)
+app.command(name="learn-reachability")(learn_reachability)
+
+
+@app.command()
+@with_groups
+def reproduce(
+    *,
+    item: Annotated[
+        str | None,
+        typer.Argument(
+            help="fig-2.2, fig-2.5 to fig-2.9, fig-3.3 to fig-3.10, fig-4.2 to fig-4.9, table-4.1, numbers-2 to -4."
+        ),
+    ] = None,
+    everything: Annotated[bool, typer.Option("--all", help="All of them, as one HTML report.")] = False,
+    seeds: Annotated[int | None, typer.Option("--seeds", help="Simulated walks to repeat it on, 1 to 200.")] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="With --all: three draws, for a first look.")] = False,
+    recordings: Annotated[
+        Path | None, typer.Option("--recordings", help="With --all: folder whose gait/ holds walks of people.")
+    ] = None,
+    delivery: Delivery,
+) -> None:
+    """Compute a figure of the thesis anew: its numbers beside ours, and the drawing; needs no server."""
+    from stridelab.cli.reproduce import reproduce as run
+    from stridelab.cli.reproduce import require_one
+
+    name = require_one(item, everything=everything, quick=quick, recordings=recordings, server=delivery.server)
+    if name is not None:
+        run(name, seeds, delivery)
+        return
+    from stridelab.cli.reproduce import reproduce_all
+
+    if not reproduce_all(
+        seeds=seeds,
+        quick=quick,
+        recordings=recordings,
+        out_dir=delivery.out_dir,
+        anew=delivery.force,
+        as_json=delivery.as_json,
+    ):
+        raise typer.Exit(FAILURE)
+
+
+@app.command()
+def demo(out_dir: OutFolder = None, force: Force = False) -> None:
+    """Both main jobs: a walk with its known truth, and a robot that climbs stairs."""
+    from stridelab.cli.demo import demo as run
+
+    run(out_dir=out_dir, force=force)
+
+
+@app.command()
+def doctor(
+    service: Annotated[
+        str | None, typer.Option("--service", help="Only ask this service whether it is healthy.")
+    ] = None,
+    worker: Annotated[
+        bool, typer.Option("--worker", help="Only ask whether the worker of the data folder is alive.")
+    ] = False,
+    files: Annotated[
+        bool, typer.Option("--files", help="Only read all stored files and compare them with their hashes.")
+    ] = False,
+) -> None:
+    """Check this machine for what the service needs; prints a fix for each failed check."""
+    from stridelab.cli.doctor import ask, ask_worker, check_machine
+
+    if files:
+        from stridelab.cli.backup import verify_files
+
+        if not verify_files():
+            raise typer.Exit(FAILURE)
+    if files and not service and not worker:
+        return
+    asked = [ask(service)] if service else []
+    if worker:
+        asked.append(ask_worker())
+    if not (all(asked) if asked else check_machine()):
+        raise typer.Exit(FAILURE)
+
+
+@app.command()
+def version() -> None:
+    """Print the version."""
+    out.print(__version__)
+
+
+def main() -> None:
+    """Run the command line; exit codes are those of ``cli.console.EXIT_CODES``."""
+    # Small matrices: threads of the linear algebra only wait for each other. The service's computations have one, too.
+    for library in ("OMP", "OPENBLAS"):
+        os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+    # A supervisor ends its children with SIGTERM: the same quiet way out as Ctrl-C.
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    app()
+
+
+if __name__ == "__main__":
+    main()

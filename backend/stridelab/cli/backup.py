@@ -1,0 +1,91 @@
+"""``stridelab backup``, ``restore``, ``adopt`` and ``doctor --files``."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from stridelab.cli.console import err, out, progress_bar
+from stridelab.cli.serve import read_settings
+
+Replace = Annotated[bool, typer.Option("--replace", help="Put it in the place of data that are there.")]
+
+
+def backup(
+    file: Annotated[Path, typer.Argument(help="The backup to write.")],
+    force: Annotated[bool, typer.Option("--force", help="Replace an earlier backup of that name.")] = False,
+) -> None:
+    """Write everything the service holds into one file, while it runs or not."""
+    from stridelab.service.backup.create import take
+    from stridelab.service.backup.locations import place
+
+    with place(read_settings(), alone=False) as source, progress_bar("backup") as bar:
+        taken = take(source.database_url, source.store(), file, force=force, on_progress=bar)
+    out.print(f"{file}: {_told(taken.rows, taken.files, taken.bytes)}")
+    _tell_missing(taken.missing)
+
+
+def restore(
+    file: Annotated[Path, typer.Argument(help="A backup.")],
+    replace: Replace = False,
+    with_tokens: Annotated[
+        bool, typer.Option("--with-tokens", help="Put the backup's API tokens in the place of those that are there.")
+    ] = False,
+) -> None:
+    """Put a backup in the place of what the service holds; all of it or nothing. The service must not run."""
+    from stridelab.service.backup.archive import open_archive
+    from stridelab.service.backup.locations import place
+    from stridelab.service.backup.restore import restore as run
+
+    with (
+        progress_bar("restore") as bar,
+        open_archive(file, bar) as archive,  # before a database is made for it
+        place(read_settings(), alone=True, create=True) as there,
+    ):
+        taken = run(archive, there, with_tokens=with_tokens, replace=replace, on_progress=bar)
+    out.print(f"restored {_told(taken.rows, taken.files, taken.bytes)}")
+    if taken.rows.get("token") and not with_tokens:
+        out.print("The API tokens of the backup were not restored; --with-tokens restores them.")
+    _tell_missing(taken.missing)
+
+
+def adopt(
+    folder: Annotated[Path, typer.Argument(help="Data folder of an embedded service that does not run.")],
+    replace: Replace = False,
+) -> None:
+    """Move an embedded service's data into STRIDELAB_DATABASE_URL and STRIDELAB_BLOB_URL."""
+    from stridelab.service.backup.adopt import adopt as run
+
+    with progress_bar("adopt") as bar:
+        taken = run(folder, read_settings(), replace=replace, on_progress=bar)
+    out.print(f"adopted {_told(taken.rows, taken.files, taken.bytes)}")
+    out.print(f"{folder} is as it was; delete it when you have looked at the new service.")
+    _tell_missing(taken.missing)
+
+
+def verify_files() -> bool:
+    """Read all stored files and print which are missing or damaged; returns whether all are as they were stored."""
+    from stridelab.service.backup.locations import place
+    from stridelab.service.backup.verify import verify
+
+    with place(read_settings(), alone=False) as there, progress_bar("files") as bar:
+        found = verify(there.database_url, there.store(), bar)
+    hashes = f"; {found.without_hash} of them have no stored hash" if found.without_hash else ""
+    out.print(f"{found.files} files ({found.bytes / 1e6:,.1f} MB) read{hashes}")
+    for what, files in (("missing", found.missing), ("damaged", found.damaged)):
+        for one in files:
+            err.print(f"[red]{what}[/]: {one.of} ({one.key})", soft_wrap=True)
+    if not found.ok:
+        err.print("Upload a damaged recording again: the same file repairs it. A result is made again by its job.")
+    return found.ok
+
+
+def _told(rows: dict[str, int], files: int, size_bytes: int) -> str:
+    counts = [(rows.get(name, 0), name) for name in ("recording", "subject", "scenario", "job")] + [(files, "file")]
+    listed = ", ".join(f"{number} {name}{'' if number == 1 else 's'}" for number, name in counts)
+    return f"{listed} ({size_bytes / 1e6:,.1f} MB)"
+
+
+def _tell_missing(missing: tuple[str, ...]) -> None:
+    if missing:
+        err.print(f"[yellow]warning[/]: {len(missing)} files that rows name were gone, the first is {missing[0]}")

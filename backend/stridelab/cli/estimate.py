@@ -1,0 +1,171 @@
+"""``stridelab estimate`` and ``stridelab simulate``: the same runs as in the service, into a folder."""
+
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+from rich.table import Table
+
+from stridelab.cli.console import out, progress_bar
+from stridelab.cli.options import Delivery
+from stridelab.cli.recording_request import EstimateRequest, named_value, numbers
+from stridelab.cli.results import (
+    end_if_contradicted,
+    refuse_to_overwrite,
+    result_folder,
+    show_files,
+    show_json,
+    show_quality,
+    show_remarks,
+    validated,
+    write_result,
+)
+from stridelab.errors import Fault, UnreadableFile
+from stridelab.schemas.jobs import (
+    EstimateComInput,
+    EstimateComSummary,
+    JobResult,
+    SimulateRecordingInput,
+    SimulateRecordingSummary,
+)
+from stridelab.schemas.sessions import SessionValues
+from stridelab.schemas.tasks import EstimateComTask, RecordingSource, SimulateRecordingTask
+
+
+def estimate(request: EstimateRequest, delivery: Delivery) -> None:
+    """Estimate one recording here or on a server, write the result folder and show the summary."""
+    target = delivery.folder(f"{request.file.stem}-com")
+    refuse_to_overwrite(target, force=delivery.force)
+    require_file(request.file)
+    if request.static is not None:
+        require_file(request.static)
+    with result_folder(target, force=delivery.force) as folder:
+        if delivery.server is not None:
+            from stridelab.cli.remote import estimate_remotely
+
+            result = estimate_remotely(request, folder, delivery.server, delivery.token)
+        else:
+            result = estimate_here(request, folder)
+    show_estimate(result, target, as_json=delivery.as_json)
+    end_if_contradicted(result)
+
+
+def estimate_here(request: EstimateRequest, folder: Path, session: SessionValues | None = None) -> JobResult:
+    """Run the job's own function in this process; ``folder`` then holds exactly what the service would publish.
+
+    ``session`` are the values of the recording's session.
+    """
+    from stridelab.service.kinds.estimate_com import run as estimate_com
+
+    input_ = request.input(request.file.name, EstimateComInput)
+    with progress_bar(request.file.name) as bar, staged(request, folder) as (recording, static):
+        bar(0.0, "starting")
+        task = EstimateComTask(recording=recording, static=static, session=session, input=input_)
+        outcome = estimate_com.run(task, folder, bar)
+    return write_result(folder, "estimate-com", input_, outcome)
+
+
+@contextmanager
+def staged(request: EstimateRequest, folder: Path) -> Iterator[tuple[RecordingSource, RecordingSource | None]]:
+    """The files of a request in ``folder`` for as long as the run lasts, as the worker would have put them there."""
+    static = None if request.static is None else RecordingSource(file="static-trial", filename=request.static.name)
+    recording = RecordingSource(
+        file="trial",
+        filename=request.file.name,
+        subject=request.subject(),
+        marker_map=request.marker_map(),
+        plates=request.plates(),
+    )
+    copies = {"trial": request.file} | ({"static-trial": request.static} if request.static else {})
+    for name, path in copies.items():
+        shutil.copyfile(path, folder / name)
+    yield recording, static
+    for name in copies:
+        (folder / name).unlink()
+
+
+def simulate(
+    fields: Mapping[str, Any], *, noise: Sequence[str], out_dir: Path | None, force: bool, as_json: bool
+) -> None:
+    """Simulate one recording into a folder and show the summary."""
+    stated = {key: numbers("--noise", value, 1)[0] for key, value in (named_value("--noise", text) for text in noise)}
+    input_ = validated(SimulateRecordingInput, {**fields, "noise": stated})
+    target = out_dir or Path(f"simulated-{input_.seed}")
+    with result_folder(target, force=force) as folder:
+        result = simulate_here(input_, folder)
+    if as_json:
+        show_json(result)
+        return
+    summary = SimulateRecordingSummary.model_validate(result.summary)
+    out.print(f"{summary.n_steps} steps at {summary.speed_m_s:.2f} m/s")
+    show_files(result, target)
+
+
+def simulate_here(input_: SimulateRecordingInput, folder: Path) -> JobResult:
+    """Run the job's own function in this process."""
+    with progress_bar("simulating") as bar:
+        bar(0.0, "starting")
+        from stridelab.service.kinds.simulate_recording import run as simulate_recording
+
+        outcome = simulate_recording.run(SimulateRecordingTask(input=input_), folder, bar)
+        simulate_recording.remove_private_files(folder)
+    return write_result(folder, "simulate-recording", input_, outcome)
+
+
+def show_estimate(result: JobResult, target: Path, *, as_json: bool) -> None:
+    """The summary as a table, or as JSON."""
+    if as_json:
+        show_json(result)
+        return
+    summary = EstimateComSummary.model_validate(result.summary)
+    show_quality(summary.quality, summary.warnings)
+    table = Table(show_header=False, box=None, pad_edge=False)
+    for name, value in _rows(summary):
+        table.add_row(f"[bold]{name}[/]", escape(value))
+    out.print(table)
+    show_remarks(summary.warnings)
+    show_files(result, target)
+
+
+def _rows(summary: EstimateComSummary) -> list[tuple[str, str]]:
+    start_s, end_s = summary.window_s
+    latency = "not estimated"
+    if summary.latency_s is not None:
+        spread = f" ± {1e3 * summary.latency_sd_s:.1f}" if summary.latency_sd_s is not None else ""
+        latency = f"{1e3 * summary.latency_s:+.1f}{spread} ms, {1e3 * summary.latency_applied_s:.1f} ms applied"
+        if summary.latency_source == "session":
+            latency += f", of {summary.latency_n_trials} trials of the session"
+    rows = [
+        ("window", f"{start_s:.2f} to {end_s:.2f} s at {summary.rate_hz:g} Hz"),
+        ("method", f"{summary.method}, segment table {summary.segment_table}"),
+        ("mass", "not known" if summary.mass_kg is None else f"{summary.mass_kg:.1f} kg"),
+        ("force latency", latency),
+    ]
+    if summary.bias_m:
+        rows.append(("fused minus geometry", _xyz([1e3 * value for value in summary.bias_m], "mm")))
+    if summary.rms_force_residual_n:
+        rows.append(("force residual, RMS", _xyz(summary.rms_force_residual_n, "N")))
+    return rows
+
+
+def _xyz(values: Sequence[float], unit: str) -> str:
+    return " / ".join(f"{value:.1f}" for value in values) + f" {unit} (x / y / z)"
+
+
+def require_file(path: Path) -> None:
+    """Raise ``UnreadableFile`` unless the path is a file that can be opened."""
+    reasons: tuple[tuple[Callable[[], bool], str], ...] = (
+        (path.exists, "there is no such file"),
+        (path.is_file, "it is not a file"),
+    )
+    for holds, reason in reasons:
+        if not holds():
+            raise UnreadableFile("file-not-found", f"Cannot read {path}: {reason}.", [Fault(str(path), reason)])
+    try:
+        path.open("rb").close()
+    except OSError as error:
+        reason = error.strerror or "it cannot be opened"
+        raise UnreadableFile("file-not-readable", f"Cannot read {path}: {reason}.") from error

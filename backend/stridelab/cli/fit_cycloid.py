@@ -1,0 +1,143 @@
+"""``stridelab fit-cycloid``: the wheel of every step of a recording, the same run as in the service, into a folder.
+"""
+
+from pathlib import Path
+from typing import Final
+
+from rich.markup import escape
+from rich.table import Table
+
+from stridelab.cli.console import out, progress_bar
+from stridelab.cli.estimate import require_file, staged
+from stridelab.cli.options import BestMethod, Delivery, Estimation, Preparation, StepChoice, Walk, with_groups
+from stridelab.cli.recording_request import EstimateRequest
+from stridelab.cli.results import (
+    end_if_contradicted,
+    refuse_to_overwrite,
+    result_folder,
+    show_files,
+    show_json,
+    show_quality,
+    show_remarks,
+    write_result,
+)
+from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary, FittedStep, Rival, StepScatter
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.tasks import FitCycloidTask
+
+KIND: Final = "fit-cycloid"
+_WHEEL: Final = ("R mm", "r mm", "z0 m", "rad/s", "2piR/L", "mm", "worst", "s=-1", "clock")
+_TIMES: Final = ("m/s", "L m", "both down", "by (3.3.3)", "best path", "best in time")
+
+
+def fit(request: EstimateRequest, delivery: Delivery) -> None:
+    """Fit here or on a server, write the result folder and show the steps."""
+    target = delivery.folder(f"{request.file.stem}-wheel")
+    refuse_to_overwrite(target, force=delivery.force)
+    for path in (request.file, request.static):
+        if path is not None:
+            require_file(path)
+    with result_folder(target, force=delivery.force) as folder:
+        if delivery.server is None:
+            result = fit_here(request, folder)
+        else:
+            from stridelab.cli.remote import estimate_remotely
+
+            result = estimate_remotely(request, folder, delivery.server, delivery.token, KIND, FitCycloidInput)
+    show_fit(result, target, as_json=delivery.as_json)
+    end_if_contradicted(result)
+
+
+def fit_here(request: EstimateRequest, folder: Path) -> JobResult:
+    """Run the job's own function in this process."""
+    input_ = request.input(request.file.name, FitCycloidInput)
+    with progress_bar(request.file.name) as bar, staged(request, folder) as (recording, static):
+        bar(0.0, "starting")
+        from stridelab.service.kinds.fit_cycloid import run as fit_cycloid
+
+        outcome = fit_cycloid.run(FitCycloidTask(recording=recording, static=static, input=input_), folder, bar)
+    return write_result(folder, KIND, input_, outcome)
+
+
+def show_fit(result: JobResult, target: Path, *, as_json: bool) -> None:
+    """One row per step, how much they scatter, and the curves that do better; or JSON."""
+    if as_json:
+        show_json(result)
+        return
+    summary = FitCycloidSummary.model_validate(result.summary)
+    show_quality(summary.quality, summary.warnings)
+    mass = "mass not known" if summary.mass_kg is None else f"{summary.mass_kg:.1f} kg"
+    out.print(f"{summary.method}, {summary.rate_hz:g} Hz, {mass}; steps left out: {summary.steps_left_out}")
+    wheels = Table("", *_WHEEL, box=None, pad_edge=False)
+    times = Table("", *_TIMES, box=None, pad_edge=False)
+    for step in summary.steps:
+        wheels.add_row(_name(step), *_wheel(step))
+        times.add_row(_name(step), *_timing(step))
+    out.print(wheels)
+    out.print(_scatter(summary.step_to_step_sd))
+    out.print(times)
+    for step in summary.steps:
+        if step.flags:
+            out.print(f"[yellow]{_name(step)}[/] {escape(', '.join(step.flags))}")
+    show_remarks(summary.warnings)
+    show_files(result, target)
+
+
+def _scatter(sd: StepScatter | None) -> str:
+    if sd is None:
+        return "[dim]one step and nothing that overlaps with it: how much it scatters is not known[/]"
+    what = f"{sd.n} steps" if sd.between == "steps" else f"{sd.n} intervals that overlap"
+    return (
+        f"[dim]sd between {what}: R {1e3 * sd.R_m:.1f} mm, r {1e3 * sd.r_m:.1f} mm, z0 {1e3 * sd.z0_m:.1f} mm, "
+        f"{sd.omega_rad_s:.2f} rad/s; errors in mm: mean, worst, with s = -1, as a clock that turns evenly[/]"
+    )
+
+
+def _name(step: FittedStep) -> str:
+    return f"{step.t0_s:.2f} s {step.side}"
+
+
+def _wheel(step: FittedStep) -> list[str]:
+    share = "" if step.circumference_share is None else f"{step.circumference_share:.2f}"
+    return [
+        f"{1e3 * step.R_m:.1f}",
+        f"{1e3 * step.r_m:.1f}",
+        f"{step.z0_m:.3f}",
+        f"{step.omega_rad_s:.2f}",
+        share,
+        f"{step.error_mean_mm:.2f}",
+        f"{step.error_max_mm:.1f}",
+        f"{step.reversed.error_mean_mm:.2f}",
+        f"{step.timed.error_mean_mm:.1f}",
+    ]
+
+
+def _timing(step: FittedStep) -> list[str]:
+    length = "" if step.step_length_m is None else f"{step.step_length_m:.2f}"
+    start_s, end_s = step.double_support_s
+    rule = "-".join("?" if t is None else f"{t:.2f}" for t in step.double_support_model_s)
+    best = {space: _best([r for r in step.rivals if r.space == space]) for space in ("path", "time")}
+    return [
+        f"{step.speed_m_s:.2f}", length, f"{start_s:.2f}-{end_s:.2f}", rule, best["path"], best["time"],
+    ]  # fmt: skip
+
+
+def _best(rivals: list[Rival]) -> str:
+    return min(rivals, key=lambda rival: rival.aic).model if rivals else ""
+
+
+@with_groups
+def fit_cycloid(
+    *,
+    walk: Walk,
+    steps: StepChoice = "measured",
+    method: BestMethod = None,
+    estimation: Estimation,
+    preparation: Preparation,
+    delivery: Delivery,
+) -> None:
+    """Fit the rolling wheel to every step of one recording; needs no server."""
+    from stridelab.cli.recording_request import EstimateRequest
+
+    request = EstimateRequest(walk, method, estimation, preparation, steps)
+    fit(request, delivery)

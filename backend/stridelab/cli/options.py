@@ -1,0 +1,159 @@
+"""Groups of options that several commands take whole, and the decorator that lets a command take them.
+
+Options that several commands share, as they are typed.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import MISSING, dataclass, fields, is_dataclass
+from inspect import Parameter, Signature, signature
+from pathlib import Path
+from typing import Annotated, Any, Literal, get_type_hints
+
+import typer
+
+from stridelab.schemas.methods import Method
+from stridelab.schemas.plans import NODE_RATE_HZ, Formulation
+from stridelab.schemas.recordings import Sex
+
+Lab = Literal["walkway", "two_plates"]
+Walker = Literal["human", "talos"]
+Gait = Literal["walking", "running"]
+PostureMeasure = Literal["uniform", "conditioned"]
+PlanSolver = Literal["auto", "native", "casadi", "ipopt", "fatrop"]
+OnlineMethod = Literal["complementary", "smoother"]
+SegmentTable = Literal["auto", "dumas2007", "deleva1996", "carried"]
+
+Control = Annotated[
+    Formulation, typer.Option("--formulation", help="The control: contact forces, in exact cones, or the wrench.")
+]
+Solver = Annotated[PlanSolver, typer.Option("--solver", help="auto: the C++ solver where it is there, else CasADi's.")]
+NodeRate = Annotated[
+    float, typer.Option("--node-rate", min=NODE_RATE_HZ[0], max=NODE_RATE_HZ[1], help="Nodes per second.")
+]
+Densities = Annotated[PostureMeasure | None, typer.Option("--measure", help="The bundled densities to plan with.")]
+
+Trial = Annotated[Path, typer.Argument(help="A .c3d file, a .trc file, or a .zip of a .trc and a .mot or .sto file.")]
+Trials = Annotated[
+    list[Path],
+    typer.Argument(
+        help="A .c3d, .trc, or .zip of TRC and MOT; or several, or folders: trials of one person and day are a session."
+    ),
+]
+Height = Annotated[float | None, typer.Option("--height", help="Stature in metres.")]
+Mass = Annotated[float | None, typer.Option("--mass", help="Body mass in kilograms.")]
+PersonSex = Annotated[Sex | None, typer.Option("--sex", help="Which columns of the segment table.")]
+Age = Annotated[float | None, typer.Option("--age", help="Age in years.")]
+BestMethod = Annotated[Method | None, typer.Option("--method", help="Estimator; the best that exists if omitted.")]
+StepChoice = Annotated[
+    Literal["measured", "all"], typer.Option("--steps", help="Steps with all force measured, or all.")
+]
+Latency = Annotated[str, typer.Option("--latency", help="apply (where significant), report, or seconds to apply.")]
+Segments = Annotated[SegmentTable, typer.Option("--segment-table", help="Table of segment masses.")]
+Cutoffs = Annotated[str, typer.Option("--cutoffs", help="auto, thesis, spectra, or LOW,HIGH in Hz.")]
+Priors = Annotated[
+    list[str] | None, typer.Option("--prior", help="For the smoother: ERROR=SIZE, e.g. plate_force_n=5; repeatable.")
+]
+WithoutLearning = Annotated[
+    bool, typer.Option("--no-learn", help="For the smoother: keep the stated sizes of the errors.")
+]
+SegmentMomentum = Annotated[
+    bool, typer.Option("--segment-momentum", help="For the smoother: believe the segments' angular momentum.")
+]
+Measured = Annotated[str | None, typer.Option("--window", help="START,END in seconds, inside a measured window.")]
+Static = Annotated[Path | None, typer.Option("--static", help="Static trial of the same person.")]
+Markers = Annotated[list[str] | None, typer.Option("--marker", help="LANDMARK=LABEL; may be repeated.")]
+WithoutPlates = Annotated[list[int] | None, typer.Option("--without-plate", help="Plate index to leave out.")]
+
+OutFolder = Annotated[Path | None, typer.Option("--out", help="Folder for the result; must not exist yet.")]
+Force = Annotated[bool, typer.Option("--force", help="Replace an earlier result in that folder.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of a table.")]
+Server = Annotated[str | None, typer.Option("--server", help="Run on this service (http://...) instead.")]
+Token = Annotated[str | None, typer.Option("--token", envvar="STRIDELAB_API_TOKEN", help="Its API token.")]
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A recording, and what is stated of the person in it."""
+
+    file: Trial
+    height_m: Height = None
+    mass_kg: Mass = None
+    sex: PersonSex = None
+    age_years: Age = None
+
+
+@dataclass(frozen=True)
+class Walks:
+    """One recording or several, and what is stated of the person in them."""
+
+    files: Trials
+    height_m: Height = None
+    mass_kg: Mass = None
+    sex: PersonSex = None
+    age_years: Age = None
+
+    def each(self, files: Sequence[Path]) -> list[Walk]:
+        """A recording each."""
+        return [Walk(file, self.height_m, self.mass_kg, self.sex, self.age_years) for file in files]
+
+
+@dataclass(frozen=True)
+class Estimation:
+    """How the centre of mass is estimated, the method apart."""
+
+    latency: Latency = "apply"
+    segment_table: Segments = "auto"
+    cutoffs: Cutoffs = "auto"
+    prior: Priors = None
+    no_learn: WithoutLearning = False
+    segment_momentum: SegmentMomentum = False
+    window: Measured = None
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """What is done to a recording before anything is computed from it."""
+
+    static: Static = None
+    marker: Markers = None
+    without_plate: WithoutPlates = None
+
+
+@dataclass(frozen=True)
+class Delivery:
+    """Where the result goes, and which machine computes it: this one, or that of the service at ``server``."""
+
+    out_dir: OutFolder = None
+    force: Force = False
+    as_json: AsJson = False
+    server: Server = None
+    token: Token = None
+
+    def folder(self, usual: str) -> Path:
+        """Where the result goes: ``usual`` in the working folder unless something else was asked for."""
+        return self.out_dir or Path(usual)
+
+
+def with_groups(command: Callable[..., None]) -> Callable[..., None]:
+    """``command`` as typer reads it: every parameter that is a group stands as the group's fields, in its place."""
+    hints = get_type_hints(command, include_extras=True)
+    groups = {name: hint for name, hint in hints.items() if isinstance(hint, type) and is_dataclass(hint)}
+    typed: list[Parameter] = []
+    for parameter in signature(command).parameters.values():
+        group = groups.get(parameter.name)
+        if group is None:
+            typed.append(parameter.replace(annotation=hints[parameter.name], kind=Parameter.KEYWORD_ONLY))
+            continue
+        own = get_type_hints(group, include_extras=True)
+        for field in fields(group):
+            default = Parameter.empty if field.default is MISSING else field.default
+            typed.append(Parameter(field.name, Parameter.KEYWORD_ONLY, default=default, annotation=own[field.name]))
+
+    def call(**values: Any) -> None:
+        for name, group in groups.items():
+            values[name] = group(**{field.name: values.pop(field.name) for field in fields(group)})
+        command(**values)
+
+    call.__name__, call.__doc__ = command.__name__, command.__doc__
+    call.__signature__ = Signature(typed)  # type: ignore[attr-defined]
+    return call

@@ -1,0 +1,381 @@
+"""The commands of the robot wing, and ``stridelab plan``: the same run as in the service, into a folder, or remotely."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Final
+
+import typer
+from rich.markup import escape
+
+from stridelab.cli.console import out, progress_bar
+from stridelab.cli.options import (
+    Control,
+    Delivery,
+    Densities,
+    NodeRate,
+    PlanSolver,
+    PostureMeasure,
+    Solver,
+    with_groups,
+)
+from stridelab.cli.results import (
+    refuse_to_overwrite,
+    result_folder,
+    show_files,
+    show_json,
+    show_remarks,
+    show_verdict,
+    write_result,
+)
+from stridelab.cli.scenario_files import read_scenario
+from stridelab.errors import Fault, InvalidInput, NotFound, StridelabError
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.plans import (
+    DURATION_RANGE,
+    LEAST_SHARE,
+    MOST_SHARE,
+    PLAN_STAGES,
+    TIME_LIMIT_S,
+    CertificateCheck,
+    Film,
+    Formulation,
+    PlanMotionInput,
+    PlanMotionSummary,
+    ReplaySummary,
+    Shape,
+)
+from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.tasks import PlanMotionTask
+
+PAGE_FILE: Final = "motion.html"
+
+
+@dataclass(frozen=True)
+class PlanRequest:
+    """Options of ``stridelab plan`` as typed; ``replay`` None means with the whole body."""
+
+    scenario: str
+    whole_body: bool = True
+    replay: bool | None = None
+    measure: PostureMeasure | None = None
+    formulation: Formulation = "forces"
+    solver: PlanSolver = "auto"
+    node_rate_hz: float = 10.0
+    shape: Shape | None = None
+    time_limit_s: float | None = None
+    free_durations: bool = False
+    duration_range: tuple[float, float] = DURATION_RANGE
+    film: Film | None = None
+
+    def __post_init__(self) -> None:
+        if self.replay and not self.whole_body:
+            fault = Fault("--replay", "contradicts --no-whole-body")
+            raise InvalidInput("option-invalid", "Only a motion of the whole body can be replayed.", [fault])
+        if self.film is not None and not self.whole_body:
+            fault = Fault("--film", "contradicts --no-whole-body")
+            raise InvalidInput("option-invalid", "Only a motion of the whole body can be filmed.", [fault])
+        if self.time_limit_s is not None and not 0.0 < self.time_limit_s <= TIME_LIMIT_S:
+            fault = Fault("--time-limit", f"must be above 0 and at most {TIME_LIMIT_S:.0f} s")
+            raise InvalidInput("option-invalid", f"A solver cannot be given {self.time_limit_s:g} s.", [fault])
+        cones = self.formulation == "circular-cones" and self.solver not in ("auto", "native")
+        if self.free_durations and (self.solver == "fatrop" or cones):
+            fault = Fault("--free-durations", "is for the C++ solver, or for ipopt with forces or wrench")
+            named = "fatrop" if self.solver == "fatrop" else "circular cones"
+            raise InvalidInput("option-invalid", f"Durations cannot be chosen with {named}.", [fault])
+        if self.shape == "cubic" and (self.formulation == "wrench" or self.solver == "fatrop"):
+            fault = Fault("--shape", "cubic is for forces, and not for fatrop")
+            raise InvalidInput("option-invalid", "Forces cannot be splines here.", [fault])
+        least, most = self.duration_range
+        if not (LEAST_SHARE <= least <= 1.0 <= most <= MOST_SHARE):
+            fault = Fault("--duration-range", f"from {LEAST_SHARE:g} to 1, and from 1 to {MOST_SHARE:g}")
+            message = f"Phases cannot last from {least:g} to {most:g} times what the scenario says."
+            raise InvalidInput("option-invalid", message, [fault])
+
+    @property
+    def title(self) -> str:
+        """The scenario without folder and suffix."""
+        return Path(self.scenario).stem
+
+    def of(self, scenario: Scenario | None) -> PlanMotionInput:
+        """Input of the job, for a scenario or, without one, for that of this id."""
+        source = {"scenario_id": self.scenario} if scenario is None else {"scenario": scenario}
+        replay = self.whole_body if self.replay is None else self.replay
+        return PlanMotionInput(
+            **source,
+            whole_body=self.whole_body,
+            replay=replay,
+            measure=self.measure,
+            formulation=self.formulation,
+            solver=self.solver,
+            node_rate_hz=self.node_rate_hz,
+            shape=self.shape,
+            time_limit_s=self.time_limit_s,
+            free_durations=self.free_durations,
+            duration_range=self.duration_range,
+            film=self.film,
+        )
+
+
+def plan_scenario(request: PlanRequest, delivery: Delivery) -> None:
+    """Plan one motion here or on a server, write the result folder and show the summary.
+
+    Where the body cannot follow the plan, the folder holds the motion until then, and the error is raised last.
+    """
+    target = delivery.folder(f"{request.title}-plan")
+    refuse_to_overwrite(target, force=delivery.force)
+    with result_folder(target, force=delivery.force) as folder:
+        if delivery.server is None:
+            result, failure = plan_here(request, folder)
+        else:
+            result, failure = plan_there(request, folder, delivery.server, delivery.token)
+    show_plan(result, target, as_json=delivery.as_json)
+    if failure is not None:
+        raise failure
+
+
+def plan_here(request: PlanRequest, folder: Path) -> tuple[JobResult, StridelabError | None]:
+    """Run the job's own function in this process; ``folder`` then holds exactly what the service would publish.
+
+    The second is why the motion is not whole.
+    """
+    scenario = read_scenario(request.scenario)
+    task = PlanMotionTask(scenario=scenario, input=request.of(scenario))
+    with progress_bar(request.title) as bar:
+        bar(0.0, "starting")
+        from stridelab.service.kinds.plan_motion import run as plan_motion
+
+        outcome = plan_motion.run(task, folder, bar)
+    return write_result(folder, "plan-motion", task.input, outcome), outcome.failure
+
+
+def plan_there(
+    request: PlanRequest, folder: Path, server: str, token: str | None
+) -> tuple[JobResult, StridelabError | None]:
+    """``plan_here`` on ``server``; what is neither a file nor bundled is taken for the id of a scenario there."""
+    from stridelab.cli.remote import ended_remotely
+
+    try:
+        asked = request.of(read_scenario(request.scenario))
+    except NotFound:
+        asked = request.of(None)
+
+    return ended_remotely(
+        "plan-motion", request.title, lambda _client, _bar: asked, folder, server, token, unprepared=InvalidInput
+    )
+
+
+def show_plan(result: JobResult, target: Path, *, as_json: bool) -> None:
+    """The summary with the certificate and the replay, or JSON."""
+    if as_json:
+        show_json(result)
+        return
+    summary = PlanMotionSummary.model_validate(result.summary)
+    out.print(f"{escape(summary.scenario_name)}: {summary.duration_s:.1f} s in {summary.n_phases} phases")
+    out.print(
+        f"[bold]plan[/] converged in {summary.iterations} iterations and {summary.solve_time_s:.2f} s "
+        f"({escape(summary.solver)}), objective {summary.objective:.4g}"
+    )
+    if summary.phase_durations is not None:
+        chosen = ", ".join(f"{phase.chosen_s:.2f}" for phase in summary.phase_durations)
+        out.print(f"[bold]durations chosen[/] {chosen} s")
+    if summary.certificate is not None:
+        width = max(len(check.name) for check in summary.certificate.checks)
+        for check in summary.certificate.checks:
+            out.print(_line(check, width))
+        out.print("[green]certificate passed[/]" if summary.certificate.passed else "[red]certificate not passed[/]")
+    if summary.stopped is not None:
+        at = summary.stopped
+        level = f"level {at.level} ({at.level_name}), {escape(', '.join(at.names))}"
+        out.print(f"[bold red]stopped[/] at {at.time_s:.2f} s in phase {at.phase}: {level}")
+    if summary.replay is not None:
+        out.print(f"[bold]replay[/] {_replay(summary.replay)}")
+        for remark in summary.replay.remarks or ():
+            if remark.code != "replay-fell":  # the line above says when
+                out.print(f"  [yellow]{escape(remark.code)}[/] {escape(remark.message)}")
+    if summary.stopped is None:
+        show_verdict(result)
+    times_s = {stage: summary.stage_times_s[stage] for stage in PLAN_STAGES if stage in summary.stage_times_s}
+    out.print(f"[bold]took[/] {', '.join(f'{stage} {seconds:.1f} s' for stage, seconds in times_s.items())}")
+    show_remarks(summary.warnings)
+    show_files(result, target)
+    if any(artifact.name == PAGE_FILE for artifact in result.artifacts):
+        out.print(f"To see the motion, open {escape(str(target / PAGE_FILE))} in a browser.")
+
+
+def _line(check: CertificateCheck, width: int) -> str:
+    """One check: verdict, name, worst value against its limit, and where that was."""
+    verdict = "[green]passed[/]" if check.passed else "[bold red]failed[/]"
+    unit = "" if check.unit == "1" else f" {check.unit}"
+    value = f"{check.value:.4g} {'≥' if check.at_least else '≤'} {check.limit:.4g}{unit}"
+    places = [
+        f"phase {check.phase}" if check.phase is not None else "",
+        check.effector or "",
+        f"{check.time_s:.2f} s" if check.time_s is not None else "",
+    ]
+    where = ", ".join(place for place in places if place)
+    return f"{verdict} {escape(check.name):<{width}} {escape(value):<27} {escape(where)}".rstrip()
+
+
+def _replay(replay: ReplaySummary) -> str:
+    how = "completed" if replay.completed else "[bold red]not completed[/]"
+    if replay.fall_time_s is not None:
+        how = f"[bold red]fell[/] at {replay.fall_time_s:.1f} s"
+    text = (
+        f"{how}: CoM error {1e3 * replay.com_error_rms_m:.1f} mm RMS, {1e3 * replay.com_error_max_m:.1f} mm at most; "
+        f"feet land up to {1e3 * replay.landing_error_max_m:.1f} mm off and slip "
+        f"{1e3 * replay.foot_slip_max_m:.1f} mm; "
+        f"torques up to {replay.torque_ratio_max:.0%} of their limits"
+    )
+    if replay.hand_force_mean_n is not None:
+        text += f"; hand force {replay.hand_force_mean_n:.0f} N on average"
+    return text
+
+
+ScenarioName = Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: six-stairs.")]
+OutFile = Annotated[Path | None, typer.Option("--out-file", help="The file to write; must not exist yet.")]
+ForceFile = Annotated[bool, typer.Option("--force", help="Replace that file.")]
+
+
+@with_groups
+def plan(
+    *,
+    scenario: ScenarioName,
+    no_whole_body: Annotated[
+        bool, typer.Option("--no-whole-body", help="Only the plan of the centre of mass and the contact forces.")
+    ] = False,
+    replay: Annotated[
+        bool | None,
+        typer.Option("--replay/--no-replay", help="Replay the motion in physics; done unless --no-whole-body."),
+    ] = None,
+    measure: Densities = None,
+    formulation: Control = "forces",
+    solver: Solver = "auto",
+    node_rate: NodeRate = 10.0,
+    shape: Annotated[
+        Shape | None,
+        typer.Option("--shape", help="Forces between nodes: cubic splines, or constant; splines where a body follows."),
+    ] = None,
+    time_limit: Annotated[
+        float | None, typer.Option("--time-limit", help="Seconds of processor time for the solver, at most 300.")
+    ] = None,
+    free_durations: Annotated[
+        bool, typer.Option("--free-durations", help="Let the solver choose how long each phase lasts.")
+    ] = False,
+    duration_range: Annotated[
+        tuple[float, float], typer.Option("--duration-range", help="Between how many times what the scenario says.")
+    ] = DURATION_RANGE,
+    film: Annotated[
+        Film | None, typer.Option("--film", help="A film of the motion as well: gif or mp4; needs ffmpeg.")
+    ] = None,
+    delivery: Delivery,
+) -> None:
+    """Plan how a robot carries out a contact scenario, check the motion and replay it; needs no server."""
+    request = PlanRequest(
+        scenario,
+        whole_body=not no_whole_body,
+        replay=replay,
+        measure=measure,
+        formulation=formulation,
+        solver=solver,
+        node_rate_hz=node_rate,
+        shape=shape,
+        time_limit_s=time_limit,
+        free_durations=free_durations,
+        duration_range=duration_range,
+        film=film,
+    )
+    plan_scenario(request, delivery)
+
+
+@with_groups
+def sweep(
+    *,
+    scenario: Annotated[str, typer.Argument(help="A scenario's JSON file, or the name of a bundled one: long-stride.")],
+    vary: Annotated[
+        list[str],
+        typer.Option(
+            "--vary", help="FIELD=FROM:TO:NUMBER, up to three times; stride, height (metres), timing, friction."
+        ),
+    ],
+    formulation: Control = "forces",
+    solver: Solver = "auto",
+    node_rate: NodeRate = 10.0,
+    measure: Densities = None,
+    processes: Annotated[
+        int | None, typer.Option("--processes", min=1, help="Scenarios at a time; all cores by default.")
+    ] = None,
+    whole_body: Annotated[
+        bool,
+        typer.Option(
+            "--whole-body", help="Let the body follow each plan: its certificate decides. Takes seconds each."
+        ),
+    ] = False,
+    delivery: Delivery,
+) -> None:
+    """Find out at which strides, heights, paces and frictions a scenario has a motion; needs no server."""
+    from stridelab.cli.sweep import SweepRequest
+    from stridelab.cli.sweep import sweep as run
+
+    request = SweepRequest(scenario, tuple(vary), formulation, solver, node_rate, measure, processes, whole_body)
+    run(request, delivery)
+
+
+@with_groups
+def plan_contacts(
+    *,
+    task: Annotated[
+        str, typer.Argument(help="A JSON file with terrain, start and goal, or a scenario: its ends are taken.")
+    ],
+    delivery: Delivery,
+) -> None:
+    """Find a sequence of contacts over a terrain, from a stance to a goal stance; needs no server."""
+    from stridelab.cli.contacts import plan_contacts as run
+
+    run(task, delivery)
+
+
+def export_contacts(
+    scenario: ScenarioName,
+    out_file: OutFile = None,
+    force: ForceFile = False,
+) -> None:
+    """Write a scenario's contacts as JSON with multicontact-api's field names."""
+    from stridelab.cli.contacts import export_contacts as run
+
+    run(scenario, out_file=out_file, force=force)
+
+
+def import_contacts(
+    file: Annotated[Path, typer.Argument(help="JSON with multicontact-api's field names.")],
+    beside: Annotated[
+        str | None,
+        typer.Option("--beside", help="A scenario, or its name: robot, terrain and friction where FILE has none."),
+    ] = None,
+    out_file: OutFile = None,
+    force: ForceFile = False,
+) -> None:
+    """Write the scenario of such JSON, if the robot can do it."""
+    from stridelab.cli.contacts import import_contacts as run
+
+    run(file, beside=beside, out_file=out_file, force=force)
+
+
+@with_groups
+def learn_reachability(
+    *,
+    robot: Annotated[str, typer.Argument(help="A robot by name: talos, hrp2, g1.")],
+    measure: Annotated[
+        PostureMeasure, typer.Option("--measure", help="How postures are drawn: in all, or of a robot that stands.")
+    ] = "uniform",
+    samples: Annotated[int | None, typer.Option("--samples", help="Postures to keep, 500 to 200000.")] = None,
+    seed: Annotated[int | None, typer.Option("--seed", help="Seed of the postures and of the fits.")] = None,
+    effector: Annotated[
+        list[str] | None, typer.Option("--effector", help="Learn this effector only; may be repeated.")
+    ] = None,
+    delivery: Delivery,
+) -> None:
+    """Learn where a robot's centre of mass can be, seen from its effectors; needs no server."""
+    from stridelab.cli.learn_reachability import learn_reachability as run
+
+    asked = {"robot": robot, "measure": measure, "samples": samples, "seed": seed, "effectors": effector or None}
+    run(asked, delivery)

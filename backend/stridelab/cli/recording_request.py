@@ -1,0 +1,95 @@
+"""What ``stridelab estimate`` and its sisters are asked for: the options, checked and turned into a job's input."""
+
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from stridelab.cli.options import Estimation, Preparation, Walk
+from stridelab.cli.results import validated
+from stridelab.errors import Fault, InvalidInput
+from stridelab.schemas.jobs import EstimateComInput
+from stridelab.schemas.recordings import PlateSwitch, SubjectFields
+
+Input = TypeVar("Input", bound=EstimateComInput)
+
+
+@dataclass(frozen=True)
+class EstimateRequest:
+    """Options of ``stridelab estimate``, ``compare``, ``fit-cycloid``, ``stream``; ``steps`` is for the wheel alone."""
+
+    walk: Walk
+    method: str | None = None
+    estimation: Estimation = field(default_factory=Estimation)
+    preparation: Preparation = field(default_factory=Preparation)
+    steps: str | None = None
+
+    @property
+    def file(self) -> Path:
+        """The recording."""
+        return self.walk.file
+
+    @property
+    def static(self) -> Path | None:
+        """The static trial of the same person, where there is one."""
+        return self.preparation.static
+
+    def subject(self) -> SubjectFields:
+        """What was stated of the person. Raises ``InvalidInput`` naming the option that makes no sense."""
+        stated = asdict(self.walk)
+        del stated["file"]
+        return validated(SubjectFields, stated)
+
+    def input(self, recording_id: str, model: type[Input]) -> Input:
+        """Input of a job on this recording. Raises ``InvalidInput`` naming the option that makes no sense."""
+        latency, cutoffs, window = self.estimation.latency, self.estimation.cutoffs, self.estimation.window
+        fields = {
+            "recording_id": recording_id,
+            "method": self.method,
+            "latency": latency if latency in {"report", "apply"} else numbers("--latency", latency, 1)[0],
+            "segment_table": self.estimation.segment_table,
+            "cutoffs": cutoffs if cutoffs in {"auto", "thesis", "spectra"} else numbers("--cutoffs", cutoffs, 2),
+            "smoother": self._smoother(),
+            "window_s": None if window is None else numbers("--window", window, 2),
+        }
+        if self.steps is not None:
+            fields["steps"] = self.steps
+        return validated(model, fields)
+
+    def _smoother(self) -> dict[str, Any] | None:
+        """What was stated for the smoother; None where nothing was, which leaves the choice of the method open."""
+        stated, learn = self.estimation.prior or (), not self.estimation.no_learn
+        if not stated and learn and not self.estimation.segment_momentum:
+            return None
+        priors = {}
+        for name, value in (named_value("--prior", text) for text in stated):
+            sizes = numbers("--prior", value, value.count(",") + 1)
+            priors[name] = sizes[0] if len(sizes) == 1 else sizes
+        return {"priors": priors, "learn": learn, "segment_momentum": self.estimation.segment_momentum}
+
+    def marker_map(self) -> dict[str, str]:
+        """Landmark to label."""
+        return dict(named_value("--marker", text) for text in self.preparation.marker or ())
+
+    def plates(self) -> dict[int, PlateSwitch]:
+        """Plates that are left out."""
+        return {index: PlateSwitch(use=False) for index in self.preparation.without_plate or ()}
+
+
+def numbers(option: str, text: str, count: int) -> list[float]:
+    """``count`` numbers with commas between them. Raises ``InvalidInput`` naming the option."""
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count:
+        wanted = "a number" if count == 1 else f"{count} numbers with a comma between them"
+        raise InvalidInput("option-invalid", f"{option} takes {wanted}.", [Fault(option, f"got {text!r}")])
+    return values
+
+
+def named_value(option: str, text: str) -> tuple[str, str]:
+    """Name and value of ``NAME=VALUE``. Raises ``InvalidInput`` (``option-invalid``) naming the option."""
+    name, equals, value = text.partition("=")
+    if not (name and equals and value):
+        raise InvalidInput("option-invalid", f"{option} takes NAME=VALUE.", [Fault(option, f"got {text!r}")])
+    return name.strip(), value.strip()

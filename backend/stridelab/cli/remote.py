@@ -1,0 +1,183 @@
+"""Commands with ``--server``: send what the job needs, run it there, bring the files home."""
+
+import uuid
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from stridelab.cli.console import Bar, progress_bar
+from stridelab.cli.recording_request import EstimateRequest
+from stridelab.cli.results import write_result
+from stridelab.client import Client, ClientError, ProblemError, Unreachable
+from stridelab.errors import (
+    Busy,
+    Conflict,
+    Fault,
+    Forbidden,
+    InvalidInput,
+    NotEstimable,
+    NotFound,
+    StridelabError,
+    TooLarge,
+    Unavailable,
+    UnreadableFile,
+)
+from stridelab.schemas.base import Contract, Problem
+from stridelab.schemas.jobs import EstimateComInput, Job, JobResult
+from stridelab.schemas.recordings import RecordingPatch
+from stridelab.service.kinds.base import ArtifactFile, Outcome
+
+AFTER_UPLOAD, AFTER_JOB = 0.3, 0.9
+"""Fractions of the bar at the end of the upload and of the job; the rest is the download."""
+
+ErrorClass = type[StridelabError]
+_CLASS_OF_STATUS: dict[int, ErrorClass] = {
+    400: InvalidInput,
+    401: Forbidden,
+    403: Forbidden,
+    404: NotFound,
+    409: Conflict,
+    413: TooLarge,
+    503: Unavailable,
+    507: Unavailable,
+}
+
+
+Prepare = Callable[[Client, Bar], Contract]
+"""Brings to the service what the job needs and returns the job's input."""
+
+
+def run_remotely(
+    kind: str, title: str, prepare: Prepare, folder: Path, server: str, token: str | None, *, unprepared: ErrorClass
+) -> JobResult:
+    """Run a job of ``kind`` on ``server`` and download its files into ``folder``.
+
+    Raises the error that the same request would have raised here; ``unprepared`` is the class of what the service
+    refuses to take in ``prepare``; ``Unavailable`` where nobody answers.
+    """
+    result, failure = ended_remotely(kind, title, prepare, folder, server, token, unprepared=unprepared)
+    if failure is not None:
+        raise failure
+    return result
+
+
+def run_remotely_as_is(
+    kind: str, title: str, job_input: Contract, folder: Path, server: str, token: str | None
+) -> JobResult:
+    """``run_remotely`` for a job that needs nothing on the service but its input."""
+    return run_remotely(kind, title, lambda _client, _bar: job_input, folder, server, token, unprepared=InvalidInput)
+
+
+def ended_remotely(
+    kind: str, title: str, prepare: Prepare, folder: Path, server: str, token: str | None, *, unprepared: ErrorClass
+) -> tuple[JobResult, StridelabError | None]:
+    """``run_remotely`` for a job that may leave files although it fails: the error beside them."""
+    failure: StridelabError | None = None
+    refused = unprepared
+    with translated(server, lambda: refused), Client(server, token) as client, progress_bar(title) as bar:
+        job_input = prepare(client, bar)
+        refused = InvalidInput
+        job = client.submit(kind, job_input, idempotency_key=uuid.uuid4().hex)
+        finished = _follow(client, job.id, bar)
+        if finished.state != "succeeded":
+            failure = _failure(finished)
+        try:
+            result = client.result(job.id)
+        except ProblemError:
+            if failure is None:
+                raise
+            raise failure from None
+        for done, artifact in enumerate(result.artifacts):
+            bar(AFTER_JOB + (1.0 - AFTER_JOB) * done / len(result.artifacts), f"downloading {artifact.name}")
+            client.download_artifact(job.id, artifact.name, folder / _plain_name(artifact.name))
+        bar(1.0, "done")
+    artifacts = tuple(ArtifactFile(a.name, a.media_type) for a in result.artifacts)
+    outcome = Outcome(result.summary, tuple(result.references), artifacts)
+    return write_result(folder, result.kind, job_input, outcome, versions=result.versions), failure
+
+
+@contextmanager
+def translated(server: str, refused: Callable[[], ErrorClass] = lambda: InvalidInput) -> Iterator[None]:
+    """The client's errors as those of this project; ``refused`` is the class of what is answered 422 at that moment."""
+    try:
+        yield
+    except ProblemError as error:
+        raise _as_error(error.problem, refused(), error.retry_after_s) from error
+    except Unreachable as error:
+        raise Unavailable("service-unreachable", f"No service answers at {server}: {error}.") from error
+    except ClientError as error:
+        raise Unavailable("service-not-understood", f"{error}.") from error
+
+
+def estimate_remotely(
+    request: EstimateRequest,
+    folder: Path,
+    server: str,
+    token: str | None,
+    kind: str = "estimate-com",
+    model: type[EstimateComInput] = EstimateComInput,
+) -> JobResult:
+    """Upload the recording, run ``kind`` on it on ``server``, and download its files into ``folder``."""
+    request.input("checked before anything is sent", model)
+    return run_remotely(
+        kind,
+        request.file.name,
+        lambda client, bar: request.input(_upload(client, request, bar), model),
+        folder,
+        server,
+        token,
+        unprepared=UnreadableFile,
+    )
+
+
+def _upload(client: Client, request: EstimateRequest, bar: Bar) -> str:
+    """Send the files and what was stated about them; returns the id of the recording."""
+    recording = client.upload(
+        request.file,
+        request.subject(),
+        progress=lambda sent, total: bar(AFTER_UPLOAD * sent / max(total, 1), "uploading"),
+    )
+    patch: dict[str, object] = {}
+    if request.static is not None:
+        bar(AFTER_UPLOAD, "uploading the static trial")
+        patch["static_recording_id"] = client.upload(request.static).id
+    if markers := request.marker_map():
+        patch["marker_map"] = markers
+    if plates := request.plates():
+        patch["plates"] = plates
+    if patch:
+        client.patch_recording(recording.id, RecordingPatch.model_validate(patch))
+    return recording.id
+
+
+def _follow(client: Client, job_id: str, bar: Bar) -> Job:
+    """Show the job's progress until it has finished; Ctrl-C cancels it there as well."""
+    try:
+        for event in client.events(job_id):
+            fraction = AFTER_UPLOAD + (AFTER_JOB - AFTER_UPLOAD) * event.progress.fraction
+            bar(fraction, event.progress.message or event.state)
+        return client.wait(job_id)
+    except KeyboardInterrupt:
+        client.cancel(job_id)
+        raise
+
+
+def _plain_name(name: str) -> str:
+    if not name or name in {".", ".."} or "/" in name or "\\" in name:
+        raise Unavailable("service-not-understood", f"The service names a file {name!r}, which is no file name.")
+    return name
+
+
+def _failure(job: Job) -> StridelabError:
+    if job.error is not None:
+        return _as_error(job.error, NotEstimable)
+    return Unavailable(f"job-{job.state.replace('_', '-')}", f"The job on the service has ended as {job.state}.")
+
+
+def _as_error(problem: Problem, refused: type[StridelabError], retry_after_s: float | None = None) -> StridelabError:
+    """The error behind a problem; status 422 stands for several classes, ``refused`` is the one meant at this stage."""
+    if problem.status == 429:
+        return Busy(problem.code, problem.detail, retry_after_s or 5.0)
+    faults = [Fault(item.where, item.message) for item in problem.errors]
+    kind = _CLASS_OF_STATUS.get(problem.status, refused if problem.status == 422 else StridelabError)
+    return kind(problem.code, problem.detail, faults)

@@ -1,0 +1,175 @@
+"""``stridelab reproduce``: a figure of the thesis or a table of our own, as in the service, into a folder.
+
+``stridelab reproduce --all``: every figure, table and number of the thesis in one HTML report.
+"""
+
+import json
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Final
+
+from rich.markup import escape
+from rich.table import Table
+
+from stridelab.cli.console import err, out, progress_bar
+from stridelab.cli.options import Delivery
+from stridelab.cli.results import (
+    cannot_write,
+    refuse_to_overwrite,
+    result_folder,
+    show_files,
+    show_json,
+    validated,
+    write_file,
+    write_result,
+)
+from stridelab.errors import Fault, InvalidInput
+from stridelab.reproduction.claims import VERDICTS
+from stridelab.reproduction.registry import ITEMS, MOST_SEEDS
+from stridelab.reproduction.report.formatting import counted, measured
+from stridelab.reproduction.report.html import report
+from stridelab.reproduction.result_cache import Kept
+from stridelab.reproduction.runner import FEW_SEEDS, Section, collect, recipes
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.reproduction import ReproduceInput, ReproduceSummary
+from stridelab.schemas.tasks import ReproduceTask
+from stridelab.service.kinds.provenance import versions
+
+WORDS = {
+    "met": "[green]met[/]",
+    "beaten": "[green]better, or our aim reached[/]",
+    "not_met": "[red]not met[/]",
+    "thesis_in_error": "[yellow]thesis in error[/]",
+}
+
+
+def require_one(
+    item: str | None, *, everything: bool, quick: bool, recordings: Path | None, server: str | None
+) -> str | None:
+    """The item asked for, None for all of them.
+
+    Raises ``InvalidInput`` (``option-invalid``) unless it is one or the other, and for options of the other one.
+    """
+    wrong = []
+    if everything == (item is not None):
+        wrong.append(Fault("ITEM", "give one item, or --all"))
+    if everything and server is not None:
+        wrong.append(Fault("--server", "--all computes on this machine; on a server the page /reproduction does"))
+    if not everything:
+        wrong += [Fault(option, "only with --all") for option, given in
+                  (("--quick", quick), ("--recordings", recordings is not None)) if given]  # fmt: skip
+    if wrong:
+        raise InvalidInput("option-invalid", "This cannot be reproduced as asked.", wrong)
+    return item
+
+
+def reproduce(
+    item: str,
+    seeds: int | None,
+    delivery: Delivery,
+) -> None:
+    """Reproduce one item here or on a server, write the result folder and show the claims."""
+    input_ = validated(ReproduceInput, {"item": item, "seeds": seeds})
+    target = delivery.folder(item)
+    refuse_to_overwrite(target, force=delivery.force)
+    with result_folder(target, force=delivery.force) as folder:
+        if delivery.server is None:
+            result = reproduce_here(input_, folder)
+        else:
+            from stridelab.cli.remote import run_remotely_as_is
+
+            result = run_remotely_as_is("reproduce", item, input_, folder, delivery.server, delivery.token)
+    show_reproduction(result, target, as_json=delivery.as_json)
+
+
+def reproduce_here(input_: ReproduceInput, folder: Path) -> JobResult:
+    """Run the job's own function in this process."""
+    with progress_bar(input_.item) as bar:
+        bar(0.0, "starting")
+        from stridelab.service.kinds import reproduce as kind
+
+        outcome = kind.run(ReproduceTask(input=input_), folder, bar)
+    return write_result(folder, "reproduce", input_, outcome)
+
+
+def show_reproduction(result: JobResult, target: Path, *, as_json: bool) -> None:
+    """The claims as a table, or JSON."""
+    if as_json:
+        show_json(result)
+        return
+    summary = ReproduceSummary.model_validate(result.summary)
+    out.print(f"[bold]{escape(summary.item)}[/] {escape(summary.title)}: {WORDS[summary.verdict]}")
+    table = Table("", "thesis, or our aim", "ours", "", box=None, pad_edge=False)
+    for claim in summary.claims:
+        thesis = claim.thesis if isinstance(claim.thesis, str) else measured(claim.thesis, claim.unit)
+        table.add_row(escape(claim.says), escape(thesis), measured(claim.ours, claim.unit), WORDS[claim.verdict])
+    out.print(table)
+    out.print(escape(summary.note))
+    show_files(result, target)
+
+
+FOLDER: Final = Path("reproduction")
+REPORT: Final = "reproduction.html"
+KEPT: Final = "kept"
+
+
+def reproduce_all(
+    names: Iterable[str] = tuple(ITEMS),
+    *,
+    seeds: int | None,
+    quick: bool,
+    recordings: Path | None,
+    out_dir: Path | None,
+    anew: bool,
+    as_json: bool,
+) -> bool:
+    """Compute what the folder does not keep already, write the report, show the counts; whether no item failed.
+
+    Raises ``InvalidInput``: ``option-invalid`` for a number of draws that makes no sense, or two of them;
+    ``output-not-writable``.
+    """
+    draws = _draws(seeds, quick=quick)
+    target = (out_dir or FOLDER).expanduser()
+    try:
+        (target / KEPT).mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise cannot_write(target, error) from error
+    sections = []
+    with progress_bar("reproduction") as bar:
+        for section in collect(recipes(names, draws, recordings), Kept(target / KEPT), bar, anew=anew):
+            sections.append(section)
+            if section.found is None:
+                err.print(f"[bold red]failed[/]: {section.name}: {escape(section.failure)}")
+    write_file(target / REPORT, report(sections, _made(draws)), force=True, option="--out")
+    show_sections(sections, target / REPORT, as_json=as_json)
+    return all(section.found is not None for section in sections)
+
+
+def show_sections(sections: Sequence[Section], target: Path, *, as_json: bool) -> None:
+    """Counts of all verdicts and where the report lies, or the same as JSON with one verdict per item."""
+    counts = counted(claim for section in sections if section.found for claim in section.found.claims)
+    if as_json:
+        items = {section.name: section.found.verdict if section.found else "failed" for section in sections}
+        out.print_json(json.dumps({"report": str(target), "claims": counts, "items": items}))
+        return
+    said = ", ".join(f"{counts[verdict]} {WORDS[verdict]}" for verdict in reversed(VERDICTS))
+    out.print(f"{sum(counts.values())} claims of {len(sections)} items: {said}")
+    out.print(f"[green]written[/] {escape(str(target))}")
+
+
+def _draws(seeds: int | None, *, quick: bool) -> int | None:
+    if quick and seeds is not None:
+        raise _invalid("--quick", "it is a number of draws; leave one of --seeds and --quick out")
+    if seeds is not None and not 1 <= seeds <= MOST_SEEDS:
+        raise _invalid("--seeds", f"must lie between 1 and {MOST_SEEDS}, not {seeds}")
+    return FEW_SEEDS if quick else seeds
+
+
+def _invalid(option: str, message: str) -> InvalidInput:
+    return InvalidInput("option-invalid", "An option has a value that makes no sense.", [Fault(option, message)])
+
+
+def _made(draws: int | None) -> str:
+    known = versions()
+    said = "each item's own number of draws" if draws is None else f"{draws} draws of the noise where there is any"
+    return f"Computed by stridelab {known['stridelab']} (Python {known['python']}, numpy {known['numpy']}) with {said}."

@@ -1,0 +1,227 @@
+"""A result folder, or a single file, that appears whole or not at all.
+
+What every command with a result does: options checked, the run's files listed, result and references written.
+"""
+
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import typer
+from pydantic import ValidationError
+from rich.markup import escape
+
+from stridelab.cli.console import CONTRADICTED, out
+from stridelab.errors import Conflict, Fault, InvalidInput
+from stridelab.schemas.base import Contract, Remark
+from stridelab.schemas.jobs import Artifact, JobResult
+from stridelab.schemas.quality import Quality
+from stridelab.service.jobs.verdict import verdict_of
+from stridelab.service.kinds.base import Outcome
+from stridelab.service.kinds.provenance import bibliography
+from stridelab.service.kinds.provenance import versions as local_versions
+
+RESULT_FILE = "result.json"
+REFERENCES_FILE = "references.bib"
+
+
+@contextmanager
+def result_folder(target: Path, *, force: bool) -> Iterator[Path]:
+    """A temporary folder beside ``target`` that takes its name when the block succeeds, and is removed when it fails.
+
+    Raises ``Conflict`` when ``target`` exists and ``force`` is off, or when it is not an earlier result: only a folder
+    that holds a ``result.json`` and no subfolders is ever replaced.
+    """
+    target = target.expanduser().absolute()
+    refuse_to_overwrite(target, force=force)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        part = Path(tempfile.mkdtemp(prefix=f".{target.name}.part-", dir=target.parent))
+    except OSError as error:
+        raise cannot_write(target, error) from error
+    try:
+        yield part
+        part.chmod(0o777 & ~_umask())
+        _take_the_name(part, target)
+    except OSError as error:
+        raise cannot_write(target, error) from error
+    finally:
+        shutil.rmtree(part, ignore_errors=True)
+
+
+def refuse_to_overwrite(target: Path, *, force: bool) -> None:
+    """Raise ``Conflict`` where ``result_folder`` would; called first, so that nobody waits for a refusal."""
+    if not target.exists() and not target.is_symlink():
+        return
+    if not force:
+        raise Conflict("output-exists", f"{target} exists; choose another --out or pass --force to replace it.")
+    entries = list(target.iterdir()) if target.is_dir() and not target.is_symlink() else []
+    is_result = any(entry.name == RESULT_FILE for entry in entries) and all(entry.is_file() for entry in entries)
+    if not is_result and (entries or not target.is_dir() or target.is_symlink()):
+        raise Conflict("output-not-a-result", f"{target} is not an earlier result, so --force does not replace it.")
+
+
+def write_file(target: Path, text: str, *, force: bool, option: str) -> None:
+    """Write a text file. Raises ``Conflict`` (``output-exists``), ``InvalidInput`` (``output-not-writable``)."""
+    target = target.expanduser().absolute()
+    if target.is_symlink() or (target.exists() and not (force and target.is_file())):
+        advice = f"choose another {option} or pass --force to replace it" if target.is_file() else "it is no plain file"
+        raise Conflict("output-exists", f"{target} exists; {advice}.")
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f".{target.name}.part-", dir=target.parent) as folder:
+            part = Path(folder) / target.name
+            part.write_text(text, encoding="utf-8")
+            part.replace(target)
+    except OSError as error:
+        raise cannot_write(target, error, option) from error
+
+
+def _take_the_name(part: Path, target: Path) -> None:
+    if not target.exists():
+        part.replace(target)
+        return
+    aside = Path(tempfile.mkdtemp(prefix=f".{target.name}.old-", dir=target.parent))
+    target.replace(aside)
+    try:
+        part.replace(target)
+    except OSError:
+        aside.replace(target)
+        raise
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+def _umask() -> int:
+    # The mask can only be read by setting it; the command line is single-threaded here.
+    mask = os.umask(0o077)
+    os.umask(mask)
+    return mask
+
+
+def cannot_write(target: Path, error: OSError, option: str = "--out") -> InvalidInput:
+    """What is told of a place that cannot be written (``output-not-writable``)."""
+    reason = error.strerror or type(error).__name__
+    return InvalidInput("output-not-writable", f"Cannot write to {target}: {reason}.", [Fault(option, reason)])
+
+
+T = TypeVar("T", bound=Contract)
+
+VERDICT_COLOURS: Final[Mapping[str, str]] = {"contradicted": "bold red", "doubtful": "yellow"}
+"""Codes of the remarks that state the verdict of a recording's quality, with their colours."""
+
+OUTCOME_COLOURS: Final[Mapping[str, str]] = {"failed": "bold red", "doubtful": "yellow", "passed": "green"}
+"""Colours of the outcome of a verdict."""
+
+OPTIONS = {
+    "height_m": "--height",
+    "mass_kg": "--mass",
+    "sex": "--sex",
+    "age_years": "--age",
+    "latency": "--latency",
+    "cutoffs": "--cutoffs",
+    "smoother": "--prior",
+    "ahead": "--ahead",
+    "window_s": "--window",
+    "robot": "--robot",
+    "effectors": "--effector",
+    "samples": "--samples",
+    "measure": "--measure",
+    "gait": "--gait",
+    "duration_s": "--duration",
+    "speed_m_s": "--speed",
+    "seed": "--seed",
+    "noise": "--noise",
+    "lab": "--lab",
+    "item": "ITEM",
+    "seeds": "--seeds",
+}
+"""Option that sets a field of the contract, for messages."""
+
+
+def validated(model: type[T], fields: Mapping[str, Any]) -> T:
+    """A model of the contract. Raises ``InvalidInput`` naming the options behind the fields that make no sense."""
+    try:
+        return model.model_validate(fields)
+    except ValidationError as error:
+        faults = [
+            Fault(
+                OPTIONS.get(str(item["loc"][0]), str(item["loc"][0])),
+                ": ".join((*(str(name) for name in item["loc"][-1:] if len(item["loc"]) > 1), item["msg"])),
+            )
+            for item in error.errors(include_url=False)
+            if item["loc"]
+        ]
+        raise InvalidInput("option-invalid", "An option has a value that makes no sense.", faults) from error
+
+
+def write_result(
+    folder: Path, kind: str, input_: Contract, outcome: Outcome, *, versions: Mapping[str, str] | None = None
+) -> JobResult:
+    """Write ``result.json`` and ``references.bib`` beside the artifacts; ``versions`` are those of this machine."""
+    result = JobResult(
+        kind=kind,
+        input=input_.model_dump(mode="json"),
+        versions=dict(versions or local_versions()),
+        references=list(outcome.references),
+        summary=outcome.summary,
+        artifacts=[
+            Artifact(name=a.name, media_type=a.media_type, bytes=(folder / a.name).stat().st_size)
+            for a in outcome.artifacts
+        ],
+    )
+    (folder / RESULT_FILE).write_text(result.model_dump_json(indent=2) + "\n", encoding="utf-8")
+    (folder / REFERENCES_FILE).write_text(bibliography(outcome.references), encoding="utf-8")
+    return result
+
+
+def show_json(result: JobResult) -> None:
+    """The whole result on stdout."""
+    out.print_json(json.dumps(result.model_dump(mode="json")))
+
+
+def show_quality(quality: Quality | None, remarks: Sequence[Remark]) -> None:
+    """The verdict, before any number: what contradicts what in red, what is doubtful in yellow."""
+    if quality is None:
+        out.print("[yellow]quality not checked[/]: the version that made this result has no checks")
+        return
+    if quality.verdict == "good":
+        out.print(f"[green]quality good[/]: {len(quality.checks)} checks pass")
+    for remark in remarks:
+        if remark.code in VERDICT_COLOURS:
+            out.print(f"[{VERDICT_COLOURS[remark.code]}]{remark.code}[/]: {escape(remark.message)}")
+    if quality.not_checked:
+        reasons = "; ".join(f"{name} ({why})" for name, why in quality.not_checked.items())
+        out.print(f"[dim]not checked: {escape(reasons)}[/]")
+
+
+def show_verdict(result: JobResult) -> None:
+    """The verdict on the whole result in one line, red where it failed; nothing where nothing was checked."""
+    verdict = verdict_of(result.summary)
+    if verdict is not None:
+        out.print(f"[{OUTCOME_COLOURS[verdict.outcome]}]verdict[/] {escape(verdict.message)}")
+
+
+def end_if_contradicted(result: JobResult) -> None:
+    """Raise ``typer.Exit`` with the code ``CONTRADICTED`` where the result's sensors contradict each other."""
+    quality = result.summary.get("quality")
+    if quality is not None and quality["verdict"] == "contradicted":
+        raise typer.Exit(CONTRADICTED)
+
+
+def show_remarks(remarks: list[Remark]) -> None:
+    """One line per warning; the verdict's own is shown by ``show_quality``."""
+    for remark in remarks:
+        if remark.code in VERDICT_COLOURS:
+            continue
+        out.print(f"[yellow]note[/] {escape(remark.message)} [dim]({escape(remark.code)})[/]")
+
+
+def show_files(result: JobResult, target: Path) -> None:
+    """Where the result lies and what it holds."""
+    names = ", ".join([*(artifact.name for artifact in result.artifacts), RESULT_FILE, REFERENCES_FILE])
+    out.print(f"[green]written[/] {escape(str(target))}: {escape(names)}")

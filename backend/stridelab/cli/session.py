@@ -1,0 +1,185 @@
+"""``stridelab estimate`` with several recordings, or folders of them: trials of a session share its clock and mass.
+
+Every recording is read once for what it says of the session; then each is estimated with the values of its session,
+into a result folder of its own. Static trials are not estimated where there is anything else.
+"""
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from rich.markup import escape
+
+from stridelab.cli.console import Bar, err, out, progress_bar
+from stridelab.cli.estimate import estimate_here, require_file, show_estimate
+from stridelab.cli.options import Delivery
+from stridelab.cli.recording_request import EstimateRequest
+from stridelab.cli.results import refuse_to_overwrite, result_folder
+from stridelab.errors import Fault, InvalidInput, NotEstimable, StridelabError
+from stridelab.pipelines.session_values import TrialFacts, session_values, static_of
+from stridelab.recordings.files.recording_files import recordings_in
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.recordings import RecordingFacts
+from stridelab.schemas.sessions import SessionValues
+from stridelab.schemas.tasks import RecordingSource
+
+
+@dataclass(frozen=True)
+class Member:
+    """A recording that was read; ``name`` tells it from the others, ``parent`` is the folder that it lies in."""
+
+    path: Path
+    name: str
+    trial: TrialFacts
+
+    @property
+    def parent(self) -> str:
+        """The folder that it lies in."""
+        return str(self.path.absolute().parent)
+
+
+def estimate_session(requests: Sequence[EstimateRequest], delivery: Delivery) -> None:
+    """Estimate every recording with the values of its session; each has a folder ``<name>-com`` below ``--out``.
+
+    Raises ``InvalidInput`` (``option-invalid`` with ``--server``), ``Conflict`` where a folder exists, and
+    ``NotEstimable`` (``nothing-estimated``) where no recording gives an estimate; others that give none are named.
+    """
+    if delivery.server is not None:
+        message = "Several recordings are estimated on this machine; on a service, trials of a session find each other."
+        raise InvalidInput("option-invalid", message, [Fault("--server", "takes one recording")])
+    request_of = {request.file: request for request in requests}
+    names = _names([request.file for request in requests])
+    with progress_bar("reading the session") as bar:
+        members, refused = _read(request_of, names, bar)
+    asked = [one for one in members if not one.trial.facts.still] or members
+    place = delivery.out_dir or Path()
+    targets = {one.name: place / f"{one.name}-com" for one in asked}
+    for target in targets.values():
+        refuse_to_overwrite(target, force=delivery.force)
+    stated = any(request.subject().model_dump(exclude_none=True) for request in requests)
+    sessions = sessions_of(members, one_person=stated)
+    results: list[JobResult] = []
+    for one in asked:
+        others = [other for other in members if other is not one and sessions[other.name] == sessions[one.name]]
+        request, values = _with_session(request_of[one.path], one, others, sessions[one.name])
+        try:
+            with result_folder(targets[one.name], force=delivery.force) as folder:
+                result = estimate_here(request, folder, values)
+        except StridelabError as error:
+            refused[one.name] = error
+            continue
+        results.append(result)
+        if not delivery.as_json:
+            out.print(f"[bold]{escape(one.name)}[/]")
+            show_estimate(result, targets[one.name], as_json=False)
+    for name, why in refused.items():
+        err.print(f"[yellow]left out[/] {escape(name)}: {escape(why.message)} [dim]({escape(why.code)})[/]")
+    if not results:
+        faults = [Fault(name, f"{why.message} ({why.code})") for name, why in refused.items()]
+        raise NotEstimable("nothing-estimated", "None of the recordings gives an estimate.", faults)
+    if delivery.as_json:
+        out.print_json(json.dumps([result.model_dump(mode="json") for result in results]))
+
+
+def recordings_below(paths: Sequence[Path]) -> list[Path]:
+    """Files, and the recordings in folders, in order; a file that is given twice counts once.
+
+    Raises ``UnreadableFile`` for a path that is none, ``InvalidInput`` (``no-recordings``).
+    """
+    files: list[Path] = []
+    for path in paths:
+        if path.is_dir():
+            files += recordings_in(path)
+        else:
+            require_file(path)
+            files.append(path)
+    if not files:
+        named = ", ".join(str(path) for path in paths)
+        raise InvalidInput("no-recordings", f"There is no .c3d, .trc or .zip in {named}.", [Fault("FILES", "nothing")])
+    return list({file.absolute(): file for file in files}.values())
+
+
+def sessions_of(members: Sequence[Member], *, one_person: bool = False) -> dict[str, str]:
+    """The session of each recording by name: one person, as the file states height and mass, and one day.
+
+    A recording that does not say whose it is belongs to the only person of its folder, else to the only one there is.
+    With ``one_person`` all are of one person, whatever the files say.
+    """
+    known = {one.name: "" if one_person else _person(one.trial.facts) for one in members}
+    everybody = set(known.values()) - {""}
+    sessions = {}
+    for one in members:
+        near = {known[other.name] for other in members if other.parent == one.parent} - {""}
+        person = known[one.name]
+        if not person and len(everybody) > 1:
+            person = near.pop() if len(near) == 1 else one.parent
+        elif not person:
+            person = "".join(everybody)
+        sessions[one.name] = f"{person} {one.trial.facts.recorded_on or ''}".strip() or "session"
+    return sessions
+
+
+def _person(facts: RecordingFacts) -> str:
+    known = facts.subject.model_dump(exclude={"name"}, exclude_none=True)
+    if "height_m" not in known or "mass_kg" not in known:
+        return ""
+    return " ".join(f"{name}={known[name]}" for name in sorted(known))
+
+
+def _names(files: Sequence[Path]) -> dict[Path, str]:
+    """Names of the result folders: the files' own, with their folder's in front where two are the same."""
+    stems = [file.stem for file in files]
+    names = {
+        file: file.stem if stems.count(file.stem) == 1 else f"{file.absolute().parent.name}-{file.stem}"
+        for file in files
+    }
+    if len(set(names.values())) < len(files):
+        names = {file: f"{index:03d}-{file.stem}" for index, file in enumerate(files)}
+    return names
+
+
+def _read(
+    request_of: Mapping[Path, EstimateRequest], names: Mapping[Path, str], bar: Bar
+) -> tuple[list[Member], dict[str, StridelabError]]:
+    from stridelab.pipelines.trial import examine
+    from stridelab.service.kinds.parse_upload import facts
+
+    members: list[Member] = []
+    refused: dict[str, StridelabError] = {}
+    for count, (path, request) in enumerate(request_of.items()):
+        bar(count / len(request_of), path.name)
+        marker_map = request.marker_map()
+        source = RecordingSource(
+            file=path.name,
+            filename=path.name,
+            marker_map=marker_map,
+            plates=request.plates(),
+            static_labels=list(marker_map.values()),
+        )
+        try:
+            found = facts(examine(source, path.parent))
+        except StridelabError as error:
+            refused[names[path]] = error
+            continue
+        with path.open("rb") as content:
+            digest = hashlib.file_digest(content, "sha256").hexdigest()
+        members.append(Member(path, names[path], TrialFacts(names[path], path.name, digest, found)))
+    return members, refused
+
+
+def _with_session(
+    request: EstimateRequest, one: Member, others: Sequence[Member], session_id: str
+) -> tuple[EstimateRequest, SessionValues | None]:
+    """The request with the session's static trial where none was stated, and the values of the session."""
+    trials = [other.trial for other in others]
+    values = session_values(session_id, one.trial, trials)
+    chosen = None if request.static is not None else static_of(one.trial, trials)
+    if chosen is None:
+        return request, values
+    path = next(other.path for other in others if other.name == chosen.recording_id)
+    values = (values or SessionValues(session_id=session_id)).model_copy(
+        update={"static_recording_id": chosen.recording_id}
+    )
+    return replace(request, preparation=replace(request.preparation, static=path)), values

@@ -1,0 +1,283 @@
+"""``stridelab study-population``: the wheels of many people, the same run as in the service, into a folder."""
+
+import hashlib
+import shutil
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from stridelab.cli.console import Bar, err, out, progress_bar
+from stridelab.cli.estimate import require_file
+from stridelab.cli.options import BestMethod, Delivery, Force, OutFolder, Server, StepChoice, Token
+from stridelab.cli.results import (
+    end_if_contradicted,
+    refuse_to_overwrite,
+    result_folder,
+    show_files,
+    show_json,
+    show_quality,
+    show_remarks,
+    validated,
+    write_result,
+)
+from stridelab.client import Client
+from stridelab.errors import Fault, InvalidInput, UnreadableFile
+from stridelab.recordings.files.batch_zip import BatchLimits, is_batch, unpack_batch
+from stridelab.recordings.files.recording_files import recordings_in
+from stridelab.schemas.cycloid import FitCycloidInput
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.population import (
+    MAX_RECORDINGS,
+    CorrelationResult,
+    StudyPopulationInput,
+    StudyPopulationSummary,
+    SubjectOfRecording,
+)
+from stridelab.schemas.recordings import RecordingPatch, SubjectFields
+from stridelab.schemas.tasks import FitCycloidTask, RecordingSource, StudyPopulationTask
+from stridelab.service.kinds.study_population.staging import member
+from stridelab.service.subject_table import Matched, TableRow, match, read_subject_table
+
+LIMITS: Final = BatchLimits(files=MAX_RECORDINGS, file_bytes=2_000_000_000, total_bytes=20_000_000_000)
+LETTERS: Final = {"R_m": "R", "r_m": "r", "z0_m": "z0", "omega_rad_s": "omega"}
+OTHERS: Final = {"height_m": "height", "leg_m": "leg", "speed_m_s": "speed", "step_length_m": "step length"}
+
+
+@dataclass(frozen=True)
+class Given:
+    """Files that were named, by a name that the table can use, and the table."""
+
+    files: tuple[tuple[str, Path], ...]
+    rows: tuple[TableRow, ...]
+
+    @property
+    def matched(self) -> tuple[Matched, ...]:
+        """The recordings with their rows."""
+        return match([name for name, _ in self.files], self.rows)
+
+
+def study(
+    paths: Sequence[Path],
+    *,
+    subjects: Path | None,
+    options: Mapping[str, Any],
+    delivery: Delivery,
+) -> None:
+    """Study here or on a server, write the result folder and show the correlations."""
+    target = delivery.folder("population")
+    refuse_to_overwrite(target, force=delivery.force)
+    with (
+        tempfile.TemporaryDirectory(prefix="stridelab-") as unpacked,
+        result_folder(target, force=delivery.force) as folder,
+    ):
+        given = collect(paths, subjects, Path(unpacked))
+        if delivery.server is not None:
+            result = study_there(given, options, folder, delivery.server, delivery.token)
+        else:
+            result = study_here(given, options, folder)
+    show_study(result, target, as_json=delivery.as_json)
+    end_if_contradicted(result)
+
+
+def collect(paths: Sequence[Path], subjects: Path | None, folder: Path) -> Given:
+    """All recordings below ``paths``: files, folders (searched through) and zips of recordings (unpacked).
+
+    Raises ``InvalidInput`` (``no-recordings``, ``recording-twice``, ``subject-table-twice``, ``subject-table-invalid``)
+    and what ``unpack_batch`` raises.
+    """
+    files: list[tuple[str, Path]] = []
+    table: bytes | None = None
+    if subjects is not None:
+        require_file(subjects)
+        table = subjects.read_bytes()
+    for index, path in enumerate(paths):
+        if path.is_dir():
+            found = recordings_in(path)
+            files += [(p.relative_to(path).as_posix(), p) for p in found]
+            continue
+        require_file(path)
+        if not is_batch(path):
+            files.append((path.name, path))
+            continue
+        own = folder / f"zip-{index}"
+        own.mkdir()
+        held = unpack_batch(path, own, LIMITS)
+        files += held.files
+        if held.table is not None and table is not None:
+            fault = Fault(str(path), "holds a .csv, and there is another table")
+            raise InvalidInput("subject-table-twice", "There are two subject tables; one is read.", [fault])
+        table = held.table if held.table is not None else table
+    if not files:
+        named = ", ".join(str(path) for path in paths)
+        raise InvalidInput("no-recordings", f"There is no .c3d, .trc or .zip in {named}.", [Fault("FILES", "nothing")])
+    _refuse_twins(files)
+    return Given(tuple(files), () if table is None else read_subject_table(table))
+
+
+def _refuse_twins(files: Sequence[tuple[str, Path]]) -> None:
+    """Raise ``InvalidInput`` (``recording-twice``) where two files are the same."""
+    first: dict[str, str] = {}
+    for name, path in files:
+        digest = _sha256(path)
+        if digest in first:
+            message = f"{name} is the same file as {first[digest]}: a recording counts once."
+            raise InvalidInput("recording-twice", message, [Fault(name, "given twice")])
+        first[digest] = name
+
+
+def _sha256(path: Path) -> str:
+    with path.open("rb") as content:
+        return hashlib.file_digest(content, "sha256").hexdigest()
+
+
+def study_here(given: Given, options: Mapping[str, Any], folder: Path) -> JobResult:
+    """Run the job's own function in this process; ``folder`` then holds what the service would publish."""
+    with progress_bar("population") as bar, tempfile.TemporaryDirectory(prefix="stridelab-") as name:
+        bar(0.0, "starting")
+        from stridelab.service.kinds.study_population import run as study_population
+
+        work = Path(name)
+        ids = {one.place: f"recording-{k}" for k, one in enumerate(given.matched)}
+        request = request_of(given, ids, options)
+        members = [_member(given, one, ids[one.place], request, work) for one in given.matched]
+        task = StudyPopulationTask(members=members, pooled=request.pooled, seed=request.seed)
+        outcome = study_population.run(task, work, bar)
+        for artifact in outcome.artifacts:
+            shutil.move(work / artifact.name, folder / artifact.name)
+    return write_result(folder, "study-population", request, outcome)
+
+
+def study_there(given: Given, options: Mapping[str, Any], folder: Path, server: str, token: str | None) -> JobResult:
+    """Upload everything, run the job on ``server`` and download its files; files that it refuses are named."""
+    from stridelab.cli.remote import AFTER_UPLOAD, run_remotely
+
+    def prepare(client: Client, bar: Bar) -> StudyPopulationInput:
+        def tell(sent: int, total: int) -> None:
+            bar(AFTER_UPLOAD * sent / max(total, 1), "uploading")
+
+        stored = client.upload_batch(given.files, progress=tell)
+        by_hash = {one.sha256: one.id for one in stored.recordings}
+        everywhere = {place: by_hash.get(_sha256(path)) for place, (_, path) in enumerate(given.files)}
+        ids = {place: recording_id for place, recording_id in everywhere.items() if recording_id is not None}
+        for refused in stored.refused:
+            err.print(f"[yellow]refused[/] {escape(refused.filename)}: {escape(refused.message)}")
+        for one in given.matched:
+            if one.place in ids and one.static is not None and one.static in ids:
+                client.patch_recording(ids[one.place], RecordingPatch(static_recording_id=ids[one.static]))
+        return request_of(given, ids, options)
+
+    return run_remotely("study-population", "population", prepare, folder, server, token, unprepared=UnreadableFile)
+
+
+def request_of(given: Given, ids: Mapping[int, str], options: Mapping[str, Any]) -> StudyPopulationInput:
+    """The job's input; ``ids`` are the recordings' ids by their place among the files, of those that there are."""
+    studied = [one for one in given.matched if one.place in ids]
+    rows = [
+        SubjectOfRecording(recording_id=ids[one.place], **one.row.person.model_dump())
+        for one in studied
+        if one.row is not None
+    ]
+    fields = {"recording_ids": [ids[one.place] for one in studied], "subjects": rows, **options}
+    return validated(StudyPopulationInput, fields)
+
+
+def _member(given: Given, one: Matched, recording_id: str, request: StudyPopulationInput, work: Path) -> Any:
+    (work / recording_id).mkdir()
+    filename, path = given.files[one.place]
+    shutil.copyfile(path, work / recording_id / "trial")
+    static = None
+    if one.static is not None:
+        static_name, static_path = given.files[one.static]
+        shutil.copyfile(static_path, work / recording_id / "static-trial")
+        static = RecordingSource(file="static-trial", filename=static_name)
+    source = RecordingSource(file="trial", filename=filename, subject=SubjectFields())
+    fit = FitCycloidInput(recording_id=recording_id, method=request.method, steps=request.steps)
+    task = FitCycloidTask(recording=source, static=static, input=fit)
+    row = next((row for row in request.subjects if row.recording_id == recording_id), None)
+    return member(recording_id, task, row)
+
+
+def show_study(result: JobResult, target: Path, *, as_json: bool) -> None:
+    """One row per person and one per correlation, or JSON."""
+    if as_json:
+        show_json(result)
+        return
+    summary = StudyPopulationSummary.model_validate(result.summary)
+    show_quality(summary.quality, summary.warnings)
+    people = Table("", "group", "steps", "height m", "speed m/s", "R mm", "r mm", "z0 m", "omega rad/s", "error mm",
+                   box=None, pad_edge=False)  # fmt: skip
+    for one in summary.subjects:
+        people.add_row(
+            f"[bold]{escape(one.subject)}[/]", escape(one.group), str(one.n_steps), _or(one.height_m, 2),
+            _or(one.speed_m_s, 2), _with_sd(one.R_m, one.R_sd_m, 1e3, 1), _with_sd(one.r_m, one.r_sd_m, 1e3, 1),
+            _with_sd(one.z0_m, one.z0_sd_m, 1.0, 3), _with_sd(one.omega_rad_s, one.omega_sd_rad_s, 1.0, 1),
+            f"{one.error_mean_mm:.2f}",
+        )  # fmt: skip
+    out.print(people)
+    if summary.correlations:
+        pairs = Table("", "against", "n", "r", "95 %", "p", "p of all", "at one speed", "thesis",
+                      box=None, pad_edge=False)  # fmt: skip
+        for pair in summary.correlations:
+            pairs.add_row(*_cells(pair))
+        out.print(pairs)
+    for left in summary.left_out:
+        out.print(f"[yellow]left out[/] {escape(left.filename)}: {escape(left.message)} [dim]({escape(left.code)})[/]")
+    show_remarks(summary.warnings)
+    show_files(result, target)
+
+
+def _cells(pair: CorrelationResult) -> list[str]:
+    interval = "" if pair.ci95 is None else f"{pair.ci95[0]:+.2f} to {pair.ci95[1]:+.2f}"
+    return [
+        f"[bold]{escape(pair.group)} {LETTERS[pair.parameter]}[/]",
+        OTHERS[pair.against],
+        str(pair.n),
+        f"{pair.r:+.2f}",
+        interval,
+        f"{pair.p:.3f}",
+        f"{pair.p_holm:.3f}",
+        _or(pair.partial_on_speed, 2),
+        _or(pair.thesis, 2),
+    ]
+
+
+def _or(value: float | None, digits: int) -> str:
+    return "" if value is None else f"{value:.{digits}f}"
+
+
+def _with_sd(value: float, sd: float | None, scale: float, digits: int) -> str:
+    spread = "" if sd is None else f" ± {scale * sd:.{digits}f}"
+    return f"{scale * value:.{digits}f}{spread}"
+
+
+def study_population(
+    files: Annotated[
+        list[Path],
+        typer.Argument(help="Recordings (.c3d, .trc, or .zip of TRC and MOT), folders of them, or zips of them."),
+    ],
+    subjects: Annotated[
+        Path | None, typer.Option("--subjects", help="CSV: file, subject, group, height_m, mass_kg, sex, age, static.")
+    ] = None,
+    method: BestMethod = None,
+    steps: StepChoice = "measured",
+    pooled: Annotated[bool, typer.Option("--pooled", help="Also look at everybody together.")] = False,
+    seed: Annotated[int, typer.Option("--seed", help="Of the bootstrap intervals.")] = 0,
+    out_dir: OutFolder = None,
+    force: Force = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON instead of tables.")] = False,
+    server: Server = None,
+    token: Token = None,
+) -> None:
+    """Fit the wheels of many people, and correlate them with height, leg, speed and step length."""
+    study(
+        files,
+        subjects=subjects,
+        options={"method": method, "steps": steps, "pooled": pooled, "seed": seed},
+        delivery=Delivery(out_dir, force, as_json, server, token),
+    )

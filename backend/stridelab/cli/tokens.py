@@ -1,0 +1,101 @@
+"""``stridelab token create|list|revoke``: works on the service's database, while the service runs and while not."""
+
+import asyncio
+import json
+from collections.abc import Awaitable, Callable
+from typing import Annotated, Any, TypeVar
+
+import typer
+
+from stridelab.cli.console import err, out
+from stridelab.errors import Fault, InvalidInput
+from stridelab.schemas.access import TokenScope
+
+T = TypeVar("T")
+
+tokens = typer.Typer(name="token", help="Tokens for people and scripts.", no_args_is_help=True)
+
+
+@tokens.command()
+def create(
+    name: Annotated[str, typer.Argument(help="Who will use it; a pseudonym will do.")],
+    scope: Annotated[TokenScope, typer.Option("--scope", help="read, submit or admin.")] = "submit",
+    days: Annotated[float | None, typer.Option("--days", help="How long it is good; until revoked if omitted.")] = None,
+) -> None:
+    """Make a token and print it, this once."""
+    from pydantic import ValidationError
+
+    from stridelab.schemas.access import TokenInput
+    from stridelab.service.auth import audit
+    from stridelab.service.auth import tokens as table
+
+    try:
+        wanted = TokenInput(name=name, scope=scope, days=days)
+    except ValidationError as error:
+        faults = [Fault(".".join(map(str, e["loc"])), e["msg"]) for e in error.errors()]
+        raise InvalidInput("invalid-token", "A token cannot be made like that.", faults) from error
+
+    async def work(connection: Any) -> str:
+        made = await table.create(connection, wanted)
+        await audit.note(connection, audit.CONSOLE, "token-created", made.id)
+        return made.secret
+
+    secret = _in_database(work)
+    err.print(f"token of {name}, scope {scope}; it is not shown again:")
+    typer.echo(secret)
+
+
+@tokens.command(name="list")
+def list_tokens(
+    as_json: Annotated[bool, typer.Option("--json", help="As JSON, those that were revoked among them.")] = False,
+) -> None:
+    """List tokens, without their secrets."""
+    from stridelab.service.auth import tokens as table
+
+    async def work(connection: Any) -> list[Any]:
+        return await table.every(connection)
+
+    found = _in_database(work)
+    if as_json:
+        typer.echo(json.dumps([one.model_dump(mode="json") for one in found]))
+        return
+    for one in found:
+        if one.revoked_at is None:
+            until = f"until {one.expires_at:%Y-%m-%d %H:%M}" if one.expires_at else "until revoked"
+            out.print(f"{one.name}  {one.scope}  {until}  {one.id}")
+
+
+@tokens.command()
+def revoke(name: Annotated[str, typer.Argument(help="Name or id of the token.")]) -> None:
+    """Revoke a token; running services refuse it within two seconds."""
+    from stridelab.service.auth import audit
+    from stridelab.service.auth import tokens as table
+
+    async def work(connection: Any) -> None:
+        revoked = await table.revoke(connection, name)
+        await audit.note(connection, audit.CONSOLE, "token-revoked", revoked.id)
+
+    _in_database(work)
+    out.print(f"{name} is revoked")
+
+
+def _in_database(work: Callable[[Any], Awaitable[T]]) -> T:
+    """``work`` in one transaction of the service's database, whose tables are brought up to date first."""
+    from stridelab.cli.serve import read_settings
+    from stridelab.service.backup.locations import place
+    from stridelab.service.logging import configure_logging
+    from stridelab.service.storage.database import make_engine
+    from stridelab.service.storage.migrate import migrate
+
+    async def run(url: str) -> T:
+        engine = make_engine(url, pool_size=1)
+        try:
+            async with engine.begin() as connection:
+                return await work(connection)
+        finally:
+            await engine.dispose()
+
+    configure_logging("warning")  # the audit table has what was done; standard output is for the token
+    with place(read_settings(), alone=False, create=True) as there:
+        migrate(there.database_url)
+        return asyncio.run(run(there.database_url))

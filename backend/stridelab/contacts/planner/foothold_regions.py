@@ -1,0 +1,182 @@
+"""Where a sole can stand, as convex regions: the configuration space of its centre on every face.
+
+A face is shrunk by the sole, turned to the heading; boxes that rise above it are grown by the sole (Minkowski sum)
+and taken out. What is left of a convex piece ``P`` outside a convex obstacle ``{n_k x <= b_k}`` is the union of
+``P and {n_k x >= b_k}`` over its edges, so that the pieces stay convex and may overlap. At last every piece loses a
+margin, at most 0.9 of the radius of its largest circle. A rail is a segment.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull, QhullError
+
+from stridelab.contacts.planner.step_limits import EffectorLimits
+from stridelab.contacts.terrain import Box, Rail, Terrain
+from stridelab.contacts.terrain_geometry import Touchable, is_vertical, touchable
+from stridelab.conventions import Points, Rotation, Vector3
+
+BLOCKING_M: Final = (0.010, 0.10)
+"""What reaches into this layer above a face keeps a sole off."""
+SLIVER_M2: Final = 1e-9
+PIECES_MAX: Final = 60
+"""Of one face; where obstacles leave more, the smallest are left out."""
+
+Polygon = Float[np.ndarray, "_ 2"]
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """Places ``origin + axes u`` with ``A u <= b``, all with the contact frame ``rotation``; ``corners_m`` its hull."""
+
+    surface: str
+    origin_m: Vector3
+    axes: Float[np.ndarray, "3 d"]
+    A: Float[np.ndarray, "m d"]
+    b: Float[np.ndarray, "m"]
+    rotation: Rotation
+    corners_m: Points
+
+
+def regions(terrain: Terrain, friction: float, shape: EffectorLimits, yaw_rad: float, gap_m: float) -> list[Region]:
+    """Regions of a sole on boxes that are not too steep for their friction, or of a hand on rails."""
+    if shape.kind == "point":
+        return [_of_rail(rail, yaw_rad, gap_m) for rail in terrain.rails if not is_vertical(rail)]
+    found: list[Region] = []
+    for box in terrain.boxes:
+        face = touchable(box)
+        mu = friction if box.friction is None else box.friction
+        if face.normal[2] >= np.cos(np.arctan(mu)) - 1e-9:
+            found += _of_face(face, terrain, shape, yaw_rad, gap_m)
+    return found
+
+
+def contact_frame(normal: Vector3, ahead: Vector3) -> Rotation:
+    """Axes with z along the normal, x along ``ahead`` as far as the surface allows."""
+    x = ahead - (ahead @ normal) * normal
+    x = x / np.linalg.norm(x)
+    return np.column_stack([x, np.cross(normal, x), normal])
+
+
+def _of_rail(rail: Rail, yaw_rad: float, gap_m: float) -> Region:
+    line = touchable(rail)
+    d = line.frame[:, 0]
+    forward = d if d @ _ahead(yaw_rad) >= 0.0 else -d
+    half = float(line.half_m[0])
+    half -= min(gap_m, 0.9 * half)
+    ends = line.center_m + np.outer([-half, half], d)
+    A = np.array([[1.0], [-1.0]])
+    return Region(
+        rail.name, line.center_m, d[:, np.newaxis], A, np.full(2, half), contact_frame(line.normal, forward), ends
+    )
+
+
+def _of_face(face: Touchable, terrain: Terrain, shape: EffectorLimits, yaw_rad: float, gap_m: float) -> list[Region]:
+    R = contact_frame(face.normal, _ahead(yaw_rad))
+    signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * shape.half_size_m
+    sole = signs @ R[:, :2].T @ face.frame[:, :2]
+    room = face.half_m - np.abs(sole).max(axis=0)
+    if room.min() < 0.0:
+        return []
+    pieces: list[Polygon] = [np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * room]
+    for box in terrain.boxes:
+        if box is not face.surface and (blocked := _above(face, box, sole)) is not None:
+            pieces = _without(pieces, blocked)
+    found = (_region(face, piece, R, gap_m) for piece in pieces)
+    return [region for region in found if region is not None]
+
+
+def _above(face: Touchable, box: Box, sole: Polygon) -> Float[np.ndarray, "m 3"] | None:
+    """Half-planes ``n x <= b`` (rows ``n, b``) in which the sole's centre must not lie; None where nothing is above."""
+    low, high = BLOCKING_M
+    signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
+    corners = (box.placement.act(signs * box.size_m) - face.center_m) @ face.frame
+    z = corners[:, 2]
+    if z.max() <= low or z.min() >= high:
+        return None
+    points = [corners[(z >= low) & (z <= high), :2]]
+    edges = [(i, k) for i in range(8) for k in range(i) if np.count_nonzero(signs[i] != signs[k]) == 1]
+    for level in BLOCKING_M:
+        for i, k in edges:
+            if (z[i] - level) * (z[k] - level) < 0.0:
+                share = (level - z[i]) / (z[k] - z[i])
+                points.append((corners[i] + share * (corners[k] - corners[i]))[np.newaxis, :2])
+    outline = np.concatenate(points)
+    grown = (outline[:, np.newaxis] - sole[np.newaxis]).reshape(-1, 2)
+    equations = np.unique(np.round(ConvexHull(grown).equations, 12), axis=0)
+    return np.column_stack([equations[:, :2], -equations[:, 2]])
+
+
+def _without(pieces: list[Polygon], blocked: Float[np.ndarray, "m 3"]) -> list[Polygon]:
+    left: list[Polygon] = []
+    for piece in pieces:
+        inside = piece
+        for x, y, b in blocked:
+            inside = _clipped(inside, np.array([x, y]), b)
+        if _area(inside) < SLIVER_M2:
+            left.append(piece)
+        else:
+            left += [_clipped(piece, np.array([-x, -y]), -b) for x, y, b in blocked]
+    kept: list[Polygon] = []
+    for piece in sorted(left, key=_area, reverse=True):
+        if len(piece) and not any(_contains(other, piece) for other in kept):
+            kept.append(piece)
+    return kept[:PIECES_MAX]
+
+
+def _clipped(polygon: Polygon, n: Float[np.ndarray, "2"], b: float) -> Polygon:
+    """The part with ``n x <= b`` (Sutherland & Hodgman)."""
+    return np.array(list(_kept(polygon, n, b))).reshape(-1, 2)
+
+
+def _kept(polygon: Polygon, n: Float[np.ndarray, "2"], b: float) -> Iterator[Float[np.ndarray, "2"]]:
+    over = polygon @ n - b
+    for i in range(len(polygon)):
+        k = (i + 1) % len(polygon)
+        if over[i] <= 1e-9:
+            yield polygon[i]
+        if (over[i] > 1e-9) != (over[k] > 1e-9):
+            yield polygon[i] + over[i] / (over[i] - over[k]) * (polygon[k] - polygon[i])
+
+
+def _area(polygon: Polygon) -> float:
+    x, y = polygon.T
+    return float(abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 2)
+
+
+def _contains(outer: Polygon, inner: Polygon) -> bool:
+    edges = np.roll(outer, -1, axis=0) - outer
+    n = np.column_stack([edges[:, 1], -edges[:, 0]])
+    return bool(((inner[:, np.newaxis] - outer) * n).sum(axis=2).max() <= 1e-9)
+
+
+def _region(face: Touchable, polygon: Polygon, R: Rotation, gap_m: float) -> Region | None:
+    A, b = _half_planes(polygon)
+    lengths = np.ones((len(A), 1))
+    circle = linprog([0, 0, -1], np.hstack([A, lengths]), b, bounds=[(None, None), (None, None), (0, None)])
+    if circle.status != 0:
+        return None
+    b = b - min(gap_m, 0.9 * float(circle.x[2]))
+    for n, offset in zip(A, b, strict=True):
+        polygon = _clipped(polygon, n, float(offset))
+    corners = face.center_m + polygon @ face.frame[:, :2].T
+    return Region(face.surface.name, face.center_m, face.frame[:, :2], A, b, R, corners) if len(polygon) else None
+
+
+def _half_planes(polygon: Polygon) -> tuple[Float[np.ndarray, "m 2"], Float[np.ndarray, "m"]]:
+    """Of a convex polygon; of one without width, those of the rectangle about it."""
+    try:
+        equations = ConvexHull(polygon).equations
+    except QhullError:
+        axes = np.vstack([np.eye(2), -np.eye(2)])
+        return axes, (polygon @ axes.T).max(axis=0)
+    equations = np.unique(np.round(equations, 12), axis=0)
+    return equations[:, :2], -equations[:, 2]
+
+
+def _ahead(yaw_rad: float) -> Vector3:
+    return np.array([np.cos(yaw_rad), np.sin(yaw_rad), 0.0])

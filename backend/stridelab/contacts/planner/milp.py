@@ -1,0 +1,266 @@
+"""A mixed-integer linear program, written row by row, for scipy's HiGHS.
+
+The mixed-integer program of a schedule: which region every placement takes, and where in it.
+
+Placement ``i`` with regions ``r`` (binaries ``H_ir``, places ``u_ir`` in the region's own coordinates) is
+
+    p_i = sum_r o_r H_ir + E_r u_ir,   A_r u_ir <= b_r H_ir,   sum_r H_ir = 1   (+ F_i where a hand may hang free)
+
+so that the relaxation is the hull of the regions. Every stance has a CoM ``c`` of its own, inside the limits of all
+its contacts: ``l <= W^T (c - p_i) <= u`` in the heading frame ``W`` and 26 half-spaces inside the sphere. The judge's
+limits in the frame of the contact follow from these on level ground, and hold with big M where the contact is tilted
+or a rail. Consecutive feet keep the box and the ball of a step. The objective is the sum of deviations (L1, in
+metres, level) from even steps on the straight way, plus ``FREE_COST`` for every placement of a hand that is left out.
+Deviations are counted region by region, ``d_ir >= |n (o_r - t_i) H_ir + n E_r u_ir|``: a mixture of two regions costs
+what it costs in both, so that nothing is gained by a place in the gap between them.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.optimize import Bounds, LinearConstraint, milp
+from scipy.sparse import csr_array
+
+from stridelab.contacts.effector_geometry import EffectorReach
+from stridelab.contacts.planner.foothold_regions import Region
+from stridelab.contacts.planner.schedule import Ends, Node, Schedule
+from stridelab.contacts.planner.step_limits import COVER, DIRECTIONS, RobotLimits, ball_rows, heading_frame
+from stridelab.conventions import Rotation, Series, Vector3
+from stridelab.dynamics.spatial import Placement
+
+Columns = tuple[int, ...]
+Terms = list[tuple[int, float]]
+"""Variables with their coefficients; those of one variable add up."""
+INFEASIBLE: Final = 2
+"""Status of ``scipy.optimize.milp`` for a program that is proven to have no solution."""
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """``x`` None: no solution is known; ``proven`` that there is none, otherwise time ran out."""
+
+    x: Series | None
+    objective: float
+    proven: bool
+
+
+class LinearProgram:
+    """``min c x`` with ``low <= A x <= high``, bounds and whole numbers."""
+
+    def __init__(self) -> None:
+        self._low: list[float] = []
+        self._high: list[float] = []
+        self._cost: list[float] = []
+        self._whole: list[int] = []
+        self._entries: list[tuple[int, int, float]] = []
+        self._row_low: list[float] = []
+        self._row_high: list[float] = []
+
+    def add(
+        self, n: int, low: float = -np.inf, high: float = np.inf, cost: float = 0.0, *, whole: bool = False
+    ) -> Columns:
+        """``n`` new variables; returns their columns."""
+        first = len(self._low)
+        self._low += [low] * n
+        self._high += [high] * n
+        self._cost += [cost] * n
+        self._whole += [int(whole)] * n
+        return tuple(range(first, first + n))
+
+    def row(self, terms: Terms, low: float = -np.inf, high: float = np.inf) -> None:
+        """``low <= sum of coefficient times variable <= high``."""
+        row = len(self._row_low)
+        self._entries += [(row, column, float(value)) for column, value in terms if value != 0.0]
+        self._row_low.append(low)
+        self._row_high.append(high)
+
+    def solve(self, seconds: float) -> Answer:
+        """The optimum to HiGHS' gap of 1e-4, or the best that was found in time."""
+        shape = (len(self._row_low), len(self._low))
+        rows, columns, values = zip(*self._entries, strict=True)
+        A = csr_array((values, (rows, columns)), shape=shape)
+        found = milp(
+            np.array(self._cost),
+            integrality=np.array(self._whole),
+            bounds=Bounds(np.array(self._low), np.array(self._high)),
+            constraints=LinearConstraint(A, np.array(self._row_low), np.array(self._row_high)),
+            options={"time_limit": seconds},
+        )
+        if found.x is None:
+            return Answer(None, np.inf, found.status == INFEASIBLE)
+        return Answer(np.asarray(found.x), float(found.fun), proven=True)
+
+
+FREE_COST: Final = 2.0
+"""Metres of deviation that a hand's placement is worth."""
+SAME: Final = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A solved schedule: the placement of every node (None: free), its surface where it was chosen, the objective."""
+
+    placements: tuple[Placement | None, ...]
+    regions: tuple[Region | None, ...]
+    objective: float
+
+
+@dataclass(frozen=True, eq=False)
+class _Spot:
+    """Columns of a node: its place ``p``, one binary per region, and whether it is free."""
+
+    p: Columns
+    H: Columns
+    F: int | None
+
+
+class StepProgram:
+    """The program of one schedule; with ``slack`` every move may break its limits, and only that counts."""
+
+    def __init__(self, plan: Schedule, limits: RobotLimits, ends: Ends, *, slack: bool = False) -> None:
+        self.plan, self.limits, self.ends = plan, limits, ends
+        self.program = LinearProgram()
+        self.origin = np.mean([at.position_m for at in ends.start.values()], axis=0)
+        corners = [r.corners_m for node in plan.nodes for r in node.choices]
+        corners += [node.fixed.position_m[np.newaxis] for node in plan.nodes if node.fixed is not None]
+        self.big_m = 2.0 * float(np.abs(np.concatenate(corners) - self.origin).max()) + 3.0
+        self.slack = self.program.add(len(plan.moves), 0.0, cost=1.0) if slack else None
+        self.spots = [self._spot(node) for node in plan.nodes]
+        for move, stance in enumerate(plan.stances[1:]):
+            self._stance([i for i in stance.values() if not plan.nodes[i].absent], move)
+        for k in range(1, len(plan.feet)):
+            self._step(plan.feet[k - 1], plan.feet[k], is_last=k == len(plan.feet) - 1)
+
+    def solve(self, seconds: float) -> Answer:
+        """Solve it."""
+        return self.program.solve(seconds)
+
+    def placed(self, answer: Answer) -> Placed:
+        """The placements of a solution."""
+        x = answer.x
+        if x is None:
+            raise ValueError("there is no solution to read")
+        found = [self._read(node, spot, x) for node, spot in zip(self.plan.nodes, self.spots, strict=True)]
+        return Placed(tuple(at for at, _ in found), tuple(region for _, region in found), answer.objective)
+
+    def _read(self, node: Node, spot: _Spot, x: Series) -> tuple[Placement | None, Region | None]:
+        if node.fixed is not None or node.absent:
+            return node.fixed, None
+        if spot.F is not None and x[spot.F] > 0.5:
+            return None, None
+        region = node.choices[int(np.argmax(x[list(spot.H)]))]
+        return Placement(x[list(spot.p)] + self.origin, region.rotation), region
+
+    def _spot(self, node: Node) -> _Spot:
+        program = self.program
+        p = program.add(3)
+        if node.fixed is not None or node.absent:
+            at = np.zeros(3) if node.fixed is None else node.fixed.position_m - self.origin
+            for i in range(3):
+                program.row([(p[i], 1.0)], at[i], at[i])
+            return _Spot(p, p[:0], None)
+        H = program.add(len(node.choices), 0.0, 1.0, whole=True)
+        F = (
+            int(program.add(1, 0.0, 1.0, FREE_COST if self.slack is None else 0.0, whole=True)[0])
+            if node.free
+            else None
+        )
+        program.row([(h, 1.0) for h in H] + ([] if F is None else [(F, 1.0)]), 1.0, 1.0)
+        place: list[Terms] = [[(p[i], 1.0)] for i in range(3)]
+        for h, region in zip(H, node.choices, strict=True):
+            u = program.add(region.axes.shape[1])
+            for row, b in zip(region.A, region.b, strict=True):
+                program.row([*zip(u, row, strict=True), (h, -b)], high=0.0)
+            if self.slack is None:
+                self._deviation(node, region, h, u)
+            for i in range(3):
+                place[i] += [(h, self.origin[i] - region.origin_m[i]), *zip(u, -region.axes[i], strict=True)]
+        for terms in place:
+            program.row(terms, 0.0, 0.0)
+        return _Spot(p, H, F)
+
+    def _stance(self, stance: list[int], move: int) -> None:
+        nodes = [self.plan.nodes[i] for i in stance]
+        if all(node.fixed is not None for node in nodes):
+            return
+        c = self.program.add(3)
+        for i, node in zip(stance, nodes, strict=True):
+            spot, limits = self.spots[i], self.limits.effectors[node.effector]
+            W = heading_frame(node.yaw_rad)
+            away = [] if spot.F is None else [(spot.F, -self.big_m)]
+            self._within(c, spot.p, W, limits.heading, away, 0.0, move)
+            for R, members in self._tilted(node, W):
+                # M (1 - sum H): only the regions with this frame count
+                relaxed = [(spot.H[k], self.big_m) for k in members]
+                self._within(c, spot.p, R, limits.contact, relaxed, self.big_m if relaxed else 0.0, move)
+
+    def _tilted(self, node: Node, W: Rotation) -> Iterable[tuple[Rotation, list[int]]]:
+        """Frames other than the heading's that a contact can have, with the regions that give it."""
+        if node.fixed is not None:
+            return [] if np.abs(node.fixed.rotation - W).max() < SAME else [(node.fixed.rotation, [])]
+        groups: list[tuple[Rotation, list[int]]] = []
+        for k, region in enumerate(node.choices):
+            if np.abs(region.rotation - W).max() < SAME:
+                continue
+            members = next((m for R, m in groups if np.abs(R - region.rotation).max() < SAME), None)
+            if members is None:
+                groups.append((region.rotation, [k]))
+            else:
+                members.append(k)
+        return groups
+
+    def _within(
+        self, c: Columns, p: Columns, R: Rotation, reach: EffectorReach, relaxed: Terms, room: float, move: int
+    ) -> None:
+        """``c`` in the box and the sphere of a contact at ``p`` with axes ``R``, up to ``room`` and ``relaxed``."""
+        low, high = np.array(reach.com_low_m), np.array(reach.com_high_m)
+        normals, radius = ball_rows(reach.com_distance_max_m, low, high)
+        rows = [*zip(R.T, high, strict=True), *zip(-R.T, -low, strict=True)]
+        rows += [(R @ n, radius) for n in normals]
+        for n, offset in rows:
+            terms = [*zip(c, n, strict=True), *zip(p, -n, strict=True), *relaxed, *self._slack(move)]
+            self.program.row(terms, high=offset + room)
+
+    def _step(self, still: int, moving: int, *, is_last: bool) -> None:
+        """The box and the ball of a step."""
+        nodes = self.plan.nodes
+        fixed = nodes[still].fixed is not None and nodes[moving].fixed is not None
+        if fixed and is_last:
+            return
+        W = heading_frame(nodes[moving].yaw_rad)
+        move = self._slack(self.plan.moves.index(moving))
+        apart = [(self.spots[moving].p, 1.0), (self.spots[still].p, -1.0)]
+        low, high = self.limits.offset_box_m(nodes[moving].effector)
+        rows = [*zip(W.T, high, strict=True), *zip(-W.T, -low, strict=True)]
+        reach = self.limits.feet_distance_max_m * COVER
+        rows += [(n, reach) for n in DIRECTIONS]
+        for n, offset in rows:
+            self.program.row([t for p, sign in apart for t in zip(p, sign * n, strict=True)] + move, high=offset)
+
+    def _deviation(self, node: Node, region: Region, h: int, u: Columns) -> None:
+        """How far a place in ``region`` is from where even steps would put it; hands count along the way only."""
+        W = heading_frame(node.yaw_rad)
+        apart = region.origin_m - self.target_m(node)
+        for n in W.T[: 2 if node.effector in self.limits.feet else 1]:
+            (d,) = self.program.add(1, 0.0, cost=1.0)
+            at = [(h, float(n @ apart)), *zip(u, n @ region.axes, strict=True)]
+            self.program.row([*at, (d, -1.0)], high=0.0)
+            self.program.row([*at, (d, 1.0)], low=0.0)
+
+    def target_m(self, node: Node) -> Vector3:
+        """Where even steps put an effector: feet in a line beside the way, hands before them as at the start."""
+        feet, ends = self.limits.feet, self.ends
+        start, goal = (np.mean([end[foot].position_m for foot in feet], axis=0) for end in (ends.start, ends.goal))
+        steps = len(self.plan.feet) - 1
+        middle = start + min(1.0, node.step / max(1, steps - 1)) * (goal - start)
+        W = heading_frame(node.yaw_rad)
+        if node.effector in feet:
+            side = 1.0 if node.effector == feet[0] else -1.0
+            return np.asarray(middle + side * self.limits.defaults.width_m / 2 * W[:, 1])
+        known, origin = (ends.start, start) if node.effector in ends.start else (ends.goal, goal)
+        return np.asarray(middle + known[node.effector].position_m - origin)
+
+    def _slack(self, move: int) -> Terms:
+        return [] if self.slack is None else [(self.slack[move], -1.0)]

@@ -1,0 +1,232 @@
+"""The contact planner: from a stance to a goal stance over a terrain, as a scenario that the judge lets pass.
+
+The number of steps is the least that the way at the robot's own step length takes, and then one by one more until the
+program of that many steps has a solution (``step_program``). Where it has none for any, the answer says which gap is
+too wide, or which step misses its limits by how much, and that is all that it claims: regions are a little smaller
+than what the judge allows (``standing_room``), and at most ``extra_steps`` steps more than the way needs are tried.
+"""
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from stridelab.contacts.effector_geometry import EffectorShape
+from stridelab.contacts.planner.foothold_regions import Region, regions
+from stridelab.contacts.planner.milp import Placed, StepProgram
+from stridelab.contacts.planner.pruning import first_gap, pruned
+from stridelab.contacts.planner.schedule import SAME_M, Ends, Rooms, Schedule, schedule
+from stridelab.contacts.planner.start_goal import TaskEnds, surroundings, task_ends
+from stridelab.contacts.planner.step_limits import RobotLimits, heading_frame
+from stridelab.contacts.swing import LEVEL_M
+from stridelab.contacts.validation.parse import DURATION_S, Draft
+from stridelab.contacts.validation.surface_contact import touch_all
+from stridelab.contacts.validation.validate import check
+from stridelab.conventions import Progress
+from stridelab.dynamics.spatial import Placement
+from stridelab.errors import Fault, NotEstimable
+
+STEPS_MAX: Final = 60
+"""Longest plan, in steps."""
+TURN_MAX_RAD: Final = math.radians(12.0)
+"""Largest turn of a step."""
+LEVEL_MOVE_SHARE: Final = 0.7
+"""A level step takes this share of the time of one to another height."""
+
+
+@dataclass(frozen=True, eq=False)
+class ContactPlan:
+    """The scenario, how many steps it takes, the programs that were solved for it, and the objective (m)."""
+
+    scenario: dict[str, Any]
+    steps: int
+    programs: int
+    objective_m: float
+    solve_time_s: float
+
+
+@dataclass(frozen=True)
+class ContactPlanner:
+    """Plans for one robot: its effectors for the judge, and its limits; gives up after ``seconds``."""
+
+    effectors: Mapping[str, EffectorShape]
+    limits: RobotLimits
+    seconds: float = 60.0
+    extra_steps: int = 6
+
+    def plan(self, task: Mapping[str, Any], told: Progress = lambda _share, _message: None) -> ContactPlan:
+        """Plan ``{robot, terrain, start, goal, friction?, name?}``, fields as in a scenario and its phases.
+
+        Raises ``InvalidInput`` (``stance-invalid``) where start or goal cannot be, naming the contact, and
+        ``NotEstimable``: ``contacts-unreachable`` (no sequence of steps leads there: the gap, or the step, and how
+        much it misses), ``contacts-too-far`` (more than 60 steps), ``contact-plan-timeout``.
+        """
+        began = time.process_time()
+        known = task_ends(task, self.effectors)
+        ends, rooms, least = self._prepared(known)
+        draft = known.draft
+        if least > STEPS_MAX:
+            message = f"The goal is at least {least} steps away; at most {STEPS_MAX} are planned at once."
+            raise NotEstimable("contacts-too-far", message, [Fault("goal", f"{least} steps away")])
+        self._refuse_gap(ends, draft, rooms)
+        until, steps = time.monotonic() + self.seconds, min(STEPS_MAX, max(2, least) + self.extra_steps)
+        for k, plan in enumerate(self._schedules(ends, rooms, least)):
+            told(min(0.9, k / (2 * self.extra_steps + 2)), f"{len(plan.feet) - 1} steps")
+            program = StepProgram(plan, self.limits, ends)
+            left_s = until - time.monotonic()
+            if left_s <= 0.0:
+                raise _timeout(self.seconds)
+            answer = program.solve(left_s)
+            if answer.x is not None:
+                scenario = self._judged(task, draft, plan, program.placed(answer))
+                took_s = time.process_time() - began
+                return ContactPlan(scenario, len(plan.feet) - 1, k + 1, answer.objective, took_s)
+            if not answer.proven:
+                raise _timeout(self.seconds)
+            steps = len(plan.feet) - 1
+        raise self._unreachable(ends, rooms, steps, until)
+
+    def prepared(self, task: Mapping[str, Any]) -> tuple[Ends, Rooms, int]:
+        """The ends, where there is room to stand, and the fewest steps; raises ``InvalidInput`` as ``plan``."""
+        return self._prepared(task_ends(task, self.effectors))
+
+    def _prepared(self, known: TaskEnds) -> tuple[Ends, Rooms, int]:
+        ends = Ends.of(known.start, known.goal, self.limits.feet)
+        return ends, self._rooms(known.draft), _least_steps(ends, self.limits)
+
+    def _schedules(self, ends: Ends, rooms: Rooms, least: int) -> Iterator[Schedule]:
+        """Those that may have a solution, the fewest steps first."""
+        right = self.limits.defaults.first_foot
+        order = (right, *(foot for foot in self.limits.feet if foot != right))
+        last = STEPS_MAX
+        for steps in range(least, STEPS_MAX + 1):
+            if steps > last:
+                return
+            for first in order:
+                plan = schedule(ends, self.limits, rooms, steps, first)
+                found = None if plan is None else pruned(plan, self.limits)
+                if found is not None:
+                    last = min(last, steps + self.extra_steps)
+                    yield found
+
+    def _rooms(self, draft: Draft) -> Rooms:
+        """Regions of an effector at a heading; headings within a microradian share theirs."""
+        known: dict[tuple[str, int], tuple[Region, ...]] = {}
+        gap_m = self.limits.defaults.toe_gap_m
+
+        def at(effector: str, yaw_rad: float) -> tuple[Region, ...]:
+            key = (effector, round(yaw_rad * 1e6))
+            if key not in known:
+                shape = self.limits.effectors[effector]
+                known[key] = tuple(regions(draft.terrain, draft.friction, shape, yaw_rad, gap_m))
+            return known[key]
+
+        return at
+
+    def _judged(self, task: Mapping[str, Any], draft: Draft, plan: Schedule, placed: Placed) -> dict[str, Any]:
+        """The scenario; what the judge refuses is not returned."""
+        scenario = {**surroundings(task), "friction": draft.friction, "phases": _phases(plan, placed, self.limits)}
+        report = check(scenario, self.effectors)
+        if not report.valid:
+            first = report.faults[0]
+            message = f"A sequence was found, but the robot cannot do it: {first.where}: {first.message}."
+            raise NotEstimable("contact-plan-refused", message, report.faults)
+        return scenario
+
+    def _refuse_gap(self, ends: Ends, draft: Draft, rooms: Rooms) -> None:
+        """Raise ``contacts-unreachable`` where no number of steps leads over a gap."""
+        start, goal = touch_all(draft, self.effectors)
+        names = {foot: (start[foot].surface or "", goal[foot].surface or "") for foot in self.limits.feet}
+        gap = first_gap(ends, self.limits, rooms, names)
+        if gap is not None:
+            missing = _in_words(gap.missing_m)
+            text = f"the step from {gap.from_surface!r} to {gap.to_surface!r} would have to reach {missing}"
+            message = f"There is no way to the goal: after {gap.step} steps or more, {text}."
+            raise NotEstimable("contacts-unreachable", message, [Fault(f"terrain[{gap.to_surface}]", text)])
+
+    def _unreachable(self, ends: Ends, rooms: Rooms, steps: int, until: float) -> NotEstimable:
+        """Which of so many steps misses its limits, and by how much, where all together miss them least."""
+        seen = schedule(ends, self.limits, rooms, steps, self.limits.defaults.first_foot)
+        if seen is None:
+            message = f"There is no way to the goal in {steps} steps."
+            return NotEstimable("contacts-unreachable", message, [Fault("goal", "out of reach")])
+        program = StepProgram(seen, self.limits, ends, slack=True)
+        answer = program.solve(max(1.0, until - time.monotonic()))
+        if answer.x is None or program.slack is None:
+            return _timeout(self.seconds)
+        worst = int(np.argmax(answer.x[list(program.slack)]))
+        node, placed = seen.nodes[seen.moves[worst]], program.placed(answer)
+        region = placed.regions[seen.moves[worst]]
+        where = "the goal" if region is None else repr(region.surface)
+        lacks = f"{node.effector} misses its limits by {answer.x[program.slack[worst]]:.2f} m"
+        message = f"There is no way to the goal: at best, in step {node.step} to {where}, {lacks}."
+        return NotEstimable("contacts-unreachable", message, [Fault(f"steps[{node.step}]", f"{where}: {lacks}")])
+
+
+def _least_steps(ends: Ends, limits: RobotLimits) -> int:
+    """Steps of the robot's own length, and turns of at most ``TURN_MAX_RAD``; 0 where nothing has to move."""
+    ways = [ends.goal[foot].position_m - ends.start[foot].position_m for foot in limits.feet]
+    moved = [float(np.linalg.norm(way)) for way in ways]
+    turned = [np.abs(ends.goal[foot].rotation - ends.start[foot].rotation).max() for foot in limits.feet]
+    count = sum(bool(m > SAME_M or t > SAME_M) for m, t in zip(moved, turned, strict=True))
+    if not count:
+        return 0
+    local = heading_frame(ends.yaw_rad).T @ np.mean(ways, axis=0)
+    length = max(float(np.hypot(local[0], local[1])), abs(float(local[2])))
+    walk = math.ceil(length / limits.defaults.step_m - 1e-6) + (count == 2)
+    return max(count, walk, math.ceil(abs(ends.turn_rad) / TURN_MAX_RAD))
+
+
+def _phases(plan: Schedule, placed: Placed, limits: RobotLimits) -> list[dict[str, Any]]:
+    """Phases of the moves that change something; an effector leaves one phase before it lands."""
+    times = limits.defaults
+    standing = {name: at for name, i in plan.stances[0].items() if (at := placed.placements[i]) is not None}
+    phases = [_phase(times.ends_s, standing)]
+    for i in plan.moves:
+        name, at = plan.nodes[i].effector, placed.placements[i]
+        before = standing.pop(name, None)
+        if at is not None and before is not None and _same(before, at) and plan.nodes[i].effector not in limits.feet:
+            standing[name] = before
+            continue
+        if at is None and before is None:
+            continue
+        if name in limits.feet and before is not None and at is not None:
+            level = abs(at.position_m[2] - before.position_m[2]) < LEVEL_M
+            swing_s = times.foot_move_s * (LEVEL_MOVE_SHARE if level else 1.0)
+        else:
+            swing_s = times.hand_move_s
+        phases.append(_phase(swing_s, standing))
+        if at is not None:
+            standing[name] = at
+            phases.append(_phase(times.rest_s, standing))
+    phases[-1]["duration_s"] = min(times.ends_s, DURATION_S[1])
+    return phases
+
+
+def _phase(duration_s: float, standing: Mapping[str, Placement]) -> dict[str, Any]:
+    contacts = [
+        {
+            "effector": name,
+            "position_m": [round(float(value), 6) + 0.0 for value in standing[name].position_m],
+            "orientation_wxyz": [round(float(value), 9) + 0.0 for value in standing[name].wxyz],
+        }
+        for name in sorted(standing)
+    ]
+    return {"duration_s": round(duration_s, 6), "contacts": contacts}
+
+
+def _same(one: Placement, other: Placement) -> bool:
+    return bool(np.linalg.norm(one.position_m - other.position_m) < SAME_M)
+
+
+def _in_words(missing_m: tuple[float, float, float]) -> str:
+    ways = (("ahead", "back"), ("left", "right"), ("up", "down"))
+    parts = [f"{abs(v):.3f} m farther {way[v < 0]}" for v, way in zip(missing_m, ways, strict=True) if abs(v) > SAME_M]
+    return " and ".join(parts)
+
+
+def _timeout(seconds: float) -> NotEstimable:
+    return NotEstimable("contact-plan-timeout", f"No sequence of contacts was found within {seconds:g} s.")

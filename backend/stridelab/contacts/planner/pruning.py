@@ -1,0 +1,145 @@
+"""What cannot be reached is left out before anything is solved.
+
+Along the chain of foot moves the places of foot ``k`` lie in the places of foot ``k - 1`` plus the box of the steps.
+Boxes are propagated from the start forwards and from the goal backwards, region by region, in the frame of the start's
+heading: an outer bound, so that no plan is lost. A region is left out where both boxes do not meet.
+"""
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.contacts.planner.foothold_regions import Region
+from stridelab.contacts.planner.schedule import Ends, Node, Rooms, Schedule
+from stridelab.contacts.planner.step_limits import RobotLimits, heading_frame
+from stridelab.conventions import Vector3
+
+TOLERANCE_M: Final = 1e-6
+
+Boxes = Float[np.ndarray, "_ 2 3"]
+"""Lowest and highest corner per region; empty ones have low over high."""
+
+
+def pruned(plan: Schedule, limits: RobotLimits) -> Schedule | None:
+    """The schedule with the regions that lie on a way from start to goal; None where a foot has none."""
+    frame = heading_frame(plan.nodes[0].yaw_rad)
+    nodes = [plan.nodes[i] for i in plan.feet]
+    full = [_boxes(node, frame) for node in nodes]
+    steps = [_offsets(node, limits, frame) for node in nodes]
+    ahead = [full[0]]
+    for k in range(1, len(nodes)):
+        ahead.append(_met(full[k], ahead[-1], *steps[k], given=_given(nodes, k)))
+    back = [full[-1]]
+    for k in range(len(nodes) - 1, 0, -1):
+        low, high = steps[k]
+        back.insert(0, _met(full[k - 1], back[0], -high, -low, given=_given(nodes, k)))
+    changed = list(plan.nodes)
+    for k, node in enumerate(nodes):
+        low = np.maximum(ahead[k][:, 0], back[k][:, 0])
+        high = np.minimum(ahead[k][:, 1], back[k][:, 1])
+        open_ = (low <= high + TOLERANCE_M).all(axis=1)
+        if not open_.any():
+            return None
+        if node.fixed is None:
+            kept = tuple(region for region, on in zip(node.choices, open_, strict=True) if on)
+            changed[plan.feet[k]] = replace(node, choices=kept)
+    return plan.with_nodes(tuple(changed))
+
+
+@dataclass(frozen=True)
+class Gap:
+    """Between the last surface that was reached, after ``step`` foot moves, and the nearest that was not.
+
+    ``missing_m`` is how far the foot's place lies outside the step (ahead, aside, up), in the start's heading frame.
+    """
+
+    step: int
+    foot: str
+    from_surface: str
+    to_surface: str
+    missing_m: tuple[float, float, float]
+
+
+def first_gap(ends: Ends, limits: RobotLimits, rooms: Rooms, names: Mapping[str, tuple[str, str]]) -> Gap | None:
+    """The gap that no number of steps crosses; None where there is none.
+
+    ``names`` are the surfaces of start and goal by foot.
+    """
+    frame = heading_frame(ends.yaw_rad)
+    yaw = ends.yaw_rad + ends.turn_rad / 2
+    places: list[tuple[str, str, Boxes]] = []
+    for foot in limits.feet:
+        node = Node(foot, 0, yaw, None, rooms(foot, yaw))
+        found = zip(node.choices, _boxes(node, frame), strict=True)
+        places += [(foot, region.surface, box[np.newaxis]) for region, box in found]
+    places += [(foot, names[foot][1], _boxes(Node(foot, 0, yaw, ends.goal[foot]), frame)) for foot in limits.feet]
+    steps = {foot: _offsets(Node(foot, 0, yaw), limits, frame) for foot in limits.feet}
+    starts = [(foot, names[foot][0], _boxes(Node(foot, 0, yaw, ends.start[foot]), frame)) for foot in limits.feet]
+    level: dict[int, int] = {}
+    queue = deque((0, *start) for start in starts)
+    reached: list[tuple[int, str, str, Boxes]] = []
+    while queue:
+        n, foot, surface, box = queue.popleft()
+        reached.append((n, foot, surface, box))
+        for i, (other, name, target) in enumerate(places):
+            if i not in level and other != foot and not _missing(box, target, *steps[other]).any():
+                level[i] = n + 1
+                queue.append((n + 1, other, name, target))
+    if level.keys() & {len(places) - 1, len(places) - 2}:
+        return None
+    lacking = [
+        (float(np.linalg.norm(missing)), n, other, surface, name, missing)
+        for n, foot, surface, box in reached
+        for i, (other, name, target) in enumerate(places)
+        if i not in level and other != foot
+        for missing in [_missing(box, target, *steps[other])]
+    ]
+    _, n, foot, surface, name, missing = min(lacking, key=lambda found: found[:2])
+    x, y, z = missing.tolist()
+    return Gap(n, foot, surface, name, (x, y, z))
+
+
+def _missing(box: Boxes, target: Boxes, low: Vector3, high: Vector3) -> Vector3:
+    """Signed distance of ``target`` from ``box`` plus a step, per axis; 0 where they meet."""
+    beyond = np.maximum(target[0, 0] - box[0, 1] - high, 0.0)
+    before = np.maximum(box[0, 0] + low - target[0, 1], 0.0)
+    missing = beyond - before
+    return np.asarray(np.where(np.abs(missing) > TOLERANCE_M, missing, 0.0))
+
+
+def _given(nodes: list[Node], k: int) -> bool:
+    """Whether both feet are where the goal has them: it may be wider than a step."""
+    return k == len(nodes) - 1 and nodes[k].fixed is not None and nodes[k - 1].fixed is not None
+
+
+def _met(full: Boxes, before: Boxes, low: Vector3, high: Vector3, *, given: bool) -> Boxes:
+    """Per region: the hull of its meetings with all boxes before, each plus a step."""
+    if given:
+        return full
+    lowest = np.maximum(full[:, np.newaxis, 0], before[np.newaxis, :, 0] + low)
+    highest = np.minimum(full[:, np.newaxis, 1], before[np.newaxis, :, 1] + high)
+    met = (lowest <= highest + TOLERANCE_M).all(axis=2)[..., np.newaxis]
+    return np.stack([np.where(met, lowest, np.inf).min(axis=1), np.where(met, highest, -np.inf).max(axis=1)], axis=1)
+
+
+def _boxes(node: Node, frame: Float[np.ndarray, "3 3"]) -> Boxes:
+    if node.fixed is not None:
+        return np.tile(node.fixed.position_m @ frame, (1, 2, 1))
+    return np.array([_box(region, frame) for region in node.choices]).reshape(-1, 2, 3)
+
+
+def _box(region: Region, frame: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "2 3"]:
+    local = region.corners_m @ frame
+    return np.stack([local.min(axis=0), local.max(axis=0)])
+
+
+def _offsets(node: Node, limits: RobotLimits, frame: Float[np.ndarray, "3 3"]) -> tuple[Vector3, Vector3]:
+    """The box of the steps of a foot, from its heading into the start's."""
+    low, high = limits.offset_box_m(node.effector)
+    turn = frame.T @ heading_frame(node.yaw_rad)
+    middle, half = turn @ (low + high) / 2, np.abs(turn) @ (high - low) / 2
+    return middle - half, middle + half

@@ -1,0 +1,120 @@
+"""Which effector moves when: the moves of a plan and the choices that each leaves open.
+
+``N`` foot moves swing the feet in turn; the last two land on the goal. A hand that start or goal names moves before
+every second foot move and once at the end; in between it may hang free. The heading turns evenly from start to goal.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from stridelab.contacts.planner.foothold_regions import Region
+from stridelab.contacts.planner.step_limits import RobotLimits
+from stridelab.dynamics.spatial import Placement
+
+SAME_M: Final = 1e-4
+"""Placements that are closer are one."""
+
+Stance = Mapping[str, Placement]
+
+
+@dataclass(frozen=True, eq=False)
+class Node:
+    """One placement of an effector: given (``fixed``), or to be chosen among ``choices``, or nowhere.
+
+    ``free`` allows that the effector touches nothing. ``step`` counts the foot moves up to here.
+    """
+
+    effector: str
+    step: int
+    yaw_rad: float
+    fixed: Placement | None = None
+    choices: tuple[Region, ...] = ()
+    free: bool = False
+
+    @property
+    def absent(self) -> bool:
+        """Whether the effector touches nothing for certain."""
+        return self.fixed is None and not self.choices
+
+
+@dataclass(frozen=True, eq=False)
+class Schedule:
+    """Nodes, and for every move the node that it makes; ``stances`` the nodes by effector after it, first the start."""
+
+    nodes: tuple[Node, ...]
+    moves: tuple[int, ...]
+    stances: tuple[Mapping[str, int], ...]
+    feet: tuple[int, ...]
+
+    def with_nodes(self, nodes: tuple[Node, ...]) -> "Schedule":
+        """The same moves with other choices."""
+        return replace(self, nodes=nodes)
+
+
+@dataclass(frozen=True, eq=False)
+class Ends:
+    """Start and goal with their headings; the robot turns by ``turn_rad`` in between."""
+
+    start: Stance
+    goal: Stance
+    yaw_rad: float
+    turn_rad: float
+
+    @staticmethod
+    def of(start: Stance, goal: Stance, feet: tuple[str, str]) -> "Ends":
+        """Headings are the mean yaw of the soles."""
+        yaw, end = (_mean_yaw(stance, feet) for stance in (start, goal))
+        return Ends(start, goal, yaw, float(np.angle(np.exp(1j * (end - yaw)))))
+
+
+Rooms = Callable[[str, float], tuple[Region, ...]]
+"""Regions of an effector at a heading."""
+
+
+def schedule(ends: Ends, limits: RobotLimits, rooms: Rooms, steps: int, first: str) -> Schedule | None:
+    """``steps`` foot moves beginning with ``first``; None where these cannot end at the goal."""
+    order = [first, *(foot for foot in limits.feet if foot != first)]
+    still = [order[k % 2] for k in range(steps, 2)]
+    if any(_apart(ends.start[foot], ends.goal[foot]) for foot in still):
+        return None
+    hands = sorted(name for name in {*ends.start, *ends.goal} if limits.effectors[name].kind == "point")
+    nodes: list[Node] = []
+    standing: dict[str, int] = {}
+    for name in (*limits.feet, *hands):
+        standing[name] = len(nodes)
+        nodes.append(Node(name, 0, ends.yaw_rad, ends.start.get(name)))
+    feet, moves, stances = [standing[order[1]]], [], [dict(standing)]
+
+    def move(node: Node) -> None:
+        standing[node.effector] = len(nodes)
+        moves.append(len(nodes))
+        nodes.append(node)
+        stances.append(dict(standing))
+
+    for k in range(1, steps + 1):
+        yaw = ends.yaw_rad + ends.turn_rad * k / steps
+        if k % 2:
+            for hand in hands:
+                move(Node(hand, k - 1, yaw, None, rooms(hand, yaw), True))
+        foot = order[(k - 1) % 2]
+        fixed = ends.goal[foot] if k > steps - 2 else None
+        move(Node(foot, k, yaw, fixed, () if fixed else rooms(foot, yaw)))
+        feet.append(standing[foot])
+    for hand in hands:
+        move(Node(hand, steps, ends.yaw_rad + ends.turn_rad, ends.goal.get(hand)))
+    return Schedule(tuple(nodes), tuple(moves), tuple(stances), tuple(feet))
+
+
+def _apart(one: Placement, other: Placement) -> bool:
+    return bool(
+        np.linalg.norm(one.position_m - other.position_m) > SAME_M
+        or np.abs(one.rotation - other.rotation).max() > SAME_M
+    )
+
+
+def _mean_yaw(stance: Stance, feet: tuple[str, str]) -> float:
+    x, y = np.sum([stance[foot].rotation[:2, 0] for foot in feet], axis=0)
+    return float(np.arctan2(y, x))

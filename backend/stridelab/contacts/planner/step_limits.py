@@ -1,0 +1,101 @@
+"""What the contact planner knows of a robot: reach limits as plain numbers, and the defaults of its steps.
+
+The floor of the contacts lies below the learned densities, so that the limits come in as data
+(``reachability.planner_limits`` reads them from the cards). ``heading`` limits hold in the frame with z up and x along
+the trunk's heading, for a robot that stands upright; ``contact`` limits are those of the judge (``validation``), in
+the frame of the contact itself.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from jaxtyping import Float
+from scipy.spatial import ConvexHull
+
+from stridelab.contacts.effector_geometry import EffectorReach
+from stridelab.conventions import Points, Vector3
+
+
+@dataclass(frozen=True, eq=False)
+class EffectorLimits:
+    """One effector: its patch, and where the CoM may be seen from its contact."""
+
+    kind: Literal["surface", "point"]
+    half_size_m: tuple[float, float]
+    heading: EffectorReach
+    contact: EffectorReach
+
+
+@dataclass(frozen=True)
+class StepDefaults:
+    """How a robot steps unless somebody says otherwise.
+
+    ``toe_gap_m`` is what a sole keeps from edges and risers where there is room; ``rise_max_m`` the highest stair.
+    Both feet swing in turn, ``first_foot`` leading where either would do; the hands move before every second step.
+    """
+
+    step_m: float
+    rise_max_m: float
+    width_m: float
+    width_min_m: float
+    toe_gap_m: float = 0.05
+    foot_move_s: float = 1.4
+    hand_move_s: float = 1.8
+    rest_s: float = 0.4
+    ends_s: float = 2.0
+    first_foot: str = "right_foot"
+
+
+@dataclass(frozen=True, eq=False)
+class RobotLimits:
+    """All effectors by name, the largest distance between the feet, and the defaults."""
+
+    effectors: Mapping[str, EffectorLimits]
+    feet_distance_max_m: float
+    defaults: StepDefaults
+
+    @property
+    def feet(self) -> tuple[str, str]:
+        """Left and right foot."""
+        return "left_foot", "right_foot"
+
+    def offset_box_m(self, moving: str) -> tuple[Vector3, Vector3]:
+        """Lowest and highest place of a landing foot seen from the other one, in the heading frame.
+
+        ``p_m - p_s`` lies in ``box_s - box_m``, for both hold the same CoM, and within the defaults.
+        """
+        still = self.feet[1 - self.feet.index(moving)]
+        s, m = self.effectors[still].heading, self.effectors[moving].heading
+        low, high = np.subtract(s.com_low_m, m.com_high_m), np.subtract(s.com_high_m, m.com_low_m)
+        d = self.feet_distance_max_m * COVER
+        near, far = self.defaults.width_min_m, d
+        side = (near, far) if moving == self.feet[0] else (-far, -near)
+        rise = self.defaults.rise_max_m
+        return np.maximum(low, (-d, side[0], -rise)), np.minimum(high, (d, side[1], rise))
+
+
+def _directions() -> Points:
+    grid = np.array(np.meshgrid(*[(-1.0, 0.0, 1.0)] * 3)).reshape(3, -1).T
+    grid = grid[np.abs(grid).any(axis=1)]
+    return np.asarray(grid / np.linalg.norm(grid, axis=1)[:, np.newaxis])
+
+
+DIRECTIONS: Final[Points] = _directions()
+"""Faces, edges and corners of a cube, as unit vectors: 26 half-spaces that stand in for a ball."""
+COVER: Final = float(np.abs(ConvexHull(DIRECTIONS).equations[:, 3]).min())
+"""``{v: n_k v <= COVER r}`` lies inside the ball of radius ``r``: no point of the sphere is farther from the nearest
+direction than ``arccos(COVER)``."""
+
+
+def ball_rows(radius_m: float, low: Vector3, high: Vector3) -> tuple[Points, float]:
+    """Half-spaces ``n v <= offset`` inside the ball that cut something off the box from ``low`` to ``high``."""
+    farthest = np.maximum(DIRECTIONS * low, DIRECTIONS * high).sum(axis=1)
+    return DIRECTIONS[farthest > COVER * radius_m], COVER * radius_m
+
+
+def heading_frame(yaw_rad: float) -> Float[np.ndarray, "3 3"]:
+    """Axes of the heading frame as columns."""
+    c, s = np.cos(yaw_rad), np.sin(yaw_rad)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

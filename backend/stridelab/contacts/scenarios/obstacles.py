@@ -1,0 +1,141 @@
+"""Builders of scenarios beside the stairs: stepping stones that lean, a hand on a wall, standing up by a rail."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from scipy.spatial.transform import Rotation
+
+from stridelab.contacts.scenarios.parts import (
+    TALOS,
+    Point,
+    Scenario,
+    Timing,
+    Walker,
+    box,
+    contact,
+    feet,
+    ground,
+    moved,
+    phase,
+    rounded,
+    scenario,
+)
+
+Tilt = tuple[float, float]
+"""Degrees about x (up at the left) and about y (down ahead)."""
+TILTS: Final[tuple[Tilt, ...]] = ((10.0, 0.0), (0.0, -12.0), (-20.0, 0.0), (0.0, 12.0))
+CAREFUL: Final = Timing(2.0, 1.6, 0.3)
+RAIL_RADIUS_M: Final = 0.02
+STONE_M: Final = (0.28, 0.16, 0.20)
+BEYOND_M: Final = 0.06
+"""The last step is longer by this, so that the heels keep off the last stone."""
+STONE_FRICTION: Final = 0.7
+STONE_TOP_M: Final = 0.06
+"""Height of the middle of a stone's upper face."""
+
+
+def stepping_stones(
+    tilts: Sequence[Tilt] = TILTS,
+    step_m: float = 0.27,
+    timing: Timing = CAREFUL,
+    walker: Walker = TALOS,
+) -> Scenario:
+    """Over stones that lean, one after the other, right foot first; level ground before and after.
+
+    A stone is a box of ``STONE_M``, sunk into the ground but for its upper part.
+    """
+    standing = feet(walker, 0.0, 0.0)
+    phases, stones = [phase(timing.ends_s, standing)], []
+    for i, tilt in enumerate(tilts, 1):
+        effector = _foot(i)
+        top = (i * step_m, feet(walker, 0.0, 0.0)[effector]["position_m"][1], STONE_TOP_M)
+        turn = Rotation.from_euler("xy", tilt, degrees=True)
+        stones.append(_stone(f"stone {i}", top, turn))
+        phases += moved(standing, contact(effector, top, turn.as_quat(scalar_first=True)), timing)
+    end_m = (len(tilts) + 1) * step_m + BEYOND_M
+    for i in (len(tilts) + 1, len(tilts) + 2):
+        phases += moved(standing, feet(walker, end_m, 0.0)[_foot(i)], timing)
+    phases[-1]["duration_s"] = timing.ends_s
+    steepest = max(abs(degrees) for tilt in tilts for degrees in tilt)
+    return scenario(
+        "Stepping stones",
+        f"{len(stones)} stones that lean by up to {steepest:g} degrees, one foot on each, from rest to rest.",
+        walker.robot,
+        [ground(), *stones],
+        phases,
+    )
+
+
+def wall_step(
+    step_m: float = 0.30,
+    hand_m: Point = (0.25, -0.60, 0.95),
+    timing: Timing = CAREFUL,
+    walker: Walker = TALOS,
+    friction: float = 0.6,
+) -> Scenario:
+    """A step with the right hand on a wall, at ``hand_m``, which stays there; left foot first, then level.
+
+    The wall is a box along x; the hand touches the face that looks at the robot, its z axis along that face's normal.
+    """
+    x, y, z = hand_m
+    wall = box("wall", (x - 0.5, x + 0.8), (y - 0.10, y), (0.0, z + 0.6), friction=friction)
+    turn = Rotation.from_euler("x", -90, degrees=True)
+    hand = contact("right_hand", (x, y, z), turn.as_quat(scalar_first=True))
+    standing = feet(walker, 0.0, 0.0) | {"right_hand": hand}
+    phases = [phase(timing.ends_s, standing)]
+    for effector in ("left_foot", "right_foot"):
+        phases += moved(standing, feet(walker, step_m, 0.0)[effector], timing)
+    phases[-1]["duration_s"] = timing.ends_s
+    return scenario(
+        "A step along a wall",
+        f"A step of {step_m:g} m with the right hand on a wall, from rest to rest.",
+        walker.robot,
+        [ground(), wall],
+        phases,
+    )
+
+
+def stand_up(
+    start_com_height_m: float = 0.62,
+    hand_m: Point = (0.25, -0.50, 0.72),
+    duration_s: float = 5.0,
+    walker: Walker = TALOS,
+    friction: float = 0.6,
+) -> Scenario:
+    """From a crouch to standing, both feet on the ground, the right hand at ``hand_m`` on a level rail along x."""
+    x, y, z = hand_m
+    rail = {
+        "name": "rail",
+        "kind": "rail",
+        "from_m": rounded((x - 0.5, y, z - RAIL_RADIUS_M)),
+        "to_m": rounded((x + 0.5, y, z - RAIL_RADIUS_M)),
+        "radius_m": RAIL_RADIUS_M,
+        "friction": friction,
+    }
+    standing = feet(walker, 0.0, 0.0) | {"right_hand": contact("right_hand", hand_m)}
+    made = scenario(
+        "Standing up",
+        "From a crouch to standing, the right hand on a rail.",
+        walker.robot,
+        [ground(), rail],
+        [phase(duration_s, standing)],
+    )
+    return made | {"start_com_height_m": start_com_height_m}
+
+
+def _foot(i: int) -> str:
+    """Right foot first."""
+    return ("left_foot", "right_foot")[i % 2]
+
+
+def _stone(name: str, top_m: Point, turn: Rotation) -> dict[str, Any]:
+    """A box whose upper face has its middle at ``top_m``."""
+    center = top_m - turn.apply([0.0, 0.0, STONE_M[2] / 2])
+    return {
+        "name": name,
+        "kind": "box",
+        "center_m": rounded(center.tolist()),
+        "size_m": list(STONE_M),
+        "orientation_wxyz": [round(float(value), 9) + 0.0 for value in turn.as_quat(scalar_first=True)],
+        "friction": STONE_FRICTION,
+    }

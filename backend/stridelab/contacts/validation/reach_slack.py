@@ -1,0 +1,161 @@
+"""Many small programmes at once: the most room ``t`` that half-spaces and balls leave for a point ``c`` of space.
+
+    t* = max_{c, t} t   such that   a_j c + v_j t <= b_j   and   |c - p_i| <= r_i - w t
+
+A limit with ``v_j = 1`` (``w = 1``) is one from which ``c`` shall stay as far away as it can, one with 0 need only
+hold. The problem is convex with four unknowns. The central path of its logarithmic barrier is followed with Newton
+steps damped by ``1 / (1 + decrement)``, which stay inside without a line search (Boyd & Vandenberghe, Convex
+Optimization, 11.3 and 9.6).
+
+How much room the reach limits of several contacts leave for one CoM position.
+
+With contact frames ``(R_i, p_i)``, boxes ``[l_i, u_i]`` and spheres of radius ``r_i`` the slack of a set of contacts is
+
+    t* = max_{c, t} t   such that   l_i + t <= R_i^T (c - p_i) <= u_i - t   and   |c - p_i| <= r_i - t   for all i
+
+positive where one position satisfies all limits, negative by how much all limits would have to be widened: a
+programme of ``central_path`` in which every limit has room to give.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.contacts.effector_geometry import EffectorReach
+from stridelab.conventions import Points, Vector3
+from stridelab.dynamics.spatial import Placement
+
+ACCURACY_M: Final = 1e-4
+"""Bound on the error of ``t*``, for contacts that are a few metres apart."""
+SHRINK: Final = 0.3
+"""Ratio of successive barrier weights."""
+CENTRING_STEPS: Final = 5
+"""Newton steps per barrier weight."""
+
+Unknowns = Float[np.ndarray, "s 4"]
+"""``(c, t)`` of every programme."""
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """``s`` programmes with ``m`` half-spaces and ``n`` balls each; one that has fewer repeats some of its own.
+
+    ``rows`` are the ``a_j``, ``widths`` the ``v_j``, ``limits`` the ``b_j``; ``ball_width`` is ``w``.
+    """
+
+    rows: Float[np.ndarray, "s m 3"]
+    widths: Float[np.ndarray, "s m"]
+    limits: Float[np.ndarray, "s m"]
+    centers: Float[np.ndarray, "s n 3"]
+    radii: Float[np.ndarray, "s n"]
+    ball_width: float
+
+    def most(self, x: Unknowns) -> tuple[Unknowns, float]:
+        """The optima, from strictly feasible ``x``, and the barrier weight at which the path was left."""
+        complexity = self.rows.shape[1] + 2 * self.centers.shape[1]
+        weight = 1.0
+        while weight * complexity > ACCURACY_M:
+            weight *= SHRINK
+            for _ in range(CENTRING_STEPS):
+                x = self._centred(x, weight)
+        return x, weight
+
+    def slopes(self, x: Unknowns) -> tuple[Float[np.ndarray, "s m 4"], Float[np.ndarray, "s n 4"]]:
+        """Gradients of the logarithms of all slacks; multipliers are ``weight / slack`` on the central path."""
+        slack = self.limits - np.einsum("smk,sk->sm", self.rows, x[:, :3]) - self.widths * x[:, 3:]
+        flat = np.concatenate([self.rows, self.widths[..., np.newaxis]], axis=2) / -slack[..., np.newaxis]
+        w = self.ball_width
+        ball = np.concatenate(
+            [self.centers - x[:, np.newaxis, :3], (w * (w * x[:, 3:] - self.radii))[..., np.newaxis]], axis=2
+        )
+        return flat, 2.0 * ball / self._ball_slack(x)[..., np.newaxis]
+
+    def _centred(self, x: Unknowns, weight: float) -> Unknowns:
+        """One damped Newton step on ``-t / weight - sum log(slack)``."""
+        flat, ball = self.slopes(x)
+        grad = -(flat.sum(axis=1) + ball.sum(axis=1))
+        grad[:, 3] -= 1.0 / weight
+        H = np.einsum("sma,smb->sab", flat, flat) + np.einsum("sna,snb->sab", ball, ball)
+        curve = (2.0 / self._ball_slack(x)).sum(axis=1)
+        H[:, :3, :3] += curve[:, np.newaxis, np.newaxis] * np.eye(3)
+        H[:, 3, 3] -= self.ball_width**2 * curve
+        step = -np.linalg.solve(H, grad[..., np.newaxis])[..., 0]
+        decrement = np.sqrt(np.maximum(-(grad * step).sum(axis=1), 0.0))
+        return np.asarray(x + step / (1.0 + decrement)[:, np.newaxis])
+
+    def _ball_slack(self, x: Unknowns) -> Float[np.ndarray, "s n"]:
+        across = ((x[:, np.newaxis, :3] - self.centers) ** 2).sum(axis=2)
+        return np.asarray((self.radii - self.ball_width * x[:, 3:]) ** 2 - across)
+
+
+ReachSet = Sequence[tuple[Placement, EffectorReach]]
+"""Contacts that must be reached from one CoM position."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slack:
+    """Answer for one set.
+
+    ``slack_m`` is ``t*``, ``com_m`` the position that attains it. ``pull`` ``(n, 3)`` is the gradient of ``t*`` with
+    respect to the place of each contact; the rows sum to zero.
+    """
+
+    slack_m: float
+    com_m: Vector3
+    pull: Points
+
+
+def slacks(sets: Sequence[ReachSet]) -> list[Slack]:
+    """``t*`` of every set; none of them may be empty."""
+    if not sets:
+        return []
+    problem = ReachLimits.of(sets)
+    x, weight = problem.limits.most(problem.start())
+    flat, ball = problem.limits.slopes(x)
+    pulls = -weight * (flat.reshape(*ball.shape[:2], 6, 4).sum(axis=2) + ball)[..., :3]
+    com_m = problem.world_m(x)
+    return [Slack(float(problem.scale[i] * x[i, 3]), com_m[i], pulls[i, : len(group)]) for i, group in enumerate(sets)]
+
+
+@dataclass(frozen=True, eq=False)
+class ReachLimits:
+    """All sets in one array, lengths from ``origin_m`` in units of ``scale``; small sets repeat a contact."""
+
+    limits: Limits
+    origin_m: Float[np.ndarray, "s 3"]
+    scale: Float[np.ndarray, "s"]
+
+    @staticmethod
+    def of(sets: Sequence[ReachSet], width: float = 1.0) -> "ReachLimits":
+        """``width`` 1 asks for room to every limit, 0 only that they hold."""
+        n = max(len(group) for group in sets)
+        full = [[*group, *[group[0]] * (n - len(group))] for group in sets]
+        p = np.array([[at.position_m for at, _ in group] for group in full])
+        R = np.array([[at.rotation for at, _ in group] for group in full])
+        low, high = (np.array([[getattr(r, key) for _, r in group] for group in full]) for key in _BOUNDS)
+        origin = p.mean(axis=1)
+        p = p - origin[:, np.newaxis]
+        scale = np.maximum(1.0, np.abs(p).max(axis=(1, 2)))
+        axes = np.swapaxes(R, 2, 3)
+        offset = np.einsum("sikj,sij->sik", axes, p)
+        rows = np.concatenate([axes, -axes], axis=2).reshape(len(sets), -1, 3)
+        room = np.concatenate([offset + high, -offset - low], axis=2).reshape(len(sets), -1) / scale[:, np.newaxis]
+        radii = np.array([[reach.com_distance_max_m for _, reach in group] for group in full]) / scale[:, np.newaxis]
+        centers = p / scale[:, np.newaxis, np.newaxis]
+        return ReachLimits(Limits(rows, np.full(room.shape, width), room, centers, radii, width), origin, scale)
+
+    def start(self) -> Unknowns:
+        """The middle of the contacts, with ``t`` so low that every limit holds with room."""
+        balls = self.limits.radii - np.linalg.norm(self.limits.centers, axis=2)
+        room = np.minimum(self.limits.limits.min(axis=1), balls.min(axis=1))
+        return np.column_stack([np.zeros((len(room), 3)), room - 1.0])
+
+    def world_m(self, x: Unknowns) -> Points:
+        """The points ``c`` in the world."""
+        return np.asarray(self.scale[:, np.newaxis] * x[:, :3] + self.origin_m)
+
+
+_BOUNDS: Final = ("com_low_m", "com_high_m")

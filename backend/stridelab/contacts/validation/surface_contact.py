@@ -1,0 +1,206 @@
+"""Which surface a contact lies on, and how well: height, tilt, distance to the edge, room for the sole."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from stridelab.contacts.effector_geometry import EffectorShape, patch_m
+from stridelab.contacts.terrain import Box, Rail, Terrain
+from stridelab.contacts.terrain_geometry import Touchable, depth_in_box_m, face_towards, is_vertical, touchable
+from stridelab.contacts.validation.parse import Draft
+from stridelab.conventions import Points, Series, Vector3
+from stridelab.dynamics.spatial import Placement
+
+HEIGHT_TOLERANCE_M: Final = 0.005
+"""A contact that is farther than this from its surface hangs in the air or is inside."""
+TILT_TOLERANCE_RAD: Final = np.radians(3.0)
+"""Largest angle between the contact's z axis and the surface's normal."""
+EDGE_TOLERANCE_M: Final = 0.005
+"""How far a corner of a sole, or a hand, may lie past the edge of its surface."""
+LEVEL_TOLERANCE_M: Final = 0.010
+"""Faces whose heights differ by less carry a sole together."""
+DEPTH_TOLERANCE_M: Final = 0.005
+"""A sole may reach this far into the side of another box."""
+
+Stance = Mapping[str, "Touch"]
+"""The contacts of one phase by effector."""
+
+
+@dataclass(frozen=True, eq=False)
+class Touch:
+    """One effector at one place: the surface it lies on, its margins, and what is wrong with it."""
+
+    effector: str
+    shape: EffectorShape
+    placement: Placement
+    on: Touchable | None
+    friction: float
+    height_m: float | None
+    edge_m: float | None
+    problems: tuple[str, ...]
+
+    @property
+    def surface(self) -> str | None:
+        """Name of the surface."""
+        return None if self.on is None else self.on.surface.name
+
+    @cached_property
+    def corners_m(self) -> Points:
+        """Corners of the sole, or the point that touches, in the world."""
+        return self.placement.act(outline(self.shape)[:4])
+
+
+def outline(shape: EffectorShape) -> Points:
+    """Corners, middles of the edges and centre of a sole ``(9, 3)`` in its contact frame; the origin of a hand."""
+    return patch_m(shape.half_size_m)
+
+
+def shift(vector_m: Vector3) -> str:
+    """A change of place in words."""
+    x, y, z = (float(value) for value in np.round(vector_m, 3) + 0.0)
+    if x == y == 0.0:
+        return f"{'raise' if z > 0 else 'lower'} it by {abs(z):.3g} m"
+    return f"move it by ({x:.3g}, {y:.3g}, {z:.3g}) m"
+
+
+def touch_all(draft: Draft, effectors: Mapping[str, EffectorShape]) -> tuple[Stance, ...]:
+    """The contacts of every phase on their nearest surfaces; equal contacts of several phases are one object."""
+    ground = _Ground(draft.terrain, draft.friction)
+    known: dict[tuple[str, bytes, bytes], Touch] = {}
+    stances: list[Stance] = []
+    for phase in draft.phases:
+        stance: dict[str, Touch] = {}
+        for effector, placement in phase.contacts.items():
+            key = (effector, placement.position_m.tobytes(), placement.rotation.tobytes())
+            if key not in known:
+                known[key] = ground.touch(effector, effectors[effector], placement)
+            stance[effector] = known[key]
+        stances.append(stance)
+    return tuple(stances)
+
+
+class _Ground:
+    """The touchable parts of a terrain."""
+
+    def __init__(self, terrain: Terrain, friction: float) -> None:
+        self.boxes = terrain.boxes
+        self.bounds_m = terrain.box_bounds_m
+        self.faces = [touchable(box) for box in terrain.boxes]
+        self.lines = [touchable(rail) for rail in terrain.rails]
+        self.friction = friction
+
+    def touch(self, effector: str, shape: EffectorShape, placement: Placement) -> Touch:
+        near = self._near(shape, placement)
+        on = _nearest(self._parts(shape, placement, near), placement.position_m)
+        if on is None:
+            what = "stand on" if shape.kind == "surface" else "touch"
+            problem = f"touches nothing: the terrain has nothing to {what}"
+            return Touch(effector, shape, placement, None, self.friction, None, None, (problem,))
+        place = on.place(placement.position_m[np.newaxis])
+        height, aside = float(place.height_m[0]), float(place.aside_m[0])
+        edges = float(place.edge_m[0]) if shape.kind == "point" else self._edge_m(on, shape, placement, near)
+        problems = _misplaced(on, height, aside, float(place.distance_m[0]), shape)
+        problems += list(_tilted(on, placement))
+        if not problems and edges < -EDGE_TOLERANCE_M:
+            problems.append(_over_the_edge(on, placement.act(outline(shape)), edges, shape))
+        if not problems:
+            problems += list(self._obstructed(on, placement.act(outline(shape)), near))
+        friction = self.friction if on.surface.friction is None else on.surface.friction
+        return Touch(effector, shape, placement, on, friction, height, edges, tuple(problems))
+
+    def _near(self, shape: EffectorShape, placement: Placement) -> list[int]:
+        """The boxes that can matter: as near as the nearest face may be, or within the sole's radius."""
+        if not self.boxes:
+            return []
+        (low_m, high_m), point_m = self.bounds_m, placement.position_m
+        away = np.linalg.norm(np.maximum(np.maximum(low_m - point_m, point_m - high_m), 0.0), axis=1)
+        first = self._face(int(away.argmin()), shape, placement).place(point_m[np.newaxis])
+        radius = float(np.linalg.norm(outline(shape), axis=1).max()) + 2 * LEVEL_TOLERANCE_M
+        return np.flatnonzero(away <= max(float(first.distance_m[0]) + 2e-3, radius)).tolist()
+
+    def _parts(self, shape: EffectorShape, placement: Placement, near: Sequence[int]) -> list[Touchable]:
+        """What an effector may touch: a sole upper faces, a hand rails and the faces that its z axis points out of."""
+        faces = [self._face(i, shape, placement) for i in near]
+        return faces if shape.kind == "surface" else faces + self.lines
+
+    def _face(self, box: int, shape: EffectorShape, placement: Placement) -> Touchable:
+        sole = shape.kind == "surface"
+        return self.faces[box] if sole else face_towards(self.boxes[box], placement.rotation[:, 2])
+
+    def _edge_m(self, on: Touchable, shape: EffectorShape, placement: Placement, near: Sequence[int]) -> float:
+        """Smallest distance of a corner to the edge of the faces level with ``on``, each by the one that holds it."""
+        corners = placement.act(outline(shape)[:4])
+        flat = corners - np.outer((corners - on.center_m) @ on.normal, on.normal)
+        best = on.place(flat).edge_m
+        for face in (self.faces[i] for i in near):
+            place = face.place(flat)
+            level = (np.abs(place.height_m) < LEVEL_TOLERANCE_M) & bool(
+                face.normal @ on.normal > np.cos(TILT_TOLERANCE_RAD)
+            )
+            best = np.where(level, np.maximum(best, place.edge_m), best)
+        return float(best.min())
+
+    def _obstructed(self, on: Touchable, sole_m: Points, near: Sequence[int]) -> Iterator[str]:
+        """The box that the sole, or the hand, would be inside of, the highest if there are several."""
+        raised = sole_m + LEVEL_TOLERANCE_M * on.normal
+        others = [(self.boxes[i], self.faces[i]) for i in near if self.boxes[i] is not on.surface]
+        inside = [
+            (-float(face.place(sole_m[[int(depth.argmax())]]).height_m[0]), box.name)
+            for box, face in others
+            if (depth := depth_in_box_m(box, raised)).max() > DEPTH_TOLERANCE_M
+        ]
+        if inside:
+            below, name = max(inside)
+            yield f"is inside {name!r}, {below:.3g} m below its upper face"
+
+
+def _nearest(parts: Sequence[Touchable], point_m: Vector3) -> Touchable | None:
+    """The nearest part; of several within a millimetre, the one whose edge is farthest away."""
+    if not parts:
+        return None
+    places = [part.place(point_m[np.newaxis]) for part in parts]
+    distance: Series = np.array([place.distance_m[0] for place in places])
+    edge: Series = np.array([place.edge_m[0] for place in places])
+    return parts[int(np.argmax(np.where(distance <= distance.min() + 1e-3, edge, -np.inf)))]
+
+
+def _misplaced(on: Touchable, height: float, aside: float, distance: float, shape: EffectorShape) -> list[str]:
+    name = on.surface.name
+    if isinstance(on.surface, Rail):
+        if distance <= HEIGHT_TOLERANCE_M:
+            return []
+        return [f"touches nothing: it is {distance:.3g} m off the upper side of {name!r}"]
+    upper = bool(on.normal[2] > np.sqrt(0.5))
+    if aside > EDGE_TOLERANCE_M:
+        verb = "stands on" if shape.kind == "surface" else "touches"
+        return [f"{verb} nothing: {name!r}, the nearest surface, is {distance:.3g} m away"]
+    if height > HEIGHT_TOLERANCE_M:
+        where = "above" if upper else "off"
+        return [f"is in the air, {height:.3g} m {where} {name!r}: {shift(-height * on.normal)}"]
+    if height < -HEIGHT_TOLERANCE_M:
+        face = "upper face" if upper else "face"
+        return [f"is inside {name!r}, {-height:.3g} m below its {face}: {shift(-height * on.normal)}"]
+    return []
+
+
+def _tilted(on: Touchable, placement: Placement) -> Iterator[str]:
+    if isinstance(on.surface, Rail) and is_vertical(on.surface):
+        yield f"cannot rest on {on.surface.name!r}: a vertical rail has no upper side"
+        return
+    tilt = float(np.arccos(np.clip(placement.rotation[:, 2] @ on.normal, -1.0, 1.0)))
+    if tilt > TILT_TOLERANCE_RAD:
+        yield f"its z axis is {np.degrees(tilt):.3g} degrees off the normal of {on.surface.name!r}"
+
+
+def _over_the_edge(on: Touchable, patch_m: Points, edge: float, shape: EffectorShape) -> str:
+    what = "the sole" if shape.kind == "surface" else "the hand"
+    text = f"{what} is {-edge:.3g} m past the edge of {on.surface.name!r}"
+    local = ((patch_m - on.center_m) @ on.frame)[:, :2]
+    low, high = local.min(axis=0), local.max(axis=0)
+    if isinstance(on.surface, Box) and (high - low <= 2 * on.half_m).all():
+        inwards = np.maximum(-on.half_m - low, 0.0) - np.maximum(high - on.half_m, 0.0)
+        text += f": {shift(on.frame[:, :2] @ inwards)}"
+    return text

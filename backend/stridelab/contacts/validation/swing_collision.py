@@ -1,0 +1,56 @@
+"""Whether a swing passes through a box on its way."""
+
+from collections.abc import Iterator
+from typing import Final
+
+import numpy as np
+
+from stridelab.contacts.swing import SwingCurve, rise_m
+from stridelab.contacts.terrain import Terrain
+from stridelab.contacts.terrain_geometry import depth_in_box_m
+from stridelab.contacts.validation.surface_contact import Stance, Touch, outline
+from stridelab.conventions import Points, Series
+
+SHARES: Final[Series] = np.linspace(0.0, 1.0, 25)
+"""Instants at which a swing is looked at."""
+CLEARANCE_M: Final = 0.003
+"""A path that is less deep inside a box passes."""
+
+
+def swings(stances: tuple[Stance, ...]) -> Iterator[tuple[int, Touch, Touch]]:
+    """All swings: the phase in which they begin, where from and where to."""
+    last: dict[str, tuple[int, Touch]] = {}
+    for k, stance in enumerate(stances):
+        for name, touch in stance.items():
+            if name in last and last[name][0] < k - 1:
+                yield last[name][0] + 1, last[name][1], touch
+            last[name] = (k, touch)
+
+
+def obstructed(stances: tuple[Stance, ...], terrain: Terrain) -> Iterator[tuple[int, str, str, float]]:
+    """Swings through boxes: phase, effector, name of the box, and how deep (m) the swing is inside it."""
+    found = list(swings(stances))
+    if not found:
+        return
+    paths = [_swept(start, end, terrain) for _, start, end in found]
+    low, high = (np.array([extreme(path, axis=0) for path in paths]) for extreme in (np.min, np.max))
+    for box in terrain.boxes:
+        half = np.abs(box.placement.rotation) @ box.size_m / 2
+        near = (low < box.placement.position_m + half).all(axis=1) & (high > box.placement.position_m - half).all(
+            axis=1
+        )
+        for i in np.flatnonzero(near):
+            depth = float(depth_in_box_m(box, paths[i]).max())
+            if depth > CLEARANCE_M:
+                phase, start, _ = found[i]
+                yield phase, start.effector, box.name, depth
+
+
+def _swept(start: Touch, end: Touch, terrain: Terrain) -> Points:
+    """Points of the sole, or the hand's contact, at all instants."""
+    sole = outline(start.shape)
+    rises = rise_m(start.placement, end.placement, sole, terrain)
+    curve = SwingCurve(start.placement, end.placement, 1.0, start.shape.kind, rise_m=rises)
+    positions, rotations = curve.path(SHARES)
+    points = np.einsum("tij,kj->tki", rotations, sole) + positions[:, np.newaxis]
+    return np.asarray(points.reshape(-1, 3))

@@ -1,0 +1,184 @@
+"""The judge of scenarios: refuses what no solver should be asked, naming phase and effector.
+
+The same for the HTTP interface, the command line and the job. Nothing here solves for a motion: a scenario that
+passes can still turn out to be impossible.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from stridelab.contacts.effector_geometry import EffectorShape
+from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
+from stridelab.contacts.validation.parse import Draft, contact_field, read
+from stridelab.contacts.validation.phase_consistency import (
+    colliding,
+    out_of_nowhere,
+    sliding,
+    sliding_down,
+    too_large,
+    unsupported,
+    without_friction,
+)
+from stridelab.contacts.validation.reach_check import closeness
+from stridelab.contacts.validation.static_equilibrium import Rest, passed_in_motion, restless, rests
+from stridelab.contacts.validation.surface_contact import Stance, Touch, touch_all
+from stridelab.contacts.validation.swing_collision import obstructed
+from stridelab.errors import Fault
+
+PHASE = re.compile(r"phases\[(\d+)\]")
+
+
+@dataclass(frozen=True)
+class Remark:
+    """A warning: a stable code and a sentence."""
+
+    code: str
+    message: str
+
+
+@dataclass(frozen=True)
+class Margin:
+    """How far one contact of one phase is from being refused; fields as in ``schemas.scenarios.ContactMargin``."""
+
+    phase: int
+    effector: str
+    surface: str | None
+    height_m: float | None
+    edge_m: float | None
+    reach_m: float | None
+
+
+@dataclass(frozen=True)
+class CheckReport:
+    """What is wrong with a scenario, what is worth knowing, and its margins.
+
+    ``faults`` come in the order of the phases; ``rests`` tells of each phase where its contacts hold the CoM still.
+    """
+
+    faults: tuple[Fault, ...]
+    remarks: tuple[Remark, ...]
+    margins: tuple[Margin, ...]
+    rests: tuple[Rest, ...]
+    duration_s: float
+
+    @property
+    def valid(self) -> bool:
+        """Whether a motion may be planned."""
+        return not self.faults
+
+
+def check(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -> CheckReport:
+    """Judge a scenario, ``schemas.scenarios.Scenario`` as a mapping, for a robot with these effectors."""
+    return judge(scenario, effectors)[0]
+
+
+def judge(
+    scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]
+) -> tuple[CheckReport, ContactSequence | None]:
+    """The report, and the contact sequence where there are no faults."""
+    draft = read(scenario, effectors)
+    duration_s = float(sum(phase.duration_s or 0.0 for phase in draft.phases))
+    outsized = tuple(too_large(draft))
+    if outsized:
+        return CheckReport((*outsized, *draft.faults), (), (), (Rest(()),) * len(draft.phases), duration_s), None
+    stances = touch_all(draft, effectors)
+    reach = closeness(stances)
+    resting = rests(stances, reach.slacks)
+    faults = [*_wrong(draft, stances, effectors), *reach.faults, *restless(resting)]
+    report = CheckReport(
+        faults=tuple(sorted(faults, key=_phase_of)),
+        remarks=(*_remarks(draft, stances, effectors), *_in_motion(resting)),
+        margins=tuple(
+            Margin(k, name, touch.surface, touch.height_m, touch.edge_m, None if slack is None else slack.slack_m)
+            for k, (stance, slack) in enumerate(zip(stances, reach.slacks, strict=True))
+            for name, touch in stance.items()
+        ),
+        rests=resting,
+        duration_s=duration_s,
+    )
+    return report, _sequence(draft, stances) if report.valid else None
+
+
+def outline(
+    scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]
+) -> tuple[tuple[Fault, ...], ContactSequence | None]:
+    """``judge`` while somebody waits: not where the CoM can rest, nor what is only worth knowing; half of its time."""
+    draft = read(scenario, effectors)
+    outsized = tuple(too_large(draft))
+    if outsized:
+        return (*outsized, *draft.faults), None
+    stances = touch_all(draft, effectors)
+    faults = tuple(sorted([*_wrong(draft, stances, effectors), *closeness(stances).faults], key=_phase_of))
+    return faults, None if faults else _sequence(draft, stances)
+
+
+def _wrong(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, EffectorShape]) -> list[Fault]:
+    """What is wrong with the contacts by themselves, and from phase to phase."""
+    return [
+        *draft.faults,
+        *unsupported(draft, effectors),
+        *out_of_nowhere(draft, effectors),
+        *_misplaced(stances),
+        *sliding(stances),
+        *colliding(stances),
+        *sliding_down(stances),
+        *without_friction(draft, stances),
+    ]
+
+
+def _misplaced(stances: tuple[Stance, ...]) -> list[Fault]:
+    """What is wrong with single contacts, where each place first occurs."""
+    first: dict[int, tuple[int, Touch]] = {}
+    for k, stance in enumerate(stances):
+        for touch in stance.values():
+            first.setdefault(id(touch), (k, touch))
+    return [Fault(contact_field(k, t.effector), problem) for k, t in first.values() for problem in t.problems]
+
+
+def _remarks(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, EffectorShape]) -> list[Remark]:
+    remarks = [
+        Remark(
+            "swing-obstructed",
+            f"{effector} passes {100 * depth:.1f} cm deep through {box!r} on its swing in phase {phase}",
+        )
+        for phase, effector, box, depth in obstructed(stances, draft.terrain)
+    ]
+    used = sorted({name for stance in stances for name in stance})
+    unknown = [name for name in used if effectors[name].reach is None]
+    if unknown:
+        remarks.append(Remark("reach-unknown", f"the reach of {', '.join(unknown)} was not checked: it is not learned"))
+    late = [name for name in used if effectors[name].kind == "point" and name not in draft.phases[0].named]
+    if late:
+        message = (
+            f"{', '.join(late)} touches nothing in the first phase: its first swing starts wherever it happens to be"
+        )
+        remarks.append(Remark("hand-comes-late", message))
+    return remarks
+
+
+def _in_motion(resting: tuple[Rest, ...]) -> list[Remark]:
+    phases = passed_in_motion(resting)
+    if not phases:
+        return []
+    named = f"phase {phases[0]}" if len(phases) == 1 else f"phases {', '.join(map(str, phases))}"
+    return [Remark("passed-in-motion", f"the robot cannot stop in {named}: its contacts do not hold the CoM still")]
+
+
+def _phase_of(fault: Fault) -> int:
+    found = PHASE.match(fault.where)
+    return int(found[1]) if found else -1
+
+
+def _sequence(draft: Draft, stances: tuple[Stance, ...]) -> ContactSequence:
+    phases = tuple(
+        ContactPhase(phase.duration_s or 0.0, {name: _contact(touch) for name, touch in stance.items()})
+        for phase, stance in zip(draft.phases, stances, strict=True)
+    )
+    return ContactSequence(draft.name, draft.robot, draft.friction, draft.terrain, phases, draft.start_com_height_m)
+
+
+def _contact(touch: Touch) -> Contact:
+    shape = touch.shape
+    return Contact(touch.effector, touch.placement, touch.surface or "", touch.friction, shape.kind, shape.half_size_m)

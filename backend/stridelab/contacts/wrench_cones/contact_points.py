@@ -1,0 +1,95 @@
+"""Points that touch, and the generators of the wrenches they can bring about: the linear side of (4.6) and (4.7).
+
+A sole touches at its corners, a hand at one point. At each the force lies in ``mu f_n >= |f_t|``. A pyramid of ``n``
+rays stands for it,
+
+    f_j = R (r cos a_j, r sin a_j, 1),   a_j = 2 pi (j + 1/2) / n,   r = mu (inside)  or  mu / cos(pi / n) (around)
+
+with its edges on the circle or its faces touching it; both tend to the circular cone as ``1 - cos(pi / n)``.
+A ray is the wrench ``y = (f, p x f)`` about the world origin.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Points, Rotations, Series, Vector3
+from stridelab.dynamics.spatial import Placement
+from stridelab.errors import InvalidInput
+
+Side = Literal["inside", "around"]
+Rays = Float[np.ndarray, "rays 6"]
+"""Generators of a cone of wrenches (force, moment)."""
+Grasp = Float[np.ndarray, "6 forces"]
+CORNERS = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class PointContacts:
+    """``n`` points that touch: where, the frames of their surfaces (z away from them) and their friction.
+
+    Raises ``InvalidInput`` (``contacts-invalid``) without points, for numbers that are not finite and for friction that
+    is not positive.
+    """
+
+    position_m: Points
+    rotation: Rotations
+    friction: Series
+
+    def __post_init__(self) -> None:
+        if not len(self.position_m):
+            raise InvalidInput("contacts-invalid", "nothing touches: a cone of wrenches needs a contact")
+        if not (np.isfinite(self.position_m).all() and np.isfinite(self.rotation).all()):
+            raise InvalidInput("contacts-invalid", "a contact's place is not a finite number")
+        if not ((self.friction > 0.0) & np.isfinite(self.friction)).all():
+            raise InvalidInput("contacts-invalid", "friction must be positive and finite")
+
+    @staticmethod
+    def of(contacts: Iterable[tuple[Placement, tuple[float, float] | None, float]]) -> "PointContacts":
+        """From placements with the half edges of soles (None for a hand) and their friction."""
+        rows = [
+            (placement.act(np.array([[x * size[0], y * size[1], 0.0] for x, y in CORNERS])), placement, friction)
+            if size is not None
+            else (placement.position_m[np.newaxis], placement, friction)
+            for placement, size, friction in contacts
+        ]
+        return PointContacts(
+            np.vstack([np.zeros((0, 3)), *[points for points, _, _ in rows]]),
+            np.array([at.rotation for points, at, _ in rows for _ in points]).reshape(-1, 3, 3),
+            np.array([float(friction) for points, _, friction in rows for _ in points]),
+        )
+
+    def forces(self, n_rays: int = 4, side: Side = "inside") -> Float[np.ndarray, "n rays 3"]:
+        """The edges of every point's pyramid, normal component 1. Raises ``ValueError`` below three rays."""
+        if n_rays < 3:
+            raise ValueError("a pyramid has at least three edges")
+        angle = 2.0 * np.pi * (np.arange(n_rays) + 0.5) / n_rays
+        radius = self.friction * (1.0 if side == "inside" else 1.0 / np.cos(np.pi / n_rays))
+        circle = np.stack([np.cos(angle), np.sin(angle)])
+        tangential = np.einsum("nak,kj,n->nja", self.rotation[:, :, :2], circle, radius)
+        return np.asarray(tangential + self.rotation[:, np.newaxis, :, 2])
+
+    def rays(self, n_rays: int = 4, side: Side = "inside") -> Rays:
+        """Generators ``(f, p x f)`` of the linear cone of wrenches, about the world origin."""
+        f = self.forces(n_rays, side)
+        return np.concatenate([f, np.cross(self.position_m[:, np.newaxis], f)], axis=2).reshape(-1, 6)
+
+    def grasp(self, about_m: Vector3 | None = None) -> Grasp:
+        """The map from all forces ``(3 n,)`` to their wrench about a point, the world origin unless given."""
+        p = self.position_m if about_m is None else self.position_m - about_m
+        moments = np.cross(p[:, np.newaxis], np.eye(3)[np.newaxis]).transpose(2, 0, 1).reshape(3, -1)
+        return np.vstack([np.tile(np.eye(3), len(p)), moments])
+
+    def moved(self, shift_m: Vector3, scale: float = 1.0) -> "PointContacts":
+        """The same contacts seen from another origin, with lengths in another unit: ``scale (p + shift)``."""
+        return PointContacts(scale * (self.position_m + shift_m), self.rotation, self.friction)
+
+
+def change_of_frame(shift_m: Vector3, scale: float = 1.0) -> Float[np.ndarray, "6 6"]:
+    """What ``moved`` does to wrenches: ``(f, nu) -> (f, scale (nu + shift x f))``."""
+    x, y, z = shift_m
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.block([[np.eye(3), np.zeros((3, 3))], [scale * cross, scale * np.eye(3)]])

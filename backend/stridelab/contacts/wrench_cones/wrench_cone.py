@@ -1,0 +1,214 @@
+"""The linear cone of wrenches of a contact set by its facets, and Lorentz cones in it.
+
+Section. With a functional ``d`` that is positive on all rays, the cone is the cone over the polytope of the points
+``x = X y / (d y)``. We take for ``d`` the vertical force (the mean direction of the forces where some ray does not
+push up): it sees only forces, so that neither the reference point nor the unit of length enters, and the section of
+another frame is an affine image of this one. Volumes of sections compare, and the largest ellipsoid goes along.
+
+A Lorentz cone (4.16) is the image of the standard one (4.14), ``{y : M y = (tau, eta, 0), |tau| <= eta}`` with ``M``
+square and invertible; where the rays span less than six dimensions the last rows of ``M`` vanish on them. It lies in
+the half-space ``a y <= 0`` if, with ``a M^-1 = (r, s, .)``,
+
+    |r| + s <= 0,    and shrunk by alpha (tau <= alpha eta) as far as   alpha_max = min -s / |r|.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import nnls
+from scipy.spatial import ConvexHull, QhullError
+
+from stridelab.contacts.barrier_method import Matrix, Vector
+from stridelab.contacts.wrench_cones.contact_points import PointContacts, Rays, Side, change_of_frame
+from stridelab.contacts.wrench_cones.ellipsoids import Cloud, Ellipsoid, largest_inside
+from stridelab.conventions import Vector3
+from stridelab.errors import NotEstimable
+
+N_RAYS: Final = 5
+"""Of the pyramids: they hold 0.76 of the circular cone each, against 0.64 with four and 0.83 with six."""
+FLAT: Final = 1e-9
+"""Singular values below this share of the largest count as zero."""
+JOGGLE: Final = 1e-8
+"""More than qhull's joggle moves a facet of a whitened section (2e-10 to 4e-10 in those that needed it)."""
+STEEP: Final = 0.02
+"""The section is normal to the vertical force if every ray's rises by at least this share of its length."""
+
+Facets = Float[np.ndarray, "facets 6"]
+Square = Float[np.ndarray, "6 6"]
+Wrenches = Float[np.ndarray, "n 6"]
+
+
+@dataclass(frozen=True, eq=False)
+class LorentzCone:
+    """``{y : to_standard y = (tau, eta, 0), |tau| <= eta}`` with ``tau`` of ``dimension`` entries."""
+
+    to_standard: Square
+    dimension: int
+
+    def shrunk(self, alpha: float) -> "LorentzCone":
+        """``|tau| <= alpha eta``: the thesis' inner cones (4.4.3)."""
+        scaled = self.to_standard.copy()
+        scaled[: self.dimension] /= alpha
+        return LorentzCone(scaled, self.dimension)
+
+    def in_frame(self, change: Square) -> "LorentzCone":
+        """The same cone for wrenches that ``change`` takes to those of this one."""
+        return LorentzCone(self.to_standard @ change, self.dimension)
+
+    def gauge(self, wrenches: Wrenches) -> Float[np.ndarray, "n"]:
+        """``|tau| / eta``: at most 1 inside, infinite where ``eta <= 0``."""
+        y = wrenches @ self.to_standard.T
+        k = self.dimension
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(y[:, k] > 0.0, np.linalg.norm(y[:, :k], axis=1) / y[:, k], np.inf)
+
+    def boundary(self, directions: Float[np.ndarray, "n d"]) -> Wrenches:
+        """Wrenches on the boundary with ``eta = 1``, in the directions ``tau``."""
+        unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
+        y = np.zeros((len(unit), 6))
+        y[:, : self.dimension], y[:, self.dimension] = unit, 1.0
+        return np.asarray(np.linalg.solve(self.to_standard, y.T).T)
+
+    def section(self, lift: Float[np.ndarray, "6 k_plus_1"]) -> Ellipsoid | None:
+        """The points ``x`` with ``lift (x, 1)`` in the cone: an ellipsoid; None where they are none or not bounded."""
+        rows, d = self.to_standard @ lift, self.dimension
+        P, q, r, s = rows[:d, :-1], rows[:d, -1], rows[d, :-1], rows[d, -1]
+        H, h = P.T @ P - np.outer(r, r), P.T @ q - s * r
+        if np.linalg.eigvalsh(H)[0] <= 0.0:
+            return None
+        center = -np.linalg.solve(H, h)
+        level = float(s * s - q @ q - h @ center)
+        if level <= 0.0:
+            return None
+        return Ellipsoid(center, math.sqrt(level) * np.linalg.inv(np.linalg.cholesky(H)).T)
+
+    def towards(self, facets: Facets) -> Wrenches:
+        """The wrench on the boundary, ``eta = 1``, that comes nearest to leaving each half-space."""
+        return self.boundary(np.linalg.solve(self.to_standard.T, facets.T).T[:, : self.dimension])
+
+    def supports(self, facets: Facets) -> Float[np.ndarray, "facets 2"]:
+        """``(|r|, s)`` of every facet: the largest of ``a y`` on ``eta = 1`` is ``|r| + s``."""
+        rows = np.linalg.solve(self.to_standard.T, facets.T).T
+        k = self.dimension
+        return np.stack([np.linalg.norm(rows[:, :k], axis=1), rows[:, k]], axis=1)
+
+
+@dataclass(frozen=True, eq=False)
+class LinearCone:
+    """The cone (4.7) over rays, cut into a polytope by ``d y = 1`` and whitened there.
+
+    ``to_section`` ``(6, 6)`` maps a wrench to ``(x d y, d y, 0)``; ``normals x <= offsets`` are the facets of the
+    polytope, ``volume`` its content in these coordinates (only ratios of such volumes mean anything).
+    """
+
+    rays: Rays
+    to_section: Square
+    dimension: int
+    normals: Float[np.ndarray, "facets d"]
+    offsets: Float[np.ndarray, "facets"]
+    volume: float
+
+    @staticmethod
+    def of(contacts: PointContacts, n_rays: int = N_RAYS, side: Side = "inside") -> "LinearCone":
+        """From the pyramids of the contacts; facets by qhull.
+
+        Raises ``NotEstimable``: ``wrench-cone-not-pointed`` where forces of the contacts can cancel each other (a grip
+        from opposite sides): such a cone has no bounded section; ``wrench-cone-flat`` where friction or the distances
+        are so small that rounding leaves no section to speak of.
+        """
+        center = contacts.position_m.mean(axis=0)
+        spread = float(np.sqrt(((contacts.position_m - center) ** 2).sum(axis=1).mean()))
+        own = change_of_frame(-center, 1.0 / spread if spread > FLAT * (1.0 + np.linalg.norm(center)) else 1.0)
+        rays = contacts.rays(n_rays, side)
+        own_rays = rays @ own.T
+        d = np.concatenate([_direction(own_rays[:, :3]), np.zeros(3)])
+        points = own_rays / (own_rays @ d)[:, np.newaxis]
+        middle = points.mean(axis=0)
+        _, spreads, axes = np.linalg.svd(points - middle)
+        k = int((spreads > FLAT * spreads[0]).sum())
+        if k < 2 or spreads[0] < FLAT:
+            raise _flat()
+        whiten = axes[:k] * (math.sqrt(len(points)) / spreads[:k, np.newaxis])
+        x = (points - middle) @ whiten.T
+        normals, offsets, volume = _facets(x)
+        to_section = np.vstack([whiten - np.outer(whiten @ middle, d), d, _across(whiten, middle)]) @ own
+        return LinearCone(rays, to_section, k, normals, offsets, volume)
+
+    @cached_property
+    def facets(self) -> Facets:
+        """Rows ``a`` with ``a y <= 0`` on the cone, wrenches about the world origin."""
+        k = self.dimension
+        return np.asarray(np.hstack([self.normals, -self.offsets[:, np.newaxis]]) @ self.to_section[: k + 1])
+
+    def lorentz(self, ellipsoid: Ellipsoid) -> LorentzCone:
+        """The cone over an ellipsoid in the section (4.15)."""
+        M, k = self.to_section.copy(), self.dimension
+        M[:k] = np.linalg.solve(ellipsoid.axes, M[:k] - np.outer(ellipsoid.center, M[k]))
+        return LorentzCone(M, k)
+
+    def largest_lorentz(self) -> LorentzCone:
+        """The Lorentz cone inside whose section has the largest volume."""
+        return self.lorentz(largest_inside(self.normals, self.offsets))
+
+    def alpha_max(self, cone: LorentzCone) -> float:
+        """How far ``cone.shrunk(alpha)`` stays inside; 0 where the axis of the cone is outside."""
+        r, s = cone.supports(self.facets).T
+        return float(max(0.0, (-s / r).min()))
+
+    def violation(self, cone: LorentzCone) -> float:
+        """The largest ``(|r| + s) / |s|`` over all facets, in closed form: not positive if ``cone`` is inside."""
+        r, s = cone.supports(self.facets).T
+        return float(((r + s) / np.abs(s)).max())
+
+    def kept(self, cone: LorentzCone) -> float:
+        """Volume of the section of ``cone`` over that of this one; infinite where it is not bounded."""
+        k = self.dimension
+        section = cone.section(np.linalg.inv(self.to_section)[:, : k + 1])
+        if section is None:
+            return math.inf
+        ball = math.pi ** (k / 2) / math.gamma(k / 2 + 1)
+        return float(ball * abs(np.linalg.det(section.axes)) / self.volume)
+
+
+def _direction(forces: Float[np.ndarray, "rays 3"]) -> Vector3:
+    """A direction with a positive part of every force: up, or the nearest point to 0 of the hull of unit forces."""
+    unit = forces / np.linalg.norm(forces, axis=1, keepdims=True)
+    if unit[:, 2].min() > STEEP:
+        return np.array([0.0, 0.0, 1.0])
+    weights, _ = nnls(np.vstack([unit.T, np.ones(len(unit))]), np.array([0.0, 0.0, 0.0, 1.0]))
+    mean = weights @ unit
+    direction = mean / max(float(np.linalg.norm(mean)), FLAT)
+    if (unit @ direction).min() < STEEP:
+        raise NotEstimable("wrench-cone-not-pointed", "forces of these contacts can cancel: their cone is not pointed")
+    return np.asarray(direction)
+
+
+def _facets(points: Cloud) -> tuple[Matrix, Vector, float]:
+    """Normals, offsets and volume of a hull, each facet once though qhull splits it into simplices.
+
+    The rays of a sole make parallelograms in the section; where rounding keeps qhull from merging their pieces, its
+    joggled run takes over, and the facets move inwards by more than its joggle.
+    """
+    try:
+        hull, digits, inwards = ConvexHull(points, qhull_options="Qt Qx" if points.shape[1] > 4 else "Qt"), 9, 0.0
+    except QhullError:
+        try:
+            hull, digits, inwards = ConvexHull(points, qhull_options="QJ"), 7, JOGGLE
+        except QhullError as error:
+            raise _flat() from error
+    equations = hull.equations[np.unique(hull.equations.round(digits), axis=0, return_index=True)[1]]
+    return equations[:, :-1].copy(), -equations[:, -1] - inwards, float(hull.volume)
+
+
+def _flat() -> NotEstimable:
+    return NotEstimable("wrench-cone-flat", "the wrenches of these contacts differ too little to be told apart")
+
+
+def _across(whiten: Float[np.ndarray, "d 6"], middle: Float[np.ndarray, "6"]) -> Float[np.ndarray, "rest 6"]:
+    """Functionals that vanish on all rays."""
+    spanned = np.vstack([whiten / np.linalg.norm(whiten, axis=1, keepdims=True), middle / np.linalg.norm(middle)])
+    return np.asarray(np.linalg.svd(spanned)[2][len(spanned) :])

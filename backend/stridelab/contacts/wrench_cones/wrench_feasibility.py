@@ -1,0 +1,149 @@
+"""Whether contacts can bring about a wrench, with how much to spare, and by which forces.
+
+    t* = max t   such that   sum_i (f_i, p_i x f_i) = w   and   mu_i f_n,i - |f_t,i| >= t   at every point
+
+in newtons of tangential force that every point could still take; negative by how much friction would have to give
+more. It depends on no reference point and no unit of length. Circular cones make a second-order cone programme,
+solved in the null space of the map from forces to wrenches by a barrier; pyramids of n rays a linear one, solved by
+HiGHS. Where squeezing makes t* as large as one likes it is infinite, and where no forces at all give the wrench (two
+points cannot turn about the line between them) it is minus infinity.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy.optimize import linprog
+
+from stridelab.contacts.barrier_method import Matrix, Vector, follow
+from stridelab.contacts.wrench_cones.contact_points import PointContacts
+from stridelab.conventions import Points
+from stridelab.errors import InvalidInput, NotEstimable
+
+WEIGHT: Final = 1e11
+"""Last weight of ``t`` over the wrench's size: with n points ``t*`` is within ``2 n / WEIGHT`` of it."""
+UNREACHED: Final = 1e-9
+"""A wrench that forces miss by more than this share of it cannot be brought about."""
+SQUEEZED: Final = 1e3
+"""A margin is infinite if it exceeds this many times the wrench."""
+
+
+@dataclass(frozen=True, eq=False)
+class Held:
+    """``margin_n`` is t*; ``forces_n`` attain it, one row per point (with an infinite margin, forces that hold)."""
+
+    margin_n: float
+    forces_n: Points
+
+
+def conic_margin(contacts: PointContacts, wrench: Float[np.ndarray, "6"]) -> Held:
+    """The margin with circular friction cones; ``wrench`` is (force, moment) about the world origin.
+
+    Raises ``InvalidInput`` (``wrench-invalid``) for one that is not finite.
+    """
+    problem = _Problem(contacts, wrench)
+    if problem.particular is None:
+        return problem.none()
+    bounded = problem.linear(16)
+    if bounded.margin_n > SQUEEZED * problem.size:
+        return bounded
+    x = follow(problem.start(), problem.value, problem.slopes, WEIGHT)
+    return Held(float(x[-1]) * problem.size, problem.forces(x))
+
+
+def linear_margin(contacts: PointContacts, wrench: Float[np.ndarray, "6"], n_rays: int = 4) -> Held:
+    """The margin with pyramids of ``n_rays`` inside the friction cones: ``t`` to the nearest of their faces."""
+    problem = _Problem(contacts, wrench)
+    return problem.none() if problem.particular is None else problem.linear(n_rays)
+
+
+class _Problem:
+    """Forces and lengths in units of the wrench and of the contacts' spread; unknowns ``(z, t)``, ``f = f0 + N z``."""
+
+    def __init__(self, contacts: PointContacts, wrench: Float[np.ndarray, "6"]) -> None:
+        if not np.isfinite(wrench).all():
+            raise InvalidInput("wrench-invalid", "a wrench must be finite")
+        self.n = len(contacts.position_m)
+        center = contacts.position_m.mean(axis=0)
+        spread = float(np.sqrt(((contacts.position_m - center) ** 2).sum(axis=1).mean())) or 1.0
+        scale = np.repeat([1.0, 1.0 / spread], 3)
+        self.grasp = contacts.grasp(center) * scale[:, np.newaxis]
+        own = np.concatenate([wrench[:3], wrench[3:] - np.cross(center, wrench[:3])]) * scale
+        self.size = float(np.linalg.norm(own)) or 1.0
+        self.wrench = own / self.size
+        U, S, Vt = np.linalg.svd(self.grasp)
+        rank = int((UNREACHED * S[0] < S).sum())
+        f0 = Vt[:rank].T @ (U[:, :rank].T @ self.wrench / S[:rank])
+        self.particular = f0 if np.linalg.norm(self.grasp @ f0 - self.wrench) < UNREACHED else None
+        self.null = Vt[rank:].T
+        # rows of mu n, of the tangents x and y, per point
+        axes = contacts.rotation.transpose(0, 2, 1)
+        self.local = axes * np.stack([np.ones(self.n), np.ones(self.n), contacts.friction], axis=1)[:, :, np.newaxis]
+        rows = np.einsum("nak,nkz->naz", self.local, self.null.reshape(self.n, 3, -1))
+        self.tangents = np.concatenate([rows[:, :2], np.zeros((self.n, 2, 1))], axis=2)
+        self.normals = np.concatenate([rows[:, 2], -np.ones((self.n, 1))], axis=1)
+        self.fixed = np.einsum("nak,nk->na", self.local, f0.reshape(self.n, 3))
+
+    def none(self) -> Held:
+        return Held(-math.inf, np.zeros((self.n, 3)))
+
+    def forces(self, x: Vector) -> Points:
+        assert self.particular is not None
+        return self.size * np.asarray(self.particular + self.null @ x[:-1]).reshape(self.n, 3)
+
+    def start(self) -> Vector:
+        x = np.zeros(self.null.shape[1] + 1)
+        x[-1] = float((self.fixed[:, 2] - np.linalg.norm(self.fixed[:, :2], axis=1)).min()) - 1.0
+        return x
+
+    def value(self, x: Vector, weight: float) -> float:
+        height, across = self._cones(x)
+        radius = np.linalg.norm(across, axis=1)
+        if (height - radius).min() <= 0.0:
+            return math.inf
+        return -weight * float(x[-1]) - float(np.log((height - radius) * (height + radius)).sum())
+
+    def slopes(self, x: Vector, weight: float) -> tuple[Vector, Matrix]:
+        height, across = self._cones(x)
+        radius = np.linalg.norm(across, axis=1)
+        along = (
+            np.where(radius[:, np.newaxis] > 0.0, across, [1.0, 0.0])
+            / np.where(radius > 0.0, radius, 1.0)[:, np.newaxis]
+        )
+        radial = np.einsum("na,naz->nz", along, self.tangents)
+        aside = along[:, :1] * self.tangents[:, 1] - along[:, 1:] * self.tangents[:, 0]
+        # -log(h^2 - r^2) = -log(h - r) - log(h + r), as a sum of squares: no digits cancel
+        near = (self.normals - radial) / (height - radius)[:, np.newaxis]
+        far = (self.normals + radial) / (height + radius)[:, np.newaxis]
+        aside *= np.sqrt(2.0 / ((height - radius) * (height + radius)))[:, np.newaxis]
+        gradient = -near.sum(axis=0) - far.sum(axis=0)
+        gradient[-1] -= weight
+        return gradient, near.T @ near + far.T @ far + aside.T @ aside
+
+    def linear(self, n_rays: int) -> Held:
+        """``mu cos(pi / n) f_n - (cos b_j, sin b_j) f_t >= t`` on the faces of every pyramid."""
+        angle = 2.0 * np.pi * np.arange(n_rays) / n_rays
+        faces = np.stack([np.cos(angle), np.sin(angle), np.full(n_rays, -np.cos(np.pi / n_rays))], axis=1)
+        rows = np.zeros((self.n, n_rays, 3 * self.n + 1))
+        for i, local in enumerate(self.local):
+            rows[i, :, 3 * i : 3 * i + 3] = faces @ local
+        rows[:, :, -1] = 1.0
+        found = linprog(
+            np.append(np.zeros(3 * self.n), -1.0),
+            A_ub=rows.reshape(-1, 3 * self.n + 1),
+            b_ub=np.zeros(self.n * n_rays),
+            A_eq=np.hstack([self.grasp, np.zeros((6, 1))]),
+            b_eq=self.wrench,
+            bounds=[(None, None)] * (3 * self.n) + [(None, 10.0 * SQUEEZED)],
+            options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
+        )
+        if found.x is None:
+            raise NotEstimable("wrench-margin-unsolved", f"the linear programme of the margin failed: {found.message}")
+        t = float(found.x[-1])
+        forces = self.size * found.x[:-1].reshape(self.n, 3)
+        return Held(math.inf if t > SQUEEZED else t * self.size, forces)
+
+    def _cones(self, x: Vector) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 2"]]:
+        return self.fixed[:, 2] + self.normals @ x, self.fixed[:, :2] + self.tangents @ x

@@ -1,0 +1,66 @@
+"""Held-back force: an estimator sees half of the force samples, and must predict the other half.
+
+A small residual against the force that was fused proves nothing. Here the window is cut into blocks; in a first pass
+every other block of the force is withheld, in a second pass the others. What counts is ``m (c'' - g) - f`` at the
+withheld samples, in an 8 Hz band.
+
+The Kalman filter, its smoother and ours really do without: they take no measurement of force or moment there
+(``WrenchTrack.withheld``). The complementary filter cannot, because its filters run over gap-free signals: it gets the
+trick of 2.6.2 in its place, ``p = g`` and ``a = g''``. Nobody sees the measured force there.
+
+Between the blocks all that is known is the geometry, so nobody can be much better than the geometry; one that is worse
+has fitted noise, or believes less of the geometry than is true.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.body.geometric_com import GeometricCom
+from stridelab.conventions import Mask
+from stridelab.dynamics.newton_euler import contact_force
+from stridelab.estimation.differentiation import derivatives
+from stridelab.estimation.estimator import ComEstimator
+from stridelab.estimation.evaluation.physics_residuals import force_residual_track_n
+from stridelab.estimation.time_span import window_span
+from stridelab.estimation.walk_frame import walk_frame
+from stridelab.recordings.recording import WrenchTrack
+
+BLOCK_S = 0.15
+"""Twice the length over which the 8 Hz band mixes neighbours."""
+
+
+def held_back_residual_n(
+    estimator: ComEstimator, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float
+) -> Float[np.ndarray, "3"]:
+    """RMS of the residual at the withheld samples along the walk, lateral and vertical, in newtons.
+
+    Raises as the estimator does.
+    """
+    span = window_span(geometric, wrench)
+    velocity, acceleration = derivatives(geometric.com_m[span.around], span.rate_hz)
+    stand_in_n = contact_force(acceleration[span.within], mass_kg)
+    block = np.arange(span.inside.stop - span.inside.start) // max(1, round(BLOCK_S * span.rate_hz)) % 2 == 1
+    squares = []
+    for held in (block, ~block):
+        thinned = _withhold(geometric, wrench, span.inside, held, stand_in_n)
+        estimate = estimator.estimate(geometric, thinned, mass_kg)
+        squares.append(force_residual_track_n(estimate, wrench, mass_kg)[held] @ walk_frame(velocity).T)
+    return np.asarray(np.sqrt(np.nanmean(np.concatenate(squares) ** 2, axis=0)))
+
+
+def _withhold(
+    geometric: GeometricCom,
+    wrench: WrenchTrack,
+    inside: slice,
+    held: Mask,
+    stand_in_n: Float[np.ndarray, "n 3"],
+) -> WrenchTrack:
+    force, moment = wrench.force_n.copy(), wrench.moment_nm.copy()
+    at = np.arange(inside.start, inside.stop)[held]
+    force[at] = stand_in_n[held]
+    moment[at] = np.cross(geometric.com_m[at], force[at])
+    withheld = np.zeros(len(wrench.time_s), dtype=np.bool_)
+    withheld[at] = True
+    return replace(wrench, force_n=force, moment_nm=moment, withheld=withheld)

@@ -1,0 +1,179 @@
+"""Agreement of an estimate with physics, where nobody knows the truth.
+
+- In flight there is no force, so the CoM accelerates with g: the parabola through its height during a flight has that
+  curvature, whatever filter made it.
+- Standing still on plates, the mean centre of pressure lies below the mean CoM: ``z = c - h/g c''`` (2.9), and the mean
+  of c'' over a time in which the body ends as it began is nothing.
+- The rate of the angular momentum that the plates imply, ``L' = nu - c x f`` (2.4), against that of the segments,
+  ``d/dt sum m_i (c_i - c) x (c_i' - c')``. A CoM that is wrong by b along the walk is wrong by b f_z in L' about the
+  lateral axis.
+
+How well an estimate agrees with the force, and how far it is from the geometry.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stridelab.body.geometric_com import GeometricCom
+from stridelab.conventions import GRAVITY_M_S2, PerAxis, Points, Vector3
+from stridelab.dynamics.newton_euler import contact_force, momentum_rate
+from stridelab.dynamics.wrench import Wrench
+from stridelab.dynamics.zmp import zmp
+from stridelab.estimation.differentiation import BAND_HZ, derivatives, low_pass
+from stridelab.estimation.estimator import ComEstimate
+from stridelab.estimation.evaluation.truth_errors import inside
+from stridelab.estimation.walk_frame import walk_frame
+from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.recording import WrenchTrack
+
+FLIGHT_N = 20.0
+"""Less force than this is none."""
+SHORTEST_FLIGHT = 6
+"""Samples of a flight; the first and the last of them belong to the steps."""
+STILL_M_S = 0.05
+"""RMS velocity of quiet standing is below 0.02 m/s in healthy adults; walking at 0.3 m/s is above this."""
+MOMENTUM_BAND_HZ = 6.0
+"""Above it two derivatives of marker positions are noise."""
+
+
+@dataclass(frozen=True)
+class Flight:
+    """``vertical_share`` is the vertical acceleration over g, minus one; ``horizontal_m_s2`` should be zero."""
+
+    flights: int
+    vertical_share: float
+    horizontal_m_s2: float
+
+
+@dataclass(frozen=True)
+class Standing:
+    """Mean CoM minus mean centre of pressure along x and y of the world, and its length."""
+
+    offset_m: tuple[float, float]
+    horizontal_m: float
+
+
+@dataclass(frozen=True)
+class MomentumAgreement:
+    """About the axis of the walk, the lateral and the vertical axis: correlation and RMS of the difference in Nm."""
+
+    correlation: PerAxis
+    rms_nm: PerAxis
+
+
+def flight(estimate: ComEstimate, wrench: WrenchTrack) -> Flight | None:
+    """Mean acceleration over all flights inside the window; None where the body never leaves the ground."""
+    rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
+    aloft = np.linalg.norm(inside(estimate, wrench.time_s, wrench.force_n), axis=1) < FLIGHT_N
+    found = [(i + 1, j - 1) for i, j in runs(aloft) if j - i >= SHORTEST_FLIGHT and i > 0 and j < len(aloft)]
+    if not found:
+        return None
+    # A long flight tells its curvature better: the variance of a parabola's curvature falls with the fifth power.
+    weight = np.array([float(j - i) ** 5 for i, j in found])
+    curvature = np.array([_curvature(estimate.com_m[i:j], rate_hz) for i, j in found])
+    a = weight @ curvature / weight.sum()
+    return Flight(len(found), float(-a[2] / GRAVITY_M_S2 - 1.0), float(np.hypot(a[0], a[1])))
+
+
+def standing(
+    estimate: ComEstimate, geometric: GeometricCom, wrench: WrenchTrack, floor_height_m: float = 0.0
+) -> Standing | None:
+    """CoM against centre of pressure over the window; None unless the person stands still there."""
+    rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
+    g = inside(estimate, geometric.time_s, geometric.com_m)
+    if np.sqrt(np.mean(np.sum(derivatives(g, rate_hz)[0] ** 2, axis=1))) > STILL_M_S:
+        return None
+    f, nu = (inside(estimate, wrench.time_s, track) for track in (wrench.force_n, wrench.moment_nm))
+    pressure = zmp(Wrench(f, nu), np.array([0.0, 0.0, floor_height_m]), np.array([0.0, 0.0, 1.0]))
+    x, y = (estimate.com_m - pressure).mean(axis=0)[:2]
+    return Standing((float(x), float(y)), float(np.hypot(x, y)))
+
+
+def momentum_agreement(
+    estimate: ComEstimate, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float
+) -> MomentumAgreement | None:
+    """Implied against segment L' in a 6 Hz band; None where the segments are not known (a track without segments)."""
+    segments = segment_momentum_rate(geometric, mass_kg)
+    if segments is None:
+        return None
+    rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
+    turn = walk_frame(derivatives(inside(estimate, geometric.time_s, geometric.com_m), rate_hz)[0])
+    f, nu = (inside(estimate, wrench.time_s, track) for track in (wrench.force_n, wrench.moment_nm))
+    implied = low_pass(momentum_rate(estimate.com_m, Wrench(f, nu)), rate_hz, MOMENTUM_BAND_HZ) @ turn.T
+    seen = inside(estimate, geometric.time_s, segments) @ turn.T
+    edge = int(np.ceil(0.4 * rate_hz / MOMENTUM_BAND_HZ))
+    implied, seen = implied[edge:-edge], seen[edge:-edge]
+    return MomentumAgreement(_correlation(implied, seen), np.sqrt(np.mean((implied - seen) ** 2, axis=0)))
+
+
+def segment_momentum_rate(geometric: GeometricCom, mass_kg: float) -> Points | None:
+    """d/dt of the angular momentum of the segments' point masses about the CoM, NaN outside the gap-free stretch.
+
+    The segments' own spin is left out: it needs inertia tensors that the tables give for few segments, and is small
+    beside the transport of the limbs.
+    """
+    if not geometric.segments:
+        return None
+    known = np.isfinite(geometric.com_m).all(axis=1)
+    for segment in geometric.segments.values():
+        known &= np.isfinite(segment.com_m).all(axis=1)
+    if not known.any():
+        return None
+    i, j = max(runs(known), key=lambda run: run[1] - run[0])
+    t = geometric.time_s[i:j]
+    if len(t) < SHORTEST_FLIGHT:
+        return None
+    rate_hz = (len(t) - 1) / (t[-1] - t[0])
+    momentum = np.zeros((j - i, 3))
+    for segment in geometric.segments.values():
+        arm = segment.com_m[i:j] - geometric.com_m[i:j]
+        momentum += segment.mass_fraction * mass_kg * np.cross(arm, derivatives(arm, rate_hz, MOMENTUM_BAND_HZ)[0])
+    whole = np.full_like(geometric.com_m, np.nan)
+    whole[i:j] = derivatives(momentum, rate_hz, MOMENTUM_BAND_HZ)[0]
+    return whole
+
+
+def _correlation(x: Points, y: Points) -> PerAxis:
+    """Per axis; NaN where one of the two does not vary."""
+    x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+    norm = np.sqrt((x**2).sum(axis=0) * (y**2).sum(axis=0))
+    return np.asarray(np.where(norm > 0.0, (x * y).sum(axis=0) / np.where(norm > 0.0, norm, 1.0), np.nan))
+
+
+def _curvature(track: Points, rate_hz: float) -> PerAxis:
+    """Second derivative of the parabola through the samples of one flight."""
+    t = np.arange(len(track)) / rate_hz
+    return np.asarray(2.0 * np.polyfit(t - t.mean(), track, 2)[0])
+
+
+def force_residual_n(estimate: ComEstimate, wrench: WrenchTrack, mass_kg: float, band_hz: float = BAND_HZ) -> Vector3:
+    """RMS of ``m (c'' - g) - f`` per axis over the window, both sides low-passed to ``band_hz`` (zero phase).
+
+    c'' is the second derivative of the estimated *position*. The first and last ``0.6 / band_hz`` seconds, where the
+    filters see beyond the window, do not count. A small residual is consistency, not proof: an estimator that
+    integrates the force agrees with it by construction.
+    """
+    r = force_residual_track_n(estimate, wrench, mass_kg, band_hz)
+    return np.asarray(np.sqrt(np.nanmean(r**2, axis=0)))
+
+
+def force_residual_track_n(
+    estimate: ComEstimate, wrench: WrenchTrack, mass_kg: float, band_hz: float = BAND_HZ
+) -> Points:
+    """``m (c'' - g) - f`` at the estimate's samples, as ``force_residual_n`` takes it; NaN near the ends."""
+    rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
+    first = int(np.argmin(np.abs(wrench.time_s - estimate.time_s[0])))
+    f = low_pass(wrench.force_n[first : first + len(estimate.time_s)], rate_hz, band_hz)
+    acceleration = derivatives(estimate.com_m, rate_hz, band_hz)[1]
+    edge = int(np.ceil(0.6 * rate_hz / band_hz))
+    r = contact_force(acceleration, mass_kg) - f
+    r[:edge] = r[-edge:] = np.nan
+    return np.asarray(r)
+
+
+def bias_m(estimate: ComEstimate, geometric: GeometricCom) -> Vector3:
+    """Estimate minus geometry, mean over the window, per axis: what the force changed in the table's CoM."""
+    first = int(np.argmin(np.abs(geometric.time_s - estimate.time_s[0])))
+    g = geometric.com_m[first : first + len(estimate.time_s)]
+    return np.asarray(np.mean(estimate.com_m - g, axis=0))

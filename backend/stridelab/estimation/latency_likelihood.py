@@ -1,0 +1,212 @@
+"""How likely each delay of the force is, from the path that the force would make of the body.
+
+With D the double integral of f / m over the window, read tau later, and c_g the path of the segment model,
+
+    c_g(t) - D(t; tau) = slow part + errors of the segment table + gain D + noise        in walking axes
+
+is a linear regression at every tau. The slow part (start, speed, offsets of the plates: everything below 0.7 Hz) is
+free and projected out. The rest has priors: each segment's mass is wrong by 20 % (which moves the CoM by the mass
+fraction times r_s - c), so are its lever's parts along the segment and across it, and the mass that divides f by 2 %.
+This is what makes the delay right under a wrong table, which changes the *phase* of the path that the markers show. The
+path is used and not the acceleration because the markers' noise is white there. Its size, and which of ``_NOISES`` it
+is, are the likeliest at every tau. In cosine space (DCT) up to 8 Hz all of it is a few hundred numbers against some 45.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.fft import dct
+from scipy.interpolate import CubicSpline
+
+from stridelab.body.geometric_com import GeometricCom
+from stridelab.conventions import Points, Rotation, Series
+from stridelab.estimation.differentiation import BAND_HZ
+from stridelab.estimation.time_span import Span
+from stridelab.recordings.recording import WrenchTrack
+
+SLOW_HZ: Final = 0.7
+"""Below this nothing is compared: drift of the plates and of the double integral live there, steps do not."""
+TABLE_ERROR: Final = 0.2
+GAIN_ERROR: Final = 0.02
+_TABLE_HZ = 4.0
+"""What the table's errors do above is less than the markers' noise, and faded out."""
+_NOISE_HZ = (10.0, 20.0)
+"""A segment does not move here: what is seen is the noise of its track, taken for white."""
+_SIGMAS_M = np.geomspace(3e-4, 3e-2, 30)
+"""Sizes of the path's noise per sample; no markers give a CoM that is better than 0.3 mm."""
+_FLAT_BELOW_HZ = 0.5
+_ENDS: Final[Mapping[str, tuple[str, str]]] = {
+    "thigh": ("hip", "knee"),
+    "shank": ("knee", "ankle"),
+    "foot": ("ankle", "forefoot"),
+    "upper_arm": ("shoulder", "elbow"),
+    "forearm": ("elbow", "wrist"),
+    "hand": ("wrist", "knuckles"),
+    "torso": ("cervical", "lumbar"),
+    "head": ("cervical", "vertex"),
+}
+_LATERAL = 1
+
+Lags = Float[np.ndarray, "lags"]
+Columns = Float[np.ndarray, "rows columns"]
+Paths = Float[np.ndarray, "rows lags"]
+Spectra = Float[np.ndarray, "rows 3 lags"]
+Weights = Float[np.ndarray, "3"]
+Band = Bool[np.ndarray, "n"]
+
+
+@dataclass(frozen=True)
+class PathNoise:
+    """Noise whose standard deviation goes with frequency^``colour``, ``lateral`` times as large across the walk.
+
+    ``least_m`` is its smallest size; ``doubt`` is taken off the log-likelihood, against noises that only few numbers
+    speak for.
+    """
+
+    colour: float = 0.0
+    lateral: float = 1.0
+    least_m: float = 0.0
+    doubt: float = 0.0
+
+
+_NOISES: Final = (
+    PathNoise(),
+    PathNoise(lateral=2.0, doubt=2.0),
+    PathNoise(lateral=4.0, doubt=2.0),
+    PathNoise(colour=1.0, least_m=2e-3, doubt=6.0),
+    PathNoise(colour=2.0, least_m=2e-3, doubt=6.0),
+)
+"""White; loose across the walk, where real tables and plates are worst; large and above the gait's frequencies."""
+
+
+@dataclass(frozen=True)
+class ClockLikelihood:
+    """Log-likelihood at each lag (> 0: the force is late), at the likeliest noise.
+
+    ``correlation`` is that of the force's path with the geometry's at the best lag, along and vertical together and
+    without their slow parts.
+    """
+
+    lag_s: Lags
+    log_likelihood: Lags
+    correlation: float
+
+
+def clock_likelihood(
+    geometric: GeometricCom, wrench: WrenchTrack, span: Span, mass_kg: float, R: Rotation, lag_s: Lags
+) -> ClockLikelihood:
+    """Likelihood of each lag, from the samples of the span whose force can be read at all of them.
+
+    ``R`` has the walking axes as rows: along, across, up.
+    """
+    rate_hz = span.rate_hz
+    spare = int(np.ceil(np.abs(lag_s).max() * rate_hz))
+    core = slice(span.inside.start + spare, span.inside.stop - spare)
+    at = geometric.time_s[core]
+    f = wrench.force_n[span.inside]
+    D = CubicSpline(geometric.time_s[span.inside], (f - f.mean(axis=0)) @ R.T / mass_kg).antiderivative(2)
+    hz = np.arange(len(at)) * rate_hz / (2 * len(at))
+    seen = hz <= BAND_HZ
+    c = _spectrum(geometric.com_m[core] @ R.T)[seen]
+    paths: Spectra = np.stack([_spectrum(np.asarray(D(at + tau)))[seen] for tau in lag_s], axis=-1)
+    wrong = [TABLE_ERROR * _without_noise(x @ R.T, hz, seen) for x in _table_errors(geometric, core)]
+    errors = np.stack([*wrong, GAIN_ERROR * paths[..., len(lag_s) // 2]], axis=-1)
+    slow = _slow(len(at), rate_hz)[seen]
+
+    best: Lags = np.full(len(lag_s), -np.inf)
+    for noise in _NOISES:
+        weight = np.maximum(hz[seen], _FLAT_BELOW_HZ) ** -noise.colour
+        weight = weight / np.exp(np.log(weight).mean())
+        axes = noise.lateral ** (np.array([1.0, -2.0, 1.0]) / 3.0)
+        keep = _complement(weight[:, None] * slow).T * weight
+        y, made = (_left(keep, x, axes) for x in (c[..., None] - paths, errors))
+        best = np.maximum(best, _evidence(y, made, noise.least_m) - noise.doubt)
+    keep = _complement(slow).T
+    return ClockLikelihood(lag_s, best, _likeness(keep @ c, keep @ paths[..., np.argmax(best)]))
+
+
+def _spectrum(x: Float[np.ndarray, "n *axes"]) -> Float[np.ndarray, "n *axes"]:
+    return np.asarray(dct(x, axis=0, norm="ortho"))
+
+
+def _left(
+    keep: Float[np.ndarray, "kept rows"], x: Float[np.ndarray, "rows 3 n"], axes: Weights
+) -> Float[np.ndarray, "left n"]:
+    """All that is left of each path without its slow part, in units of the noise."""
+    return np.asarray((np.tensordot(keep, x, axes=1) * axes[:, None]).reshape(-1, x.shape[-1]))
+
+
+def _evidence(y: Paths, errors: Columns, least_m: float) -> Lags:
+    """Log p(y) of each column for ``errors`` with standard normal factors and white noise, at its likeliest size."""
+    U, s, _ = np.linalg.svd(errors, full_matrices=False)
+    inside = (U.T @ y) ** 2
+    outside = np.maximum((y**2).sum(axis=0) - inside.sum(axis=0), 0.0)
+    best: Lags = np.full(y.shape[1], -np.inf)
+    for sigma in _SIGMAS_M[least_m <= _SIGMAS_M]:
+        variance = s**2 + sigma**2
+        explained = (inside / variance[:, None]).sum(axis=0) + np.log(variance).sum()
+        left = outside / sigma**2 + 2 * (len(y) - len(s)) * np.log(sigma)
+        best = np.maximum(best, -0.5 * (explained + left))
+    return best
+
+
+def _table_errors(geometric: GeometricCom, core: slice) -> list[Points]:
+    """What the CoM would move by if one segment's mass, or a part of its lever, were twice what the table says."""
+    c = geometric.com_m[core]
+    moved = []
+    for name, segment in geometric.segments.items():
+        r = segment.com_m[core]
+        moved.append(segment.mass_fraction * (r - c))
+        ends = _ends(geometric, name, core)
+        if ends is not None:
+            proximal, distal = ends
+            n = (distal - proximal) / np.linalg.norm(distal - proximal, axis=1, keepdims=True)
+            along = np.sum((r - proximal) * n, axis=1, keepdims=True) * n
+            moved += [segment.mass_fraction * along, segment.mass_fraction * (r - proximal - along)]
+    return [np.asarray(x) for x in moved if np.isfinite(x).all()]
+
+
+def _ends(geometric: GeometricCom, name: str, core: slice) -> tuple[Points, Points] | None:
+    """Proximal and distal joint of a segment of the human model; None where they are not known."""
+    joints = geometric.joint_centres_m
+    if name == "pelvis" and {"lumbar", "l_hip", "r_hip"} <= set(joints):
+        return joints["lumbar"][core], (joints["l_hip"][core] + joints["r_hip"][core]) / 2
+    side, part = (name[:2], name[2:]) if name[:2] in ("l_", "r_") else ("", name)
+    if part not in _ENDS:
+        return None
+    proximal, distal = (side + end for end in _ENDS[part])
+    return (joints[proximal][core], joints[distal][core]) if {proximal, distal} <= set(joints) else None
+
+
+def _without_noise(x: Points, hz: Series, seen: Band) -> Float[np.ndarray, "rows 3"]:
+    """Spectrum of a regressor, each line shrunk by the part of it that is noise.
+
+    A noisy regressor would explain the noise that it shares with the CoM, and move the delay.
+    """
+    spectrum = _spectrum(x)
+    power, beyond = spectrum[seen] ** 2, (hz > _NOISE_HZ[0]) & (hz < _NOISE_HZ[1])
+    noise = (spectrum[beyond] ** 2).mean(axis=0) if beyond.any() else np.zeros(3)
+    fade = 1.0 / np.sqrt(1.0 + (hz[seen, None] / _TABLE_HZ) ** 8)
+    return np.asarray(fade * spectrum[seen] * power / np.maximum(power + noise, 1e-30))
+
+
+def _slow(n: int, rate_hz: float) -> Columns:
+    """Spectra of a parabola and of the cosines below ``SLOW_HZ``."""
+    u = np.linspace(-1.0, 1.0, n)
+    lines = [j for j in range(1, n) if j * rate_hz / (2 * n) < SLOW_HZ]
+    cosines = [np.cos(np.pi * j * (np.arange(n) + 0.5) / n) for j in lines]
+    return _spectrum(np.stack([np.ones(n), u, u**2, *cosines], axis=1))
+
+
+def _complement(columns: Columns) -> Float[np.ndarray, "rows others"]:
+    """Orthonormal basis of everything that the columns cannot make."""
+    U, s, _ = np.linalg.svd(columns, full_matrices=True)
+    return np.asarray(U[:, int(np.sum(s > 1e-9 * s[0])) :])
+
+
+def _likeness(x: Points, y: Points) -> float:
+    x, y = np.delete(x, _LATERAL, axis=1), np.delete(y, _LATERAL, axis=1)
+    return float((x * y).sum() / max(float(np.linalg.norm(x) * np.linalg.norm(y)), 1e-12))

@@ -1,0 +1,292 @@
+"""Kalman filter and fixed-interval smoother for the axes of a walk at once, with unknown constants as regression.
+
+The states are carried in columns: the data, and what one unit of each unknown constant would do to the filter (de Jong
+1991, the augmented Kalman filter). Every innovation is then linear in the constants, e(beta) = e0 - E beta, and
+
+    beta = (sum E' S^-1 E + P0^-1)^-1 sum E' S^-1 e0
+
+The error of the height is *considered*, not sought (Schmidt 1966): the sway of a walk is in step with its angular
+momentum, so that a regression finds heights which are none. Its share is in the band instead.
+
+The gains depend on nothing but the model and on which samples have a force, so wherever that stays the same long
+enough they are computed once. Backwards (de Jong 1989; Durbin & Koopman, 4.4) no covariance is ever inverted:
+
+    r_{k-1} = H' S^-1 e + F' r_k,   N_{k-1} = H' S^-1 H + F' N_k F,   F = A - K H
+    x_{k|T} = x_k + P_k r_{k-1},    P_{k|T} = P_k - P_k N_{k-1} P_k
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from stridelab.conventions import Mask, Series
+from stridelab.estimation.smoother.state_space import (
+    ACCELERATION,
+    CONSTANTS,
+    HEIGHT,
+    MEASURED,
+    MOMENT,
+    STATES,
+    TABLE,
+    C,
+    L,
+    Matrices,
+    StateSpace,
+    V,
+    observation,
+)
+
+COLUMNS = 1 + CONSTANTS
+SETTLED = 1e-9
+"""Relative change of the predicted covariance below which the gains are taken as final."""
+
+Table = Float[np.ndarray, "g a 10 10"]
+
+
+@dataclass(frozen=True)
+class Signals:
+    """Data per axis of the walking frame, metres: y1, y2 (0 where not seen), and what drives sample k to k + 1.
+
+    ``phi`` and ``sway`` are the noiseless vertical and horizontal force over the weight (``model``);
+    ``velocity_m_s`` is the guess from which the filter starts.
+    """
+
+    geometry_m: Float[np.ndarray, "n axes"]
+    moment_m: Float[np.ndarray, "n axes"]
+    acceleration_m_s2: Float[np.ndarray, "n axes"]
+    seen: Mask
+    phi: Series
+    sway: Float[np.ndarray, "n axes"]
+    velocity_m_s: Float[np.ndarray, "axes"]
+
+    def __len__(self) -> int:
+        return len(self.geometry_m)
+
+    def between(self, first: int, stop: int) -> "Signals":
+        """A part of them."""
+        part = {name: value[first:stop] for name, value in vars(self).items() if name != "velocity_m_s"}
+        return replace(self, **part)
+
+    def of(self, axes: Int[np.ndarray, "_"]) -> "Signals":
+        """Those of some axes."""
+        return replace(
+            self,
+            geometry_m=self.geometry_m[:, axes],
+            moment_m=self.moment_m[:, axes],
+            acceleration_m_s2=self.acceleration_m_s2[:, axes],
+            sway=self.sway[:, axes],
+            velocity_m_s=self.velocity_m_s[axes],
+        )
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Distinct gain sets, and which one each sample uses. ``loop`` is F = A - G H - K H of the module docstring."""
+
+    use: Int[np.ndarray, "n"]
+    predicted: Table
+    loop: Table
+    gain: Float[np.ndarray, "g a 10 2"]
+    observe: Float[np.ndarray, "g a 2 10"]
+    information: Float[np.ndarray, "g a 2 2"]
+    log_det: Float[np.ndarray, "g a"]
+    final: Float[np.ndarray, "a 10 10"]
+
+
+@dataclass(frozen=True)
+class Rest:
+    """The last measurement (``StateSpace.rest_variance``): innovation of the swing states, S^-1, and its log det S."""
+
+    innovation: Float[np.ndarray, "a 4 5"]
+    information: Float[np.ndarray, "a 4 4"]
+    log_det: Float[np.ndarray, "a"]
+
+
+@dataclass(frozen=True)
+class Filtered:
+    """One pass forwards: predicted states and innovations in columns, and the constants found from all samples.
+
+    ``constants`` is beta per axis (table, acceleration, moment), ``constants_cov`` its posterior covariance.
+    ``height_leak`` is what one metre of wrong height does to beta. ``rest`` is what coming to rest says.
+    """
+
+    states: Float[np.ndarray, "n a 10 5"]
+    innovations: Float[np.ndarray, "n a 2 5"]
+    constants: Float[np.ndarray, "a 3"]
+    constants_cov: Float[np.ndarray, "a 3 3"]
+    information: Float[np.ndarray, "a 3 3"]
+    score: Float[np.ndarray, "a 3"]
+    height_leak: Float[np.ndarray, "a 3"]
+    height_sd: Float[np.ndarray, "a"]
+    rest: "Rest"
+
+
+def regimes_of(seen: Mask) -> Int[np.ndarray, "n"]:
+    """0: force seen here and at the next sample, 1: seen here alone, 2: not seen."""
+    follows = np.append(seen[1:], False)
+    return np.where(seen, np.where(follows, 0, 1), 2)
+
+
+def gains(space: StateSpace, seen: Mask, phi: Series, settling: float = SETTLED) -> Gains:
+    """The Riccati recursion over all samples; equal circumstances share a gain once it has settled."""
+    regime, n = regimes_of(seen), len(seen)
+    use = np.empty(n, dtype=np.int64)
+    predicted, loops, kept, observed, weights = [], [], [], [], []
+    p = space.start_covariance
+    known: tuple[int, float] | None = None
+    settled = False
+    for k in range(n):
+        kind = (int(regime[k]), float(phi[k]))
+        if kind != known:
+            known, settled = kind, False
+            now, h = space.regimes[kind[0]], observation(kind[1], space.turned)
+            base = now.transition - now.feed @ h
+            ht = np.swapaxes(h, 1, 2)
+            base_t = np.swapaxes(base, 1, 2)
+        if not settled:
+            pht = p @ ht
+            s = h @ pht
+            w = _inverse(s, now.noise_m2)
+            gain = base @ pht @ w
+            loop = base - gain @ h
+            predicted.append(p)
+            loops.append(loop)
+            kept.append(gain + now.feed)
+            observed.append(h)
+            weights.append(w)
+            following = loop @ p @ base_t + now.process
+            following = (following + np.swapaxes(following, 1, 2)) / 2
+            largest = np.abs(following).max(axis=(1, 2), keepdims=True)
+            settled = bool((np.abs(following - p) <= settling * largest).all())
+            p = following
+        use[k] = len(predicted) - 1
+    information = np.array(weights)
+    return Gains(
+        use=use,
+        predicted=np.array(predicted),
+        loop=np.array(loops),
+        gain=np.array(kept),
+        observe=np.array(observed),
+        information=information,
+        log_det=-np.log(np.linalg.det(information)),
+        final=p,
+    )
+
+
+def filtered(space: StateSpace, signals: Signals, found: Gains) -> Filtered:
+    """Forward pass over all samples; models beyond the axes are further candidates for the same axes."""
+    n, models = len(signals), len(space.turned)
+    axis = np.arange(models) % signals.geometry_m.shape[1]
+    inputs = np.zeros((n, models, STATES, COLUMNS))
+    going_on = regimes_of(signals.seen) == 0
+    inputs[going_on, :, :, 0] = signals.acceleration_m_s2[going_on][:, axis, None] * space.drive
+    inputs[going_on, :, :, 1 + ACCELERATION] = -space.drive
+    measured = np.zeros((n, models, MEASURED, COLUMNS))
+    measured[:, :, 0, 0], measured[:, :, 1, 0] = signals.geometry_m[:, axis], signals.moment_m[:, axis]
+    measured[:, :, 0, 1 + TABLE] = -1.0
+    told = signals.seen[:, None] & space.turned
+    measured[told, 1, 1 + ACCELERATION] = -space.lever_s2
+    measured[told, 1, 1 + MOMENT] = -1.0
+    measured[:, :, 1, 1 + HEIGHT] = signals.sway[:, axis] * told
+
+    x = np.zeros((models, STATES, COLUMNS))
+    x[:, C, 0], x[:, V, 0] = signals.geometry_m[0, axis], signals.velocity_m_s[axis]
+    inputs += found.gain[found.use] @ measured
+    states = np.empty_like(inputs)
+    for k, (i, u) in enumerate(zip(found.use.tolist(), inputs, strict=True)):
+        states[k] = x
+        x = found.loop[i] @ x + u
+    e = measured - found.observe[found.use] @ states
+    weighted = found.information[found.use] @ e
+    rest = _rest(space, found.final, x)
+    gram = np.einsum("kamc,kamd->acd", e, weighted)
+    gram += np.swapaxes(rest.innovation, 1, 2) @ rest.information @ rest.innovation
+    sought = slice(1, HEIGHT + 1)
+    information, score = gram[:, sought, sought], -gram[:, sought, 0]
+    cov, constants = _regression(space.constant_sd[:, :HEIGHT], information, score)
+    leak = -np.einsum("acd,ad->ac", cov, gram[:, sought, HEIGHT + 1])
+    return Filtered(states, e, constants, cov, information, score, leak, space.constant_sd[:, HEIGHT], rest)
+
+
+def smoothed(
+    found: Gains, forward: Filtered, rows: int
+) -> tuple[Float[np.ndarray, "n a r"], Float[np.ndarray, "n a r"]]:
+    """Mean and variance of the first ``rows`` states at every sample, given all samples."""
+    use = found.use
+    observe_t = np.swapaxes(found.observe, 2, 3)
+    push = observe_t[use] @ (found.information[use] @ forward.innovations)
+    gained = observe_t @ found.information @ found.observe
+    loop_t = np.swapaxes(found.loop, 2, 3)
+    n = len(use)
+    r = np.zeros(push.shape[1:])
+    big = np.zeros(found.loop.shape[1:])
+    r[:, L:] = forward.rest.information @ forward.rest.innovation
+    big[:, L:, L:] = forward.rest.information
+    rs = np.empty_like(push)
+    variance = np.empty((n, 3, rows))
+    previous, settled, last = -1, False, variance[0]
+    for k in range(n - 1, -1, -1):
+        i = int(use[k])
+        r = push[k] + loop_t[i] @ r
+        rs[k] = r
+        if i != previous or not settled:
+            following = gained[i] + loop_t[i] @ big @ found.loop[i]
+            settled = i == previous and bool(
+                (np.abs(following - big) <= SETTLED * np.abs(following).max(axis=(1, 2), keepdims=True)).all()
+            )
+            previous, big = i, following
+            p = found.predicted[i]
+            top = p[:, :rows]
+            last = np.einsum("aij->ai", top[:, :, :rows] * np.eye(rows)) - np.einsum("aij,ajk,aik->ai", top, big, top)
+        variance[k] = last
+    states = forward.states[:, :, :rows] + found.predicted[use, :, :rows] @ rs
+    sensitivity = states[..., 1 : HEIGHT + 1]
+    mean = states[..., 0] + np.einsum("karc,ac->kar", sensitivity, forward.constants)
+    variance = variance + np.einsum("karc,acd,kard->kar", sensitivity, forward.constants_cov, sensitivity)
+    height = states[..., HEIGHT + 1] + np.einsum("karc,ac->kar", sensitivity, forward.height_leak)
+    variance = variance + (height * forward.height_sd[:, None]) ** 2
+    return mean, np.maximum(variance, 0.0)
+
+
+def log_likelihood(space: StateSpace, found: Gains, forward: Filtered) -> Float[np.ndarray, "a"]:
+    """Log of the probability of the data per model, constants integrated out, up to a term of the data's size alone."""
+    e0, last = forward.innovations[..., 0], forward.rest
+    quadratic = np.einsum("kam,kamn,kan->a", e0, found.information[found.use], e0)
+    quadratic += np.einsum("am,amn,an->a", last.innovation[..., 0], last.information, last.innovation[..., 0])
+    explained = np.einsum("ac,ac->a", forward.score, forward.constants)
+    shrunk = np.eye(HEIGHT) + _scaled(space.constant_sd[:, :HEIGHT], forward.information)
+    dets = found.log_det[found.use].sum(axis=0) + last.log_det
+    return np.asarray(-0.5 * (quadratic - explained + dets + np.linalg.slogdet(shrunk)[1]))
+
+
+def _rest(space: StateSpace, p: Matrices, x: Float[np.ndarray, "a 10 5"]) -> Rest:
+    """Against the prediction (x, P) after the last sample; without information in the middle of a walk."""
+    innovation = -x[:, L:]
+    if space.rest_variance is None:
+        return Rest(innovation, np.zeros((len(x), 4, 4)), np.zeros(len(x)))
+    s = p[:, L:, L:] + space.rest_variance[:, :, None] * np.eye(4)
+    return Rest(innovation, np.linalg.inv(s), np.linalg.slogdet(s)[1] * space.turned)
+
+
+def _regression(
+    sd: Float[np.ndarray, "a 3"], information: Float[np.ndarray, "a 3 3"], score: Float[np.ndarray, "a 3"]
+) -> tuple[Float[np.ndarray, "a 3 3"], Float[np.ndarray, "a 3"]]:
+    """Posterior covariance and mean of the constants; a prior of zero switches a constant off."""
+    core = np.linalg.inv(np.eye(HEIGHT) + _scaled(sd, information))
+    cov = sd[:, :, None] * core * sd[:, None, :]
+    return cov, np.einsum("acd,ad->ac", cov, score)
+
+
+def _scaled(sd: Float[np.ndarray, "a 3"], information: Float[np.ndarray, "a 3 3"]) -> Float[np.ndarray, "a 3 3"]:
+    return np.asarray(sd[:, :, None] * information * sd[:, None, :])
+
+
+def _inverse(s: Float[np.ndarray, "a 2 2"], noise_m2: Float[np.ndarray, "a 2"]) -> Float[np.ndarray, "a 2 2"]:
+    """Inverse of S + diag(noise), written out: small batches cost mostly calls."""
+    a, d, b = s[:, 0, 0] + noise_m2[:, 0], s[:, 1, 1] + noise_m2[:, 1], s[:, 0, 1]
+    out = np.empty_like(s)
+    det = a * d - b * b
+    out[:, 0, 0], out[:, 1, 1] = d / det, a / det
+    out[:, 0, 1] = out[:, 1, 0] = -b / det
+    return out

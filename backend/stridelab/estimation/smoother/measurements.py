@@ -1,0 +1,108 @@
+"""From geometry and wrench to the smoother's signals: the walking frame, the reduced moments, the steps.
+
+Both horizontal moments are reduced to the 4 Hz geometry c_ref, so that everything large in them is known:
+
+    nu - c_ref x f = (c - c_ref) x f + L'  ~  (c - c_ref) x (0, 0, m g) + L'
+
+and divided by the weight they are positions: x = -(...)^y / m g + phi c_ref^x, y = (...)^x / m g + phi c_ref^y.
+The lever is multiplied with a weight that carries no noise; the measured force there would be read as information
+about the height, which nothing measures (docs/theory/smoother.md).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from stridelab.conventions import GRAVITY_M_S2, Mask, Points, Rotation, Series, Vector3
+from stridelab.dynamics.newton_euler import com_acceleration
+from stridelab.estimation.differentiation import low_pass
+from stridelab.estimation.smoother.kalman_rts import Signals
+from stridelab.estimation.walk_frame import walk_frame
+
+REFERENCE_BAND_HZ = 4.0
+STEP_RANGE_HZ = (0.8, 3.5)
+AIRBORNE_N = 50.0
+WALKS_M_S = 0.1
+END_S, FULL_SWING = 0.3, 0.6
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Geometry and wrench of a gap-free stretch in the walking frame (rows of ``frame``), and its mean velocity."""
+
+    frame: Rotation
+    geometry_m: Points
+    force_n: Points
+    moment_nm: Points
+    seen: Mask
+    rate_hz: float
+    velocity_m_s: Vector3
+
+    @property
+    def speed_m_s(self) -> float:
+        """Horizontal part of the mean velocity."""
+        return float(np.linalg.norm(self.velocity_m_s[:2]))
+
+
+def in_walking_frame(geometry_m: Points, force_n: Points, moment_nm: Points, seen: Mask, rate_hz: float) -> Walk:
+    """Turn everything so that x is the mean horizontal direction of motion; without force the numbers are 0."""
+    duration = (len(geometry_m) - 1) / rate_hz
+    velocity = (geometry_m[-1] - geometry_m[0]) / duration
+    frame = walk_frame(velocity[None])
+    kept = seen[:, None]
+    f, nu = (np.where(kept, x, 0.0) @ frame.T for x in (force_n, moment_nm))
+    return Walk(frame, geometry_m @ frame.T, f, nu, seen, rate_hz, frame @ velocity)
+
+
+def signals(walk: Walk, mass_kg: float, momentum_rate_nm: Points) -> Signals:
+    """y1, y2 and the trapezoidal acceleration; ``momentum_rate_nm`` is a known part of L' (zeros if none)."""
+    weight = mass_kg * GRAVITY_M_S2
+    reference = low_pass(walk.geometry_m, walk.rate_hz, REFERENCE_BAND_HZ)
+    reduced = walk.moment_nm - np.cross(reference, walk.force_n) - momentum_rate_nm
+    smooth = low_pass(walk.force_n, walk.rate_hz, REFERENCE_BAND_HZ)
+    phi = supported_share(walk, smooth, weight)
+    y2 = np.column_stack([-reduced[:, 1], reduced[:, 0], 0 * phi]) / weight + phi[:, None] * reference
+    a = com_acceleration(walk.force_n, mass_kg)
+    trapezoid = np.concatenate([(a[:-1] + a[1:]) / 2, np.zeros((1, 3))])
+    y2 = np.where(walk.seen[:, None], y2, 0.0)
+    return Signals(
+        walk.geometry_m, y2, trapezoid, walk.seen, phi, smooth / weight * walk.seen[:, None], walk.velocity_m_s
+    )
+
+
+def supported_share(walk: Walk, smooth_force_n: Points, weight_n: float) -> Series:
+    """Vertical force over weight in the gain: 1 in walking, low-passed f_z where the body flies."""
+    if not (walk.seen & (walk.force_n[:, 2] < AIRBORNE_N)).any():
+        return np.ones(len(walk.geometry_m))
+    return np.where(walk.seen, np.maximum(smooth_force_n[:, 2] / weight_n, 0.0), 1.0)
+
+
+def step_frequency_hz(walk: Walk) -> float | None:
+    """Frequency of the strongest vertical oscillation between 0.8 and 3.5 Hz; None where nobody walks."""
+    z = walk.geometry_m[:, 2]
+    n = len(z)
+    t = np.linspace(-1, 1, n)
+    z = (z - np.polynomial.Polynomial.fit(t, z, 1)(t)) * np.hanning(n)
+    padded = int(2 ** np.ceil(np.log2(max(n, 20 * walk.rate_hz))))
+    power = np.abs(np.fft.rfft(z, padded)) ** 2
+    f = np.fft.rfftfreq(padded, 1 / walk.rate_hz)
+    inside = (f >= STEP_RANGE_HZ[0]) & (f <= STEP_RANGE_HZ[1])
+    peak = f[inside][np.argmax(power[inside])]
+    return float(peak) if walk.speed_m_s > WALKS_M_S else None
+
+
+def swing_at_ends(walk: Walk) -> tuple[float, float]:
+    """Share of the walk's swing at its first and last sample: nobody swings who stands.
+
+    The speed there, from a line through ``END_S``, over the mean speed; from ``FULL_SWING`` of it on, all.
+    """
+    n = round(END_S * walk.rate_hz)
+    if walk.speed_m_s < WALKS_M_S or len(walk.geometry_m) < 2 * n:
+        return 1.0, 1.0
+    t = np.arange(n) / walk.rate_hz
+    first, last = (
+        float(np.linalg.norm(np.polynomial.polynomial.polyfit(t, part[:, :2], 1)[1]))
+        for part in (walk.geometry_m[:n], walk.geometry_m[-n:])
+    )
+    full = FULL_SWING * walk.speed_m_s
+    return min(1.0, first / full), min(1.0, last / full)

@@ -1,0 +1,194 @@
+"""Sizes of the errors from the recording itself: the priors that make its own data most probable.
+
+The likelihood of a Kalman filter falls apart into the axes, and the gradient costs one pass: all parameters of all
+axes, each a little larger, are further models in the same batch. Logarithms of the sizes are sought, each held near its
+prior by a normal distribution of ``WIDTH`` (a factor of e^WIDTH is one standard deviation), because a second of data
+does not know every size. The constant errors (table, plates, clocks) are not learned: one recording shows their sum.
+
+From the user's priors and one recording to the sizes of every error, per axis of the walking frame.
+"""
+
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from scipy import optimize
+
+from stridelab.conventions import GRAVITY_M_S2, Rotation
+from stridelab.estimation.smoother.kalman_rts import Signals, filtered, gains, log_likelihood
+from stridelab.estimation.smoother.measurements import Walk, step_frequency_hz, swing_at_ends
+from stridelab.estimation.smoother.priors import SmootherPriors
+from stridelab.estimation.smoother.state_space import ACCELERATION, CONSTANTS, HEIGHT, MOMENT, TABLE, Sizes, state_space
+
+LEARNED: Final = ("marker_m", "moment_m", "table_varying_m", "swing_m_s", "overtone_m_s", "damping")
+WIDTH: Final = 1.0
+DOWN, UP = 1.1, 3.0
+"""No size is learned smaller than a third of its prior (e^-DOWN), nor larger than e^UP times it: markers that were
+filtered look free of noise, and their error is slow instead."""
+ITERATIONS: Final = 8
+STEP: Final = 1e-3
+LOOKED_AT: Final = 600
+LARGEST_DAMPING: Final = 0.9
+SETTLING: Final = 1e-4
+"""Relative change at which gains count as final here: sizes come out the same to 1e-3, in half the time."""
+
+HORIZONTAL: Final = np.array([0, 1])
+
+Logs = Float[np.ndarray, "p axes"]
+
+
+def learned(sizes: Sizes, signals: Signals, rate_hz: float) -> Sizes:
+    """The sizes with those of ``LEARNED`` replaced, per axis, by the most probable ones.
+
+    Only the horizontal axes learn. Vertically there is one measurement: its sizes follow the mean of the others', the
+    noise of the geometry in the proportion of its roughness.
+    The stretch that is looked at lies around the middle of what has force, and has at most ``LOOKED_AT`` samples.
+    """
+    roughness = np.sqrt(np.mean(np.diff(signals.geometry_m, 3, axis=0) ** 2, axis=0))
+    signals = _middle(signals).of(HORIZONTAL)
+    middle = replace(sizes, ends=(1.0, 1.0)).of(HORIZONTAL)
+    start = np.log([getattr(middle, name) for name in LEARNED])
+
+    def cost(x: Float[np.ndarray, "_"]) -> tuple[float, Float[np.ndarray, "_"]]:
+        logs = x.reshape(start.shape)
+        values = -log_likelihoods(middle, np.array([logs, *_neighbours(logs)]), signals, rate_hz)
+        away = (logs - start) / WIDTH
+        slope = (values[1:] - values[0]) / STEP + away / WIDTH
+        return float(values[0].sum() + 0.5 * np.sum(away**2)), slope.ravel()
+
+    highest = start + UP
+    highest[LEARNED.index("damping")] = np.log(LARGEST_DAMPING)
+    bounds = list(zip((start - DOWN).ravel(), highest.ravel(), strict=True))
+    best = optimize.minimize(
+        cost, start.ravel(), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": ITERATIONS}
+    )
+    change = best.x.reshape(start.shape) - start
+    every = np.exp(np.column_stack([change, change.mean(axis=1)]))
+    rough = roughness[2] / np.mean(roughness[:2]) if roughness.min() > 0.0 else 1.0
+    every[LEARNED.index("marker_m"), 2] *= np.clip(rough, np.exp(-DOWN), np.exp(UP))
+    return replace(sizes, **{name: getattr(sizes, name) * x for name, x in zip(LEARNED, every, strict=True)})
+
+
+def log_likelihoods(
+    sizes: Sizes, candidates: Float[np.ndarray, "k p axes"], signals: Signals, rate_hz: float
+) -> Float[np.ndarray, "k axes"]:
+    """Log-likelihood of every candidate, per axis."""
+    space = state_space(with_logs(sizes, candidates), rate_hz)
+    found = gains(space, signals.seen, signals.phi, SETTLING)
+    return log_likelihood(space, found, filtered(space, signals, found)).reshape(len(candidates), -1)
+
+
+def with_logs(sizes: Sizes, candidates: Float[np.ndarray, "k p axes"]) -> Sizes:
+    """One batch of models: all axes for each candidate."""
+    k = len(candidates)
+    batch = sizes.repeated(k)
+    given = {name: np.exp(candidates[:, i]).ravel() for i, name in enumerate(LEARNED)}
+    given = {name: np.where(getattr(batch, name) > 0, value, 0.0) for name, value in given.items()}
+    return replace(batch, **given)
+
+
+def _middle(signals: Signals) -> Signals:
+    at = int(np.median(np.flatnonzero(signals.seen)))
+    first = max(0, min(at - LOOKED_AT // 2, len(signals) - LOOKED_AT))
+    return signals.between(first, first + LOOKED_AT)
+
+
+def _neighbours(logs: Logs) -> Float[np.ndarray, "p p axes"]:
+    """Each parameter a little larger, in all axes at once."""
+    return np.asarray(logs + STEP * np.eye(len(logs))[:, :, None])
+
+
+USUAL_STEP_HZ, USUAL_SPEED_M_S = 1.8, 1.2
+UNDIRECTED_HZ_SHARE, UNDIRECTED_DAMPING = 0.75, 0.6
+SAGITTAL_OVERTONE, LATERAL_OVERTONE = 2.0, 4.5
+"""Overtones over the step and the stride frequency: the second, and the third to seventh together."""
+
+
+def adult_momentum_m_s(mass_kg: float, height_m: float) -> tuple[float, float]:
+    """RMS of L / (m g) about the walking and the lateral axis: 1.0 and 1.5 Nms at 70 kg and 1.70 m, scaled.
+
+    The CoM lies at 0.55 of the stature.
+    """
+    scale = (height_m / 0.55) ** 2 / (70.0 * 1.7**2 * GRAVITY_M_S2)
+    return 1.0 * scale, 1.5 * scale
+
+
+def sizes_of(priors: SmootherPriors, walk: Walk, mass_kg: float, table_sd_m: tuple[float, float, float]) -> Sizes:
+    """Axes x, y, z of the walking frame. The moment about the lateral axis moves x, that about the walking axis y.
+
+    A clock that is late by ``clock_s`` displaces the force along the walk.
+    """
+    height = float(np.mean(walk.geometry_m[:, 2]))
+    step_hz = priors.step_hz or step_frequency_hz(walk) or USUAL_STEP_HZ
+    sizes = _sizes(priors, mass_kg, table_sd_m, walk.frame, height, step_hz, walk.speed_m_s)
+    return replace(sizes, ends=swing_at_ends(walk))
+
+
+def online_sizes(
+    priors: SmootherPriors,
+    mass_kg: float,
+    table_sd_m: tuple[float, float, float],
+    frame: Rotation,
+    height_m: float,
+    *,
+    directed: bool,
+) -> Sizes:
+    """For a stream, whose walk is not known beforehand: a usual speed and step frequency.
+
+    Without a direction, both horizontal axes take the larger momentum in a resonator broad enough for stride and step.
+    """
+    step_hz = priors.step_hz or USUAL_STEP_HZ
+    sizes = _sizes(priors, mass_kg, table_sd_m, frame, height_m, step_hz, USUAL_SPEED_M_S)
+    if directed:
+        return sizes
+    largest = np.array([1.0, 1.0, 0.0])
+    return replace(
+        sizes,
+        swing_m_s=sizes.swing_m_s.max() * largest,
+        swing_hz=np.full(3, UNDIRECTED_HZ_SHARE * step_hz),
+        damping=np.full(3, UNDIRECTED_DAMPING),
+        overtone_m_s=sizes.overtone_m_s.max() * largest,
+        bias=np.maximum(sizes.bias, sizes.bias[[1, 0, 2]]),
+    )
+
+
+def _sizes(
+    priors: SmootherPriors,
+    mass_kg: float,
+    table_sd_m: tuple[float, float, float],
+    frame: Rotation,
+    height: float,
+    step_hz: float,
+    speed_m_s: float,
+) -> Sizes:
+    weight = mass_kg * GRAVITY_M_S2
+    table = np.sqrt((frame**2) @ np.square(table_sd_m))
+    moment = np.hypot(priors.moment_nm, height * priors.force_n) / weight
+    about_walk, about_side = priors.momentum_m_s or adult_momentum_m_s(mass_kg, height)
+    swing = np.array([about_side, about_walk, 0.0])
+    bias = np.zeros((3, CONSTANTS))
+    bias[:, TABLE] = table
+    bias[:, ACCELERATION] = np.hypot(priors.plate_force_n / mass_kg, [0.0, 0.0, priors.mass_share * GRAVITY_M_S2])
+    bias[:2, HEIGHT] = table[2]
+    bias[:2, MOMENT] = np.hypot(priors.plate_moment_nm / weight, [priors.clock_s * speed_m_s, 0.0])
+    every = np.ones(3)
+    return Sizes(
+        turned=np.array([True, True, False]),
+        marker_m=priors.marker_m * every,
+        marker_corner_hz=priors.marker_corner_hz * every,
+        acceleration_m_s2=priors.force_n / mass_kg * every,
+        moment_m=moment * every,
+        plate_corner_hz=priors.plate_corner_hz * every,
+        table_varying_m=priors.table_varying_m * every,
+        table_varying_s=priors.table_varying_s * every,
+        swing_m_s=swing,
+        swing_hz=step_hz * np.array([1.0, 0.5, 1.0]),
+        damping=priors.damping * every,
+        overtone_m_s=priors.overtone_share * swing,
+        overtone_hz=step_hz * np.array([SAGITTAL_OVERTONE, 0.5 * LATERAL_OVERTONE, 1.0]),
+        bias=bias,
+        beyond_m_s2=priors.acceleration_beyond_m_s2 * every,
+        beyond_s=priors.acceleration_beyond_s * every,
+        height_m=height,
+    )

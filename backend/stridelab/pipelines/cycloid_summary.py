@@ -1,0 +1,164 @@
+"""The summary of ``fit-cycloid``: the fits in the words of the contract."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from stridelab.conventions import Series, Vector3
+from stridelab.estimation.estimator import ComEstimate
+from stridelab.estimation.quality import Quality
+from stridelab.pipelines.com_inputs import Prepared
+from stridelab.pipelines.quality import as_contract
+from stridelab.recordings.recording import Remark
+from stridelab.schemas import base
+from stridelab.schemas import cycloid as contract
+from stridelab.walking.path_fit import PathFit
+from stridelab.walking.step_fit import StepFit
+from stridelab.walking.step_variability import Overlap, Scatter
+from stridelab.walking.steps import GaitStep
+from stridelab.walking.timed_fit import TimedFit
+
+MM = 1e3
+
+
+def summary_of(
+    prepared: Prepared,
+    estimate: ComEstimate,
+    quality: Quality,
+    ahead: Vector3,
+    seen: Sequence[GaitStep],
+    fits: Sequence[StepFit],
+    overlaps: Sequence[Overlap],
+    between: Scatter | None,
+    *,
+    rivals: bool,
+) -> contract.FitCycloidSummary:
+    """All of it; steps are in order of time. Without ``rivals`` nobody asks how simpler curves would do."""
+    recording, latency = prepared.trial.recording, prepared.latency
+    remarks = (*quality.remarks, *prepared.remarks, *estimate.remarks, *_of_scatter(fits, between))
+    return contract.FitCycloidSummary(
+        window_s=(estimate.window.start_s, estimate.window.end_s),
+        rate_hz=recording.marker_rate_hz,
+        method=estimate.method,
+        segment_table=prepared.geometric.table,
+        mass_kg=prepared.mass.known_kg,
+        latency_s=latency.latency_s,
+        latency_applied_s=latency.applied_s,
+        latency_source=latency.source,
+        latency_n_trials=latency.n_trials,
+        session=prepared.session,
+        ahead=(float(ahead[0]), float(ahead[1])),
+        steps=[_step(fit, rivals=rivals) for fit in fits],
+        overlapping=[_overlapping(overlap) for overlap in overlaps],
+        step_to_step_sd=None
+        if between is None
+        else contract.StepScatter(
+            R_m=between.R_m,
+            r_m=between.r_m,
+            z0_m=between.z0_m,
+            omega_rad_s=between.omega_rad_s,
+            n=between.n,
+            between=between.between,
+        ),
+        steps_left_out=len(seen) - len(fits),
+        quality=as_contract(quality),
+        warnings=[base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)],
+    )
+
+
+def _of_scatter(fits: Sequence[StepFit], between: Scatter | None) -> tuple[Remark, ...]:
+    if len(fits) > 1:
+        return ()
+    tells = "nothing tells how much it scatters" if between is None else "its scatter is that of overlapping intervals"
+    return (Remark("one-step", f"One step only could be fitted, so that {tells}."),)
+
+
+def _step(fit: StepFit, *, rivals: bool) -> contract.FittedStep:
+    step, wheel, distance = fit.step, fit.path.wheel, MM * fit.path.distance_m
+    _, R_sd, r_sd, z0_sd = (float(v) for v in fit.path.sd_m)
+    return contract.FittedStep(
+        t0_s=step.start_s,
+        t1_s=step.end_s,
+        fitted_s=(float(fit.time_s[0]), float(fit.time_s[-1])),
+        side=step.side,
+        source=step.source,
+        measured=step.measured,
+        R_m=wheel.R_m,
+        r_m=wheel.r_m,
+        z0_m=wheel.z0_m,
+        omega_rad_s=fit.omega_rad_s,
+        theta0_rad=fit.theta0_rad,
+        sd=contract.WheelSd(R_m=R_sd, r_m=r_sd, z0_m=z0_sd),
+        error_mean_mm=float(distance.mean()),
+        error_sd_mm=float(distance.std()),
+        error_max_mm=float(distance.max()),
+        theta_off_line_rad=fit.theta_off_line_rad,
+        double_support_s=step.double_support_s,
+        double_support_model_s=fit.double_support_model_s,
+        period_s=step.period_s,
+        step_length_m=step.length_m,
+        speed_m_s=mean_speed_m_s(fit),
+        circumference_share=fit.circumference_share,
+        reversed=_wheel(fit.reversed_path, fit.time_s),
+        timed=_timed(fit.timed),
+        reversed_timed=_timed(fit.reversed_timed),
+        rivals=[
+            contract.Rival(
+                model=c.model,
+                space=space,
+                parameters=c.parameters,
+                rms_mm=MM * c.rms_m,
+                held_out_mm=MM * c.held_out_rms_m,
+                aic=c.aic,
+            )
+            for space, contests in (("path", fit.path_rivals), ("time", fit.time_rivals))
+            for c in contests
+        ]
+        if rivals
+        else [],
+        flags=list(fit.flags),
+    )
+
+
+def mean_speed_m_s(fit: StepFit) -> float:
+    """Of the centre of mass over the step, ahead."""
+    return float((fit.path_m[-1, 0] - fit.path_m[0, 0]) / (fit.time_s[-1] - fit.time_s[0]))
+
+
+def _wheel(fit: PathFit, time_s: Series) -> contract.Wheel:
+    omega, theta0 = (float(v) for v in np.polyfit(time_s - time_s[0], fit.theta_rad, 1))
+    return contract.Wheel(
+        R_m=fit.wheel.R_m,
+        r_m=fit.wheel.r_m,
+        z0_m=fit.wheel.z0_m,
+        omega_rad_s=omega,
+        theta0_rad=theta0,
+        error_mean_mm=float(MM * fit.distance_m.mean()),
+        error_max_mm=float(MM * fit.distance_m.max()),
+        converged=fit.converged,
+    )
+
+
+def _timed(fit: TimedFit) -> contract.TimedWheel:
+    return contract.TimedWheel(
+        R_m=fit.wheel.R_m,
+        r_m=fit.wheel.r_m,
+        z0_m=fit.wheel.z0_m,
+        omega_rad_s=fit.omega_rad_s,
+        theta0_rad=fit.theta0_rad,
+        error_mean_mm=float(MM * fit.distance_m.mean()),
+        error_max_mm=float(MM * fit.distance_m.max()),
+        bounds=list(fit.bounds),
+    )
+
+
+def _overlapping(overlap: Overlap) -> contract.OverlappingFit:
+    return contract.OverlappingFit(
+        t0_s=overlap.start_s,
+        t1_s=overlap.end_s,
+        R_m=overlap.wheel.R_m,
+        r_m=overlap.wheel.r_m,
+        z0_m=overlap.wheel.z0_m,
+        omega_rad_s=overlap.omega_rad_s,
+        error_mean_mm=MM * overlap.error_mean_m,
+    )

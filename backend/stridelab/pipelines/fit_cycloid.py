@@ -1,0 +1,125 @@
+"""From one recording to the wheel of each of its steps; ``fit-cycloid`` and ``study-population`` share this.
+
+file -> Prepared -> ComEstimate -> steps -> StepFits -> summary
+"""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from stridelab.conventions import Vector3
+from stridelab.errors import NotEstimable
+from stridelab.estimation.estimator import ComEstimate
+from stridelab.estimation.markers_only import GeometryOnly
+from stridelab.estimation.walk_frame import walk_frame
+from stridelab.pipelines.com_inputs import Prepared, prepare
+from stridelab.pipelines.cycloid_summary import summary_of
+from stridelab.pipelines.quality import quality_of
+from stridelab.pipelines.trial import examine
+from stridelab.recordings.foot_contact import find_feet, ground_velocity_m_s
+from stridelab.recordings.recording import Remark, Window
+from stridelab.schemas.cycloid import FitCycloidSummary
+from stridelab.schemas.tasks import FitCycloidTask
+from stridelab.service.kinds.base import ProgressCallback
+from stridelab.service.kinds.estimate_com.run import fused, method_asked
+from stridelab.walking.gait_events import find_contacts
+from stridelab.walking.preconditions import require_steps, require_walk
+from stridelab.walking.step_fit import StepFit, fit_steps
+from stridelab.walking.step_variability import scatter, strike_to_strike
+from stridelab.walking.steps import GaitStep, find_steps
+
+REFERENCES: Final = ("carpentier2017thesis",)
+
+
+@dataclass(frozen=True)
+class CycloidResult:
+    """The wheels of a recording and what they follow from.
+
+    ``estimate`` is over the floor: on a treadmill the belt's motion is taken out. ``seen`` are all whole steps
+    and ``fits`` those that were fitted, in order of time.
+    """
+
+    prepared: Prepared
+    estimate: ComEstimate
+    floor_m_s: Vector3
+    ahead: Vector3
+    seen: tuple[GaitStep, ...]
+    fits: tuple[StepFit, ...]
+    summary: FitCycloidSummary
+
+    @property
+    def references(self) -> tuple[str, ...]:
+        """Citation keys of the methods used."""
+        used = (*self.prepared.geometric.references, *self.estimate.references, *REFERENCES)
+        return tuple(dict.fromkeys(used))
+
+
+def cycloid_of(task: FitCycloidTask, folder: Path, progress: ProgressCallback, *, rivals: bool = True) -> CycloidResult:
+    """The wheel of every step of ``task.recording`` in ``folder``; takes 0.02 to 0.95 of the progress.
+
+    Without ``rivals`` no simpler curves are fitted beside it, which halves the time.
+
+    Raises as ``estimate-com`` does, and ``NotEstimable`` where the model does not apply (``require_walk``) or no step
+    is measured (``require_steps``).
+    """
+    request = task.input
+    method = method_asked(request)
+    try:
+        prepared = prepare(task, folder, progress, needs_force=method != GeometryOnly.name)
+    except NotEstimable:
+        _require_walk_in(task, folder)
+        raise
+    recording, landmarks = prepared.trial.recording, prepared.trial.match.landmarks
+    latency_s = prepared.latency.applied_s
+    contacts = find_contacts(recording, landmarks, latency_s=latency_s)
+    require_walk(recording, landmarks, contacts)
+
+    windows = prepared.windows or (Window(0.0, recording.duration_s),)
+    seen = find_steps(recording, landmarks, windows, contacts=contacts)
+    wanted = [step for step in seen if step.measured or request.steps == "all"]
+    require_steps(recording, seen, wanted, windows)
+
+    progress(0.7, "estimating the centre of mass")
+    floor = _floor_velocity_m_s(prepared)
+    in_place = fused(method, request, prepared, beyond_window=request.window_s is None)
+    quality = quality_of(prepared, in_place)
+    estimate = _over_floor(in_place, floor)
+
+    progress(0.85, "fitting the wheel of every step")
+    ahead = recording.walking_direction
+    if ahead is None:
+        ahead = walk_frame(estimate.velocity_m_s)[0]
+    fits = fit_steps(estimate, wanted, ahead, windows)
+    overlaps = strike_to_strike(estimate, seen, windows, ahead)
+    between = scatter(fits, overlaps)
+    summary = summary_of(prepared, estimate, quality, ahead, seen, fits, overlaps, between, rivals=rivals)
+    return CycloidResult(prepared, estimate, floor, ahead, seen, fits, summary)
+
+
+def _require_walk_in(task: FitCycloidTask, folder: Path) -> None:
+    """Where there is nothing to estimate from, say first whether this is a walk at all."""
+    trial = examine(task.recording, folder)
+    if trial.match.name is not None:
+        landmarks = trial.match.landmarks
+        require_walk(trial.recording, landmarks, find_contacts(trial.recording, landmarks))
+
+
+def _floor_velocity_m_s(prepared: Prepared) -> Vector3:
+    recording = prepared.trial.recording
+    feet = find_feet(recording, prepared.trial.match.landmarks)
+    return ground_velocity_m_s(recording, [f.markers_m[:, k] for f in feet for k in range(f.markers_m.shape[1])])
+
+
+def _over_floor(estimate: ComEstimate, floor_m_s: Vector3) -> ComEstimate:
+    """Position and velocity against what the feet stand on."""
+    if not floor_m_s.any():
+        return estimate
+    message = f"A treadmill: its belt's {np.linalg.norm(floor_m_s):.2f} m/s are added to the motion."
+    return replace(
+        estimate,
+        com_m=estimate.com_m - floor_m_s * estimate.time_s[:, None],
+        velocity_m_s=estimate.velocity_m_s - floor_m_s,
+        remarks=(*estimate.remarks, Remark("belt-added", message)),
+    )

@@ -1,0 +1,77 @@
+"""The centroidal stage of ``plan-motion``: constant forces first, then splines that a body can follow."""
+
+from dataclasses import replace
+from typing import Final
+
+from stridelab.centroidal.force_splines import Shape
+from stridelab.centroidal.infeasibility.diagnosis import diagnose
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.solver import solve
+from stridelab.errors import Fault, NotEstimable
+from stridelab.pipelines.plan_problem import iterations_to, limits_of, require_time, solver_of
+from stridelab.schemas.base import Remark
+from stridelab.schemas.plans import PlanMotionInput
+from stridelab.service.kinds.base import ProgressCallback
+
+FIRST: Final = 0.3
+"""Share of the first of two solves."""
+
+
+def shape_of(request: PlanMotionInput) -> Shape:
+    """The forces between nodes: as asked, else splines wherever a body is to follow forces, for none follows jumps."""
+    if request.shape is not None:
+        return request.shape
+    splines = request.whole_body and request.formulation != "wrench" and request.solver != "fatrop"
+    return "cubic" if splines else "constant"
+
+
+def planned(
+    problem: CentroidalProblem, request: PlanMotionInput, tell: ProgressCallback
+) -> tuple[CentroidalProblem, CentroidalPlan]:
+    """The plan, and the problem that it solves.
+
+    Splines are solved for after constants, whose durations they keep where the solver chose them. Where there are none
+    and nobody asked for them, the constants stay. Raises ``NotEstimable`` (``plan-time-limit``,
+    ``plan-not-converged``).
+    """
+    if shape_of(request) == "constant":
+        return problem, _converged(problem, request, _solved(problem, request, tell))
+    plan = _converged(problem, request, _solved(problem, request, _part(tell, 0.0, FIRST)))
+    smooth = replace(problem, sequence=plan.sequence, durations=None, shape="cubic")
+    found = _solved(smooth, request, _part(tell, FIRST, 1.0))
+    if found.converged or request.shape is not None:
+        return smooth, _converged(smooth, request, found)
+    return problem, plan
+
+
+def jumps(problem: CentroidalProblem, request: PlanMotionInput) -> tuple[Remark, ...]:
+    """A remark where splines were looked for and constants are what there is."""
+    if shape_of(request) == problem.shape:
+        return ()
+    message = "With continuous forces no motion was found: the planned forces jump from node to node."
+    return (Remark(code="forces-jump", message=message),)
+
+
+def _part(tell: ProgressCallback, begin: float, end: float) -> ProgressCallback:
+    return lambda fraction, message: tell(begin + (end - begin) * fraction, message)
+
+
+def _solved(problem: CentroidalProblem, request: PlanMotionInput, tell: ProgressCallback) -> CentroidalPlan:
+    return solve(problem, solver_of(request), limits_of(request), tell=iterations_to(tell))
+
+
+def _converged(problem: CentroidalProblem, request: PlanMotionInput, plan: CentroidalPlan) -> CentroidalPlan:
+    if plan.converged:
+        return plan
+    require_time(request, plan)
+    diagnosis = diagnose(problem, plan)
+    raise NotEstimable(
+        "plan-not-converged",
+        f"The centroidal plan of {problem.sequence.name!r} did not converge: {plan.status} after {plan.iterations} "
+        f"iterations. {diagnosis.sentence}",
+        [
+            *(Fault(finding.where, finding.says) for finding in diagnosis.findings),
+            Fault("solver", f"{plan.solver}: {plan.status}"),
+        ],
+    )

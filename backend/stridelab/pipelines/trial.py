@@ -1,0 +1,106 @@
+"""From a stored file to a trial that can be worked on: read, marker set, windows, weight.
+
+Shared by the parsing of uploads and by the estimation, so that both see the same facts.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from stridelab.body.segment_model import SegmentModel
+from stridelab.conventions import Points
+from stridelab.errors import Fault, StridelabError
+from stridelab.recordings.body_mass import MassEstimate, best_mass, weigh
+from stridelab.recordings.force_windows import find_windows
+from stridelab.recordings.marker_sets import MarkerSetMatch, identify
+from stridelab.recordings.reader import read_recording
+from stridelab.recordings.recording import PlateSwitches, Recording, Remark, Subject, Window
+from stridelab.recordings.vertical_motion import VerticalMotion, vertical_motion
+from stridelab.schemas.recordings import PlateSwitch, SubjectFields
+from stridelab.schemas.tasks import RecordingSource
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A recording with everything that follows from the file and its switches alone; ``remarks`` are all of it.
+
+    ``masses`` are the masses that the force shows, at most one of each kind. ``motion`` and ``stated_kg`` (the user's
+    mass, else the file's) are what the windows were found with.
+    """
+
+    recording: Recording
+    match: MarkerSetMatch
+    windows: tuple[Window, ...]
+    masses: tuple[MassEstimate, ...]
+    remarks: tuple[Remark, ...]
+    motion: VerticalMotion | None = None
+    stated_kg: float | None = None
+
+    @property
+    def force_mass(self) -> MassEstimate | None:
+        """The mass that the force shows best."""
+        return best_mass(self.masses)
+
+    @property
+    def force_mass_kg(self) -> float | None:
+        """Its value in kilograms."""
+        return None if self.force_mass is None else self.force_mass.mass_kg
+
+
+def read(source: RecordingSource, folder: Path) -> Recording:
+    """Read the file of a source with the user's marker map and plate switches.
+
+    Raises ``UnreadableFile`` or ``InvalidInput``; messages name the uploaded file, not its copy in ``folder``. The map
+    may name labels of the static trial (``source.static_labels``), too.
+    """
+    elsewhere = frozenset(source.static_labels)
+    own = {landmark: label for landmark, label in source.marker_map.items() if label not in elsewhere}
+    try:
+        path, plates = folder / source.file, switches(source.plates)
+        return read_recording(path, name=source.filename, marker_map=own, plate_switches=plates)
+    except StridelabError as error:
+        raise _renamed(error, source.file, source.filename) from error
+
+
+def examine(source: RecordingSource, folder: Path) -> Trial:
+    """Read a source and find its marker set, its measured windows and the masses that the force shows."""
+    recording = read(source, folder)
+    match = identify(tuple(recording.markers_m), map_within(source.marker_map, recording))
+    motion = vertical_motion(recording, match.landmarks, _markers_com_m(recording, match))
+    stated_kg = source.subject.mass_kg or recording.subject.mass_kg
+    found = find_windows(recording, match.landmarks, motion, stated_kg=stated_kg)
+    remarks = (*recording.remarks, *match.degraded, *found.remarks)
+    masses = weigh(recording, found.windows, motion)
+    return Trial(recording, match, found.windows, masses, remarks, motion, stated_kg)
+
+
+def _markers_com_m(recording: Recording, match: MarkerSetMatch) -> Points | None:
+    """The markers' centre of mass for the sake of its velocity, None where the segments cannot be placed."""
+    if match.name is None or not recording.plates or recording.n_frames < 2:
+        return None
+    try:
+        return SegmentModel().com(recording, match.landmarks, subject=recording.subject).com_m
+    except StridelabError:
+        return None
+
+
+def map_within(marker_map: Mapping[str, str], recording: Recording) -> dict[str, str]:
+    """The entries of a map (landmark to label) whose label the recording has."""
+    return {landmark: label for landmark, label in marker_map.items() if label in recording.markers_m}
+
+
+def switches(plates: Mapping[int, PlateSwitch]) -> dict[int, PlateSwitches]:
+    """Plate switches of the contract as those of the reader."""
+    return {index: PlateSwitches(**switch.model_dump(exclude_none=True)) for index, switch in plates.items()}
+
+
+def subject_fields(subject: Subject) -> SubjectFields:
+    """What a file says of the person, as in the contract; the reader has dropped what cannot be true."""
+    return SubjectFields(
+        height_m=subject.height_m, mass_kg=subject.mass_kg, sex=subject.sex, age_years=subject.age_years
+    )
+
+
+def _renamed(error: StridelabError, stored: str, uploaded: str) -> StridelabError:
+    faults = [Fault(uploaded if fault.where == stored else fault.where, fault.message) for fault in error.faults]
+    return type(error)(error.code, error.message, faults)

@@ -1,0 +1,151 @@
+"""The CoM of collision-free configurations, seen from the effectors (section 4.3.2.2).
+
+    x_a = T_frame_world(q_a) c(q_a)
+
+with configurations ``q_a`` uniform within the joint limits, or uniform given that the robot stands (``standing``), and
+``frame`` the contact frame of the effector or, for a hand of a robot that stands, its heading frame (``Frame``).
+
+Blocks of ``BLOCK`` configurations are drawn each from its own child of the seed, with its own buffers of the collision
+check: the cloud is a function of the seed, bit for bit, however many processes share the blocks.
+"""
+
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
+from itertools import combinations, islice
+from typing import Final
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from stridelab.conventions import Points, Progress
+from stridelab.errors import Fault, NotFound
+from stridelab.parallel import in_order, worthwhile
+from stridelab.reachability.card import Measure
+from stridelab.reachability.learning.standing_sampler import StandingConfigurations
+from stridelab.reachability.proxy.effector_proxy import Frame
+from stridelab.robots.configuration_sampling import UniformConfigurations, uniform_configurations
+from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.robot import Effector, Robot
+
+BLOCK: Final = 500
+"""Configurations of one block."""
+BLOCKS_PER_S: Final = 4
+"""About as many are drawn in a second."""
+
+
+@dataclass(frozen=True, eq=False)
+class ComCloud:
+    """Sampled CoM positions ``(n, 3)`` by effector, in its ``frame``; row ``a`` of all is one configuration.
+
+    ``pair_distance_max_m`` is the largest distance between the contact points of two effectors over the samples;
+    ``tried`` counts the configurations checked for self-collision to find them.
+    """
+
+    measure: Measure
+    com_m: Mapping[str, Points]
+    frames: Mapping[str, Frame]
+    pair_distance_max_m: Mapping[tuple[str, str], float]
+    tried: int
+
+
+def sample_com(
+    robot: Robot,
+    effectors: Sequence[str],
+    samples: int,
+    seed: int,
+    measure: Measure = "uniform",
+    progress: Progress | None = None,
+    processes: int | None = None,
+) -> ComCloud:
+    """CoM positions of ``samples`` configurations seen from ``effectors``, drawn by ``processes`` (all cores: None).
+
+    Raises ``NotFound`` (``effector-not-found``), ``NotEstimable`` (``measure-unavailable``,
+    ``no-free-configuration``).
+    """
+    require_effectors(robot, effectors)
+    blocks = -(-samples // BLOCK)
+    work = partial(_block, robot, tuple(effectors), samples, seed, measure)
+    found: list[_Block] = []
+    with closing(in_order(work, blocks, processes or worthwhile(blocks // BLOCKS_PER_S))) as done:
+        for block in done:
+            found.append(block)
+            if progress is not None:
+                have = min(len(found) * BLOCK, samples)
+                progress(have / samples, f"{have} of {samples} postures")
+    com = np.concatenate([block.com_m for block in found], axis=1)
+    distance = np.max([block.distance_max_m for block in found], axis=0)
+    numbered = combinations(enumerate(effectors), 2)
+    return ComCloud(
+        measure=measure,
+        com_m=dict(zip(effectors, com, strict=True)),
+        frames={name: frame_of(robot.effectors[name], measure) for name in effectors},
+        pair_distance_max_m={(first, second): float(distance[i, j]) for (i, first), (j, second) in numbered},
+        tried=sum(block.tried for block in found),
+    )
+
+
+def configurations(
+    robot: Robot, measure: Measure, rng: np.random.Generator
+) -> UniformConfigurations | StandingConfigurations:
+    """The endless stream of configurations ``(nq,)`` of a measure; ``tried`` counts those that were checked."""
+    return StandingConfigurations(robot, rng) if measure == "conditioned" else uniform_configurations(robot, rng)
+
+
+def frame_of(effector: Effector, measure: Measure) -> Frame:
+    """The frame in which the CoM is seen from an effector.
+
+    The contact frame, as in the thesis. A hand on a rail turns about the bar: there the posture says where the CoM is
+    in the heading of the trunk, not in the gripper.
+    """
+    return "heading" if measure == "conditioned" and effector.kind == "point" else "contact"
+
+
+def require_effectors(robot: Robot, effectors: Sequence[str]) -> None:
+    """Raise ``NotFound`` (``effector-not-found``) naming every effector that ``robot`` has not."""
+    unknown = [(i, name) for i, name in enumerate(effectors) if name not in robot.effectors]
+    if unknown:
+        names = ", ".join(repr(name) for _, name in unknown)
+        raise NotFound(
+            "effector-not-found",
+            f"{robot.title} has no effector {names}; it has {', '.join(robot.effectors)}.",
+            [Fault(f"effectors[{i}]", "unknown") for i, _ in unknown],
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class _Block:
+    com_m: Float[np.ndarray, "e n 3"]
+    distance_max_m: Float[np.ndarray, "e e"]
+    tried: int
+
+
+def _block(robot: Robot, effectors: tuple[str, ...], samples: int, seed: int, measure: Measure, number: int) -> _Block:
+    """The block ``number`` of a cloud of ``samples``; the last one may be shorter."""
+    rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
+    stream = configurations(robot, measure, rng)
+    model, frames = with_contact_frames(robot)
+    data, base = model.createData(), model.getFrameId(robot.base_frame)
+    n = min(BLOCK, samples - number * BLOCK)
+    c, p = np.empty((n, 3)), np.empty((len(effectors), n, 3))
+    R, R_heading = np.empty((len(effectors), n, 3, 3)), np.empty((n, 3, 3))
+    for a, q in enumerate(islice(stream, n)):
+        pin.framesForwardKinematics(model, data, q)
+        c[a] = pin.centerOfMass(model, data, q, False)
+        R_heading[a] = _heading(data.oMf[base].rotation @ robot.R_base_trunk)
+        for i, name in enumerate(effectors):
+            T_world_contact = data.oMf[frames[name]]
+            R[i, a], p[i, a] = T_world_contact.rotation, T_world_contact.translation
+    for i, name in enumerate(effectors):
+        if frame_of(robot.effectors[name], measure) == "heading":
+            R[i] = R_heading
+    com = np.einsum("eaji,eaj->eai", R, c - p)
+    return _Block(com, np.linalg.norm(p[:, None] - p[None], axis=-1).max(axis=-1), stream.tried)
+
+
+def _heading(R_world_trunk: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "3 3"]:
+    """Axes with z up and x along the horizontal part of the trunk's x axis."""
+    x, y = R_world_trunk[:2, 0] / np.hypot(*R_world_trunk[:2, 0])
+    return np.array([[x, -y, 0.0], [y, x, 0.0], [0.0, 0.0, 1.0]])

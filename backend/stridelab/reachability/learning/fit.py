@@ -1,0 +1,200 @@
+"""Section 4.3.2.3: a kernel density of sampled CoM positions is reduced to a Gaussian mixture by EM.
+
+EM (Dempster et al. 1977) maximises the likelihood of the samples, not the divergence from the kernel density, so that
+the divergence falls, stagnates and rises with the number of components. The thesis looks by dichotomy for the size
+where it stagnates. Here all sizes are fitted and one rule chooses: the smallest size whose divergence exceeds the least
+one by no more than the standard error of that difference. Every fifth sample, the last ones of the cloud, is kept from
+EM for the held-out likelihood.
+
+All is computed on one thread per process, so that the numbers do not depend on how many cores there are.
+"""
+
+import warnings
+from collections.abc import Mapping, Sequence
+from contextlib import closing
+from dataclasses import dataclass
+from datetime import date
+from functools import partial
+from importlib.metadata import version
+from typing import Final, Literal
+
+import numpy as np
+from jaxtyping import Float
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.mixture import GaussianMixture
+
+from stridelab.conventions import Points, Progress, Vector3
+from stridelab.errors import Fault, InvalidInput
+from stridelab.parallel import in_order, worthwhile
+from stridelab.reachability.card import (
+    EffectorCard,
+    Measure,
+    PairReach,
+    Reach,
+    ReachabilityCard,
+    SizeTrial,
+    Triple,
+)
+from stridelab.reachability.gaussian_mixture import Mixture
+from stridelab.reachability.learning.com_sampling import ComCloud, require_effectors, sample_com
+from stridelab.reachability.learning.kde import KernelDensity
+from stridelab.reachability.learning.kl_divergence import Divergence, divergences
+from stridelab.reachability.proxy.effector_proxy import Frame
+from stridelab.robots.robot import Robot
+
+THESIS_COMPONENTS: Final[Mapping[str, int]] = {"surface": 7, "point": 14}
+"""Sizes for feet and hands where the thesis sees the divergence stagnate (figure 4.3)."""
+SIZES: Final = range(1, 21)
+"""Sizes of the curve."""
+SAMPLES_MIN: Final = 100
+"""Fewer samples are no cloud to fit the largest size to."""
+KL_DRAWS: Final = 10_000
+HELD_OUT: Final = 5
+"""One in so many samples is held out."""
+FLOOR_M: Final = 3e-3
+"""Standard deviation that EM adds to every component, so that none collapses."""
+STEPS_MAX: Final = 500
+SAMPLING_SHARE: Final = 0.5
+"""Of the time, at 20 000 samples."""
+SAMPLES_PER_S: Final = 5000
+"""Of one effector, about as many are fitted in a second."""
+PERCENTILES: Final = (0.5, 99.5)
+PACKAGES: Final = ("stridelab", "numpy", "scipy", "scikit-learn", "pin", "example-robot-data")
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """The card with its mixtures, and the samples they were learned from."""
+
+    card: ReachabilityCard
+    cloud: ComCloud
+
+
+def learn(
+    robot: Robot,
+    learned_on: date,
+    effectors: Sequence[str] | None = None,
+    samples: int = 20_000,
+    seed: int = 0,
+    measure: Measure = "uniform",
+    progress: Progress | None = None,
+    processes: int | None = None,
+) -> Learned:
+    """Learn the densities of ``effectors`` (all where ``None``) on ``processes`` processes (all cores where ``None``).
+
+    But for ``processes``, a function of the arguments and the versions: bit for bit on one machine.
+
+    Raises ``NotFound`` (``effector-not-found``), ``InvalidInput`` (``too-few-samples``), ``NotEstimable``
+    (``measure-unavailable``, ``no-free-configuration``).
+    """
+    names = tuple(dict.fromkeys(robot.effectors if effectors is None else effectors))
+    require_effectors(robot, names)
+    if samples < SAMPLES_MIN:
+        message = f"{samples} samples are too few to learn from; at least {SAMPLES_MIN} are needed."
+        raise InvalidInput("too-few-samples", message, [Fault("samples", f"at least {SAMPLES_MIN}")])
+    tell = progress or _silent
+
+    def sampled(fraction: float, message: str) -> None:
+        tell(SAMPLING_SHARE * fraction, message)
+
+    cloud = sample_com(robot, names, samples, seed, measure, sampled, processes)
+    work = partial(_fitted, cloud, tuple(robot.effectors[name].kind for name in names), seed)
+    cards: dict[str, EffectorCard] = {}
+    wanted = processes or worthwhile(len(names) * samples // SAMPLES_PER_S)
+    with closing(in_order(work, len(names), wanted)) as fitted:
+        for name, effector in zip(names, fitted, strict=True):
+            cards[name] = effector
+            tell(SAMPLING_SHARE + (1.0 - SAMPLING_SHARE) * len(cards) / len(names), f"{name} is fitted")
+    card = ReachabilityCard(
+        robot=robot.name,
+        robot_sha256=robot.sha256,
+        measure=measure,
+        seed=seed,
+        learned_on=learned_on.isoformat(),
+        samples=samples,
+        fitted=samples - samples // HELD_OUT,
+        tried=cloud.tried,
+        rejected_share=1.0 - samples / cloud.tried,
+        versions={package: version(package) for package in PACKAGES},
+        effectors=cards,
+        pairs=tuple(PairReach(pair, distance) for pair, distance in cloud.pair_distance_max_m.items()),
+    )
+    return Learned(card, cloud)
+
+
+def fit(com_m: Points, kind: Literal["surface", "point"], frame: Frame, seed: int) -> EffectorCard:
+    """The mixture that the curve over ``SIZES`` chooses for sampled CoM positions ``(n, 3)`` of an effector."""
+    n = len(com_m) - len(com_m) // HELD_OUT
+    seen, held_out = com_m[:n], com_m[n:]
+    fitted = {k: expectation_maximisation(seen, k, seed) for k in SIZES}
+    kde = KernelDensity.scott(com_m)
+    mixtures = [mixture for mixture, _ in fitted.values()]
+    kl = dict(zip(SIZES, divergences(kde, mixtures, KL_DRAWS, np.random.default_rng(seed)), strict=True))
+    log_p = {k: mixture.log_density(held_out) for k, (mixture, _) in fitted.items()}
+    k = chosen_size(kl)
+    mixture, converged = fitted[k]
+    mode = mixture.mode_m()
+    return EffectorCard(
+        frame=frame,
+        weights=tuple(mixture.weights.tolist()),
+        means=tuple(_triple(mu) for mu in mixture.means_m),
+        covariances=tuple(_matrix(S) for S in mixture.covariances_m2),
+        components=k,
+        thesis_components=THESIS_COMPONENTS[kind],
+        em_converged=converged,
+        bandwidth_m=kde.bandwidth_m,
+        kl_nats=kl[k].kl_nats,
+        kl_sd_nats=kl[k].kl_sd_nats,
+        kl_draws=KL_DRAWS,
+        held_out_log_likelihood=float(log_p[k].mean()),
+        held_out_log_likelihood_sd=float(log_p[k].std(ddof=1) / np.sqrt(len(held_out))),
+        mode_m=_triple(mode),
+        mode_log_density=float(mixture.log_density(mode[None])[0]),
+        reach=reach_of(com_m),
+        sizes=tuple(
+            SizeTrial(size, d.kl_nats, d.kl_sd_nats, d.excess_sd_nats, float(log_p[size].mean()))
+            for size, d in kl.items()
+        ),
+    )
+
+
+def chosen_size(kl: Mapping[int, Divergence]) -> int:
+    """The smallest size whose divergence exceeds the least one by no more than the standard error of the difference."""
+    least = min(d.kl_nats for d in kl.values())
+    return min(size for size, d in kl.items() if d.kl_nats - least <= d.excess_sd_nats)
+
+
+def expectation_maximisation(com_m: Points, components: int, seed: int) -> tuple[Mixture, bool]:
+    """The mixture that EM finds from k-means, and whether it met its tolerance."""
+    em = GaussianMixture(components, random_state=seed, reg_covar=FLOOR_M**2, max_iter=STEPS_MAX)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ConvergenceWarning)  # it is in the answer
+        em.fit(com_m)
+    S = em.covariances_
+    return Mixture(em.weights_ / em.weights_.sum(), em.means_, (S + S.swapaxes(1, 2)) / 2), bool(em.converged_)
+
+
+def reach_of(com_m: Points) -> Reach:
+    """Box and sphere that hold sampled CoM positions."""
+    low, high = np.percentile(com_m, PERCENTILES, axis=0)
+    return Reach(_triple(low), _triple(high), float(np.linalg.norm(com_m, axis=1).max()))
+
+
+def _fitted(cloud: ComCloud, kinds: tuple[Literal["surface", "point"], ...], seed: int, number: int) -> EffectorCard:
+    """The card of the effector ``number`` of the cloud."""
+    name = list(cloud.com_m)[number]
+    return fit(cloud.com_m[name], kinds[number], cloud.frames[name], seed)
+
+
+def _triple(values: Vector3) -> Triple:
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _matrix(S: Float[np.ndarray, "3 3"]) -> tuple[Triple, Triple, Triple]:
+    x, y, z = S
+    return _triple(x), _triple(y), _triple(z)
+
+
+def _silent(_fraction: float, _message: str) -> None:
+    """Nobody listens."""

@@ -1,0 +1,134 @@
+"""The correction of the proxy where it is asked to tell feasible from not: densities of what is feasible, flat.
+
+The densities of section 4.3 say how many postures put the CoM somewhere. Where there are few, there is still one. A
+correction counts every feasible place once: for random contact sets (``random_contacts``) the CoM is uniform over the
+places that some posture reaches, and each effector's density is a mixture learned from those, seen from it,
+
+    f_i(x),  x = R_i^T (c - p_i),    (M_1 .. M_K, c) ~ U | a posture joins them,        f(c | M) ~ prod_i f_i
+
+so that (4.12) and (4.13) hold unchanged with ``f_i`` for ``p_i``.
+"""
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from functools import cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Final
+
+import numpy as np
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from stridelab.conventions import Points, Series
+from stridelab.errors import Fault, NotFound, UnreadableFile
+from stridelab.reachability.card import Matrix, Triple
+from stridelab.reachability.gaussian_mixture import Mixture
+from stridelab.reachability.kinematics.ik_ground_truth import Contacts
+from stridelab.reachability.learning.fit import expectation_maximisation
+from stridelab.reachability.proxy.effector_proxy import Frame, Proxy
+from stridelab.reachability.random_contacts import HAND, SOLES, Pairs
+from stridelab.reachability.standing_conditions import about
+from stridelab.resources import models_dir
+from stridelab.robots.card import robot_names
+
+COMPONENTS: Final = 14
+_STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+
+@dataclass(frozen=True)
+class FlatDensity:
+    """One effector's mixture (metres, in ``frame``)."""
+
+    __pydantic_config__ = _STRICT
+    frame: Frame
+    weights: tuple[float, ...]
+    means: tuple[Triple, ...]
+    covariances: tuple[Matrix, ...]
+
+    def proxy(self) -> Proxy:
+        """As the planner takes it. Raises ``InvalidInput`` (``mixture-invalid``)."""
+        return Proxy(Mixture(*(np.array(part) for part in (self.weights, self.means, self.covariances))), self.frame)
+
+
+@dataclass(frozen=True)
+class FeasibilityCard:
+    """The correction of one robot: learned from ``pairs`` feasible pairs over ``stances`` random contact sets."""
+
+    __pydantic_config__ = _STRICT
+    robot: str
+    robot_sha256: str
+    seed: int
+    stances: int
+    pairs: int
+    effectors: dict[str, FlatDensity]
+
+
+def log_density(proxies: Mapping[str, Proxy], contacts: Contacts, com_m: Points) -> Series:
+    """``sum_i log p_i(c)`` of (4.13), nats, for many contact sets with one CoM ``(n, 3)`` each."""
+    found = np.zeros(len(com_m))
+    for name in contacts.targets:
+        seen = seen_from(proxies[name].frame, contacts, name, com_m)
+        found += proxies[name].mixture.log_density(seen)
+    return found
+
+
+def seen_from(frame: Frame, contacts: Contacts, name: str, com_m: Points) -> Points:
+    """The CoM in the frame of the effector ``name``; a point's contact frame is taken to be its heading frame."""
+    p, R = contacts.targets[name]
+    axes = about(2, contacts.heading_rad) if R is None or frame == "heading" else R
+    return np.asarray((axes.swapaxes(1, 2) @ (com_m - p)[..., None])[..., 0])
+
+
+def learned(pairs_of_soles: Pairs, pairs_with_hand: Pairs, seed: int) -> dict[str, FlatDensity]:
+    """Densities of all effectors, by EM; the left hand's is the right one's in the mirror of the sagittal plane."""
+    of_soles = {name: _fitted(pairs_of_soles, name, "contact", seed) for name in SOLES}
+    right = _fitted(pairs_with_hand, HAND, "heading", seed)
+    mirror = np.array([1.0, -1.0, 1.0])
+    left = Mixture(right.weights, right.means_m * mirror, right.covariances_m2 * np.outer(mirror, mirror))
+    plain = {name: _plain(mixture, "contact") for name, mixture in of_soles.items()}
+    return plain | {"left_hand": _plain(left, "heading"), HAND: _plain(right, "heading")}
+
+
+@cache
+def load_feasibility(robot_name: str) -> Mapping[str, Proxy]:
+    """The bundled correction of a robot, of every effector.
+
+    Raises ``NotFound`` (``robot-not-found``, ``reachability-not-learned``) and ``UnreadableFile``
+    (``reachability-damaged``).
+    """
+    if robot_name not in robot_names():
+        raise NotFound("robot-not-found", f"There is no robot {robot_name!r}; there is {', '.join(robot_names())}.")
+    path = models_dir() / "feasibility" / f"{robot_name}.json"
+    if not path.is_file():
+        raise NotFound("reachability-not-learned", f"No correction of the proxy was learned for {robot_name!r} yet.")
+    return MappingProxyType({name: flat.proxy() for name, flat in read_feasibility(path).effectors.items()})
+
+
+def read_feasibility(path: Path) -> FeasibilityCard:
+    """A card from a file. Raises ``UnreadableFile`` (``reachability-damaged``) naming every bad place."""
+    try:
+        return TypeAdapter(FeasibilityCard).validate_json(path.read_bytes(), strict=True)
+    except ValidationError as error:
+        faults = [Fault(".".join(str(step) for step in item["loc"]), item["msg"]) for item in error.errors()]
+        places = "; ".join(f"{fault.where}: {fault.message}" for fault in faults[:3])
+        message = f"{path.name} holds no correction of the proxy: {places}."
+        raise UnreadableFile("reachability-damaged", message, faults) from error
+
+
+def save_feasibility(path: Path, card: FeasibilityCard) -> None:
+    """Write a card; ``read_feasibility`` gives the same one back."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(json.dumps(asdict(card), allow_nan=False) + "\n", encoding="utf-8")
+
+
+def _fitted(pairs: Pairs, name: str, frame: Frame, seed: int) -> Mixture:
+    feasible = np.flatnonzero(pairs.feasible)
+    chosen = pairs.taken(feasible)
+    return expectation_maximisation(seen_from(frame, chosen.contacts, name, chosen.com_m), COMPONENTS, seed)[0]
+
+
+def _plain(mixture: Mixture, frame: Frame) -> FlatDensity:
+    parts = (mixture.weights, mixture.means_m, mixture.covariances_m2)
+    fields = {name: part.tolist() for name, part in zip(("weights", "means", "covariances"), parts, strict=True)}
+    return TypeAdapter(FlatDensity).validate_python({"frame": frame, **fields})

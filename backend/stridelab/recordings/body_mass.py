@@ -1,0 +1,167 @@
+"""Body mass from the plates, by the impulse of the vertical force.
+
+Over an interval of length T in which all contact force is measured, f_z = m (g + z'') gives
+
+    int f_z dt = m (g T + v(T) - v(0)),
+
+with v = z' the upward velocity of the centre of mass as the markers see it. This holds for any movement. For somebody
+who stands still v is zero, and the plate is a scale. Both sides are weighted by a taper w that falls to zero over an
+eighth of the interval at each end, and the right side is integrated by parts,
+
+    m = int w f_z dt / (g int w dt - int w' v dt),
+
+because a late force and a wrong velocity cost most at the ends of an interval: among walks of the same adult the spread
+falls from 0.44 to 0.36 %. The standard deviation follows from that of the velocity, which grows with the movement;
+errors of the plates' calibration come on top of it and are common to the trials of a laboratory.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from scipy.signal.windows import tukey
+
+from stridelab.conventions import GRAVITY_M_S2, Series
+from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.plate_contacts import vertical_force_n, whole_steps
+from stridelab.recordings.recording import Recording, Window
+from stridelab.recordings.vertical_motion import VerticalMotion
+
+MassKind = Literal["standing", "impulse", "whole_steps", "session"]
+
+CALIBRATION_SHARE = 0.01
+"""Standard deviation of a plate's gain, as a share of it."""
+_STILL_M_S, _VELOCITY_SHARE, _PELVIS_SHARE = 0.003, 0.2, 0.4
+"""Error of the velocity: in quiet stance, and as a share of the root mean square of the velocity."""
+_TAPERED_SHARE = 0.25
+ZERO_SD_KG = 0.1
+"""What an error of 1 N in the zero of the plates weighs."""
+_QUIET_M_S, _QUIET_N, _QUIET_S = 0.03, 0.05, 0.4
+"""Quiet stance: limits of the velocity and of the force's deviation from its mean, and the shortest duration."""
+_WHOLE_STEPS_SHARE = 0.03
+_LEAST_S = 0.25
+
+
+@dataclass(frozen=True)
+class MassEstimate:
+    """A mass with the standard deviation of its own errors; ``total_sd_kg`` adds the calibration of the plates.
+
+    ``kind`` is how it was found: on somebody who stands still, by the impulse of a movement, or over whole steps that
+    are taken for periodic; or pooled over the trials of a session. ``duration_s`` is how long force was measured.
+    """
+
+    mass_kg: float
+    sd_kg: float
+    kind: MassKind
+    duration_s: float
+
+    @property
+    def total_sd_kg(self) -> float:
+        """Standard deviation with that of the plates' calibration."""
+        return float(np.hypot(self.sd_kg, CALIBRATION_SHARE * self.mass_kg))
+
+
+def weigh(
+    recording: Recording, windows: Sequence[Window], motion: VerticalMotion | None = None
+) -> tuple[MassEstimate, ...]:
+    """Masses that follow from the force in the ``windows``, at most one of each kind; empty where none does.
+
+    ``windows`` are those of ``find_windows``, ``motion`` is ``vertical_motion``. Without a motion, whole steps of a
+    walk are taken for periodic (right within 3 % at a person's own speed), and quiet stance is read as a scale.
+    """
+    if not any(plate.use for plate in recording.plates) or not windows:
+        return ()
+    quiet = [span for window in windows for span in _quiet_spans(recording, window, motion)]
+    estimates = [_by_impulse(recording, quiet, motion, "standing")]
+    if motion is not None:
+        estimates.append(_by_impulse(recording, windows, motion, "impulse"))
+    else:
+        steps = [Window(*span) for window in windows for span in whole_steps(recording, window)]
+        estimates.append(_by_impulse(recording, steps, None, "whole_steps"))
+    return tuple(estimate for estimate in estimates if estimate is not None)
+
+
+def best_mass(estimates: Sequence[MassEstimate]) -> MassEstimate | None:
+    """The estimate of one trial that has the smallest standard deviation: the others share its force."""
+    return min(estimates, key=lambda estimate: estimate.sd_kg, default=None)
+
+
+def combined_mass(estimates: Sequence[MassEstimate]) -> MassEstimate | None:
+    """Mean of *independent* estimates (one per trial), weighted by 1 / sd^2.
+
+    Where they differ by more than their standard deviations explain, sd is scaled up by sqrt(chi^2 / dof).
+    """
+    if len(estimates) < 2:
+        return next(iter(estimates), None)
+    weights = np.array([1.0 / estimate.sd_kg**2 for estimate in estimates])
+    masses = np.array([estimate.mass_kg for estimate in estimates])
+    mean_kg = float(weights @ masses / weights.sum())
+    chi2 = float(weights @ (masses - mean_kg) ** 2)
+    scale = max(1.0, float(np.sqrt(chi2 / max(len(masses) - 1, 1))))
+    sharpest = min(estimates, key=lambda estimate: estimate.sd_kg)
+    duration_s = sum(estimate.duration_s for estimate in estimates)
+    return replace(sharpest, mass_kg=mean_kg, sd_kg=scale / float(np.sqrt(weights.sum())), duration_s=duration_s)
+
+
+def _by_impulse(
+    recording: Recording, spans: Sequence[Window], motion: VerticalMotion | None, kind: MassKind
+) -> MassEstimate | None:
+    """The impulses of all spans over what they need per kilogram; sd by v(T) - v(0) with an error at either end."""
+    up_n, rate_hz = vertical_force_n(recording), recording.force_rate_hz
+    impulse_ns, needed_m_s, duration_s, variance = 0.0, 0.0, 0.0, 0.0
+    for span in _known(recording, spans, motion):
+        i, j = round(span.start_s * rate_hz), min(round(span.end_s * rate_hz), len(up_n) - 1)
+        if (j - i) / rate_hz < _LEAST_S:
+            continue
+        w = np.ones(j - i + 1) if kind == "whole_steps" else tukey(j - i + 1, _TAPERED_SHARE)
+        v = _velocity_m_s(recording, np.arange(i, j + 1) / rate_hz, motion)
+        impulse_ns += float(np.trapezoid(w * up_n[i : j + 1])) / rate_hz
+        needed_m_s += float(GRAVITY_M_S2 * np.trapezoid(w) / rate_hz - np.trapezoid(np.gradient(w) * v))
+        duration_s += (j - i) / rate_hz
+        share = _PELVIS_SHARE if motion is not None and motion.from_pelvis else _VELOCITY_SHARE
+        variance += 2.0 * float(_STILL_M_S**2 + share**2 * np.mean(v**2))
+    if duration_s == 0.0 or needed_m_s <= 0.0 or impulse_ns <= 0.0:
+        return None
+    mass_kg = impulse_ns / needed_m_s
+    share = _WHOLE_STEPS_SHARE if kind == "whole_steps" else float(np.sqrt(variance)) / (GRAVITY_M_S2 * duration_s)
+    return MassEstimate(mass_kg, float(np.hypot(mass_kg * share, ZERO_SD_KG)), kind, duration_s)
+
+
+def _velocity_m_s(recording: Recording, time_s: Series, motion: VerticalMotion | None) -> Series:
+    """Upward velocity at the force's instants; zero without a motion (quiet stance, and the mean over a whole step)."""
+    if motion is None:
+        return np.zeros_like(time_s)
+    known = motion.known
+    return np.asarray(np.interp(time_s, recording.time_s[known], motion.velocity_m_s[known]))
+
+
+def _known(recording: Recording, spans: Sequence[Window], motion: VerticalMotion | None) -> list[Window]:
+    """The parts of the spans in which the motion is known."""
+    if motion is None:
+        return list(spans)
+    rate_hz = recording.marker_rate_hz
+    found = []
+    for span in spans:
+        i, j = round(span.start_s * rate_hz), round(span.end_s * rate_hz) + 1
+        found += [Window((i + a) / rate_hz, (i + b - 1) / rate_hz) for a, b in runs(motion.known[i:j])]
+    return found
+
+
+def _quiet_spans(recording: Recording, window: Window, motion: VerticalMotion | None) -> list[Window]:
+    """Where somebody stands still: a steady force and, where it is known, hardly any vertical velocity."""
+    rate_hz = recording.marker_rate_hz
+    up_n = vertical_force_n(recording)
+    force_s = np.arange(len(up_n)) / recording.force_rate_hz
+    i, j = round(window.start_s * rate_hz), round(window.end_s * rate_hz) + 1
+    at_frames = np.interp(recording.time_s[i:j], force_s, up_n)
+    if motion is None:
+        still = np.full(len(at_frames), recording.walking_direction is None)
+    else:
+        still = np.abs(np.nan_to_num(motion.velocity_m_s[i:j], nan=np.inf)) < _QUIET_M_S
+    found = []
+    for a, b in runs(still):
+        steady = float(np.std(at_frames[a:b])) < _QUIET_N * float(np.mean(at_frames[a:b]))
+        if (b - a - 1) / rate_hz >= _QUIET_S and steady:
+            found.append(Window((i + a) / rate_hz, (i + b - 1) / rate_hz))
+    return found

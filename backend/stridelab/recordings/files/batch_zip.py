@@ -1,0 +1,167 @@
+"""The zip of many recordings: unpacked into files of our own names, without trusting any of its names or numbers.
+
+Members are ``.c3d`` files, ``.trc`` files, ``.zip`` files of one TRC and one force file each (looked into when they are
+read, and no deeper), and at most one ``.csv``: the subject table.
+"""
+
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Final
+
+from stridelab.errors import Fault, UnreadableFile
+from stridelab.recordings.files.opensim_zip import ZIP_ERRORS, damaged, has_ground_forces
+from stridelab.recordings.files.recording_files import recordings_among
+
+TRC: Final = ".trc"
+FORCES: Final = (".mot", ".sto")
+TABLE: Final = ".csv"
+TABLE_BYTES: Final = 1_000_000
+PIECE_BYTES: Final = 1 << 20
+HEAD_BYTES: Final = 20_000
+
+
+@dataclass(frozen=True)
+class BatchLimits:
+    """Most recordings, largest recording, and all of them together once unpacked."""
+
+    files: int
+    file_bytes: int
+    total_bytes: int
+
+
+@dataclass(frozen=True)
+class Unpacked:
+    """Members by their path inside the zip, with where they lie now; and the subject table where there is one."""
+
+    files: tuple[tuple[str, Path], ...]
+    table: bytes | None
+
+
+def is_batch(path: Path) -> bool:
+    """Whether a file is a zip with recordings in it, and not one recording as a zip of TRC and MOT.
+
+    Several TRC files are several recordings, one TRC file is one with or without a force file beside it.
+    """
+    if not zipfile.is_zipfile(path):
+        return False
+    try:
+        with zipfile.ZipFile(path) as archive:
+            suffixes = [_suffix(member) for member in _recordings(_members(archive))]
+            return any(suffix != TRC for suffix in suffixes) or len(suffixes) > 1
+    except (zipfile.BadZipFile, OSError, NotImplementedError, ValueError):
+        return False
+
+
+def unpack_batch(path: Path, folder: Path, limits: BatchLimits) -> Unpacked:
+    """Unpack the recordings of a zip into ``folder`` as ``member-0000`` ..
+
+    Reading stops at the limits whatever the zip's directory states. Raises ``UnreadableFile`` (``zip-damaged``,
+    ``zip-bomb``, ``zip-too-many-files``, ``zip-name-twice``, ``zip-several-tables``, and ``zip-several-trials`` where
+    it is not said which of its force files belongs to which TRC file).
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = _members(archive)
+            recordings = _recordings(members)
+            tables = [member for member in members if _suffix(member) == TABLE]
+            _refuse(path.name, recordings, tables, limits)
+            _refuse_loose_forces(archive, members, recordings)
+            left, files = limits.total_bytes, []
+            for index, member in enumerate(recordings):
+                target = folder / f"member-{index:04d}"
+                left -= _unpack(archive, member, target, min(left, limits.file_bytes), limits)
+                files.append((_plain(member), target))
+            return Unpacked(tuple(files), _table(archive, tables, limits))
+    except ZIP_ERRORS as error:
+        raise damaged(path, error) from error
+
+
+def _refuse(name: str, recordings: list[zipfile.ZipInfo], tables: list[zipfile.ZipInfo], limits: BatchLimits) -> None:
+    if len(recordings) > limits.files:
+        message = f"The zip holds {len(recordings)} recordings; at most {limits.files} are taken at a time."
+        raise UnreadableFile("zip-too-many-files", message, [Fault(name, "too many files")])
+    if len(tables) > 1:
+        faults = [Fault(_plain(table)[:120], "one of several") for table in tables[:10]]
+        raise UnreadableFile(
+            "zip-several-tables", "The zip holds more than one .csv; one subject table is read.", faults
+        )
+    names = [_plain(member) for member in recordings]
+    twice = sorted({each for each in names if names.count(each) > 1})
+    if twice:
+        faults = [Fault(each[:120], "twice in the zip") for each in twice[:10]]
+        raise UnreadableFile("zip-name-twice", "The zip holds two files of the same name.", faults)
+
+
+def _refuse_loose_forces(
+    archive: zipfile.ZipFile, members: list[zipfile.ZipInfo], recordings: list[zipfile.ZipInfo]
+) -> None:
+    """Raise where TRC files would be read without the ground forces that lie beside them."""
+    trials = [_plain(member) for member in recordings if _suffix(member) == TRC]
+    if not trials:
+        return
+    forces = []
+    for member in members:
+        if _suffix(member) in FORCES:
+            with archive.open(member) as file:
+                if has_ground_forces(file.read(HEAD_BYTES).decode("utf-8-sig", errors="replace")):
+                    forces.append(_plain(member))
+    if forces:
+        message = (
+            "The zip holds several recordings, TRC files and force files among them; it is not known which of these "
+            "belong together. Put each pair of a TRC and a MOT or STO file into a zip of its own inside this one."
+        )
+        faults = [Fault(name[:120], "one of several") for name in (*trials[:10], *forces[:10])]
+        raise UnreadableFile("zip-several-trials", message, faults)
+
+
+def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo, target: Path, limit: int, limits: BatchLimits) -> int:
+    written = 0
+    with archive.open(member) as source, target.open("wb") as file:
+        while piece := source.read(PIECE_BYTES):
+            written += len(piece)
+            if written > limit:
+                raise _bomb(member, limits)
+            file.write(piece)
+    return written
+
+
+def _table(archive: zipfile.ZipFile, tables: list[zipfile.ZipInfo], limits: BatchLimits) -> bytes | None:
+    if not tables:
+        return None
+    with archive.open(tables[0]) as source:
+        content = source.read(TABLE_BYTES + 1)
+    if len(content) > TABLE_BYTES:
+        raise _bomb(tables[0], limits)
+    return content
+
+
+def _bomb(member: zipfile.ZipInfo, limits: BatchLimits) -> UnreadableFile:
+    return UnreadableFile(
+        "zip-bomb",
+        f"The zip unpacks to more than {limits.file_bytes / 1e6:g} MB a file "
+        f"or {limits.total_bytes / 1e6:g} MB in all.",
+        [Fault(_plain(member)[:120], "too large when unpacked")],
+    )
+
+
+def _members(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
+    return [m for m in archive.infolist() if not m.is_dir() and not _is_litter(_plain(m))]
+
+
+def _recordings(members: list[zipfile.ZipInfo]) -> list[zipfile.ZipInfo]:
+    kept = {str(name) for name in recordings_among(PurePosixPath(_plain(member)) for member in members)}
+    return [member for member in members if str(PurePosixPath(_plain(member))) in kept]
+
+
+def _plain(member: zipfile.ZipInfo) -> str:
+    """A member's name for messages and for the table; never a path of ours."""
+    return member.filename.replace("\\", "/").removeprefix("./")
+
+
+def _suffix(member: zipfile.ZipInfo) -> str:
+    return Path(_plain(member).rpartition("/")[2]).suffix.lower()
+
+
+def _is_litter(name: str) -> bool:
+    return name.startswith("__MACOSX/") or name.rpartition("/")[2].startswith(".")

@@ -1,0 +1,225 @@
+"""C3D files, read by ezc3d; plate signals are put together here from their channels."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Corners
+from stridelab.errors import Fault, UnreadableFile
+from stridelab.recordings.files import marker_labels as names
+from stridelab.recordings.files.c3d_ezc3d import EZC3D_ERRORS, open_c3d
+from stridelab.recordings.files.metadata import read_events, read_joint_widths_m, read_subject
+from stridelab.recordings.files.raw import LARGEST, Cloud, PlateSignals, RawTrial
+from stridelab.recordings.files.recording_date import recorded_on
+from stridelab.recordings.files.units import length_scale, moment_scale
+from stridelab.recordings.force_plates import CHANNELS, corners_fault, sensor_wrench
+from stridelab.recordings.gap_filling import mark_missing
+from stridelab.recordings.recording import Event, Remark
+
+CARRIED_GROUP = "STRIDELAB"
+"""Group in which a simulated recording carries its own metadata."""
+_SCREEN = {"+X": "+x", "-X": "+x", "+Y": "+y", "-Y": "+y", "+Z": "+z", "-Z": "+z"}
+_OUTPUT_LISTS = ("ANGLES", "POWERS", "FORCES", "MOMENTS", "SCALARS")
+
+
+class Parameters:
+    """Parameters of a C3D file by group and name, in any case; absent ones read as empty."""
+
+    def __init__(self, tree: Mapping[str, Any]) -> None:
+        self._tree = {
+            group.upper(): {name.upper(): entry for name, entry in content.items() if name != "__METADATA__"}
+            for group, content in tree.items()
+        }
+
+    def names(self, group: str) -> list[str]:
+        """Names of a group's parameters, in capitals."""
+        return list(self._tree.get(group, {}))
+
+    def _value(self, group: str, name: str) -> Any:
+        return self._tree.get(group, {}).get(name, {}).get("value", [])
+
+    def numbers(self, group: str, name: str) -> Float[np.ndarray, "..."]:
+        """Values as a float array in the file's shape; empty where absent or not numeric."""
+        try:
+            return np.asarray(self._value(group, name), dtype=np.float64)
+        except (TypeError, ValueError):
+            return np.zeros(0)
+
+    def number(self, group: str, name: str, default: float) -> float:
+        """The first value; ``default`` where there is none that is a number."""
+        values = self.numbers(group, name).ravel()
+        return float(values[0]) if len(values) else default
+
+    def texts(self, group: str, name: str) -> list[str]:
+        """The values without the blanks around them; empty where absent."""
+        value = self._value(group, name)
+        return [str(text).strip() for text in value] if isinstance(value, list) else []
+
+    def text(self, group: str, name: str) -> str:
+        """The first of the values; empty where absent."""
+        values = self.texts(group, name)
+        return values[0] if values else ""
+
+
+def read_c3d(path: Path) -> RawTrial:
+    """Read one C3D file.
+
+    Raises ``UnreadableFile`` (``c3d-unreadable``, ``no-frames``, and as ``check_c3d``).
+    """
+    try:
+        content = open_c3d(path)
+    except EZC3D_ERRORS as error:
+        raise UnreadableFile(
+            "c3d-unreadable",
+            "The file has the header of a C3D file, but its parameters contradict each other or its data.",
+            [Fault(path.name, "the C3D reader cannot make sense of its parameters")],
+        ) from error
+    P = Parameters(content["parameters"])
+    points = np.asarray(content["data"]["points"][:3], dtype=np.float64).transpose(2, 1, 0)
+    analogs = np.asarray(content["data"]["analogs"][0], dtype=np.float64).T
+    rate_hz = P.number("POINT", "RATE", 0.0) or float(content["header"]["points"]["frame_rate"])
+    if len(points) == 0 or not 0.0 < rate_hz < 1e5:
+        raise UnreadableFile(
+            "no-frames", "The C3D file holds no frames, or no frame rate.", [Fault(path.name, "no frames")]
+        )
+    cloud = mark_missing(points)
+    choice = _choose_labels(P, cloud)
+    column = list(choice.column.values())
+    scale, unit_remarks = length_scale(P.text("POINT", "UNITS"), cloud[:, column, :])
+    subject, subject_remarks = read_subject(_stated_subject(P))
+    plates, plate_remarks = _plates(P, analogs, scale)
+    return RawTrial(
+        labels=tuple(choice.column),
+        outputs=choice.outputs,
+        points_m=cloud[:, column, :] * scale,
+        marker_rate_hz=rate_hz,
+        force_rate_hz=P.number("ANALOG", "RATE", rate_hz) or rate_hz,
+        plates=plates,
+        contacts=(),
+        subject=subject,
+        events=_events(P, int(content["header"]["points"]["first_frame"]), rate_hz),
+        up_hint=_SCREEN.get(P.text("POINT", "Y_SCREEN").upper()),
+        remarks=(*choice.remarks, *unit_remarks, *subject_remarks, *plate_remarks),
+        metres_per_unit=scale,
+        joint_widths_m=read_joint_widths_m(
+            {name: P.number("PROCESSING", name, math.nan) for name in P.names("PROCESSING")}
+        ),
+        carried=_carried(P),
+        recorded_on=recorded_on(P.texts, lambda group, name: P.numbers(group, name).ravel().tolist()),
+    )
+
+
+def _choose_labels(P: Parameters, cloud: Cloud) -> names.LabelChoice:
+    labels = _continued(P, "LABELS")[: cloud.shape[1]]
+    labels += [""] * (cloud.shape[1] - len(labels))
+    visible = [int(n) for n in (~np.isnan(cloud[:, :, 0])).sum(axis=0)]
+    not_positions = [name for group in _OUTPUT_LISTS for name in _continued(P, group)]
+    return names.choose(labels, visible, not_positions, _continued(P, "MODELED_MARKERS"))
+
+
+def _continued(P: Parameters, name: str) -> list[str]:
+    """A list of the POINT group that goes on in NAME2, NAME3 ... after 255 entries."""
+    values, k = P.texts("POINT", name), 2
+    while more := P.texts("POINT", f"{name}{k}"):
+        values, k = values + more, k + 1
+    return values
+
+
+def _carried(P: Parameters) -> dict[str, str]:
+    """Texts of our own group, put together again from their pieces."""
+    pieces = {name.lower(): P.texts(CARRIED_GROUP, name) for name in P.names(CARRIED_GROUP)}
+    return {name: "".join(texts) for name, texts in pieces.items() if texts}
+
+
+def _stated_subject(P: Parameters) -> dict[str, float]:
+    """Numbers about the person: group SUBJECT (labels and values) or PROCESSING (one parameter each)."""
+    values = P.numbers("SUBJECT", "VALUES").ravel()
+    stated = {name: float(value) for name, value in zip(P.texts("SUBJECT", "LABELS"), values, strict=False)}
+    for group in ("PROCESSING", "SUBJECT", CARRIED_GROUP):
+        for name in ("HEIGHT", "BODYMASS", "MASS", "WEIGHT", "AGE", "GENDER"):
+            number = P.number(group, name, math.nan)
+            if not math.isnan(number) and name.lower() not in stated:
+                stated[name.lower()] = number
+    return stated
+
+
+def _events(P: Parameters, first_frame: int, rate_hz: float) -> tuple[Event, ...]:
+    """TIMES is 2 x n: minutes and seconds."""
+    times = P.numbers("EVENT", "TIMES")
+    if times.size == 0:
+        return ()
+    times = times.reshape(2, -1) if times.shape[0] == 2 else times.reshape(-1, 2).T
+    seconds = [float(t) for t in 60.0 * times[0] + times[1]]
+    return read_events(P.texts("EVENT", "LABELS"), P.texts("EVENT", "CONTEXTS"), seconds, first_frame, rate_hz)
+
+
+def _plates(P: Parameters, analogs: np.ndarray, scale: float) -> tuple[tuple[PlateSignals, ...], list[Remark]]:
+    group = "FORCE_PLATFORM"
+    kinds = P.numbers(group, "TYPE").ravel()
+    n = min(int(P.number(group, "USED", 0.0)), len(kinds))
+    if n <= 0:
+        return (), []
+    channel = P.numbers(group, "CHANNEL")
+    channel = channel.reshape(channel.shape[0], -1) if channel.ndim >= 2 else channel.reshape(-1, n, order="F")
+    corners = P.numbers(group, "CORNERS")
+    origin = P.numbers(group, "ORIGIN")
+    calibration = P.numbers(group, "CAL_MATRIX")
+    zero = P.numbers(group, "ZERO").ravel()
+    zero_samples = (int(zero[0]), int(zero[1])) if len(zero) >= 2 else None
+    found: list[PlateSignals] = []
+    remarks: list[Remark] = []
+    for k in range(n):
+        kind = int(kinds[k])
+        fault = _layout_fault(kind, k, channel, corners, origin, analogs.shape[1])
+        corners_m: Corners = np.full((4, 3), np.nan)
+        if fault is None:
+            corners_m = corners.reshape(3, 4, -1)[:, :, k].T * scale
+            fault = corners_fault(corners_m)
+        if fault is not None:
+            remarks.append(Remark("plate-unusable", f"Plate {k + 1} was left out: {fault}."))
+            continue
+        used = [int(i) - 1 for i in channel[: CHANNELS[kind], k]]
+        if np.isnan(analogs[:, used]).all(axis=0).any():
+            remarks.append(Remark("plate-unusable", f"Plate {k + 1} was left out: a channel of it has no scale."))
+            continue
+        unit = _moment_unit(P, used[-1])
+        matrix = calibration.reshape(6, 6, -1)[:, :, k] if kind == 4 and calibration.size >= 36 * (k + 1) else None
+        if matrix is not None and P.text(group, "MATRIX_STORE").upper() == "BYROW":
+            matrix = matrix.T
+        origin_m = origin.reshape(3, -1)[:, k] * scale
+        signals = np.where(np.isnan(analogs[:, used]), 0.0, analogs[:, used])
+        if (np.abs(signals) > LARGEST).any():
+            remarks.append(
+                Remark("plate-unusable", f"Plate {k + 1} was left out: its channels hold impossible values.")
+            )
+            continue
+        force, moment, o = sensor_wrench(kind, signals, origin_m, matrix, moment_scale(unit, scale), scale)
+        moment_unit = unit if kind in (2, 4) else None
+        found.append(PlateSignals(k + 1, kind, corners_m, o, force, moment, zero_samples, moment_unit))
+    return tuple(found), remarks
+
+
+def _layout_fault(
+    kind: int, k: int, channel: np.ndarray, corners: np.ndarray, origin: np.ndarray, n_channels: int
+) -> str | None:
+    """Why the parameters do not describe plate ``k``, or None."""
+    if kind not in CHANNELS:
+        return f"plate type {kind} is not one of 1 to 4"
+    if channel.shape[0] < CHANNELS[kind] or channel.shape[1] <= k:
+        return "its channels are not listed"
+    indices = channel[: CHANNELS[kind], k]
+    if not ((indices >= 1) & (indices <= n_channels)).all():
+        return "its channels are not in the file"
+    if corners.size < 12 * (k + 1):
+        return "its corners are missing"
+    return "its ORIGIN is missing" if origin.size < 3 * (k + 1) else None
+
+
+def _moment_unit(P: Parameters, channel: int) -> str:
+    """What the file says of a moment channel's unit; empty where it says nothing."""
+    units: Sequence[str] = P.texts("ANALOG", "UNITS")
+    return units[channel] if channel < len(units) else ""

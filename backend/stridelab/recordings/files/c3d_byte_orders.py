@@ -1,0 +1,231 @@
+"""C3D files rewritten with Intel floats: the same recording whatever machine and number format wrote it.
+
+Points of an integer file are multiplied by POINT:SCALE; analog samples keep their raw counts, as the C3D user manual
+has it for float files. A negative scale, in POINT:SCALE and in the header, marks a float file.
+"""
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float, Float32, Int, Num
+
+from stridelab.recordings.files.c3d_layout import Layout, first_number
+from stridelab.recordings.files.c3d_records import (
+    BLOCK,
+    BYTE_ORDER,
+    DEC,
+    INTEL,
+    Record,
+    continued,
+    floats,
+    group_numbers,
+    numbers,
+    parameter,
+)
+from stridelab.recordings.files.c3d_validation import CheckedC3d
+
+Raw = Float32[np.ndarray, "frames values"]
+PointValues = Float32[np.ndarray, "frames point_values"]
+AnalogValues = Float32[np.ndarray, "frames analog_values"]
+_EVENT_TIMES = slice(304, 376)
+_TYPES = {("ANALOG", "OFFSET"): 2, ("ANALOG", "SCALE"): 4, ("ANALOG", "GEN_SCALE"): 4, ("ANALOG", "RATE"): 4}
+"""Types that the C3D user manual gives to parameters: 2 for integers, 4 for floats. Other readers rely on them."""
+_MOST_ENTRIES = 255
+"""Entries of one list of parameters; more go to NAME2, NAME3 ..."""
+
+
+@dataclass(frozen=True)
+class C3dContent:
+    """A whole file in Intel's numbers.
+
+    ``points`` are four values per point (x, y, z in the file's unit; the residual and cameras, below zero where the
+    point is missing), ``analogs`` raw counts, ``scale`` the size of POINT:SCALE, ``tail`` what a ROTATION group adds
+    behind the frames, in whole blocks.
+    """
+
+    head: bytes
+    records: tuple[Record, ...]
+    layout: Layout
+    points: PointValues
+    analogs: AnalogValues
+    scale: float
+    tail: bytes = b""
+
+
+def read_content(path: Path, checked: CheckedC3d) -> C3dContent:
+    """Read a whole file that ``check_c3d`` has let pass."""
+    content = path.read_bytes()
+    header, records, layout = checked.header, checked.records, checked.layout
+    processor = header.processor
+    stated = first_number(header, records, "POINT", "SCALE") or header.scale or 1.0
+    raw = _values(content[layout.data_start : layout.end], processor, layout)
+    points, analogs = raw[:, : 4 * layout.n_points], raw[:, 4 * layout.n_points :]
+    if layout.width == 2:
+        fourth = points[:, 3::4]
+        points = points * np.float32(abs(stated))
+        points[:, 3::4] = np.where(fourth < 0.0, np.float32(-1.0), fourth)
+        if is_unsigned(records):
+            analogs = analogs % np.float32(65536.0)
+    rotations = first_number(header, records, "ROTATION", "DATA_START") or 0.0
+    tail_start = (int(rotations) - 1) * BLOCK
+    tail = content[tail_start:] if processor == INTEL and tail_start >= layout.end else b""
+    return C3dContent(
+        head=_intel_head(content[:BLOCK], processor),
+        records=tuple(_as_intel(record, processor) for record in records),
+        layout=layout,
+        points=points,
+        analogs=analogs,
+        scale=abs(stated),
+        tail=tail,
+    )
+
+
+def write_content(file: C3dContent, *, padded: bool = True) -> bytes:
+    """The bytes of the file; USED, SCALE and DATA_START of POINT, and the header, state what is written.
+
+    Numbers of ANALOG get the type that the manual gives them, where that changes no value. ``padded`` fills the last
+    block.
+    """
+    layout = file.layout
+    records: Sequence[Record] = _with_types(file.records)
+    records = with_numbers(records, "POINT", "USED", word(layout.n_points))
+    records = with_numbers(records, "POINT", "SCALE", np.array([-file.scale], dtype="<f4"))
+    records = with_numbers(records, "POINT", "DATA_START", word(0))
+    n_blocks = -(-(6 + sum(len(packed(record)) for record in records)) // BLOCK)
+    values = np.concatenate([file.points, file.analogs], axis=1).astype("<f4").tobytes()
+    if padded or file.tail:
+        values += bytes(-len(values) % BLOCK)
+    data_block = 2 + n_blocks
+    records = with_numbers(records, "POINT", "DATA_START", word(data_block))
+    if file.tail:
+        records = with_numbers(records, "ROTATION", "DATA_START", word(data_block + len(values) // BLOCK))
+    section = bytes([1, 0x50, min(n_blocks, 255), INTEL]) + b"".join(packed(record) for record in records)
+    head = bytearray(file.head)
+    head[0] = 2
+    struct.pack_into("<2H", head, 2, layout.n_points, layout.n_channels * layout.ratio)
+    struct.pack_into("<fH", head, 12, -file.scale, data_block)
+    if layout.n_channels:
+        struct.pack_into("<H", head, 18, layout.ratio)
+    return bytes(head) + section.ljust(n_blocks * BLOCK, b"\0") + values + file.tail
+
+
+def is_unsigned(records: Sequence[Record]) -> bool:
+    """Whether the file says that its analog counts run from 0 to 65535."""
+    record = parameter(records, "ANALOG", "FORMAT")
+    return record is not None and "".join(record.texts()[:1]).strip().upper() == "UNSIGNED"
+
+
+def word(value: int) -> Int[np.ndarray, " one"]:
+    """A count of 16 bits as a list of one; above 32767 it reads as negative, as in all C3D files."""
+    return np.array([value % 65536], dtype="<u2").view("<i2")
+
+
+def with_numbers(
+    records: Sequence[Record], group: str, name: str, values: Num[np.ndarray, "..."]
+) -> tuple[Record, ...]:
+    """The records with a parameter set to ``values`` of type <i2 or <f4; a list of one value is a scalar."""
+    shape = () if values.shape == (1,) else values.shape
+    return with_record(records, group, name, values.dtype.itemsize, shape, values.tobytes())
+
+
+def with_texts(records: Sequence[Record], group: str, name: str, texts: Sequence[str]) -> tuple[Record, ...]:
+    """The records with a list of texts, cut into NAME, NAME2 ... of 255 entries."""
+    for k in range(0, max(len(texts), 1), _MOST_ENTRIES):
+        pieces = [text.encode("latin-1", "replace")[:_MOST_ENTRIES] for text in texts[k : k + _MOST_ENTRIES]]
+        width = max((len(piece) for piece in pieces), default=1) or 1
+        raw = b"".join(piece.ljust(width) for piece in pieces)
+        number = str(k // _MOST_ENTRIES + 1) if k else ""
+        records = with_record(records, group, name + number, -1, (width, len(pieces)), raw)
+    return tuple(records)
+
+
+def with_record(
+    records: Sequence[Record], group: str, name: str, kind: int, shape: tuple[int, ...], raw: bytes
+) -> tuple[Record, ...]:
+    """The records with the last parameter ``group:name`` replaced, or added where there is none."""
+    found = list(records)
+    old = parameter(found, group, name)
+    if old is not None:
+        found[found.index(old)] = replace(old, kind=kind, shape=shape, raw=raw)
+        return tuple(found)
+    groups = group_numbers(found)
+    taken = {abs(record.group) for record in found}
+    number = groups.get(group) or next((n for n in range(1, 128) if n not in taken), 127)
+    if group not in groups:
+        found.append(Record(-number, group))
+    return (*found, Record(number, name, kind=kind, shape=shape, raw=raw))
+
+
+def packed(record: Record) -> bytes:
+    """A record of Intel's numbers as it stands in a file."""
+    name = record.name.encode("latin-1")
+    rest = b""
+    if record.group > 0:
+        rest = struct.pack("bB", record.kind, len(record.shape)) + bytes(record.shape) + record.raw
+    rest += bytes([len(record.description)]) + record.description
+    sign = -1 if record.locked else 1
+    return struct.pack("bb", sign * len(name), record.group) + name + struct.pack("<H", 2 + len(rest)) + rest
+
+
+def _with_types(records: Sequence[Record]) -> tuple[Record, ...]:
+    """The records of Intel's numbers with ``_TYPES``; offsets that are no integers of 16 bits stay floats."""
+    found = list(records)
+    for (group, name), kind in _TYPES.items():
+        for record in continued(records, group, name):
+            values = numbers(record, INTEL)
+            whole = np.all((values == np.rint(values)) & (np.abs(values) < 32768.0))
+            if record.kind in (2, 4) and (kind == 4 or whole):
+                made = replace(record, kind=kind, raw=values.astype("<i2" if kind == 2 else "<f4").tobytes())
+                found[found.index(record)] = made
+    return tuple(found)
+
+
+def _as_intel(record: Record, processor: int) -> Record:
+    if processor == INTEL or record.kind not in (2, 4):
+        return record
+    values = numbers(record, processor)
+    return replace(record, raw=values.astype("<i2" if record.kind == 2 else "<f4").tobytes())
+
+
+def _values(raw: bytes, processor: int, layout: Layout) -> Raw:
+    if layout.width == 2:
+        values = np.frombuffer(raw, BYTE_ORDER[processor] + "i2").astype(np.float32)
+    elif processor == DEC:
+        values = floats(raw, processor).astype(np.float32)
+    else:
+        values = np.frombuffer(raw, BYTE_ORDER[processor] + "f4").astype(np.float32)
+    return values.reshape(layout.n_frames, layout.values_per_frame)
+
+
+def _intel_head(head: bytes, processor: int) -> bytes:
+    """The header with its counts, rate and event times in Intel's numbers."""
+    made = bytearray(head)
+    order = BYTE_ORDER[processor]
+    for at in (*range(2, 12, 2), 16, 18, *range(294, 302, 2)):
+        struct.pack_into("<H", made, at, *struct.unpack_from(order + "H", head, at))
+    made[20:24] = floats(head[20:24], processor).astype("<f4").tobytes()
+    made[_EVENT_TIMES] = floats(head[_EVENT_TIMES], processor).astype("<f4").tobytes()
+    return bytes(made)
+
+
+def with_points(file: C3dContent, labels: Sequence[str], tracks: Float[np.ndarray, "frames labels 3"]) -> C3dContent:
+    """The file with points added behind its own, and named after them; positions in its unit, NaN where missing.
+
+    POINT:DESCRIPTIONS grows where it names every point.
+    """
+    n = file.layout.n_points
+    records: Sequence[Record] = file.records
+    for name, texts in (("LABELS", list(labels)), ("DESCRIPTIONS", ["added by stridelab"] * len(labels))):
+        stated = [text for record in continued(records, "POINT", name) for text in record.texts()]
+        if name == "LABELS" or len(stated) >= n:
+            stated += [""] * (n - len(stated))
+            records = with_texts(records, "POINT", name, [*stated[:n], *texts, *stated[n:]])
+    missing = ~np.isfinite(tracks).all(axis=2)
+    added = np.zeros((*tracks.shape[:2], 4), dtype=np.float32)
+    added[:, :, :3] = np.where(missing[:, :, None], 0.0, tracks)
+    added[:, :, 3] = np.where(missing, -1.0, 0.0)
+    points = np.concatenate([file.points, added.reshape(len(added), -1)], axis=1)
+    return replace(file, records=tuple(records), points=points, layout=replace(file.layout, n_points=n + len(labels)))

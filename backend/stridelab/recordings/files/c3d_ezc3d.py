@@ -1,0 +1,161 @@
+"""C3D files as ezc3d 1.7.2 reads them right.
+
+ezc3d reads no SGI file, takes frames, points and channels from the parameters, cuts the quotient of the rates to whole
+samples per frame, reads every integer as signed, takes the amount of every analog offset and needs an integer offset
+and a scale for each channel. A file that this misreads is rewritten beside it: Intel floats, one statement of each
+count, offsets subtracted.
+"""
+
+import contextlib
+import struct
+import tempfile
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import ezc3d
+import numpy as np
+
+from stridelab.recordings.files.c3d_byte_orders import (
+    C3dContent,
+    is_unsigned,
+    read_content,
+    with_numbers,
+    word,
+    write_content,
+)
+from stridelab.recordings.files.c3d_layout import first_number
+from stridelab.recordings.files.c3d_records import INTEL, Record, Values, continued, group_numbers, numbers, read_header
+from stridelab.recordings.files.c3d_validation import CheckedC3d, check_c3d
+
+EZC3D_ERRORS: Final = (OSError, RuntimeError, ValueError, IndexError, KeyError, MemoryError, TypeError)
+"""What ezc3d raises for a file that it cannot read."""
+_MOST_ENTRIES = 255
+_MOST_FRAMES = 65535
+"""ezc3d reads no more frames of a file; a longer one is read in pieces."""
+_LEAST_PIECE = 1000
+_LONGEST_DESCRIPTION = 127
+"""ezc3d reads a longer length as negative, and then memory without end."""
+_NAMES_IT_READS = ("POINT", "ANALOG", "FORCE_PLATFORM")
+_HALF_RANGE = -32768.0
+"""An offset of 32768 counts in 16 bits; ezc3d takes its amount and so reads it right."""
+
+
+def open_c3d(path: Path) -> Any:
+    """ezc3d's reading of a file. Raises ``UnreadableFile`` as ``check_c3d``, and whatever ezc3d raises."""
+    checked = check_c3d(path)
+    if not misread(checked):
+        with contextlib.suppress(*EZC3D_ERRORS):  # the rewritten file is in order where this one is not
+            return ezc3d.c3d(str(path))
+    read = [_rewritten(piece) for piece in _pieces(read_content(path, checked), checked.header.n_frames)]
+    for name in ("points", "analogs") if len(read) > 1 else ():
+        read[0]["data"][name] = np.concatenate([content["data"][name] for content in read], axis=2)
+    return read[0]
+
+
+def _rewritten(file: C3dContent) -> Any:
+    with tempfile.TemporaryDirectory(prefix="c3d-") as folder:
+        rewritten = Path(folder) / "rewritten.c3d"
+        rewritten.write_bytes(write_content(in_order(file), padded=False))
+        return ezc3d.c3d(str(rewritten))
+
+
+def _pieces(file: C3dContent, n_in_header: int) -> Iterator[C3dContent]:
+    """The file cut into pieces that ezc3d reads as a whole; the first has as many frames as the header counts.
+
+    The number of its first frame, from which events are counted, then stays what it is.
+    """
+    n = file.layout.n_frames
+    if n <= _MOST_FRAMES:
+        yield file
+        return
+    size = n_in_header if _LEAST_PIECE <= n_in_header <= _MOST_FRAMES else _MOST_FRAMES
+    for i in range(0, n, size):
+        layout = replace(file.layout, n_frames=min(size, n - i))
+        yield replace(
+            file, layout=layout, points=file.points[i : i + size], analogs=file.analogs[i : i + size], tail=b""
+        )
+
+
+def misread(checked: CheckedC3d) -> bool:
+    """Whether ezc3d reads something else than the file says."""
+    header, records, layout = checked.header, checked.records, checked.layout
+    if header.processor != INTEL or layout.width == 2 or header.scale >= 0.0:
+        return True
+    if any(len(record.description) > _LONGEST_DESCRIPTION for record in records):
+        return True
+    groups = {number for name, number in group_numbers(records).items() if name in _NAMES_IT_READS}
+    if any(abs(record.group) in groups and record.name != record.name.upper() for record in records):
+        return True
+    scale, points, frames, rate_hz = (
+        first_number(header, records, "POINT", name) for name in ("SCALE", "USED", "FRAMES", "RATE")
+    )
+    if (scale is not None and scale >= 0.0) or (points is not None and points != layout.n_points):
+        return True
+    if layout.n_frames > _MOST_FRAMES:
+        return True
+    if frames and frames % 65536 != layout.n_frames % 65536:
+        return True
+    if layout.n_channels == 0:
+        return False
+    used, analog_hz = (first_number(header, records, "ANALOG", name) for name in ("USED", "RATE"))
+    if used != layout.n_channels or (rate_hz and int((analog_hz or 0.0) / rate_hz) != layout.ratio):
+        return True
+    offsets = continued(records, "ANALOG", "OFFSET")
+    scales = continued(records, "ANALOG", "SCALE")
+    if any(record.kind != 2 for record in offsets) or any(record.kind != 4 for record in scales):
+        return True
+    if min(sum(record.n_values for record in found) for found in (offsets, scales)) < layout.n_channels:
+        return True
+    values = np.concatenate([numbers(record, INTEL) for record in offsets])
+    return bool(((values < 0.0) & (values != _HALF_RANGE)).any())
+
+
+def in_order(file: C3dContent) -> C3dContent:
+    """The file with one statement of each count, analog offsets subtracted; a channel without a scale reads as NaN."""
+    layout = file.layout
+    header = read_header(file.head, INTEL)
+    records: Sequence[Record] = [replace(r, name=r.name.upper(), description=b"") for r in file.records]
+    rate_hz = first_number(header, records, "POINT", "RATE") or header.rate_hz
+    for group, value in (("POINT", rate_hz), ("ANALOG", _multiple(layout.ratio, rate_hz))):
+        records = with_numbers(records, group, "RATE", np.array([value], dtype="<f4"))
+    records = with_numbers(records, "ANALOG", "USED", word(layout.n_channels))
+    records = with_numbers(records, "POINT", "FRAMES", word(layout.n_frames))
+    head = bytearray(file.head)
+    if layout.n_frames != header.n_frames:
+        struct.pack_into("<2H", head, 6, 1, layout.n_frames)
+    file = replace(file, head=bytes(head))
+    if layout.n_channels == 0:
+        return replace(file, records=tuple(records))
+    offsets = _offsets(records, layout.n_channels)
+    scales = _listed(records, "SCALE", layout.n_channels, np.nan)
+    for k in range(0, layout.n_channels, _MOST_ENTRIES):
+        number = str(k // _MOST_ENTRIES + 1) if k else ""
+        part = scales[k : k + _MOST_ENTRIES]
+        records = with_numbers(records, "ANALOG", f"SCALE{number}", part.astype("<f4"))
+        records = with_numbers(records, "ANALOG", f"OFFSET{number}", np.zeros(len(part), dtype="<i2"))
+    analogs = file.analogs - np.tile(offsets, layout.ratio).astype(np.float32)
+    return replace(file, records=tuple(records), analogs=analogs)
+
+
+def _multiple(ratio: int, rate_hz: float) -> float:
+    """The smallest single ``ratio`` x ``rate_hz`` whose quotient ezc3d does not cut to one sample less."""
+    single = np.float32(rate_hz)
+    product = np.float32(ratio * rate_hz)
+    while single and int(float(product) / float(single)) < ratio:
+        product = np.nextafter(product, np.float32(np.inf))
+    return float(product)
+
+
+def _listed(records: Sequence[Record], name: str, n: int, absent: float) -> Values:
+    """A number per channel out of NAME, NAME2 ..., ``absent`` where the file has none."""
+    stated = np.concatenate([np.zeros(0), *(numbers(record, INTEL) for record in continued(records, "ANALOG", name))])
+    return np.concatenate([stated[:n], np.full(max(0, n - len(stated)), absent)])
+
+
+def _offsets(records: Sequence[Record], n: int) -> Values:
+    """Offsets in counts; those of unsigned samples run to 65535, and none is 32768 below zero."""
+    offsets = _listed(records, "OFFSET", n, 0.0)
+    unsigned = (offsets < 0.0) if is_unsigned(records) else (offsets == _HALF_RANGE)
+    return np.where(unsigned, offsets + 65536.0, offsets)

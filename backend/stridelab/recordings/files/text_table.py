@@ -1,0 +1,58 @@
+"""Tables in text files: rows of numbers between tabs or blanks, every fault named by line and column."""
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Series
+from stridelab.recordings.files.raw import LARGEST
+
+Table = Float[np.ndarray, "rows columns"]
+
+
+class BrokenLineError(ValueError):
+    """What is wrong with a text file and in which line, as the part of a sentence that users read."""
+
+
+def numbered(lines: list[str], start: int) -> list[tuple[int, str]]:
+    """The lines from index ``start`` that are not blank, each with its number in the file, counted from one."""
+    return [(i + 1, line) for i, line in enumerate(lines) if i >= start and line.strip()]
+
+
+def cells_of(row: str) -> list[str]:
+    """The cells of a row: between tabs, or between blanks where it has no tabs."""
+    return row.rstrip("\r\n").split("\t") if "\t" in row else row.split()
+
+
+def table_of(rows: list[tuple[int, str]], width: int) -> Table:
+    """Numbers of tab (or blank) separated rows; empty cells are NaN.
+
+    Raises ``BrokenLineError`` on a short row, a cell that is no number, or a number that no laboratory measures.
+    """
+    values = []
+    for line, row in rows:
+        cells = cells_of(row)
+        if len(cells) < width and "\t" in row and width - len(cells) <= 3:
+            cells += [""] * (width - len(cells))
+        if len(cells) < width:
+            raise BrokenLineError(f"line {line} has {len(cells)} of {width} values")
+        values.append([_value(cell, line, column) for column, cell in enumerate(cells[:width], start=1)])
+    return np.array(values, dtype=np.float64).reshape(len(values), width)
+
+
+def _value(cell: str, line: int, column: int) -> float:
+    try:
+        value = float(cell) if cell.strip() else np.nan
+    except ValueError as error:
+        raise BrokenLineError(
+            f"line {line}, column {column} holds {cell.strip()[:40]!r}, which is no number"
+        ) from error
+    if LARGEST < abs(value) < np.inf:
+        raise BrokenLineError(f"line {line}, column {column} holds {value:.3g}, which no laboratory measures")
+    return value
+
+
+def sampling_rate_hz(time_s: Series) -> float:
+    """Rate of a time column whose entries are rounded: the mean over the whole column, not one step."""
+    rate_hz = float((len(time_s) - 1) / (time_s[-1] - time_s[0]))
+    nearest = round(rate_hz)
+    return float(nearest) if nearest and abs(rate_hz - nearest) < 1e-3 * nearest else rate_hz

@@ -1,0 +1,106 @@
+"""The TRC text format of marker trajectories: a header of five lines, then a row of numbers per frame."""
+
+import numpy as np
+
+from stridelab.conventions import Series
+from stridelab.errors import Fault, UnreadableFile
+from stridelab.recordings.files.raw import Cloud
+from stridelab.recordings.files.text_table import BrokenLineError, Table, cells_of, numbered, sampling_rate_hz, table_of
+
+
+def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, str]:
+    """Labels, times in seconds, points (file's unit), rate in Hz and unit of length of a TRC file.
+
+    The rate is the header's unless the times say otherwise. Raises ``UnreadableFile`` (``trc-broken``, ``no-frames``).
+    """
+    lines = text.splitlines()
+    try:
+        labels, rate_hz, unit = _header(lines)
+        rows = numbered(lines, 5)
+        table = _coordinates(rows, labels)
+        if len(table) == 0:
+            message = f"The TRC file {name} holds no frames: it ends after line {len(lines)}."
+            raise UnreadableFile("no-frames", message, [Fault(name, "no frames")])
+        time_s = table[:, 1]
+        _require_increasing(time_s, rows)
+        if len(time_s) > 1:
+            measured_hz = sampling_rate_hz(time_s)
+            if not abs(measured_hz - rate_hz) <= 0.01 * rate_hz:
+                rate_hz = measured_hz
+        if not 0.0 < rate_hz < 1e5:
+            raise BrokenLineError(f"DataRate in line 3 and the times in column 2 give a frame rate of {rate_hz:g} Hz")
+    except BrokenLineError as error:
+        raise trc_broken(name, str(error)) from error
+    return labels, time_s, table[:, 2:].reshape(len(table), len(labels), 3), rate_hz, unit
+
+
+def trc_broken(name: str, why: str) -> UnreadableFile:
+    """``trc-broken``: what is wrong with the TRC file ``name``."""
+    return UnreadableFile("trc-broken", f"The TRC file {name} is broken: {why}.", [Fault(name, why)])
+
+
+def header_fields(lines: list[str]) -> dict[str, str]:
+    """Fields of lines 2 and 3 that have a value: by blanks where both lines have as many, else by tabs."""
+    keys, values = lines[1].split(), lines[2].split()
+    if len(keys) != len(values) and len(lines[1].split("\t")) == len(lines[2].split("\t")) > 1:
+        keys, values = ([cell.strip() for cell in line.split("\t")] for line in lines[1:3])
+    return {key: value for key, value in zip(keys, values, strict=False) if value}
+
+
+def _header(lines: list[str]) -> tuple[list[str], float, str]:
+    """Labels, rate in Hz and unit of length of a TRC file; raises ``BrokenLineError``."""
+    if len(lines) < 4:
+        raise BrokenLineError(f"the file ends after line {len(lines)}, before the marker names in line 4")
+    head = header_fields(lines)
+    n_markers, rate_hz = _header_number(head, "NumMarkers"), _header_number(head, "DataRate")
+    if "\t" not in lines[3].strip():
+        raise BrokenLineError("line 4 holds no tabs, which separate the names of the markers")
+    cells = lines[3].rstrip("\t\r ").split("\t")[2:]
+    labels = [cell.strip() for cell in cells if cell.strip()]
+    if len(labels) != n_markers or n_markers < 1:
+        raise BrokenLineError(f"line 3 states {n_markers:g} markers and line 4 names {len(labels)}")
+    return labels, rate_hz, head.get("Units", "")
+
+
+def _header_number(head: dict[str, str], key: str) -> float:
+    if key not in head:
+        raise BrokenLineError(f"lines 2 and 3 of the header state no {key}")
+    try:
+        return float(head[key])
+    except ValueError as error:
+        raise BrokenLineError(f"line 3 states {head[key][:40]!r} as {key}, which is no number") from error
+
+
+def _coordinates(rows: list[tuple[int, str]], labels: list[str]) -> Table:
+    """Frame, time and three coordinates per marker.
+
+    Raises ``BrokenLineError`` as ``table_of``, and where a row has more cells than markers, or has lost a tab.
+
+    A lost tab shifts all that follows, and shows in the last marker: it then has one or two of its three coordinates.
+    """
+    width = 2 + 3 * len(labels)
+    for line, row in rows:
+        cells = cells_of(row)
+        n_values = max((i for i, cell in enumerate(cells, start=1) if cell.strip()), default=0)
+        if n_values > width:
+            raise BrokenLineError(
+                f"line {line} has {n_values} values, {width} belong to the {len(labels)} markers of line 4"
+            )
+        last = [cell for cell in cells[width - 3 : width] if cell.strip()]
+        if width - 3 <= len(cells) < width and last:
+            raise BrokenLineError(f"line {line} has {len(cells)} of {width} values")
+    return table_of(rows, width)
+
+
+def _require_increasing(time_s: Series, rows: list[tuple[int, str]]) -> None:
+    """Raise ``BrokenLineError`` unless every row's time is a number and later than that of the row before."""
+    if len(time_s) < 2:
+        return
+    for i, (line, _) in enumerate(rows):
+        if not np.isfinite(time_s[i]):
+            raise BrokenLineError(f"line {line}, column 2 holds no time")
+        if i and time_s[i] <= time_s[i - 1]:
+            raise BrokenLineError(
+                f"line {line}, column 2 holds the time {time_s[i]:g} s after {time_s[i - 1]:g} s: "
+                "the times do not increase"
+            )

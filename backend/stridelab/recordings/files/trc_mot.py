@@ -1,0 +1,220 @@
+"""OpenSim trials: markers from TRC, ground forces from MOT or STO; or the markers alone.
+
+A MOT file gives per contact the force f on the body, the centre of pressure p and the free moment T; the wrench at
+the file's origin is (f, p x f + T). Where |f| is small p is noise divided by nearly nothing (hundreds of metres) and
+is replaced by the nearest meaningful one.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Corners, Points, Series, Vector3
+from stridelab.errors import Fault, UnreadableFile
+from stridelab.recordings.files import marker_labels as names
+from stridelab.recordings.files.opensim_zip import MAX_MEMBER_BYTES, TrialTexts, open_trial
+from stridelab.recordings.files.raw import CONTACT_TYPE, NO_FORCE_FILE, Cloud, FilePlate, RawTrial
+from stridelab.recordings.files.text_table import BrokenLineError, numbered, sampling_rate_hz, table_of
+from stridelab.recordings.files.trc import header_fields, parse_trc, trc_broken
+from stridelab.recordings.files.units import LENGTH_SCALE, length_scale, unit_of_body
+from stridelab.recordings.gap_filling import mark_missing
+from stridelab.recordings.orientation import axis_vector, nearest_axis
+from stridelab.recordings.recording import Remark, Subject
+
+COP_THRESHOLD_N = 20.0
+_COLUMN = re.compile(
+    r"^(?P<pre>.*?)ground_(?P<what>force|torque|moment)(?P<post>_\w+?)?_(?P<kind>[vpm]?)(?P<axis>[xyz])$", re.IGNORECASE
+)
+_MARGIN_M = 0.1
+
+
+def read_trc(path: Path, name: str) -> RawTrial:
+    """Read a TRC file without forces; ``name`` is what errors call it.
+
+    Raises ``UnreadableFile`` (``trc-too-large``, and as ``parse_trc``).
+    """
+    if path.stat().st_size > MAX_MEMBER_BYTES:
+        message = f"The TRC file {name} is larger than {MAX_MEMBER_BYTES // 2**20} MB, the most that is read."
+        raise UnreadableFile("trc-too-large", message, [Fault(name, f"{path.stat().st_size} bytes")])
+    text = path.read_bytes().decode("utf-8-sig", errors="replace")
+    return _trial(TrialTexts(text, name, None, ""), "The TRC file")
+
+
+def read_trc_mot(path: Path) -> RawTrial:
+    """Read a zip of one TRC and at most one force file.
+
+    Raises ``UnreadableFile`` (``times-do-not-overlap``, and as ``open_trial``, ``parse_trc`` and ``parse_mot``).
+    """
+    return _trial(open_trial(path), "The zip")
+
+
+def _trial(texts: TrialTexts, source: str) -> RawTrial:
+    """The trial of one TRC and at most one force file; ``source`` is the uploaded file in a sentence."""
+    labels, time_s, points, rate_hz, unit = parse_trc(texts.trc, texts.trc_name)
+    cloud = mark_missing(points)
+    scale, remarks = _length_scale(unit, cloud, texts.trc_name)
+    remarks = (*_frames_stated(texts, len(time_s)), *remarks)
+    visible = [int(n) for n in (~np.isnan(cloud[:, :, 0])).sum(axis=0)]
+    choice = names.choose(labels, visible, (), ())
+    cloud = cloud[:, list(choice.column.values()), :] * scale
+    remarks = (*choice.remarks, *remarks)
+    contacts: tuple[FilePlate, ...] = ()
+    force_rate_hz = rate_hz
+    if texts.mot is None:
+        message = (
+            f"{source} holds markers only, no ground forces. Where a MOT or STO file has them, put it and the TRC file "
+            "into one zip."
+        )
+        remarks = (*remarks, Remark(NO_FORCE_FILE, message))
+    else:
+        mot_time_s, forces = parse_mot(texts.mot, texts.mot_name)
+        keep = (time_s >= mot_time_s[0] - 0.5 / rate_hz) & (time_s <= mot_time_s[-1] + 0.5 / rate_hz)
+        if not keep.any():
+            spans = [f"{t[0]:g} to {t[-1]:g} s" for t in (time_s, mot_time_s)]
+            faults = [Fault(texts.trc_name, spans[0]), Fault(texts.mot_name, spans[1])]
+            message = f"Markers ({spans[0]}) and forces ({spans[1]}) were recorded at different times."
+            raise UnreadableFile("times-do-not-overlap", message, faults)
+        if not keep.all():
+            remarks = (
+                *remarks,
+                Remark("cut-to-common-time", f"{int((~keep).sum())} frames have no force and were cut off."),
+            )
+        cloud, time_s = cloud[keep], time_s[keep]
+        force_rate_hz = sampling_rate_hz(mot_time_s)
+        contacts, more = _contacts(even_times_s(mot_time_s, time_s[0]), forces, force_rate_hz, len(cloud) / rate_hz)
+        remarks = (*remarks, *more)
+    return RawTrial(
+        labels=tuple(choice.column),
+        outputs=choice.outputs,
+        points_m=cloud,
+        marker_rate_hz=rate_hz,
+        force_rate_hz=force_rate_hz,
+        plates=(),
+        contacts=contacts,
+        subject=Subject(),
+        events=(),
+        up_hint="+y",
+        remarks=remarks,
+        metres_per_unit=scale,
+    )
+
+
+def parse_mot(text: str, name: str) -> tuple[Series, dict[str, dict[str, Points]]]:
+    """Times, and per contact the arrays "v" (force), "p" (centre of pressure) and "t" (free moment).
+
+    Both header dialects (``nRows=``, ``datarows``) end in ``endheader``; contacts are told apart by what is left of
+    the column name (``ground_force_vx``, ``1_ground_force_vx``, ``ground_force_r_vx``). Raises ``UnreadableFile``
+    (``mot-broken``, ``mot-without-forces``).
+    """
+    lines = text.splitlines()
+    try:
+        ends = [i for i, line in enumerate(lines) if line.strip().lower() == "endheader"]
+        if not ends:
+            raise BrokenLineError("no line says endheader")
+        rows = numbered(lines, ends[0] + 1)
+        if not rows:
+            raise BrokenLineError(
+                f"the file ends with endheader in line {ends[0] + 1}, before the names of its columns"
+            )
+        columns = rows[0][1].split()
+        table = table_of(rows[1:], len(columns))
+    except BrokenLineError as error:
+        raise UnreadableFile(
+            "mot-broken", f"The force file {name} is broken: {error}.", [Fault(name, str(error))]
+        ) from error
+    if len(table) < 2 or columns[0].lower() != "time" or not (np.diff(table[:, 0]) >= 0).all():
+        raise UnreadableFile("mot-broken", "The force file has no increasing time column.", [Fault(name, "time")])
+    contacts: dict[str, dict[str, Points]] = {}
+    for i, column in enumerate(columns):
+        match = _COLUMN.match(column)
+        if match is None:
+            continue
+        contact = contacts.setdefault((match["pre"] + (match["post"] or "")).strip("_").lower(), {})
+        kind = match["kind"].lower() if match["what"].lower() == "force" else "t"
+        track = contact.setdefault(kind, np.zeros((len(table), 3)))
+        track[:, "xyz".index(match["axis"].lower())] = np.nan_to_num(table[:, i], posinf=0.0, neginf=0.0)
+    whole = {key: c for key, c in contacts.items() if {"v", "p"} <= set(c)}
+    if not whole:
+        raise UnreadableFile(
+            "mot-without-forces", "The force file has no force and centre of pressure.", [Fault(name, "columns")]
+        )
+    return table[:, 0], whole
+
+
+def even_times_s(time_s: Series, zero_s: float) -> Series:
+    """Times counted from ``zero_s`` without their rounding: even steps, a whole step from zero where nearly so.
+
+    A column that is not evenly sampled (off by half a step) is left as it is.
+    """
+    rate_hz = sampling_rate_hz(time_s)
+    first = (time_s[0] - zero_s) * rate_hz
+    steps = (round(first) if abs(first - round(first)) < 0.1 else first) + np.arange(len(time_s))
+    even: Series = steps / rate_hz
+    return even if np.abs(even - (time_s - zero_s)).max() < 0.5 / rate_hz else time_s - zero_s
+
+
+def _length_scale(unit: str, cloud: Cloud, name: str) -> tuple[float, tuple[Remark, ...]]:
+    """Factor to metres. A unit that is missing or unknown follows from the size of the body, and a remark says so.
+
+    Raises ``UnreadableFile`` (``trc-broken``) where the markers span no body either.
+    """
+    if unit.strip().lower() in LENGTH_SCALE:
+        return length_scale(unit, cloud)
+    stated = f"states {unit[:40]!r} as Units, which is no unit of length" if unit else "states no Units"
+    seen = unit_of_body(cloud)
+    if seen is None:
+        raise trc_broken(name, f"line 3 {stated}, and the markers span no body in mm, cm or m")
+    message = f"Line 3 of {name} {stated}. The lengths are taken for {seen}, in which the markers span a body."
+    return LENGTH_SCALE[seen], (Remark("unit-assumed", message),)
+
+
+def _frames_stated(texts: TrialTexts, n_frames: int) -> tuple[Remark, ...]:
+    """A remark where the header states another number of frames than there are."""
+    try:
+        stated = float(header_fields(texts.trc.splitlines())["NumFrames"])
+    except (KeyError, ValueError):
+        return ()
+    if stated == n_frames:
+        return ()
+    cut = " The file may have been cut off." if stated > n_frames else ""
+    message = f"Line 3 of {texts.trc_name} states {stated:g} frames and {n_frames} follow; those are used.{cut}"
+    return (Remark("trc-frame-count", message),)
+
+
+def _contacts(
+    time_s: Series, forces: dict[str, dict[str, Points]], rate_hz: float, duration_s: float
+) -> tuple[tuple[FilePlate, ...], tuple[Remark, ...]]:
+    """Contacts on the time grid that starts at the first marker frame."""
+    end_s = min(duration_s, float(time_s[-1]) + 0.5 / rate_hz)
+    n = max(2, int(end_s * rate_hz) + 1)
+    grid = np.arange(n) / rate_hz
+    total: Vector3 = np.sum([c["v"].sum(axis=0) for c in forces.values()], axis=0)
+    up = axis_vector(nearest_axis(total) or "+y")
+    found: list[FilePlate] = []
+    for k, contact in enumerate(forces.values(), start=1):
+        f = _resample(contact["v"], time_s, grid)
+        loaded = np.linalg.norm(contact["v"], axis=1) > COP_THRESHOLD_N
+        if not loaded.any():
+            continue
+        kept = np.column_stack([np.interp(grid, time_s[loaded], contact["p"][loaded, j]) for j in range(3)])
+        T = _resample(contact["t"], time_s, grid) if "t" in contact else np.zeros_like(f)
+        corners = bounding_rectangle(contact["p"][loaded], up)
+        found.append(FilePlate(k, CONTACT_TYPE, corners, f, np.cross(kept, f) + T, np.zeros(3)))
+    message = "The force file names contacts, not plates; the plates drawn here bound their centres of pressure."
+    return tuple(found), (Remark("plates-from-cop", message),)
+
+
+def _resample(track: Points, time_s: Series, grid: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 3"]:
+    return np.column_stack([np.interp(grid, time_s, track[:, j]) for j in range(3)])
+
+
+def bounding_rectangle(cop_m: Points, up: Vector3) -> Corners:
+    """Horizontal rectangle around the centres of pressure with a margin of 10 cm, at their median height."""
+    i, j = (k for k in range(3) if up[k] == 0.0)
+    low, high = cop_m.min(axis=0) - _MARGIN_M, cop_m.max(axis=0) + _MARGIN_M
+    corners = np.tile(np.median(cop_m, axis=0), (4, 1))
+    for row, (a, b) in enumerate(((high[i], high[j]), (low[i], high[j]), (low[i], low[j]), (high[i], low[j]))):
+        corners[row, i], corners[row, j] = a, b
+    return corners

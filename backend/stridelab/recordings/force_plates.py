@@ -1,0 +1,260 @@
+"""From the channels of a force plate to the wrench on the body at the origin of the file (types 1 to 4).
+
+In the plate's axes the channels give F and the moment about the sensor M_s. With o the vector from the sensor to the
+centre of the surface and R the plate's axes, taken from its corners,
+
+    M_c = M_s - o x F,    f = s R F,    nu = s R M_c + c x f,
+
+c the centre of the corners and s = +1, or -1 where that is what makes the plate push the body upwards.
+
+What a plate reads while nothing stands on it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+from scipy.ndimage import uniform_filter1d
+
+from stridelab.conventions import Corners, Mask, Points, Rotation, Series, Vector3
+from stridelab.recordings.files.raw import FilePlate, PlateSignals
+from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.recording import Remark
+
+CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
+"""Analog channels per plate type."""
+_LOADED_N = 50.0
+_PULL_N = 100.0
+NEVER_ON_PLATE = 0.01
+"""A plate with a smaller share of its loaded centre of pressure inside its corners is left out."""
+_MIN_LOADED = 20
+"""Loaded samples below which the share says nothing."""
+COP_NEVER_ON_PLATE = "cop-never-on-plate"
+_MIN_SIDE_M, _MAX_SIDE_M = 0.1, 10.0
+
+Channels = Float[np.ndarray, "n channels"]
+Calibration = Float[np.ndarray, "6 6"]
+
+
+def sensor_wrench(
+    kind: int,
+    channels: Channels,
+    origin_m: Vector3,
+    calibration: Calibration | None,
+    moment_scale: float,
+    length_scale: float,
+) -> tuple[Points, Points, Vector3]:
+    """Force in N, moment about the sensor in Nm, and the vector from the sensor to the surface centre in metres.
+
+    Channels per type, in the plate's axes: 1: Fx Fy Fz Px Py Mz (centre of pressure and free moment); 2: Fx Fy Fz Mx
+    My Mz; 3: Fx12 Fx34 Fy14 Fy23 Fz1 Fz2 Fz3 Fz4 (Kistler, sensors at (+-a, +-b)); 4: type 2 behind a calibration
+    matrix. ``moment_scale`` and ``length_scale`` turn the file's moments and lengths into Nm and m.
+    """
+    if kind == 4 and calibration is not None:
+        channels = channels @ calibration.T
+    if kind in (2, 4):
+        return channels[:, :3], channels[:, 3:6] * moment_scale, origin_m
+    if kind == 1:
+        force = channels[:, :3]
+        cop_m = np.column_stack([channels[:, 3:5] * length_scale, np.zeros(len(channels))])
+        free = np.column_stack([np.zeros((len(channels), 2)), channels[:, 5] * moment_scale])
+        return force, np.cross(cop_m, force) + free, np.zeros(3)
+    x12, x34, y14, y23, z1, z2, z3, z4 = channels.T
+    a, b = abs(origin_m[0]), abs(origin_m[1])
+    force = np.column_stack([x12 + x34, y14 + y23, z1 + z2 + z3 + z4])
+    moment = np.column_stack([b * (z1 + z2 - z3 - z4), a * (-z1 + z2 + z3 - z4), b * (-x12 + x34) + a * (y14 - y23)])
+    return force, moment, np.array([0.0, 0.0, origin_m[2]])
+
+
+def plate_axes(corners_m: Corners) -> Rotation:
+    """Plate axes as columns, from corners in the order of its quadrants (+x+y, -x+y, -x-y, +x-y)."""
+    c1, c2, c3, c4 = corners_m
+    x = (c1 + c4) - (c2 + c3)
+    y = (c1 + c2) - (c3 + c4)
+    x /= np.linalg.norm(x)
+    y = y - (y @ x) * x
+    y /= np.linalg.norm(y)
+    return np.column_stack([x, y, np.cross(x, y)])
+
+
+def corners_fault(corners_m: Corners) -> str | None:
+    """Why these corners are no plate, or None: four finite points, sides of 0.1 to 10 m, nearly a rectangle."""
+    if not np.isfinite(corners_m).all():
+        return "its corners are not numbers"
+    sides = np.linalg.norm(np.roll(corners_m, -1, axis=0) - corners_m, axis=1)
+    if sides.min() < _MIN_SIDE_M or sides.max() > _MAX_SIDE_M:
+        return f"its sides are {sides.min():.3g} to {sides.max():.3g} m long"
+    if np.linalg.norm(corners_m[0] - corners_m[1] + corners_m[2] - corners_m[3]) > 0.1 * sides.max():
+        return "its corners are no rectangle"
+    return None
+
+
+def inside_fraction(force_n: Points, moment_nm: Points, origin_m: Vector3, corners_m: Corners) -> float:
+    """Share of the loaded samples whose centre of pressure lies on the plate (2 cm tolerance); NaN when unloaded."""
+    loaded = np.abs(force_n[:, 2]) > _LOADED_N
+    F, M = force_n[loaded], moment_nm[loaded] - np.cross(origin_m, force_n[loaded])
+    if len(F) == 0:
+        return float("nan")
+    half_x = 0.5 * np.linalg.norm(corners_m[0] - corners_m[1]) + 0.02
+    half_y = 0.5 * np.linalg.norm(corners_m[0] - corners_m[3]) + 0.02
+    px, py = -M[:, 1] / F[:, 2], M[:, 0] / F[:, 2]
+    return float(np.mean((np.abs(px) <= half_x) & (np.abs(py) <= half_y)))
+
+
+def repair_origin(
+    signals: PlateSignals, force_n: Points, moment_nm: Points, up: Vector3
+) -> tuple[Vector3, float, bool]:
+    """The ORIGIN repair rule: (origin, share of the loaded COP on the plate, whether x and y were negated).
+
+    The surface lies above the sensor, which fixes the sign of z; where z has the wrong sign the whole vector has
+    (Vicon writes the vector from the surface to the sensor). Then try x and y both ways and keep the one whose loaded
+    COP is inside the plate's own corners; the file's own sign wins a tie.
+    """
+    o = signals.origin_m
+    rises = float((plate_axes(signals.corners_m) @ np.array([0.0, 0.0, o[2]])) @ up)
+    own = -o if rises < 0.0 else o
+    other = own * [-1.0, -1.0, 1.0]
+    shares = [inside_fraction(force_n, moment_nm, origin, signals.corners_m) for origin in (own, other)]
+    if shares[1] > shares[0] + 0.1:
+        return other, shares[1], True
+    return own, shares[0], False
+
+
+def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[Remark, ...]]:
+    """Tare, repair and turn one plate into the wrench on the body about the file's origin, in the file's axes."""
+    where = f"Plate {signals.index}"
+    remarks: list[Remark] = []
+    R = plate_axes(signals.corners_m)
+    s = upward_sign(signals, up)
+    if s < 0.0:
+        remarks.append(
+            Remark("plate-sign-reversed", f"{where}: its channels pull the body down; their sign was reversed.")
+        )
+    upward_n: Series = s * (signals.force_n @ (R.T @ up))
+    tare = find_tare(signals.force_n, signals.moment_nm, upward_n, signals.zero_samples)
+    force_n, moment_nm = signals.force_n - tare.force_n, signals.moment_nm - tare.moment_nm
+    if tare.refused:
+        remarks.append(
+            Remark("tare-refused", f"{where} is never seen unloaded for long, so its zero could not be checked.")
+        )
+    elif abs(s * (R @ tare.force_n) @ up) > 2.0:
+        offset_n = float(s * (R @ tare.force_n) @ up)
+        remarks.append(Remark("plate-tared", f"{where} read {offset_n:+.1f} N while unloaded; this was subtracted."))
+    origin_m, share, negated = repair_origin(signals, force_n, moment_nm, up)
+    if negated:
+        remarks.append(
+            Remark(
+                "plate-origin-negated", f"{where}: its ORIGIN has the opposite sign; the centre of pressure decided."
+            )
+        )
+    n_loaded = int(np.count_nonzero(np.abs(force_n[:, 2]) > _LOADED_N))
+    usable = not (share < NEVER_ON_PLATE and n_loaded >= _MIN_LOADED)
+    if not usable:
+        message = (
+            f"{where} was left out: its loaded centre of pressure lies inside its corners for {share:.0%} of the time, "
+            "whatever the unit of its moments. Its corners, its channels or its calibration are wrong."
+        )
+        remarks.append(Remark(COP_NEVER_ON_PLATE, message))
+    elif share < 0.5:
+        remarks.append(
+            Remark(
+                "cop-off-plate", f"{where}: only {share:.0%} of its loaded centre of pressure lies inside its corners."
+            )
+        )
+    f = s * force_n @ R.T
+    c = signals.corners_m.mean(axis=0)
+    nu = s * (moment_nm - np.cross(origin_m, force_n)) @ R.T + np.cross(c, f)
+    plate = FilePlate(signals.index, signals.type, signals.corners_m, f, nu, s * R @ tare.force_n, usable)
+    return plate, tuple(remarks)
+
+
+def upward_sign(signals: PlateSignals, up: Vector3) -> float:
+    """+1 when the channels as they are push the body upwards (ezc3d's reading), -1 when they pull it down.
+
+    Only a lasting pull counts (2 % of the samples beyond 100 N), and not one that is an offset: where the file names
+    the samples at which the plate was empty, the pull must remain after subtracting them.
+    """
+    upward = signals.force_n @ (plate_axes(signals.corners_m).T @ up)
+    readings = [upward]
+    if signals.zero_samples is not None and 1 <= signals.zero_samples[0] < signals.zero_samples[1] <= len(upward):
+        readings.append(upward - upward[signals.zero_samples[0] - 1 : signals.zero_samples[1]].mean())
+    pulls = [float(np.mean(u < -_PULL_N)) >= 0.02 and np.mean(u < -_PULL_N) > np.mean(u > _PULL_N) for u in readings]
+    return -1.0 if all(pulls) else 1.0
+
+
+def rough_total_force(plates: tuple[PlateSignals, ...]) -> Vector3 | None:
+    """Sum over the loaded samples in the file's axes; None unless somebody stands there (2 % of the samples)."""
+    total = np.zeros(3)
+    for signals in plates:
+        force = signals.force_n @ plate_axes(signals.corners_m).T
+        loaded = np.linalg.norm(force, axis=1) > _PULL_N
+        if loaded.mean() >= 0.02:
+            total += force[loaded].sum(axis=0)
+    return total if total.any() else None
+
+
+def rough_normal(plates: tuple[PlateSignals, ...]) -> Vector3 | None:
+    """Normal of the first plate, of either sign: the vertical of a file in which nobody stands on the plates."""
+    return plate_axes(plates[0].corners_m)[:, 2] if plates else None
+
+
+MAX_TARE_N = 60.0
+"""A steady upward reading above this, with no word from the file, is somebody standing there."""
+_BAND_N = 6.0
+_LOAD_N = 100.0
+_MIN_STRETCH = 40
+_SMOOTH = 21
+
+
+@dataclass(frozen=True)
+class Tare:
+    """Offset in the plate's axes (sensor moment); ``refused`` when the plate is never unloaded."""
+
+    force_n: Vector3
+    moment_nm: Vector3
+    refused: bool
+
+
+def find_tare(force_n: Points, moment_nm: Points, upward_n: Series, zero_samples: tuple[int, int] | None) -> Tare:
+    """Median of the unloaded stretches, after the frames that FORCE_PLATFORM:ZERO names if these are unloaded.
+
+    ``upward_n`` is the plate's upward force. A load only adds to it, so the unloaded level is its lowest steady level
+    (5th percentile of the smoothed signal); stretches of at least 40 samples within 6 N of it count as unloaded.
+    """
+    if not upward_n.any():
+        return Tare(np.zeros(3), np.zeros(3), refused=False)
+    smooth = uniform_filter1d(upward_n, min(_SMOOTH, len(upward_n)))
+    floor_n = float(np.percentile(smooth, 5.0))
+    named = _named_unloaded(smooth, floor_n, zero_samples)
+    if named is not None:
+        unloaded = named
+    else:
+        if not abs(floor_n) <= MAX_TARE_N:
+            return Tare(np.zeros(3), np.zeros(3), refused=True)
+        unloaded = np.zeros(len(smooth), dtype=bool)
+        for i, j in runs(np.abs(smooth - floor_n) <= _BAND_N):
+            if j - i >= _MIN_STRETCH:
+                unloaded[i:j] = True
+    if not unloaded.any():
+        return Tare(np.zeros(3), np.zeros(3), refused=True)
+    return Tare(np.median(force_n[unloaded], axis=0), np.median(moment_nm[unloaded], axis=0), refused=False)
+
+
+def _named_unloaded(smooth: Series, floor_n: float, zero_samples: tuple[int, int] | None) -> Mask | None:
+    """The samples that the file says to average, if they are as low as the signal ever is.
+
+    Above ``MAX_TARE_N`` they are believed only where a load comes on top: else somebody stands there all along.
+    """
+    if zero_samples is None:
+        return None
+    first, last = zero_samples
+    if not 1 <= first < last <= len(smooth):
+        return None
+    level_n = float(np.mean(smooth[first - 1 : last]))
+    if level_n > floor_n + 2.0 * _BAND_N:
+        return None
+    if level_n > MAX_TARE_N and float(np.percentile(smooth, 98.0)) < level_n + _LOAD_N:
+        return None
+    mask = np.zeros(len(smooth), dtype=bool)
+    mask[first - 1 : last] = True
+    return mask

@@ -1,0 +1,247 @@
+"""Windows: the intervals in which *all* contact force is measured.
+
+A frame is complete when every foot that may be on the ground stands, with all of its outline, on plates in use that
+are loaded. On overground walks over two plates this is from the trailing foot's lift-off to the leading foot's second
+strike. Where the motion of the body is known, frames in which the plates carry less than it needs are left out, too: a
+chair, a rail or the floor beside a plate carries the rest (``missing_force``). The events in a file are not used.
+"""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Int
+
+from stridelab.conventions import Mask
+from stridelab.errors import Fault, NotEstimable
+from stridelab.recordings.files.raw import NO_FORCE_FILE
+from stridelab.recordings.foot_contact import Foot, find_feet
+from stridelab.recordings.foot_on_plate import STAIR_M, held_by_step, main_plate, on_plate, outline_beside
+from stridelab.recordings.foot_outline import foot_outline
+from stridelab.recordings.force_plates import COP_NEVER_ON_PLATE
+from stridelab.recordings.gap_filling import runs
+from stridelab.recordings.missing_force import force_missing
+from stridelab.recordings.plate_contacts import loaded_intervals, vertical_force_n, whole_steps
+from stridelab.recordings.recording import Plate, Recording, Remark, Window
+from stridelab.recordings.vertical_motion import VerticalMotion
+
+MIN_WINDOW_S = 0.25
+"""Half a step at a normal pace; nothing can be estimated from less."""
+_SHARED_S = 0.05
+
+
+@dataclass(frozen=True)
+class WindowSearch:
+    """The windows in order of time, and what limits trust in them."""
+
+    windows: tuple[Window, ...]
+    remarks: tuple[Remark, ...]
+
+
+def measured_windows(
+    recording: Recording, landmarks: Mapping[str, str], motion: VerticalMotion | None = None
+) -> tuple[Window, ...]:
+    """Windows in order of time; ``landmarks`` maps landmark names to labels, ``motion`` is ``vertical_motion``."""
+    return find_windows(recording, landmarks, motion).windows
+
+
+def find_windows(
+    recording: Recording,
+    landmarks: Mapping[str, str],
+    motion: VerticalMotion | None = None,
+    *,
+    stated_kg: float | None = None,
+) -> WindowSearch:
+    """Windows with remarks: windows-from-load, force-missing, one-step-window, no-whole-step, two-feet-on-one-plate.
+
+    Without ``motion`` (``vertical_motion``) the feet alone decide. ``stated_kg`` is a mass that the user or the file
+    states.
+    """
+    plates = [plate for plate in recording.plates if plate.use]
+    if not plates or recording.n_frames < 2:
+        return WindowSearch((), ())
+    feet = find_feet(recording, landmarks)
+    if not feet:
+        remark = Remark(
+            "windows-from-load",
+            "The feet are not marked, so it is not known when one of them stood beside the plates; the measured "
+            "interval was estimated from the load on the plates and a symmetric walk.",
+        )
+        windows, missing = _explained(recording, _from_load(recording, plates), motion, stated_kg)
+        return WindowSearch(windows, (remark, *missing))
+    complete, shared = _by_feet(recording, landmarks, plates, feet)
+    candidates = tuple(
+        window for window in _as_windows(complete, recording.marker_rate_hz) if _carries(recording, plates, window)
+    )
+    windows, missing = _explained(recording, candidates, motion, stated_kg)
+    remarks = (*missing, *_trust(recording, windows))
+    if np.count_nonzero(shared) >= _SHARED_S * recording.marker_rate_hz and _alternates(feet):
+        message = "Two feet stand on one plate at a time: the total force is right, the force per foot is not."
+        remarks = (*remarks, Remark("two-feet-on-one-plate", message))
+    return WindowSearch(windows, remarks)
+
+
+def _by_feet(
+    recording: Recording, landmarks: Mapping[str, str], plates: list[Plate], feet: tuple[Foot, ...]
+) -> tuple[Mask, Mask]:
+    """Frames in which no foot may stand beside the plates, and frames in which both feet stand on one plate."""
+    heights = [float(plate.corners_m[:, 2].mean()) for plate in plates]
+    stairs = max(heights) - min(heights) > STAIR_M
+    complete = np.ones(recording.n_frames, dtype=bool)
+    standing: list[Int[np.ndarray, " n"]] = []
+    for foot in feet:
+        under = np.stack([on_plate(recording, plate, foot) for plate in plates])
+        somewhere = np.any(under, axis=0)
+        beside = np.any(foot.resting & ~somewhere, axis=1)
+        beside |= outline_beside(recording, plates, foot, foot_outline(recording, landmarks, foot))
+        if stairs:
+            beside &= ~held_by_step(plates, foot)
+        complete &= ~beside & (~foot.unseen | np.any(somewhere, axis=1))
+        standing.append(main_plate(under, foot))
+    return complete, np.logical_and(standing[0] == standing[1], standing[0] >= 0)
+
+
+def _explained(
+    recording: Recording, windows: tuple[Window, ...], motion: VerticalMotion | None, stated_kg: float | None
+) -> tuple[tuple[Window, ...], tuple[Remark, ...]]:
+    """The windows without the frames in which force is missing, and a remark that says where it is missing."""
+    if motion is None or not windows:
+        return windows, ()
+    missing = force_missing(recording, windows, motion, stated_kg)
+    if not missing.any():
+        return windows, ()
+    rate_hz = recording.marker_rate_hz
+    kept: list[Window] = []
+    for window in windows:
+        i, j = round(window.start_s * rate_hz), round(window.end_s * rate_hz) + 1
+        spans = [Window((i + a) / rate_hz, (i + b - 1) / rate_hz) for a, b in runs(~missing[i:j])]
+        kept += [span for span in spans if span.duration_s >= MIN_WINDOW_S]
+    when = ", ".join(f"{i / rate_hz:.2f} to {(j - 1) / rate_hz:.2f} s" for i, j in runs(missing))
+    message = (
+        f"The plates carry less than the motion of the body needs at {when}: something beside them carries the rest "
+        "(a part of a foot, a chair, a rail), or the stated mass is too large. These times are not used."
+    )
+    return tuple(kept), (Remark("force-missing", message),)
+
+
+def _trust(recording: Recording, windows: tuple[Window, ...]) -> tuple[Remark, ...]:
+    """What to say of a walk whose windows hold less than a step from strike to strike and one from lift to lift."""
+    if not windows or recording.walking_direction is None:
+        return ()
+    spans = max(len(whole_steps(recording, window)) for window in windows)
+    if spans >= 2:
+        return ()
+    held = "one whole step" if spans else "no whole step"
+    message = f"The interval in which all force is measured holds {held}; position offsets seen in it are uncertain."
+    return (Remark("one-step-window" if spans else "no-whole-step", message),)
+
+
+def require_windows(
+    recording: Recording,
+    landmarks: Mapping[str, str],
+    motion: VerticalMotion | None = None,
+    *,
+    stated_kg: float | None = None,
+) -> tuple[Window, ...]:
+    """The windows of ``find_windows``, of which there is one at least.
+
+    Raises ``NotEstimable`` with the reason why there is none: ``single-frame``, ``no-plates``, ``recording-too-short``,
+    ``cop-off-all-plates``, ``plates-switched-off``, ``plates-unloaded``, ``forces-and-markers-apart``,
+    ``no-measured-window``.
+    """
+    if recording.n_frames < 2:
+        raise NotEstimable("single-frame", "The recording has one frame only: it can serve as a static trial.")
+    if not recording.plates:
+        message = (
+            "The recording has no force plate, so no force can be fused with the markers. "
+            "The method geometry gives the centre of mass from the markers alone."
+        )
+        faults = [Fault("forces", remark.message) for remark in recording.remarks if remark.code == NO_FORCE_FILE]
+        raise NotEstimable("no-plates", message, faults)
+    if recording.duration_s < MIN_WINDOW_S:
+        message = f"The recording lasts {1000.0 * recording.duration_s:.0f} ms; at least {MIN_WINDOW_S:g} s are needed."
+        raise NotEstimable("recording-too-short", message)
+    used = [plate for plate in recording.plates if plate.use]
+    off = [remark for remark in recording.remarks if remark.code == COP_NEVER_ON_PLATE]
+    if not used and off:
+        message = (
+            "No force plate of this recording can be used: under no unit does a centre of pressure lie on its plate. "
+            "The method geometry gives the centre of mass from the markers alone."
+        )
+        raise NotEstimable("cop-off-all-plates", message, [Fault("plates", remark.message) for remark in off])
+    if not used:
+        raise NotEstimable("plates-switched-off", "All force plates of this recording are switched off.")
+    if not any(loaded_intervals(plate, recording.force_rate_hz) for plate in used):
+        faults = [Fault(f"plate {plate.index}", f"never above {plate.threshold_n:g} N") for plate in used]
+        raise NotEstimable("plates-unloaded", "Nobody stands on the force plates in this recording.", faults)
+    _require_overlap(recording, used)
+    search = find_windows(recording, landmarks, motion, stated_kg=stated_kg)
+    if not search.windows:
+        why = ["Whenever a plate is loaded, a foot, or a part of one, stands beside the plates."]
+        why = [remark.message for remark in search.remarks if remark.code == "force-missing"] or why
+        raise NotEstimable("no-measured-window", f"At no time is all contact force measured. {why[0]}")
+    return search.windows
+
+
+def _require_overlap(recording: Recording, used: list[Plate]) -> None:
+    """Raise unless some marker is seen while some plate is loaded."""
+    seen = np.any([np.isfinite(track).all(axis=1) for track in recording.markers_m.values()], axis=0)
+    contacts = sorted(interval for plate in used for interval in loaded_intervals(plate, recording.force_rate_hz))
+    time_s = recording.time_s
+    if any(seen[(time_s >= start_s) & (time_s <= end_s)].any() for start_s, end_s in contacts):
+        return
+    rate_hz = recording.marker_rate_hz
+    loaded = ", ".join(f"{start_s:.2f} to {end_s:.2f} s" for start_s, end_s in contacts)
+    marked = ", ".join(f"{i / rate_hz:.2f} to {(j - 1) / rate_hz:.2f} s" for i, j in runs(seen)) or "never"
+    raise NotEstimable(
+        "forces-and-markers-apart",
+        f"Forces and markers do not overlap: the plates are loaded {loaded}, the markers are seen {marked}.",
+        [Fault("plates", f"loaded {loaded}"), Fault("markers", f"seen {marked}")],
+    )
+
+
+def _as_windows(complete: Mask, rate_hz: float) -> list[Window]:
+    """Runs of complete frames that are long enough; a hole of one frame does not end a window."""
+    bridged = complete.copy()
+    for i, j in runs(~complete):
+        if j - i == 1 and i > 0 and j < len(complete):
+            bridged[i:j] = True
+    windows = [Window(i / rate_hz, (j - 1) / rate_hz) for i, j in runs(bridged)]
+    return [window for window in windows if window.duration_s >= MIN_WINDOW_S]
+
+
+def _carries(recording: Recording, plates: list[Plate], window: Window) -> bool:
+    """Whether somebody stands on the plates in half of the window at least."""
+    total_n = vertical_force_n(recording)
+    i, j = int(window.start_s * recording.force_rate_hz), int(window.end_s * recording.force_rate_hz) + 1
+    return float(np.mean(total_n[i:j] > 2.0 * plates[0].threshold_n)) > 0.5
+
+
+def _alternates(feet: tuple[Foot, ...]) -> bool:
+    """Whether this is a walk (each foot lifts at some time), not standing."""
+    return all(not foot.contact.all() for foot in feet)
+
+
+def _from_load(recording: Recording, plates: list[Plate]) -> tuple[Window, ...]:
+    """From two overlapping contacts A, B of a symmetric walk.
+
+    The double support A-B lasts d = end(A) - start(B). The foot before A lifts d after A's start, the foot after B
+    strikes d before B's end, so all force is measured in [start(A) + d, end(B) - d]; a tenth of d is given away.
+    """
+    contacts = sorted(interval for plate in plates for interval in loaded_intervals(plate, recording.force_rate_hz))
+    if not contacts:
+        return ()
+    if len(contacts) == 1 and contacts[0][1] - contacts[0][0] > 0.98 * recording.duration_s:
+        return (Window(contacts[0][0], min(contacts[0][1], recording.duration_s)),)
+    found: list[tuple[float, float]] = []
+    for (a0, a1), (b0, b1) in itertools.pairwise(contacts):
+        d = 1.1 * (a1 - b0)
+        if d <= 0.0 or b1 - d - (a0 + d) < MIN_WINDOW_S:
+            continue
+        start_s, end_s = a0 + d, b1 - d
+        if found and start_s <= found[-1][1]:
+            found[-1] = (found[-1][0], max(end_s, found[-1][1]))
+        else:
+            found.append((start_s, end_s))
+    return tuple(Window(start_s, end_s) for start_s, end_s in found)

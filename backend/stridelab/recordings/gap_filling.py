@@ -1,0 +1,42 @@
+"""Missing samples: three ways to write them, one meaning (NaN), and short gaps filled."""
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from stridelab.conventions import Mask, Points
+from stridelab.recordings.files.raw import LARGEST, Cloud
+
+MAX_GAP_S = 0.1
+"""Longest gap that is interpolated: about 4 cm of a foot's swing, and below a fifth of a step's duration."""
+
+
+def mark_missing(points_m: Cloud) -> Cloud:
+    """Write every missing sample as NaN: NaN, infinity and what no laboratory measures, and exactly (0, 0, 0)."""
+    missing = ~(np.abs(points_m) <= LARGEST).all(axis=2) | (points_m == 0.0).all(axis=2)
+    return np.where(missing[:, :, None], np.nan, points_m)
+
+
+def runs(mask: Mask) -> list[tuple[int, int]]:
+    """Half-open index ranges [i, j) in which ``mask`` is true."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    return [(int(i), int(j)) for i, j in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def fill_short_gaps(track_m: Points, rate_hz: float, max_gap_s: float = MAX_GAP_S) -> tuple[Points, Mask]:
+    """Interpolate gaps of at most ``max_gap_s`` that are seen on both sides, by a cubic spline.
+
+    Returns the track and the mask of the frames that were filled. Gaps at the ends are never extrapolated. A foot that
+    swings by 5 cm at 2 Hz comes back within 1 mm over the longest gap; 1 mm of marker noise becomes about 2 mm there.
+    """
+    missing = np.isnan(track_m).any(axis=1)
+    filled = np.zeros(len(track_m), dtype=bool)
+    limit = int(max_gap_s * rate_hz + 1e-9)
+    for i, j in runs(missing):
+        if i > 0 and j < len(track_m) and j - i <= limit:
+            filled[i:j] = True
+    if not filled.any():
+        return track_m, filled
+    seen = np.flatnonzero(~missing)
+    out = track_m.copy()
+    out[filled] = CubicSpline(seen, track_m[seen], axis=0)(np.flatnonzero(filled))
+    return out, filled

@@ -1,0 +1,175 @@
+"""Figure 2.2: zero-moment point against central axis, on a walk whose wrench is known exactly."""
+
+from typing import Final
+
+import numpy as np
+
+from stridelab.conventions import GRAVITY_M_S2, Points, Progress, Series
+from stridelab.dynamics.central_axis import central_axis
+from stridelab.dynamics.wrench import Wrench, transport
+from stridelab.dynamics.zmp import zmp, zmp_linearised, zmp_of_motion
+from stridelab.reproduction.claims import Claim, Item, Reproduction, judged
+from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
+from stridelab.simulation.ground_truth import TrueMotion
+from stridelab.studies.estimator_study import simulate
+
+UP: Final = np.array([0.0, 0.0, 1.0])
+ORIGIN: Final = np.zeros(3)
+
+
+def run(seeds: int, tell: Progress) -> Reproduction:
+    """One walk without noise; ``seeds`` changes nothing, because nothing is drawn."""
+    tell(0.1, "simulating a walk")
+    truth = simulate("robot", "none", 0).truth
+    wrench = Wrench(truth.force_n, truth.moment_nm)
+    f, c = truth.force_n, truth.com_m
+    tell(0.7, "placing the axes")
+    z = zmp(wrench, ORIGIN, UP)
+    cart = zmp_linearised(c, truth.acceleration_m_s2)
+    axis = central_axis(wrench)
+    n = axis.direction
+    # Point of the axis on the floor, and the same for the axis through the ZMP, which is vertical.
+    foot = axis.point_m - (axis.point_m[:, 2] / n[:, 2])[:, None] * n
+
+    exact = np.abs(zmp_of_motion(c, truth.acceleration_m_s2, truth.momentum_rate_nm, truth.mass_kg) - z[:, :2]).max()
+    printed = _printed_2_8(truth)
+    cart_off = np.linalg.norm(cart - z[:, :2], axis=1)
+    to_cart = c - np.column_stack([cart, np.zeros(len(c))])
+    cart_force = np.column_stack([truth.acceleration_m_s2[:, :2], np.full(len(c), GRAVITY_M_S2)])
+    gap_error = float(np.abs(np.linalg.norm((foot - z)[:, :2], axis=1) - _predicted_gap(wrench, z)).max())
+    claims = (
+        Claim(
+            "zmp_2_8_corrected_m",
+            "(2.8) is the ZMP of the motion",
+            0.0,
+            float(exact),
+            "m",
+            judged(float(exact), at_most=1e-6),
+            "With L' of the x axis and the signs that follow from (2.6) and (2.7).",
+        ),
+        Claim(
+            "zmp_2_8_printed_m",
+            "(2.8) as printed is the ZMP of the motion",
+            0.0,
+            _rms(printed - z[:, :2]),
+            "m",
+            "met" if _rms(printed - z[:, :2]) <= 1e-6 else "thesis_in_error",
+            "Its second row has L' about z in the place of L' about x (docs/theory/misprints.md).",
+        ),
+        Claim(
+            "cart_line_angle_rad",
+            "the line from the ZMP to the CoM of the cart-table is parallel to the contact force",
+            0.0,
+            float(_angle(to_cart, cart_force).max()),
+            "rad",
+            judged(float(_angle(to_cart, cart_force).max()), at_most=1e-6),
+            f"For the force of the cart-table itself. The force of the walk leaves this line by up to "
+            f"{np.degrees(_angle(to_cart, f).max()):.2f} degrees, because the height is not constant.",
+        ),
+        Claim(
+            "axis_angle_rad",
+            "the central axis is parallel to the contact force",
+            0.0,
+            float(_angle(n, f).max()),
+            "rad",
+            judged(float(_angle(n, f).max()), at_most=1e-6),
+        ),
+        Claim(
+            "least_moment_ratio",
+            "the central axis is the line of least moment norm",
+            1.0,
+            _least_moment_ratio(wrench, axis.point_m),
+            "1",
+            judged(_least_moment_ratio(wrench, axis.point_m), at_least=1.0 - 1e-9),
+            "Smallest moment found 1 cm away from the axis in any direction, over that on the axis.",
+        ),
+        Claim(
+            "theorem_1_m",
+            "theorem 1: the two axes meet the floor in one point only without free moment or tilt",
+            0.0,
+            gap_error,
+            "m",
+            judged(gap_error, at_most=1e-6),
+            f"Largest deviation of the gap from |(tau n) x f| / f^2 of the free moment tau at the ZMP, carried down to "
+            f"the floor; the gap itself is {1e3 * _rms((foot - z)[:, :2]):.2f} mm RMS on this walk.",
+        ),
+    )
+    tell(1.0, "done")
+    t = truth.time_s
+    columns = {"time_s": t} | {
+        f"{name}_{axis_name}_m": track[:, k]
+        for name, track in (("com", c), ("zmp", z), ("cart_zmp", cart), ("axis_on_floor", foot))
+        for k, axis_name in enumerate("xy")
+    }
+    return Reproduction(
+        claims=claims,
+        note="TALOS walks without sensors in between. The cart-table misses the ZMP by "
+        f"{1e3 * _rms(cart - z[:, :2]):.1f} mm RMS (at most {1e3 * cart_off.max():.0f} mm): L' and the height that "
+        f"changes. The central axis passes the CoM at {1e3 * _rms(axis.project(c) - c):.1f} mm RMS, which is L' alone.",
+        tables={"points": columns},
+        drawing=svg(_panels(t, c, z, cart, foot, n)),
+        references=("carpentier2017thesis", "stasse2017talos"),
+    )
+
+
+def _printed_2_8(truth: TrueMotion) -> np.ndarray:
+    """(2.8) as the thesis prints it: L' about y and about z, both added."""
+    c, a, rate = truth.com_m, truth.acceleration_m_s2, truth.momentum_rate_nm
+    lift = (a[:, 2] + GRAVITY_M_S2)[:, None]
+    turn = np.column_stack([-rate[:, 1], rate[:, 2]])
+    return np.asarray(c[:, :2] - c[:, 2:] / lift * a[:, :2] + turn / (truth.mass_kg * lift))
+
+
+def _predicted_gap(wrench: Wrench, z: Points) -> Series:
+    """Distance on the floor between the ZMP and the axis: the axis passes the ZMP at ``f x (tau n) / f^2``."""
+    f = wrench.force_n
+    at_zmp = transport(wrench, z)
+    offset = np.cross(f, at_zmp.moment_nm) / (f * f).sum(axis=1, keepdims=True)
+    down = offset - (offset[:, 2] / f[:, 2])[:, None] * f
+    return np.asarray(np.linalg.norm(down[:, :2], axis=1))
+
+
+def _least_moment_ratio(wrench: Wrench, point_m: Points) -> float:
+    """Moment norm beside the axis over that on it, smallest over all samples and eight directions."""
+    on_axis = np.linalg.norm(transport(wrench, point_m).moment_nm, axis=1)
+    beside = []
+    for turn in np.linspace(0.0, 2.0 * np.pi, 8, endpoint=False):
+        away = 0.01 * np.array([np.cos(turn), np.sin(turn), 0.0])
+        beside.append(np.linalg.norm(transport(wrench, point_m + away).moment_nm, axis=1))
+    return float((np.min(beside, axis=0) / np.maximum(on_axis, 1e-9)).min())
+
+
+def _angle(u: Points, v: Points) -> Series:
+    sine = np.linalg.norm(np.cross(u, v), axis=1)
+    return np.asarray(np.arctan2(sine, np.abs((u * v).sum(axis=1))))
+
+
+def _rms(error: np.ndarray) -> float:
+    return float(np.sqrt(np.mean((error**2).sum(axis=1))))
+
+
+def _panels(t: Series, c: Points, z: Points, cart: np.ndarray, foot: Points, n: Points) -> list[Panel]:
+    panels = [
+        Panel(
+            f"Relative to the CoM, {name}",
+            "time (s)",
+            "from the CoM (mm)",
+            [
+                Curve(t, 1e3 * (z[:, k] - c[:, k]), "ZMP (2.7)", 0),
+                Curve(t, 1e3 * (cart[:, k] - c[:, k]), "cart-table (2.9)", 0, dashed=True),
+                Curve(t, 1e3 * (foot[:, k] - c[:, k]), "axis on the floor", 2, dashed=True),
+            ],
+        )
+        for k, name in enumerate(("along the walk", "lateral"))
+    ]
+    k = int(np.argmax(np.abs(cart[:, 0] - z[:, 0])))
+    top = foot[k, 0] + n[k, 0] / n[k, 2] * c[k, 2]
+    sagittal = [
+        Curve(np.array([z[k, 0], c[k, 0]]), np.array([0.0, c[k, 2]]), "ZMP to CoM", 0),
+        Curve(np.array([cart[k, 0], c[k, 0]]), np.array([0.0, c[k, 2]]), "cart-table", 0, dashed=True),
+        Curve(np.array([foot[k, 0], top]), np.array([0.0, c[k, 2]]), "central axis", 2),
+    ]
+    return [*panels, Panel(f"Side view at {t[k]:.2f} s", "x, m", "z, m", sagittal)]
+
+
+ITEM: Final = Item("fig-2.2", "Zero-moment point and central axis", run)

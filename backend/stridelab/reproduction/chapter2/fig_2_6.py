@@ -1,0 +1,155 @@
+"""Figure 2.6: spectra of the errors of the three inputs, from which the cut-offs are chosen (2.5.2)."""
+
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Progress
+from stridelab.dynamics.wrench import Wrench
+from stridelab.estimation.complementary.forward_backward import filter_inputs
+from stridelab.estimation.evaluation.error_spectra import ErrorSpectrum, crossing_hz, error_spectrum
+from stridelab.reproduction.claims import Claim, Item, Reproduction, judged
+from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
+from stridelab.simulation.robot.walker import RATE_HZ
+from stridelab.studies.estimator_study import simulate
+
+LOW_HZ, HIGH_HZ, TOP_HZ = 0.4, 4.0, 90.0
+SEGMENT_S: Final = 8.0
+"""Nearly the whole walk: a constant error leaks one line far only, 0.125 Hz."""
+INPUTS: Final = ("geometry", "force", "axis")
+_UNITS: Final = {"geometry": "m", "force": "m_s2", "axis": "m"}
+Bands = Float[np.ndarray, "3 3"]
+"""RMS in the low, middle and high band (rows) per axis (columns)."""
+
+
+def run(seeds: int, tell: Progress) -> Reproduction:
+    """Mean power over ``seeds`` draws of the thesis' noise on its walk; and the axis without any noise."""
+    noisy = [_spectra("thesis", seed, tell, seed / (seeds + 1)) for seed in range(seeds)]
+    mean = {name: _mean([one[name] for one in noisy]) for name in INPUTS}
+    clean = _spectra("none", 0, tell, seeds / (seeds + 1))["axis"]
+    bands = {name: _bands(spectrum) for name, spectrum in mean.items()}
+    g, a, p = (bands[name] for name in INPUTS)
+    low, mid, high = np.hypot(g[:, 0], g[:, 1]).tolist()
+    middle = mid / min(low, high)
+    force_high = float((a[2] ** 2 / (a**2).sum(axis=0)).min())
+    # Along the walk L' about the lateral axis displaces the axis: the part that no sensor noise makes.
+    no_noise = float(_bands(clean)[1, 0] / p[1, 0])
+    crossing = min(crossing_hz(mean["axis"], mean["geometry"], axis) for axis in (0, 1))
+    vertical = float(np.abs(p[0, 2] / g[0, 2] - 1.0))
+    claims = (
+        Claim(
+            "geometry_middle_over_ends",
+            "geometry errs at low and high frequencies, and is very clean between (horizontally)",
+            "very clean",
+            middle,
+            "1",
+            judged(middle, at_most=0.5),
+            "Horizontal RMS between 0.4 and 4 Hz over the smaller of those below and above.",
+        ),
+        Claim(
+            "force_power_above_4_hz",
+            "the error of the force lies in high frequencies",
+            1.0,
+            force_high,
+            "1",
+            judged(force_high, at_least=0.9),
+            "Smallest share of the power of an axis above 4 Hz.",
+        ),
+        Claim(
+            "axis_without_noise",
+            "the error of the axis comes from L', independent of the added noise",
+            1.0,
+            no_noise,
+            "1",
+            judged(no_noise, at_least=0.7),
+            "Its RMS between 0.4 and 4 Hz along the walk with perfect sensors and model, over that with the noise.",
+        ),
+        Claim(
+            "axis_worse_from_hz",
+            "the axis is reliable only below 0.4 Hz",
+            0.4,
+            crossing,
+            "Hz",
+            "met" if 0.2 <= crossing <= 1.2 else "not_met",
+            "Lowest frequency at which the axis errs more than the geometry horizontally; lines 0.125 Hz apart.",
+        ),
+        Claim(
+            "axis_height_over_geometry",
+            "no input reaches the altitude with precision (2.3)",
+            "unlikely",
+            vertical,
+            "1",
+            judged(vertical, at_most=0.05),
+            "Vertically the axis is the geometry once more, projected along the force: below 0.4 Hz its error is the "
+            "geometry's to this relative difference. It must not be counted twice.",
+        ),
+    )
+    tell(1.0, "done")
+    return Reproduction(
+        claims=claims,
+        note=f"Walk at a robot's cadence, noise of 2.5.1, {seeds} draws. The picture of figure 2.3 holds horizontally.",
+        tables={"spectra": _columns(mean, clean), "bands": _band_columns(bands)},
+        drawing=svg(_panels(mean)),
+        references=("carpentier2017thesis", "carpentier2016spectral", "stasse2017talos"),
+    )
+
+
+def _spectra(noise: str, seed: int, tell: Progress, fraction: float) -> dict[str, ErrorSpectrum]:
+    tell(fraction, "simulating a walk")
+    trial = simulate("robot", noise, seed)
+    total = Wrench(trial.wrench.force_n, trial.wrench.moment_nm)
+    inputs = filter_inputs(trial.geometric.com_m, total, trial.mass_kg)
+    c = trial.truth.com_m
+    errors = {
+        "geometry": inputs.geometry_m - c,
+        "force": inputs.acceleration_m_s2 - trial.truth.acceleration_m_s2,
+        "axis": inputs.axis_point_m - c,
+    }
+    return {name: error_spectrum(error, RATE_HZ, SEGMENT_S) for name, error in errors.items()}
+
+
+def _mean(spectra: list[ErrorSpectrum]) -> ErrorSpectrum:
+    return ErrorSpectrum(spectra[0].frequency_hz, np.mean([s.density for s in spectra], axis=0))
+
+
+def _bands(spectrum: ErrorSpectrum) -> Bands:
+    edges = ((0.0, LOW_HZ), (LOW_HZ, HIGH_HZ), (HIGH_HZ, TOP_HZ))
+    return np.array([spectrum.band_rms(low, high) for low, high in edges])
+
+
+def _columns(mean: dict[str, ErrorSpectrum], clean: ErrorSpectrum) -> dict[str, np.ndarray]:
+    columns = {"frequency_hz": clean.frequency_hz}
+    for name, spectrum in (*mean.items(), ("axis_without_noise", clean)):
+        unit = _UNITS.get(name, "m")
+        columns |= {f"{name}_{axis}_{unit}_rthz": spectrum.amplitude[:, k] for k, axis in enumerate("xyz")}
+    return columns
+
+
+def _band_columns(bands: dict[str, Bands]) -> dict[str, np.ndarray]:
+    columns = {"from_hz": np.array([0.0, LOW_HZ, HIGH_HZ]), "to_hz": np.array([LOW_HZ, HIGH_HZ, TOP_HZ])}
+    for name, values in bands.items():
+        columns |= {f"{name}_{axis}_{_UNITS[name]}": values[:, k] for k, axis in enumerate("xyz")}
+    return columns
+
+
+def _panels(mean: dict[str, ErrorSpectrum]) -> list[Panel]:
+    titles = {
+        "geometry": ("Error of the geometry", "amplitude (m/√Hz)"),
+        "force": ("Error of the acceleration from the force", "amplitude (m/s²/√Hz)"),
+        "axis": ("Error of the projection on the central axis", "amplitude (m/√Hz)"),
+    }
+    return [
+        Panel(
+            title,
+            "frequency (Hz)",
+            unit,
+            [Curve(mean[k].frequency_hz, mean[k].amplitude[:, j], "xyz"[j], j) for j in range(3)],
+            log_x=True,
+            log_y=True,
+        )
+        for k, (title, unit) in titles.items()
+    ]
+
+
+ITEM: Final = Item("fig-2.6", "Spectra of the errors of the three inputs", run, default_seeds=3)

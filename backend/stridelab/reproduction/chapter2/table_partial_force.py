@@ -1,0 +1,172 @@
+"""Two seconds of walking of which the middle one is on plates: how much of the error one second of force takes away."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Progress
+from stridelab.errors import NotEstimable
+from stridelab.estimation.evaluation.truth_errors import TruthError, error_m, truth_error
+from stridelab.estimation.smoother import Smoother
+from stridelab.reproduction.claims import Claim, Item, Reproduction, aimed
+from stridelab.reproduction.common.estimator_errors import GAITS, as_columns, rms
+from stridelab.reproduction.common.estimators import NAMES, SMOOTHER, estimators, told
+from stridelab.reproduction.report.svg_plots import Bars, svg
+from stridelab.simulation.robot.gait_plan import WALKS, GaitName
+from stridelab.simulation.robot.walker import RATE_HZ
+from stridelab.studies.estimator_study import StudyTrial, simulate
+
+NOISES: Final = ("marker-like", "thesis")
+JUDGED: Final = "marker-like"
+LENGTH_S, FORCE_S = 2.0, (0.5, 1.5)
+TOO_SHORT_S: Final = 0.35
+MOST_ATTEMPTS: Final = 50
+LARGEST_M: Final = {"human": 0.0035, "robot": 0.0040}
+LARGEST_95_M: Final = 0.0066
+Distances = Float[np.ndarray, "_"]
+
+
+@dataclass(frozen=True)
+class Part:
+    """Horizontal distances from the truth and RMS per axis, in the second with force; ``around`` outside of it.
+
+    ``whole`` is the error over all that the estimator answers for.
+    """
+
+    with_force_m: Distances
+    rms_m: Float[np.ndarray, "3"]
+    around_m: Distances
+    whole: TruthError
+
+
+@lru_cache(maxsize=1000)
+def masked(gait: GaitName, noise: str, seed: int) -> tuple[StudyTrial, int]:
+    """Two seconds out of the steps of a walk, begun at an instant that the seed draws, and how many were refused.
+
+    The second of force must hold a full single support, so an instant that the smoother refuses is drawn again.
+    Raises ``NotEstimable`` (``no-single-support``) where it refuses one after the other.
+    """
+    for attempt in range(MOST_ATTEMPTS):
+        trial = _excerpt(gait, noise, seed, attempt, FORCE_S)
+        if _refusal(trial) is None:
+            return trial, attempt
+    raise NotEstimable("no-single-support", f"{MOST_ATTEMPTS} seconds of walking hold no full single support.")
+
+
+@lru_cache(maxsize=2000)
+def part(gait: GaitName, noise: str, seed: int, name: str) -> Part:
+    """One estimator on one draw."""
+    trial, _ = masked(gait, noise, seed)
+    estimate = estimators(trial, beyond_window=True)[name].estimate(trial.geometric, trial.wrench, trial.mass_kg)
+    error = error_m(estimate, trial.truth.time_s, trial.truth.com_m)
+    seen = (estimate.time_s > FORCE_S[0] - 1e-6) & (estimate.time_s < FORCE_S[1] + 1e-6)
+    distance = np.hypot(error[:, 0], error[:, 1])
+    whole = truth_error(estimate, trial.truth.time_s, trial.truth.com_m)
+    return Part(distance[seen], np.sqrt(np.mean(error[seen] ** 2, axis=0)), distance[~seen], whole)
+
+
+def _excerpt(gait: GaitName, noise: str, seed: int, attempt: int, force_s: tuple[float, float]) -> StudyTrial:
+    walk = WALKS[gait]
+    latest_s = walk.duration_s - walk.rest_s - LENGTH_S
+    start_s = round(np.random.default_rng([seed, 23, attempt]).uniform(walk.rest_s, latest_s) * RATE_HZ) / RATE_HZ
+    return simulate(gait, noise, seed).excerpt(start_s, start_s + LENGTH_S, force_s=force_s)
+
+
+def _refusal(trial: StudyTrial) -> str | None:
+    """Code with which the smoother refuses the trial, if it does."""
+    try:
+        Smoother(priors=told(trial), learn=False).estimate(trial.geometric, trial.wrench, trial.mass_kg)
+    except NotEstimable as error:
+        return error.code
+    return None
+
+
+def run(seeds: int, tell: Progress) -> Reproduction:
+    """Both gaits, noise of markers and plates and the thesis' noise, ``seeds`` draws of each."""
+    rows: list[dict[str, object]] = []
+    claims: list[Claim] = []
+    for k, (gait, noise) in enumerate((g, n) for g in GAITS for n in NOISES):
+        tell(k / 4, f"{gait} gait, {noise} noise")
+        found = {name: [part(gait, noise, seed, name) for seed in range(seeds)] for name in NAMES}
+        rows += [{"gait": gait, "noise": noise, "estimator": name, **_summary(found[name])} for name in NAMES]
+        if noise == JUDGED:
+            claims += _claims(gait, found[SMOOTHER])
+    tell(0.95, "asking for too little")
+    claims += [_refused(gait, seeds) for gait in GAITS]
+    again = {gait: sum(masked(gait, JUDGED, seed)[1] for seed in range(seeds)) for gait in GAITS}
+    drawn_again = " and ".join(f"{n} of {n + seeds} ({gait} gait)" for gait, n in again.items())
+    tell(1.0, "done")
+    return Reproduction(
+        claims=tuple(claims),
+        note=f"{seeds} draws each. Errors over the second with force, the norm of both horizontal axes; where an "
+        "estimator answers outside of it, the half seconds before and after are in the last column. Nobody is told the "
+        "angular momentum. A second without a full single support is refused (no-single-support) and drawn again: "
+        f"{drawn_again}.",
+        tables={"errors": as_columns(rows)},
+        drawing=svg(
+            [
+                Bars(
+                    f"Horizontal RMS error in the second with force, {gait} gait, {noise} noise",
+                    "mm",
+                    [
+                        (str(row["estimator"]), 1e3 * float(str(row["horizontal_m"])))
+                        for row in rows
+                        if (row["gait"], row["noise"]) == (gait, noise)
+                    ],
+                )
+                for gait in GAITS
+                for noise in NOISES
+            ]
+        ),
+        references=("carpentier2017thesis", "stasse2017talos"),
+    )
+
+
+def _summary(parts: Sequence[Part]) -> dict[str, float]:
+    x, y, z = np.sqrt(np.mean([p.rms_m**2 for p in parts], axis=0)).tolist()
+    inside = np.concatenate([p.with_force_m for p in parts])
+    around = np.concatenate([p.around_m for p in parts])
+    return {
+        "rms_x_m": x,
+        "rms_y_m": y,
+        "rms_z_m": z,
+        "horizontal_m": rms(inside.tolist()),
+        "horizontal_95_m": float(np.percentile(inside, 95)),
+        "around_m": rms(around.tolist()) if len(around) else float("nan"),
+    }
+
+
+def _claims(gait: GaitName, parts: Sequence[Part]) -> list[Claim]:
+    found = _summary(parts)
+    return [
+        aimed(
+            f"{gait}_horizontal_m",
+            f"{gait} gait: the smoother's horizontal error (RMS) with a second of force",
+            found["horizontal_m"],
+            "m",
+            at_most=LARGEST_M[gait],
+        ),
+        aimed(f"{gait}_95_m", f"{gait} gait: its 95th percentile", found["horizontal_95_m"], "m", at_most=LARGEST_95_M),
+        aimed(
+            f"{gait}_around_m",
+            f"{gait} gait: its horizontal error (RMS) in the half seconds around",
+            found["around_m"],
+            "m",
+            at_most=0.005,
+        ),
+    ]
+
+
+def _refused(gait: GaitName, seeds: int) -> Claim:
+    """Share of the windows of 0.35 s that are refused by name."""
+    force_s = (0.8, 0.8 + TOO_SHORT_S)
+    refusals = [_refusal(_excerpt(gait, JUDGED, seed, 0, force_s)) for seed in range(seeds)]
+    share = refusals.count("window-too-short") / seeds
+    return aimed(f"{gait}_refused", f"{gait} gait: {TOO_SHORT_S} s of force are refused", share, "1", at_least=1.0)
+
+
+ITEM: Final = Item("partial-force", "One second of force in two", run, default_seeds=4, printed=("errors",))

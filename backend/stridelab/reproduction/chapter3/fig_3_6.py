@@ -1,0 +1,51 @@
+"""Figure 3.6: distance between path and wheel, person by person."""
+
+from typing import Final
+
+import numpy as np
+
+from stridelab.conventions import Progress
+from stridelab.reproduction.claims import Claim, Item, Reproduction, judged
+from stridelab.reproduction.common.simulated_people import NOTE, THESIS_PEOPLE, simulated_people
+from stridelab.reproduction.report.svg_plots import Bars, Curve, Panel, svg
+
+MEAN_MM: Final = 3.5
+SD_MM: Final = 1.5
+
+
+def run(seeds: int, tell: Progress) -> Reproduction:
+    """As many people as ``seeds`` says, six at least."""
+    found = simulated_people(seeds, tell)
+    subjects = found.population.subjects
+    means = np.array([s.mean["error_mean_mm"] for s in subjects])
+    sds = np.array([s.mean["error_sd_mm"] for s in subjects])
+    claims = (
+        Claim("error_mean_mm", "the mean distance of all subjects remains below 3.5 mm", MEAN_MM, float(means.max()),
+              "mm", judged(float(means.max()), at_most=MEAN_MM), "The largest mean of a person."),
+        Claim("error_sd_mm", "with a maximal standard deviation of 1.5 mm", SD_MM, float(sds.max()), "mm",
+              judged(float(sds.max()), at_most=SD_MM),
+              "The largest deviation of a person. The text has 1 mm, the caption 1.5 mm."),
+    )  # fmt: skip
+    tell(1.0, "done")
+    person = np.arange(1.0, len(means) + 1)
+    gap = np.full_like(means, np.nan)
+    spread = Curve(
+        np.column_stack([person, person, gap]).ravel(),
+        np.column_stack([np.maximum(means - sds, 0.0), means + sds, gap]).ravel(),
+        "mean ± deviation",
+    )
+    bound = Curve(person[[0, -1]], np.full(2, MEAN_MM), "thesis: all below", 1, dashed=True)
+    return Reproduction(
+        claims=claims,
+        note=NOTE,
+        tables={"people": {"person": person, "error_mean_mm": means, "error_sd_mm": sds}},
+        drawing=svg(
+            [
+                Bars("Largest of all people", "mm", [("mean", float(means.max())), ("deviation", float(sds.max()))]),
+                Panel("Distance between path and wheel", "person (number)", "distance (mm)", [spread, bound]),
+            ]
+        ),
+    )
+
+
+ITEM: Final = Item("fig-3.6", "Distance between path and wheel, per person", run, default_seeds=THESIS_PEOPLE)

@@ -1,0 +1,31 @@
+"""Figure 3.8: z0 against the height."""
+
+from typing import Final
+
+from stridelab.conventions import Progress
+from stridelab.reproduction.claims import Item, Reproduction
+from stridelab.reproduction.common.simulated_people import (
+    NOTE,
+    THESIS_PEOPLE,
+    height_claim,
+    marks,
+    simulated_people,
+    table_of,
+)
+from stridelab.reproduction.report.svg_plots import Panel, svg
+
+
+def run(seeds: int, tell: Progress) -> Reproduction:
+    """As many people as ``seeds`` says, six at least."""
+    found = simulated_people(seeds, tell)
+    claims = (height_claim(found, "z0_m", "z0", 0.87),)
+    tell(1.0, "done")
+    return Reproduction(
+        claims=claims,
+        note=NOTE,
+        tables={"people": table_of(found)},
+        drawing=svg([Panel("Height of the hub", "height (m)", "z0 (m)", [*marks(found, "z0_m", 1.0, 0, "z0")])]),
+    )
+
+
+ITEM: Final = Item("fig-3.8", "z0 against the height", run, default_seeds=THESIS_PEOPLE)

@@ -1,0 +1,156 @@
+"""Figure 4.5: the CoM on two, three and four contacts, the truth by inverse kinematics against the product (4.12).
+
+One block of maps per number of contacts: the truth in kernels, below it the product of the uniform densities and that
+of the conditioned ones. Solid lines hold 95 % of the projected truth, dashed ones of the product.
+"""
+
+import re
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from stridelab.conventions import Progress
+from stridelab.dynamics.spatial import Placement
+from stridelab.reachability.kinematics.ik_ground_truth import ANY, Contacts, StanceTruth
+from stridelab.reachability.learning.kde import KernelDensity
+from stridelab.reachability.proxy.contact_set_proxy import ContactSet
+from stridelab.reachability.proxy.effector_proxy import Proxy
+from stridelab.reachability.proxy.projections import grid_around, project_kernels, project_mixture
+from stridelab.reachability.store import load_proxies
+from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, aimed
+from stridelab.reproduction.report.svg_density_maps import WIDTH, Row, svg_maps
+from stridelab.robots.loader import load_robot
+from stridelab.studies.proxy_accuracy import MASSES, Comparison, Truth, compare, stair_contacts
+
+ROBOT: Final = "hrp2"
+DRAWS: Final = 400
+PROBES: Final = 60
+COINCIDES: Final = 0.5
+"""A place is in the highest region if the truth is at least so dense there, relative to its maximum."""
+_SIZE: Final = re.compile(r'viewBox="0 0 \d+ (\d+)"')
+
+
+def run(seeds: int, tell: Progress) -> Reproduction:
+    """With one draw of postures, whatever ``seeds``."""
+    search = StanceTruth(load_robot(ROBOT), ANY)
+    densities = {"uniform": load_proxies(ROBOT, "uniform"), "conditioned": load_proxies(ROBOT, "conditioned")}
+    rows: list[Comparison] = []
+    blocks: list[str] = []
+    sets = stair_contacts(ROBOT)
+    for number, (name, placements) in enumerate(sets.items()):
+        tell(number / len(sets), name)
+        truth = Truth.of(search, placements, DRAWS)
+        rows += compare(search, name, placements, truth, densities, PROBES)
+        blocks.append(_maps(name, search, placements, truth, densities))
+    tell(1.0, "done")
+    return Reproduction(
+        claims=claims(rows),
+        note=f"HRP-2 on a stair of 0.30 m by 0.15 m, then with one hand and with both on rails; {DRAWS} postures of "
+        "the truth for its kernels (0.04 m), as many for its thresholds; base and free joints uniform, limbs by "
+        "inverse kinematics.",
+        tables={"sets": table(rows)},
+        drawing=stacked(blocks),
+        references=("carpentier2017thesis", "carpentier2018multicontact"),
+    )
+
+
+def claims(rows: list[Comparison]) -> tuple[Claim, ...]:
+    """What section 4.3.3.2 says of the figure."""
+    uniform, conditioned = ([row for row in rows if row.densities == name] for name in ("uniform", "conditioned"))
+    truths, products = (
+        np.array([getattr(row, f"{kind}_volumes_m3")[-1] for row in uniform]) for kind in ("truth", "product")
+    )
+    shrinks = float(max((truths[1:] / truths[:-1]).max(), (products[1:] / products[:-1]).max()))
+    covers = float((products / truths).min())
+    at_mode, at_ours = (min(row.density_at_mode for row in some) for some in (uniform, conditioned))
+    mass, ours = (min(row.mass_inside for row in some) for some in (uniform, conditioned))
+    return (
+        Claim(
+            "volume_per_contact",
+            "the volume decreases with the number of contacts, both of the truth and of the product",
+            "< 1",
+            shrinks,
+            "1",
+            "met" if shrinks < 1.0 else "thesis_in_error",
+            "Largest ratio of the volumes that hold 95 %, of one contact more over one less; uniform densities.",
+        ),
+        Claim(
+            "volume_over_truth",
+            "in all cases the product covers a larger region than the truth",
+            "> 1",
+            covers,
+            "1",
+            "met" if covers > 1.0 else "thesis_in_error",
+            "Least ratio of the volumes that hold 95 %, product of uniform densities over truth.",
+        ),
+        Claim(
+            "density_at_mode",
+            "the regions of highest probability coincide with the real distributions",
+            "coincide",
+            at_mode,
+            "1",
+            "met" if at_mode >= COINCIDES else "thesis_in_error",
+            "Density of the truth at the mode of the product of uniform densities, over its maximum; the least of all "
+            f"sets. Of the product's mass {mass:.2f} at least lies in the set that holds 95 % of the truth.",
+        ),
+        aimed(
+            "density_at_mode_conditioned",
+            "conditioned densities: the same",
+            at_ours,
+            "1",
+            at_least=COINCIDES,
+        ),
+        aimed(
+            "mass_inside_conditioned",
+            "conditioned densities: mass of the product in the set that holds 95 % of the truth",
+            ours,
+            "1",
+            at_least=0.9,
+        ),
+    )
+
+
+def table(rows: list[Comparison]) -> Mapping[str, Column]:
+    """One row per contact set and choice of densities."""
+    columns: dict[str, Column] = {
+        name: np.array([getattr(row, name) for row in rows])
+        for name in ("contacts", "densities", "mass_inside", "truth_inside", "false_feasible", "density_at_mode")
+    }
+    for kind in ("truth", "product"):
+        volumes = np.array([getattr(row, f"{kind}_volumes_m3") for row in rows])
+        columns |= {f"{kind}_litres_{100 * m:.0f}_percent": 1e3 * volumes[:, k] for k, m in enumerate(MASSES)}
+    return columns
+
+
+def _maps(
+    name: str,
+    search: StanceTruth,
+    placements: Mapping[str, Placement],
+    truth: Truth,
+    densities: Mapping[str, Mapping[str, Proxy]],
+) -> str:
+    heading_rad = float(Contacts.of(search.robot, [placements]).heading_rad[0])
+    products = {label: ContactSet.of(proxies, placements, heading_rad) for label, proxies in densities.items()}
+    reached = [product.sample(DRAWS, np.random.default_rng(0)) for product in products.values()]
+    everything = np.concatenate([truth.kernels.centres_m, *reached])
+    grid = grid_around(KernelDensity(everything, truth.kernels.bandwidth_m))
+    x, y, z = (project_kernels(truth.kernels, grid, along) for along in range(3))
+    rows = [Row(name, (x, y, z))]
+    for label, product in products.items():
+        px, py, pz = (project_mixture(product.product, grid, along) for along in range(3))
+        rows.append(Row(label, (px, py, pz)))
+    return svg_maps(rows, grid)
+
+
+def stacked(blocks: list[str]) -> str:
+    """SVG documents of one width below each other as one."""
+    heights = [int(found[1]) for block in blocks if (found := _SIZE.search(block))]
+    size = f'width="{WIDTH}" height="{sum(heights)}"'
+    parts = [f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {sum(heights)}" {size} role="img">']
+    for number, block in enumerate(blocks):
+        parts.append(f'<g transform="translate(0 {sum(heights[:number])})">\n{block}</g>')
+    return "\n".join([*parts, "</svg>"]) + "\n"
+
+
+ITEM: Final = Item("fig-4.5", "The CoM on two, three and four contacts", run, printed=("sets",))

@@ -1,0 +1,208 @@
+"""Figure 4.9: the CoM seen from the right foot, with and without the log-densities in the cost.
+
+Experiment 2 with HRP-2. While the right foot touches, the CoM is drawn in its frame over the density there, and how
+usual it is for the foot is measured by the share of the density's own mass that is as unusual
+(``reach_box.usual_share``).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from skimage.measure import find_contours
+
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.reach_box import usual_share
+from stridelab.centroidal.solver import solve
+from stridelab.conventions import Mask, Points, Progress, Series
+from stridelab.reachability.card import Measure
+from stridelab.reachability.gaussian_mixture import Mixture
+from stridelab.reachability.store import load_proxies
+from stridelab.reproduction.claims import Claim, Column, Item, Reproduction, aimed
+from stridelab.reproduction.report.svg_plots import Curve, Panel, svg
+from stridelab.studies.thesis_experiments import problem
+
+ROBOT: Final = "hrp2"
+FOOT: Final = "right_foot"
+MEASURES: Final[tuple[Measure, ...]] = ("uniform", "conditioned")
+CASES: Final = ("with", "without")
+MASS: Final = 0.95
+LEVELS: Final = (0.5, 0.8, 0.95)
+RARE: Final = 1.0 - MASS
+MARGIN_M: Final = 0.15
+GRID: Final = 81
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """The CoM in the foot's frame while it touches, NaN between two contacts, and how usual each place is."""
+
+    measure: Measure
+    case: str
+    time_s: Series
+    com_m: Points
+    share: Series
+    log_density: Series
+
+    @property
+    def touching(self) -> Mask:
+        """Rows that are no gaps."""
+        return np.asarray(np.isfinite(self.com_m[:, 0]))
+
+
+def run(seeds: int, tell: Progress) -> Reproduction:
+    """Deterministic, whatever ``seeds``."""
+    paths: list[Path] = []
+    for number, (measure, case) in enumerate((m, c) for m in MEASURES for c in CASES):
+        tell(number / 4.0, f"{measure} densities, {case} the log-density")
+        paths.append(path(measure, case))
+    tell(1.0, "done")
+    mixtures = {measure: load_proxies(ROBOT, measure)[FOOT].mixture for measure in MEASURES}
+    return Reproduction(
+        claims=claims(paths),
+        note="Experiment 2 of HRP-2 (six stairs of 10 cm in 24 s), the CoM in the frame of the right foot while it "
+        "touches. Densities learned uniformly, as in the thesis, and conditioned on standing. The plan without differs "
+        "by the weight of its log-densities alone, which is zero.",
+        tables={"shares": table(paths), "paths": columns(paths)},
+        drawing=svg(
+            [panel(mixtures[m], [p for p in paths if p.measure == m], m, view) for m in MEASURES for view in VIEWS]
+        ),
+    )
+
+
+def path(measure: Measure, case: str) -> Path:
+    """One plan, seen from the foot."""
+    asked = problem(2, ROBOT, measure)
+    if case == "without":
+        asked = replace(asked, weights=replace(asked.weights, likelihood=0.0))
+    return seen(solve(asked), asked.proxies[FOOT].mixture, measure, case)
+
+
+def seen(plan: CentroidalPlan, mixture: Mixture, measure: Measure, case: str) -> Path:
+    """The CoM of a plan in the frame of the foot's contact of each interval, at the interval's start."""
+    time_s, com_m = plan.time_s[:-1], np.full((len(plan.phase), 3), np.nan)
+    for k, i in enumerate(plan.phase):
+        contact = plan.sequence.phases[i].contacts.get(FOOT)
+        if contact is not None:
+            com_m[k] = contact.placement.inverse().act(plan.com_m[k : k + 1])[0]
+    there = np.isfinite(com_m[:, 0])
+    share, log_density = np.full(len(com_m), np.nan), np.full(len(com_m), np.nan)
+    share[there] = usual_share(mixture, com_m[there])
+    log_density[there] = mixture.log_density(com_m[there])
+    return Path(measure, case, time_s, com_m, share, log_density)
+
+
+def claims(paths: list[Path]) -> tuple[Claim, ...]:
+    """What 4.6.3 says of the figure, for the thesis' densities and for ours."""
+    found: list[Claim] = []
+    for measure in MEASURES:
+        with_it, without = (next(p for p in paths if (p.measure, p.case) == (measure, case)) for case in CASES)
+        gain = float(np.nanmean(with_it.log_density) - np.nanmean(without.log_density))
+        rare = [float((p.share[p.touching] < RARE).mean()) for p in (with_it, without)]
+        found += [
+            Claim(
+                f"nearer_{measure}",
+                f"the CoM stays in the most feasible region, closer to the maxima ({measure} densities)",
+                "> 0",
+                gain,
+                "1",
+                "met" if gain > 0.0 else "not_met",
+                "Gain in the mean log-density of the right foot, in nats.",
+            ),
+            Claim(
+                f"infeasible_{measure}",
+                f"without the log-density, the CoM tends to be infeasible ({measure} densities)",
+                "infeasible",
+                rare[1],
+                "1",
+                "met" if rare[1] > max(0.5, rare[0]) else "not_met",
+                f"Share of the time outside the smallest set that holds {MASS:.0%} of the foot's density; with it "
+                f"{rare[0]:.2f}.",
+            ),
+        ]
+    conditioned = next(p for p in paths if (p.measure, p.case) == ("conditioned", "with"))
+    least = float(conditioned.share[conditioned.touching].min())
+    found.append(
+        aimed("usual", "with conditioned densities, the least usual CoM of the plan: share as unusual", least, "1",
+              at_least=0.01)
+    )  # fmt: skip
+    return tuple(found)
+
+
+def table(paths: list[Path]) -> Mapping[str, Column]:
+    """One row per plan."""
+    return {
+        "densities": np.array([p.measure for p in paths]),
+        "log_density_in_cost": np.array([p.case for p in paths]),
+        "mean_log_density": np.array([float(np.nanmean(p.log_density)) for p in paths]),
+        "least_share": np.array([float(np.nanmin(p.share)) for p in paths]),
+        "median_share": np.array([float(np.nanmedian(p.share)) for p in paths]),
+        "lowest_m": np.array([float(np.nanmin(p.com_m[:, 2])) for p in paths]),
+        "highest_m": np.array([float(np.nanmax(p.com_m[:, 2])) for p in paths]),
+    }
+
+
+def columns(paths: list[Path]) -> Mapping[str, Column]:
+    """All paths at their nodes, gaps included."""
+    found: dict[str, Column] = {"time_s": paths[0].time_s}
+    for p in paths:
+        found |= {f"{p.measure}_{p.case}_{axis}_m": p.com_m[:, k] for k, axis in enumerate("xyz")}
+    return found
+
+
+VIEWS: Final = ((0, 1), (0, 2))
+"""Axes of the foot's frame: from above, from the side."""
+
+
+def panel(mixture: Mixture, paths: list[Path], measure: str, view: tuple[int, int]) -> Panel:
+    """Both paths over the level sets of the projected density, which hold half, 80 and 95 % of it."""
+    flat = projected(mixture, view)
+    x, y, density = on_grid(flat, np.vstack([p.com_m[p.touching] for p in paths])[:, list(view)])
+    falling = np.sort(density.ravel())[::-1]
+    held = np.cumsum(falling) / falling.sum()
+    curves = []
+    for mass in LEVELS:
+        level = float(falling[np.searchsorted(held, mass)])
+        gap = np.full((1, 2), np.nan)
+        outlines = [np.vstack([line, gap]) for line in find_contours(density, level)]  # type: ignore[no-untyped-call]
+        rows, places = np.vstack(outlines).T
+        curves.append(
+            Curve(
+                np.interp(places, np.arange(GRID), x), np.interp(rows, np.arange(GRID), y), f"{mass:.0%} of p", 6, True
+            )
+        )
+    curves += [Curve(p.com_m[:, view[0]], p.com_m[:, view[1]], f"{p.case} it", k) for k, p in enumerate(paths)]
+    names = "xyz"
+    title = f"{measure}: CoM over the right foot, {names[view[0]]} and {names[view[1]]}"
+    return Panel(title, f"{names[view[0]]} (m)", f"{names[view[1]]} (m)", curves)
+
+
+Flat = tuple[Float[np.ndarray, "k"], Float[np.ndarray, "k 2"], Float[np.ndarray, "k 2 2"]]
+"""Weights, means and covariances in a plane."""
+
+
+def projected(mixture: Mixture, view: tuple[int, int]) -> Flat:
+    """The marginal density of two coordinates."""
+    axes = np.array(view)
+    return mixture.weights, mixture.means_m[:, axes], mixture.covariances_m2[:, axes[:, None], axes]
+
+
+def on_grid(flat: Flat, seen_m: Float[np.ndarray, "_ 2"]) -> tuple[Series, Series, Float[np.ndarray, "h w"]]:
+    """Axes and values on a grid that holds the density and what is drawn over it."""
+    weights, means, covariances = flat
+    sd = np.sqrt(np.einsum("kii->ki", covariances))
+    low = np.minimum((means - 3 * sd).min(axis=0), seen_m.min(axis=0) - MARGIN_M)
+    high = np.maximum((means + 3 * sd).max(axis=0), seen_m.max(axis=0) + MARGIN_M)
+    x, y = (np.linspace(low[a], high[a], GRID) for a in range(2))
+    points = np.stack(np.meshgrid(x, y), axis=-1)
+    density = np.zeros((GRID, GRID))
+    for w, mu, S in zip(weights, means, covariances, strict=True):
+        away = points - mu
+        squares = np.einsum("hwa,ab,hwb->hw", away, np.linalg.inv(S), away)
+        density += w * np.exp(-0.5 * squares) / np.sqrt(np.linalg.det(S))
+    return x, y, density
+
+
+ITEM: Final = Item("fig-4.9", "The CoM over the right foot, with and without the log-density", run, printed=("shares",))

@@ -1,0 +1,250 @@
+"""Numbers that chapter 4 states in its text: robots, densities, cones and their factors, durations, times of solvers.
+
+What its figures and its table show is in their own items.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from typing import Final
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+from scipy.spatial import ConvexHull
+
+from stridelab.centroidal.contact_wrench import ContactWrench
+from stridelab.centroidal.receding_horizon import RecedingHorizon
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.wrench_cones.contact_points import PointContacts
+from stridelab.contacts.wrench_cones.ellipsoids import smallest_around
+from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
+from stridelab.conventions import Progress
+from stridelab.reachability.learning.kde import KernelDensity
+from stridelab.reachability.store import load_cloud
+from stridelab.reproduction.chapter4.table_4_1 import COLUMNS
+from stridelab.reproduction.claims import Claim, Item, Reproduction, judged
+from stridelab.reproduction.report.svg_plots import Bars, svg
+from stridelab.robots.loader import load_robot
+from stridelab.robots.visuals import link_meshes
+from stridelab.studies.random_contact_sets import random_contacts, stair_sets
+from stridelab.studies.thesis_experiments import Experiment, problem
+
+DIMENSION: Final = 5
+"""Of the section of a wrench cone."""
+CLOUDS: Final = 10
+POINTS: Final = 20
+SETS: Final = 20
+"""Random contact sets per number of bodies."""
+FACETS: Final = {2: (50.0, "about 50"), 3: (100.0, "more than 100")}
+KERNEL_NS: Final = 10.0
+PLACES: Final = 200
+REPEATS: Final = 3
+HORIZON_S: Final = 3.0
+REPLANS: Final = 6
+RATE_HZ: Final = 20.0
+MOTIONS_S: Final[dict[Experiment, float]] = {1: 8.0, 2: 24.0, 3: 36.0}
+PER_SECOND_MS: Final = (7.0, 15.0)
+ROUNDED: Final = 0.02
+"""By so much a printed duration may differ from the sum of its phases."""
+AROUND: Final = 0.1
+"""What "around" allows."""
+
+
+@dataclass(frozen=True)
+class Facets:
+    """Median number of facets over random contact sets, and the largest share of a ray by which one leaves them."""
+
+    median: float
+    leaves: float
+
+
+def run(seeds: int, tell: Progress) -> Reproduction:
+    """Deterministic but for the times; ``seeds`` changes nothing."""
+    tell(0.05, "robots")
+    claims = list(_robots())
+    tell(0.3, "cones")
+    facets = {bodies: facets_of(bodies) for bodies in FACETS}
+    least = {kind: least_alpha(symmetric=kind == "symmetric") for kind in ("general", "symmetric")}
+    claims += [*_facets(facets), *_john(least)]
+    tell(0.5, "densities")
+    claims.append(_kernels())
+    tell(0.6, "solving")
+    claims += [*_durations(), *_solves()]
+    tell(1.0, "done")
+    return Reproduction(
+        claims=tuple(claims),
+        note="Processor time of one thread of this machine where a time is claimed. Facets are those of pyramids of "
+        "four rays per contact point, every facet once.",
+        tables={
+            "facets": {
+                "bodies": np.array(list(facets)),
+                "median_facets": np.array([found.median for found in facets.values()]),
+                "largest_violation": np.array([found.leaves for found in facets.values()]),
+            },
+            "alpha": {"clouds": np.array(list(least)), "least_alpha": np.array(list(least.values()))},
+        },
+        drawing=svg(
+            [
+                Bars("Facets of the cone of wrenches, median of random sets", "1",
+                     [(f"{bodies} contacts", found.median) for bodies, found in facets.items()]),
+                Bars("Least alpha inside", "1", list(least.items())),
+            ]
+        ),
+    )  # fmt: skip
+
+
+def height_m(robot_name: str) -> float:
+    """From sole to crown with all joints at zero, which is upright with straight legs."""
+    robot = load_robot(robot_name)
+    data = robot.model.createData()
+    pin.forwardKinematics(robot.model, data, pin.neutral(robot.model))
+    z_m = [
+        mesh.vertices_m @ placed.rotation[2] + placed.translation[2]
+        for mesh, placed in zip(link_meshes(robot), list(data.oMi)[1:], strict=True)
+        if len(mesh.vertices_m)
+    ]
+    return max(float(z.max()) for z in z_m) - min(float(z.min()) for z in z_m)
+
+
+def facets_of(bodies: int) -> Facets:
+    """Of ``SETS`` random sets of so many contacts."""
+    rng = np.random.default_rng(bodies)
+    cones = [LinearCone.of(random_contacts(rng, bodies), 4) for _ in range(SETS)]
+    return Facets(float(np.median([len(cone.normals) for cone in cones])), max(_leaves(cone) for cone in cones))
+
+
+def least_alpha(*, symmetric: bool) -> float:
+    """How far the smallest ellipsoid around points may be shrunk to lie in their hull: the least of random clouds.
+
+    The last cloud is the one for which the theorem is sharp: a simplex, or a cross.
+    """
+    rng = np.random.default_rng(0)
+    corners = np.eye(DIMENSION)
+    clouds = [*(rng.standard_normal((POINTS, DIMENSION)) for _ in range(CLOUDS)), corners]
+    if symmetric:
+        return min(_alpha(np.vstack([cloud, -cloud])) for cloud in clouds)
+    return min(_alpha(cloud) for cloud in [*clouds[:-1], np.vstack([corners, -np.ones(DIMENSION)])])
+
+
+def _alpha(cloud: Float[np.ndarray, "n d"]) -> float:
+    around, hull = smallest_around(cloud), ConvexHull(cloud, qhull_options="Qt Qx")
+    normals, offsets = hull.equations[:, :-1], -hull.equations[:, -1]
+    return float(((offsets - normals @ around.center) / np.linalg.norm(normals @ around.axes, axis=1)).min())
+
+
+def _leaves(cone: LinearCone) -> float:
+    rays = cone.rays / np.linalg.norm(cone.rays, axis=1, keepdims=True)
+    facets = cone.facets / np.linalg.norm(cone.facets, axis=1, keepdims=True)
+    return float((rays @ facets.T).max())
+
+
+def _robots() -> tuple[Claim, ...]:
+    """4.6.2 and 4.6.4 on the robots' sizes."""
+    printed = (("hrp2", "HRP-2", 1.6, None), ("talos", "TALOS", 1.78, 100.0))
+    found = [_around(f"{name}_height_m", f"{title} is {height:g} m high", height, height_m(name), "m",
+                     "With the joints at zero.") for name, title, height, _ in printed]  # fmt: skip
+    for name, title, _, mass in printed:
+        if mass is not None:
+            says = f"{title} weighs around {mass:g} kg"
+            found.append(_around(f"{name}_mass_kg", says, mass, load_robot(name).mass_kg, "kg", "By its description."))
+    return tuple(found)
+
+
+def _around(key: str, says: str, thesis: float, ours: float, unit: str, note: str) -> Claim:
+    return Claim(key, says, thesis, ours, unit, judged(abs(ours / thesis - 1.0), at_most=AROUND), note)
+
+
+def _facets(facets: dict[int, Facets]) -> tuple[Claim, ...]:
+    """4.4.1 on the double description."""
+    stairs = [(name, len(LinearCone.of(contacts, 4).normals)) for name, contacts in _stairs()]
+    on_stairs = "Figure 4.5's stances: " + ", ".join(f"{n} with {name}" for name, n in stairs) + "."
+    two, three = (facets[bodies].median for bodies in (2, 3))
+    worst = max(found.leaves for found in facets.values())
+    return (
+        Claim("facets_2", "about 50 inequalities with 2 contacts", FACETS[2][0], two, "1",
+              "met" if 0.5 <= two / FACETS[2][0] <= 2.0 else "not_met", f"Median of {SETS} random sets. {on_stairs}"),
+        Claim("facets_3", "more than 100 inequalities with 3 contacts", FACETS[3][0], three, "1",
+              judged(three, at_least=FACETS[3][0]), f"Median of {SETS} random sets."),
+        Claim("facets_unstable", "the double description is numerically unstable for 3 contacts and more", "unstable",
+              worst, "1", "beaten" if worst <= 1e-6 else "met",
+              "Largest share of a ray by which it leaves a facet: as the hull of a whitened section (qhull) the "
+              "description is exact to rounding."),
+    )  # fmt: skip
+
+
+def _stairs() -> Sequence[tuple[str, PointContacts]]:
+    return list(stair_sets("hrp2").items())[:2]
+
+
+def _john(least: dict[str, float]) -> tuple[Claim, ...]:
+    """4.4.3: how far the smallest ellipsoid around has to be shrunk."""
+    fifth, root = 1.0 / DIMENSION, 1.0 / np.sqrt(DIMENSION)
+    said = f"Least of {CLOUDS} clouds of {POINTS} points and of {{}}, which has no more. For the ellipsoid of step "
+    said += "(ii); that of step (iv) has another centre (figure 4.6)."
+    return (
+        Claim("john", "an ellipsoid divided by 5 is inside the hull", fifth, least["general"], "1",
+              judged(least["general"], at_least=fifth - 1e-6), said.format("the simplex")),
+        Claim("john_symmetric", "a symmetric one reduced by √5 is", root, least["symmetric"], "1",
+              judged(least["symmetric"], at_least=root - 1e-6), said.format("the cross")),
+    )  # fmt: skip
+
+
+def _kernels() -> Claim:
+    """4.3.2.2: what a kernel costs."""
+    cloud = load_cloud("hrp2", "uniform")["right_foot"]
+    kernels = KernelDensity.scott(cloud)
+    times = []
+    for _ in range(REPEATS):
+        began = time.process_time()
+        kernels.log_density(cloud[:PLACES])
+        times.append(time.process_time() - began)
+    each_ns = 1e9 * min(times) / (PLACES * len(cloud))
+    return Claim("kernel_ns", "a kernel of the density takes around 10 ns", KERNEL_NS, each_ns, "ns",
+                 "beaten" if each_ns < 0.5 * KERNEL_NS else judged(each_ns, at_most=2.0 * KERNEL_NS),
+                 f"Distance and exponential, {len(cloud)} kernels at {PLACES} places; least of {REPEATS}.")  # fmt: skip
+
+
+def _durations() -> tuple[Claim, ...]:
+    """Table 4.1 against the phases of 4.6.3 and 4.6.4."""
+    found = []
+    for experiment, printed_s in MOTIONS_S.items():
+        ours_s = problem(experiment, "hrp2").sequence.duration_s
+        found.append(
+            Claim(f"motion_{experiment}_s", f"experiment {experiment} lasts {printed_s:g} s", printed_s, ours_s, "s",
+                  judged(abs(ours_s / printed_s - 1.0), at_most=ROUNDED), "Sum of the phases.")
+        )  # fmt: skip
+    return tuple(found)
+
+
+def _solves() -> tuple[Claim, ...]:
+    """4.6.1 and 4.8 on times."""
+    own_ms = max(1e3 * c.time_s / c.iterations / c.duration_s for c in COLUMNS if np.isfinite(c.time_s))
+    walk = problem(1, "hrp2")
+    replans = list(islice(RecedingHorizon(problem=walk, horizon_s=HORIZON_S).replans(None), REPLANS))
+    rate_hz = 1.0 / float(np.median([replan.took_s / replan.iterations for replan in replans]))
+    whole_ms = 1e3 * float(np.median([replan.took_s for replan in replans]))
+    stairs = problem(2, "hrp2")
+    wrench, forces = (
+        min(plan.solve_time_s / plan.iterations / plan.time_s[-1] for plan in [solve(asked) for _ in range(REPEATS)])
+        for asked in (replace(stairs, control=ContactWrench()), stairs)
+    )
+    return (
+        Claim("per_second_s", "one iteration for one second of motion takes 7 to 15 ms, by table 4.1 itself",
+              PER_SECOND_MS[1] / 1e3, own_ms / 1e3, "s",
+              "met" if own_ms <= 1.05 * PER_SECOND_MS[1] else "thesis_in_error",
+              "Largest of the table's own columns: that of experiment 3. Ours is in the item table-4.1."),
+        Claim("horizon_hz", "with a horizon of 2 to 3 s the solver makes one iteration at 20 Hz", RATE_HZ, rate_hz,
+              "Hz", "beaten" if rate_hz > 1.5 * RATE_HZ else judged(rate_hz, at_least=RATE_HZ),
+              f"Experiment 1 with u_f over {HORIZON_S:g} s, the programme's building included; median of {REPLANS} "
+              f"replans, each of which is solved to the end in {whole_ms:.0f} ms."),
+        Claim("wrench_25_s", "u_c: near 0.2 s for 25 s of motion (4.8)", 0.2, 25.0 * wrench, "s",
+              "beaten" if 25.0 * wrench < 0.2 else "not_met", "One iteration of experiment 2, for 25 s."),
+        Claim("forces_17_s", "u_f: near 0.4 s for 17 s of motion (4.8)", 0.4, 17.0 * forces, "s",
+              "beaten" if 17.0 * forces < 0.4 else "not_met",
+              "One iteration of experiment 2, for 17 s. By table 4.1 (97 ms for 8 s) it would be 0.21 s."),
+    )  # fmt: skip
+
+
+ITEM: Final = Item("numbers-4", "Numbers in the text of chapter 4", run)

@@ -1,0 +1,108 @@
+"""Errors of all estimators on simulated walks: the draws that several items share, and their means.
+
+A draw costs about a second, most of it the smoother, so draws are kept in the process: the items that look at the same
+trials compute them once.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from stridelab.conventions import PerAxis, Progress
+from stridelab.estimation.evaluation.error_spectra import error_spectrum
+from stridelab.estimation.evaluation.truth_errors import TruthError, error_m, truth_error
+from stridelab.reproduction.claims import Column
+from stridelab.reproduction.common.estimators import KALMAN, NAMES, THESIS, estimators
+from stridelab.simulation.robot.gait_plan import GaitName
+from stridelab.simulation.robot.walker import RATE_HZ
+from stridelab.studies.estimator_study import simulate
+
+GAITS: Final[tuple[GaitName, ...]] = ("robot", "human")
+NOISY_HZ: Final = 5.0
+
+
+@dataclass(frozen=True)
+class Draw:
+    """Errors of every estimator on one trial; ``noisy_m`` is the horizontal RMS of the error above 5 Hz.
+
+    ``closer`` is the share of samples at which the thesis' filter is horizontally no further from the truth than the
+    thesis' Kalman filter.
+    """
+
+    gait: GaitName
+    noise: str
+    errors: Mapping[str, TruthError]
+    noisy_m: Mapping[str, float]
+    closer: float
+
+
+@lru_cache(maxsize=1000)
+def draw(gait: GaitName, noise: str, seed: int) -> Draw:
+    """All estimators on one trial."""
+    trial = simulate(gait, noise, seed)
+    errors, noisy, distance = {}, {}, {}
+    for name, estimator in estimators(trial).items():
+        estimate = estimator.estimate(trial.geometric, trial.wrench, trial.mass_kg)
+        errors[name] = truth_error(estimate, trial.truth.time_s, trial.truth.com_m)
+        e = error_m(estimate, trial.truth.time_s, trial.truth.com_m)
+        high = error_spectrum(e, RATE_HZ).band_rms(NOISY_HZ, RATE_HZ)
+        noisy[name] = float(np.hypot(high[0], high[1]))
+        distance[name] = np.hypot(e[:, 0], e[:, 1])
+    return Draw(gait, noise, errors, noisy, float(np.mean(distance[THESIS] <= distance[KALMAN])))
+
+
+def draws(gaits: Sequence[GaitName], noises: Sequence[str], seeds: int, tell: Progress) -> list[Draw]:
+    """Every gait under every noise, ``seeds`` times."""
+    wanted = [(gait, noise, seed) for gait in gaits for noise in noises for seed in range(seeds)]
+    done = []
+    for k, (gait, noise, seed) in enumerate(wanted):
+        tell(k / len(wanted), f"{gait} gait, {noise} noise, draw {seed + 1} of {seeds}")
+        done.append(draw(gait, noise, seed))
+    return done
+
+
+def horizontal_ratio(found: Sequence[Draw], one: str, other: str) -> float:
+    """Horizontal RMS error of one estimator over that of another, both over all draws."""
+    return rms([d.errors[one].horizontal_m for d in found]) / rms([d.errors[other].horizontal_m for d in found])
+
+
+def rms(values: Sequence[float]) -> float:
+    """Root mean square of numbers."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def table(found: Sequence[Draw]) -> dict[str, Column]:
+    """One row per gait, noise and estimator: RMS over the draws, mean coverage and median lag."""
+    rows: list[dict[str, object]] = []
+    for gait, noise in dict.fromkeys((d.gait, d.noise) for d in found):
+        group = [d for d in found if (d.gait, d.noise) == (gait, noise)]
+        for name in NAMES:
+            errors = [d.errors[name] for d in group]
+            row: dict[str, object] = {"gait": gait, "noise": noise, "estimator": name, "draws": len(group)}
+            row |= per_axis("rms_{}_m", np.sqrt(np.mean([e.rms_m**2 for e in errors], axis=0)))
+            row["horizontal_m"] = rms([e.horizontal_m for e in errors])
+            row["horizontal_worst_m"] = max(e.horizontal_m for e in errors)
+            row |= per_axis("coverage_{}", np.mean([e.coverage for e in errors], axis=0))
+            row |= per_axis("sd_{}_m", np.sqrt(np.mean([e.sd_m**2 for e in errors], axis=0)))
+            row |= per_axis("lag_{}_s", np.median([e.lag_s for e in errors], axis=0))
+            rows.append(row)
+    return as_columns(rows)
+
+
+def chosen(columns: Mapping[str, Column], keys: Sequence[str], keep: Callable[[int], bool]) -> dict[str, Column]:
+    """Some columns of a table, and the rows for whose number ``keep`` is True."""
+    rows = [k for k in range(len(next(iter(columns.values())))) if keep(k)]
+    return {key: columns[key][rows] for key in keys}
+
+
+def as_columns(rows: Sequence[Mapping[str, object]]) -> dict[str, Column]:
+    """Rows with the same keys as columns."""
+    return {key: np.array([row[key] for row in rows]) for key in rows[0]}
+
+
+def per_axis(pattern: str, values: PerAxis) -> dict[str, object]:
+    """``{"rms_x_m": ..}`` from three numbers."""
+    return {pattern.format(axis): float(value) for axis, value in zip("xyz", values, strict=True)}

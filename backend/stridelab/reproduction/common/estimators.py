@@ -1,0 +1,73 @@
+"""The estimators that are held against each other in the simulation study, told the noise that was added.
+
+The thesis' Kalman filter is told the true noise (2.5.3), so the smoother is told it as well. Nobody is told the error
+of the body model that was drawn, only its size, and nothing about the angular momentum.
+"""
+
+from collections.abc import Mapping
+from typing import Final
+
+import numpy as np
+
+from stridelab.conventions import GRAVITY_M_S2
+from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.estimator import ComEstimator
+from stridelab.estimation.kalman.filter import TUNED_SIGMA_JERK_M_S3, KalmanFilter, RtsSmoother
+from stridelab.estimation.kalman.jerk_model import InputNoise
+from stridelab.estimation.markers_only import GeometryOnly
+from stridelab.estimation.smoother import Smoother, SmootherPriors
+from stridelab.studies.estimator_study import StudyTrial
+
+GEOMETRY: Final = "geometry"
+THESIS: Final = "complementary-thesis"
+AUTO: Final = "complementary"
+KALMAN: Final = "kalman-thesis"
+TUNED: Final = "kalman"
+RTS: Final = "rts"
+SMOOTHER: Final = "smoother"
+NAMES: Final = (GEOMETRY, THESIS, AUTO, KALMAN, TUNED, RTS, SMOOTHER)
+"""As in ``compare-estimators``: ``-thesis`` is with the settings of the thesis, without it with ours. ``kalman`` and
+``rts`` expect a jerk of the size that walking has, and here they are told the noise, too."""
+_PLATE_HEIGHT_M: Final = 0.83
+"""Height of the CoM over the plates: the lever with which noise of the force reaches the axis."""
+
+
+def estimators(trial: StudyTrial, *, beyond_window: bool = False) -> Mapping[str, ComEstimator]:
+    """All estimators for one trial, by name; ``beyond_window`` lets the smoother answer outside the force, too."""
+    noise = told_inputs(trial)
+    tuned = KalmanFilter(sigma_jerk_m_s3=TUNED_SIGMA_JERK_M_S3, noise=noise)
+    return {
+        GEOMETRY: GeometryOnly(),
+        THESIS: ComplementaryFilter.thesis(),
+        AUTO: ComplementaryFilter(),
+        KALMAN: KalmanFilter(noise=noise),
+        TUNED: tuned,
+        RTS: RtsSmoother(kalman=tuned),
+        SMOOTHER: Smoother(priors=told(trial), beyond_window=beyond_window),
+    }
+
+
+def told(trial: StudyTrial) -> SmootherPriors:
+    """Priors with the sizes of the simulated noise.
+
+    Raises ``InvalidInput`` (``prior-out-of-range``) for a trial without noise, of which no size can be stated.
+    """
+    noise = trial.noise
+    return SmootherPriors(
+        marker_m=float(np.mean(trial.noise_sd_m)),
+        marker_corner_hz=noise.high_pass_hz,
+        force_n=noise.force_n,
+        moment_nm=noise.moment_nm,
+        plate_corner_hz=noise.high_pass_hz,
+        plate_force_n=noise.plate_bias_n,
+        plate_moment_nm=noise.plate_bias_nm,
+        clock_s=abs(noise.latency_s),
+    )
+
+
+def told_inputs(trial: StudyTrial) -> InputNoise:
+    """R of the Kalman filter: the simulated noise as it arrives at the three inputs."""
+    x, y, z = trial.noise_sd_m
+    force = trial.noise.force_n
+    axis = float(np.hypot(trial.noise.moment_nm, _PLATE_HEIGHT_M * force) / (trial.mass_kg * GRAVITY_M_S2))
+    return InputNoise(geometry_m=(x, y, z), force_n=(force, force, force), axis_m=(axis, axis, z))

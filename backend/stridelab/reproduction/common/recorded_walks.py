@@ -1,0 +1,60 @@
+"""A recording of a walk as the items on people read it: geometry of the segment table, force on plates, body mass."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from stridelab.body.geometric_com import GeometricCom
+from stridelab.body.segment_model import SegmentModel
+from stridelab.errors import NotFound
+from stridelab.recordings.force_windows import measured_windows
+from stridelab.recordings.marker_sets import identify
+from stridelab.recordings.reader import read_recording
+from stridelab.recordings.recording import Recording, Window, WrenchTrack
+from stridelab.recordings.total_wrench import wrench_track
+
+STATICS: Final = ("*_ST.c3d", "Static*.c3d")
+
+
+@dataclass(frozen=True, eq=False)
+class RecordedWalk:
+    """One recording of a person, who is named as the folder; ``windows`` are when all contact is on plates."""
+
+    person: str
+    recording: Recording
+    mass_kg: float
+    geometric: GeometricCom
+    windows: tuple[Window, ...]
+
+    @staticmethod
+    def of(path: Path) -> "RecordedWalk":
+        """With the joint centres of the standing person in the same folder.
+
+        Raises ``NotFound`` (``recordings-missing``) where the body mass is not stated, and what the readers raise.
+        """
+        recording = read_recording(path)
+        mass_kg = recording.subject.mass_kg
+        if mass_kg is None:
+            raise NotFound("recordings-missing", f"{path.name} does not say how heavy the person is.")
+        windows = measured_windows(recording, identify(list(recording.markers_m)).landmarks)
+        return RecordedWalk(path.parent.name, recording, mass_kg, geometry_of(recording, path.parent), windows)
+
+    def wrench(self, latency_s: float) -> WrenchTrack:
+        """Total contact wrench, read ``latency_s`` later than it is stamped."""
+        return wrench_track(self.recording, self.windows, latency_s=latency_s)
+
+
+def recordings_in(gait: Path, pattern: str) -> list[Path]:
+    """Raises ``NotFound`` (``recordings-missing``) where there is none."""
+    paths = sorted(gait.glob(pattern))
+    if not paths:
+        raise NotFound("recordings-missing", f"There is no recording {pattern} in the folder {gait.name}.")
+    return paths
+
+
+def geometry_of(recording: Recording, folder: Path) -> GeometricCom:
+    """The CoM from markers and segment table, with the standing person of the folder where there is one."""
+    landmarks = identify(list(recording.markers_m)).landmarks
+    statics = sorted(path for pattern in STATICS for path in folder.glob(pattern))
+    static = read_recording(statics[0]) if statics else None
+    return SegmentModel().com(recording, landmarks, subject=recording.subject, static=static)

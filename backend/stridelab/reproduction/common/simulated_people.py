@@ -1,0 +1,143 @@
+"""Many simulated people of different heights: what the figures of a population are repeated on.
+
+Who walks at which speed is drawn without a look at the height, so that what goes along with height here does so because
+bodies are similar in shape, and not because tall people were told to walk differently.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+
+from stridelab.conventions import Series
+from stridelab.recordings.recording import Sex
+from stridelab.reproduction.claims import Claim
+from stridelab.reproduction.common.simulated_steps import true_steps
+from stridelab.reproduction.report.svg_plots import Curve
+from stridelab.simulation.human.walker import HumanWalker
+from stridelab.simulation.human_recording import record
+from stridelab.simulation.noise import MeasurementNoise
+from stridelab.walking.population.population import PARAMETERS, Pair, Person, Population, StepRow, study
+from stridelab.walking.step_fit import StepFit, fit_step
+
+HEIGHT_M: Final[dict[Sex, tuple[float, float]]] = {"male": (1.74, 0.04), "female": (1.71, 0.04)}
+"""Mean and standard deviation of the thesis' subjects (3.2.1); every fourth of them was a woman."""
+SPEED_M_S: Final = (1.25, 0.12)
+LEAST_PEOPLE: Final = 6
+THESIS_PEOPLE: Final = 16
+DURATION_S: Final = 3.0
+NOTE: Final = (
+    "Simulated people with exact centre of mass, as tall as the subjects of the thesis, at speeds that were drawn "
+    "without a look at their height. Upwards a simulated centre of mass is a cosine per step by construction: these "
+    "correlations are those of the walker's rules, not of people, who are in docs/theory/population.md."
+)
+
+
+@dataclass(frozen=True)
+class SimulatedPeople:
+    """The studied population, and every fit of every person."""
+
+    population: Population
+    fits: dict[str, tuple[StepFit, ...]]
+
+
+@lru_cache(maxsize=2)
+def _people(n: int) -> SimulatedPeople:
+    rng = np.random.default_rng(3)
+    people, rows, fits = [], [], {}
+    for i in range(n):
+        sex: Sex = "female" if i % 4 == 3 else "male"
+        name, height_m = f"person {i + 1}", float(rng.normal(*HEIGHT_M[sex]))
+        speed_m_s = float(rng.normal(*SPEED_M_S))
+        own = _walk(height_m, sex, speed_m_s, i)
+        people.append(Person(name=name, group="adults", height_m=height_m))
+        rows += [StepRow(name, name, _values(fit)) for fit in own]
+        fits[name] = own
+    return SimulatedPeople(study(people, rows), fits)
+
+
+def simulated_people(seeds: int, tell: Callable[[float, str], None]) -> SimulatedPeople:
+    """As many people as ``seeds`` says, six at least: fewer have no correlation worth the name."""
+    n = max(seeds, LEAST_PEOPLE)
+    tell(0.05, f"{n} people walk")
+    found = _people(n)
+    tell(0.9, "studying them")
+    return found
+
+
+def against_height(found: SimulatedPeople, parameter: str) -> Pair:
+    """The correlation of a parameter with the height."""
+    pairs = found.population.pairs
+    return next(pair for pair in pairs if (pair.parameter, pair.against) == (parameter, "height_m"))
+
+
+def height_claim(found: SimulatedPeople, parameter: str, letter: str, thesis: float) -> Claim:
+    """The thesis' coefficient with the height: met where it lies in our 95 % interval, beaten where it is below."""
+    pair = against_height(found, parameter).pearson
+    low, high = pair.ci95 or (-1.0, 1.0)
+    return Claim(
+        f"{parameter.removesuffix('_m')}_height_r",
+        f"{letter} goes with the height of the subjects",
+        thesis,
+        pair.r,
+        "1",
+        "met" if low <= thesis <= high else "beaten" if thesis < low else "not_met",
+        f"n = {pair.n}, 95 % from {low:.2f} to {high:.2f}, p = {pair.p:.2g}.",
+    )
+
+
+def table_of(found: SimulatedPeople) -> dict[str, Series]:
+    """A row per person: height, speed, and mean and deviation of every parameter."""
+    subjects = found.population.subjects
+    columns = {name: np.array([s.value(name) for s in subjects]) for name in ("height_m", "speed_m_s", *PARAMETERS)}
+    return columns | {f"sd_{name}": np.array([s.sd[name] for s in subjects]) for name in PARAMETERS}
+
+
+def marks(found: SimulatedPeople, parameter: str, scale: float, colour: int = 0, letter: str = "") -> list[Curve]:
+    """A mark with its deviation for every person, and the straight line through them."""
+    heights = np.array([s.value("height_m") for s in found.population.subjects])
+    means = scale * np.array([s.mean[parameter] for s in found.population.subjects])
+    sds = scale * np.nan_to_num([s.sd[parameter] for s in found.population.subjects])
+    gap = np.full_like(heights, np.nan)
+    bars = Curve(
+        np.column_stack([heights, heights, gap]).ravel(),
+        np.column_stack([means - sds - 1e-6, means + sds + 1e-6, gap]).ravel(),
+        f"{letter} of each person, mean ± deviation",
+        colour,
+    )
+    ends = np.array([heights.min(), heights.max()])
+    line = np.polyval(np.polyfit(heights, means, 1), ends)
+    return [bars, Curve(ends, line, f"line of {letter}", colour, dashed=True)]
+
+
+def _walk(height_m: float, sex: Sex, speed_m_s: float, seed: int) -> tuple[StepFit, ...]:
+    mass_kg = 22.5 * height_m**2
+    walker = HumanWalker(
+        height_m=height_m, mass_kg=mass_kg, sex=sex, speed_m_s=speed_m_s, duration_s=DURATION_S, seed=seed
+    )
+    walk = walker.walk()
+    truth = record(walk, MeasurementNoise(), 0, lab="walkway").truth
+    path = np.asarray(truth.com_m[:, [0, 2]])
+    fits = []
+    for step in true_steps(walk):
+        inside = (truth.time_s >= step.start_s) & (truth.time_s <= step.end_s)
+        if inside.any() and truth.time_s[-1] >= step.end_s:
+            own = replace(step, length_m=speed_m_s * step.period_s, speed_m_s=speed_m_s)
+            fits.append(fit_step(own, truth.time_s[inside], path[inside]))
+    return tuple(fits)
+
+
+def _values(fit: StepFit) -> dict[str, float]:
+    distance_mm = 1e3 * fit.path.distance_m
+    return {
+        "R_m": fit.path.wheel.R_m,
+        "r_m": fit.path.wheel.r_m,
+        "z0_m": fit.path.wheel.z0_m,
+        "omega_rad_s": fit.omega_rad_s,
+        "speed_m_s": fit.step.speed_m_s,
+        "step_length_m": float("nan") if fit.step.length_m is None else fit.step.length_m,
+        "error_mean_mm": float(distance_mm.mean()),
+        "error_sd_mm": float(distance_mm.std()),
+    }

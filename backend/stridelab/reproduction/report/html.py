@@ -1,0 +1,115 @@
+"""Items as one HTML file that needs no other: verdicts on top, then claims, tables and drawings item by item."""
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Final
+
+from stridelab.reproduction.claims import VERDICTS, Claim, Column, Reproduction
+from stridelab.reproduction.report.formatting import cells, counted, numbers
+from stridelab.reproduction.runner import Section
+
+WORDS: Final = {
+    "met": "met",
+    "beaten": "better, or our aim reached",
+    "not_met": "not met",
+    "thesis_in_error": "thesis in error",
+}
+STYLE: Final = """
+:root { color-scheme: light dark; --line: #8886; --good: #0b7a4b; --bad: #b3261e; --odd: #8a5a00; }
+@media (prefers-color-scheme: dark) { :root { --good: #58d29b; --bad: #ff9a91; --odd: #f0c060; } }
+body { font: 16px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 0 auto; padding: 1rem; }
+h1, h2 { line-height: 1.2; } section { border-top: 1px solid var(--line); margin-top: 2rem; }
+table { border-collapse: collapse; } th, td { text-align: left; padding: .25rem .75rem .25rem 0; vertical-align: top; }
+th { border-bottom: 1px solid var(--line); }
+td.n, th.n { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
+small { display: block; opacity: .75; } .scroll { overflow-x: auto; } figure { margin: 1rem 0; }
+svg { max-width: 100%; height: auto; }
+.met, .beaten { color: var(--good); } .not_met, .failed { color: var(--bad); } .thesis_in_error { color: var(--odd); }
+"""
+
+
+def report(sections: Sequence[Section], made: str) -> str:
+    """The whole file; ``made`` says by what it was made."""
+    said = "Every claim has the thesis' number, or an aim of our own where it has none, ours, and a computed verdict."
+    parts = [
+        "<!doctype html>",
+        '<html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width">',
+        f"<title>Reproduction of the thesis</title><style>{STYLE}</style></head><body>",
+        "<h1>Reproduction of the thesis</h1>",
+        f"<p>{escape(made)} {said}</p>",
+        _summary(sections),
+        *(_section(section) for section in sections),
+        "</body></html>",
+    ]
+    return "\n".join(parts) + "\n"
+
+
+def _summary(sections: Sequence[Section]) -> str:
+    """How many claims have each verdict, altogether and by item."""
+    found = [section.found for section in sections if section.found is not None]
+    total = counted(claim for one in found for claim in one.claims)
+    said = ", ".join(f'<b class="{v}">{total[v]}</b> {WORDS[v]}' for v in reversed(VERDICTS))
+    failed = [section for section in sections if section.found is None]
+    missing = f' <b class="failed">{len(failed)} item{"s"[: len(failed) > 1]} failed.</b>' if failed else ""
+    heads = "".join(f'<th class="n" scope="col">{WORDS[v].partition(",")[0]}</th>' for v in reversed(VERDICTS))
+    rows = "".join(_summary_row(section) for section in sections)
+    return (
+        f"<p data-counts>{sum(total.values())} claims of {len(sections)} items: {said}.{missing}</p>"
+        f'<div class="scroll"><table><thead><tr><th scope="col">Item</th>{heads}</tr></thead>'
+        f"<tbody>{rows}</tbody></table></div>"
+    )
+
+
+def _summary_row(section: Section) -> str:
+    link = f'<a href="#{escape(section.name)}">{escape(section.name)}</a> {escape(section.title)}'
+    if section.found is None:
+        return f'<tr><td>{link}</td><td class="failed" colspan="{len(VERDICTS)}">failed</td></tr>'
+    counts = counted(section.found.claims)
+    numbers_ = "".join(f'<td class="n {v if counts[v] else ""}">{counts[v] or ""}</td>' for v in reversed(VERDICTS))
+    return f"<tr><td>{link}</td>{numbers_}</tr>"
+
+
+def _section(section: Section) -> str:
+    head = f'<section id="{escape(section.name)}"><h2>{escape(section.name)}: {escape(section.title)}</h2>'
+    if section.found is None:
+        return f'{head}<p class="failed">Not computed: {escape(section.failure)}</p></section>'
+    tables = "".join(_table(section.found.tables[name]) for name in section.printed)
+    return f"{head}{_body(section.found)}{tables}{_drawing(section)}</section>"
+
+
+def _body(found: Reproduction) -> str:
+    rows = "".join(_claim(claim) for claim in found.claims)
+    heads = '<th scope="col">Claim</th><th class="n" scope="col">Thesis, or our aim</th><th class="n" scope="col">Here'
+    return (
+        f'<p>{escape(found.note)}</p><div class="scroll"><table><thead><tr>{heads}</th><th scope="col">Verdict</th>'
+        f"</tr></thead><tbody>{rows}</tbody></table></div>"
+    )
+
+
+def _claim(claim: Claim) -> str:
+    thesis, ours = numbers(claim)
+    remark = f"<small>{escape(claim.note)}</small>" if claim.note else ""
+    return (
+        f'<tr><td>{escape(claim.says)}{remark}</td><td class="n">{escape(thesis)}</td><td class="n">{escape(ours)}</td>'
+        f'<td class="{claim.verdict}">{_word(claim)}</td></tr>'
+    )
+
+
+def _word(claim: Claim) -> str:
+    """What was reached, or beaten, is known of a single claim."""
+    if claim.verdict != "beaten":
+        return WORDS[claim.verdict]
+    return "aim reached" if str(claim.thesis).startswith("aim") else "better"
+
+
+def _table(columns: Mapping[str, Column]) -> str:
+    heads, rows = cells(columns)
+    head = "".join(f'<th scope="col">{escape(name)}</th>' for name in heads)
+    body = "".join(f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in row)}</tr>" for row in rows)
+    return f'<div class="scroll"><table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table></div>'
+
+
+def _drawing(section: Section) -> str:
+    """The SVG as it is: it carries neither scripts nor styles (``drawing``)."""
+    assert section.found is not None
+    return f'<figure aria-label="{escape(section.title)}, drawn from these numbers">{section.found.drawing}</figure>'

@@ -1,0 +1,35 @@
+"""Files on their way out: streamed, with a name that is safe in a header."""
+
+from collections.abc import Mapping
+from typing import Final
+from urllib.parse import quote
+
+from starlette.responses import StreamingResponse
+
+from stridelab.errors import NotFound
+from stridelab.service.api.dependencies import Parts
+
+PARQUET: Final = "application/vnd.apache.parquet"
+OCTETS: Final = "application/octet-stream"
+
+
+def content_disposition(filename: str) -> str:
+    """An attachment of that name (RFC 6266): plain ASCII for old programs, UTF-8 for all others."""
+    plain = "".join(c if c.isascii() and c.isprintable() and c not in '"\\%' else "_" for c in filename)
+    return f"attachment; filename=\"{plain}\"; filename*=UTF-8''{quote(filename, safe='')}"
+
+
+async def send_blob(
+    parts: Parts, key: str, filename: str, media_type: str, more_headers: Mapping[str, str] | None = None
+) -> StreamingResponse:
+    """The stored file ``key``. Raises ``NotFound`` (``file-gone``) before anything is sent."""
+    info = await parts.blobs.info(key)
+    if info is None:
+        raise NotFound("file-gone", "The stored file is gone.")
+    headers = {
+        "Content-Disposition": content_disposition(filename),
+        "Content-Length": str(info.bytes),
+        "Cache-Control": "private, no-cache",
+        **(more_headers or {}),
+    }
+    return StreamingResponse(parts.blobs.stream(key), media_type=media_type, headers=headers)

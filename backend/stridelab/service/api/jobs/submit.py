@@ -1,0 +1,258 @@
+"""What a job's input must hold before the job is accepted, beyond its schema; and what the job will work on.
+
+``POST /jobs/{kind}``: one call per kind, so that each has its own schema and examples.
+"""
+
+import inspect
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Annotated, Any, Final, NoReturn
+
+import anyio
+import structlog
+from fastapi import APIRouter, Body, Header, Query, Response
+
+from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.robots.card import EffectorCard, robot_card
+from stridelab.schemas.base import Contract
+from stridelab.schemas.jobs import Job
+from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
+from stridelab.schemas.population import StudyPopulationInput
+from stridelab.schemas.receding import PlanRecedingInput
+from stridelab.schemas.sweeps import SweepInput
+from stridelab.service.api.dependencies import AppParts, CallerOf, Parts, known_form
+from stridelab.service.api.jobs.presentation import job_of
+from stridelab.service.api.openapi import failures
+from stridelab.service.api.quotas import refuse_full
+from stridelab.service.api.scenarios.examples import ONE_STEP, STANDING, STANDING_AHEAD
+from stridelab.service.api.scenarios.validation import refuse_invalid
+from stridelab.service.kinds.base import JobKind
+from stridelab.service.kinds.registry import KINDS
+from stridelab.service.kinds.study_population.staging import require_recordings
+from stridelab.service.samples.recording import SAMPLE_ID
+from stridelab.service.samples.scenarios import EXAMPLE_ID
+
+
+@dataclass(frozen=True)
+class Subject:
+    """The stored things that a job works on; whether they exist is found out when the job is stored."""
+
+    recording_id: str | None = None
+    scenario_id: str | None = None
+
+
+async def admit(parts: Parts, request: Contract) -> Subject:
+    """What ``request`` refers to.
+
+    Raises ``NotFound`` (``recording-not-found``, ``scenario-not-found``) for what cannot be an id, and
+    ``InvalidInput``: ``scenario-invalid`` for a scenario that the robot cannot do, ``stance-invalid`` for a start or a
+    goal where it cannot stand, ``invalid-request`` for a robot or an effector that there is not, ``recording-twice`` in
+    a population.
+    """
+    if isinstance(request, PlanMotionInput | PlanRecedingInput | SweepInput) and request.scenario is not None:
+        await refuse_invalid(request.scenario, parts.judges, parts.robots)
+    if isinstance(request, PlanContactsInput):
+        _effectors(request.robot)
+        await anyio.to_thread.run_sync(_refuse_invalid_ends, request, limiter=parts.judges)
+    if isinstance(request, LearnReachabilityInput):
+        _refuse_unknown_effectors(request)
+    if isinstance(request, StudyPopulationInput):
+        for recording_id in request.recording_ids:
+            known_form(recording_id, "recording")
+        async with parts.engine.connect() as connection:
+            await require_recordings(connection, request)
+    return Subject(_identifier(request, "recording"), _identifier(request, "scenario"))
+
+
+def _identifier(request: Contract, what: str) -> str | None:
+    identifier: str | None = getattr(request, f"{what}_id", None)
+    return None if identifier is None else known_form(identifier, what)
+
+
+def _effectors(robot: str) -> Mapping[str, EffectorCard]:
+    try:
+        return robot_card(robot).effectors
+    except NotFound as error:
+        raise InvalidInput("invalid-request", error.message, [Fault("robot", "unknown")]) from error
+
+
+def _refuse_invalid_ends(request: PlanContactsInput) -> None:
+    # Imported with the first question, as in scenarios.judging: the service starts without numpy.
+    from stridelab.contacts.effector_geometry import effector_shapes
+    from stridelab.contacts.planner.start_goal import task_ends
+
+    task_ends(request.model_dump(mode="json"), effector_shapes(request.robot))
+
+
+def _refuse_unknown_effectors(request: LearnReachabilityInput) -> None:
+    known = _effectors(request.robot)
+    unknown = [index for index, name in enumerate(request.effectors or ()) if name not in known]
+    if unknown:
+        sentence = f"The effectors of {request.robot} are {', '.join(known)}."
+        raise InvalidInput("invalid-request", sentence, [Fault(f"effectors.{index}", "unknown") for index in unknown])
+
+
+Priority = Annotated[int, Query(ge=-100, le=100, description="of the jobs of one owner, higher runs earlier")]
+Key = Annotated[
+    str | None,
+    Header(
+        alias="Idempotency-Key",
+        min_length=1,
+        max_length=200,
+        pattern=r"^[\x21-\x7e]+$",
+        description="the same key and body again return the same job instead of a second one",
+    ),
+]
+
+_EXAMPLES: Final[dict[str, Any]] = {
+    "estimate-com": {
+        "default": {
+            "summary": "Best estimator, everything automatic",
+            "value": {"recording_id": SAMPLE_ID},
+        },
+        "smoother": {
+            "summary": "Smoother for plates that may be off by 5 N, with the momentum of the body segments",
+            "value": {
+                "recording_id": SAMPLE_ID,
+                "method": "smoother",
+                "smoother": {"priors": {"plate_force_n": 5.0}, "segment_momentum": True},
+            },
+        },
+        "filter": {
+            "summary": "Complementary filter with own cut-offs, latency applied",
+            "value": {
+                "recording_id": SAMPLE_ID,
+                "method": "complementary",
+                "latency": "apply",
+                "segment_table": "dumas2007",
+                "cutoffs": [0.5, 3.0],
+            },
+        },
+    },
+    "compare-estimators": {
+        "default": {
+            "summary": "All estimators, on a recording whose truth is known",
+            "value": {"recording_id": SAMPLE_ID, "latency": "apply"},
+        },
+    },
+    "fit-cycloid": {
+        "default": {"summary": "The wheel of every measured step", "value": {"recording_id": SAMPLE_ID}},
+        "all": {
+            "summary": "Also steps beside the plates, from the markers",
+            "value": {"recording_id": SAMPLE_ID, "steps": "all"},
+        },
+    },
+    "simulate-recording": {
+        "walk": {"summary": "Six seconds of walking", "value": {"duration_s": 6.0, "speed_m_s": 1.2, "seed": 1}},
+        "noisy": {
+            "summary": "A heavier, slower walker, noisy plates",
+            "value": {"speed_m_s": 0.8, "mass_kg": 82.0, "noise": {"force_n": 8.0, "marker_m": 0.002}, "seed": 7},
+        },
+        "talos": {"summary": "The humanoid TALOS, at its own speed", "value": {"robot": "talos", "seed": 1}},
+    },
+    "study-population": {
+        "one": {"summary": "One recording: means, and a remark", "value": {"recording_ids": [SAMPLE_ID]}},
+        "table": {
+            "summary": "With a subject table",
+            "value": {
+                "recording_ids": [SAMPLE_ID],
+                "subjects": [{"recording_id": SAMPLE_ID, "subject": "P01", "group": "adults", "height_m": 1.71}],
+            },
+        },
+    },
+    "plan-contacts": {
+        "walk": {
+            "summary": "Half a metre ahead on a flat floor",
+            "value": {"robot": "talos", "terrain": ONE_STEP["terrain"], "start": STANDING, "goal": STANDING_AHEAD},
+        },
+    },
+    "plan-motion": {
+        "stored": {"summary": "Walk through a stored scenario", "value": {"scenario_id": EXAMPLE_ID}},
+        "own": {
+            "summary": "A scenario of one's own, its centroidal motion only",
+            "value": {"scenario": ONE_STEP, "whole_body": False},
+        },
+    },
+    "plan-receding": {
+        "pushed": {
+            "summary": "Pushed to the left after two seconds",
+            "value": {"scenario_id": EXAMPLE_ID, "pushes": [{"time_s": 2.0, "velocity_m_s": [0.0, 0.1, 0.0]}]},
+        },
+    },
+    "sweep": {
+        "strides": {
+            "summary": "The longest stride that can be planned, by friction",
+            "value": {"scenario_id": EXAMPLE_ID, "vary": {"stride": [0.3, 0.9, 4], "friction": [0.2, 0.6, 3]}},
+        },
+    },
+    "reproduce": {
+        "bode": {"summary": "The gains of the three filters", "value": {"item": "fig-2.5"}},
+        "comparison": {
+            "summary": "Complementary filter against Kalman filter, on ten draws of the noise",
+            "value": {"item": "fig-2.7", "seeds": 10},
+        },
+    },
+    "learn-reachability": {
+        "feet": {
+            "summary": "The feet, from few samples",
+            "value": {"robot": "talos", "effectors": ["left_foot", "right_foot"], "samples": 2000, "seed": 1},
+        },
+    },
+}
+
+
+def add_kinds(router: APIRouter) -> None:
+    """Give ``router`` a call for every registered kind, and an answer for all other names."""
+    offered = [kind for kind in KINDS.values() if kind.offered]
+    for kind in offered:
+        _add_kind(router, kind)
+
+    async def unknown_kind(kind: str) -> NoReturn:
+        known = ", ".join(each.name for each in offered)
+        raise NotFound("unknown-job-kind", f"There is no job kind of that name; there are {known}.")
+
+    router.add_api_route("/{kind}", unknown_kind, methods=["POST"], include_in_schema=False, response_model=None)
+
+
+def _add_kind(router: APIRouter, kind: JobKind) -> None:
+    async def submit(
+        parts: AppParts, caller: CallerOf, response: Response, body: Contract, priority: Priority = 0, key: Key = None
+    ) -> Job:
+        subject = await admit(parts, body)
+        await refuse_full(parts, caller.name)
+        request = body.model_dump(mode="json", exclude_unset=True)
+        submitted = await parts.store.submit(
+            kind.name,
+            request,
+            owner=caller.name,
+            priority=priority,
+            idempotency_key=key,
+            recording_id=subject.recording_id,
+            scenario_id=subject.scenario_id,
+        )
+        structlog.contextvars.bind_contextvars(job_id=submitted.job_id)
+        response.headers["Location"] = f"/api/v1/jobs/{submitted.job_id}"
+        return job_of(await parts.store.get(submitted.job_id))
+
+    body: Any = Annotated[kind.input_model, Body(openapi_examples=_EXAMPLES.get(kind.name))]
+    signature = inspect.signature(submit)
+    parameters = [p.replace(annotation=body) if p.name == "body" else p for p in signature.parameters.values()]
+    submit.__signature__ = signature.replace(parameters=parameters)  # type: ignore[attr-defined]  # read by FastAPI
+    router.add_api_route(
+        f"/{kind.name}",
+        submit,
+        methods=["POST"],
+        status_code=202,
+        response_model=Job,
+        operation_id=f"submit_{kind.name.replace('-', '_')}",
+        summary=f"Submit {kind.name}",
+        description=f"{inspect.cleandoc(kind.summary_model.__doc__ or '')} The job runs in a worker; the answer says "
+        "where to wait for it (`Location`).",
+        responses=failures(
+            s404="The input names an unknown recording or scenario (`recording-not-found`, `scenario-not-found`).",
+            s409="The idempotency key came with another body before (`idempotency-key-reused`).",
+            s413="Your uploads and results are over your limit (`storage-limit`).",
+            s429="Too many jobs are waiting (`queue-full`), or of yours (`user-queue-full`); `Retry-After` says when "
+            "to come back.",
+        ),
+    )

@@ -1,0 +1,85 @@
+"""``POST /login`` and ``POST /logout``: a browser swaps the token for a cookie that its scripts cannot read."""
+
+import time
+from typing import Any, Final
+from urllib.parse import parse_qs, quote
+
+from fastapi import APIRouter, Request
+from starlette.responses import RedirectResponse, Response
+
+from stridelab.errors import InvalidInput
+from stridelab.service.api.dependencies import AppParts
+from stridelab.service.api.middleware.authentication import holder, local_target
+from stridelab.service.api.session_cookies import COOKIE, SESSION_S, Keys
+from stridelab.service.api.strict_json import read_limited
+from stridelab.service.auth import audit
+from stridelab.service.auth.callers import STRANGER
+
+router = APIRouter(tags=["session"])
+
+FORM_LIMIT_BYTES: Final = 8_000
+FIELDS_AT_MOST: Final = 10
+_FORM: Final[Any] = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/x-www-form-urlencoded": {
+                "schema": {
+                    "type": "object",
+                    "required": ["token"],
+                    "properties": {"token": {"type": "string"}, "next": {"type": "string"}},
+                }
+            }
+        },
+    }
+}
+_AWAY: Final[dict[int | str, dict[str, Any]]] = {303: {"description": "To the page that was asked for, or back."}}
+
+
+@router.post(
+    "/login",
+    status_code=303,
+    summary="Log in",
+    openapi_extra=_FORM,
+    responses=_AWAY,
+    response_class=Response,
+)
+async def login(parts: AppParts, request: Request) -> Response:
+    """Swap a token for a cookie (HttpOnly, SameSite=strict); then go to `next`. For browsers."""
+    if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/x-www-form-urlencoded":
+        raise InvalidInput("unsupported-media-type", "This address reads a form; scripts use the token directly.")
+    raw = await read_limited(request, FORM_LIMIT_BYTES)
+    try:
+        form = parse_qs(raw.decode(), max_num_fields=FIELDS_AT_MOST)
+    except ValueError as error:  # not UTF-8, or more fields
+        raise InvalidInput("malformed-request", "The body is not the form of the login page.") from error
+    target = local_target(form.get("next", ["/"])[0])
+    keys: Keys | None = request.app.state.keys
+    if keys is None:
+        return RedirectResponse(target, status_code=303)
+    caller = await holder(form.get("token", [""])[0].strip(), keys, parts.tokens)
+    if caller is None or caller.token_id is None:
+        audit.tell(STRANGER, "refused", "login")
+        return RedirectResponse(f"/login?wrong=1&next={quote(target, safe='')}", status_code=303)
+    async with parts.engine.begin() as connection:
+        await audit.note(connection, caller, "login")
+    answer = RedirectResponse(target, status_code=303)
+    secure = request.url.scheme == "https" or request.headers.get("x-forwarded-proto") == "https"
+    answer.set_cookie(
+        COOKIE,
+        keys.cookie(time.time(), caller.token_id),
+        max_age=SESSION_S,
+        path="/",
+        secure=secure,
+        httponly=True,
+        samesite="strict",
+    )
+    return answer
+
+
+@router.post("/logout", status_code=303, summary="Log out", responses=_AWAY, response_class=Response)
+async def logout() -> Response:
+    """Forget the cookie of this browser."""
+    answer = RedirectResponse("/login", status_code=303)
+    answer.delete_cookie(COOKIE, path="/", httponly=True, samesite="strict")
+    return answer

@@ -1,0 +1,222 @@
+"""Who may call: the host and origin of a request, then its token or cookie, how often it comes, and its scope.
+
+Without a token (loopback only) everybody on this machine may call, so a page from elsewhere must not be able to speak
+for them: the Host header must name this machine (DNS rebinding) and a foreign Origin is refused (cross-site requests,
+cross-site websockets). With a token in the settings, a request carries that one, or one of the table, as
+``Authorization: Bearer``, or the cookie that a browser got for it at ``POST /login``.
+"""
+
+import time
+from collections.abc import Callable
+from typing import Final
+from urllib.parse import quote, urlsplit
+
+import structlog
+from sqlalchemy.exc import DBAPIError
+from starlette.datastructures import Headers
+from starlette.requests import HTTPConnection
+from starlette.responses import RedirectResponse, Response
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from stridelab.errors import Busy, Fault, Forbidden, StridelabError, Unauthenticated, Unavailable
+from stridelab.service.api import problems
+from stridelab.service.api.dependencies import KEY, parts_of
+from stridelab.service.api.middleware.rate_limit import STRANGERS, Rates
+from stridelab.service.api.session_cookies import COOKIE, SCENARIO_KEY, Keys
+from stridelab.service.auth import audit
+from stridelab.service.auth.callers import ADMIN, ANYBODY, STRANGER, Caller, needed_scope, require
+from stridelab.service.auth.token_cache import TokenBook
+from stridelab.service.settings import LOOPBACK, Settings
+
+_LOGIN: Final = "/login"
+OPEN_PATHS: Final = frozenset({_LOGIN, "/api/v1/health"})
+"""Answered without a login; so is everything below ``OPEN_FOLDER``."""
+OPEN_FOLDER: Final = "/static/"
+
+log = structlog.get_logger(__name__)
+_NOTED_HZ: Final = 1.0
+"""Refusals per second that are written into the audit table; all others are only in the log."""
+_ADMIN: Final = Caller(ADMIN, "admin", ADMIN)
+_INSIDE: Final = "stridelab.inside"
+_SCENARIOS: Final = "/api/v1/scenarios/"
+_DEFAULT_PORT: Final = {"http": ":80", "https": ":443", "ws": ":80", "wss": ":443"}
+
+
+class Gate:
+    """ASGI middleware that lets a request or websocket pass, or answers in its place."""
+
+    def __init__(self, app: ASGIApp, settings: Settings, keys: Keys | None, clock: Callable[[], float] = time.time):
+        self.app = app
+        self._keys = keys
+        self._clock = clock
+        self._rates = Rates(settings.rate_limit_hz)
+        self._noted = Rates(_NOTED_HZ)
+        extra = {name.strip().lower() for name in settings.allowed_hosts.split(",") if name.strip()}
+        # Behind a token a rebound name gains nothing: it has neither the token nor the cookie, which belongs to our
+        # own name. So hosts are free there, unless a list was given.
+        self._hosts = frozenset({*LOOPBACK, settings.host.lower(), *extra}) if extra or keys is None else None
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] not in ("http", "websocket") or scope.get(_INSIDE):
+            await self.app(scope, receive, send)
+            return
+        connection = HTTPConnection(scope)
+        caller = STRANGER
+        try:
+            self._check_host(connection.headers)
+            self._check_origin(connection.headers)
+            caller = await self._identify(connection)
+            if not _is_open(scope["path"]):
+                require(caller, needed_scope(scope["type"], scope.get("method", ""), scope["path"]))
+        except StridelabError as refusal:
+            await self._note(connection, caller, refusal)
+            if scope["type"] == "websocket":
+                code = 4401 if isinstance(refusal, Unauthenticated) else 4403
+                await send({"type": "websocket.close", "code": code, "reason": refusal.code})
+            else:
+                await self._refuse(connection, refusal)(scope, receive, send)
+            return
+        scope[KEY] = caller  # in place, for the edge reads from the same scope which route was matched
+        await self.app(scope, receive, send)
+
+    def _check_host(self, headers: Headers) -> None:
+        if self._hosts is not None and _host_name(headers.get("host", "")) not in self._hosts:
+            raise Forbidden(
+                "foreign-host",
+                "This service does not answer to that host name; STRIDELAB_ALLOWED_HOSTS lists further names.",
+                [Fault("Host", "not allowed")],
+            )
+
+    def _check_origin(self, headers: Headers) -> None:
+        origin = headers.get("origin")
+        foreign = origin is not None and _place(origin) != _bare(headers.get("host", ""), _scheme(origin))
+        if foreign or (origin is None and headers.get("sec-fetch-site") == "cross-site" and not _navigates(headers)):
+            raise Forbidden(
+                "foreign-origin",
+                "The request comes from a page of another site, which may not speak for you.",
+                [Fault("Origin", "not this service")],
+            )
+
+    async def _identify(self, connection: HTTPConnection) -> Caller:
+        """Who calls. Raises ``Unauthenticated`` (``login-needed``), ``Busy`` (``too-many-requests``)."""
+        if self._keys is None:
+            return ANYBODY
+        path = connection.scope["path"]
+        if _is_open(path) and path != _LOGIN:
+            return STRANGER
+        caller = None if path == _LOGIN else await self._known(connection, self._keys)
+        if caller is not None:
+            self._rates.take(f"token {caller.token_id}")
+            return caller
+        self._rates.take(f"address {connection.client.host if connection.client else ''}", STRANGERS)
+        if path == _LOGIN:
+            return STRANGER
+        raise Unauthenticated(
+            "login-needed",
+            "This service needs its API token: send it as 'Authorization: Bearer ...', or log in at /login.",
+        )
+
+    async def _known(self, connection: HTTPConnection, keys: Keys) -> Caller | None:
+        scheme, _, secret = connection.headers.get("authorization", "").partition(" ")
+        try:
+            if scheme.lower() == "bearer" and secret.startswith(SCENARIO_KEY):
+                token_id = keys.token_of_scenario_key(secret, self._clock(), _replaced_scenario(connection.scope))
+            elif scheme.lower() == "bearer" and secret.strip():
+                return await holder(secret.strip(), keys, parts_of(connection).tokens)
+            else:
+                token_id = keys.token_of(connection.cookies.get(COOKIE, ""), self._clock())
+            if token_id is None or token_id == ADMIN:
+                return _ADMIN if token_id else None
+            return await parts_of(connection).tokens.of_id(token_id)
+        except DBAPIError as error:
+            raise Unavailable("database-unreachable", "The database does not answer. Try again shortly.") from error
+
+    async def _note(self, connection: HTTPConnection, caller: Caller, refusal: StridelabError) -> None:
+        """Write down that somebody was refused; not every time, for that would be a way to fill the disk."""
+        if isinstance(refusal, Unavailable) or connection.scope["type"] != "http":
+            return
+        audit.tell(caller, "refused", refusal.code)
+        try:
+            self._noted.take("all")
+            async with parts_of(connection).engine.begin() as database:
+                await audit.write(database, caller, "refused", refusal.code)
+        except Busy:
+            return  # the log has it
+        except DBAPIError:
+            log.warning("refusal not in the audit table: the database does not answer")
+
+    def _refuse(self, connection: HTTPConnection, refusal: StridelabError) -> Response:
+        wants_page = "text/html" in connection.headers.get("accept", "")
+        is_page = connection.scope["method"] == "GET" and not connection.scope["path"].startswith("/api/")
+        if isinstance(refusal, Unauthenticated) and wants_page and is_page:
+            return RedirectResponse(f"/login?next={quote(_relative(connection.scope))}", status_code=303)
+        return problems.answer_error(refusal)
+
+
+async def holder(secret: str, keys: Keys, book: TokenBook) -> Caller | None:
+    """Who holds the token ``secret``: the admin of the settings, somebody of the table, or nobody."""
+    return _ADMIN if keys.accepts_token(secret) else await book.of_secret(secret)
+
+
+def _replaced_scenario(scope: Scope) -> str:
+    """Id of the scenario that a request replaces; empty for any other request."""
+    path = str(scope["path"])
+    replaces = scope.get("method") == "PUT" and path.startswith(_SCENARIOS)
+    return path.removeprefix(_SCENARIOS) if replaces else ""
+
+
+def _is_open(path: str) -> bool:
+    return path in OPEN_PATHS or path.startswith(OPEN_FOLDER)
+
+
+def inside(app: ASGIApp) -> ASGIApp:
+    """``app`` for callers in this very process (the pages): past the gate, which no header can do."""
+
+    async def call(scope: Scope, receive: Receive, send: Send) -> None:
+        await app({**scope, _INSIDE: True}, receive, send)
+
+    return call
+
+
+def _relative(scope: Scope) -> str:
+    query = scope["query_string"].decode("latin-1")
+    return str(scope["path"]) + (f"?{query}" if query else "")
+
+
+def local_target(target: str) -> str:
+    """``target`` if it is an address of this service, else its front page: a login must not lead elsewhere."""
+    try:
+        parts = urlsplit(target)
+    except ValueError:  # as for "//["
+        return "/"
+    plain = target.isprintable() and "\\" not in target
+    if parts.scheme or parts.netloc or not plain or not target.startswith("/") or target.startswith("//"):
+        return "/"
+    return target
+
+
+def _navigates(headers: Headers) -> bool:
+    """Whether somebody follows a link to us: allowed from anywhere, as it only shows a page to its own user."""
+    return headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
+
+
+def _host_name(host: str) -> str:
+    """``[::1]:8000`` -> ``::1``, ``Example.org.:80`` -> ``example.org``."""
+    if host.startswith("["):
+        return host[1:].partition("]")[0].lower()
+    return host.partition(":")[0].rstrip(".").lower()
+
+
+def _scheme(origin: str) -> str:
+    """Scheme of an origin, in lower case."""
+    return origin.partition(":")[0].lower()
+
+
+def _place(origin: str) -> str:
+    scheme, separator, place = origin.partition("://")
+    return _bare(place, scheme.lower()) if separator else origin
+
+
+def _bare(place: str, scheme: str) -> str:
+    """Host and port in lower case, without the scheme's own port."""
+    return place.lower().removesuffix(_DEFAULT_PORT.get(scheme, ""))

@@ -1,0 +1,151 @@
+"""The answers of the resident planner: the solvers, and a motion with its push (in the child only: it computes)."""
+
+import math
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any, Final
+
+import numpy as np
+
+from stridelab.centroidal.nlp.solvers import Limits
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.point_forces import CircularCones
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.receding_horizon import RecedingHorizon, State
+from stridelab.centroidal.rest_to_rest import from_rest_to_rest
+from stridelab.centroidal.solver import solve
+from stridelab.errors import Fault, InvalidInput, NotEstimable
+from stridelab.pipelines.plan_problem import densities, native_missing, outlined
+from stridelab.reachability.proxy.effector_proxy import Proxy
+from stridelab.reachability.store import DEFAULT_MEASURE
+from stridelab.robots.loader import load_robot
+from stridelab.schemas.base import FaultItem
+from stridelab.schemas.previews import PlanPreview, PlanPreviewInput, PreviewMotion, PreviewPush, SolverFacts, Solvers
+from stridelab.schemas.scenarios import Scenario
+from stridelab.service.api.previews import stances
+
+Json = dict[str, Any]
+
+LIMITS: Final = Limits(iterations=100, cpu_s=2.0)
+"""Whoever drags would rather hear that nothing was found."""
+SHOWN_FAULTS: Final = 50
+LEAST_S: Final = 0.2
+"""A push that ends less than this before the end of the motion leaves nothing to plan."""
+
+
+def answer(question: Json) -> Json:
+    """``{"ask": "solvers"}``, ``{"ask": "preview", "input": PlanPreviewInput}`` or a question of ``stances``."""
+    if question["ask"] == "solvers":
+        return solvers().model_dump(mode="json")
+    if question["ask"] == "stances":
+        return stances.answer(question)
+    return preview(PlanPreviewInput.model_validate(question["input"])).model_dump(mode="json")
+
+
+def solvers() -> Solvers:
+    """All of them; CasADi's are always there."""
+    missing = native_missing()
+    known = [SolverFacts(name="native", available=missing is None, missing=missing)]
+    known += [SolverFacts(name=name, available=True) for name in ("ipopt", "fatrop")]
+    return Solvers(auto="native" if missing is None else "ipopt", solvers=known)
+
+
+def preview(request: PlanPreviewInput) -> PlanPreview:
+    """The motion of a scenario, and the one after the push.
+
+    Raises ``NotEstimable`` (``solver-unavailable``), ``InvalidInput`` (``push-too-late``) and what ``load_robot`` and
+    ``densities`` raise.
+    """
+    missing = native_missing()
+    if missing is not None:
+        sentence = f"{missing} Only it plans while you wait; a job plans without it."
+        raise NotEstimable("solver-unavailable", sentence)
+    if request.scenario is None:
+        raise ValueError("the endpoint sends the scenario itself")
+    started = time.process_time()
+    try:
+        sequence = outlined(request.scenario)
+    except InvalidInput as refusal:
+        return _refused(request.scenario, refusal, time.process_time() - started)
+    if request.push is not None:
+        _require_time(request.push, sequence.duration_s)
+    posed = from_rest_to_rest(load_robot(sequence.robot), sequence, _densities(sequence.robot))
+    problem = replace(posed, control=CircularCones(), node_rate_hz=request.node_rate_hz)
+    plan = solve(problem, "native", LIMITS)
+    recovered = None
+    if request.push is not None and plan.converged:
+        recovered = recover(problem, plan, request.push)
+    return PlanPreview(
+        solver=plan.solver,
+        duration_s=sequence.duration_s,
+        took_s=time.process_time() - started,
+        errors=[],
+        motion=_motion(plan, 0.0),
+        recovered=recovered,
+    )
+
+
+def recover(problem: CentroidalProblem, plan: CentroidalPlan, push: PreviewPush) -> PreviewMotion:
+    """The motion from the end of ``push`` to the end of the sequence, to rest."""
+    state, ends_s = pushed(plan, push)
+    horizon = RecedingHorizon(problem=problem, horizon_s=max(problem.sequence.duration_s, 1.0), limits=LIMITS)
+    return _motion(solve(horizon.horizon(ends_s, state), "native", LIMITS), ends_s)
+
+
+def pushed(plan: CentroidalPlan, push: PreviewPush) -> tuple[State, float]:
+    """The state that a push leaves, and when: m (c'' - c''_planned) = f at the CoM, which turns nothing."""
+    if push.velocity_m_s is not None:
+        there = plan.at(push.time_s)
+        return State(there.com_m, there.com_v_m_s + np.array(push.velocity_m_s), there.l_nms), push.time_s
+    ends_s = push.time_s + push.duration_s
+    there = plan.at(ends_s)
+    a = np.array(push.force_n) / plan.mass_kg
+    state = State(there.com_m + a * push.duration_s**2 / 2, there.com_v_m_s + a * push.duration_s, there.l_nms)
+    return state, ends_s
+
+
+def _refused(scenario: Scenario, refusal: InvalidInput, took_s: float) -> PlanPreview:
+    """Whether the robot can do it is a good question while somebody drags, and this an answer."""
+    nothing = PreviewMotion(
+        converged=False,
+        status=refusal.message,
+        objective=None,
+        iterations=0,
+        solve_time_s=0.0,
+        time_s=[],
+        com_m=[],
+    )
+    return PlanPreview(
+        solver="native",
+        duration_s=math.fsum(phase.duration_s for phase in scenario.phases),
+        took_s=took_s,
+        errors=[FaultItem(where=fault.where, message=fault.message) for fault in refusal.faults[:SHOWN_FAULTS]],
+        motion=nothing,
+    )
+
+
+def _require_time(push: PreviewPush, duration_s: float) -> None:
+    ends_s = push.time_s + (0.0 if push.force_n is None else push.duration_s)
+    if ends_s > duration_s - LEAST_S:
+        sentence = f"A push must end {LEAST_S:g} s before the motion does, at {duration_s - LEAST_S:.2f} s."
+        raise InvalidInput("push-too-late", sentence, [Fault("push.time_s", f"ends at {ends_s:g} s")])
+
+
+@lru_cache(maxsize=8)
+def _densities(robot: str) -> Mapping[str, Proxy]:
+    return densities(load_robot(robot), DEFAULT_MEASURE)
+
+
+def _motion(plan: CentroidalPlan, starts_s: float) -> PreviewMotion:
+    found = bool(np.isfinite(plan.com_m).all()) and plan.converged
+    return PreviewMotion(
+        converged=plan.converged,
+        status=plan.status,
+        objective=plan.objective if found else None,
+        iterations=plan.iterations,
+        solve_time_s=plan.solve_time_s,
+        time_s=(plan.time_s + starts_s).tolist() if found else [],
+        com_m=[(float(x), float(y), float(z)) for x, y, z in plan.com_m] if found else [],
+    )

@@ -1,0 +1,94 @@
+"""Whether the whole body can take the stances of a scenario (in the resident child only: it computes).
+
+The question holds what the judge found, so that nothing is judged twice:
+
+    {"ask": "stances", "robot": name, "posture_of": phase | null,
+     "phases": [{"contacts": [...], "region_m": [[x, y], ...], "com_m": [x, y, z] | null}, ...]}
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+from functools import cache
+from typing import Any, Final
+
+import numpy as np
+
+from stridelab.dynamics.spatial import Placement
+from stridelab.robots.loader import load_robot
+from stridelab.robots.visuals import link_poses
+from stridelab.wholebody.stance_check import Stance, StanceCheck, StanceVerdict, swung
+
+Json = dict[str, Any]
+
+BUDGET_S: Final = 4.0
+"""Phases that are not known after this time are left for the next question."""
+DIGITS: Final = 5
+
+
+def answer(question: Json) -> Json:
+    """``{"phases": [...]}``: the fields of ``PhaseBody`` but its number, null where there is nothing to ask.
+
+    The phase of ``posture_of`` comes first and always has an answer. Raises as ``load_robot``.
+    """
+    check = _check_of(question["robot"])
+    stances = stances_of(check, question["phases"])
+    shown: int | None = question["posture_of"]
+    order = sorted((k for k, stance in enumerate(stances) if stance is not None), key=lambda k: k != shown)
+    found: list[Json | None] = [None] * len(stances)
+    until_s = time.monotonic() + BUDGET_S
+    for k in order:
+        stance = stances[k]
+        if stance is None or (k != shown and time.monotonic() > until_s):
+            continue
+        found[k] = _said(check, check.verdict(stance), shown=k == shown)
+    return {"phases": found}
+
+
+def stances_of(check: StanceCheck, phases: Sequence[Json]) -> list[Stance | None]:
+    """The stance of every phase; None where its contacts make no sense."""
+    placed = [_placed(check, phase["contacts"]) for phase in phases]
+    soles = [name for name, one in check.robot.effectors.items() if one.kind == "surface"]
+    found: list[Stance | None] = []
+    for k, contacts in enumerate(placed):
+        if contacts is None or not any(name in contacts for name in soles):
+            found.append(None)
+            continue
+        air = {}
+        for name in soles:
+            before = next((p[name] for p in reversed(placed[:k]) if p is not None and name in p), None)
+            after = next((p[name] for p in placed[k + 1 :] if p is not None and name in p), None)
+            place = None if name in contacts else swung(before, after)
+            if place is not None:
+                air[name] = place
+        com_m = phases[k]["com_m"]
+        region_m = np.array(phases[k]["region_m"], dtype=float).reshape(-1, 2)
+        wanted = check.usual_com_m(contacts) if com_m is None else np.array(com_m, dtype=float)
+        found.append(Stance(contacts, wanted, region_m, air))
+    return found
+
+
+@cache
+def _check_of(robot: str) -> StanceCheck:
+    return StanceCheck(load_robot(robot))
+
+
+def _placed(check: StanceCheck, contacts: Sequence[Json]) -> Mapping[str, Placement] | None:
+    found: dict[str, Placement] = {}
+    for contact in contacts:
+        name = contact["effector"]
+        if name not in check.robot.effectors or name in found or not any(contact["orientation_wxyz"]):
+            return None
+        found[name] = Placement.of(contact["position_m"], contact["orientation_wxyz"])
+    return found
+
+
+def _said(check: StanceCheck, verdict: StanceVerdict, *, shown: bool) -> Json:
+    poses = np.round(link_poses(check.robot, verdict.q), DIGITS).tolist() if shown else None
+    return {
+        "body": "reachable" if verdict.reachable else "unreachable",
+        "strained": verdict.strained,
+        "reason": verdict.reason or None,
+        "contact": verdict.contact,
+        "limits": list(verdict.limits),
+        "link_poses": poses,
+    }

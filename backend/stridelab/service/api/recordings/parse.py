@@ -1,0 +1,95 @@
+"""Reading a recording's file, in a child process that may crash, hang or hog without harm to anybody else."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import structlog
+
+from stridelab.errors import Fault, UnreadableFile
+from stridelab.schemas.recordings import PlateSwitch, RecordingFacts
+from stridelab.schemas.tasks import ParseUploadTask, RecordingSource
+from stridelab.service.api.dependencies import Parts
+from stridelab.service.filenames import PARSER_CRASHED, left_file
+from stridelab.service.kinds.registry import PARSE_UPLOAD
+
+log = structlog.get_logger(__name__)
+
+TRACKS: Final = "tracks.parquet"
+
+_BROKEN: Final[Mapping[str, tuple[str, str]]] = {
+    "crashed": PARSER_CRASHED,
+    "killed": (
+        "parser-killed",
+        "Reading the file was stopped from outside, perhaps for want of memory.",
+    ),
+    "timeout": ("parser-timed-out", "Reading the file took longer than this service allows."),
+    "memory": ("parser-out-of-memory", "Reading the file needed more memory than this service allows."),
+    "error": ("unreadable-file", "The file could not be read; it is damaged, or not what it claims to be."),
+}
+
+
+@dataclass(frozen=True)
+class Switches:
+    """What a user set for a recording, and what its facts therefore depend on."""
+
+    marker_map: Mapping[str, str]
+    plates: Mapping[int, PlateSwitch]
+
+    @staticmethod
+    def of_row(row: Mapping[str, Any]) -> "Switches":
+        """The switches of a recording's row."""
+        plates = {int(index): PlateSwitch.model_validate(switch) for index, switch in row["plate_switches"].items()}
+        return Switches(dict(row["marker_map"]), plates)
+
+    def to_columns(self) -> dict[str, Any]:
+        """Values of the row's columns."""
+        plates = {str(index): switch.model_dump(exclude_none=True) for index, switch in self.plates.items()}
+        return {"marker_map": dict(self.marker_map), "plate_switches": plates}
+
+
+NO_SWITCHES: Final = Switches({}, {})
+
+
+@dataclass(frozen=True)
+class Parsed:
+    """Facts of a file, and the table of its tracks."""
+
+    facts: RecordingFacts
+    tracks: Path
+
+
+async def parse(
+    parts: Parts, folder: Path, file: str, filename: str, switches: Switches, static_labels: Sequence[str] = ()
+) -> Parsed:
+    """Read ``folder / file``, called ``filename`` by its user, with ``switches``; the tracks are left in ``folder``.
+
+    The marker map may name ``static_labels``, too.
+
+    Raises ``UnreadableFile`` or ``InvalidInput`` with the reader's code, and ``UnreadableFile`` where the reader
+    crashed or exceeded its limits of time and memory.
+    """
+    source = RecordingSource(
+        file=file,
+        filename=filename,
+        marker_map=dict(switches.marker_map),
+        plates=dict(switches.plates),
+        static_labels=list(static_labels),
+    )
+    async with parts.parsers:
+        outcome = await parts.pool.run(
+            PARSE_UPLOAD,
+            ParseUploadTask(recording=source).model_dump(mode="json"),
+            folder,
+            timeout_s=parts.settings.parse_timeout_s,
+            memory_mb=parts.settings.parse_memory_mb,
+            yields=False,
+        )
+    if outcome.raised is not None:
+        raise outcome.as_error()
+    if outcome.state != "ok":
+        log.warning("upload not read", state=outcome.state, log_tail=outcome.log_tail[-2000:])
+        code, sentence = _BROKEN.get(outcome.state, _BROKEN["error"])
+        raise UnreadableFile(code, sentence, [Fault(filename, "cannot be read")])
+    return Parsed(RecordingFacts.model_validate(outcome.value["summary"]), left_file(folder, TRACKS))

@@ -1,0 +1,71 @@
+"""Rows of recordings as the contract shows them."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy import Select, select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.schemas.recordings import Recording, RecordingFacts, SubjectFields
+from stridelab.service.api.dependencies import known_form, not_found
+from stridelab.service.estimable import estimates_of
+from stridelab.service.storage.tables import recording, subject
+
+Row = Mapping[str, Any]
+
+
+def recordings_with_subjects() -> Select[Any]:
+    """Every recording with the fields of the subject that it is linked to."""
+    linked = recording.outerjoin(subject, recording.c.subject_id == subject.c.id)
+    return select(recording, subject.c.fields.label("linked_fields")).select_from(linked)
+
+
+async def recording_row(connection: AsyncConnection, recording_id: str, *, lock: bool = False) -> Row:
+    """The row of one recording, optionally locked until the transaction ends.
+
+    Raises ``NotFound`` (``recording-not-found``).
+    """
+    query = recordings_with_subjects().where(recording.c.id == known_form(recording_id, "recording"))
+    if lock:
+        query = query.with_for_update(of=recording)
+    row = (await connection.execute(query)).mappings().one_or_none()
+    if row is None:
+        raise not_found("recording")
+    return dict(row)
+
+
+def merged_subject(facts: RecordingFacts, linked: Mapping[str, Any] | None, stated: Mapping[str, Any]) -> SubjectFields:
+    """What is known about the person: stated for this recording, else of the linked subject, else in the file.
+
+    A name inside a file is never shown.
+    """
+    known = facts.subject.model_dump(exclude={"name"}, exclude_none=True)
+    for fields in (linked or {}, stated):
+        known.update({name: value for name, value in fields.items() if value is not None})
+    return SubjectFields.model_validate(known)
+
+
+def recording_of(row: Row) -> Recording:
+    """The recording of a row of ``recordings_with_subjects``."""
+    facts = RecordingFacts.model_validate(row["facts"])
+    own = facts.model_dump(exclude={"subject"})
+    subject = merged_subject(facts, row["linked_fields"], row["subject_fields"])
+    alone = row["session_id"] is None and row["static_recording_id"] is None
+    return Recording(
+        **own,
+        id=row["id"],
+        sha256=row["sha256"],
+        filename=row["filename"],
+        bytes=row["bytes"],
+        created_at=row["created_at"],
+        subject=subject,
+        subject_id=row["subject_id"],
+        marker_map=row["marker_map"],
+        static_recording_id=row["static_recording_id"],
+        session_id=row["session_id"],
+        session_stated=row["session_stated"],
+        estimates=estimates_of(facts, subject, alone=alone),
+        bundled=row["bundled"],
+        truth_job_id=row["truth_job_id"],
+        owner=row["owner"],
+    )

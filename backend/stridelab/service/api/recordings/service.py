@@ -1,0 +1,323 @@
+"""``PATCH /recordings/{id}``: which columns change, and whether the file must be read again.
+
+A recording's row and its files belong together: no row without files, no files that nobody needs.
+"""
+
+import asyncio
+import tempfile
+import time
+import uuid
+from collections.abc import Callable, Collection, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Final
+
+import structlog
+from sqlalchemy import delete, insert, select, update
+
+from stridelab.errors import Conflict, Fault, InvalidInput, NotFound, Unavailable
+from stridelab.schemas.jobs import FINAL_STATES
+from stridelab.schemas.recordings import PlateSwitch, Recording, RecordingFacts, RecordingPatch, SubjectFields
+from stridelab.service.api.dependencies import Parts
+from stridelab.service.api.quotas import refuse_full
+from stridelab.service.api.recordings.multipart import ReceivedForm
+from stridelab.service.api.recordings.parse import Parsed, Switches, parse
+from stridelab.service.api.recordings.repository import recording_of, recording_row, recordings_with_subjects
+from stridelab.service.api.subjects.endpoints import subject_row
+from stridelab.service.auth import audit
+from stridelab.service.auth.callers import Caller, require_owner
+from stridelab.service.kinds.session_staging import session_of
+from stridelab.service.recording_sessions import session_id_of
+from stridelab.service.storage.content_addressed import delete_if_unused, lock_blob, try_lock_blob, upload_key
+from stridelab.service.storage.file_removal import may_remove
+from stridelab.service.storage.publication import NO_ANSWER, publishing
+from stridelab.service.storage.tables import job, recording
+from stridelab.service.uploaded_row import new_tracks_key, own_prefix, uploaded_row
+
+
+async def change_recording(parts: Parts, recording_id: str, patch: RecordingPatch) -> Recording:
+    """Change the fields that were given in ``patch``; changed switches make the file be read again.
+
+    Raises ``NotFound`` (``recording-not-found``), ``Conflict`` (``bundled-read-only``, ``changed-meanwhile``),
+    ``InvalidInput`` (``invalid-request``) naming a field that cannot hold, and what reading the file may raise.
+    """
+    async with parts.engine.connect() as connection:
+        row = await recording_row(connection, recording_id)
+    refuse_bundled(row)
+    links = await _links(parts, row, patch)
+    elsewhere = await _static_labels(parts, {**row, **links})
+    switches = _switches(row, patch, elsewhere)
+    unread = "session_id" in patch.model_fields_set and "clock" not in row["facts"]
+    if switches != Switches.of_row(row) or unread:
+        with tempfile.TemporaryDirectory(dir=parts.spool) as name:
+            await parts.blobs.get_file(row["blob_key"], Path(name) / "trial", row["sha256"])
+            parsed = await parse(parts, Path(name), "trial", row["filename"], switches, elsewhere)
+            await replace_facts(parts, row, switches, parsed, lambda locked: _changes(locked, patch, links))
+    elif patch.model_fields_set:
+        async with parts.engine.begin() as connection:
+            locked = await recording_row(connection, recording_id, lock=True)
+            changes = _changes(locked, patch, links)
+            if changes:
+                await connection.execute(update(recording).where(recording.c.id == recording_id).values(changes))
+    async with parts.engine.connect() as connection:
+        return recording_of(await recording_row(connection, recording_id))
+
+
+def _subject_fields(row: Mapping[str, Any], patch: RecordingPatch) -> dict[str, Any]:
+    """The column of stated subject fields, if it changes: given fields are set, null clears one, or all."""
+    if "subject" not in patch.model_fields_set:
+        return {}
+    if patch.subject is None:
+        return {"subject_fields": {}}
+    merged = {**row["subject_fields"], **patch.subject.model_dump(mode="json", exclude_unset=True)}
+    return {"subject_fields": {name: value for name, value in merged.items() if value is not None}}
+
+
+async def _links(parts: Parts, row: Mapping[str, Any], patch: RecordingPatch) -> dict[str, Any]:
+    """Changed links to a subject and to a static trial, which must exist."""
+    changes: dict[str, Any] = {}
+    async with parts.engine.connect() as connection:
+        try:
+            if "subject_id" in patch.model_fields_set:
+                changes["subject_id"] = patch.subject_id
+                if patch.subject_id is not None:
+                    await subject_row(connection, patch.subject_id)
+            if "static_recording_id" in patch.model_fields_set:
+                changes["static_recording_id"] = patch.static_recording_id
+                if patch.static_recording_id == row["id"]:
+                    raise _invalid("static_recording_id", "a recording cannot be its own static trial")
+                if patch.static_recording_id is not None:
+                    await recording_row(connection, patch.static_recording_id)
+        except NotFound as error:
+            where = "static_recording_id" if error.code == "recording-not-found" else "subject_id"
+            raise _invalid(where, error.message) from error
+    return changes
+
+
+def _changes(row: Mapping[str, Any], patch: RecordingPatch, links: Mapping[str, Any]) -> dict[str, Any]:
+    """The columns that change: a session that is not stated follows the person."""
+    changes = {**links, **_subject_fields(row, patch)}
+    if "session_id" in patch.model_fields_set and patch.session_id is not None:
+        return {**changes, "session_id": patch.session_id, "session_stated": True}
+    if not patch.model_fields_set or (row["session_stated"] and "session_id" not in patch.model_fields_set):
+        return changes
+    return {**changes, "session_id": session_id_of({**row, **changes}, row["created_at"]), "session_stated": False}
+
+
+async def _static_labels(parts: Parts, row: Mapping[str, Any]) -> tuple[str, ...]:
+    """Labels of the recording's static trial, which its marker map may name, too."""
+    async with parts.engine.connect() as connection:
+        static = (await session_of(connection, row)).static
+    return () if static is None else tuple(RecordingFacts.model_validate(static["facts"]).labels)
+
+
+def _switches(row: Mapping[str, Any], patch: RecordingPatch, elsewhere: Collection[str]) -> Switches:
+    """The switches after ``patch``: the marker map is replaced, plates are changed one by one; null resets all.
+
+    ``elsewhere`` are the labels of the static trial.
+    """
+    present = Switches.of_row(row)
+    facts = RecordingFacts.model_validate(row["facts"])
+    marker_map, plates = dict(present.marker_map), dict(present.plates)
+    if "marker_map" in patch.model_fields_set:
+        marker_map = dict(patch.marker_map or {})
+        unknown = [label for label in marker_map.values() if label not in {*facts.labels, *elsewhere}]
+        if unknown:
+            raise _invalid(
+                "marker_map",
+                f"neither the file nor its static trial has a marker {', '.join(label[:40] for label in unknown[:5])}",
+            )
+    if "plates" in patch.model_fields_set:
+        known = {plate.index for plate in facts.plates}
+        if patch.plates is None:
+            plates = {}
+        for index, switch in (patch.plates or {}).items():
+            if index not in known:
+                raise _invalid(f"plates.{index}", f"the file has the plates {sorted(known)}")
+            before = plates.get(index, PlateSwitch()).model_dump(exclude_none=True)
+            plates[index] = PlateSwitch.model_validate({**before, **switch.model_dump(exclude_unset=True)})
+    return Switches(marker_map, plates)
+
+
+def _invalid(where: str, message: str) -> InvalidInput:
+    return InvalidInput("invalid-request", f"The change is not possible: {where}: {message}.", [Fault(where, message)])
+
+
+_LOOK_AGAIN_S: Final = 10.0
+"""How long an upload waits for a database that went away while it committed."""
+log = structlog.get_logger(__name__)
+
+
+async def store_upload(
+    parts: Parts,
+    form: ReceivedForm,
+    parsed: Parsed,
+    subject: SubjectFields,
+    owner: str | None,
+    session_id: str | None = None,
+) -> Recording:
+    """Store a parsed upload: both files, then the row, or nothing; without a stated ``session_id`` it is found.
+
+    The file of an earlier upload of the same bytes is used, after its content has been checked; a damaged one is
+    replaced. Raises ``TooLarge`` (``storage-limit``) where ``owner`` has no room left for it, ``Unavailable``
+    (``outcome-unknown``) where the database went away while it committed and has not come back.
+    """
+    await refuse_full(parts, owner, form.size_bytes)
+    recording_id = uuid.uuid4().hex
+    tracks_key = await new_tracks_key(recording_id, parsed.tracks)
+    values = uploaded_row(
+        recording_id=recording_id,
+        owner=owner,
+        filename=form.filename,
+        sha256=form.sha256,
+        size_bytes=form.size_bytes,
+        tracks_key=tracks_key,
+        facts=parsed.facts,
+        subject=subject,
+        session_id=session_id,
+    )
+    stored: Recording | None = None
+    async with publishing(lambda: _discard(parts, recording_id, values["blob_key"])) as publication:
+        try:
+            async with publication.transaction(parts.engine) as connection:
+                for key in (values["blob_key"], tracks_key):
+                    await lock_blob(connection, key)
+                await parts.blobs.put_file(tracks_key, parsed.tracks)
+                await parts.blobs.keep_or_replace(values["blob_key"], form.path, form.sha256)
+                await connection.execute(insert(recording).values(values))
+                written = recording_of(await recording_row(connection, recording_id))
+            stored = written
+        except NO_ANSWER:
+            if not publication.in_doubt:
+                raise
+            stored = await _look_again(parts, recording_id, tracks_key)
+        publication.settle(published=stored is not None)
+    if stored is None:
+        raise Unavailable("database-unreachable", "The database does not answer; nothing was stored. Try again.")
+    return stored
+
+
+async def uploaded_before(parts: Parts, form: ReceivedForm, owner: str | None) -> Recording | None:
+    """The newest recording that ``owner`` made of the same bytes, or None; samples of the program do not count.
+
+    Its stored file is checked, and replaced by the one of ``form`` where it is damaged.
+    """
+    key = upload_key(form.sha256)
+    same = recordings_with_subjects().where(
+        recording.c.sha256 == form.sha256,
+        recording.c.blob_key == key,
+        recording.c.owner.is_not_distinct_from(owner),
+        ~recording.c.bundled,
+    )
+    newest = same.order_by(recording.c.created_at.desc(), recording.c.id.desc()).limit(1)
+    async with parts.engine.begin() as connection:
+        await lock_blob(connection, key)
+        row = (await connection.execute(newest)).mappings().one_or_none()
+        if row is None:
+            return None
+        await parts.blobs.keep_or_replace(key, form.path, form.sha256)
+        return recording_of(row)
+
+
+async def _look_again(parts: Parts, recording_id: str, tracks_key: str) -> Recording | None:
+    """A recording whose COMMIT nobody answered, or None where it was rolled back.
+
+    The lock on ``tracks_key`` is held by the transaction in question until it has ended, on whichever side of a
+    broken connection. Raises ``Unavailable`` (``outcome-unknown``) where that takes longer than ``_LOOK_AGAIN_S``.
+    """
+    deadline = time.monotonic() + _LOOK_AGAIN_S
+    while True:
+        try:
+            async with parts.engine.begin() as connection:
+                if await try_lock_blob(connection, tracks_key):
+                    return recording_of(await recording_row(connection, recording_id))
+        except NotFound:
+            return None
+        except NO_ANSWER as error:
+            log.warning("commit-in-doubt", recording=recording_id, error=type(error).__name__)
+        if time.monotonic() > deadline:
+            raise Unavailable(
+                "outcome-unknown",
+                "The database did not say whether the recording was stored. Look into the list of recordings "
+                "before you send it again.",
+            )
+        await asyncio.sleep(0.2)
+
+
+async def replace_facts(
+    parts: Parts,
+    before: Mapping[str, Any],
+    switches: Switches,
+    parsed: Parsed,
+    changes: Callable[[Mapping[str, Any]], Mapping[str, Any]],
+) -> None:
+    """Put facts and tracks parsed with new switches in place of the old ones, with ``changes`` of the locked row.
+
+    Raises ``Conflict`` (``changed-meanwhile``) where somebody else changed the switches since ``before`` was read.
+    """
+    tracks_key = await new_tracks_key(before["id"], parsed.tracks)
+    async with publishing(lambda: _discard_tracks(parts, tracks_key)) as publication:
+        async with publication.transaction(parts.engine) as connection:
+            await lock_blob(connection, tracks_key)
+            await parts.blobs.put_file(tracks_key, parsed.tracks)
+            row = await recording_row(connection, before["id"], lock=True)
+            if row["tracks_key"] != before["tracks_key"]:
+                raise Conflict("changed-meanwhile", "The recording was changed by somebody else meanwhile; try again.")
+            values = {
+                **changes(row),
+                **switches.to_columns(),
+                "facts": parsed.facts.model_dump(mode="json"),
+                "tracks_key": tracks_key,
+            }
+            await connection.execute(update(recording).where(recording.c.id == before["id"]).values(values))
+        publication.settle(published=True)
+    await _discard_tracks(parts, before["tracks_key"])
+
+
+async def delete_recording(parts: Parts, recording_id: str, caller: Caller) -> None:
+    """Delete a recording with its jobs, results and files; running jobs are cancelled.
+
+    Raises ``NotFound`` (``recording-not-found``), ``Conflict`` (``bundled-read-only``), ``Forbidden`` (``not-owner``).
+    """
+    async with parts.engine.connect() as connection:
+        row = await recording_row(connection, recording_id)
+        refuse_bundled(row)
+        require_owner(caller, row["owner"], "recording")
+        unfinished = select(job.c.id).where(job.c.recording_id == recording_id, job.c.state.not_in(FINAL_STATES))
+        for job_id in (await connection.execute(unfinished)).scalars().all():
+            await parts.store.request_cancel(job_id)
+    async with parts.engine.begin() as connection:
+        row = await recording_row(connection, recording_id, lock=True)
+        jobs = (await connection.execute(select(job.c.id).where(job.c.recording_id == recording_id))).scalars().all()
+        await connection.execute(delete(recording).where(recording.c.id == recording_id))
+        await audit.note(connection, caller, "recording-deleted", recording_id)
+    await _discard(parts, recording_id, row["blob_key"], jobs)
+
+
+def refuse_bundled(row: Mapping[str, Any]) -> None:
+    """Raise ``Conflict`` (``bundled-read-only``) for a sample that comes with the program."""
+    if row["bundled"]:
+        raise Conflict("bundled-read-only", "This sample comes with the program and cannot be changed or deleted.")
+
+
+async def _discard(parts: Parts, recording_id: str, blob_key: str, jobs: Sequence[str] = ()) -> None:
+    """Remove the files of a recording and of jobs that have no row, and its blob unless another recording uses it."""
+    async with parts.engine.begin() as connection:
+        if not await may_remove(connection):
+            return
+        for prefix in (*(f"results/{job_id}" for job_id in jobs), own_prefix(recording_id)):
+            await parts.blobs.delete_prefix(prefix)
+        await delete_if_unused(connection, parts.blobs, blob_key)
+
+
+async def _discard_tracks(parts: Parts, tracks_key: str) -> None:
+    """Remove tracks that no row names, unless a backup is made; the janitor removes them then."""
+    async with parts.engine.begin() as connection:
+        if await may_remove(connection):
+            await parts.blobs.delete(tracks_key)
+
+
+def spool_folder(parts: Parts) -> Path:
+    """A new private folder for one upload; its maker removes it."""
+    folder = parts.spool / uuid.uuid4().hex
+    folder.mkdir(mode=0o700)
+    return folder

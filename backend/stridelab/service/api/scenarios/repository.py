@@ -1,0 +1,85 @@
+"""Rows of scenarios as the contract shows them."""
+
+from collections.abc import Mapping
+from typing import Any, Final
+
+from sqlalchemy import Select, select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.errors import Conflict
+from stridelab.schemas.base import Page
+from stridelab.schemas.scenarios import StoredScenario
+from stridelab.service.api.dependencies import known_form, not_found
+from stridelab.service.api.pagination import cut, newest_first
+from stridelab.service.storage.tables import scenario
+
+Row = Mapping[str, Any]
+
+PAGE_PARTS: Final = 20_000
+"""Surfaces, phases and contacts on one page of the list; a page of very long scenarios ends early."""
+_BATCH: Final = 10
+
+
+async def scenario_row(connection: AsyncConnection, scenario_id: str, *, lock: bool = False) -> Row:
+    """The row of one scenario, optionally locked until the transaction ends.
+
+    Raises ``NotFound`` (``scenario-not-found``).
+    """
+    query = select(scenario).where(scenario.c.id == known_form(scenario_id, "scenario"))
+    if lock:
+        query = query.with_for_update()
+    row = (await connection.execute(query)).mappings().one_or_none()
+    if row is None:
+        raise not_found("scenario")
+    return dict(row)
+
+
+async def own_row(connection: AsyncConnection, scenario_id: str) -> Row:
+    """The locked row of a scenario that may be changed.
+
+    Raises ``NotFound`` (``scenario-not-found``), ``Conflict`` (``scenario-read-only``) for a bundled one.
+    """
+    row = await scenario_row(connection, scenario_id, lock=True)
+    if row["bundled"]:
+        raise Conflict(
+            "scenario-read-only",
+            "This scenario comes with the program and cannot be changed or deleted; store a copy of it instead.",
+        )
+    return row
+
+
+def refuse_changed(row: Row, if_match: str | None) -> None:
+    """Keep what somebody else has stored.
+
+    Raises ``Conflict`` (``scenario-changed``) where ``if_match``, an If-Match header, names another state of the row.
+    """
+    asked = {tag.strip() for tag in (if_match or "*").split(",")}
+    if not asked & {"*", scenario_of(row).etag}:
+        raise Conflict("scenario-changed", "This scenario has been changed elsewhere since it was read.")
+
+
+async def scenarios_page(connection: AsyncConnection, limit: int, cursor: str | None) -> Page[StoredScenario]:
+    """One page, newest first; no more rows are fetched than it can hold."""
+    query: Select[Any] = newest_first(select(scenario), scenario, limit, cursor)
+    rows: list[Row] = []
+    parts = 0
+    async with connection.stream(query.execution_options(yield_per=_BATCH)) as result:
+        async for row in result.mappings():
+            parts += _parts_of(row["body"])
+            if rows and parts > PAGE_PARTS:
+                limit = len(rows)
+            rows.append(row)
+            if len(rows) > limit:
+                break
+    shown, following = cut(rows, limit)
+    return Page[StoredScenario](items=[scenario_of(row) for row in shown], next=following)
+
+
+def scenario_of(row: Row) -> StoredScenario:
+    """The scenario of a row."""
+    about = {name: row[name] for name in ("id", "created_at", "updated_at", "bundled", "owner")}
+    return StoredScenario.model_validate({**row["body"], **about})
+
+
+def _parts_of(body: Mapping[str, Any]) -> int:
+    return len(body["terrain"]) + sum(1 + len(phase["contacts"]) for phase in body["phases"])

@@ -1,0 +1,100 @@
+"""Whether a robot can do what a scenario asks: the same judge as in the command line and in the job.
+
+It is a few milliseconds of numpy in a thread. What it imports is imported with the first question, so that the
+service starts without it; pinocchio and CasADi are never imported here.
+"""
+
+import math
+from typing import TYPE_CHECKING
+
+import anyio
+
+from stridelab.errors import Fault, InvalidInput, StridelabError
+from stridelab.robots.card import robot_names
+from stridelab.schemas.base import FaultItem, Remark
+from stridelab.schemas.scenarios import ContactMargin, PhaseBody, PhaseSupport, Scenario, ScenarioCheck
+from stridelab.service.api.problems import SHOWN_FAULTS
+from stridelab.service.api.robots.cache import RobotShelf
+
+if TYPE_CHECKING:
+    from stridelab.contacts.validation.static_equilibrium import Rest
+
+
+async def judge(scenario: Scenario, limiter: anyio.CapacityLimiter, robots: RobotShelf) -> ScenarioCheck:
+    """What is wrong with ``scenario``, how far each contact is from being refused, and where it can stand.
+
+    A robot that cannot be loaded can do nothing.
+    """
+    reason = await robots.problem(scenario.robot) if scenario.robot in robot_names() else None
+    if reason is not None:
+        return _refused(scenario, FaultItem(where="robot", message=reason))
+    return await anyio.to_thread.run_sync(check, scenario, limiter=limiter)
+
+
+async def refuse_invalid(scenario: Scenario, limiter: anyio.CapacityLimiter, robots: RobotShelf) -> None:
+    """Raise ``InvalidInput`` (``scenario-invalid``), naming phase and effector, where a robot cannot do it."""
+    found = await judge(scenario, limiter, robots)
+    if not found.valid:
+        faults = [Fault(fault.where, fault.message) for fault in found.errors]
+        first = faults[0]
+        more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
+        raise InvalidInput(
+            "scenario-invalid", f"The robot cannot do this: {first.where}: {first.message}{more}.", faults
+        )
+
+
+def check(scenario: Scenario) -> ScenarioCheck:
+    """``judge`` without the thread."""
+    from stridelab.contacts.effector_geometry import effector_shapes
+    from stridelab.contacts.validation.validate import check as examine
+
+    try:
+        effectors = effector_shapes(scenario.robot)
+    except StridelabError as error:  # no such robot, or a card that makes no sense
+        return _refused(scenario, FaultItem(where="robot", message=error.message))
+    report = examine(scenario.model_dump(mode="json"), effectors)
+    faults = [FaultItem(where=fault.where, message=fault.message) for fault in report.faults[:SHOWN_FAULTS]]
+    return ScenarioCheck(
+        valid=report.valid,
+        errors=faults,
+        warnings=[Remark(code=remark.code, message=remark.message) for remark in report.remarks],
+        margins=[
+            ContactMargin(
+                phase=margin.phase,
+                effector=margin.effector,
+                surface=margin.surface,
+                height_m=margin.height_m,
+                edge_m=margin.edge_m,
+                reach_m=margin.reach_m,
+            )
+            for margin in report.margins
+        ],
+        support_region_m=[list(rest.region_m) for rest in report.rests],
+        support=[_support(k, rest) for k, rest in enumerate(report.rests)],
+        phases=_not_asked(scenario),
+        duration_s=report.duration_s,
+    )
+
+
+def _support(k: int, rest: "Rest") -> PhaseSupport:
+    if rest.com_m is None:
+        return PhaseSupport(phase=k, margin_m=None, com_m=None)
+    x, y, z = rest.com_m.tolist()
+    return PhaseSupport(phase=k, margin_m=rest.margin_m, com_m=(x, y, z))
+
+
+def _not_asked(scenario: Scenario) -> list[PhaseBody]:
+    return [PhaseBody(phase=k, body="not-asked") for k in range(len(scenario.phases))]
+
+
+def _refused(scenario: Scenario, fault: FaultItem) -> ScenarioCheck:
+    return ScenarioCheck(
+        valid=False,
+        errors=[fault],
+        warnings=[],
+        margins=[],
+        support_region_m=[[] for _ in scenario.phases],
+        support=[PhaseSupport(phase=k, margin_m=None, com_m=None) for k in range(len(scenario.phases))],
+        phases=_not_asked(scenario),
+        duration_s=math.fsum(phase.duration_s for phase in scenario.phases),
+    )

@@ -1,0 +1,132 @@
+"""``WS /stream/com``: the centre of mass while it moves.
+
+The numbers come from a process of the stream's own (``process``); here messages are passed on and limits kept. What is
+wrong is told in a last text message ``{"problem": ...}``; the close code is then 4000 plus the status of that problem,
+and the reason is its code.
+"""
+
+import asyncio
+import contextlib
+from typing import Final
+
+import structlog
+from fastapi import APIRouter
+from pydantic import ValidationError
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from stridelab.errors import Fault, InvalidInput, StridelabError, TooLarge
+from stridelab.schemas.base import Problem
+from stridelab.schemas.streams import StreamAnswer, StreamConfiguration
+from stridelab.service.api.dependencies import AppParts, Parts
+from stridelab.service.api.problems import faults_of, problem, problem_of
+from stridelab.service.api.shutdown import unless
+from stridelab.service.api.stream.limits import SampleRate
+from stridelab.service.api.stream.messages import PACKED, TEXT, Parcel
+from stridelab.service.api.strict_json import parse_json
+from stridelab.service.processes.resident import StreamProcess
+from stridelab.service.settings import Settings
+
+router = APIRouter()
+log = structlog.get_logger(__name__)
+
+CONFIGURATION_BYTES: Final = 10_000
+STATUS_BASE: Final = 4000
+"""Close code of a problem without its status."""
+GOING_AWAY: Final = 1001
+_FAREWELL_S: Final = 2.0
+
+
+@router.websocket("/stream/com")
+async def stream_com(socket: WebSocket, parts: AppParts) -> None:
+    """Estimate the centre of mass of a moving body sample by sample, until the client closes."""
+    await socket.accept()
+    with contextlib.suppress(WebSocketDisconnect):
+        if await unless(parts.closing, _serve(socket, parts)) is None:
+            await socket.close(GOING_AWAY, "service-stops")
+
+
+async def _serve(socket: WebSocket, parts: Parts) -> bool:
+    """All of a stream; True when it is over."""
+    idle_s = parts.settings.stream_idle_s
+    try:
+        with parts.streams.one():
+            await _converse(socket, parts.settings)
+    except StridelabError as refusal:
+        await _refuse(socket, problem_of(refusal))
+    except TimeoutError:
+        await _refuse(socket, problem(408, "stream-idle", f"Nothing was heard or taken for {idle_s:g} s."))
+    except WebSocketDisconnect:
+        raise
+    except Exception:
+        log.exception("stream broke")
+        await _refuse(socket, problem(500, "internal-error", "Something went wrong inside the service."))
+    return True
+
+
+async def _converse(socket: WebSocket, limits: Settings) -> None:
+    idle_s = limits.stream_idle_s
+    first = await _next(socket, CONFIGURATION_BYTES, idle_s)
+    configuration = configured(first, limits.stream_rate_hz)
+    rate = SampleRate(limits.stream_rate_hz)
+    async with await StreamProcess.spawn() as estimator:
+        parcel = Parcel(TEXT, configuration.model_dump_json().encode())
+        while True:
+            answer = await estimator.ask(parcel)
+            rate.take(answer.samples)
+            async with asyncio.timeout(idle_s):
+                if answer.kind == PACKED:
+                    await socket.send_bytes(answer.content)
+                else:
+                    await socket.send_text(answer.content.decode())
+            parcel = await _next(socket, limits.stream_message_kb * 1000, idle_s)
+
+
+async def _next(socket: WebSocket, limit_bytes: int, idle_s: float) -> Parcel:
+    """The next message. Raises ``TimeoutError`` where none comes, ``TooLarge`` (``message-too-large``)."""
+    async with asyncio.timeout(idle_s):
+        message = await socket.receive()
+    if message["type"] == "websocket.disconnect":
+        raise WebSocketDisconnect(message.get("code", 1005))
+    packed, text = message.get("bytes"), message.get("text")
+    parcel = Parcel(TEXT, str(text).encode()) if packed is None else Parcel(PACKED, packed)
+    if len(parcel.content) > limit_bytes:
+        raise TooLarge(
+            "message-too-large",
+            f"A message of {len(parcel.content)} bytes is over the limit of {limit_bytes}; send fewer samples at once.",
+        )
+    return parcel
+
+
+def configured(first: Parcel, most_hz: float) -> StreamConfiguration:
+    """The configuration in the first message of a stream.
+
+    Raises ``InvalidInput`` (``not-json``, ``invalid-request``, ``configuration-first``, ``rate-too-high``).
+    """
+    if first.kind != TEXT:
+        raise InvalidInput("configuration-first", "The first message of a stream is its configuration, as text.")
+    parse_json(first.content)
+    try:
+        configuration = StreamConfiguration.model_validate_json(first.content, strict=True)
+    except ValidationError as error:
+        faults = faults_of(error.errors(include_url=False, include_input=False))
+        places = ", ".join(dict.fromkeys(fault.where for fault in faults))
+        raise InvalidInput(
+            "invalid-request",
+            f"The configuration of the stream is not valid: see {places}.",
+            [Fault(fault.where, fault.message) for fault in faults],
+        ) from error
+    if configuration.rate_hz > most_hz:
+        raise InvalidInput(
+            "rate-too-high",
+            f"This service takes at most {most_hz:g} samples per second from a stream.",
+            [Fault("rate_hz", f"{configuration.rate_hz:g} is over {most_hz:g}")],
+        )
+    return configuration
+
+
+async def _refuse(socket: WebSocket, why: Problem) -> None:
+    """Say what is wrong, and close; somebody who does not listen is not waited for."""
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(_FAREWELL_S):
+            await socket.send_text(StreamAnswer(problem=why).model_dump_json(exclude_none=True))
+            await socket.close(STATUS_BASE + why.status, why.code)

@@ -1,0 +1,85 @@
+"""``/caller`` for everybody; ``/tokens`` and ``/audit``: the gate lets only admins through, and so does each call."""
+
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, Body, Depends
+from sqlalchemy import select
+
+from stridelab.schemas.access import AuditEntry, CallerFacts, NewToken, TokenFacts, TokenInput
+from stridelab.schemas.base import Page
+from stridelab.service.api.dependencies import AppParts, CallerOf, known_form
+from stridelab.service.api.openapi import failures
+from stridelab.service.api.pagination import Cursor, Limit, cut, newest_first
+from stridelab.service.api.strict_json import StrictRoute
+from stridelab.service.auth import audit, tokens
+from stridelab.service.auth.callers import require
+from stridelab.service.storage import tables
+
+
+def _admin(caller: CallerOf) -> None:
+    require(caller, "admin")
+
+
+anybody = APIRouter(tags=["access"], route_class=StrictRoute)
+router = APIRouter(tags=["access"], route_class=StrictRoute, dependencies=[Depends(_admin)])
+
+_EXAMPLE: Final[Any] = {
+    "person": {"summary": "Somebody who works here", "value": {"name": "p07", "scope": "submit", "days": 365}},
+}
+
+
+@anybody.get("/caller", summary="Who calls")
+async def read_caller(caller: CallerOf) -> CallerFacts:
+    """Who you are here and what you may do; without a login nobody has a name, and may do everything."""
+    return CallerFacts(name=caller.name, scope=caller.scope)
+
+
+@router.get("/tokens", summary="List tokens")
+async def list_tokens(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[TokenFacts]:
+    """Tokens, newest first, those that were revoked or have expired among them. No secret is known any more."""
+    query = newest_first(select(tables.token), tables.token, limit, cursor)
+    async with parts.engine.connect() as connection:
+        rows = (await connection.execute(query)).mappings().all()
+    shown, following = cut(rows, limit)
+    return Page[TokenFacts](items=[tokens.facts_of(row) for row in shown], next=following)
+
+
+@router.post(
+    "/tokens",
+    status_code=201,
+    summary="Make a token",
+    responses=failures(s409="A token of that name has not been revoked (`token-name-taken`)."),
+)
+async def create_token(
+    parts: AppParts, caller: CallerOf, body: Annotated[TokenInput, Body(openapi_examples=_EXAMPLE)]
+) -> NewToken:
+    """Make a token. `secret` is the token itself: this answer is the only place that ever shows it."""
+    async with parts.engine.begin() as connection:
+        made = await tokens.create(connection, body)
+        await audit.note(connection, caller, "token-created", made.id)
+    parts.tokens.forget()
+    return made
+
+
+@router.delete(
+    "/tokens/{token_id}",
+    summary="Revoke a token",
+    responses=failures(s404="No token with this id, or it has been revoked already (`token-not-found`)."),
+)
+async def revoke_token(parts: AppParts, caller: CallerOf, token_id: str) -> TokenFacts:
+    """Revoke a token: this process refuses it at once, others within two seconds. What it owns stays."""
+    async with parts.engine.begin() as connection:
+        revoked = await tokens.revoke(connection, known_form(token_id, "token"))
+        await audit.note(connection, caller, "token-revoked", revoked.id)
+    parts.tokens.forget()
+    return revoked
+
+
+@router.get("/audit", summary="Audit log")
+async def list_audit(parts: AppParts, limit: Limit = 50, cursor: Cursor = None) -> Page[AuditEntry]:
+    """Who did what, newest first: tokens, logins, deletions, cancellations, and requests that were refused."""
+    query = newest_first(select(tables.audit), tables.audit, limit, cursor)
+    async with parts.engine.connect() as connection:
+        rows = (await connection.execute(query)).mappings().all()
+    shown, following = cut(rows, limit)
+    return Page[AuditEntry](items=[AuditEntry(**row) for row in shown], next=following)

@@ -1,0 +1,57 @@
+"""The tokens as an API process knows them: read again after ``STALE_S``; by then a revocation acts everywhere."""
+
+import asyncio
+import time
+from collections.abc import Callable, Mapping
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from sqlalchemy.ext.asyncio import AsyncEngine
+
+from stridelab.service.auth import tokens
+from stridelab.service.auth.callers import Caller
+
+STALE_S: Final = 2.0
+
+
+class TokenBook:
+    """Finds the caller to a token. Where the database does not answer, no token of the table is good."""
+
+    def __init__(self, engine: AsyncEngine, clock: Callable[[], float] = time.monotonic) -> None:
+        self._engine, self._clock = engine, clock
+        self._lock = asyncio.Lock()
+        self._by_hash: dict[str, Mapping[str, Any]] = {}
+        self._by_id: dict[str, Mapping[str, Any]] = {}
+        self._read_at_s = float("-inf")
+
+    async def of_secret(self, secret: str) -> Caller | None:
+        """Whose token ``secret`` is; None where it is none, or no longer."""
+        await self._read()
+        # looked up by its hash: how long that takes tells nothing of the secret
+        return _caller(self._by_hash.get(tokens.hash_of(secret)))
+
+    async def of_id(self, token_id: str) -> Caller | None:
+        """Whose token has this id; None where none has, or no longer."""
+        await self._read()
+        return _caller(self._by_id.get(token_id))
+
+    def forget(self) -> None:
+        """Read the table again with the next question."""
+        self._read_at_s = float("-inf")
+
+    async def _read(self) -> None:
+        async with self._lock:
+            now_s = self._clock()
+            if now_s - self._read_at_s < STALE_S:
+                return
+            async with self._engine.connect() as connection:
+                rows = await tokens.live(connection)
+            self._by_hash = {row["token_hash"]: row for row in rows}
+            self._by_id = {row["id"]: row for row in rows}
+            self._read_at_s = now_s
+
+
+def _caller(row: Mapping[str, Any] | None) -> Caller | None:
+    if row is None or (row["expires_at"] is not None and row["expires_at"] <= datetime.now(UTC)):
+        return None
+    return Caller(row["name"], row["scope"], row["id"])

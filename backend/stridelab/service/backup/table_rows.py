@@ -1,0 +1,135 @@
+"""Rows of the tables as data: read in one snapshot, and the files that they name."""
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any, Final
+
+import psycopg
+from psycopg import sql
+
+from stridelab.errors import Conflict
+from stridelab.service.backup.archive import Table
+from stridelab.service.storage import locks
+from stridelab.service.storage.database import PATIENCE
+from stridelab.service.storage.migrate import plain
+
+Connection = psycopg.Connection[tuple[Any, ...]]
+_QUEUE: Final = "procrastinate_"
+_REVISIONS: Final = "alembic_version"
+_NAMED_FILES: Final = """
+    SELECT blob_key FROM recording
+    UNION SELECT tracks_key FROM recording
+    UNION SELECT blob_prefix || '/' || (artifact->>'name')
+            FROM job, jsonb_array_elements(job.result->'artifacts') AS artifact
+           WHERE blob_prefix IS NOT NULL
+    UNION SELECT 'batches/' || (input->>'batch_id') || '/' || name
+            FROM job, jsonb_array_elements_text(job.input->'files') AS name
+           WHERE kind = 'read-batch' AND state IN ('queued', 'running')
+"""
+_FAREWELL_S: Final = 3.0
+"""A connection that was closed a moment ago is still listed."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """The tables of one schema, over one connection; the queue's own are left out, for ``job`` is the truth."""
+
+    connection: Connection
+
+    def tables(self) -> dict[str, list[str]]:
+        """Columns of every table, in their order."""
+        found = self.connection.execute(
+            "SELECT c.table_name, c.column_name FROM information_schema.columns c"
+            " JOIN information_schema.tables t USING (table_schema, table_name)"
+            " WHERE table_schema = current_schema() AND t.table_type = 'BASE TABLE'"
+            " ORDER BY c.table_name, c.ordinal_position"
+        )
+        columns: dict[str, list[str]] = {}
+        for table, column in found:
+            if not table.startswith(_QUEUE) and table != _REVISIONS:
+                columns.setdefault(table, []).append(column)
+        return columns
+
+    def named_files(self) -> set[str]:
+        """Keys of all stored files that rows name."""
+        return {str(key) for (key,) in self.connection.execute(_NAMED_FILES)}
+
+    def read(self, table: str, columns: list[str], append: Callable[[bytes], None]) -> Table:
+        """Pass the rows on as COPY text."""
+        rows = 0
+        query = sql.SQL("COPY {} ({}) TO STDOUT").format(sql.Identifier(table), _columns(columns))
+        with self.connection.cursor().copy(query) as copy:
+            for piece in copy:
+                rows += bytes(piece).count(b"\n")  # a line break inside a value is written as two characters
+                append(bytes(piece))
+        return Table(columns=columns, rows=rows)
+
+    def write(self, table: str, columns: list[str], pieces: Iterator[bytes]) -> int:
+        """Take rows in; returns how many."""
+        query = sql.SQL("COPY {} ({}) FROM STDIN").format(sql.Identifier(table), _columns(columns))
+        cursor = self.connection.cursor()
+        with cursor.copy(query) as copy:
+            for piece in pieces:
+                copy.write(piece)
+        return cursor.rowcount
+
+    @contextmanager
+    def without_references(self, tables: list[str]) -> Iterator[None]:
+        """Foreign keys among ``tables`` are lifted for a while, and checked for all rows when they come back."""
+        references = self.connection.execute(
+            "SELECT conrelid::regclass::text, conname, pg_get_constraintdef(oid) FROM pg_constraint"
+            " WHERE contype = 'f' AND conrelid = ANY(%s::regclass[])",
+            ([_quoted(table) for table in tables],),
+        ).fetchall()
+        for table, name, _ in references:
+            self._alter(table, sql.SQL("DROP CONSTRAINT {}").format(sql.Identifier(name)))
+        yield
+        for table, name, definition in references:
+            # the catalogue's own words about a constraint that this program's migrations made
+            self._alter(table, sql.SQL("ADD CONSTRAINT {} {}").format(sql.Identifier(name), sql.SQL(definition)))
+
+    def _alter(self, table: str, change: sql.Composed) -> None:
+        self.connection.execute(sql.SQL("ALTER TABLE {} {}").format(sql.SQL(table), change))
+
+
+@contextmanager
+def snapshot(url: str) -> Iterator[Rows]:
+    """The rows as they are at one moment; what is written meanwhile is not seen, and no file is removed."""
+    with psycopg.connect(plain(url), autocommit=True, application_name="stridelab-backup", **PATIENCE) as connection:
+        connection.isolation_level = psycopg.IsolationLevel.REPEATABLE_READ
+        connection.read_only = True
+        # before the snapshot is taken, so that it does not show what somebody is just removing
+        connection.execute("SELECT pg_advisory_lock(%s)", (locks.REMOVAL,))
+        with connection.transaction():
+            yield Rows(connection)
+
+
+def refuse_company(connection: Connection) -> None:
+    """Raises ``Conflict`` (``service-running``) while a web server or a worker uses the database."""
+    deadline = time.monotonic() + _FAREWELL_S
+    while others := _others(connection):
+        if time.monotonic() > deadline:
+            raise Conflict(
+                "service-running",
+                f"{others} connections use this database. Stop the web servers and workers first, then try again.",
+            )
+        time.sleep(0.1)
+
+
+def _others(connection: Connection) -> int:
+    connection.execute("SELECT pg_stat_clear_snapshot()")
+    found = connection.execute(
+        "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database()"
+        " AND pid <> pg_backend_pid() AND backend_type = 'client backend'"
+    ).fetchone()
+    return int(found[0]) if found else 0
+
+
+def _columns(names: list[str]) -> sql.Composed:
+    return sql.SQL(", ").join(map(sql.Identifier, names))
+
+
+def _quoted(table: str) -> str:
+    return '"' + table.replace('"', '""') + '"'

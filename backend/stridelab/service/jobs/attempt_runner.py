@@ -1,0 +1,288 @@
+"""One attempt of a job, from staging its files to publishing its result."""
+
+import asyncio
+import contextlib
+import errno
+import hashlib
+import shutil
+import tempfile
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from pathlib import Path
+from typing import Any, Final, TypeVar
+
+import structlog
+from sqlalchemy.ext.asyncio import AsyncEngine
+
+from stridelab.errors import StorageFull, StridelabError, Unavailable
+from stridelab.schemas.jobs import FINAL_STATES
+from stridelab.service import telemetry
+from stridelab.service.jobs.attempts import Attempt, Attempts, FinalState
+from stridelab.service.jobs.queue_consumer import DATABASE_IS_AWAY
+from stridelab.service.kinds.base import JobKind, Json, problem_of
+from stridelab.service.processes.pool import IsolatedOutcome, IsolatedPool
+from stridelab.service.settings import Settings
+from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.file_removal import may_remove
+from stridelab.service.storage.publication import Publication, publishing
+
+PROGRESS_S: Final = 0.2
+"""Progress is written to the database at most this often."""
+Patiently = Callable[[Callable[[], Awaitable[Any]]], Awaitable[Any]]
+"""Repeats a database operation for as long as the database is away."""
+_NO_ROOM: Final = frozenset({errno.ENOSPC, errno.EDQUOT})
+_PASSES: Final = frozenset({"storage-unavailable", "storage-full", "scratch-full"})
+"""Codes of what is not the job's fault and may be over in a while."""
+_LONGEST_PAUSE_S: Final = 5.0
+_log = structlog.get_logger(__name__)
+T = TypeVar("T")
+
+
+class Errand:
+    """Runs one attempt. ``interrupt`` because the worker stops, ``look_again`` when it may have been cancelled."""
+
+    def __init__(self, attempt: Attempt, kind: JobKind, attempts: Attempts, blobs: BlobStore, limits: Settings) -> None:
+        self._attempt, self._kind, self._attempts, self._blobs = attempt, kind, attempts, blobs
+        self._timeout_s = kind.timeout_s or limits.job_timeout_s
+        self._memory_mb = kind.memory_mb or limits.job_memory_mb
+        self._patience_s, self._max_attempts = limits.storage_patience_s, limits.job_max_attempts
+        self._kill = asyncio.Event()
+        self._interrupted = False
+        self._latest: tuple[float, str] | None = None
+        self._progress = asyncio.Event()
+        self._look = asyncio.Event()
+
+    @property
+    def job_id(self) -> str:
+        """The job of this attempt."""
+        return self._attempt.job_id
+
+    def interrupt(self) -> None:
+        """Kill the child and hand the job back."""
+        self._interrupted = True
+        self._kill.set()
+
+    def look_again(self) -> None:
+        """Find out whether this attempt should go on."""
+        self._look.set()
+
+    async def run(self, engine: AsyncEngine, pool: IsolatedPool, root: Path, patiently: Patiently) -> str:
+        """Do all of it, in a folder of its own below ``root``; returns how it ended."""
+        helpers = [asyncio.create_task(helper()) for helper in (self._report, self._watch)]
+        try:
+            state = await self._run(engine, pool, root, patiently)
+            if state in FINAL_STATES:
+                await self._remove_own_files(engine)
+            return state
+        finally:
+            for helper in helpers:
+                helper.cancel()
+            await asyncio.gather(*helpers, return_exceptions=True)
+
+    async def _remove_own_files(self, engine: AsyncEngine) -> None:
+        """Remove what was stored for this job alone; what stays is removed by the janitor."""
+        if self._kind.own_files is None:
+            return
+        with contextlib.suppress(StridelabError, *DATABASE_IS_AWAY):
+            async with engine.begin() as connection:
+                if await may_remove(connection):
+                    await self._blobs.delete_prefix(self._kind.own_files(self._attempt.row["input"]))
+
+    async def _run(self, engine: AsyncEngine, pool: IsolatedPool, root: Path, patiently: Patiently) -> str:
+        folder: Path | None = None
+        log_tail = ""
+        try:
+            folder = await self._outlast(lambda: _folder_below(root))
+            with telemetry.span("stage"):
+                task = await self._staged(engine, folder, patiently)
+            with telemetry.span("compute") as computing:
+                outcome = await pool.run(
+                    self._kind.run,
+                    task,
+                    folder,
+                    timeout_s=self._timeout_s,
+                    memory_mb=self._memory_mb,
+                    cancel=self._kill,
+                    on_progress=self._note,
+                    sandbox=self._kind.sandbox,
+                )
+                computing.set_attribute("outcome", outcome.state)
+            log_tail = outcome.log_tail
+            if outcome.state == "ok" and "problem" in outcome.value:
+                return await self._keep(outcome, folder, patiently)
+            if outcome.state == "ok":
+                return await self._publish(outcome, folder, patiently)
+            return await self._give_up(outcome, patiently)
+        except StridelabError as error:
+            if self._kill.is_set():
+                return await self._stop(log_tail, patiently)
+            return await self._end("failed", problem_of(error), log_tail, patiently)
+        except DATABASE_IS_AWAY:
+            raise  # the worker stops while the database is away: another one will take the job up
+        except Exception as error:  # noqa: BLE001 (what staging and publishing were not made for fails this job only)
+            _log.exception("job-broke")
+            problem = {
+                "code": "internal-error",
+                "detail": f"The service could not handle this job ({type(error).__name__}).",
+                "errors": [],
+            }
+            return await self._end("failed", problem, log_tail, patiently)
+        finally:
+            if folder is not None:
+                await asyncio.to_thread(shutil.rmtree, folder, ignore_errors=True)
+
+    async def _outlast(self, act: Callable[[], Awaitable[T]]) -> T:
+        """Do something with files, though their storage is away or the disk full for a while.
+
+        Gives up, with the error of the last try, after ``storage_patience_s`` or when the attempt shall stop.
+        """
+        since, pause_s = time.monotonic(), 0.1
+        while True:
+            try:
+                return await act()
+            except Unavailable as error:
+                waited_s = time.monotonic() - since
+                if error.code not in _PASSES or waited_s > self._patience_s or self._kill.is_set():
+                    raise
+                _log.warning("files-are-away", code=error.code, waited_s=round(waited_s, 1))
+            with contextlib.suppress(asyncio.TimeoutError):
+                await asyncio.wait_for(self._kill.wait(), pause_s)
+            pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+
+    async def _staged(self, engine: AsyncEngine, folder: Path, patiently: Patiently) -> Json:
+        return await self._outlast(lambda: patiently(lambda: self._stage(engine, folder)))
+
+    async def _stage(self, engine: AsyncEngine, folder: Path) -> Json:
+        request = self._kind.input_model.model_validate(self._attempt.row["input"])
+        with no_room_named():
+            async with engine.connect() as connection:
+                return await self._kind.stage(connection, self._blobs, request, folder)
+
+    async def _publish(self, outcome: IsolatedOutcome, folder: Path, patiently: Patiently) -> str:
+        async def publish(artifacts: list[Json], publication: Publication) -> bool:
+            return await self._attempts.succeed(
+                self._attempt, self._blobs, outcome.value, artifacts, folder, outcome.log_tail, publication
+            )
+
+        with telemetry.span("publish"):
+            published = await self._with_files(outcome, folder, patiently, publish)
+        return "succeeded" if published else await self._end("cancelled", None, outcome.log_tail, patiently)
+
+    async def _keep(self, outcome: IsolatedOutcome, folder: Path, patiently: Patiently) -> str:
+        """Fail, with what the computation left all the same."""
+        value = outcome.value
+
+        async def fail(artifacts: list[Json], publication: Publication) -> bool:
+            return await self._attempts.end(
+                self._attempt, "failed", value["problem"], outcome.log_tail, (value, artifacts), publication
+            )
+
+        return "failed" if await self._with_files(outcome, folder, patiently, fail) else "superseded"
+
+    async def _with_files(
+        self,
+        outcome: IsolatedOutcome,
+        folder: Path,
+        patiently: Patiently,
+        write: Callable[[list[Json], Publication], Awaitable[bool]],
+    ) -> bool:
+        """Store the files and ``write`` the row that names them; where that is certainly not done, no file stays."""
+        artifacts = await asyncio.to_thread(lambda: [artifact_file(folder, i) for i in outcome.value["artifacts"]])
+        prefix = self._attempt.blob_prefix
+
+        async with publishing(lambda: self._blobs.delete_prefix(prefix)) as publication:
+
+            async def store_and_write() -> bool:
+                for artifact in artifacts:
+                    await self._blobs.put_file(f"{prefix}/{artifact['name']}", folder / artifact["name"])
+                return bool(await patiently(lambda: write(artifacts, publication)))
+
+            publication.settle(published=await self._outlast(store_and_write))
+        return publication.published
+
+    async def _give_up(self, outcome: IsolatedOutcome, patiently: Patiently) -> str:
+        if outcome.state == "cancelled":
+            return await self._stop(outcome.log_tail, patiently)
+        if outcome.state == "killed" and self._attempt.starts < self._max_attempts:
+            back = await patiently(lambda: self._attempts.hand_back(self._attempt, counts=True))
+            return "killed" if back else "superseded"
+        state: FinalState = "timed_out" if outcome.state == "timeout" else "failed"
+        problem = outcome.problem
+        if problem is not None and outcome.raised is None and self._latest is not None:
+            problem = located(problem, self._latest[1])
+        return await self._end(state, problem, outcome.log_tail, patiently)
+
+    async def _stop(self, log_tail: str, patiently: Patiently) -> str:
+        """End an attempt that was told to stop: by whoever cancelled it, or by a worker that leaves."""
+        if not self._interrupted:
+            return await self._end("cancelled", None, log_tail, patiently)
+        handed_back = await patiently(lambda: self._attempts.hand_back(self._attempt))
+        return "handed-back" if handed_back else "superseded"
+
+    async def _end(self, state: FinalState, problem: Json | None, log_tail: str, patiently: Patiently) -> str:
+        ended = await patiently(lambda: self._attempts.end(self._attempt, state, problem, log_tail))
+        return state if ended else "superseded"
+
+    def _note(self, fraction: float, message: str) -> None:
+        self._latest = (fraction, message)
+        self._progress.set()
+
+    async def _report(self) -> None:
+        """Write the latest progress, at once and then at most every ``PROGRESS_S``."""
+        while True:
+            await self._progress.wait()
+            self._progress.clear()
+            if self._latest is not None:
+                with contextlib.suppress(*DATABASE_IS_AWAY):  # progress is a courtesy: the next one will do
+                    if not await self._attempts.report(self._attempt, *self._latest):
+                        self._kill.set()
+            await asyncio.sleep(PROGRESS_S)
+
+    async def _watch(self) -> None:
+        """Kill the child when the job was cancelled or given to another worker."""
+        while not self._kill.is_set():
+            await self._look.wait()
+            self._look.clear()
+            try:
+                if await self._attempts.should_stop(self._attempt):
+                    self._kill.set()
+            except DATABASE_IS_AWAY:
+                await asyncio.sleep(0.5)
+                self._look.set()
+
+
+async def _folder_below(root: Path) -> Path:
+    with no_room_named():
+        return Path(await asyncio.to_thread(tempfile.mkdtemp, dir=root))
+
+
+@contextlib.contextmanager
+def no_room_named() -> Iterator[None]:
+    """Raise ``StorageFull`` (``scratch-full``) where the worker's own disk has no room."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in _NO_ROOM:
+            raise
+        raise StorageFull("scratch-full", "The disk on which the worker works is full.") from error
+
+
+def located(problem: Json, message: str) -> Json:
+    """The problem of a computation that could not say itself where it was, with what it had last told.
+
+    Messages read ``"<stage>: <what it does>"``, or name only the stage.
+    """
+    fault = {"where": f"stage: {message.partition(':')[0]}", "message": f"last heard: {message}"}
+    detail = f"{problem['detail']} The last that it told: {message}."
+    return {**problem, "detail": detail, "errors": [*problem["errors"], fault]}
+
+
+def artifact_file(folder: Path, item: Json) -> Json:
+    """The artifact with size and SHA-256; raises ``ValueError`` for anything but a plain file right in ``folder``."""
+    path = folder / str(item["name"])
+    if path.parent != folder or path.is_symlink() or not path.is_file():
+        raise ValueError(f"the computation left no file {item['name']!r}")
+    with path.open("rb") as file:
+        sha256 = hashlib.file_digest(file, "sha256").hexdigest()
+    described = {"name": path.name, "media_type": str(item["media_type"])}
+    return described | {"bytes": path.stat().st_size, "sha256": sha256}

@@ -1,0 +1,116 @@
+"""What a job kind is: data and three functions, one of them run in a killable child.
+
+``stage`` (worker, light) -> ``run`` (child, heavy, knows neither database nor storage) -> ``publish`` (worker, inside
+the fenced transaction that makes the result visible). The same ``run`` serves the command line.
+"""
+
+from collections.abc import Awaitable, Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, Protocol, runtime_checkable
+
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.errors import StridelabError
+from stridelab.schemas.base import Contract
+from stridelab.service.processes.sandbox import STRICT, Sandbox
+
+Json = dict[str, Any]
+"""A JSON object."""
+ProgressCallback = Callable[[float, str], None]
+"""Called with a fraction from 0 to 1 and a short message."""
+
+
+@runtime_checkable
+class Blobs(Protocol):
+    """The part of the blob store that job kinds need."""
+
+    async def get_file(self, key: str, path: Path, sha256: str | None = None) -> Any:
+        """Write the blob ``key`` into the file ``path``; raises where its content has another hash than ``sha256``."""
+
+    async def put_file(self, key: str, path: Path) -> Any:
+        """Store the file ``path`` as blob ``key``."""
+
+    async def keep_or_replace(self, key: str, path: Path, sha256: str) -> Any:
+        """Store the file ``path`` as blob ``key`` unless that is there with this content."""
+
+    async def exists(self, key: str) -> bool:
+        """Whether there is a blob ``key``."""
+        ...
+
+
+@dataclass(frozen=True)
+class ArtifactFile:
+    """A file that a run left in its folder."""
+
+    name: str
+    media_type: str
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run returns: the summary of the contract, citation keys, and the names of the files it left.
+
+    With ``failure`` the job fails of it, and keeps what else there is: how far it came.
+    """
+
+    summary: Json
+    references: tuple[str, ...]
+    artifacts: tuple[ArtifactFile, ...]
+    failure: StridelabError | None = None
+
+    def to_json(self) -> Json:
+        """Form in which an outcome leaves the child process; a failure is its ``problem``."""
+        value: Json = {
+            "summary": self.summary,
+            "references": list(self.references),
+            "artifacts": [{"name": a.name, "media_type": a.media_type} for a in self.artifacts],
+        }
+        return value if self.failure is None else value | {"problem": problem_of(self.failure)}
+
+    @staticmethod
+    def from_json(value: Mapping[str, Any]) -> "Outcome":
+        """Inverse of ``to_json``, but for the failure."""
+        return Outcome(
+            summary=dict(value["summary"]),
+            references=tuple(value["references"]),
+            artifacts=tuple(ArtifactFile(a["name"], a["media_type"]) for a in value["artifacts"]),
+        )
+
+
+def problem_of(error: StridelabError) -> Json:
+    """An error as the row of a job keeps it: ``{"code", "detail", "errors": [{"where", "message"}]}``."""
+    faults = [{"where": fault.where, "message": fault.message} for fault in error.faults]
+    return {"code": error.code, "detail": error.message, "errors": faults}
+
+
+Stage = Callable[[AsyncConnection, Blobs, Contract, Path], Awaitable[Json]]
+"""``stage(connection, blobs, input, folder) -> task``: fetch rows and blob files into ``folder``."""
+Publish = Callable[[AsyncConnection, Blobs, Mapping[str, Any], Json, Path], Awaitable[Json | None]]
+"""``publish(connection, blobs, job_row, outcome, folder) -> summary``: called inside the fenced transaction, before
+the job row is set to succeeded; ``folder`` still holds the artifacts; a returned summary replaces the outcome's."""
+
+
+@dataclass(frozen=True)
+class JobKind:
+    """One kind of job.
+
+    ``run`` is an import path ``"module:function"``, called in a child process as ``f(task, folder, progress)``; it
+    returns ``Outcome.to_json()``, with the files lying in ``folder``. ``None`` limits mean those of the settings.
+    A kind that is not ``offered`` has no call of its own; another call submits it. ``own_files`` tells from a job's
+    input below which key files lie that only this job needs: they are removed when it has ended.
+    ``sandbox`` says what the child may do beside that; None, for a kind that reads nobody's files, means anything.
+    """
+
+    name: str
+    input_model: type[Contract]
+    summary_model: type[Contract]
+    run: str
+    stage: Stage
+    publish: Publish | None = None
+    timeout_s: float | None = None
+    memory_mb: int | None = None
+    lane: Literal["short", "long"] = "short"
+    offered: bool = True
+    own_files: Callable[[Mapping[str, Any]], str] | None = None
+    sandbox: Sandbox | None = STRICT

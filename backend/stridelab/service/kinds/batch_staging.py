@@ -1,0 +1,152 @@
+"""Between the tables and the job ``read-batch``: the received files in, rows of recordings out.
+
+The files of a bulk upload lie below ``batches/<batch_id>`` until its job has ended: ``TASK``, which is a
+``ParseBatchTask``, and the files that it names. Names that users gave are in there and not in the job's row.
+"""
+
+import asyncio
+import uuid
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from sqlalchemy import insert, update
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.errors import Fault, UnreadableFile
+from stridelab.schemas.base import Contract
+from stridelab.schemas.population import (
+    PersonFields,
+    ReadBatchInput,
+    ReadBatchSummary,
+    RefusedFile,
+    SubjectOfRecording,
+)
+from stridelab.schemas.recordings import RecordingFacts, SubjectFields
+from stridelab.service.filenames import left_file, safe_filename
+from stridelab.service.kinds.base import Blobs, Json
+from stridelab.service.storage.content_addressed import lock_blob
+from stridelab.service.storage.tables import recording
+from stridelab.service.uploaded_row import file_sha256, new_tracks_key, uploaded_row
+
+KIND: Final = "read-batch"
+FOLDER: Final = "batches"
+TASK: Final = "task.json"
+
+
+def own_files(job_input: Mapping[str, Any]) -> str:
+    """Where the files of a job with this input lie."""
+    return f"{FOLDER}/{job_input['batch_id']}"
+
+
+@dataclass(frozen=True)
+class ReadFile:
+    """A file that is a recording: its place among the files of the upload, what was read, and whose it is."""
+
+    place: int
+    file: str
+    filename: str
+    tracks: str
+    facts: RecordingFacts
+    person: PersonFields
+
+    @property
+    def stated(self) -> SubjectFields:
+        """What the subject table states of the person."""
+        return SubjectFields(name=self.person.subject, **self.person.model_dump(exclude={"subject", "group"}))
+
+
+@dataclass(frozen=True)
+class ReadUpload:
+    """A bulk upload after reading; ``statics`` is the place of the static trial per place of a line of the table."""
+
+    files: tuple[ReadFile, ...]
+    refused: tuple[RefusedFile, ...]
+    people: Mapping[int, PersonFields]
+    statics: Mapping[int, int | None]
+
+    @staticmethod
+    def of(read: Mapping[str, Any]) -> "ReadUpload":
+        """What ``parse_batch`` answered. Raises ``UnreadableFile`` (``nothing-readable``) where nothing is readable."""
+        people = {row["place"]: PersonFields.model_validate(row["person"]) for row in read["rows"]}
+        files, refused = [], []
+        for place, one in enumerate(read["files"]):
+            name = safe_filename(one["name"])
+            if "problem" in one:
+                refused.append(RefusedFile(filename=name, **one["problem"]))
+                continue
+            facts = RecordingFacts.model_validate(one["facts"])
+            person = people.get(place, PersonFields())
+            files.append(ReadFile(place, one["file"], name, one["tracks"], facts, person))
+        if not files:
+            faults = [Fault(one.filename, f"{one.message} ({one.code})") for one in refused]
+            raise UnreadableFile("nothing-readable", "None of the files is a recording that can be read.", faults)
+        return ReadUpload(tuple(files), tuple(refused), people, {row["place"]: row["static"] for row in read["rows"]})
+
+    def links(self, ids: Mapping[int, str]) -> dict[str, str]:
+        """Recording to static trial, by id, of those that have one among ``ids`` (by place)."""
+        return {
+            ids[place]: ids[static]
+            for place, static in self.statics.items()
+            if static is not None and place in ids and static in ids
+        }
+
+    def summary(self, ids: Mapping[int, str]) -> ReadBatchSummary:
+        """What the user is told of the recordings ``ids`` (by place)."""
+        standing = set(self.statics.values()) - set(self.statics)
+        subjects = [
+            SubjectOfRecording(recording_id=ids[place], **person.model_dump())
+            for place, person in self.people.items()
+            if place in ids
+        ]
+        studied = [recording_id for place, recording_id in ids.items() if place not in standing]
+        return ReadBatchSummary(
+            recording_ids=list(ids.values()), studied=studied, subjects=subjects, refused=list(self.refused)
+        )
+
+
+async def stage_read_batch(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """Fetch the files of the upload; the task is the one that they were stored with."""
+    request = ReadBatchInput.model_validate(input.model_dump())
+    for name in request.files:
+        await blobs.get_file(f"{own_files(request.model_dump())}/{name}", folder / name)
+    return {"task": (folder / TASK).read_text(encoding="utf-8")}
+
+
+async def publish_read_batch(
+    connection: AsyncConnection, blobs: Blobs, job_row: Mapping[str, Any], outcome: Json, folder: Path
+) -> Json:
+    """Insert the recordings of a bulk upload that has been read; returns the summary with their ids.
+
+    Ids follow from the job's id, as in ``publish_simulated_recording``.
+    """
+    upload = ReadUpload.of(outcome["read"])
+    ids = {
+        one.place: uuid.uuid5(uuid.NAMESPACE_URL, f"stridelab:job:{job_row['id']}:{one.place}").hex
+        for one in upload.files
+    }
+    rows = {}
+    for one in upload.files:
+        file = left_file(folder, one.file)
+        rows[one.place] = uploaded_row(
+            recording_id=ids[one.place],
+            owner=job_row["owner"],
+            filename=one.filename,
+            sha256=await asyncio.to_thread(file_sha256, file),
+            size_bytes=file.stat().st_size,
+            tracks_key=await new_tracks_key(ids[one.place], left_file(folder, one.tracks)),
+            facts=one.facts,
+            subject=one.stated,
+        )
+    # in one order in all transactions, so that two uploads of the same files do not wait for each other
+    for key in sorted({key for row in rows.values() for key in (row["blob_key"], row["tracks_key"])}):
+        await lock_blob(connection, key)
+    for one in upload.files:
+        await blobs.put_file(rows[one.place]["tracks_key"], folder / one.tracks)
+        await blobs.keep_or_replace(rows[one.place]["blob_key"], folder / one.file, rows[one.place]["sha256"])
+        await connection.execute(insert(recording).values(rows[one.place]))
+    for recording_id, static_id in upload.links(ids).items():
+        linked = update(recording).where(recording.c.id == recording_id)
+        await connection.execute(linked.values(static_recording_id=static_id))
+    return upload.summary(ids).model_dump(mode="json")

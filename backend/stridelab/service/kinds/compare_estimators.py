@@ -1,0 +1,210 @@
+"""``compare-estimators``: every estimator on one recording, against the truth where it is known, else against physics.
+
+Tables: ``comparison`` (the estimates over the window), ``spectra`` (amplitude densities of the errors of inputs and
+estimators), ``contributions`` (what each input gives to the complementary filter, figure 2.7), ``bode`` (figure 2.5).
+"""
+
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from stridelab.conventions import Series
+from stridelab.estimation.complementary.contributions import bode, contributions
+from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.estimator import ComEstimate, ComEstimator
+from stridelab.estimation.evaluation.comparison import Assessment, Comparison, Data, compare
+from stridelab.estimation.evaluation.truth_errors import TruthError
+from stridelab.estimation.markers_only import GeometryOnly
+from stridelab.pipelines.com_inputs import Prepared, prepare
+from stridelab.pipelines.quality import as_contract, quality_of
+from stridelab.pipelines.requirements import require_method
+from stridelab.recordings.recording import Recording
+from stridelab.schemas import base
+from stridelab.schemas.comparison import (
+    Axes,
+    CompareEstimatorsInput,
+    CompareEstimatorsSummary,
+    ErrorAgainstTruth,
+    FlightAgreement,
+    MethodAssessment,
+    MomentumRateAgreement,
+)
+from stridelab.schemas.methods import METHODS
+from stridelab.schemas.tasks import CompareEstimatorsTask
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.estimate_com.run import estimator
+from stridelab.service.kinds.result_tables import write_table
+from stridelab.service.kinds.simulate_recording.truth_table import known_motion
+
+AS_IN_THE_THESIS: Final = ("complementary", "kalman")
+"""Estimators that the thesis has with settings of its own: compared with those, too, as ``<name>-thesis``."""
+_BODE_HZ: Final = (0.01, 400)
+_WORLD: Final = "xyz"
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run`` with JSON on both sides."""
+    return run(CompareEstimatorsTask.model_validate(task), folder, progress).to_json()
+
+
+def run(task: CompareEstimatorsTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Compare on ``task.recording``; the summary is a ``CompareEstimatorsSummary``. Raises as ``estimate-com`` does.
+
+    An estimator that alone cannot do it is listed in ``refused``.
+    """
+    request = task.input
+    estimators = estimators_of(request)
+    prepared = prepare(task, folder, progress, needs_force=True)
+    truth = None if task.truth is None else known_motion(folder / task.truth, prepared.geometric.time_s)
+    data = Data(
+        prepared.geometric,
+        prepared.wrench,
+        prepared.mass.mass_kg,
+        truth,
+        floor_height_m=_floor_height_m(prepared.trial.recording),
+    )
+    progress(0.7, f"running {len(estimators)} estimators")
+    found = compare(estimators, data)
+    progress(0.9, "writing the result")
+    summary = _summary(prepared, found, with_truth=truth is not None)
+    provenance = {"file": task.recording.filename, "frame": "world, z up", "summary": summary.model_dump(mode="json")}
+    artifacts = _tables(folder, request, data, found, provenance)
+    progress(1.0, "done")
+    references = [key for a in found.assessments.values() for key in a.estimate.references]
+    return Outcome(
+        summary.model_dump(mode="json"), tuple(dict.fromkeys((*prepared.geometric.references, *references))), artifacts
+    )
+
+
+def estimators_of(request: CompareEstimatorsInput) -> dict[str, ComEstimator]:
+    """The estimators to compare, by their names in the result; own cut-offs are for the filter that has any."""
+    names = METHODS if request.method is None else (GeometryOnly.name, require_method(request.method))
+    own = isinstance(request.cutoffs, tuple) or request.cutoffs == "spectra"
+    plain = request.model_copy(update={"cutoffs": "auto"}) if own else request
+    chosen = {
+        name: estimator(name, request if name == ComplementaryFilter.name else plain) for name in dict.fromkeys(names)
+    }
+    if request.method is None and request.cutoffs != "thesis":
+        thesis = request.model_copy(update={"cutoffs": "thesis"})
+        chosen |= {f"{name}-thesis": estimator(name, thesis) for name in AS_IN_THE_THESIS if name in chosen}
+    return chosen
+
+
+def _summary(prepared: Prepared, found: Comparison, *, with_truth: bool) -> CompareEstimatorsSummary:
+    window = next(iter(found.assessments.values())).estimate.window
+    latency = prepared.latency
+    quality = quality_of(prepared, _judged(found))
+    return CompareEstimatorsSummary(
+        window_s=(window.start_s, window.end_s),
+        rate_hz=prepared.trial.recording.marker_rate_hz,
+        segment_table=prepared.geometric.table,
+        mass_kg=prepared.mass.mass_kg,
+        latency_s=latency.latency_s,
+        latency_sd_s=latency.sd_s,
+        latency_applied_s=latency.applied_s,
+        latency_source=latency.source,
+        latency_n_trials=latency.n_trials,
+        session=prepared.session,
+        reference="truth" if with_truth else "geometry",
+        methods={name: _assessment(a) for name, a in found.assessments.items()},
+        refused={name: base.Remark(code=e.code, message=e.message) for name, e in found.refusals.items()},
+        quality=as_contract(quality),
+        warnings=[
+            base.Remark(code=r.code, message=r.message) for r in dict.fromkeys((*quality.remarks, *prepared.remarks))
+        ],
+    )
+
+
+def _judged(found: Comparison) -> ComEstimate:
+    """The estimate whose quality stands for the recording's: that of the best method that worked."""
+    fused = [name for name in (*METHODS, *found.assessments) if name in found.assessments and name != GeometryOnly.name]
+    return found.assessments[next(iter(fused), GeometryOnly.name)].estimate
+
+
+def _assessment(a: Assessment) -> MethodAssessment:
+    momentum = None
+    if a.momentum is not None:
+        momentum = MomentumRateAgreement(correlation=_axes(a.momentum.correlation), rms_nm=_axes(a.momentum.rms_nm))
+    return MethodAssessment(
+        method=a.estimate.method,
+        offset_m=_axes(a.offset_m),
+        force_residual_n=_axes(a.residual_n),
+        held_back_n=None if a.held_back_n is None else _axes(a.held_back_n),
+        momentum_rate=momentum,
+        flight=None if a.flight is None else FlightAgreement(**asdict(a.flight)),
+        standing_m=None if a.standing is None else a.standing.horizontal_m,
+        truth=None if a.truth is None else _truth(a.truth),
+        warnings=[base.Remark(code=r.code, message=r.message) for r in a.estimate.remarks],
+    )
+
+
+def _truth(error: TruthError) -> ErrorAgainstTruth:
+    return ErrorAgainstTruth(
+        horizontal_m=error.horizontal_m,
+        horizontal_95_m=error.horizontal_95_m,
+        vertical_m=error.vertical_m,
+        rms_m=_axes(error.rms_m),
+        mean_m=_axes(error.mean_m),
+        coverage=_axes(error.coverage),
+        sd_m=_axes(error.sd_m),
+        lag_s=_axes(error.lag_s),
+    )
+
+
+def _axes(values: Series) -> Axes:
+    along, lateral, vertical = (None if math.isnan(v) else v for v in values.tolist())
+    return Axes(along=along, lateral=lateral, vertical=vertical)
+
+
+def _tables(
+    folder: Path, request: CompareEstimatorsInput, data: Data, found: Comparison, provenance: dict[str, Any]
+) -> tuple[ArtifactFile, ...]:
+    first = next(iter(found.assessments.values()))
+    tracks: dict[str, Series] = {"time_s": first.estimate.time_s}
+    if data.truth is not None:
+        start = int(np.argmin(np.abs(data.geometric.time_s - first.estimate.time_s[0])))
+        tracks |= _named("truth_{}_m", data.truth.com_m[start : start + len(first.estimate.time_s)])
+    spectra: dict[str, Series] = {"frequency_hz": first.spectrum.frequency_hz}
+    for name, spectrum in found.inputs.items():
+        unit = "m_s2_rthz" if name == "force" else "m_rthz"
+        spectra |= _named(f"input_{name}_{{}}_{unit}", spectrum.amplitude)
+    for name, assessment in found.assessments.items():
+        tracks |= _named(f"{_column(name)}_{{}}_m", assessment.estimate.com_m)
+        spectra |= _named(f"{_column(name)}_{{}}_m_rthz", assessment.spectrum.amplitude)
+    tables = {"comparison": tracks, "spectra": spectra, **_filter_tables(request, data)}
+    return tuple(file for stem, columns in tables.items() for file in write_table(folder, stem, columns, provenance))
+
+
+def _filter_tables(request: CompareEstimatorsInput, data: Data) -> dict[str, dict[str, Series]]:
+    """Figures 2.7 and 2.5 for the complementary filter that was asked for."""
+    chosen = estimator(ComplementaryFilter.name, request)
+    if not isinstance(chosen, ComplementaryFilter):
+        raise TypeError("the estimator of that name is the complementary filter")
+    signals = chosen.signals(data.geometric, data.wrench, data.mass_kg)
+    parts, within = contributions(signals.filters, signals.inputs), signals.stretch.within
+    shares: dict[str, Series] = {"time_s": data.geometric.time_s[signals.span.inside]}
+    for name in ("geometry", "force", "axis", "total"):
+        shares |= _named(f"{name}_{{}}_m", getattr(parts, f"{name}_m")[within])
+    low_hz, lines = _BODE_HZ
+    response = bode(signals.filters, np.geomspace(low_hz, 0.499 * signals.span.rate_hz, lines))
+    curves: dict[str, Series] = {"frequency_hz": response.frequency_hz}
+    for branch, name in enumerate(("geometry", "force", "axis")):
+        curves[f"{name}_gain_db"] = response.gain_db[:, branch]
+        curves[f"{name}_phase_rad"] = response.phase_rad[:, branch]
+    return {"contributions": shares, "bode": curves}
+
+
+def _named(pattern: str, track: np.ndarray) -> dict[str, Series]:
+    return {pattern.format(axis): track[:, i] for i, axis in enumerate(_WORLD)}
+
+
+def _column(name: str) -> str:
+    return name.replace("-", "_")
+
+
+def _floor_height_m(recording: Recording) -> float:
+    used = [plate.corners_m[:, 2].mean() for plate in recording.plates if plate.use]
+    return float(np.mean(used)) if used else 0.0

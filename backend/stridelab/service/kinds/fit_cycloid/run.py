@@ -1,0 +1,25 @@
+"""``fit-cycloid``: from a recording to the rolling wheel of every step (chapter 3)."""
+
+from pathlib import Path
+
+from stridelab.pipelines.fit_cycloid import cycloid_of
+from stridelab.schemas.tasks import FitCycloidTask
+from stridelab.service.kinds.base import Json, Outcome, ProgressCallback
+from stridelab.service.kinds.fit_cycloid.files import write_cycloid
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run`` with JSON on both sides."""
+    return run(FitCycloidTask.model_validate(task), folder, progress).to_json()
+
+
+def run(task: FitCycloidTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Fit the wheel of every step of ``task.recording`` in ``folder``; the summary is a ``FitCycloidSummary``.
+
+    Raises as ``cycloid_of`` does.
+    """
+    result = cycloid_of(task, folder, progress)
+    progress(0.95, "writing the result")
+    artifacts = write_cycloid(folder, task.recording, result)
+    progress(1.0, "done")
+    return Outcome(result.summary.model_dump(mode="json"), result.references, artifacts)

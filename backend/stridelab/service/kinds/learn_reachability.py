@@ -1,0 +1,136 @@
+"""``learn-reachability``: where the CoM of a robot can be, seen from its effectors (section 4.3).
+
+Leaves ``mixtures.json`` and ``cloud.npz`` (the files of models/reachability), ``card.json`` (the card without the
+mixtures' numbers), ``reachability.json`` (what can be drawn: ``robot_reachability``) and the table ``samples`` of the
+CoM positions, one row per posture. Its own processes end with it.
+"""
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from stridelab.reachability.card import EffectorCard, ReachabilityCard
+from stridelab.reachability.learning.fit import Learned, learn
+from stridelab.reachability.store import save, save_cloud, text
+from stridelab.robots.card import robot_card
+from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
+from stridelab.schemas.base import Remark
+from stridelab.schemas.plans import LearnedEffector, LearnReachabilitySummary
+from stridelab.schemas.tasks import LearnReachabilityTask
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.result_tables import atomically, write_table
+from stridelab.service.kinds.robots.reachability import reachability
+
+MIXTURES_FILE, CARD_FILE, JSON = "mixtures.json", "card.json", "application/json"
+CLOUD_FILE, NPZ = "cloud.npz", "application/x-npz"
+SHAPES_FILE: Final = "reachability.json"
+FEW_SAMPLES: Final = 5000
+"""Below this the densities of two seeds visibly differ."""
+LEARNING_SHARE: Final = 0.95
+REFERENCES: Final = (
+    "carpentier2017thesis",
+    "carpentier2018multicontact",
+    "carpentier2019pinocchio",
+    "dempster1977em",
+    "hershey2007kl",
+    "scott1992density",
+    "pedregosa2011sklearn",
+)
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run`` with JSON on both sides."""
+    return run(LearnReachabilityTask.model_validate(task), folder, progress).to_json()
+
+
+def run(task: LearnReachabilityTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Learn into ``folder``; the summary is a ``LearnReachabilitySummary``.
+
+    Raises ``NotFound`` (``robot-not-found``, ``effector-not-found``), ``Unavailable`` (``robot-data-missing``),
+    ``NotEstimable`` (``measure-unavailable``, ``no-free-configuration``).
+    """
+    request = task.input
+    progress(0.0, "loading the robot")
+    robot = load_robot(request.robot)
+
+    def learning(fraction: float, message: str) -> None:
+        progress(LEARNING_SHARE * fraction, message)
+
+    today = datetime.now(UTC).date()
+    learned = learn(robot, today, request.effectors, request.samples, request.seed, request.measure, learning)
+    progress(LEARNING_SHARE, "writing the densities")
+    provenance = {"input": request.model_dump(mode="json"), "robot_sha256": robot.sha256}
+    artifacts = _written(robot, learned, folder, provenance)
+    card = learned.card
+    summary = LearnReachabilitySummary(
+        robot=card.robot,
+        robot_sha256=card.robot_sha256,
+        samples=card.samples,
+        tried=card.tried,
+        rejected_share=card.rejected_share,
+        learned_on=card.learned_on,
+        measure=card.measure,
+        effectors={name: _learned(effector) for name, effector in card.effectors.items()},
+        warnings=list(_warnings(card)),
+    )
+    progress(1.0, "done")
+    references = (*REFERENCES, *robot_card(robot.name).references)
+    return Outcome(summary.model_dump(mode="json"), references, artifacts)
+
+
+def _written(robot: Robot, learned: Learned, folder: Path, provenance: Json) -> tuple[ArtifactFile, ...]:
+    atomically(folder / MIXTURES_FILE, lambda path: save(path, learned.card))
+    atomically(folder / CLOUD_FILE, lambda path: save_cloud(path, learned.cloud.com_m))
+    facts = json.dumps(without_mixtures(learned.card), indent=1)
+    atomically(folder / CARD_FILE, lambda path: path.write_text(facts + "\n", encoding="utf-8"))
+    shapes = reachability(robot, learned.card, learned.cloud.com_m)
+    atomically(folder / SHAPES_FILE, lambda path: path.write_text(shapes.model_dump_json(), encoding="utf-8"))
+    columns = {
+        f"{name}_com_{axis}_m": com_m[:, i]
+        for name, com_m in learned.cloud.com_m.items()
+        for i, axis in enumerate(("x", "y", "z"))
+    }
+    frames = {"frame": {name: f"the {frame} frame of the effector" for name, frame in learned.cloud.frames.items()}}
+    return (
+        ArtifactFile(MIXTURES_FILE, JSON),
+        ArtifactFile(CLOUD_FILE, NPZ),
+        ArtifactFile(CARD_FILE, JSON),
+        ArtifactFile(SHAPES_FILE, JSON),
+        *write_table(folder, "samples", columns, provenance | frames),
+    )
+
+
+def without_mixtures(card: ReachabilityCard) -> Json:
+    """How the densities were learned and how good they are."""
+    facts: Json = json.loads(text(card))
+    for effector in facts["effectors"].values():
+        for numbers in ("weights", "means", "covariances"):
+            del effector[numbers]
+    return facts
+
+
+def _learned(effector: EffectorCard) -> LearnedEffector:
+    return LearnedEffector(
+        frame=effector.frame,
+        components=effector.components,
+        thesis_components=effector.thesis_components,
+        kl_nats=effector.kl_nats,
+        kl_sd_nats=effector.kl_sd_nats,
+        held_out_log_likelihood=effector.held_out_log_likelihood,
+        bandwidth_m=effector.bandwidth_m,
+        mode_m=effector.mode_m,
+    )
+
+
+def _warnings(card: ReachabilityCard) -> tuple[Remark, ...]:
+    remarks = []
+    if card.samples < FEW_SAMPLES:
+        message = f"{card.samples} samples give a rough density; the thesis uses 20000."
+        remarks.append(Remark(code="few-samples", message=message))
+    for name, effector in card.effectors.items():
+        if not effector.em_converged:
+            message = f"The fit of {name} stopped before it met its tolerance."
+            remarks.append(Remark(code="fit-not-converged", message=message))
+    return tuple(remarks)

@@ -1,0 +1,133 @@
+"""A bulk upload: archives unpacked, the subject table matched to the files, and every file read in its own process.
+
+Runs in a killable child of ``POST /recordings/batch``, or in that of a job.
+"""
+
+import hashlib
+import json
+import shutil
+from pathlib import Path
+from typing import Any, Final
+
+from stridelab.errors import Fault, InvalidInput, StridelabError, TooLarge
+from stridelab.recordings.files.batch_zip import BatchLimits, is_batch, unpack_batch
+from stridelab.schemas.population import MAX_RECORDINGS
+from stridelab.schemas.tasks import ParseBatchTask, ParseUploadTask, RecordingSource
+from stridelab.service.kinds import parse_upload
+from stridelab.service.kinds.base import Json, Outcome, ProgressCallback
+from stridelab.service.kinds.batch_staging import ReadUpload
+from stridelab.service.processes.child import limit_memory
+from stridelab.service.processes.isolated_map import each_apart
+from stridelab.service.subject_table import match, read_subject_table
+
+PRELOAD: Final = ("stridelab.service.kinds.parse_batch",)
+ARENA_MB: Final = 1536
+"""Address space that the library of the tables reserves at its first use, and hardly uses."""
+BROKEN: Final = {
+    "computation-crashed": ("parser-crashed", "The file broke its reader; it is damaged, or not what it claims to be."),
+    "computation-timed-out": ("parser-timed-out", "Reading the file took longer than this service allows."),
+}
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``files`` in their order: name, place in ``folder``, hash, size, and either ``facts`` or a ``problem``.
+
+    ``rows`` are the lines of the table with the places of their file and of its static trial. Raises
+    ``UnreadableFile`` for an archive, ``InvalidInput`` for a table that cannot be used.
+    """
+    asked = ParseBatchTask.model_validate(task)
+    progress(0.0, "unpacking")
+    files, table = _unpacked(asked, folder)
+    rows = [] if table is None else read_subject_table(table)
+    matched = match([name for name, _ in files], rows)
+    found = [_described(name, path, folder) for name, path in files]
+    _refuse_twins(found)
+    items = [
+        {"file": one["file"], "filename": one["name"], "bytes": one["bytes"], "folder": str(folder), "place": place,
+         "limit_bytes": asked.file_bytes, "memory_mb": asked.memory_mb}
+        for place, one in enumerate(found) if "problem" not in one
+    ]  # fmt: skip
+    done = each_apart(read_one, items, preload=PRELOAD, timeout_s=asked.timeout_s)
+    for count, (index, answer) in enumerate(done, start=1):
+        one = found[items[index]["place"]]
+        if isinstance(answer, StridelabError):
+            code, sentence = BROKEN.get(answer.code, (answer.code, answer.message))
+            one["problem"] = {"code": code, "message": sentence}
+        else:
+            one |= answer
+        progress(count / len(items), f"{count} of {len(items)} files read")
+    lines = [
+        {"place": m.place, "static": m.static, "person": m.row.person.model_dump(mode="json")}
+        for m in matched
+        if m.row is not None
+    ]
+    return {"files": found, "rows": lines}
+
+
+def run_as_job(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run_in_child`` for the job ``read-batch``; what was read stands beside the outcome, as ``read``.
+
+    Raises ``UnreadableFile`` (``nothing-readable``), and what ``run_in_child`` raises.
+    """
+    read = run_in_child(json.loads(task["task"]), folder, progress)
+    ReadUpload.of(read)
+    return Outcome(summary={}, references=(), artifacts=()).to_json() | {"read": read}
+
+
+def read_one(item: Json) -> Json:
+    """Read one file in a process of its own; its tracks are left in a folder of its own."""
+    if item["bytes"] > item["limit_bytes"]:
+        most = f"{item['limit_bytes'] / 1e6:g} MB"
+        raise TooLarge("upload-too-large", f"The file is larger than {most}, the most that this service takes.")
+    limit_memory(item["memory_mb"] + ARENA_MB)
+    folder = Path(item["folder"])
+    own = folder / f"parsed-{item['place']:04d}"
+    own.mkdir()
+    try:
+        (own / "trial").hardlink_to(folder / item["file"])
+    except OSError:  # the first version of Landlock forbids it
+        shutil.copyfile(folder / item["file"], own / "trial")
+    source = RecordingSource(file="trial", filename=item["filename"])
+    outcome = parse_upload.run(ParseUploadTask(recording=source), own, lambda _fraction, _message: None)
+    return {"facts": outcome.summary, "tracks": f"{own.name}/tracks.parquet"}
+
+
+def _unpacked(asked: ParseBatchTask, folder: Path) -> tuple[list[tuple[str, Path]], bytes | None]:
+    table = None if asked.table is None else (folder / asked.table).read_bytes()
+    files: list[tuple[str, Path]] = []
+    left = asked.total_bytes
+    for index, one in enumerate(asked.files):
+        path = folder / one.file
+        if not is_batch(path):
+            files.append((one.filename, path))
+            continue
+        own = folder / f"zip-{index:04d}"
+        own.mkdir()
+        held = unpack_batch(path, own, BatchLimits(MAX_RECORDINGS, asked.file_bytes, left))
+        left -= sum(member.stat().st_size for _, member in held.files)
+        files += held.files
+        if held.table is not None:
+            if table is not None:
+                fault = Fault(one.filename, "holds a .csv, and there is another table")
+                raise InvalidInput("subject-table-twice", "There are two subject tables; one is read.", [fault])
+            table = held.table
+    if len(files) > MAX_RECORDINGS:
+        message = f"These are {len(files)} recordings; at most {MAX_RECORDINGS} are taken at a time."
+        raise InvalidInput("too-many-files", message, [Fault("file", "too many")])
+    return files, table
+
+
+def _described(name: str, path: Path, folder: Path) -> dict[str, Any]:
+    with path.open("rb") as content:
+        digest = hashlib.file_digest(content, "sha256").hexdigest()
+    place = path.relative_to(folder).as_posix()
+    return {"name": name, "file": place, "sha256": digest, "bytes": path.stat().st_size}
+
+
+def _refuse_twins(files: list[dict[str, Any]]) -> None:
+    first: dict[str, str] = {}
+    for one in files:
+        if one["sha256"] in first:
+            message = f"The same file as {first[one['sha256']]}: a recording counts once."
+            one["problem"] = {"code": "recording-twice", "message": message}
+        first.setdefault(one["sha256"], one["name"])

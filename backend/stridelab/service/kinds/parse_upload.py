@@ -1,0 +1,110 @@
+"""What an upload holds: the facts of the contract, and every track in the world frame (SI) for plots and the viewer.
+
+Runs in a killable child of ``POST /recordings``. Names of persons are never read, so they cannot leave this process.
+"""
+
+from dataclasses import replace
+from datetime import date
+from pathlib import Path
+
+from stridelab.conventions import Mask, Series
+from stridelab.pipelines.trial import Trial, examine, subject_fields
+from stridelab.pipelines.trial_clock import clock_of, weight_of
+from stridelab.recordings.foot_on_plate import centre_of_pressure_m
+from stridelab.recordings.plate_contacts import loaded_intervals
+from stridelab.recordings.recording import Plate, Recording, Window
+from stridelab.recordings.standing import stands_still
+from stridelab.recordings.total_wrench import wrench_track
+from stridelab.schemas.base import Remark
+from stridelab.schemas.recordings import PlateInfo, RecordingFacts
+from stridelab.schemas.tasks import ParseUploadTask
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.result_tables import write_table
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run`` with JSON on both sides."""
+    return run(ParseUploadTask.model_validate(task), folder, progress).to_json()
+
+
+def run(task: ParseUploadTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Read ``task.recording`` from ``folder``; the summary is a ``RecordingFacts``, the artifact ``tracks``.
+
+    Raises ``UnreadableFile`` or ``InvalidInput`` with the reader's codes.
+    """
+    progress(0.05, "reading the file")
+    trial = examine(task.recording, folder)
+    progress(0.6, "writing the tracks")
+    artifacts = write_tracks(trial.recording, trial.windows, folder, task.recording.filename)
+    progress(1.0, "done")
+    return Outcome(facts(trial).model_dump(mode="json"), (), artifacts)
+
+
+def facts(trial: Trial) -> RecordingFacts:
+    """The facts of the contract; a window of the list is an interval in which all contact force is measured."""
+    recording, match = trial.recording, trial.match
+    direction = recording.walking_direction
+    weight = weight_of(trial)
+    return RecordingFacts(
+        duration_s=recording.duration_s,
+        n_frames=recording.n_frames,
+        marker_rate_hz=recording.marker_rate_hz,
+        force_rate_hz=recording.force_rate_hz,
+        marker_set=match.name,
+        n_markers=len(recording.markers_m),
+        subject=subject_fields(recording.subject),
+        mass_from_force_kg=trial.force_mass_kg,
+        mass_from_force_sd_kg=None if weight is None else weight.sd_kg,
+        clock=clock_of(trial),
+        recorded_on=date.fromisoformat(recording.recorded_on) if recording.recorded_on else None,
+        still=stands_still(recording),
+        simulated=bool(recording.carried),
+        plates=[plate_info(plate, recording.force_rate_hz) for plate in recording.plates],
+        windows_s=[(window.start_s, window.end_s) for window in trial.windows],
+        up_axis=recording.up_axis,
+        walking_direction=None if direction is None else direction.tolist(),
+        labels=list(recording.markers_m),
+        landmarks=dict(match.landmarks),
+        missing_landmarks=list(match.missing),
+        warnings=[Remark(code=r.code, message=r.message) for r in trial.remarks],
+    )
+
+
+def plate_info(plate: Plate, force_rate_hz: float) -> PlateInfo:
+    """A plate of the contract, with the intervals in which it carries more than its threshold."""
+    return PlateInfo(
+        index=plate.index,
+        type=plate.type,
+        corners_m=plate.corners_m.tolist(),
+        loaded_s=loaded_intervals(plate, force_rate_hz),
+        use=plate.use,
+        threshold_n=plate.threshold_n,
+    )
+
+
+def write_tracks(
+    recording: Recording, windows: tuple[Window, ...], folder: Path, filename: str
+) -> tuple[ArtifactFile, ArtifactFile]:
+    """Write ``tracks.parquet`` and ``tracks.csv``: markers and the wrench of each plate at the marker instants."""
+    return write_table(folder, "tracks", track_columns(recording, windows), {"file": filename, "frame": "world, z up"})
+
+
+def track_columns(recording: Recording, windows: tuple[Window, ...]) -> dict[str, Series | Mask]:
+    """``time_s``, ``complete``, ``<label>_x_m..``, and per plate ``plate<i>_fx_n.. _mx_nm.. _copx_m..``.
+
+    Moments are at the world origin. ``complete`` marks the frames in which the sum over the plates in use is the whole
+    contact wrench. The centre of pressure is NaN while the plate carries less than its threshold.
+    """
+    columns: dict[str, Series | Mask] = {"time_s": recording.time_s}
+    columns["complete"] = wrench_track(recording, windows).complete
+    for label, track in recording.markers_m.items():
+        columns |= {f"{label}_{axis}_m": track[:, i] for i, axis in enumerate("xyz")}
+    for plate in recording.plates:
+        alone = wrench_track(replace(recording, plates=(replace(plate, use=True),)), windows)
+        force_n, moment_nm = alone.force_n, alone.moment_nm
+        cop_m = centre_of_pressure_m(replace(plate, force_n=force_n, moment_nm=moment_nm))
+        for i, axis in enumerate("xyz"):
+            columns[f"plate{plate.index}_f{axis}_n"] = force_n[:, i]
+            columns[f"plate{plate.index}_m{axis}_nm"] = moment_nm[:, i]
+            columns[f"plate{plate.index}_cop{axis}_m"] = cop_m[:, i]
+    return columns

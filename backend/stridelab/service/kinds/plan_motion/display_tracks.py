@@ -1,0 +1,144 @@
+"""What a viewer moves: poses of the links and forces of the effectors, at display rate, as raw numbers."""
+
+import json
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float, Int
+
+from stridelab.conventions import Points, Series
+from stridelab.dynamics.spatial import Placement
+from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.robot import Robot
+from stridelab.robots.visuals import link_poses
+from stridelab.service.kinds.base import ArtifactFile
+from stridelab.service.kinds.plan_motion.tables import phases
+from stridelab.service.kinds.result_tables import atomically
+from stridelab.wholebody.motion import WholeBodyMotion
+
+if TYPE_CHECKING:
+    from stridelab.wholebody.replay.replay import Replay
+
+DISPLAY_HZ = 50.0
+RAW, JSON, HTML = "application/octet-stream", "application/json", "text/html"
+DESCRIPTION_FILE: Final = "poses.json"
+POSE_COLUMNS = ("px", "py", "pz", "qw", "qx", "qy", "qz")
+FORCE_COLUMNS = ("px", "py", "pz", "fx", "fy", "fz")
+
+_NOTHING_N = 1e-9
+
+
+class Shown(NamedTuple):
+    """What moves, per frame: poses ``(f, links, 7)`` and forces ``(f, effectors, 6)``."""
+
+    poses: Float[np.ndarray, "f links 7"]
+    forces: Float[np.ndarray, "f effectors 6"]
+
+
+def display_frames(n_samples: int, rate_hz: float) -> Int[np.ndarray, "f"]:
+    """Indices of the samples that are shown: whole steps nearest to 50 per second, and the last one."""
+    step = max(1, round(rate_hz / DISPLAY_HZ))
+    return np.unique(np.append(np.arange(0, n_samples, step), n_samples - 1))
+
+
+def display_poses(robot: Robot, q: Float[np.ndarray, "f nq"]) -> Float[np.ndarray, "f links 7"]:
+    """Poses ``px py pz qw qx qy qz`` of every link in the world, per frame."""
+    return np.stack([link_poses(robot, frame) for frame in q])
+
+
+def display_forces(motion: WholeBodyMotion, frames: Int[np.ndarray, "f"]) -> Float[np.ndarray, "f effectors 6"]:
+    """Point of application and total force of every effector of ``motion.forces_n``, NaN where it does not touch.
+
+    The point of application is the centre of pressure, the mean of the contact points weighted with their normal
+    forces; an effector that touches without load has it in the middle.
+    """
+    sequence = motion.sequence
+    phase = phases(sequence, motion.time_s[frames])
+    shown = np.full((len(frames), len(motion.forces_n), 6), np.nan)
+    for e, (effector, forces) in enumerate(motion.forces_n.items()):
+        for i, (frame, p) in enumerate(zip(frames, phase, strict=True)):
+            contact = sequence.phases[p].contacts.get(effector)
+            if contact is not None:
+                shown[i, e, :3] = centre_of_pressure_m(contact.placement, motion.points_m[effector], forces[frame])
+                shown[i, e, 3:] = forces[frame].sum(axis=0)
+    return shown
+
+
+def centre_of_pressure_m(placement: Placement, points_m: Points, forces_n: Points) -> Float[np.ndarray, "3"]:
+    """Where the force on the points ``(k, 3)`` of a contact frame acts, in the world; ``forces_n`` are world-frame."""
+    normal_n = forces_n @ placement.rotation[:, 2]
+    total_n = normal_n.sum()
+    weights = normal_n / total_n if total_n > _NOTHING_N else np.full(len(points_m), 1.0 / len(points_m))
+    return np.asarray(placement.act((weights @ points_m)[None])[0])
+
+
+def replayed_display(robot: Robot, replay: "Replay", time_s: Series, effectors: tuple[str, ...]) -> Shown:
+    """The replay at the instants ``time_s`` of the motion, NaN before its first sample and after a fall.
+
+    A force acts at the middle of the effector's contact frame, wherever that is, and is NaN where nothing touches.
+    """
+    model, frame_of = with_contact_frames(robot)
+    data = model.createData()
+    nearest = np.clip(np.searchsorted(replay.time_s, time_s), 0, len(replay.time_s) - 1)
+    there = np.abs(replay.time_s[nearest] - time_s) < 0.5 / DISPLAY_HZ
+    poses = np.full((len(time_s), robot.model.njoints - 1, len(POSE_COLUMNS)), np.nan)
+    forces = np.full((len(time_s), len(effectors), len(FORCE_COLUMNS)), np.nan)
+    for i in np.flatnonzero(there):
+        q = replay.q[nearest[i]]
+        poses[i] = link_poses(robot, q)
+        pin.framesForwardKinematics(model, data, q)
+        for e, effector in enumerate(effectors):
+            force_n = replay.forces_n[effector][nearest[i]]
+            if np.linalg.norm(force_n) > _NOTHING_N:
+                forces[i, e] = [*data.oMf[frame_of[effector]].translation, *force_n]
+    return Shown(poses, forces)
+
+
+def write_display(
+    folder: Path,
+    robot_name: str,
+    links: tuple[str, ...],
+    effectors: tuple[str, ...],
+    time_s: Series,
+    shown: Shown,
+) -> tuple[ArtifactFile, ...]:
+    """Write ``poses.f32`` and ``forces.f32`` (little endian, C order) and ``poses.json``, which describes both."""
+    about = {
+        "robot": robot_name,
+        "n_frames": len(time_s),
+        "time_s": [round(float(t), 6) for t in time_s],
+        "links": list(links),
+        "columns": list(POSE_COLUMNS),
+        "forces": {"file": "forces.f32", "effectors": list(effectors), "columns": list(FORCE_COLUMNS)},
+    }
+    written = _write_shown(folder, shown, "")
+    _describe(folder, about)
+    return *written, ArtifactFile(DESCRIPTION_FILE, JSON)
+
+
+def add_replayed(folder: Path, replayed: Shown) -> tuple[ArtifactFile, ...]:
+    """Write ``replay_poses.f32`` and ``replay_forces.f32``, of the same shape, and have ``poses.json`` name them."""
+    written = _write_shown(folder, replayed, "replay_")
+    about = json.loads((folder / DESCRIPTION_FILE).read_text(encoding="utf-8"))
+    poses, forces = (file.name for file in written)
+    _describe(folder, about | {"replay": {"poses": poses, "forces": forces}})
+    return written
+
+
+def _write_shown(folder: Path, shown: Shown, prefix: str) -> tuple[ArtifactFile, ...]:
+    arrays = {f"{prefix}poses.f32": shown.poses, f"{prefix}forces.f32": shown.forces}
+    for name, values in arrays.items():
+        atomically(folder / name, partial(_write_floats, values=values))
+    return tuple(ArtifactFile(name, RAW) for name in arrays)
+
+
+def _describe(folder: Path, about: dict[str, Any]) -> None:
+    text = json.dumps(about, allow_nan=False)
+    atomically(folder / DESCRIPTION_FILE, lambda path: path.write_text(text, encoding="utf-8"))
+
+
+def _write_floats(path: Path, values: np.ndarray) -> None:
+    path.write_bytes(values.astype("<f4").tobytes())

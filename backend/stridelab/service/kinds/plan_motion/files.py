@@ -1,0 +1,150 @@
+"""The files of ``plan-motion``: tables for people, arrays for programs, and what a viewer shows."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.robots.robot import Robot
+from stridelab.robots.visuals import link_meshes, link_names
+from stridelab.schemas.plans import Film
+from stridelab.service.kinds.base import ArtifactFile, ProgressCallback
+from stridelab.service.kinds.plan_motion.display_tracks import (
+    HTML,
+    JSON,
+    RAW,
+    Shown,
+    add_replayed,
+    display_forces,
+    display_frames,
+    display_poses,
+    replayed_display,
+    write_display,
+)
+from stridelab.service.kinds.plan_motion.joint_trajectory import joint_columns, write_trajectory
+from stridelab.service.kinds.plan_motion.tables import (
+    centroidal_columns,
+    iteration_columns,
+    motion_columns,
+    replay_columns,
+)
+from stridelab.service.kinds.plan_motion.video import write_film
+from stridelab.service.kinds.plan_motion.viser_recording import (
+    PAGE_FILE,
+    RECORDING_FILE,
+    RECORDING_HZ,
+    player_page,
+    record,
+)
+from stridelab.service.kinds.result_tables import atomically, write_table
+from stridelab.wholebody.motion import WholeBodyMotion
+
+if TYPE_CHECKING:
+    from stridelab.wholebody.replay.replay import Replay
+
+NPZ = "application/x-npz"
+
+
+def write_plan(folder: Path, plan: CentroidalPlan) -> tuple[ArtifactFile, ...]:
+    """``centroidal.parquet`` and ``iterations.parquet`` with their CSV twins."""
+    about = _about(plan.sequence.name, plan.sequence.robot) | {"solver": plan.solver, "mass_kg": plan.mass_kg}
+    attempts = plan.solution.attempts if plan.solution is not None else ()
+    nodes = write_table(folder, "centroidal", centroidal_columns(plan), about)
+    return *nodes, *write_table(folder, "iterations", iteration_columns(attempts), about)
+
+
+def write_motion(
+    folder: Path,
+    robot: Robot,
+    motion: WholeBodyMotion,
+    film: Film | None,
+    tell: ProgressCallback,
+) -> tuple[ArtifactFile, ...]:
+    """What a viewer needs first; then the motion for programs and for people, the player and the film."""
+    sequence = motion.sequence
+    tell(0.1, "placing the links")
+    frames = display_frames(len(motion.time_s), motion.rate_hz)
+    shown = Shown(display_poses(robot, motion.q[frames]), display_forces(motion, frames))
+    effectors = tuple(motion.forces_n)
+    display = write_display(folder, robot.name, link_names(robot), effectors, motion.time_s[frames], shown)
+    tell(0.3, "writing the motion")
+    limits_nm = np.asarray(robot.model.effortLimit)[6:]
+    about = _about(sequence.name, robot.name) | {"rate_hz": motion.rate_hz}
+    tables = (
+        *write_table(folder, "motion", motion_columns(motion, limits_nm), about),
+        *write_table(folder, "joints", joint_columns(robot, motion), about),
+    )
+    arrays = write_arrays(folder / "motion.npz", motion_arrays(robot, motion))
+    trajectory = write_trajectory(folder, robot, motion)
+    tell(0.5, "recording it for viser")
+    links = link_meshes(robot)
+    lasts_s = float(motion.time_s[-1] - motion.time_s[0])
+    every = max(1, round((len(frames) - 1) / lasts_s / RECORDING_HZ)) if lasts_s > 0.0 else 1
+    recording = record(sequence.terrain, links, shown.poses[::every], RECORDING_HZ)
+    atomically(folder / RECORDING_FILE, lambda path: path.write_bytes(recording))
+    atomically(folder / PAGE_FILE, lambda path: path.write_text(player_page(recording), encoding="utf-8"))
+    player = [ArtifactFile(RECORDING_FILE, RAW), ArtifactFile(PAGE_FILE, HTML)]
+    if film is not None:
+        player.append(write_film(folder, film, sequence.terrain, links, shown.poses[::every], RECORDING_HZ, tell))
+    return (*display, *tables, arrays, *trajectory, *player)
+
+
+def write_replay(folder: Path, robot: Robot, motion: WholeBodyMotion, replay: "Replay") -> tuple[ArtifactFile, ...]:
+    """``replay.npz``: ``time_s``, ``q``, ``v`` in pinocchio's order and the total contact force per effector.
+
+    ``replay.parquet`` with its CSV twin: the CoM and the forces as columns. What a viewer shows of it joins what
+    ``write_motion`` has left of ``motion``.
+    """
+    frames = display_frames(len(motion.time_s), motion.rate_hz)
+    replayed = replayed_display(robot, replay, motion.time_s[frames], tuple(motion.forces_n))
+    forces = {f"forces_{effector}": track for effector, track in replay.forces_n.items()}
+    arrays = {"time_s": replay.time_s, "q": replay.q, "v": replay.v, **forces}
+    tables = write_table(folder, "replay", replay_columns(replay), {})
+    return *add_replayed(folder, replayed), write_arrays(folder / "replay.npz", arrays), *tables
+
+
+def write_json(folder: Path, name: str, value: BaseModel) -> ArtifactFile:
+    """A model of the contract as a file; what is null is left out."""
+    text = value.model_dump_json(indent=2, exclude_none=True) + "\n"
+    atomically(folder / name, lambda path: path.write_text(text, encoding="utf-8"))
+    return ArtifactFile(name, JSON)
+
+
+def motion_arrays(robot: Robot, motion: WholeBodyMotion) -> dict[str, np.ndarray]:
+    """Arrays of ``motion.npz``: ``time_s (n)``, ``q (n, nq)``, ``v``, ``a (n, nv)``, ``tau (n, nv - 6)``.
+
+    ``joint_names`` name the columns of ``tau``; ``forces (n, e, 3)`` is the total force of each of the ``effectors``,
+    ``forces_<effector> (n, k, 3)`` that on each of its points, which lie at ``points_<effector> (k, 3)`` in its
+    contact frame. Forces are in the world frame and zero where nothing touches.
+    """
+    effectors = tuple(motion.forces_n)
+    arrays = {
+        "time_s": motion.time_s,
+        "q": motion.q,
+        "v": motion.v,
+        "a": motion.a,
+        "tau": motion.tau_nm,
+        "joint_names": np.array(robot.joint_names),
+        "effectors": np.array(effectors),
+        "forces": np.stack([motion.forces_n[effector].sum(axis=1) for effector in effectors], axis=1),
+    }
+    arrays |= {f"forces_{effector}": motion.forces_n[effector] for effector in effectors}
+    arrays |= {f"points_{effector}": motion.points_m[effector] for effector in effectors}
+    return arrays
+
+
+def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> ArtifactFile:
+    """A compressed ``.npz`` file; nothing in it needs pickle. Raises ``ValueError`` for an array that would."""
+    for name, array in arrays.items():
+        if array.dtype.hasobject:
+            raise ValueError(f"{name} holds objects")
+
+    atomically(path, lambda part: np.savez_compressed(part, allow_pickle=False, **arrays))
+    return ArtifactFile(path.name, NPZ)
+
+
+def _about(scenario: str, robot: str) -> dict[str, Any]:
+    return {"scenario": scenario, "robot": robot, "frame": "world, z up"}

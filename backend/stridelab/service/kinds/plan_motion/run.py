@@ -1,0 +1,159 @@
+"""``plan-motion``: from a scenario to a motion of the whole robot, checked and replayed (chapter 4).
+
+    Scenario -> ContactSequence -> CentroidalPlan -> WholeBodyMotion -> Certificate -> artifacts -> Replay
+
+The replay takes longest and comes last, so that what is asked for most is there first. Every stage has its share of
+the progress bar and its time in the summary, and every failure names its stage.
+"""
+
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from stridelab.centroidal.boundary_conditions import PathBounds
+from stridelab.centroidal.hand_force_limits import hand_bounds_n
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.rest_to_rest import from_rest_to_rest
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.pipelines.plan_centroidal import jumps, planned
+from stridelab.pipelines.plan_problem import (
+    as_planned,
+    checked,
+    control_of,
+    densities,
+    freedom,
+    require_durations,
+    require_solver,
+)
+from stridelab.pipelines.progress import Stages
+from stridelab.reachability.store import DEFAULT_MEASURE
+from stridelab.robots.card import robot_card
+from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
+from stridelab.schemas.plans import PLAN_STAGES, AgreementPass, PlanMotionInput
+from stridelab.schemas.tasks import PlanMotionTask
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.plan_motion.files import write_json, write_motion, write_plan, write_replay
+from stridelab.service.kinds.plan_motion.summary import certificate_of, remarks, replay_of, stopped_of, summary
+from stridelab.service.kinds.plan_motion.video import require_film
+from stridelab.wholebody.certificate.certify import certify
+from stridelab.wholebody.control.controller import WholeBodyController
+from stridelab.wholebody.momentum_consistency import Pass, agree
+from stridelab.wholebody.motion import WholeBodyMotion, WholeBodyStopped
+
+if TYPE_CHECKING:
+    from stridelab.wholebody.replay.replay import Replay
+
+CHECK, REACHABILITY, CENTROIDAL, WHOLE_BODY, CERTIFICATE, EXPORT, REPLAY = PLAN_STAGES
+
+REFERENCES: Final = ("carpentier2017thesis", "carpentier2018multicontact", "carpentier2019pinocchio")
+SOLVER_REFERENCES: Final = {"ipopt": "wachter2006ipopt", "fatrop": "vanroye2023fatrop"}
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run`` with JSON on both sides."""
+    return run(PlanMotionTask.model_validate(task), folder, progress).to_json()
+
+
+def run(task: PlanMotionTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Plan the motion of ``task.scenario`` into ``folder``; the summary is a ``PlanMotionSummary``.
+
+    Raises ``NotEstimable`` for what this version has not (``...-unavailable``), before any work. After that every
+    error names its stage in its last fault: ``InvalidInput`` (``scenario-invalid``), ``NotFound``
+    (``robot-not-found``), ``Unavailable`` (``reachability-of-another-robot``), ``NotEstimable``
+    (``plan-time-limit``, ``plan-not-converged``) and what else the stages raise. A body that cannot follow the plan is
+    no error here but the outcome's ``failure`` (``whole-body-failed``), beside the plan and the motion until then.
+    """
+    request = task.input
+    require_solver(request.solver)
+    require_durations(request)
+    require_film(request.film)
+    stages = Stages(progress, _shares(request))
+    artifacts: list[ArtifactFile] = []
+
+    with stages.at(CHECK, "looking at the scenario"):
+        sequence, noted = checked(task.scenario)
+        robot = load_robot(sequence.robot)
+    with stages.at(REACHABILITY, "reading the learned densities"):
+        proxies = densities(robot, request.measure or DEFAULT_MEASURE)
+    with stages.at(CENTROIDAL, f"solving for {sequence.duration_s:.1f} s") as tell:
+        posed, control = from_rest_to_rest(robot, sequence, proxies), control_of(request)
+        problem = replace(
+            posed,
+            control=control,
+            bounds=PathBounds(None, hand_bounds_n(robot, sequence) if control.has_point_forces else {}),
+            node_rate_hz=request.node_rate_hz,
+            durations=freedom(request, sequence),
+        )
+        problem, plan = planned(problem, request, tell)
+        given, sequence = sequence, plan.sequence
+
+    motion, certificate, replayed, stopped = None, None, None, None
+    passes: tuple[Pass, ...] = ()
+    if request.whole_body:
+        try:
+            with stages.at(WHOLE_BODY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
+                clock = _clock(tell, sequence.duration_s)
+                agreed = agree(robot, problem, plan, solve, WholeBodyController().run, clock)
+                plan, motion, passes = agreed.plan, agreed.motion, agreed.passes
+        except WholeBodyStopped as stop:
+            motion, stopped = stop.motion, stop
+    if motion is not None and stopped is None:
+        with stages.at(CERTIFICATE, "checking the motion"):
+            certificate = certificate_of(certify(robot, sequence, plan, proxies, motion))
+            artifacts.append(write_json(folder, "certificate.json", certificate))
+    with stages.at(EXPORT, "writing the plan") as tell:
+        scenario = as_planned(task.scenario, sequence)
+        artifacts += [*write_plan(folder, plan), write_json(folder, "scenario.json", scenario)]
+        if motion is not None:
+            artifacts += write_motion(folder, robot, motion, request.film, tell)
+    if request.replay and certificate is not None and motion is not None:
+        with stages.at(REPLAY, f"0.0 of {sequence.duration_s:.1f} s") as tell:
+            replay = _replayed(robot, sequence, motion, _clock(tell, sequence.duration_s))
+            replayed = replay_of(replay)
+            artifacts += write_replay(folder, robot, motion, replay)
+
+    warnings = (*noted, *jumps(problem, request), *remarks(plan, motion, certificate, replayed))
+    found = summary(plan, given, problem, request, certificate, replayed, stages.times_s, warnings)
+    found = found.model_copy(update={"agreement": [AgreementPass(**asdict(one)) for one in passes]})
+    if stopped is not None:
+        found = found.model_copy(update={"stopped": stopped_of(stopped)})
+    progress(1.0, "done" if stopped is None else f"stopped at {stopped.time_s:.2f} s")
+    return Outcome(found.model_dump(mode="json"), _references(plan, request), tuple(artifacts), stopped)
+
+
+def _shares(request: PlanMotionInput) -> dict[str, float]:
+    """Stages of this request, with their shares of the bar: about their seconds for half a minute of motion."""
+    shares = {CHECK: 0.3, REACHABILITY: 0.1, CENTROIDAL: 2.0}
+    if request.whole_body:
+        shares |= {WHOLE_BODY: 4.0, CERTIFICATE: 2.0}
+    shares |= {EXPORT: 4.0 if request.whole_body else 0.3}
+    return shares | ({REPLAY: 6.0} if request.replay else {})
+
+
+def _clock(tell: ProgressCallback, duration_s: float) -> ProgressCallback:
+    """Progress of a stage that goes through the motion: its percentage, and the motion's own seconds."""
+
+    def on(fraction: float, _message: str) -> None:
+        tell(fraction, f"{100 * fraction:.0f} %, {fraction * duration_s:.1f} of {duration_s:.1f} s")
+
+    return on
+
+
+def _replayed(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, clock: ProgressCallback) -> "Replay":
+    # The simulator is imported where it is asked for.
+    from stridelab.wholebody.replay.replay import replay
+
+    return replay(robot, sequence, motion, clock)
+
+
+def _references(plan: CentroidalPlan, request: PlanMotionInput) -> tuple[str, ...]:
+    """Citation keys of the methods that were used."""
+    robot, solver = robot_card(plan.sequence.robot).references, SOLVER_REFERENCES.get(plan.solver)
+    keys = [*REFERENCES, *robot, "andersson2019casadi", *([solver] if solver else [])]
+    if request.whole_body:
+        keys += ["escande2014hierarchical", "arnstrom2022daqp"]
+    if request.replay:
+        keys += ["todorov2012mujoco", "englsberger2015dcm"]
+    return tuple(keys)

@@ -1,0 +1,180 @@
+"""The motion as a film: its links drawn flat from the farthest face to the nearest, and handed to ffmpeg.
+
+Nothing here needs a graphics card. Terrain is drawn first, low boxes before high ones, which is right for a camera that
+looks down on the way from its side.
+"""
+
+import shutil
+import subprocess
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from PIL import Image, ImageDraw
+from scipy.spatial.transform import Rotation
+
+from stridelab.contacts.terrain import Box, Rail, Terrain
+from stridelab.conventions import Points, Vector3
+from stridelab.errors import Fault, NotEstimable
+from stridelab.robots.visuals import LinkMesh
+from stridelab.schemas.plans import Film
+from stridelab.service.kinds.base import ArtifactFile, ProgressCallback
+
+MEDIA: Final = {"gif": "image/gif", "mp4": "video/mp4"}
+SIZE: Final = (640, 480)
+PAPER, BOX, RAIL = (255, 255, 255), (206, 212, 218), (120, 130, 140)
+FROM: Final = np.array([0.3, -1.2, 0.45])
+"""Where the camera is, seen from what it looks at: the right side of a robot that walks along x."""
+LIGHT: Final = np.array([0.35, -0.6, 0.72])
+_FOCAL: Final = 1.6
+_MARGIN: Final = 1.1
+_CODING: Final = {
+    "mp4": ["-c:v", "libx264", "-pix_fmt", "yuv420p", "-movflags", "+faststart"],
+    "gif": ["-filter_complex", "split[a][b];[a]palettegen[p];[b][p]paletteuse"],
+}
+_QUADS: Final = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+"""Faces of a box whose corners count in binary, x first."""
+
+
+def require_film(film: Film | None) -> None:
+    """Raise ``NotEstimable`` (``film-unavailable``) where a film is asked for and ffmpeg is not there."""
+    if film is not None and shutil.which("ffmpeg") is None:
+        sentence = (
+            "A film needs the program ffmpeg, which was not found on this machine (Debian, Ubuntu: apt-get install "
+            "ffmpeg). Without it, motion.html shows the motion in a browser."
+        )
+        raise NotEstimable("film-unavailable", sentence, [Fault("film", "ffmpeg is not installed")])
+
+
+def write_film(
+    folder: Path,
+    film: Film,
+    terrain: Terrain,
+    links: Sequence[LinkMesh],
+    poses: Float[np.ndarray, "f links 7"],
+    rate_hz: float,
+    tell: ProgressCallback,
+) -> ArtifactFile:
+    """``motion.gif`` or ``motion.mp4``. Raises ``NotEstimable`` (``film-failed``) with ffmpeg's last words."""
+    path = folder / f"motion.{film}"
+    source = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", "{}x{}".format(*SIZE), "-r", f"{rate_hz:g}", "-i", "-"]
+    command = ["ffmpeg", "-loglevel", "error", "-y", *source, *_CODING[film], str(path)]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        pipe, said = process.stdin, process.stderr
+        if pipe is None or said is None:
+            raise NotEstimable("film-failed", "ffmpeg cannot be spoken to.")
+        try:
+            for k, image in enumerate(frames(terrain, links, poses)):
+                tell(0.8 + 0.2 * k / len(poses), f"drawing frame {k + 1} of {len(poses)}")
+                pipe.write(image.tobytes())
+            pipe.close()
+        except BrokenPipeError:
+            pass  # ffmpeg has said why
+        words = said.read().decode(errors="replace").strip()
+    if process.returncode != 0 or not path.is_file():
+        why = words.splitlines()[-1][:300] if words else f"exit code {process.returncode}"
+        path.unlink(missing_ok=True)
+        raise NotEstimable("film-failed", f"ffmpeg could not write the film: {why}.", [Fault("film", why)])
+    return ArtifactFile(path.name, MEDIA[film])
+
+
+def frames(terrain: Terrain, links: Sequence[LinkMesh], poses: Float[np.ndarray, "f links 7"]) -> Iterator[Image.Image]:
+    """One picture per frame of poses ``px py pz qw qx qy qz``."""
+    camera = Camera.on(poses[:, :, :3].reshape(-1, 3))
+    ground = Image.new("RGB", SIZE, PAPER)
+    _draw_terrain(ImageDraw.Draw(ground), terrain, camera)
+    for frame in poses.astype(float):
+        picture = ground.copy()
+        _draw_links(ImageDraw.Draw(picture), links, frame, camera)
+        yield picture
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera at ``place_m``; the rows of ``R`` are right, up and towards the camera."""
+
+    place_m: Vector3
+    R: Float[np.ndarray, "3 3"]
+
+    @staticmethod
+    def on(points_m: Points) -> "Camera":
+        """With all of ``points_m`` and the bodies around them in sight."""
+        low, high = points_m.min(axis=0) - 0.35, points_m.max(axis=0) + 0.35
+        back = FROM / np.linalg.norm(FROM)
+        right = np.cross([0.0, 0.0, 1.0], back)
+        right /= np.linalg.norm(right)
+        R = np.array([right, np.cross(back, right), back])
+        corners = np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+        middle = (low + high) / 2.0
+        seen = (corners - middle) @ R.T
+        across = np.maximum(np.abs(seen[:, 0]) * SIZE[1] / SIZE[0], np.abs(seen[:, 1]))
+        away_m = float((_MARGIN * _FOCAL * across + seen[:, 2]).max())
+        return Camera(middle + away_m * back, R)
+
+    def seen(self, points_m: Points) -> tuple[Float[np.ndarray, "n 2"], Float[np.ndarray, "n"]]:
+        """Pixels, and the distance in front of the camera."""
+        at = (points_m - self.place_m) @ self.R.T
+        depth = np.maximum(-at[:, 2], 1e-3)
+        scale = _FOCAL * SIZE[1] / 2.0 / depth
+        pixels = np.column_stack([SIZE[0] / 2.0 + scale * at[:, 0], SIZE[1] / 2.0 - scale * at[:, 1]])
+        return pixels, depth
+
+
+def _draw_links(
+    draw: ImageDraw.ImageDraw, links: Sequence[LinkMesh], frame: Float[np.ndarray, "links 7"], camera: Camera
+) -> None:
+    corners, depths, colours = [], [], []
+    for link, pose in zip(links, frame, strict=True):
+        if not len(link.faces) or not np.isfinite(pose).all():
+            continue
+        R = Rotation.from_quat(pose[[4, 5, 6, 3]]).as_matrix()
+        world = np.asarray(link.vertices_m, dtype=float) @ R.T + pose[:3]
+        triangles = world[link.faces]
+        normal = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+        towards = ((camera.place_m - triangles[:, 0]) * normal).sum(axis=1) > 0.0
+        pixels, depth = camera.seen(world)
+        corners.append(pixels[link.faces][towards].reshape(-1, 6))
+        depths.append(depth[link.faces][towards].mean(axis=1))
+        own = np.asarray(link.colours, dtype=float)[link.faces[towards, 0], :3]
+        colours.append(_lit(own, normal[towards]))
+    if not corners:
+        return
+    order = np.argsort(-np.concatenate(depths))
+    polygons, fills = np.concatenate(corners)[order].tolist(), np.concatenate(colours)[order].tolist()
+    for polygon, fill in zip(polygons, fills, strict=True):
+        draw.polygon(polygon, fill=tuple(fill))
+
+
+def _draw_terrain(draw: ImageDraw.ImageDraw, terrain: Terrain, camera: Camera) -> None:
+    boxes = sorted(terrain.boxes, key=lambda box: float(box.placement.position_m[2] + box.size_m[2] / 2.0))
+    for box in boxes:
+        _draw_box(draw, box, camera)
+    for rail in terrain.rails:
+        _draw_rail(draw, rail, camera)
+
+
+def _draw_box(draw: ImageDraw.ImageDraw, box: Box, camera: Camera) -> None:
+    signs = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
+    world = box.placement.act(signs * box.size_m)
+    pixels, _ = camera.seen(world)
+    for quad in _QUADS:
+        a, b, c = (world[k] for k in quad[:3])
+        normal = np.cross(b - a, c - a)
+        if (camera.place_m - a) @ normal > 0.0:
+            fill = _lit(np.array([BOX], dtype=float), normal[None])[0]
+            draw.polygon(pixels[list(quad)].ravel().tolist(), fill=tuple(fill.tolist()), outline=RAIL)
+
+
+def _draw_rail(draw: ImageDraw.ImageDraw, rail: Rail, camera: Camera) -> None:
+    pixels, depth = camera.seen(np.array([rail.from_m, rail.to_m]))
+    width = max(1, round(_FOCAL * SIZE[1] * rail.radius_m / float(depth.mean())))
+    draw.line(pixels.ravel().tolist(), fill=RAIL, width=width)
+
+
+def _lit(colours: Float[np.ndarray, "n 3"], normals: Float[np.ndarray, "n 3"]) -> np.ndarray:
+    length = np.maximum(np.linalg.norm(normals, axis=1), 1e-12)
+    shade = 0.55 + 0.45 * np.clip(normals @ LIGHT / length / np.linalg.norm(LIGHT), 0.0, 1.0)
+    return np.asarray(np.round(colours * shade[:, None]).astype(int))

@@ -1,0 +1,165 @@
+"""``plan-receding``: a scenario carried out by plans of a receding horizon, pushed on the way if asked.
+
+Leaves ``receding`` (Parquet and CSV), one row per period: where the CoM was, and what its replan took; and the motion
+as a plan has it, ``centroidal`` with ``scenario.json``, for whoever shows plans.
+
+Tables of ``plan-receding``: a row per period, and the motion that was carried out in the columns of a plan.
+"""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+
+from stridelab.centroidal.receding_horizon import Disturb, Receding, RecedingHorizon, Replan, State
+from stridelab.centroidal.rest_to_rest import from_rest_to_rest
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.pipelines.plan_problem import CONTROLS, checked, densities, taken
+from stridelab.reachability.store import DEFAULT_MEASURE
+from stridelab.robots.card import robot_card
+from stridelab.robots.loader import load_robot
+from stridelab.schemas.base import Remark
+from stridelab.schemas.receding import PlanRecedingSummary, Push
+from stridelab.schemas.tasks import PlanRecedingTask
+from stridelab.service.kinds.base import Json, Outcome, ProgressCallback
+from stridelab.service.kinds.plan_motion.files import write_json
+from stridelab.service.kinds.plan_motion.tables import Columns, track_columns
+from stridelab.service.kinds.result_tables import write_table
+
+REFERENCES: Final = ("carpentier2017thesis",)
+SOLVER_REFERENCES: Final[Mapping[str, tuple[str, ...]]] = {
+    "native": (),
+    "ipopt": ("andersson2019casadi", "wachter2006ipopt"),
+}
+ROUNDING: Final = 1e-9
+FELL_BEHIND: Final = "replans-failed"
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run`` with JSON on both sides."""
+    return run(PlanRecedingTask.model_validate(task), folder, progress).to_json()
+
+
+def run(task: PlanRecedingTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Carry the scenario out into ``folder``; the summary is a ``PlanRecedingSummary``.
+
+    Raises ``InvalidInput`` (``scenario-invalid``, ``horizon-invalid``), ``NotFound`` (``robot-not-found``),
+    ``Unavailable`` (``reachability-of-another-robot``) and ``NotEstimable`` (``horizon-lost``).
+    """
+    request = task.input
+    progress(0.0, "looking at the scenario")
+    sequence, noted = checked(task.scenario)
+    robot = load_robot(sequence.robot)
+    posed = from_rest_to_rest(robot, sequence, densities(robot, request.measure or DEFAULT_MEASURE))
+    problem = replace(posed, control=CONTROLS[taken(request.formulation)], node_rate_hz=request.node_rate_hz)
+    horizon = RecedingHorizon(
+        problem=problem, horizon_s=request.horizon_s, period_s=request.period_s, warm=request.warm
+    )
+    total_s = sequence.duration_s
+
+    def follow(time_s: float, state: State) -> State:
+        progress(0.99 * min(time_s / total_s, 1.0), f"{min(time_s, total_s):.1f} of {total_s:.1f} s")
+        return pushed(request.pushes, request.period_s)(time_s, state)
+
+    done = horizon.run(follow)
+    took_ms = 1e3 * np.array([replan.took_s for replan in done.replans])
+    iterations = np.array([replan.iterations for replan in done.replans])
+    (solver,) = {replan.plan.solver for replan in done.replans}
+    carried_on = sum(replan.carried_on for replan in done.replans)
+    if carried_on:
+        message = f"in {carried_on} of {len(took_ms)} periods no solution was found, and the plan before went on"
+        noted = (*noted, Remark(code=FELL_BEHIND, message=message))
+    summary = PlanRecedingSummary(
+        scenario_name=sequence.name,
+        robot=robot.name,
+        duration_s=total_s,
+        solver=solver,
+        replans=len(done.replans),
+        carried_on=carried_on,
+        iterations_median=float(np.median(iterations)),
+        iterations_max=int(iterations.max()),
+        replan_median_ms=float(np.median(took_ms)),
+        replan_p99_ms=float(np.quantile(took_ms, 0.99)),
+        replan_max_ms=float(took_ms.max()),
+        goal_gap_m=float(np.linalg.norm(done.com_m[-1] - problem.com_end_m)),
+        warnings=list(noted),
+    )
+    about = {"scenario": sequence.name, "robot": robot.name, "horizon_s": request.horizon_s}
+    files = (
+        *write_table(folder, "receding", period_columns(done), about),
+        *write_table(folder, "centroidal", carried_out_columns(sequence, done), about),
+        write_json(folder, "scenario.json", task.scenario),
+    )
+    progress(1.0, "done")
+    references = (*REFERENCES, *SOLVER_REFERENCES[solver], *robot_card(robot.name).references)
+    return Outcome(summary.model_dump(mode="json"), references, files)
+
+
+def pushed(pushes: list[Push], period_s: float) -> Disturb:
+    """The state after the pushes of the period that ends at a time; a period begins with its first moment."""
+
+    def disturb(time_s: float, state: State) -> State:
+        period = round(time_s / period_s)
+        due = [push.velocity_m_s for push in pushes if math.floor(push.time_s / period_s + ROUNDING) + 1 == period]
+        return replace(state, com_v_m_s=state.com_v_m_s + np.sum([*due, (0.0, 0.0, 0.0)], axis=0))
+
+    return disturb
+
+
+AFTER_S = 1e-9
+"""What holds from a node on is read so much after it."""
+
+
+def period_columns(done: Receding) -> Columns:
+    """One row per moment; the last one is the end, to which no replan belongs (NaN)."""
+    replans = done.replans
+    found: Columns = {"time_s": done.time_s}
+    found |= track_columns("com_{}_m", done.com_m)
+    found |= track_columns("com_v{}_m_s", done.com_v_m_s)
+    found |= track_columns("l_{}_nms", done.l_nms)
+    found["replan_ms"] = np.array([*(1e3 * replan.took_s for replan in replans), np.nan])
+    found["iterations"] = np.array([*(float(replan.iterations) for replan in replans), np.nan])
+    found["carried_on"] = np.array([*(float(replan.carried_on) for replan in replans), np.nan])
+    return found
+
+
+def carried_out_columns(sequence: ContactSequence, done: Receding) -> Columns:
+    """Columns of ``centroidal``: of every period what its plan had for it, at the nodes of that plan.
+
+    A row holds until the next one, as in ``plan-motion``; where a period begins with a push, so does its first row.
+    """
+    moments = list(_moments(done))
+    read = [(at_s + AFTER_S, replan.plan) for at_s, _, replan in moments]
+    times_s = np.array([time_s for _, time_s, _ in moments])
+    states = [plan.at(at_s) for at_s, plan in read]
+    held = [plan.forces_at(at_s) for at_s, plan in read]
+    phases = [sequence.phase_at(time_s + AFTER_S) for time_s in times_s]
+    found: Columns = {"time_s": times_s, "phase": np.array(phases)}
+    found |= track_columns("com_{}_m", np.array([state.com_m for state in states]))
+    found |= track_columns("com_v{}_m_s", np.array([state.com_v_m_s for state in states]))
+    found |= track_columns("com_a{}_m_s2", np.array([state.com_a_m_s2 for state in states]))
+    found |= track_columns("l_{}_nms", np.array([state.l_nms for state in states]))
+    points = {name: len(points_m) for _, plan in read for name, points_m in plan.points_m.items()}
+    for effector in sequence.effectors:
+        for k in range(points.get(effector, 0)):
+            none = np.zeros((points[effector], 3))
+            forces = np.array([forces.get(effector, none)[k] for forces in held])
+            found |= track_columns(f"f_{effector}_{k}_{{}}_n", forces)
+    for effector in sequence.effectors:
+        contacts = [sequence.phases[phase].contacts.get(effector) for phase in phases]
+        found[f"friction_{effector}"] = np.array([contact.friction if contact else 0.0 for contact in contacts])
+    return found
+
+
+def _moments(done: Receding) -> Iterator[tuple[float, float, Replan]]:
+    """When a row begins: in the time of the plan that holds from there, in that of the motion, and whose plan it is."""
+    for replan, end_s in zip(done.replans, [*done.time_s[1:]], strict=True):
+        shift_s = replan.time_s - replan.since_s
+        nodes_s = replan.plan.time_s + shift_s
+        within = (nodes_s > replan.time_s + AFTER_S) & (nodes_s < end_s - AFTER_S)
+        for time_s in (replan.time_s, *nodes_s[within].tolist()):
+            yield time_s - shift_s, time_s, replan
+    yield float(done.time_s[-1]) - shift_s, float(done.time_s[-1]), replan

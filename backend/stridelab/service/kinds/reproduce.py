@@ -1,0 +1,46 @@
+"""``reproduce``: a figure of the thesis computed anew, with its tables and the drawing as SVG."""
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Final
+
+from stridelab.reproduction.registry import ITEMS, reproduce
+from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
+from stridelab.schemas.tasks import ReproduceTask
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.result_tables import atomically, write_table
+
+SVG: Final = "image/svg+xml"
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run`` with JSON on both sides."""
+    return run(ReproduceTask.model_validate(task), folder, progress).to_json()
+
+
+def run(task: ReproduceTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Reproduce into ``folder``; the summary is a ``ReproduceSummary``.
+
+    Raises ``Unavailable`` (``robot-data-missing``) where the robot that walks is not installed.
+    """
+    request = task.input
+    item = ITEMS[request.item]
+    seeds = request.seeds or item.default_seeds
+    found = reproduce(request.item, seeds, lambda fraction, message: progress(0.95 * fraction, message))
+    progress(0.95, "writing the result")
+    summary = ReproduceSummary(
+        item=item.name,
+        title=item.title,
+        verdict=found.verdict,
+        thesis={claim.key: claim.thesis for claim in found.claims},
+        ours={claim.key: claim.ours for claim in found.claims},
+        claims=[ClaimResult(**asdict(claim)) for claim in found.claims],
+        seeds=seeds,
+        note=found.note,
+    )
+    drawing = f"{item.name}.svg"
+    atomically(folder / drawing, lambda path: path.write_text(found.drawing, encoding="utf-8"))
+    provenance = {"item": item.name, "seeds": seeds}
+    tables = [file for name, columns in found.tables.items() for file in write_table(folder, name, columns, provenance)]
+    progress(1.0, "done")
+    return Outcome(summary.model_dump(mode="json"), found.references, (ArtifactFile(drawing, SVG), *tables))

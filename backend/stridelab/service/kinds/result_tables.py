@@ -1,0 +1,120 @@
+"""Result tables: one Parquet file (zstd) and its CSV twin of the same stem, units in the column names.
+
+The Parquet file's metadata carry the key ``stridelab``: JSON with the units per column, the versions that computed the
+numbers and whatever provenance the caller adds. NaN stays NaN in Parquet and is an empty cell in CSV. Parquet holds
+text as it was given; in CSV a text that a spreadsheet would run as a formula has an apostrophe in front.
+"""
+
+import json
+import os
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.csv
+import pyarrow.parquet
+
+from stridelab.service.kinds.base import ArtifactFile
+from stridelab.service.kinds.provenance import versions
+
+PARQUET = "application/vnd.apache.parquet"
+CSV = "text/csv"
+C3D = "application/octet-stream"
+
+METADATA_KEY = b"stridelab"
+_FORMULA = frozenset("=+-@\t\r\n\uff1d\uff0b\uff0d\uff20")
+"""What a formula begins with, full-width forms among it."""
+
+# Longest suffix first: "vx_m_s" is a velocity, not a length followed by seconds.
+UNITS = (
+    {"_m_s2_rthz": "m/s^2/sqrt(Hz)", "_m_rthz": "m/sqrt(Hz)", "_db": "dB"}
+    | {"_m_s2": "m/s^2", "_m_s": "m/s", "_rad_s": "rad/s", "_nms": "N m s", "_nm": "N m", "_rad": "rad"}
+    | {
+        "_kg": "kg",
+        "_hz": "Hz",
+        "_m": "m",
+        "_n": "N",
+        "_s": "s",
+    }
+)
+
+
+def unit_of(column: str) -> str:
+    """Unit that a column's name states; "1" for a name without a unit suffix."""
+    return next((unit for suffix, unit in UNITS.items() if column.endswith(suffix)), "1")
+
+
+def write_table(
+    folder: Path, stem: str, columns: Mapping[str, np.ndarray], provenance: Mapping[str, Any]
+) -> tuple[ArtifactFile, ArtifactFile]:
+    """Write ``<stem>.parquet`` and ``<stem>.csv`` into ``folder``; each appears whole or not at all.
+
+    ``columns`` maps names (with unit suffix) to arrays of one common length. Raises ``ValueError`` when lengths differ.
+    """
+    about = {
+        "units": {name: unit_of(name) for name in columns},
+        "versions": versions(),
+        "provenance": dict(provenance),
+    }
+    table = pa.table({name: np.asarray(values) for name, values in columns.items()})
+    table = table.replace_schema_metadata({METADATA_KEY: json.dumps(about, sort_keys=True).encode()})
+    parquet, csv = folder / f"{stem}.parquet", folder / f"{stem}.csv"
+    atomically(parquet, lambda path: pyarrow.parquet.write_table(table, path, compression="zstd"))
+    plain = _safe_for_spreadsheets(_empty_for_nan(table))
+    atomically(csv, lambda path: pyarrow.csv.write_csv(plain, path))
+    return ArtifactFile(parquet.name, PARQUET), ArtifactFile(csv.name, CSV)
+
+
+def read_about(parquet: Path) -> dict[str, Any]:
+    """Units, versions and provenance of a table written by ``write_table``."""
+    metadata = pyarrow.parquet.read_schema(parquet).metadata or {}
+    return dict(json.loads(metadata[METADATA_KEY]))
+
+
+def atomically(path: Path, write: Callable[[Path], object]) -> None:
+    """Let ``write`` fill a temporary file beside ``path``, then rename it; nothing remains when it fails.
+
+    The temporary name keeps the suffix, which some writers look at.
+    """
+    part = path.with_name(f".part-{os.getpid()}-{path.name}")
+    try:
+        write(part)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def spreadsheet_text(text: str) -> str:
+    """``text`` with an apostrophe in front where a spreadsheet would take it for a formula; numbers stay as they are.
+
+    Such a text begins with ``=``, ``+``, ``-``, ``@``, a tab or a line break (OWASP, CSV injection), or with spaces
+    before one of them.
+    """
+    begin = text.lstrip(" ")[:1]
+    if not begin or begin not in _FORMULA:
+        return text
+    try:
+        float(text)
+    except ValueError:
+        return f"'{text}"
+    return text
+
+
+def _safe_for_spreadsheets(table: pa.Table) -> pa.Table:
+    for index, field in enumerate(table.schema):
+        if pa.types.is_string(field.type) or pa.types.is_large_string(field.type):
+            cells = [None if cell is None else spreadsheet_text(cell) for cell in table.column(index).to_pylist()]
+            table = table.set_column(index, field.name, pa.array(cells, type=field.type))
+    return table.rename_columns([spreadsheet_text(name) for name in table.column_names])
+
+
+def _empty_for_nan(table: pa.Table) -> pa.Table:
+    for index, field in enumerate(table.schema):
+        if pa.types.is_floating(field.type):
+            column = table.column(index)
+            empty = pa.scalar(None, type=field.type)
+            table = table.set_column(index, field.name, pc.if_else(pc.is_nan(column), empty, column))
+    return table

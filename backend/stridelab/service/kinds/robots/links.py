@@ -1,0 +1,38 @@
+"""What a robot looks like, for the viewer: one named mesh per moving link, as binary glTF.
+
+Runs in a killable child of the web server: at the first start of a service, or when the meshes are asked for before.
+"""
+
+from pathlib import Path
+from typing import Final
+
+from stridelab.robots.loader import load_robot
+from stridelab.robots.visuals import glb, link_meshes
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.result_tables import atomically
+from stridelab.service.kinds.robots.description import RobotTask
+
+LINKS_FILE: Final = "links.glb"
+GLTF: Final = "model/gltf-binary"
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run`` with JSON on both sides."""
+    return run(RobotTask.model_validate(task), folder, progress).to_json()
+
+
+def run(task: RobotTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Write ``links.glb`` into ``folder``; the summary names the nodes.
+
+    Raises ``NotFound`` (``robot-not-found``) or ``Unavailable`` (``robot-data-missing``, ``robot-data-unreadable``).
+    """
+    progress(0.05, "loading the robot")
+    robot = load_robot(task.robot)
+    progress(0.4, "thinning out its meshes")
+    meshes = link_meshes(robot)
+    progress(0.9, "writing them")
+    data = glb(meshes)
+    atomically(folder / LINKS_FILE, lambda path: path.write_bytes(data))
+    progress(1.0, "done")
+    summary = {"robot": robot.name, "sha256": robot.sha256, "links": [mesh.name for mesh in meshes]}
+    return Outcome(summary, (), (ArtifactFile(LINKS_FILE, GLTF),))

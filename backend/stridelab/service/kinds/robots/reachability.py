@@ -1,0 +1,135 @@
+"""Reachability densities as what can be drawn: for the robot page, for the viewer, and beside what a job learned.
+
+Runs in a killable child of ``GET /robots/{name}/reachability``: the service itself computes nothing.
+"""
+
+import gzip
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from stridelab.conventions import Points
+from stridelab.reachability.card import EffectorCard, Measure, ReachabilityCard
+from stridelab.reachability.learning.kde import KernelDensity
+from stridelab.reachability.proxy.level_sets import LevelSet, level_sets
+from stridelab.reachability.proxy.projections import ACROSS, grid_around, project_kernels, project_mixture
+from stridelab.reachability.store import load_card, load_cloud, require_same_robot
+from stridelab.robots.contact_frames import with_contact_frames
+from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
+from stridelab.schemas.base import Contract
+from stridelab.schemas.reachability import Axis, EffectorReach, LevelSurface, Projection, RobotReachability
+from stridelab.schemas.robots import LinkPose, Triple
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.result_tables import atomically
+from stridelab.service.kinds.robots.description import proxy_card
+
+REACHABILITY_FILE: Final = "reachability.json.gz"
+GZIP: Final = "application/gzip"
+CLOUD: Final = 2000
+"""Samples that are drawn."""
+SAMPLE_DIGITS, SURFACE_DIGITS, DENSITY_DIGITS = 3, 4, 4
+"""Millimetres and tenths of them; significant digits of a density."""
+AXES: Final[tuple[Axis, Axis, Axis]] = ("x", "y", "z")
+
+
+class ReachabilityTask(Contract):
+    """Task of ``robot_reachability``."""
+
+    robot: str
+    measure: Measure
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run`` with JSON on both sides."""
+    return run(ReachabilityTask.model_validate(task), folder, progress).to_json()
+
+
+def run(task: ReachabilityTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Write ``reachability.json.gz`` into ``folder``: a ``RobotReachability`` as compressed JSON.
+
+    Raises ``NotFound`` (``robot-not-found``, ``reachability-not-learned``), ``Unavailable`` (``robot-data-missing``,
+    ``robot-data-unreadable``, ``reachability-of-another-robot``), ``UnreadableFile`` (``reachability-damaged``).
+    """
+    card = load_card(task.robot, task.measure)
+    progress(0.1, "loading the robot")
+    robot = load_robot(task.robot)
+    require_same_robot(card, robot)
+    progress(0.5, "enclosing level sets")
+    found = reachability(robot, card, load_cloud(task.robot, task.measure))
+    content = gzip.compress(found.model_dump_json().encode(), mtime=0)
+    atomically(folder / REACHABILITY_FILE, lambda path: path.write_bytes(content))
+    progress(1.0, "done")
+    return Outcome({"robot": robot.name, "measure": card.measure}, (), (ArtifactFile(REACHABILITY_FILE, GZIP),))
+
+
+def reachability(robot: Robot, card: ReachabilityCard, com_m: Mapping[str, Points]) -> RobotReachability:
+    """What can be drawn of ``card``, with the sampled CoM positions of each of its effectors."""
+    return RobotReachability(
+        robot=robot.name,
+        robot_sha256=robot.sha256,
+        measure=card.measure,
+        effectors=[
+            EffectorReach(
+                card=proxy_card(card, name),
+                reference_pose=reference_pose(robot, name, learned),
+                com_m=[_triple(point, SAMPLE_DIGITS) for point in com_m[name][:CLOUD]],
+                level_sets=[_surface(found) for found in level_sets(learned.mixture())],
+                projections=_projections(learned, com_m[name]),
+            )
+            for name, learned in card.effectors.items()
+        ],
+    )
+
+
+def reference_pose(robot: Robot, effector: str, learned: EffectorCard) -> LinkPose:
+    """Where the frame of a density is in the reference posture, in which the robot faces x."""
+    model, index = with_contact_frames(robot)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, robot.q_reference)
+    px, py, pz, qx, qy, qz, qw = (float(v) for v in pin.SE3ToXYZQUAT(data.oMf[index[effector]]))
+    return (px, py, pz, 1.0, 0.0, 0.0, 0.0) if learned.frame == "heading" else (px, py, pz, qw, qx, qy, qz)
+
+
+def _surface(found: LevelSet) -> LevelSurface:
+    return LevelSurface(
+        mass=found.mass,
+        density_per_m3=float(np.exp(found.log_density)),
+        volume_m3=found.volume_m3,
+        vertices_m=[_triple(vertex, SURFACE_DIGITS) for vertex in found.vertices_m],
+        triangles=[(int(a), int(b), int(c)) for a, b, c in found.triangles],
+    )
+
+
+def _projections(learned: EffectorCard, com_m: Points) -> list[Projection]:
+    """Along x, y and z; the kernels are those of the samples that are there, with the bandwidth of all."""
+    kernels, mixture = KernelDensity(com_m, learned.bandwidth_m), learned.mixture()
+    grid = grid_around(kernels)
+    return [
+        Projection(
+            along=AXES[along],
+            right=AXES[right],
+            up=AXES[up],
+            right_m=[round(float(v), SURFACE_DIGITS) for v in grid.axis_m(right)],
+            up_m=[round(float(v), SURFACE_DIGITS) for v in grid.axis_m(up)],
+            kernel_per_m2=_rounded(project_kernels(kernels, grid, along)),
+            mixture_per_m2=_rounded(project_mixture(mixture, grid, along)),
+        )
+        for along, (right, up) in enumerate(ACROSS)
+    ]
+
+
+def _rounded(values: Float[np.ndarray, "up right"]) -> list[list[float]]:
+    """To a ten-thousandth of the highest."""
+    top = float(values.max())
+    digits = max(0, DENSITY_DIGITS - int(np.floor(np.log10(top))) - 1) if top > 0.0 else 0
+    return [[float(v) for v in row] for row in np.round(values, digits)]
+
+
+def _triple(point: Float[np.ndarray, "3"], digits: int) -> Triple:
+    x, y, z = (round(float(v), digits) for v in point)
+    return x, y, z

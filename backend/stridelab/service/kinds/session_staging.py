@@ -1,0 +1,64 @@
+"""From the rows of a session to the values that a job uses."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.pipelines.session_values import TrialFacts, session_values, static_of
+from stridelab.schemas.recordings import RecordingFacts
+from stridelab.schemas.sessions import SessionValues
+from stridelab.service.storage.tables import recording
+
+Row = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class SessionOfRow:
+    """``values`` of the session, None where the recording is alone; ``static`` is the row of its static trial."""
+
+    values: SessionValues | None = None
+    static: Row | None = None
+
+
+async def session_of(connection: AsyncConnection, row: Row) -> SessionOfRow:
+    """The session of a recording's row: the other recordings of its owner with the same ``session_id``.
+
+    The static trial is the stated one, which then is no value of the session, else the session's own.
+    """
+    stated = await _row(connection, row["static_recording_id"])
+    others = await _others(connection, row)
+    found = session_values(row["session_id"], _facts(row), [_facts(one) for one in others]) if others else None
+    if stated is not None:
+        return SessionOfRow(found, stated)
+    chosen = static_of(_facts(row), [_facts(one) for one in others])
+    if chosen is None:
+        return SessionOfRow(found)
+    values = found or SessionValues(session_id=row["session_id"])
+    static = next(one for one in others if one["id"] == chosen.recording_id)
+    return SessionOfRow(values.model_copy(update={"static_recording_id": chosen.recording_id}), static)
+
+
+async def _others(connection: AsyncConnection, row: Row) -> list[Row]:
+    if row["session_id"] is None:
+        return []
+    same = select(recording).where(
+        recording.c.session_id == row["session_id"],
+        recording.c.owner.is_not_distinct_from(row["owner"]),
+        recording.c.id != row["id"],
+    )
+    return [dict(one) for one in (await connection.execute(same.order_by(recording.c.id))).mappings().all()]
+
+
+async def _row(connection: AsyncConnection, recording_id: str | None) -> Row | None:
+    if recording_id is None:
+        return None
+    found = await connection.execute(select(recording).where(recording.c.id == recording_id))
+    row = found.mappings().one_or_none()
+    return None if row is None else dict(row)
+
+
+def _facts(row: Row) -> TrialFacts:
+    return TrialFacts(row["id"], row["filename"], row["sha256"], RecordingFacts.model_validate(row["facts"]))

@@ -1,0 +1,261 @@
+"""``study-population``: the wheels of many people (section 3.3.2).
+
+    recordings -> wheel of every step, a process per recording -> people -> means, correlations, mixed models
+
+What cannot be fitted is named and left out. Tables: ``subjects`` (a row per person), ``steps`` (a row per step),
+``correlations`` (a row per pair).
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from stridelab.body.geometric_com import GeometricCom
+from stridelab.conventions import Points
+from stridelab.errors import Fault, NotEstimable, StridelabError
+from stridelab.estimation.quality.checks import CONTRADICTED, DOUBTFUL
+from stridelab.pipelines.quality import of_all
+from stridelab.recordings.recording import Remark
+from stridelab.schemas import base
+from stridelab.schemas.cycloid import FittedStep
+from stridelab.schemas.population import LeftOut, PersonFields, StudyPopulationSummary
+from stridelab.schemas.quality import Quality, TrialQuality
+from stridelab.schemas.tasks import FitCycloidTask, StudyPopulationTask
+from stridelab.service.kinds.base import Json, Outcome, ProgressCallback
+from stridelab.service.kinds.study_population.files import write_population
+from stridelab.service.kinds.study_population.subjects import FIELDS, Sheet, people_of
+from stridelab.service.kinds.study_population.summary import correlation_results, mixed_results, subject_results
+from stridelab.service.processes.isolated_map import each_apart
+from stridelab.walking.population.population import StepRow, study
+
+UNUSABLE: Final = frozenset({"path-not-converged", "not-curtate", "r-too-large"})
+"""Flags of steps whose wheel is none: they are in the table and in no mean."""
+PRELOAD: Final = ("stridelab.pipelines.fit_cycloid",)
+REFERENCES: Final = (
+    "carpentier2017thesis",
+    "fisher1924",
+    "bonett2000",
+    "efron1987",
+    "holm1979",
+    "laird1982",
+    "patterson1971",
+    "schluchter1990",
+)
+RECORDING_TIMEOUT_S: Final = 120.0
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """What one recording gave."""
+
+    recording_id: str
+    sheet: Sheet
+    steps: tuple[FittedStep, ...]
+    method: str
+    references: tuple[str, ...]
+    quality: Quality
+
+
+def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
+    """``run`` with JSON on both sides."""
+    return run(StudyPopulationTask.model_validate(task), folder, progress).to_json()
+
+
+def run(task: StudyPopulationTask, folder: Path, progress: ProgressCallback) -> Outcome:
+    """Fit every recording of ``task`` in ``folder`` and study the people; the summary is a ``StudyPopulationSummary``.
+
+    Raises ``NotEstimable`` (``nothing-fitted``) where no recording gives a single step, ``InvalidInput``
+    (``subject-in-two-groups``).
+    """
+    progress(0.0, f"fitting {len(task.members)} recordings")
+    fitted, left_out, trials = _fit_all(task, folder, progress)
+    progress(0.9, "studying the people")
+    someone, remarks = people_of([one.sheet for one in fitted])
+    rows = [row for one in fitted for row in _rows(one)]
+    usable = [row for row in rows if row.used]
+    found = study([s.person for s in someone], [row.step for row in usable], pooled=task.pooled, seed=task.seed)
+    quality = of_all([one.quality for one in fitted])
+    warnings = [*_about_quality(fitted), *remarks, *found.remarks]
+    summary = StudyPopulationSummary(
+        subjects=subject_results(found.subjects, {s.person.name: s for s in someone}),
+        correlations=correlation_results(found),
+        mixed_models=mixed_results(found),
+        left_out=left_out,
+        n_recordings=len(fitted),
+        n_steps=len(usable),
+        method=_common({one.method for one in fitted}),
+        pooled=task.pooled,
+        quality=quality,
+        trials=trials,
+        warnings=[base.Remark(code=r.code, message=r.message) for r in warnings] + _about_steps(rows, left_out),
+    )
+    progress(0.97, "writing the tables")
+    groups = {s.person.name: s.person.group for s in someone}
+    artifacts = write_population(
+        folder, summary, [(row.step, row.fitted, groups[row.step.person], row.used) for row in rows]
+    )
+    progress(1.0, "done")
+    references = (*REFERENCES, *(key for one in fitted for key in one.references))
+    return Outcome(summary.model_dump(mode="json"), tuple(dict.fromkeys(references)), artifacts)
+
+
+def fit_one(item: Json) -> Json:
+    """The wheels of one recording, as JSON on both sides; runs in a process of its own."""
+    from stridelab.pipelines.fit_cycloid import cycloid_of
+
+    task, folder = FitCycloidTask.model_validate(item["task"]), Path(item["folder"])
+    result = cycloid_of(task, folder, lambda _fraction, _message: None, rivals=False)
+    return {
+        "steps": [step.model_dump(mode="json") for step in result.summary.steps],
+        "method": result.summary.method,
+        "leg_m": leg_m(result.prepared.geometric),
+        "references": list(result.references),
+        "quality": result.summary.model_dump(mode="json")["quality"],
+        "in_file": result.prepared.trial.recording.subject.__dict__,
+    }
+
+
+def leg_m(geometric: GeometricCom) -> float | None:
+    """Hip to knee to ankle, mean of the legs that are seen, median over the frames."""
+    joints = geometric.joint_centres_m
+    legs = []
+    for side in "lr":
+        hip, knee, ankle = (joints.get(f"{side}_{name}") for name in ("hip", "knee", "ankle"))
+        if hip is not None and knee is not None and ankle is not None:
+            legs.append(_median_m(hip, knee) + _median_m(knee, ankle))
+    known = [leg for leg in legs if math.isfinite(leg)]
+    return float(np.mean(known)) if known else None
+
+
+def _median_m(one: Points, other: Points) -> float:
+    lengths = np.linalg.norm(one - other, axis=1)
+    lengths = lengths[np.isfinite(lengths)]
+    return float(np.median(lengths)) if len(lengths) else math.nan
+
+
+def _fit_all(
+    task: StudyPopulationTask, folder: Path, progress: ProgressCallback
+) -> tuple[list[Fitted], list[LeftOut], list[TrialQuality]]:
+    """What each recording gave, those left out and why, and the quality of each that was fitted.
+
+    A recording whose sensors contradict each other is left out: a mean must not contain it.
+    """
+    items = [{"task": one.task.model_dump(mode="json"), "folder": str(folder / one.folder)} for one in task.members]
+    fitted: dict[int, Fitted] = {}
+    left_out: dict[int, LeftOut] = {}
+    trials: dict[int, TrialQuality] = {}
+    done = each_apart(fit_one, items, preload=PRELOAD, timeout_s=RECORDING_TIMEOUT_S)
+    for count, (index, answer) in enumerate(done, start=1):
+        one = task.members[index]
+        filename = one.task.recording.filename
+        if isinstance(answer, StridelabError):
+            left_out[index] = LeftOut(
+                recording_id=one.recording_id, filename=filename, code=answer.code, message=answer.message
+            )
+        elif _quality(answer).verdict == CONTRADICTED:
+            trials[index] = _trial(one.recording_id, filename, answer)
+            left_out[index] = _contradicted(trials[index])
+        else:
+            trials[index] = _trial(one.recording_id, filename, answer)
+            steps = tuple(FittedStep.model_validate(step) for step in answer["steps"])
+            sheet = Sheet(filename, _person(one.person, one.task.recording.subject, answer["in_file"]), answer["leg_m"])
+            references = tuple(answer["references"])
+            quality = _quality(answer)
+            fitted[index] = Fitted(one.recording_id, sheet, steps, answer["method"], references, quality)
+        progress(0.88 * count / len(items), f"{count} of {len(items)} recordings fitted")
+    if not fitted:
+        faults = [Fault(one.filename, f"{one.message} ({one.code})") for one in left_out.values()]
+        raise NotEstimable("nothing-fitted", "In none of the recordings could a step be fitted.", faults)
+    by_place = sorted(trials)
+    return [fitted[i] for i in sorted(fitted)], [left_out[i] for i in sorted(left_out)], [trials[i] for i in by_place]
+
+
+def _quality(answer: Mapping[str, Any]) -> Quality:
+    return Quality.model_validate(answer["quality"])
+
+
+def _trial(recording_id: str, filename: str, answer: Mapping[str, Any]) -> TrialQuality:
+    return TrialQuality(recording_id=recording_id, filename=filename, quality=_quality(answer))
+
+
+def _contradicted(one: TrialQuality) -> LeftOut:
+    wrong = [check.message for check in one.quality.checks if check.value > check.contradicted_above]
+    message = f"The sensors of this recording contradict each other. {' '.join(wrong)}"
+    return LeftOut(recording_id=one.recording_id, filename=one.filename, code=CONTRADICTED, message=message)
+
+
+def _person(table: PersonFields, stated: Any, in_file: Mapping[str, Any]) -> PersonFields:
+    """Field by field: the subject table, else what was stated of the recording, else the file."""
+
+    def first(field: str) -> Any:
+        sources = (getattr(table, field), getattr(stated, field), in_file.get(field))
+        return next((value for value in sources if value is not None), None)
+
+    return PersonFields(
+        subject=table.subject or stated.name, group=table.group, **{field: first(field) for field in FIELDS}
+    )
+
+
+@dataclass(frozen=True)
+class _Row:
+    step: StepRow
+    fitted: FittedStep
+    used: bool
+
+
+def _rows(one: Fitted) -> list[_Row]:
+    return [
+        _Row(StepRow(one.sheet.name, one.sheet.filename, _values(step)), step, not UNUSABLE & set(step.flags))
+        for step in one.steps
+    ]
+
+
+def _values(step: FittedStep) -> dict[str, float]:
+    rule = [
+        math.nan if model is None else model - measured
+        for model, measured in zip(step.double_support_model_s, step.double_support_s, strict=True)
+    ]
+    known = {
+        "R_m": step.R_m,
+        "r_m": step.r_m,
+        "z0_m": step.z0_m,
+        "omega_rad_s": step.omega_rad_s,
+        "speed_m_s": step.speed_m_s,
+        "step_length_m": step.step_length_m,
+        "error_mean_mm": step.error_mean_mm,
+        "error_sd_mm": step.error_sd_mm,
+        "error_max_mm": step.error_max_mm,
+        "circumference_share": step.circumference_share,
+        "double_support_start_error_s": rule[0],
+        "double_support_end_error_s": rule[1],
+    }
+    return {name: math.nan if value is None else value for name, value in known.items()}
+
+
+def _common(methods: set[str]) -> str | None:
+    return next(iter(methods)) if len(methods) == 1 else None
+
+
+def _about_quality(fitted: Sequence[Fitted]) -> list[Remark]:
+    doubtful = [one.sheet.filename for one in fitted if one.quality.verdict == DOUBTFUL]
+    if not doubtful:
+        return []
+    message = f"Not every check passes in {len(doubtful)} of {len(fitted)} recordings: {', '.join(doubtful)}."
+    return [Remark(DOUBTFUL, message)]
+
+
+def _about_steps(rows: Sequence[_Row], left_out: Sequence[LeftOut]) -> list[base.Remark]:
+    remarks = []
+    unused = sum(not row.used for row in rows)
+    if unused:
+        message = f"{unused} of {len(rows)} steps have no usable wheel; they are in the table and in no mean."
+        remarks.append(base.Remark(code="steps-not-used", message=message))
+    if left_out:
+        who = ", ".join(one.filename for one in left_out)
+        message = f"Nothing could be fitted in {len(left_out)} recordings, which are left out: {who}."
+        remarks.append(base.Remark(code="recordings-left-out", message=message))
+    return remarks

@@ -1,0 +1,74 @@
+"""Between the tables and a population's task: all recordings with their files, and no recording twice."""
+
+from pathlib import Path
+from typing import Final
+
+from sqlalchemy import select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.errors import Fault, InvalidInput, NotFound
+from stridelab.schemas.base import Contract
+from stridelab.schemas.cycloid import FitCycloidInput
+from stridelab.schemas.population import PersonFields, StudyPopulationInput, SubjectOfRecording
+from stridelab.schemas.tasks import FitCycloidTask, PopulationMember, StudyPopulationTask
+from stridelab.service.kinds.base import Blobs, Json
+from stridelab.service.kinds.staging import stage_fit_cycloid
+from stridelab.service.storage.tables import recording
+
+STATED: Final = ("height_m", "mass_kg", "sex", "age_years")
+
+
+async def require_recordings(connection: AsyncConnection, request: StudyPopulationInput) -> None:
+    """Raise ``NotFound`` (``recording-not-found``) naming unknown ids, ``InvalidInput`` (``recording-twice``).
+
+    Two recordings of the same bytes are one recording, whatever their ids.
+    """
+    query = select(recording.c.id, recording.c.sha256, recording.c.filename).where(
+        recording.c.id.in_(request.recording_ids)
+    )
+    known = {row.id: row for row in (await connection.execute(query)).all()}
+    places = {recording_id: f"recording_ids.{i}" for i, recording_id in enumerate(request.recording_ids)}
+    missing = [recording_id for recording_id in request.recording_ids if recording_id not in known]
+    if missing:
+        raise NotFound(
+            "recording-not-found",
+            f"There is no recording with {'this id' if len(missing) == 1 else 'these ids'}: "
+            f"{', '.join(i[:64] for i in missing[:5])}; deleted, or never uploaded.",
+            [Fault(places[recording_id], "unknown") for recording_id in missing],
+        )
+    first: dict[str, str] = {}
+    for recording_id in request.recording_ids:
+        row = known[recording_id]
+        before = first.setdefault(row.sha256, recording_id)
+        if before != recording_id:
+            raise InvalidInput(
+                "recording-twice",
+                f"{row.filename} is the same file as {known[before].filename}: a recording counts once.",
+                [Fault(places[recording_id], f"the same file as {before}")],
+            )
+
+
+async def stage_study_population(connection: AsyncConnection, blobs: Blobs, input: Contract, folder: Path) -> Json:  # noqa: A002
+    """Fetch every recording into a folder of its own. Raises as ``require_recordings`` does."""
+    request = StudyPopulationInput.model_validate(input.model_dump())
+    await require_recordings(connection, request)
+    table = {row.recording_id: row for row in request.subjects}
+    members = []
+    for index, recording_id in enumerate(request.recording_ids):
+        name = f"recording-{index:03d}"
+        (folder / name).mkdir()
+        one = FitCycloidInput(recording_id=recording_id, method=request.method, steps=request.steps)
+        staged = await stage_fit_cycloid(connection, blobs, one, folder / name)
+        members.append(member(name, FitCycloidTask.model_validate(staged), table.get(recording_id)))
+    task = StudyPopulationTask(members=members, pooled=request.pooled, seed=request.seed)
+    return task.model_dump(mode="json")
+
+
+def member(folder: str, task: FitCycloidTask, row: SubjectOfRecording | None) -> PopulationMember:
+    """A recording in the sub-``folder``, fitted with what the subject table says of the person."""
+    person = PersonFields() if row is None else PersonFields(**row.model_dump(exclude={"recording_id"}))
+    stated = {name: value for name in STATED if (value := getattr(person, name)) is not None}
+    subject = task.recording.subject.model_copy(update=stated)
+    source = task.recording.model_copy(update={"subject": subject})
+    own = task.model_copy(update={"recording": source})
+    return PopulationMember(recording_id=task.input.recording_id, folder=folder, task=own, person=person)

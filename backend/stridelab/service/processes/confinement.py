@@ -1,0 +1,95 @@
+"""The sandbox of children (``jobs.sandbox``) as a service sees it at its start: which layers there are, and whose."""
+
+import os
+import pwd
+import stat
+import sys
+from pathlib import Path
+
+import structlog
+
+from stridelab.errors import InvalidInput
+from stridelab.service.processes.sandbox import LAYERS, Kernel, required_layers_missing
+from stridelab.service.settings import Settings
+
+_log = structlog.get_logger(__name__)
+
+
+def layers(settings: Settings) -> tuple[str, ...]:
+    """Layers of the sandbox in force: of ``LAYERS`` those that the kernel has."""
+    return () if settings.sandbox == "off" else Kernel.present().layers
+
+
+def check(settings: Settings) -> None:
+    """Raise what makes a start useless.
+
+    ``Unavailable`` (``sandbox-missing``) where a layer is not there and all are required, ``InvalidInput``
+    (``child-user-unknown``).
+    """
+    if settings.sandbox == "required" and (missing := _missing(settings)):
+        raise required_layers_missing(missing)
+    if settings.child_user is not None:
+        _account(settings.child_user)
+
+
+def begin(settings: Settings, *folders: Path) -> None:
+    """Write one line to the log where the sandbox lacks a layer, and let the children's account reach ``folders``.
+
+    Raises as ``check`` does, and ``InvalidInput`` (``child-user-cannot-reach``).
+    """
+    check(settings)
+    there, missing = layers(settings), _missing(settings)
+    if missing:
+        why = (
+            "STRIDELAB_SANDBOX=off" if settings.sandbox == "off" else "the kernel or the container does not offer them"
+        )
+        _log.warning("sandbox-incomplete", active=list(there), missing=list(missing), why=why)
+    if settings.child_user is not None and os.geteuid() == 0:
+        code = Path(__file__)
+        let_in(settings.child_user, *folders)
+        for needed in (*folders, code, Path(sys.prefix), Path(sys.base_prefix)):
+            _require_reachable(settings.child_user, needed)
+
+
+def let_in(user: str, *folders: Path) -> None:
+    """Let the group of ``user`` pass through ``folders`` without seeing what they hold.
+
+    Raises ``InvalidInput`` (``child-user-unknown``).
+    """
+    account = _account(user)
+    for folder in folders:
+        if not _may_pass(account, folder):
+            os.chown(folder, -1, account.pw_gid)
+            folder.chmod(stat.S_IMODE(folder.stat().st_mode) & ~0o070 | 0o010)
+
+
+def _missing(settings: Settings) -> tuple[str, ...]:
+    there = layers(settings)
+    return tuple(name for name in LAYERS if name not in there)
+
+
+def _require_reachable(user: str, path: Path) -> None:
+    account = _account(user)
+    for folder in path.resolve().parents:
+        if not _may_pass(account, folder):
+            raise InvalidInput(
+                "child-user-cannot-reach",
+                f"STRIDELAB_CHILD_USER: {user} may not pass through {folder}, which leads to {path}. Install "
+                "the program and its data where every account may look (such as /opt and /srv), or unset the variable.",
+            )
+
+
+def _may_pass(account: pwd.struct_passwd, folder: Path) -> bool:
+    facts = folder.stat()
+    if facts.st_uid == account.pw_uid:
+        return bool(facts.st_mode & stat.S_IXUSR)
+    if facts.st_gid == account.pw_gid:
+        return bool(facts.st_mode & stat.S_IXGRP)
+    return bool(facts.st_mode & stat.S_IXOTH)
+
+
+def _account(user: str) -> pwd.struct_passwd:
+    try:
+        return pwd.getpwnam(user)
+    except KeyError:
+        raise InvalidInput("child-user-unknown", f"STRIDELAB_CHILD_USER: there is no account {user}.") from None

@@ -1,0 +1,130 @@
+"""One process per item, a few at a time: an item that crashes or hangs its process costs itself and nothing else.
+
+The processes are forked, from the caller where that is safe and else from a server process that has imported what they
+need, so that each starts in milliseconds. They belong to the caller's session, so that whoever kills that session
+kills them. Answers are JSON.
+"""
+
+import json
+import multiprocessing
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from typing import Any, Final
+
+from stridelab import errors
+from stridelab.cores import usable_cores
+from stridelab.errors import Fault, StridelabError
+from stridelab.service.kinds.base import Json
+
+PROCESSES: Final = 2
+_NEVER_S: Final = 3600.0
+_START_S: Final = 60.0
+"""For the server process to import what is preloaded; the time of an item counts from when its own process works."""
+_STARTED: Final = b"started"
+
+
+@dataclass(frozen=True)
+class _Running:
+    index: int
+    process: BaseProcess
+    until_s: float
+
+
+def each_apart(
+    work: Callable[[Json], Json],
+    items: Sequence[Json],
+    *,
+    preload: Sequence[str],
+    timeout_s: float = _NEVER_S,
+    processes: int = PROCESSES,
+) -> Iterator[tuple[int, "Json | StridelabError"]]:
+    """``work`` of every item, as it gets done: its index with the answer, or the error of this project that it raised.
+
+    ``work`` is a function of a module; ``preload`` are modules that it needs. A process that ends without an answer is
+    the error ``computation-crashed``, one that takes too long ``computation-timed-out``. Closing the iterator ends all.
+    """
+    at_once = min(processes, usable_cores())
+    forks_itself = _has_one_thread()
+    context = multiprocessing.get_context("fork") if forks_itself else multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["__main__", *preload])
+    waiting = deque(enumerate(items))
+    running: dict[Connection, _Running] = {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < at_once:
+                index, item = waiting.popleft()
+                ours, theirs = context.Pipe(duplex=False)
+                process = context.Process(target=_answer, args=(theirs, work, item), daemon=True)
+                process.start()
+                theirs.close()
+                running[ours] = _Running(index, process, time.monotonic() + _START_S)
+            left_s = min(one.until_s for one in running.values()) - time.monotonic()
+            ready = wait(list(running), timeout=max(left_s, 0.0))
+            late = [pipe for pipe, one in running.items() if one.until_s <= time.monotonic() and pipe not in ready]
+            for pipe in [pipe for pipe in running if pipe in ready]:
+                one = running.pop(pipe)
+                message = _received(pipe)
+                if message == _STARTED:
+                    running[pipe] = replace(one, until_s=time.monotonic() + timeout_s)
+                else:
+                    yield one.index, _finished(pipe, one.process, message)
+            for pipe in late:
+                one = running.pop(pipe)
+                _end(pipe, one.process)
+                sentence = "Its computation took too long and was ended."
+                yield one.index, StridelabError("computation-timed-out", sentence)
+    finally:
+        for pipe, one in running.items():
+            _end(pipe, one.process)
+
+
+def _has_one_thread() -> bool:
+    """Whether a fork of this process copies no lock that another thread holds: so in the child of a job."""
+    tasks = Path("/proc/self/task")
+    return tasks.exists() and len(list(tasks.iterdir())) == 1
+
+
+def _answer(pipe: Connection, work: Callable[[Json], Json], item: Json) -> None:
+    pipe.send_bytes(_STARTED)
+    try:
+        message: Json = {"value": work(item)}
+    except StridelabError as error:
+        faults = [[fault.where, fault.message] for fault in error.faults]
+        message = {"raised": type(error).__name__, "about": [error.code, error.message], "faults": faults}
+    pipe.send_bytes(json.dumps(message).encode())
+    pipe.close()
+
+
+def _received(pipe: Connection) -> bytes | None:
+    try:
+        return pipe.recv_bytes()
+    except EOFError:
+        return None
+
+
+def _finished(pipe: Connection, process: BaseProcess, content: bytes | None) -> "Json | StridelabError":
+    if content is None:
+        process.join()
+    exit_code = process.exitcode
+    _end(pipe, process)
+    if content is None:
+        how = f"Its computation ended with exit code {exit_code} and no answer."
+        return StridelabError("computation-crashed", how)
+    message: dict[str, Any] = json.loads(content)
+    if "value" in message:
+        value: Json = message["value"]
+        return value
+    kind: type[StridelabError] = getattr(errors, message["raised"], StridelabError)
+    code, sentence = message["about"]
+    return kind(code, sentence, [Fault(*fault) for fault in message["faults"]])
+
+
+def _end(pipe: Connection, process: BaseProcess) -> None:
+    process.kill()
+    process.join()
+    pipe.close()

@@ -1,0 +1,351 @@
+"""Computations in killable single-use processes: a crash, a hang or a memory hog costs only its own task.
+
+Children are forked from a process that has imported what they need (``nursery``), so that handing over a task takes
+milliseconds. A child does one task and ends, so nothing leaks from one to the next.
+"""
+
+import asyncio
+import contextlib
+import itertools
+import json
+import os
+import signal
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Final, Literal
+
+import psutil
+
+from stridelab import errors
+from stridelab.errors import Fault, StridelabError
+from stridelab.service.processes.fork_server_client import Forked, Nursery
+from stridelab.service.processes.priority import NICENESS
+from stridelab.service.processes.sandbox import STRICT, Sandbox
+
+LOG_BYTES: Final = 64 * 1024
+"""How much of the end of a child's log is kept."""
+_MEMORY_WATCH_S: Final = 0.1
+_TICKS_PER_FAMILY: Final = 10
+_START_S: Final = 600.0
+"""How long a child may wait for the nursery's imports, seconds of processor on a machine that may be very busy."""
+_PATIENCE_S: Final = 1.0
+_AFTER_DEATH_S: Final = 0.5
+
+State = Literal["ok", "error", "crashed", "killed", "timeout", "cancelled", "memory"]
+"""``killed`` is a SIGKILL that did not come from here: the kernel's for want of memory, or somebody's."""
+OnProgress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True)
+class IsolatedOutcome:
+    """How a task ended.
+
+    ``value`` is what it returned (state ``ok``); otherwise ``problem`` is ``{"code", "detail", "errors"}`` and
+    ``raised`` names the class where it was an error of this project. ``log_tail`` is the end of what was printed.
+    """
+
+    state: State
+    value: Any
+    problem: dict[str, Any] | None
+    raised: str | None
+    log_tail: str
+
+    def as_error(self) -> StridelabError:
+        """The error that the task raised, or one that says how it ended."""
+        problem = self.problem or _problem("computation-failed", "The computation did not succeed.")
+        faults = [Fault(item["where"], item["message"]) for item in problem["errors"]]
+        kind = getattr(errors, self.raised or "StridelabError", StridelabError)
+        is_plain = isinstance(kind, type) and issubclass(kind, StridelabError) and kind is not errors.Busy
+        return (kind if is_plain else StridelabError)(problem["code"], problem["detail"], faults)
+
+
+class IsolatedPool:
+    """Children for one event loop that have imported ``preload``. An asynchronous context manager.
+
+    They yield the processor by ``niceness`` (0 to 19), but those that are short and that somebody waits for.
+    Each uses at most ``cores``; by default as many as there are.
+    """
+
+    def __init__(self, preload: Sequence[str] = (), niceness: int = NICENESS, cores: int | None = None) -> None:
+        self._preload, self._niceness, self._cores = tuple(preload), niceness, cores
+        self._nursery: Nursery | None = None
+        self._starting = asyncio.Lock()
+
+    async def __aenter__(self) -> "IsolatedPool":  # noqa: PYI034
+        await self._living()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self.close()
+
+    async def close(self) -> None:
+        """Kill the children; one that is asked for later would find everything started anew."""
+        if self._nursery is not None:
+            await self._nursery.close()
+            self._nursery = None
+
+    async def run(
+        self,
+        target: str,
+        task: Mapping[str, Any],
+        folder: Path,
+        *,
+        timeout_s: float,
+        memory_mb: int,
+        cancel: asyncio.Event | None = None,
+        on_progress: OnProgress | None = None,
+        yields: bool = True,
+        sandbox: Sandbox | None = STRICT,
+    ) -> IsolatedOutcome:
+        """Run ``target`` (``"module:function"``) as ``f(task, folder, progress)`` in a child of its own.
+
+        ``timeout_s`` counts from the moment at which the child is ready. Setting ``cancel``, or cancelling the
+        calling task, kills the child and all that it started. Where it ``yields``, it
+        does so by the niceness of the pool. A task whose child was killed before it came up is given to another one.
+
+        The child can do only what ``sandbox`` allows; None is for a task without any input that a stranger chose.
+        """
+        for is_last in (False, True):
+            child = await self._born(self._niceness if yields else 0)
+            try:
+                outcome = await child.work(
+                    {
+                        "target": target,
+                        "task": dict(task),
+                        "folder": str(folder.resolve()),
+                        "memory_mb": memory_mb,
+                        "cores": self._cores,
+                        "sandbox": None if sandbox is None else asdict(sandbox),
+                    },
+                    timeout_s=timeout_s,
+                    memory_mb=memory_mb,
+                    cancel=cancel or asyncio.Event(),
+                    on_progress=on_progress or _ignore,
+                )
+            finally:
+                await asyncio.shield(child.end())
+            if outcome.state != "killed" or child.has_begun or is_last:
+                break
+        return outcome
+
+    async def _born(self, niceness: int) -> "_Child":
+        try:
+            nursery = await self._living()
+            return _Child(nursery, await nursery.fork(niceness))
+        except OSError:  # it ended between the two
+            nursery = await self._living()
+            return _Child(nursery, await nursery.fork(niceness))
+
+    async def _living(self) -> Nursery:
+        async with self._starting:
+            if self._nursery is not None and self._nursery.is_gone:
+                await self.close()
+            if self._nursery is None:
+                self._nursery = await Nursery.start(self._preload)
+            return self._nursery
+
+
+class _Child:
+    """One child process and the two streams that come from it."""
+
+    def __init__(self, nursery: Nursery, forked: Forked) -> None:
+        self._nursery, self._forked = nursery, forked
+        self._pid: int | None = None
+        self._held_bytes = 0
+        self._tail = bytearray()
+        self._logging = asyncio.get_running_loop().create_task(self._keep_log())
+
+    async def work(
+        self,
+        task: Mapping[str, Any],
+        *,
+        timeout_s: float,
+        memory_mb: int,
+        cancel: asyncio.Event,
+        on_progress: OnProgress,
+    ) -> IsolatedOutcome:
+        stop = asyncio.create_task(cancel.wait())
+        ready = asyncio.create_task(self._ready())
+        reading = asyncio.create_task(self._converse(ready, task, on_progress))
+        watching = asyncio.create_task(self._watch_memory(ready, memory_mb << 20))
+        try:
+            await asyncio.wait({ready, stop}, timeout=_PATIENCE_S, return_when=asyncio.FIRST_COMPLETED)
+            if not ready.done():
+                on_progress(0.0, "start: waiting for the libraries")
+                await asyncio.wait({ready, stop}, timeout=_START_S, return_when=asyncio.FIRST_COMPLETED)
+            if not ready.done() and not stop.done():
+                await self._nursery.close()  # it hangs: its children count as killed, and the next one finds another
+                return await self._crashed()
+            if ready.done() and not stop.done():
+                ended = self._forked.ended
+                any_of: set[asyncio.Future[Any]] = {reading, stop, watching, ended}
+                await asyncio.wait(any_of, timeout=timeout_s, return_when=asyncio.FIRST_COMPLETED)
+                if ended.done():  # what it said last may still be on its way; what it started may hold the wire open
+                    await asyncio.wait({reading}, timeout=_AFTER_DEATH_S)
+                    if not reading.done():
+                        return await self._crashed()
+            if reading.done():
+                return await self._outcome(reading.result())
+            if stop.done():
+                return await self._killed("cancelled", "computation-cancelled", "The computation was cancelled.")
+            if watching.done():
+                return await self._out_of_memory(memory_mb)
+            limit_s = f"{timeout_s:g} s"
+            return await self._killed(
+                "timeout", "computation-timed-out", f"The computation took longer than its limit of {limit_s}."
+            )
+        finally:
+            for waiting in (stop, ready, reading, watching):
+                waiting.cancel()
+            await asyncio.gather(stop, ready, reading, watching, return_exceptions=True)
+
+    @property
+    def has_begun(self) -> bool:
+        """Whether it came up, so that it may have begun its task before it ended."""
+        return self._pid is not None
+
+    async def end(self) -> None:
+        """Kill the child and everything in its session, and collect what is left of it."""
+        await self._dead()
+        await self._log()
+        self._logging.cancel()
+        self._nursery.let_go(self._forked)
+
+    async def _dead(self) -> None:
+        self._kill()
+        if self._pid is not None:  # one that was never ready is not waited for: it ends when its wire is cut
+            await asyncio.wait([self._forked.ended])
+
+    def _kill(self) -> None:
+        if self._pid is not None:
+            with contextlib.suppress(ProcessLookupError, PermissionError):
+                os.killpg(self._pid, signal.SIGKILL)
+
+    async def _ready(self) -> bool:
+        """Whether the child has come up; its process number is known from then on."""
+        message = await self._next_message()
+        if message is None:
+            return False
+        self._pid, self._held_bytes = int(message["ready"]), int(message["held_bytes"])
+        return True
+
+    async def _converse(
+        self, ready: "asyncio.Task[bool]", task: Mapping[str, Any], on_progress: OnProgress
+    ) -> dict[str, Any] | None:
+        """Hand over the task and listen until the answer; None where the child ended without one."""
+        if not await asyncio.shield(ready):
+            return None
+        try:
+            self._forked.told.write(json.dumps(task).encode() + b"\n")
+            await self._forked.told.drain()
+        except (BrokenPipeError, ConnectionResetError):
+            return None
+        while (message := await self._next_message()) is not None:
+            if "progress" not in message:
+                return message
+            on_progress(float(message["progress"][0]), str(message["progress"][1]))
+        return None
+
+    async def _next_message(self) -> dict[str, Any] | None:
+        try:
+            line = await self._forked.heard.readline()
+            message = json.loads(line) if line else None
+        except (ValueError, ConnectionResetError):  # longer than the limit, not ours, or cut
+            return None
+        return message if isinstance(message, dict) else None
+
+    async def _outcome(self, message: dict[str, Any] | None) -> IsolatedOutcome:
+        if message is None:
+            return await self._crashed()
+        log = await self._log()
+        if "value" in message:
+            return IsolatedOutcome("ok", message["value"], None, None, log)
+        if "problem" in message:
+            return IsolatedOutcome("error", None, message["problem"], message.get("raised"), log)
+        return IsolatedOutcome("memory", None, _memory_problem(), None, log)
+
+    async def _crashed(self) -> IsolatedOutcome:
+        stopped_here = self._kill_unless_ended()
+        code = await self._forked.ended
+        log = await self._log()
+        if "bad_alloc" in log or "MemoryError" in log:
+            return IsolatedOutcome("memory", None, _memory_problem(), None, log)
+        if code < 0:
+            how = f"was ended by the signal {signal.Signals(-code).name}"
+        else:
+            how = f"ended with exit code {code} and no answer"
+        state: State = "killed" if code == -signal.SIGKILL and not stopped_here else "crashed"
+        return IsolatedOutcome(
+            state, None, _problem("computation-crashed", f"The computation {how}; see its log."), None, log
+        )
+
+    def _kill_unless_ended(self) -> bool:
+        """Stop a child whose answer could not be read (True); one that has just ended keeps its exit code."""
+        if self._forked.ended.done() or self._forked.heard.at_eof():
+            return False
+        self._kill()
+        return True
+
+    async def _killed(self, state: State, code: str, detail: str) -> IsolatedOutcome:
+        await self._dead()
+        return IsolatedOutcome(state, None, _problem(code, detail), None, await self._log())
+
+    async def _out_of_memory(self, memory_mb: int) -> IsolatedOutcome:
+        await self._dead()
+        return IsolatedOutcome("memory", None, _memory_problem(memory_mb), None, await self._log())
+
+    async def _watch_memory(self, ready: "asyncio.Task[bool]", limit_bytes: int) -> None:
+        """Return when the child and its own children hold more than the limit beyond what was imported for it."""
+        await asyncio.shield(ready)
+        for tick in itertools.count():
+            await asyncio.sleep(_MEMORY_WATCH_S)
+            with contextlib.suppress(psutil.Error):
+                process = psutil.Process(self._pid)
+                held = [process]
+                if tick % _TICKS_PER_FAMILY == 0:
+                    held += process.children(recursive=True)  # looks at every process of the machine
+                allowed_bytes = limit_bytes + self._held_bytes
+                # resident pages count once per process and cost nothing to read: where they fit, all fits
+                if sum(each.memory_info().rss for each in held) <= allowed_bytes:
+                    continue
+                if len(held) == 1 or await asyncio.to_thread(_held_together, held) > allowed_bytes:
+                    return
+
+    async def _keep_log(self) -> None:
+        while chunk := await self._forked.log.read(LOG_BYTES):
+            self._tail += chunk
+            del self._tail[:-LOG_BYTES]
+
+    async def _log(self) -> str:
+        # the answer may overtake the last lines of the log; a grandchild may hold the log open for ever
+        if self._pid is not None:
+            await asyncio.wait([self._logging], timeout=_AFTER_DEATH_S)
+        return bytes(self._tail).decode("utf-8", errors="replace").replace("\0", "")
+
+
+def _held_together(processes: Sequence[psutil.Process]) -> int:
+    """Bytes that the processes hold, a page that several of them share counted once."""
+    return sum(_proportional_bytes(process) for process in processes)
+
+
+def _proportional_bytes(process: psutil.Process) -> int:
+    """What a process holds (its proportional set size): a page that n share counts 1/n; else what is resident."""
+    try:
+        rollup = Path(f"/proc/{process.pid}/smaps_rollup").read_text(encoding="ascii")
+        return next(int(line.split()[1]) for line in rollup.splitlines() if line.startswith("Pss:")) * 1024
+    except (OSError, StopIteration):  # an older kernel, another system, or not ours to read
+        return int(process.memory_info().rss)
+
+
+def _problem(code: str, detail: str) -> dict[str, Any]:
+    return {"code": code, "detail": detail, "errors": []}
+
+
+def _memory_problem(memory_mb: int | None = None) -> dict[str, Any]:
+    limit = "" if memory_mb is None else f" of {memory_mb} MB"
+    return _problem("computation-out-of-memory", f"The computation needed more memory than its limit{limit}.")
+
+
+def _ignore(_fraction: float, _message: str) -> None:
+    return None

@@ -1,0 +1,212 @@
+"""What a child process gives up for good before it reads the first byte that a stranger chose.
+
+It keeps its folder, the files that Python and its libraries are made of (read only), what it holds open (the wire to
+its parent and its log), and its limits of time and memory. It gives up all other files, the network, other programs
+and other processes, in layers that the kernel has or has not:
+
+    privileges     no_new_privs; as root also the capabilities, and the account where another one is set
+    files          Landlock (``landlock``): files, from ABI 4 on TCP ports, from ABI 6 on signals to others
+    system calls   seccomp (``system_calls``): sockets, programs, other processes, rarely used parts of the kernel
+
+A layer that the kernel has must hold: where it cannot be set up, the child reads nothing. Only the standard library is
+imported by this module, which the process that forks the children imports, too.
+"""
+
+import ctypes
+import os
+import pwd
+import shutil
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from stridelab.errors import Unavailable
+from stridelab.resources import models_dir
+from stridelab.service.processes import landlock, seccomp
+from stridelab.service.processes.landlock import FILL, READ, READ_FILE, RUN, USE, Rule
+from stridelab.service.processes.parent_death import become, die_with_parent
+
+MODE: Final = "STRIDELAB_SANDBOX"
+USER: Final = "STRIDELAB_CHILD_USER"
+LAYERS: Final = ("files", "tcp-ports", "system-calls")
+_PR_SET_NO_NEW_PRIVS: Final = 38
+_CAPABILITIES_V3: Final = 0x20080522
+_CAP_DAC_OVERRIDE: Final = 1 << 1
+_LIBRARIES: Final = (
+    *("/usr/lib", "/usr/lib64", "/usr/lib32", "/usr/local/lib", "/usr/local/lib64", "/lib", "/lib64", "/usr/share"),
+    *("/nix/store", "/gnu/store", "/etc/ld.so.cache", "/etc/ld.so.conf", "/etc/localtime", "/etc/timezone"),
+    *("/etc/ssl/openssl.cnf", "/etc/fonts"),
+)
+_PROGRAMS: Final = ("/usr/bin", "/usr/local/bin", "/bin")
+_MACHINE: Final = (
+    *("/sys/devices/system/cpu", "/sys/devices/system/node", "/sys/fs/cgroup", "/sys/kernel/mm/transparent_hugepage"),
+    *("/dev/zero", "/dev/urandom", "/dev/random"),
+)
+_PROC: Final = tuple(
+    Path("/proc", name)
+    for name in (
+        *("cpuinfo", "meminfo", "stat", "sys/vm/overcommit_memory"),
+        *(f"self/{name}" for name in ("statm", "stat", "status", "task", "maps", "auxv", "cgroup", "mountinfo")),
+    )
+)
+"""What libraries look at to choose their number of threads and blocks of memory; nothing about other processes."""
+
+
+def _here() -> Path | None:
+    try:
+        return Path.cwd()
+    except OSError:
+        return None
+
+
+_STARTED_IN: Final = _here()
+"""``python -m`` puts this folder on the path of modules, though it may be somebody's home."""
+
+
+@dataclass(frozen=True)
+class Sandbox:
+    """What a child may still do: start ``programs`` (under the same limits), or be a ``server`` on a TCP port."""
+
+    programs: bool = False
+    server: bool = False
+
+
+STRICT: Final = Sandbox()
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """What the kernel offers to this process: the ABI of its Landlock (0: none), and filters of system calls."""
+
+    landlock_abi: int
+    filters: bool
+
+    @staticmethod
+    def present() -> "Kernel":
+        """Ask it."""
+        return Kernel(landlock.abi(), seccomp.is_available())
+
+    @property
+    def layers(self) -> tuple[str, ...]:
+        """Those of ``LAYERS`` that a child has here."""
+        has = (self.landlock_abi > 0, self.landlock_abi >= landlock.NETWORK_ABI, self.filters)
+        return tuple(name for name, there in zip(LAYERS, has, strict=True) if there)
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Those of ``LAYERS`` that it has not."""
+        return tuple(name for name in LAYERS if name not in self.layers)
+
+
+def required_layers_missing(missing: tuple[str, ...]) -> Unavailable:
+    """The error of a service that shall not read files without its sandbox."""
+    return Unavailable(
+        "sandbox-missing",
+        f"{MODE}=required, and the kernel offers no {', no '.join(missing)} here: use Linux 6.7 or newer with Landlock "
+        "and seccomp, and a container runtime that lets their system calls through.",
+    )
+
+
+def confine(sandbox: Sandbox, folder: Path | None, kernel: Kernel | None = None) -> None:
+    """Give up everything that ``sandbox`` does not name; files can be written in ``folder`` only.
+
+    Call it in a process of one thread that has imported what it needs, and inherits neither secrets nor open files. It
+    follows the environment: ``STRIDELAB_SANDBOX`` (``auto``, ``required``, ``off``), ``STRIDELAB_CHILD_USER``.
+
+    Raises ``Unavailable`` (``sandbox-missing``) where all layers are required and one is not there, ``OSError`` or
+    ``RuntimeError`` where a layer cannot be set up; the process must then end.
+    """
+    mode = os.environ.get(MODE, "auto")
+    if mode == "off":
+        return
+    kernel = kernel or Kernel.present()
+    if mode == "required" and kernel.missing:
+        raise required_layers_missing(kernel.missing)
+    if kernel.landlock_abi and (threads := _threads()) > 1:
+        raise RuntimeError(f"Landlock would bind one of {threads} threads only")
+    if folder is not None:
+        os.environ["TMPDIR"] = tempfile.tempdir = str(folder)
+    if (user := os.environ.get(USER)) and os.geteuid() == 0:
+        _become(user, folder)
+    landlock.pin(_PROC)
+    _give_up_privileges()
+    if kernel.landlock_abi:
+        landlock.restrict(_rules(sandbox, folder), may_listen=sandbox.server, version=kernel.landlock_abi)
+    if kernel.filters:
+        seccomp.restrict(programs=sandbox.programs, server=sandbox.server)
+
+
+def _rules(sandbox: Sandbox, folder: Path | None) -> list[Rule]:
+    rules: list[Rule] = [(Path("/dev/null"), USE)]
+    rules += [(path, READ) for path in (*map(Path, _MACHINE), *_PROC)]
+    rules += [(path, RUN if sandbox.programs else READ) for path in _code(sandbox, folder)]
+    if sandbox.programs:  # each looks at its own memory below /proc; into that of others Landlock lets it not look
+        rules.append((Path("/proc"), READ_FILE))
+    if folder is not None:
+        rules.append((folder, FILL))
+    return rules
+
+
+def _code(sandbox: Sandbox, folder: Path | None) -> list[Path]:
+    """Where Python, the libraries, this project and its data lie, without anything around them."""
+    package = Path(__file__).resolve().parents[2]
+    prefixes = {Path(prefix) for prefix in (sys.prefix, sys.exec_prefix, sys.base_prefix, sys.base_exec_prefix)}
+    parts = ("lib", "lib64", "share", "pyvenv.cfg", *(("bin",) if sandbox.programs else ()))
+    paths = [package, models_dir(), *(prefix / part for prefix in prefixes for part in parts)]
+    paths += [Path(entry) for entry in sys.path if entry and not _is_around(Path(entry), folder)]
+    paths += map(Path, _LIBRARIES)
+    if native := os.environ.get("STRIDELAB_NATIVE_PATH"):
+        paths.append(Path(native))
+    if sandbox.programs:
+        paths += map(Path, _PROGRAMS)
+        if film := shutil.which("ffmpeg"):
+            paths.append(Path(film).resolve())
+    return list(dict.fromkeys(paths))
+
+
+def _is_around(entry: Path, folder: Path | None) -> bool:
+    """Whether a folder of modules is one that holds much else: where the program was started, or others' files."""
+    return entry == _STARTED_IN or (folder is not None and folder.is_relative_to(entry))
+
+
+def _become(user: str, folder: Path | None) -> None:
+    """Give up root for ``user``, who shall own ``folder``; a file with other names elsewhere stays as it is."""
+    account = pwd.getpwnam(user)
+    if folder is not None:
+        for path in (folder, *folder.rglob("*")):
+            if path.is_dir() or path.lstat().st_nlink == 1:
+                os.chown(path, account.pw_uid, account.pw_gid, follow_symlinks=False)
+    parent = os.getppid()
+    become(user)
+    die_with_parent(parent)  # the kernel forgets it when the account changes
+
+
+def _give_up_privileges() -> None:
+    """No program started from here on has more rights than this process, and root keeps one capability of 41.
+
+    It reads and writes files whatever their mode: which files, Landlock says.
+    """
+    if sys.platform != "linux":
+        return
+    library = ctypes.CDLL(None, use_errno=True)
+    _checked(library.prctl(_PR_SET_NO_NEW_PRIVS, *(ctypes.c_ulong(value) for value in (1, 0, 0, 0))))
+    header = (ctypes.c_uint32 * 2)(_CAPABILITIES_V3, 0)
+    held = (ctypes.c_uint32 * 6)()  # effective, permitted, inheritable; and again for the upper 32
+    _checked(library.capget(header, held))
+    kept = held[1] & _CAP_DAC_OVERRIDE
+    _checked(library.capset(header, (ctypes.c_uint32 * 6)(kept, kept, 0, 0, 0, 0)))
+
+
+def _checked(result: Any) -> None:
+    if result != 0:
+        code = ctypes.get_errno()
+        raise OSError(code, os.strerror(code))
+
+
+def _threads() -> int:
+    try:
+        return len(list(Path("/proc/self/task").iterdir()))
+    except OSError:
+        return 1

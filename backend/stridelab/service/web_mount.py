@@ -1,0 +1,71 @@
+"""Puts the web pages on the port of the HTTP interface. The only place in the backend that knows the web app."""
+
+import time
+
+import httpx
+from fastapi import FastAPI
+from starlette.routing import Match, Mount
+from starlette.types import Scope
+
+from stridelab import __version__
+from stridelab.errors import Forbidden
+from stridelab.service.api.dependencies import KEY
+from stridelab.service.api.middleware.authentication import inside
+from stridelab.service.api.session_cookies import Keys
+from stridelab.service.auth.callers import STRANGER, Caller, require, require_owner
+from stridelab.service.settings import Settings, shown
+from stridelab_web.app import create_web
+from stridelab_web.config import NO_KEY_NEEDED, ScenarioRight, ScenarioRights, WebConfig
+
+INTERFACE = "/api/"
+
+
+class _Pages(Mount):
+    """Everything that is not the interface's: what is wrong below ``/api/`` is answered there, as a problem."""
+
+    def matches(self, scope: Scope) -> tuple[Match, Scope]:
+        if str(scope.get("path", "")).startswith(INTERFACE):
+            return Match.NONE, {}
+        return super().matches(scope)
+
+
+def mount(app: FastAPI, settings: Settings) -> None:
+    """Serve the pages beside the interface of ``app``.
+
+    The pages call the interface in this very process, past the gate: who sees a page has passed it already.
+    """
+    config = WebConfig(
+        base_url=f"http://127.0.0.1:{settings.port}",
+        version=__version__,
+        transport=httpx.ASGITransport(app=inside(app)),
+        token=settings.token,
+        viewer_url=settings.viewer_url,
+        settings=shown(settings),
+        scenario_right=_scenario_right(app),
+        user_of=_user_of,
+    )
+    app.router.routes.append(_Pages("", app=create_web(config)))
+
+
+def _user_of(scope: Scope) -> str:
+    """The name of whoever calls; empty where nobody logs in."""
+    caller: Caller = scope.get(KEY, STRANGER)
+    return caller.name or ""
+
+
+def _scenario_right(app: FastAPI) -> ScenarioRights:
+    """What the caller of a request may do with a scenario."""
+
+    def right(scope: Scope, scenario_id: str, owner: str | None) -> ScenarioRight:
+        keys: Keys | None = app.state.keys
+        caller: Caller = scope.get(KEY, STRANGER)
+        try:
+            require(caller, "submit")
+            require_owner(caller, owner, "scenario")
+        except Forbidden as refusal:
+            return ScenarioRight(None, refusal.message)
+        if keys is None or caller.token_id is None:
+            return ScenarioRight(NO_KEY_NEEDED)
+        return ScenarioRight(keys.scenario_key(time.time(), caller.token_id, scenario_id))
+
+    return right

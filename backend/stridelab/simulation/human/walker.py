@@ -1,0 +1,210 @@
+"""A simulated person who walks: whole-body motion with exactly known centre of mass, momentum and contact wrench.
+
+1. footsteps and their timing                                   (``gait_plan``)
+2. foot paths, posture of the upper body                        (``foot_motion``, ``posture``)
+3. load over the feet, hence the zero-moment point              (``load_plan``)
+4. centre of mass that keeps it, whole-body inverse kinematics  (``balance``, ``leg_kinematics``);
+   repeated, because the angular momentum moves the zero-moment point
+5. joint angles as quintic splines of time: *this* is the motion, and everything below is exact for it
+6. wrench by Newton and Euler: f = m (c'' - g), moment at the origin = c x f + dL/dt, (4.2a), (4.2b), shared by feet
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import pinocchio as pin
+from scipy.interpolate import BSpline, make_interp_spline
+from scipy.signal import butter, sosfiltfilt
+
+from stridelab.conventions import GRAVITY_M_S2, Points
+from stridelab.errors import Fault, InvalidInput
+from stridelab.recordings.recording import Sex, Side
+from stridelab.simulation.ground_truth import TrueMotion, true_motion
+from stridelab.simulation.human.body_model import AnthropometricBody, Configurations, build_body
+from stridelab.simulation.human.body_proportions import SIDES, letter
+from stridelab.simulation.human.foot_trajectories import FootPath, foot_path
+from stridelab.simulation.human.gait_plan import GaitPlan, plan_gait
+from stridelab.simulation.human.leg_ik import leg_angles
+from stridelab.simulation.human.load_sharing import FootWrench, share_wrench
+from stridelab.simulation.human.load_transfer import LoadPlan, com_over_zmp, plan_load
+from stridelab.simulation.human.upper_body_motion import Posture, StrideClock, prescribe, stride_clock
+
+PLAN_RATE_HZ: Final = 200.0
+TRUTH_RATE_HZ: Final = 1000.0
+MARGIN_S: Final = 0.1
+"""The motion is known this long before and after the recording, so that a late force can be read."""
+_PASSES: Final = 6
+_TRACKED_HZ: Final = 25.0
+_FROUDE: Final = 0.5
+"""People run beyond this v^2 / (g leg length) (Alexander 1989)."""
+_LEG: Final = 0.53
+"""Leg length over stature."""
+_REACH: Final = 0.99
+"""Longest leg over thigh plus shank: knees stay bent by 20 degrees or more."""
+_STANCE_WIDTH: Final = 0.07
+"""Distance of the ankles over stature."""
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Motion of one person. ``posture`` gives the 34 joint coordinates at a time of the recording (0 = first frame).
+
+    ``truth`` and ``feet`` are sampled at ``TRUTH_RATE_HZ`` from ``-MARGIN_S`` to ``duration_s + MARGIN_S``.
+    """
+
+    body: AnthropometricBody
+    mass_kg: float
+    plan: GaitPlan
+    duration_s: float
+    posture: BSpline
+    truth: TrueMotion
+    feet: Mapping[Side, FootWrench]
+
+    @property
+    def force_n(self) -> Points:
+        """Contact force on the body."""
+        return self.truth.force_n
+
+    @property
+    def moment_nm(self) -> Points:
+        """Contact moment at the world origin."""
+        return self.truth.moment_nm
+
+
+@dataclass(frozen=True)
+class HumanWalker:
+    """A person and a task; ``walk`` carries it out.
+
+    ``from_rest``: the recording shows rest, walk, rest; otherwise the person is already walking when it starts.
+    """
+
+    height_m: float = 1.71
+    mass_kg: float = 60.0
+    sex: Sex = "female"
+    speed_m_s: float = 1.2
+    duration_s: float = 6.0
+    seed: int = 0
+    from_rest: bool = False
+
+    def walk(self) -> Walk:
+        """Simulate. Raises ``InvalidInput`` when the numbers are outside what a person can do here."""
+        self._check()
+        rngs = [np.random.default_rng([self.seed, part]) for part in range(3)]
+        body = build_body(self.height_m, self.mass_kg, self.sex)
+        plan = plan_gait(
+            self.height_m,
+            self.speed_m_s,
+            self.duration_s,
+            from_rest=self.from_rest,
+            stance_width_m=_STANCE_WIDTH * self.height_m,
+            rng=rngs[0],
+        )
+        before, after = plan.record_from_s - MARGIN_S, plan.record_from_s + self.duration_s + MARGIN_S
+        start_s, end_s = min(0.0, before) - 0.5, max(plan.end_s, after) + 0.5
+        t = np.arange(start_s, end_s, 1.0 / PLAN_RATE_HZ)
+        load = plan_load(plan, body.proportions, t, rngs[1])
+        paths = {side: foot_path(plan, side, body.proportions, t) for side in SIDES}
+        clock = stride_clock(plan, t)
+        q = _whole_body(body, plan, clock, load, paths, prescribe(body, plan, clock, rngs[2]))
+        posture = make_interp_spline(t - plan.record_from_s, q, k=5)
+        n = round((self.duration_s + 2 * MARGIN_S) * TRUTH_RATE_HZ) + 1
+        truth = true_motion(body, posture, np.arange(n) / TRUTH_RATE_HZ - MARGIN_S)
+        return Walk(
+            body, self.mass_kg, plan, self.duration_s, posture, truth, share_wrench(truth, load, t - plan.record_from_s)
+        )
+
+    def _check(self) -> None:
+        limits = {
+            "height_m": (self.height_m, 1.0, 2.3),
+            "mass_kg": (self.mass_kg, 15.0, 250.0),
+            "speed_m_s": (self.speed_m_s, 0.0, 2.0),
+            "duration_s": (self.duration_s, 1.0, 120.0),
+        }
+        for name, (value, low, high) in limits.items():
+            if not low <= value <= high:
+                raise _out_of_range(name, f"{name} must lie between {low:g} and {high:g}, not {value:g}.")
+        if self.seed < 0:
+            raise _out_of_range("seed", "seed must not be negative.")
+        fastest = math.sqrt(_FROUDE * GRAVITY_M_S2 * _LEG * self.height_m)
+        if self.speed_m_s > fastest:
+            message = f"A person {self.height_m:g} m tall runs rather than walks at more than {fastest:.2f} m/s."
+            raise _out_of_range("speed_m_s", message)
+
+
+def _out_of_range(name: str, message: str) -> InvalidInput:
+    return InvalidInput("walker-out-of-range", message, [Fault(name, message)])
+
+
+def _whole_body(
+    body: AnthropometricBody,
+    plan: GaitPlan,
+    clock: StrideClock,
+    load: LoadPlan,
+    paths: Mapping[Side, FootPath],
+    posture: Posture,
+) -> Configurations:
+    """Joint angles at the plan's instants, such that the zero-moment point is the planned one."""
+    dt, q = 1.0 / PLAN_RATE_HZ, posture.q.copy()
+    leg_m = body.proportions.thigh_m + body.proportions.shank_m
+    bob_m = plan.step_length_m**2 / (32.0 * leg_m) * clock.vigour * -np.cos(2.0 * clock.phi_double)
+    height_m = 0.55 * body.proportions.height_m + bob_m
+    momentum_rate = np.zeros((len(q), 3))
+    pelvis_m = np.column_stack([load.zmp_m, np.full(len(q), 0.5 * body.proportions.height_m)])
+    for _ in range(_PASSES):
+        com_m = com_over_zmp(load.zmp_m, height_m, momentum_rate, body.mass_kg, dt)
+        pelvis_m, q, slack_m = _over_com(body, posture, paths, q, pelvis_m, com_m)
+        momentum_rate = _momentum_rate(body, q, dt)
+        height_m = height_m + slack_m
+    return q
+
+
+def _over_com(
+    body: AnthropometricBody,
+    posture: Posture,
+    paths: Mapping[Side, FootPath],
+    q: Configurations,
+    pelvis_m: Points,
+    com_m: Points,
+) -> tuple[Points, Configurations, float]:
+    """Place the pelvis so that the centre of mass is ``com_m``; legs follow. Also how much higher the legs reach."""
+    data = body.model.createData()
+    q = q.copy()
+    for _ in range(25):
+        q[:, :3] = pelvis_m
+        reach_m = _set_legs(body, posture, paths, q, pelvis_m)
+        error = com_m - np.array([pin.centerOfMass(body.model, data, row) for row in q])
+        pelvis_m = pelvis_m + 1.2 * error
+        if np.abs(error).max() < 1e-9:
+            break
+    return pelvis_m, q, reach_m
+
+
+def _set_legs(
+    body: AnthropometricBody, posture: Posture, paths: Mapping[Side, FootPath], q: Configurations, pelvis_m: Points
+) -> float:
+    """Write the leg angles into ``q``; returns by how much the pelvis could rise before a leg is too short."""
+    p, rise_m = body.proportions, []
+    for side, path in paths.items():
+        s, y = letter(side), 1.0 if side == "left" else -1.0
+        hip_m = pelvis_m + posture.pelvis.apply(np.array([0.0, y * p.hip_half_distance_m, 0.0]))
+        angles = leg_angles(p, hip_m, posture.pelvis, path.ankle_m, path.foot)
+        q[:, body.index[f"{s}hip"] : body.index[f"{s}hip"] + 3] = angles.hip_rad
+        q[:, body.index[f"{s}knee"]] = angles.knee_rad
+        q[:, body.index[f"{s}ankle_flexion"]] = angles.flexion_rad
+        q[:, body.index[f"{s}ankle_inversion"]] = angles.inversion_rad
+        away = hip_m - path.ankle_m
+        longest = _REACH * (p.thigh_m + p.shank_m)
+        rise_m.append(
+            float(np.min(np.sqrt(np.maximum(longest**2 - np.sum(away[:, :2] ** 2, axis=1), 0.0)) - away[:, 2]))
+        )
+    return min(rise_m)
+
+
+def _momentum_rate(body: AnthropometricBody, q: Configurations, dt_s: float) -> Points:
+    """Rate of the angular momentum, without what a zero-moment point need not follow (and would amplify)."""
+    t = np.arange(len(q)) * dt_s
+    rate = true_motion(body, make_interp_spline(t, q, k=5), t).momentum_rate_nm
+    return np.asarray(sosfiltfilt(butter(2, _TRACKED_HZ, fs=1.0 / dt_s, output="sos"), rate, axis=0))

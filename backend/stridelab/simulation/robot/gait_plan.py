@@ -1,0 +1,185 @@
+"""Where and when the robot's feet stand, and how the load passes over them.
+
+Rest, a number of equal steps, a last step that brings the feet level, rest. A step of duration T begins with double
+support, in which the load passes from one sole's middle to the other's (minimum jerk), and ends with the swing of the
+other foot; the soles stay flat. Step length, step time and step width vary from step to step with the seed.
+
+The load plan is in the terms of ``load_plan`` and ``gait_plan``, so that plates, events and the sharing of the wrench
+are those of the simulated person.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Final, Literal
+
+import numpy as np
+from jaxtyping import Float
+from numpy.random import Generator
+
+from stridelab.conventions import Series
+from stridelab.errors import Fault, InvalidInput
+from stridelab.recordings.recording import Side
+from stridelab.simulation.human.body_proportions import SIDES, sign
+from stridelab.simulation.human.gait_plan import SLOWEST_M_S, GaitPlan, Stance, standing
+from stridelab.simulation.human.load_transfer import LoadPlan, minimum_jerk, sway
+
+SHIFT_S: Final = 0.4
+"""The load begins to move onto the first foot this long before the first step, and settles as long after the last."""
+LEAD_S: Final = 1.0
+"""The motion is simulated this long before and after the recording; sway begins and ends there, from exact rest."""
+FASTEST_M_S: Final = 0.9
+_WALK_RATIO_MS: Final = 0.21
+"""Step length over step rate: 0.20 m s at the robot's cadence, 0.22 m s at the person's."""
+_LEAST_REST_S: Final = 0.5
+_LENGTH_SD: Final = 0.02
+_TIME_SD: Final = 0.02
+_WIDTH_SD_M: Final = 0.004
+
+
+@dataclass(frozen=True)
+class ArmSwing:
+    """Amplitudes of the yaw of the shoulders, of the elbows and of the yaw of the torso."""
+
+    arm_rad: float = 0.35
+    elbow_rad: float = 0.15
+    yaw_rad: float = 0.06
+
+
+@dataclass(frozen=True, kw_only=True)
+class RobotGait:
+    """Parameters of a walk; ``double_support`` is its share of a step, ``bob_m`` the amplitude of the CoM's height."""
+
+    step_length_m: float
+    step_time_s: float
+    n_steps: int
+    rest_s: float
+    double_support: float = 0.25
+    width_m: float = 0.17
+    com_height_m: float = 0.83
+    bob_m: float = 0.012
+    arms: ArmSwing = ArmSwing()
+
+    @property
+    def duration_s(self) -> float:
+        """Rest, steps, the closing step and rest."""
+        steps = self.n_steps + 1 if self.n_steps > 0 else 0
+        return 2 * self.rest_s + steps * self.step_time_s
+
+
+GaitName = Literal["robot", "human", "running"]
+"""Motions of the study; running is in ``robot_runner``."""
+
+WALKS: Final[Mapping[str, RobotGait]] = {
+    "robot": RobotGait(step_length_m=0.25, step_time_s=0.8, n_steps=8, rest_s=1.0),
+    "human": RobotGait(
+        step_length_m=0.40, step_time_s=0.55, n_steps=12, rest_s=0.8, bob_m=0.015, arms=ArmSwing(arm_rad=0.45)
+    ),
+}
+"""The two walks of section 2.5: at a robot's cadence and at a person's."""
+
+
+def gait_for(speed_m_s: float, duration_s: float) -> RobotGait:
+    """A walk from rest to rest within ``duration_s`` whose full steps go at ``speed_m_s``; below 0.1 m/s it stands.
+
+    As in people the step grows with the speed at a constant ratio of its length and its rate, here that of the walks of
+    section 2.5. Raises ``InvalidInput`` (``walker-out-of-range``) for a speed at which the legs are too short.
+    """
+    if not 0.0 <= speed_m_s <= FASTEST_M_S:
+        message = f"TALOS walks at 0 to {FASTEST_M_S:g} m/s, not at {speed_m_s:g} m/s."
+        raise InvalidInput("walker-out-of-range", message, [Fault("speed_m_s", message)])
+    standing_still = RobotGait(step_length_m=0.0, step_time_s=1.0, n_steps=0, rest_s=duration_s / 2)
+    if speed_m_s < SLOWEST_M_S:
+        return standing_still
+    length_m = math.sqrt(_WALK_RATIO_MS * speed_m_s)
+    step_s = length_m / speed_m_s
+    n_steps = int((duration_s - 2 * _LEAST_REST_S) / step_s) - 1
+    if n_steps < 2:
+        message = f"At {speed_m_s:g} m/s, two steps from rest to rest take {2 * _LEAST_REST_S + 3 * step_s:.1f} s."
+        raise InvalidInput("walker-out-of-range", message, [Fault("duration_s", message)])
+    rest_s = (duration_s - (n_steps + 1) * step_s) / 2
+    return RobotGait(step_length_m=length_m, step_time_s=step_s, n_steps=n_steps, rest_s=rest_s)
+
+
+def plan_walk(gait: RobotGait, rng: Generator) -> GaitPlan:
+    """Stances of one walk along +x, starting at the origin; without steps, of standing there."""
+    if gait.n_steps == 0:
+        return replace(standing(gait.duration_s, gait.width_m), sole_middle_m=0.0)
+    n, T = gait.n_steps, gait.step_time_s
+    lengths = np.append(gait.step_length_m * (1.0 + _LENGTH_SD * centred(rng, n)), 0.0)
+    durations = T * (1.0 + _TIME_SD * centred(rng, n + 1))
+    half_m = gait.width_m / 2 + np.append(_WIDTH_SD_M / 2 * centred(rng, n), 0.0)
+    first: Side = SIDES[int(rng.integers(2))]
+    other: Side = SIDES[1 - SIDES.index(first)]
+    begins = gait.rest_s + np.concatenate([[0.0], np.cumsum(durations)])
+    lifts, strikes = begins[:-1] + gait.double_support * durations, begins[1:]
+    x_m = np.cumsum(lengths)
+    stances = [
+        _stance(other, 0.0, gait.width_m / 2, -math.inf, float(lifts[1])),
+        _stance(first, 0.0, gait.width_m / 2, -math.inf, float(lifts[0])),
+    ]
+    for k in range(n + 1):
+        off_s = float(lifts[k + 2]) if k + 2 <= n else math.inf
+        stances.append(_stance((first, other)[k % 2], float(x_m[k]), float(half_m[k]), float(strikes[k]), off_s))
+    return GaitPlan(
+        tuple(stances),
+        gait.step_length_m,
+        T,
+        gait.step_length_m / T,
+        record_from_s=0.0,
+        duration_s=gait.duration_s,
+        end_s=gait.duration_s,
+        steady_s=(float(strikes[1]), float(strikes[-3])),
+        sole_middle_m=0.0,
+    )
+
+
+def plan_load(plan: GaitPlan, time_s: Series, rng: Generator) -> LoadPlan:
+    """Shares of the feet, their centres of pressure and the zero-moment point; while standing the pressure sways."""
+    left = np.full(len(time_s), 0.5)
+    for start_s, end_s, target in _shifts(plan):
+        left = left + (target - left) * minimum_jerk((time_s - start_s) / (end_s - start_s))
+    share: dict[Side, Series] = {"left": left, "right": 1.0 - left}
+    still = minimum_jerk((time_s - time_s[0]) / LEAD_S) * minimum_jerk((time_s[-1] - time_s) / LEAD_S)
+    wander = sway(time_s, rng) * still[:, None]
+    cop = {side: sole_middles(plan, side, time_s) + wander for side in SIDES}
+    zmp = sum((share[side][:, None] * cop[side] for side in SIDES), np.zeros((len(time_s), 2)))
+    return LoadPlan(share, cop, zmp)
+
+
+def sole_middles(plan: GaitPlan, side: Side, time_s: Series) -> Float[np.ndarray, "n 2"]:
+    """Middle of one sole; in the air where it stood, then, from the middle of the swing, where it will."""
+    stances = [stance for stance in plan.stances if stance.side == side]
+    changes = [(a.off_s + b.strike_s) / 2 for a, b in pairwise(stances)]
+    places = np.array([(stance.x_m, stance.y_m) for stance in stances])
+    return np.asarray(places[np.searchsorted(changes, time_s)])
+
+
+def _shifts(plan: GaitPlan) -> list[tuple[float, float, float]]:
+    """``(start, end, share of the left foot afterwards)`` of every passing of the load."""
+
+    def onto(side: Side) -> float:
+        return 1.0 if side == "left" else 0.0
+
+    if not plan.walks:
+        return []
+    first_off_s = plan.stances[1].off_s
+    shifts = [(first_off_s - 2 * SHIFT_S, first_off_s, onto(plan.stances[0].side))]
+    for stance in plan.stances[2:]:
+        lifts = [s.off_s for s in plan.stances if s.side != stance.side and s.off_s > stance.strike_s]
+        if np.isfinite(min(lifts)):
+            shifts.append((stance.strike_s, min(lifts), onto(stance.side)))
+    end_s = plan.stances[-1].strike_s
+    return [*shifts, (end_s, end_s + SHIFT_S, 0.5)]
+
+
+def _stance(side: Side, x_m: float, half_m: float, strike_s: float, off_s: float) -> Stance:
+    """A sole that is flat all the time."""
+    return Stance(side, x_m, sign(side) * half_m, strike_s, strike_s, off_s, off_s)
+
+
+def centred(rng: Generator, n: int) -> Series:
+    """Standard normal draws with mean 0, none beyond 2.5."""
+    draws = rng.standard_normal(n)
+    return np.asarray(np.clip(draws - draws.mean(), -2.5, 2.5))

@@ -1,0 +1,148 @@
+"""TALOS walks: a whole-body motion whose centre of mass, momentum and contact wrench are known exactly.
+
+1. footsteps, load, zero-moment point                               (``robot_gait``)
+2. the soles on swing curves, arms and torso against the legs       (``contacts.swing``)
+3. the CoM by Kajita's preview control of the zero-moment point     (``centroidal.special_cases.preview_control``)
+4. base and legs by inverse kinematics of the second order          (``whole_body``)
+5. CoM, momentum and their rates from q, q', q'' (Pinocchio); wrench by Newton and Euler (4.2a), (4.2b)
+
+Steps 3 to 5 repeat with the zero-moment point's error, which the cart-table model does not foresee (height and angular
+momentum), handed to the same preview controller: Kajita's dynamic filter.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+from numpy.random import Generator
+from scipy.interpolate import make_interp_spline
+
+from stridelab.centroidal.special_cases.preview_control import PreviewControl
+from stridelab.contacts.swing import SwingCurve
+from stridelab.conventions import Series, Vector3
+from stridelab.dynamics.spatial import Placement
+from stridelab.dynamics.zmp import zmp_of_motion
+from stridelab.recordings.recording import Side
+from stridelab.robots.inverse_kinematics import stand
+from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
+from stridelab.simulation.ground_truth import TrueMotion, motion_truth
+from stridelab.simulation.human.body_proportions import SIDES
+from stridelab.simulation.human.gait_plan import GaitPlan
+from stridelab.simulation.human.load_transfer import LoadPlan, Plane
+from stridelab.simulation.human.upper_body_motion import stride_clock
+from stridelab.simulation.robot.gait_plan import LEAD_S, ArmSwing, RobotGait, plan_load, plan_walk
+from stridelab.simulation.robot.trajectory_ik import LEGS_AND_BASE, JointPath, PointPath, RobotMotion, Task, WholeBody
+
+RATE_HZ: Final = 200.0
+Column = Float[np.ndarray, "n 1"]
+Heights = tuple[Column, Column, Column]
+"""Height of the CoM and its two derivatives over time."""
+_PASSES: Final = 6
+"""Preview control once, then on what is left of the error: below 2 mm (robot) and 8 mm (human cadence) at most."""
+
+
+@dataclass(frozen=True, eq=False)
+class RobotWalk:
+    """A motion at ``RATE_HZ``, its plan and its exact mechanics; ``load`` says which foot carries what, and where.
+
+    All of it begins ``LEAD_S`` before the recording's first instant, 0, and ends as long after its last.
+    """
+
+    robot: Robot
+    plan: GaitPlan
+    motion: RobotMotion
+    truth: TrueMotion
+    load: LoadPlan
+
+
+@lru_cache(maxsize=8)
+def walk(gait: RobotGait, seed: int = 0, robot_name: str = "talos") -> RobotWalk:
+    """Simulate; the same gait and seed give the same walk, which is kept for the next caller (do not change it).
+
+    Raises ``NotEstimable`` (``robot-out-of-reach``) where the gait asks too much of the legs.
+    """
+    rngs = [np.random.default_rng([seed, part]) for part in range(3)]
+    robot, plan = load_robot(robot_name), plan_walk(gait, rngs[0])
+    time_s = np.arange(round((gait.duration_s + 2 * LEAD_S) * RATE_HZ)) / RATE_HZ - LEAD_S
+    load = plan_load(plan, time_s, rngs[1])
+    feet = {side: sole_path(plan, side, time_s) for side in SIDES}
+    upper = swing_arms(robot, gait.arms, plan, time_s, rngs[2])
+    height = _height(gait, plan, time_s)
+    body, control = WholeBody(robot), PreviewControl(height_m=gait.com_height_m, dt_s=1.0 / RATE_HZ)
+    start = first_posture(robot, feet, _middle(feet, height))
+    wanted = load.zmp_m.copy()
+    for _ in range(_PASSES):
+        motion = body.solve(time_s, Task.of(feet, _com_path(control, wanted, height), upper), start)
+        truth = motion_truth(body.model, time_s, motion.q, motion.v, motion.a)
+        found = zmp_of_motion(truth.com_m, truth.acceleration_m_s2, truth.momentum_rate_nm, truth.mass_kg)
+        wanted = wanted + load.zmp_m - found
+    return RobotWalk(robot, plan, motion, truth, load)
+
+
+def _com_path(control: PreviewControl, zmp_m: Plane, height: Heights) -> PointPath:
+    """Preview control over the ground, begun a horizon earlier so that its own transient is over; given height."""
+    early = len(control.gains.preview)
+    cart = control.follow(np.vstack([np.repeat(zmp_m[:1], early, axis=0), zmp_m]))
+    planes = (cart.com_m, cart.velocity_m_s, cart.acceleration_m_s2)
+    return PointPath(*(np.column_stack([plane[early:], z]) for plane, z in zip(planes, height, strict=True)))
+
+
+def sole_path(plan: GaitPlan, side: Side, time_s: Series) -> PointPath:
+    """Middle of one sole: still on the ground, on swing curves in between."""
+    stances = [stance for stance in plan.stances if stance.side == side]
+    path = [np.zeros((len(time_s), 3)) for _ in range(3)]
+    path[0][:] = [stances[0].x_m, stances[0].y_m, 0.0]
+    for before, after in pairwise(stances):
+        start, end = (Placement.of((s.x_m, s.y_m, 0.0)) for s in (before, after))
+        curve = SwingCurve(start, end, after.strike_s - before.off_s, "surface", before.off_s)
+        for k in np.flatnonzero((time_s >= before.off_s) & (time_s < after.strike_s)):
+            point = curve.at(float(time_s[k]) - before.off_s)
+            path[0][k] = point.placement.position_m
+            path[1][k], path[2][k] = point.velocity_m_s, point.acceleration_m_s2
+        path[0][time_s >= after.strike_s] = [after.x_m, after.y_m, 0.0]
+    return PointPath(*path)
+
+
+def swing_arms(robot: Robot, arms: ArmSwing, plan: GaitPlan, time_s: Series, rng: Generator) -> JointPath:
+    """Shoulders, elbows and torso swing with the stride, by 10 % more or less with the seed; quintic splines of time.
+
+    TALOS' first arm joint turns about the vertical: with the arm held off the trunk it carries the hand forwards.
+    """
+    vary = 1.0 + 0.1 * np.clip(rng.standard_normal(3), -2.0, 2.0)
+    clock = stride_clock(plan, time_s)
+    forward = -np.cos(clock.phi) * clock.vigour
+    q = np.tile(robot.q_reference[7:], (len(time_s), 1))
+    index = {name: k for k, name in enumerate(robot.joint_names)}
+    q[:, index["torso_1_joint"]] += vary[0] * arms.yaw_rad * forward
+    for side in SIDES:
+        sign = 1.0 if side == "left" else -1.0
+        q[:, index[f"arm_{side}_1_joint"]] = vary[1] * arms.arm_rad * forward
+        q[:, index[f"arm_{side}_4_joint"]] -= sign * vary[2] * arms.elbow_rad * forward
+    spline = make_interp_spline(time_s, q[:, LEGS_AND_BASE - 6 :], k=5)
+    return JointPath(*(np.ascontiguousarray(spline(time_s, nu=order)) for order in range(3)))
+
+
+def _height(gait: RobotGait, plan: GaitPlan, time_s: Series) -> Heights:
+    """Height of the CoM ``(n, 1)``, lowest in the middle of double support, and its two derivatives."""
+    clock = stride_clock(plan, time_s)
+    z = gait.com_height_m - gait.bob_m * clock.vigour * np.cos(2.0 * clock.phi_double)
+    spline = make_interp_spline(time_s, z[:, None], k=5)
+    at, rate, second = (np.ascontiguousarray(spline(time_s, nu=order)) for order in range(3))
+    return at, rate, second
+
+
+def _middle(feet: Mapping[Side, PointPath], height: Heights) -> Vector3:
+    """The CoM while standing on the first footprints."""
+    x, y, _ = np.mean([path.position_m[0] for path in feet.values()], axis=0)
+    return np.array([x, y, height[0][0, 0]])
+
+
+def first_posture(robot: Robot, feet: Mapping[Side, PointPath], com_m: Vector3) -> Float[np.ndarray, "nq"]:
+    """On the first footprints with the CoM at ``com_m``: where the search of the first sample begins."""
+    places = {f"{side}_foot": Placement.of(path.position_m[0].tolist()) for side, path in feet.items()}
+    return stand(robot, places, com_m).q

@@ -1,0 +1,224 @@
+"""The centroidal problem on random variations of the thesis' three experiments (4.6.2 to 4.6.4), cold.
+
+What a solver is worth shows where nobody chose the numbers: stride, pace, height, friction and the place
+of every contact are drawn at random, for TALOS and HRP-2 in turn. Every variation ends in one of four ways:
+
+    converged    the solver says so and ``verify`` agrees
+    infeasible   a linear programme of the constraints alone has no solution either: there is no such motion
+    stuck        the programme has a solution, and the solver did not find a motion
+    broken       an error of ours
+
+The first two are right answers. The contacts go to the solver whether or not the judge of scenarios would let them
+pass, so that treads narrower than a sole are tried too; how many would pass is part of the result.
+"""
+
+import re
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Literal, get_args
+
+import numpy as np
+
+from stridelab.centroidal.infeasibility.elastic_lp import held
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.rest_to_rest import from_rest_to_rest
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.effector_geometry import EffectorShape, effector_shapes
+from stridelab.contacts.scenarios.parts import HRP2, TALOS, Scenario, Timing, Walker
+from stridelab.contacts.scenarios.stairs import (
+    CLIMBING,
+    HOLDING_ON,
+    STRIDING,
+    Stairs,
+    climb,
+    long_stride,
+    stairs_with_rail,
+)
+from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
+from stridelab.contacts.terrain import Terrain
+from stridelab.contacts.validation.validate import check
+from stridelab.dynamics.spatial import Placement
+from stridelab.errors import StridelabError
+from stridelab.reachability.store import load_proxies
+from stridelab.robots.loader import load_robot
+from stridelab.studies.thesis_experiments import RAILS
+
+Experiment = Literal["stride", "stairs", "rail"]
+EXPERIMENTS: Final[tuple[Experiment, ...]] = ("stride", "stairs", "rail")
+Ending = Literal["converged", "infeasible", "stuck", "broken"]
+WALKERS: Final = (TALOS, HRP2)
+STRIDE: Final = (0.6, 1.05)
+PACE: Final = (0.75, 1.3)
+HEIGHT_M: Final = (0.0, 0.18)
+FRICTION: Final = (0.3, 0.8)
+JITTER_M: Final = 0.02
+NUMBER: Final = re.compile(r"-?\d+(\.\d+)?")
+
+
+@dataclass(frozen=True)
+class Variation:
+    """One draw: ``stride`` and ``pace`` are factors on the experiment's own lengths and durations.
+
+    ``height_m`` is that of a stair (unused on level ground), ``seed`` draws the places of the contacts.
+    """
+
+    experiment: Experiment
+    walker: Walker
+    stride: float
+    pace: float
+    height_m: float
+    friction: float
+    seed: int
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a variation; ``reason`` says how where it did not converge, times are CPU times.
+
+    ``refusals`` are the judge's reasons, each once and without its numbers; none where he lets it pass.
+    """
+
+    variation: Variation
+    ending: Ending
+    refusals: tuple[str, ...] = ()
+    reason: str = ""
+    iterations: int = 0
+    dynamics_gap: float = np.nan
+    terminal_gap: float = np.nan
+    cone_margin_n: float = np.nan
+    solve_s: float = np.nan
+    build_s: float = np.nan
+
+
+def variations(number: int, seed: int = 0) -> tuple[Variation, ...]:
+    """The first ``number`` of a stream that depends on ``seed`` only; experiments and robots take turns."""
+    drawn = []
+    for k, child in enumerate(np.random.SeedSequence(seed).spawn(number)):
+        rng = np.random.default_rng(child)
+        stride, pace, height_m, friction = (float(rng.uniform(*ends)) for ends in (STRIDE, PACE, HEIGHT_M, FRICTION))
+        which, walker = EXPERIMENTS[k % 3], WALKERS[(k // 3) % 2]
+        drawn.append(Variation(which, walker, stride, pace, height_m, friction, int(rng.integers(2**31))))
+    return tuple(drawn)
+
+
+def scenario_of(variation: Variation) -> Scenario:
+    """Its scenario, every contact moved by up to ``JITTER_M`` within its surface, friction the same on all."""
+    built = _built(variation)
+    built["friction"] = variation.friction
+    for surface in built["terrain"]:
+        surface.pop("friction", None)
+    rng = np.random.default_rng(variation.seed)
+    moved: dict[tuple[Any, ...], list[float]] = {}
+    for phase in built["phases"]:
+        for contact in phase["contacts"]:
+            place = (contact["effector"], *contact["position_m"])
+            if place not in moved:  # the same contact in the next phase stays where it is
+                axes = Placement.of(contact["position_m"], contact["orientation_wxyz"]).rotation
+                x, y = rng.uniform(-JITTER_M, JITTER_M, 2)
+                shift = axes[:, 0] * x + (0.0 if contact["effector"].endswith("hand") else axes[:, 1] * y)
+                moved[place] = (np.array(contact["position_m"]) + shift).tolist()
+            contact["position_m"] = moved[place]
+    return built
+
+
+def sequence_of(scenario: Mapping[str, Any], shapes: Mapping[str, EffectorShape]) -> ContactSequence:
+    """The contacts of a scenario as they stand, without a judge and without a terrain."""
+
+    def contact(c: Mapping[str, Any]) -> Contact:
+        shape, friction = shapes[c["effector"]], float(scenario["friction"])
+        place = Placement.of(c["position_m"], c["orientation_wxyz"])
+        return Contact(c["effector"], place, "unseen", friction, shape.kind, shape.half_size_m)
+
+    phases = tuple(
+        ContactPhase(float(p["duration_s"]), {c["effector"]: contact(c) for c in p["contacts"]})
+        for p in scenario["phases"]
+    )
+    return ContactSequence(scenario["name"], scenario["robot"], float(scenario["friction"]), Terrain(()), phases)
+
+
+def problem_of(variation: Variation) -> CentroidalProblem:
+    """From rest to rest over the variation's contacts, with the bundled densities."""
+    robot = load_robot(variation.walker.robot)
+    sequence = sequence_of(scenario_of(variation), effector_shapes(robot.name))
+    return from_rest_to_rest(robot, sequence, load_proxies(robot.name))
+
+
+def attempt(variation: Variation) -> Outcome:
+    """Solve one variation; never raises for what the project can go wrong with."""
+    refused: tuple[str, ...] = ()
+    try:
+        refused = refusals_of(variation)
+        problem = problem_of(variation)
+        plan = solve(problem)
+        ending: Ending = "converged" if plan.converged else "stuck" if held(problem) else "infeasible"
+    except StridelabError as error:
+        return Outcome(variation, "broken", refused, error.message)
+    found = plan.verification
+    return Outcome(
+        variation,
+        ending,
+        refused,
+        "" if plan.converged else plan.status,
+        plan.iterations,
+        found.dynamics_gap,
+        found.terminal_gap,
+        found.cone_margin_n,
+        plan.solve_time_s,
+        plan.build_time_s,
+    )
+
+
+def refusals_of(variation: Variation) -> tuple[str, ...]:
+    """Why the judge of scenarios would not let it pass."""
+    report = check(scenario_of(variation), effector_shapes(variation.walker.robot))
+    return tuple(dict.fromkeys(NUMBER.sub("#", fault.message) for fault in report.faults))
+
+
+def refusals(outcomes: Sequence[Outcome]) -> Mapping[str, int]:
+    """How many variations the judge refuses for a reason, by the reason; some for several."""
+    return dict(Counter(reason for outcome in outcomes for reason in outcome.refusals).most_common())
+
+
+def attempts(drawn: Sequence[Variation], tell: Callable[[Outcome], None] | None = None) -> tuple[Outcome, ...]:
+    """One after the other."""
+    found = []
+    for variation in drawn:
+        found.append(attempt(variation))
+        if tell is not None:
+            tell(found[-1])
+    return tuple(found)
+
+
+def summary(outcomes: Sequence[Outcome]) -> Mapping[str, float | int]:
+    """The numbers that the aims are about; ``right`` is the share of right answers."""
+    by = {ending: sum(o.ending == ending for o in outcomes) for ending in get_args(Ending)}
+    done = [o for o in outcomes if o.ending == "converged"]
+    return {
+        "variations": len(outcomes),
+        **by,
+        "right": (by["converged"] + by["infeasible"]) / len(outcomes),
+        "judged_valid": sum(not o.refusals for o in outcomes),
+        "iterations_median": float(np.median([o.iterations for o in done])),
+        "iterations_most": max(o.iterations for o in done),
+        "dynamics_gap_most": max(o.dynamics_gap for o in done),
+        "terminal_gap_most": max(o.terminal_gap for o in done),
+        "cone_margin_least_n": min(o.cone_margin_n for o in done),
+        "solve_median_s": float(np.median([o.solve_s for o in done])),
+        "solve_most_s": max(o.solve_s for o in done),
+    }
+
+
+def _built(variation: Variation) -> Scenario:
+    v = variation
+    if v.experiment == "stride":
+        return long_stride(step_m=0.45 * v.stride, timing=_paced(STRIDING, v.pace), walker=v.walker)
+    depth_m = 0.30 * v.stride
+    if v.experiment == "stairs":
+        return climb(Stairs(6, v.height_m, depth_m), _paced(CLIMBING, v.pace), "both", v.walker)
+    rail = RAILS[v.walker.robot]
+    return stairs_with_rail(Stairs(4, v.height_m, depth_m), rail, _paced(HOLDING_ON, v.pace), v.walker)
+
+
+def _paced(timing: Timing, pace: float) -> Timing:
+    return Timing(pace * timing.ends_s, pace * timing.move_s, pace * timing.rest_s)

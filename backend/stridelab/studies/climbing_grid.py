@@ -1,0 +1,307 @@
+"""What densities of the CoM are for: how many rails and stairs a robot climbs with them, body and all.
+
+    Case -> contact sequence -> centroidal plan -> whole-body motion -> certificate (-> replay in physics)
+
+A case succeeds if the scenario is valid, the plan converges, the whole body follows it and every check of the
+certificate passes. The replay is made of every motion that there is, and is reported beside. Whatever goes wrong is
+part of the result, with the stage at which it did: a grid always comes to its end.
+
+The rails and stairs on which densities of the CoM are compared: fixed before any density was tried on them.
+
+All are variations of experiments 2 and 3 of the thesis (4.6.3, 4.6.4) for TALOS. The rails are those of a prototype on
+which uniform densities succeeded, the highest of them barely; the stairs vary height, depth, timing and footing.
+"""
+
+import multiprocessing
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from typing import Any, Final, Literal
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.centroidal.rest_to_rest import from_rest_to_rest
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenario_io import sequence_of
+from stridelab.contacts.scenarios.parts import Timing
+from stridelab.contacts.scenarios.stairs import Footing, HandRail, Stairs, climb, stairs_with_rail
+from stridelab.errors import StridelabError
+from stridelab.parallel import end_with_parent
+from stridelab.reachability.proxy.effector_proxy import Proxy
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.certificate.certificate import Check
+from stridelab.wholebody.certificate.certify import certify
+from stridelab.wholebody.control.controller import WholeBodyController
+from stridelab.wholebody.replay.replay import replay
+
+Kind = Literal["rail", "stairs"]
+
+
+@dataclass(frozen=True, eq=False)
+class Case:
+    """One scenario (``schemas.scenarios.Scenario`` as a mapping) of the grid, under a name that says what it varies."""
+
+    name: str
+    kind: Kind
+    scenario: dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What varies from stairs to stairs."""
+
+    height_m: float
+    depth_m: float
+    timing: Timing
+    footing: Footing = "both"
+
+
+SLOW: Final = Timing(2.5, 1.4, 0.2)
+FAST: Final = Timing(2.0, 0.8, 0.2)
+HASTY: Final = Timing(2.0, 0.8, 0.1)
+PACES: Final = {SLOW: "slow", FAST: "fast", HASTY: "hasty"}
+
+RAILS: Final = (
+    HandRail(0.22, 0.80, -0.50),
+    HandRail(0.22, 0.85, -0.54),
+    HandRail(0.22, 0.70, -0.50),
+    HandRail(0.22, 0.80, -0.42),
+    HandRail(0.22, 0.80, -0.58),
+    HandRail(0.10, 0.80, -0.50),
+    HandRail(0.35, 0.80, -0.50),
+    HandRail(0.22, 0.90, -0.50),
+    HandRail(0.30, 0.90, -0.55),
+    HandRail(0.22, 1.00, -0.55),
+    HandRail(0.22, 1.10, -0.55),
+)
+"""Beside four stairs 15 cm high, after a level step."""
+
+FLIGHTS: Final = (
+    Flight(0.05, 0.28, SLOW),
+    Flight(0.05, 0.30, FAST),
+    Flight(0.05, 0.35, SLOW),
+    Flight(0.10, 0.28, SLOW),
+    Flight(0.10, 0.30, SLOW),
+    Flight(0.10, 0.30, HASTY),
+    Flight(0.10, 0.35, FAST),
+    Flight(0.15, 0.28, SLOW),
+    Flight(0.15, 0.30, SLOW),
+    Flight(0.15, 0.30, FAST),
+    Flight(0.15, 0.35, SLOW),
+    Flight(0.15, 0.35, HASTY),
+    Flight(0.05, 0.30, FAST, "alternate"),
+    Flight(0.10, 0.28, SLOW, "alternate"),
+    Flight(0.10, 0.30, SLOW, "alternate"),
+    Flight(0.20, 0.30, SLOW),
+)
+"""Of four stairs each, without a rail."""
+_NUMBER: Final = 4
+TOE_GAP_M: Final = 0.04
+"""Narrower than that of the bundled scenarios: shins come close to the next stair."""
+
+
+def climbing_cases() -> tuple[Case, ...]:
+    """All rails, then all stairs."""
+    return (*(beside(rail) for rail in RAILS), *(up(flight) for flight in FLIGHTS))
+
+
+def beside(rail: HandRail) -> Case:
+    """Experiment 3 with another rail."""
+    name = f"rail {rail.ahead_m:.2f} {rail.height_m:.2f} {rail.y_m:.2f}"
+    return Case(name, "rail", stairs_with_rail(Stairs(_NUMBER, 0.15, toe_gap_m=TOE_GAP_M), rail))
+
+
+def up(flight: Flight, number: int = _NUMBER) -> Case:
+    """Experiment 2 with other stairs."""
+    name = f"stairs {flight.height_m:.2f} {flight.depth_m:.2f} {PACES[flight.timing]} {flight.footing}"
+    stairs = Stairs(number, flight.height_m, flight.depth_m, toe_gap_m=TOE_GAP_M)
+    return Case(name, "stairs", climb(stairs, flight.timing, flight.footing))
+
+
+Stage = Literal["scenario", "plan", "whole body", "certificate", "crash"]
+STAGES: Final[tuple[Stage, ...]] = ("scenario", "plan", "whole body", "certificate", "crash")
+"""Where a case can fail; ``crash`` is a process that ended without an answer."""
+
+Proxies = Mapping[str, Proxy]
+
+
+@dataclass(frozen=True)
+class CaseResult:
+    """What became of one case.
+
+    ``stage`` is where it failed and ``reason`` how, ``None`` and empty for a success. ``com_height_m`` is the least
+    and the greatest height of the planned CoM above the mean of the soles that touch. ``checks`` are those of the
+    certificate; there are none without a motion, and then ``replayed`` and ``replay_error_m`` (the largest error of
+    the CoM in the replay) are ``None``. ``cpu_s`` includes the replay.
+    """
+
+    case: str
+    kind: Kind
+    stage: Stage | None
+    reason: str = ""
+    iterations: int | None = None
+    com_height_m: tuple[float, float] | None = None
+    checks: tuple[Check, ...] = ()
+    replayed: bool | None = None
+    replay_error_m: float | None = None
+    cpu_s: float = 0.0
+
+    @property
+    def success(self) -> bool:
+        """Whether the whole body does it, every check passed."""
+        return self.stage is None
+
+    def check(self, name: str) -> Check | None:
+        """The check of this name, where there is a motion."""
+        return next((check for check in self.checks if check.name == name), None)
+
+
+@dataclass(frozen=True)
+class GridReport:
+    """The results of one choice of densities."""
+
+    label: str
+    results: tuple[CaseResult, ...]
+
+    def of(self, kind: Kind) -> "GridReport":
+        """The part on rails, or on stairs."""
+        return GridReport(self.label, tuple(result for result in self.results if result.kind == kind))
+
+    @property
+    def successes(self) -> int:
+        """Number of cases that succeed."""
+        return sum(result.success for result in self.results)
+
+    @property
+    def replayed(self) -> int:
+        """Number of cases whose replay came to its end, whatever the certificate says."""
+        return sum(result.replayed is True for result in self.results)
+
+    @property
+    def failures(self) -> Mapping[Stage, int]:
+        """Number of cases that failed, by stage."""
+        return {stage: n for stage in STAGES if (n := sum(result.stage == stage for result in self.results))}
+
+
+def run_grid(
+    robot: Robot,
+    proxies: Proxies,
+    cases: Sequence[Case],
+    processes: int = 2,
+    tell: Callable[[CaseResult], None] | None = None,
+) -> tuple[CaseResult, ...]:
+    """Try every case with ``proxies``, so many at a time; the results in the order of ``cases``.
+
+    ``tell`` hears of every result as soon as it is there. Names of cases must differ. A case does not depend on the
+    others: each has a process of its own, one that dies takes only its own case along, and all end with this one.
+    """
+    found: dict[str, CaseResult] = {}
+    with ThreadPoolExecutor(processes) as pool:  # each thread waits for one process
+        for done in as_completed([pool.submit(_apart, robot, proxies, case) for case in cases]):
+            result = done.result()
+            found[result.case] = result
+            if tell is not None:
+                tell(result)
+    return tuple(found[case.name] for case in cases)
+
+
+def _apart(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:
+    """``attempt`` in a process of its own, which may die of it."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__])
+    ours, theirs = context.Pipe(duplex=False)
+    process = context.Process(target=_answer, args=(theirs, robot, dict(proxies), case), daemon=True)
+    process.start()
+    theirs.close()  # so that the end of the process is the end of the pipe
+    try:
+        result: CaseResult = ours.recv()
+    except EOFError:
+        process.join()
+        return CaseResult(case.name, case.kind, "crash", f"its process ended with exit code {process.exitcode}")
+    finally:
+        ours.close()
+        process.join()
+    return result
+
+
+def _answer(pipe: Connection, robot: Robot, proxies: Proxies, case: Case) -> None:
+    threading.Thread(target=end_with_parent, daemon=True).start()
+    with threadpool_limits(1):
+        pipe.send(attempt(robot, proxies, case))
+    pipe.close()
+
+
+def attempt(robot: Robot, proxies: Proxies, case: Case) -> CaseResult:
+    """Try one case in this process."""
+    started = time.process_time()
+    course = _Course()
+    try:
+        stage, reason = course.run(robot, proxies, case)
+    except StridelabError as error:
+        stage, reason = course.stage, error.message
+    return CaseResult(
+        case=case.name,
+        kind=case.kind,
+        stage=stage,
+        reason=reason,
+        iterations=course.plan.iterations if course.plan is not None else None,
+        com_height_m=com_height_m(robot, course.plan) if course.plan is not None else None,
+        checks=course.checks,
+        replayed=course.replayed,
+        replay_error_m=course.replay_error_m,
+        cpu_s=time.process_time() - started,
+    )
+
+
+@dataclass
+class _Course:
+    """How far a case has come."""
+
+    stage: Stage = "scenario"
+    plan: CentroidalPlan | None = None
+    checks: tuple[Check, ...] = ()
+    replayed: bool | None = None
+    replay_error_m: float | None = None
+
+    def run(self, robot: Robot, proxies: Proxies, case: Case) -> tuple[Stage | None, str]:
+        """Go through the stages; the one that failed, and how."""
+        sequence = sequence_of(case.scenario, effector_shapes(robot.name))
+        self.stage = "plan"
+        plan = self.plan = solve(from_rest_to_rest(robot, sequence, proxies))
+        if not plan.converged:
+            return self.stage, plan.status
+        self.stage = "whole body"
+        motion = WholeBodyController().run(robot, sequence, plan)
+        self.stage = "certificate"
+        self.checks = certify(robot, sequence, plan, proxies, motion).checks
+        replay_found = replay(robot, sequence, motion, _silent)
+        self.replayed, self.replay_error_m = replay_found.completed, replay_found.com_error_max_m
+        failed = [check for check in self.checks if not check.passed]
+        return (self.stage, "; ".join(_said(check) for check in failed)) if failed else (None, "")
+
+
+def com_height_m(robot: Robot, plan: CentroidalPlan) -> tuple[float, float]:
+    """Least and greatest height of the planned CoM above the mean of the soles that touch."""
+    phases = plan.sequence.phases
+    soles_m = [
+        np.mean([c.placement.position_m[2] for e, c in p.contacts.items() if robot.effectors[e].kind == "surface"])
+        for p in phases
+    ]
+    height_m = plan.com_m[:-1, 2] - np.array(soles_m)[plan.phase]
+    return float(height_m.min()), float(height_m.max())
+
+
+def _said(check: Check) -> str:
+    sign = "<" if check.at_least else ">"
+    where = f" ({check.effector}, {check.time_s:.1f} s)" if check.effector and check.time_s is not None else ""
+    return f"{check.name} {check.value:.3g} {sign} {check.limit:.3g} {check.unit}{where}"
+
+
+def _silent(_fraction: float, _message: str) -> None:
+    """Nobody watches the replay."""

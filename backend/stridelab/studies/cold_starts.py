@@ -1,0 +1,150 @@
+"""Whether the C++ solver finds a motion wherever there is one, from the thesis' own start.
+
+Whether there is one, another has to say: ``Oracle`` is a conic solver that knows the constraints alone. Problems are
+
+    drawn      the random variations of the thesis' experiments (``centroidal_variations``), friction cones exact
+    hasty      variations whose durations are divided by ``HASTE``: of some there is no motion
+    moved      every bundled scenario, mirrored or not, turned about the vertical, and up to 100 m away
+"""
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+
+from stridelab.centroidal.point_forces import CircularCones
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.rest_to_rest import from_rest_to_rest
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenario_io import sequence_of
+from stridelab.contacts.scenarios.bundled import BUNDLED
+from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
+from stridelab.contacts.terrain import Terrain
+from stridelab.dynamics.spatial import Placement
+from stridelab.reachability.store import load_proxies
+from stridelab.robots.loader import load_robot
+from stridelab.studies.centroidal_variations import problem_of, variations
+
+Kind = Literal["drawn", "hasty", "moved"]
+Answer = Literal["feasible", "infeasible", "unknown"]
+Oracle = Callable[[CentroidalProblem], Answer]
+HASTE: Final = (1.0, 12.0)
+AWAY_M: Final = 100.0
+SIDES: Final = {"left": "right", "right": "left"}
+MIRROR: Final = np.diag([1.0, -1.0, 1.0])
+
+
+@dataclass(frozen=True)
+class ColdStart:
+    """One problem: what the oracle says of it and what the solver; ``cpu_s`` is the solver's processor time."""
+
+    kind: Kind
+    name: str
+    exists: Answer
+    converged: bool
+    proved: bool
+    status: str
+    iterations: int
+    cpu_s: float
+
+    @property
+    def agrees(self) -> bool:
+        """A motion where there is one, a proof where there is none."""
+        return self.converged if self.exists == "feasible" else self.proved and self.exists == "infeasible"
+
+
+def mirrored(sequence: ContactSequence) -> ContactSequence:
+    """Left for right, about the plane y = 0."""
+    return _changed(sequence, lambda T: Placement(MIRROR @ T.position_m, MIRROR @ T.rotation @ MIRROR), _other)
+
+
+def carried(sequence: ContactSequence, place: Placement) -> ContactSequence:
+    """As seen from a frame in which the world's stands at ``place``."""
+    return _changed(sequence, lambda T: place @ T, lambda name: name)
+
+
+def drawn(number: int, seed: int = 0) -> Iterator[tuple[str, CentroidalProblem]]:
+    """The first ``number`` variations of a stream."""
+    for variation in variations(number, seed):
+        yield str(variation), replace(problem_of(variation), control=CircularCones())
+
+
+def hasty(number: int, seed: int = 1) -> Iterator[tuple[str, CentroidalProblem]]:
+    """The same of another stream, in less time; factors log-uniform in ``HASTE``."""
+    rng = np.random.default_rng(seed)
+    for variation in variations(number, seed):
+        by = float(np.exp(rng.uniform(*np.log(HASTE))))
+        yield f"{by:.2f} times as fast: {variation}", hastened(problem_of(variation), by)
+
+
+def hastened(problem: CentroidalProblem, by: float) -> CentroidalProblem:
+    """The same contacts in less time."""
+    phases = tuple(replace(p, duration_s=p.duration_s / by) for p in problem.sequence.phases)
+    return replace(problem, sequence=replace(problem.sequence, phases=phases), control=CircularCones())
+
+
+def moved(number: int, seed: int = 2) -> Iterator[tuple[str, CentroidalProblem]]:
+    """Every bundled scenario in ``number`` places, each as it is and mirrored in turns."""
+    rng = np.random.default_rng(seed)
+    for name, build in BUNDLED.items():
+        scenario = build()
+        robot = load_robot(scenario["robot"])
+        as_it_is = sequence_of(scenario, effector_shapes(robot.name))
+        for k in range(number):
+            sides = mirrored(as_it_is) if k % 2 else as_it_is
+            yaw_rad, way = rng.uniform(-np.pi, np.pi), rng.normal(size=3)
+            away_m = (AWAY_M * way / np.linalg.norm(way)).tolist()
+            place = Placement.of(away_m, (np.cos(yaw_rad / 2), 0.0, 0.0, np.sin(yaw_rad / 2)))
+            problem = from_rest_to_rest(robot, carried(sides, place), load_proxies(robot.name))
+            yield f"{name}, place {k}", replace(problem, control=CircularCones())
+
+
+def attempt(kind: Kind, name: str, problem: CentroidalProblem, oracle: Oracle) -> ColdStart:
+    """Ask both."""
+    exists = oracle(problem)
+    plan = solve(problem, "native")
+    proved = "infeasible" in plan.status
+    return ColdStart(kind, name, exists, plan.converged, proved, plan.status, plan.iterations, plan.solve_time_s)
+
+
+def summary(found: Sequence[ColdStart]) -> Mapping[str, Mapping[str, object]]:
+    """By kind: how many there are, how they end, and how long that takes."""
+    return {kind: _summary([c for c in found if c.kind == kind]) for kind in dict.fromkeys(c.kind for c in found)}
+
+
+def _summary(found: Sequence[ColdStart]) -> Mapping[str, object]:
+    done = [c for c in found if c.converged] or list(found)
+    ms = 1e3 * np.array([c.cpu_s for c in found])
+    wrong = [c for c in found if (c.converged and c.exists == "infeasible") or (c.proved and c.exists == "feasible")]
+    return {
+        "problems": len(found),
+        "by_the_oracle": dict(Counter(c.exists for c in found)),
+        "converged_of_feasible": sum(c.converged for c in found if c.exists == "feasible"),
+        "proved_of_infeasible": sum(c.proved for c in found if c.exists == "infeasible"),
+        "wrong": len(wrong),
+        "iterations_median": float(np.median([c.iterations for c in done])),
+        "iterations_most": max(c.iterations for c in done),
+        "cpu_ms_median": round(float(np.median(ms)), 2),
+        "cpu_ms_most": round(float(ms.max()), 1),
+    }
+
+
+def _changed(
+    sequence: ContactSequence, place: Callable[[Placement], Placement], rename: Callable[[str], str]
+) -> ContactSequence:
+    def contact(c: Contact) -> Contact:
+        return replace(c, effector=rename(c.effector), placement=place(c.placement))
+
+    phases = tuple(
+        ContactPhase(p.duration_s, {rename(name): contact(c) for name, c in p.contacts.items()})
+        for p in sequence.phases
+    )
+    return replace(sequence, terrain=Terrain(()), phases=phases)
+
+
+def _other(effector: str) -> str:
+    side, _, part = effector.partition("_")
+    return f"{SIDES[side]}_{part}"

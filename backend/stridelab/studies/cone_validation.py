@@ -1,0 +1,123 @@
+"""What the cones of section 4.4 are worth on random contact sets, every promise measured."""
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from stridelab.contacts.wrench_cones.contact_points import PointContacts, change_of_frame
+from stridelab.contacts.wrench_cones.thesis_lorentz_cone import outer_cone
+from stridelab.contacts.wrench_cones.wrench_cone import N_RAYS, LinearCone, LorentzCone, Wrenches
+from stridelab.contacts.wrench_cones.wrench_feasibility import linear_margin
+from stridelab.errors import NotEstimable
+from stridelab.studies.random_contact_sets import com_m, random_contacts
+
+FARTHER_M = np.array([3.0, -40.0, 7.0])
+MILLIMETRES = 1000.0
+
+
+@dataclass(frozen=True)
+class Timed:
+    """Processor time of a computation."""
+
+    time_s: float
+
+
+@dataclass(frozen=True)
+class ConeCheck:
+    """One contact set.
+
+    ``violation`` is the largest of a facet in closed form, ``least_margin`` the least of the boundary points by LP as
+    a share of the wrench, ``change`` of the gauge by another point and unit of length. ``kept`` and ``kept_thesis``
+    are volumes of sections of the largest cone and of the thesis' with alpha = 0.3, over that of the pyramids with
+    four rays; ``alpha_max`` how far the thesis' cone stays in these (NaN where it is not defined).
+    """
+
+    bodies: int
+    dimension: int
+    facets: int
+    violation: float
+    least_margin: float
+    change: float
+    kept: float
+    kept_thesis: float
+    alpha_max: float
+    time_s: float
+
+
+def check_cone(contacts: PointContacts, bodies: int, points: int, rng: np.random.Generator) -> ConeCheck:
+    """The largest cone of one set, with ``points`` boundary points by linear programmes.
+
+    Half of them are those nearest to a facet, the others random.
+    """
+    linear = LinearCone.of(contacts)
+    cone, took = timed(lambda: LinearCone.of(contacts).largest_lorentz())
+    nearest = np.argsort(-cone.supports(linear.facets) @ [1.0, 1.0] / np.linalg.norm(linear.facets, axis=1))
+    worst = cone.towards(linear.facets[nearest[: points // 2]])
+    boundary = np.vstack([worst, cone.boundary(rng.normal(size=(points - len(worst), cone.dimension)))])
+    margins = [linear_margin(contacts, y, N_RAYS).margin_n / np.linalg.norm(y) for y in boundary]
+    pyramids = LinearCone.of(contacts, 4)
+    try:
+        thesis = thesis_cone(contacts)
+        alpha_max, kept_thesis = pyramids.alpha_max(thesis), pyramids.kept(thesis.shrunk(0.3))
+    except NotEstimable:
+        alpha_max, kept_thesis = np.nan, np.nan
+    return ConeCheck(
+        bodies,
+        linear.dimension,
+        len(linear.normals),
+        linear.violation(cone),
+        float(min(margins)),
+        _change(contacts, boundary),
+        pyramids.kept(cone),
+        kept_thesis,
+        alpha_max,
+        took.time_s,
+    )
+
+
+def timed(compute: Callable[[], LorentzCone]) -> tuple[LorentzCone, Timed]:
+    """A cone and the processor time that it took."""
+    start = time.process_time()
+    cone = compute()
+    return cone, Timed(time.process_time() - start)
+
+
+def thesis_cone(contacts: PointContacts) -> LorentzCone:
+    """The thesis' outer cone, computed about the CoM in newtons and newton metres; wrenches about the origin."""
+    there = change_of_frame(-com_m(contacts))
+    return outer_cone(contacts.rays(4) @ there.T).in_frame(there)
+
+
+def check_cones(sets: int, points: int, seed: int = 0) -> list[ConeCheck]:
+    """Two, three and four bodies in turn."""
+    rng = np.random.default_rng(seed)
+    return [check_cone(random_contacts(rng, 2 + k % 3), 2 + k % 3, points, rng) for k in range(sets)]
+
+
+def summary(checks: list[ConeCheck]) -> Mapping[str, int | float]:
+    """The numbers that the aims are about."""
+    ratios = np.array([check.kept / check.kept_thesis for check in checks if np.isfinite(check.alpha_max)])
+    alphas = np.array([check.alpha_max for check in checks if np.isfinite(check.alpha_max)])
+    return {
+        "sets": len(checks),
+        "facets_violated": sum(check.violation > 0.0 for check in checks),
+        "largest_violation": max(check.violation for check in checks),
+        "points_outside": sum(check.least_margin < -1e-9 for check in checks),
+        "least_margin": min(check.least_margin for check in checks),
+        "largest_change": max(check.change for check in checks),
+        "median_kept": float(np.median([check.kept for check in checks])),
+        "median_kept_over_thesis": float(np.median(ratios)),
+        "thesis_undefined": len(checks) - len(alphas),
+        "share_where_0.2_leaves": float((alphas < 0.2).mean()),
+        "share_where_0.3_leaves": float((alphas < 0.3).mean()),
+        "least_alpha_max": float(alphas.min()),
+        "median_alpha_max": float(np.median(alphas)),
+        "median_time_3_bodies_ms": 1e3 * float(np.median([check.time_s for check in checks if check.bodies == 3])),
+    }
+
+
+def _change(contacts: PointContacts, boundary: Wrenches) -> float:
+    there = LinearCone.of(contacts.moved(FARTHER_M, MILLIMETRES)).largest_lorentz()
+    return float(np.abs(there.gauge(boundary @ change_of_frame(FARTHER_M, MILLIMETRES).T) - 1.0).max())

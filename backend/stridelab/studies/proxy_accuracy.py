@@ -1,0 +1,148 @@
+"""The proxy of a contact set beside the truth on the same contacts: figure 4.5 as numbers.
+
+The truth is the kernel density of the CoM over postures drawn by inverse kinematics (``StanceTruth``, range ``ANY``),
+in kernels of ``BANDWIDTH_M``; thresholds of its sets come from draws that the kernels have not seen. Compared are the
+smallest sets that hold a mass, of the truth and of the product.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stridelab.conventions import Points, Series, Vector3
+from stridelab.dynamics.spatial import Placement
+from stridelab.reachability.kinematics.ik_ground_truth import Contacts, StanceTruth
+from stridelab.reachability.learning.kde import KernelDensity
+from stridelab.reachability.proxy.contact_set_proxy import ContactSet
+from stridelab.reachability.proxy.effector_proxy import Proxy
+
+MASSES: Final = (0.5, 0.8, 0.95)
+BANDWIDTH_M: Final = 0.04
+DRAWS: Final = 1500
+"""Postures for the kernels, and as many for the thresholds."""
+PROBES: Final = 300
+"""Places in the product's set that are searched for postures."""
+ROUNDS: Final = 10
+PRODUCT_DRAWS: Final = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class Truth:
+    """The kernels, and draws they have not seen with their log-densities (nats, per m^3)."""
+
+    kernels: KernelDensity
+    unseen_m: Points
+    log_p: Series
+
+    @staticmethod
+    def of(truth: StanceTruth, contacts: Mapping[str, Placement], draws: int = DRAWS, seed: int = 0) -> "Truth":
+        """From ``2 draws`` postures. Raises ``NotEstimable`` (``contacts-out-of-reach``)."""
+        com_m = truth.sample(contacts, 2 * draws, seed)
+        kernels = KernelDensity(com_m[:draws], BANDWIDTH_M)
+        return Truth(kernels, com_m[draws:], kernels.log_density(com_m[draws:]))
+
+    def volume_m3(self, mass: float, seed: int = 0) -> float:
+        """Volume of the smallest set that holds ``mass`` of the kernel density."""
+        draws = self.kernels.sample(4 * len(self.log_p), np.random.default_rng(seed))
+        log_p = self.kernels.log_density(draws)
+        return float(np.exp(-log_p[log_p >= np.quantile(log_p, 1.0 - mass)]).sum() / len(log_p))
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One contact set and one choice of densities.
+
+    Volumes (m^3) are those of sets that hold ``MASSES``. ``mass_inside`` is how much of the product lies in the set
+    that holds 95 % of the truth, ``truth_inside`` how much of the truth in that of the product. ``false_feasible`` is
+    the share of the volume of the product's set where no posture was found. ``density_at_mode`` is the truth's density
+    at the product's mode over its largest one.
+    """
+
+    contacts: str
+    densities: str
+    truth_volumes_m3: tuple[float, ...]
+    product_volumes_m3: tuple[float, ...]
+    mass_inside: float
+    truth_inside: float
+    false_feasible: float
+    mode_m: tuple[float, float, float]
+    density_at_mode: float
+
+
+def compare(
+    search: StanceTruth,
+    name: str,
+    placements: Mapping[str, Placement],
+    truth: Truth,
+    densities: Mapping[str, Mapping[str, Proxy]],
+    probes: int = PROBES,
+) -> list[Comparison]:
+    """The product of every choice of ``densities`` for one contact set against its ``truth``."""
+    contacts = Contacts.of(search.robot, [placements])
+    heading_rad = float(contacts.heading_rad[0])
+    volumes = tuple(truth.volume_m3(mass) for mass in MASSES)
+    edge = float(np.quantile(truth.log_p, 1.0 - MASSES[-1]))
+    top = max(float(truth.log_p.max()), float(truth.kernels.log_density(truth.kernels.centres_m).max()))
+    found = []
+    for label, proxies in densities.items():
+        rng = np.random.default_rng(0)
+        product = ContactSet.of(proxies, placements, heading_rad)
+        draws = product.sample(PRODUCT_DRAWS, rng)
+        log_q = product.log_density(draws)
+        threshold = float(np.quantile(log_q, 1.0 - MASSES[-1]))
+        mode = product.mode_m()
+        found.append(
+            Comparison(
+                name,
+                label,
+                volumes,
+                tuple(product.volumes_m3(MASSES).tolist()),
+                float((truth.kernels.log_density(draws[:2000]) >= edge).mean()),
+                float((product.log_density(truth.unseen_m) >= threshold).mean()),
+                _false_feasible(search, contacts, draws, log_q, threshold, probes),
+                _triple(mode),
+                float(np.exp(truth.kernels.log_density(mode[None])[0] - top)),
+            )
+        )
+    return found
+
+
+def _false_feasible(
+    search: StanceTruth, contacts: Contacts, draws: Points, log_q: Series, threshold: float, probes: int
+) -> float:
+    """Share of a set's volume where no posture is found: draws of the set, weighted to be uniform in it."""
+    inside = log_q >= threshold
+    weights = np.exp(threshold - log_q[inside])
+    chosen = np.random.default_rng(1).choice(np.flatnonzero(inside), probes, p=weights / weights.sum())
+    many = contacts.taken(np.zeros(probes, dtype=int))
+    feasible, _ = search.feasible(many, draws[chosen], ROUNDS, seed=2)
+    return float(1.0 - feasible.mean())
+
+
+def _triple(point: Vector3) -> tuple[float, float, float]:
+    x, y, z = (float(value) for value in point)
+    return x, y, z
+
+
+def stair_contacts(robot_name: str) -> dict[str, dict[str, Placement]]:
+    """Two, three and four contacts on a stair of 0.30 m by 0.15 m with rails at both sides, as in figure 4.5."""
+    aside, hand = {"talos": (0.09, (0.37, 0.50, 0.95)), "hrp2": (0.105, (0.30, 0.45, 0.75))}[robot_name]
+    x, y, z = hand
+    two = {"left_foot": Placement.of((0.0, aside, 0.0)), "right_foot": Placement.of((0.30, -aside, 0.15))}
+    three = two | {"right_hand": Placement.of((x, -y, z))}
+    return {"2 contacts": two, "3 contacts": three, "4 contacts": three | {"left_hand": Placement.of((x, y, z))}}
+
+
+def four_stances(robot_name: str) -> dict[str, dict[str, Placement]]:
+    """Two soles: side by side, on stairs of 10 and 15 cm, and half a stride apart."""
+    aside = {"talos": 0.09, "hrp2": 0.105}[robot_name]
+    ahead: Sequence[tuple[str, float, float]] = (
+        ("flat", 0.0, 0.0),
+        ("stair of 0.10 m", 0.30, 0.10),
+        ("stair of 0.15 m", 0.30, 0.15),
+        ("half stride", 0.45, 0.0),
+    )
+    left = Placement.of((0.0, aside, 0.0))
+    return {name: {"left_foot": left, "right_foot": Placement.of((x, -aside, z))} for name, x, z in ahead}

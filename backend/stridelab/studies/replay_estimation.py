@@ -1,0 +1,86 @@
+"""The CoM estimator of chapter 2 as the eyes of the replay's stabiliser.
+
+What a robot has is kinematics and force sensors: the CoM that its own model sees in the joint angles, with white noise,
+and the wrench of the surroundings. The online complementary filter (2.24)-(2.27) makes position and velocity of them.
+Its geometry knows nothing of a load on the trunk; the central axis of the contact wrench does.
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import pinocchio as pin
+
+from stridelab.estimation.complementary.online_filter import OnlineComplementaryFilter
+from stridelab.estimation.error_priors import ErrorPriors
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.replay.disturbances import Disturbances, SensorNoise
+from stridelab.wholebody.replay.sensors import Observe, Seen, as_sensed
+
+LOW_HZ: Final = 0.2
+"""Above it the geometry is believed rather than the axis, which angular momentum moves."""
+HIGH_HZ: Final = 4.0
+TABLE_SD_M: Final = (0.01, 0.01, 0.01)
+GOOD, POOR = SensorNoise(0.001, 0.01), SensorNoise(0.005, 0.05)
+CONDITIONS: Final[Mapping[str, Disturbances]] = {
+    "noise of 1 mm, 0.01 m/s": Disturbances(sensor_noise=GOOD),
+    "5 ms late as well": Disturbances(sensor_noise=GOOD, delay_s=0.005),
+    "5 kg heavier as well": Disturbances(sensor_noise=GOOD, delay_s=0.005, trunk_mass_kg=5.0),
+    "noise of 5 mm, 0.05 m/s": Disturbances(sensor_noise=POOR),
+}
+"""Under which estimators are compared."""
+
+
+def estimators(robot: Robot, noise: SensorNoise) -> Mapping[str, Observe]:
+    """What may stand in front of the stabiliser, each new, for one replay."""
+    return {
+        "the simulator's CoM with noise": as_sensed,
+        "kinematics alone": Kinematic(robot, noise.position_m, noise.velocity_m_s),
+        "kinematics and forces, filtered": Filtered(robot, noise.position_m),
+    }
+
+
+class Kinematic:
+    """The CoM of the robot's own model, with white noise, and its velocity by the same model: no force sensor."""
+
+    def __init__(self, robot: Robot, position_sd_m: float, velocity_sd_m_s: float, seed: int = 0) -> None:
+        self._model, self._data = robot.model, robot.model.createData()
+        self._sd, self._rng = (position_sd_m, velocity_sd_m_s), np.random.default_rng([seed, 2])
+
+    def __call__(self, seen: Seen) -> Seen:
+        """What is sensed, with this CoM in place of the simulator's."""
+        pin.centerOfMass(self._model, self._data, seen.q, seen.v)
+        noise = self._rng.normal(size=(2, 3))
+        com_m, com_v = self._data.com[0] + self._sd[0] * noise[0], self._data.vcom[0] + self._sd[1] * noise[1]
+        return replace(seen, com_m=com_m, com_v_m_s=com_v)
+
+
+class Filtered:
+    """The same position and the force sensors through the filter; the kinematic velocity is not used."""
+
+    def __init__(self, robot: Robot, position_sd_m: float, seed: int = 0) -> None:
+        self._kinematic = Kinematic(robot, position_sd_m, 0.0, seed)
+        self._filter = OnlineComplementaryFilter(
+            low_hz=LOW_HZ,
+            high_hz=HIGH_HZ,
+            mass_kg=robot.mass_kg,
+            table_sd_m=TABLE_SD_M,
+            priors=ErrorPriors(),
+            velocity_m_s=np.zeros(3),
+        )
+        self._before: Seen | None = None
+
+    def __call__(self, seen: Seen) -> Seen:
+        """What is sensed, with the filter's CoM in place of the simulator's; late sensors repeat the first instant."""
+        if self._before is not None and seen.time_s <= self._before.time_s:
+            return self._before
+        seen = self._kinematic(seen)
+        force = np.sum(list(seen.forces_n.values()), axis=0)
+        moment = np.sum(
+            [m + np.cross(seen.contacts[name].position_m, seen.forces_n[name]) for name, m in seen.moments_nm.items()],
+            axis=0,
+        )
+        found = self._filter.step(seen.time_s, seen.com_m, force, moment)
+        self._before = replace(seen, com_m=found.com_m, com_v_m_s=found.velocity_m_s)
+        return self._before

@@ -1,0 +1,180 @@
+"""Stairs as they come: random heights, depths, paces and rails, each planned, followed, certified and replayed.
+
+    height 5 to 15 cm, depth 30 to 36 cm, toe gap 50 to 60 mm, all durations times 0.8 to 1.2, and beside every other
+    flight a rail within the box of places that ``RAIL_M`` says
+
+What is refused is tried again at other paces and places (``others``): the stairs stay, the feet and the hand go
+elsewhere on them. A refusal is confirmed where none of these is carried out either.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import product
+from typing import Any, Final
+
+import numpy as np
+
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenario_io import sequence_of
+from stridelab.contacts.scenarios.parts import TALOS, Timing
+from stridelab.contacts.scenarios.stairs import CLIMBING, HOLDING_ON, HandRail, Stairs, climb, stairs_with_rail
+from stridelab.errors import StridelabError
+from stridelab.reachability.proxy.effector_proxy import Proxy
+from stridelab.reachability.store import load_proxies
+from stridelab.robots.loader import load_robot
+from stridelab.studies.execution import posed, replayed
+from stridelab.wholebody.certificate.certificate import Check
+from stridelab.wholebody.certificate.certify import certify
+from stridelab.wholebody.control.controller import WholeBodyController
+
+HEIGHT_M: Final = (0.05, 0.15)
+DEPTH_M: Final = (0.30, 0.36)
+TOE_GAP_M: Final = (0.05, 0.06)
+PACE: Final = (0.8, 1.2)
+RAIL_M: Final = ((0.10, 0.35), (0.70, 1.00), (-0.58, -0.42))
+"""The hand before the feet, above the line through the footholds, and to the left: where a prototype used rails."""
+NUMBER: Final = 60
+STAIRS: Final = 3
+"""Of every flight."""
+PACES: Final = (1.0, 1.2, 1.4, 0.8)
+SHIFTS_M: Final = (0.012, -0.012)
+"""Of the soles along the treads, towards the edge (positive) or the riser."""
+HALF_WIDTHS_M: Final = (0.10, 0.08)
+REACHES_M: Final = (-0.08, 0.08)
+"""Of the hand along its rail."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """Stairs, a pace (a factor on all durations) and, where there is one, a rail.
+
+    ``shift_m`` and ``half_width_m`` are where the soles are put on the treads, ``reach_m`` where the hand on the rail.
+    """
+
+    height_m: float
+    depth_m: float
+    toe_gap_m: float
+    pace: float
+    rail: HandRail | None = None
+    shift_m: float = 0.0
+    half_width_m: float = TALOS.foot_y_m
+    reach_m: float = 0.0
+
+    @property
+    def scenario(self) -> dict[str, Any]:
+        """``schemas.scenarios.Scenario`` as a mapping, for TALOS."""
+        stairs = Stairs(STAIRS, self.height_m, self.depth_m, toe_gap_m=self.toe_gap_m + self.shift_m)
+        walker = replace(TALOS, foot_y_m=self.half_width_m)
+        if self.rail is None:
+            return climb(stairs, _at(CLIMBING, self.pace), "both", walker)
+        up_m = self.reach_m * self.height_m / self.depth_m
+        rail = replace(self.rail, ahead_m=self.rail.ahead_m + self.reach_m, height_m=self.rail.height_m + up_m)
+        return stairs_with_rail(stairs, rail, _at(HOLDING_ON, self.pace), walker)
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """What became of one variation.
+
+    ``stage`` is where it was refused, None where it was carried out, ``reason`` how. ``com_error_m`` is the largest
+    error of the CoM in the replay.
+    """
+
+    stage: str | None
+    reason: str = ""
+    checks: tuple[Check, ...] = ()
+    replayed: bool | None = None
+    com_error_m: float | None = None
+
+    @property
+    def fell(self) -> bool:
+        """Whether every check passes and the replay does not come to its end."""
+        return self.replayed is False and bool(self.checks) and all(check.passed for check in self.checks)
+
+
+@dataclass(frozen=True)
+class Found:
+    """One variation as it was drawn, and for a refusal what the search made of it."""
+
+    index: int
+    attempt: Attempt
+    tried: int = 0
+    instead: Variation | None = None
+
+    @property
+    def confirmed(self) -> bool:
+        """Whether it was refused and nothing else on these stairs was carried out."""
+        return self.attempt.stage is not None and self.tried > 0 and self.instead is None
+
+
+def drawn(number: int = NUMBER, seed: int = 0) -> tuple[Variation, ...]:
+    """So many random variations, without and with a rail in turn."""
+    rng = np.random.default_rng(seed)
+    found: list[Variation] = []
+    for k in range(number):
+        height_m, depth_m, gap_m, pace = (float(rng.uniform(*box)) for box in (HEIGHT_M, DEPTH_M, TOE_GAP_M, PACE))
+        place = [round(float(rng.uniform(*box)), 3) for box in RAIL_M]
+        rail = HandRail(*place) if k % 2 else None
+        found.append(Variation(round(height_m, 3), round(depth_m, 3), round(gap_m, 4), round(pace, 2), rail))
+    return tuple(found)
+
+
+def others(variation: Variation) -> Iterator[Variation]:
+    """The same stairs and rail at other paces, the soles and the hand elsewhere: one change of place at a time."""
+    places = [variation]
+    places += [replace(variation, shift_m=shift_m) for shift_m in SHIFTS_M]
+    places += [replace(variation, half_width_m=half_m) for half_m in HALF_WIDTHS_M]
+    places += [replace(variation, reach_m=reach_m) for reach_m in REACHES_M] if variation.rail is not None else []
+    for place, pace in product(places, PACES):
+        other = replace(place, pace=pace)
+        if other != variation:
+            yield other
+
+
+def attempt(variation: Variation) -> Attempt:
+    """Plan it as the service does, follow, certify, replay; every error of this project is part of the answer."""
+    stage, checks = "scenario", tuple[Check, ...]()
+    try:
+        robot = load_robot(TALOS.robot)
+        proxies: Mapping[str, Proxy] = load_proxies(TALOS.robot)
+        sequence = sequence_of(variation.scenario, effector_shapes(TALOS.robot))
+        stage = "plan"
+        plan = solve(posed(robot, sequence, proxies))
+        if not plan.converged:
+            return Attempt(stage, plan.status)
+        stage = "whole body"
+        motion = WholeBodyController().run(robot, sequence, plan)
+        stage = "certificate"
+        checks = certify(robot, sequence, plan, proxies, motion).checks
+        failed = "; ".join(_said(check) for check in checks if not check.passed)
+        replay = replayed(TALOS.robot, motion)
+    except StridelabError as error:
+        return Attempt(stage, error.message, checks)
+    if failed:
+        return Attempt(stage, failed, checks, replay.completed, replay.com_error_max_m)
+    if not replay.completed:
+        said = " ".join(one.message for one in replay.remarks)
+        return Attempt("replay", said, checks, False, replay.com_error_max_m)
+    return Attempt(None, "", checks, True, replay.com_error_max_m)
+
+
+def search(
+    index: int, variation: Variation, refused: Attempt, trying: Callable[[Variation], Attempt] = attempt
+) -> Found:
+    """Try ``others`` until one is carried out."""
+    tried = 0
+    for tried, other in enumerate(others(variation), start=1):
+        if trying(other).stage is None:
+            return Found(index, refused, tried, other)
+    return Found(index, refused, tried)
+
+
+def _at(timing: Timing, pace: float) -> Timing:
+    return Timing(*(round(seconds * pace, 3) for seconds in (timing.ends_s, timing.move_s, timing.rest_s)))
+
+
+def _said(check: Check) -> str:
+    sign = "<" if check.at_least else ">"
+    where = f" ({check.effector}, {check.time_s:.1f} s)" if check.effector and check.time_s is not None else ""
+    return f"{check.name} {check.value:.3g} {sign} {check.limit:.3g} {check.unit}{where}"

@@ -1,0 +1,36 @@
+"""The centroidal problems of the thesis' experiments (4.6.2 to 4.6.4), for HRP-2 and for TALOS."""
+
+from collections.abc import Mapping
+from typing import Any, Final, Literal
+
+from stridelab.centroidal.problem import CentroidalProblem
+from stridelab.centroidal.rest_to_rest import from_rest_to_rest
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenario_io import sequence_of
+from stridelab.contacts.scenarios.parts import HRP2, TALOS, Walker
+from stridelab.contacts.scenarios.stairs import HandRail, Stairs, long_stride, six_stairs, stairs_with_rail
+from stridelab.reachability.card import Measure
+from stridelab.reachability.store import DEFAULT_MEASURE, load_proxies
+from stridelab.robots.loader import load_robot
+
+Experiment = Literal[1, 2, 3]
+EXPERIMENTS: Final[tuple[Experiment, ...]] = (1, 2, 3)
+WALKERS: Final[Mapping[str, Walker]] = {"hrp2": HRP2, "talos": TALOS}
+RAILS: Final = {"talos": HandRail(), "hrp2": HandRail(ahead_m=0.22, height_m=0.60, y_m=-0.45)}
+"""Within reach of either arm."""
+
+
+def scenario(experiment: Experiment, robot: str) -> dict[str, Any]:
+    """Long strides, six stairs of 10 cm, or four of 15 cm beside a rail."""
+    walker = WALKERS[robot]
+    if experiment == 1:
+        return long_stride(walker=walker)
+    if experiment == 2:
+        return six_stairs(walker=walker)
+    return stairs_with_rail(Stairs(4, 0.15), RAILS[robot], walker=walker)
+
+
+def problem(experiment: Experiment, robot: str, measure: Measure = DEFAULT_MEASURE) -> CentroidalProblem:
+    """From rest to rest, with the bundled densities of a measure."""
+    sequence = sequence_of(scenario(experiment, robot), effector_shapes(robot))
+    return from_rest_to_rest(load_robot(robot), sequence, load_proxies(robot, measure))

@@ -1,0 +1,263 @@
+"""The wheels of many people (section 3.3.2): means and deviations per person, and what they go along with.
+
+    steps -> SubjectMean per person -> Correlation per group -> MixedModel where people have several steps
+
+People are counted, not steps: a person's steps are pooled into one mean before anything is correlated. Children and
+adults are kept apart unless they are asked for together: that children are small makes handsome coefficients.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Final, Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Series
+from stridelab.errors import NotEstimable
+from stridelab.recordings.recording import Remark
+from stridelab.walking.population.correlations import (
+    LEAST_PEOPLE,
+    Correlation,
+    holm,
+    partial,
+    pearson,
+    resamples,
+    spearman,
+)
+from stridelab.walking.population.mixed_model import MixedModel, fit_mixed_model
+
+PARAMETERS: Final = ("R_m", "r_m", "z0_m", "omega_rad_s")
+OF_THE_PERSON: Final = ("height_m", "leg_m")
+OF_THE_STEP: Final = ("speed_m_s", "step_length_m")
+AGAINST: Final = (*OF_THE_PERSON, *OF_THE_STEP)
+"""What every parameter is held against, and what is held fixed in the partial correlations."""
+POOLED: Final = "all"
+"""Name of the group of everybody, where that was asked for."""
+UNKNOWN: Final = "unknown"
+ADULT_YEARS: Final = 18.0
+CHILD_BELOW_M: Final = 1.45
+"""Without an age, shorter people are taken for children, and a remark names them; taller ones may be either."""
+
+GroupSource = Literal["stated", "age", "height", "unknown"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Person:
+    """One person; ``leg_m`` is the height of the hip above the floor. None where not known."""
+
+    name: str
+    group: str
+    height_m: float | None = None
+    leg_m: float | None = None
+    group_source: GroupSource = "stated"
+
+
+@dataclass(frozen=True)
+class StepRow:
+    """Numbers of one step (names with units, NaN where unknown) of a person in a recording."""
+
+    person: str
+    recording: str
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class SubjectMean:
+    """Mean and standard deviation (n - 1) over all steps of a person; NaN where unknown, sd NaN for one step."""
+
+    person: Person
+    n_steps: int
+    n_recordings: int
+    mean: Mapping[str, float]
+    sd: Mapping[str, float]
+
+    def value(self, name: str) -> float:
+        """A number of the person or the mean of one of the steps; NaN where unknown."""
+        if name in OF_THE_PERSON:
+            known = self.person.height_m if name == "height_m" else self.person.leg_m
+            return float("nan") if known is None else known
+        return self.mean.get(name, float("nan"))
+
+
+@dataclass(frozen=True)
+class Pair:
+    """One parameter against one other number in one group; ``left_out`` are the people of whom one is not known.
+
+    ``partial_on`` holds the correlation with another number held fixed, where there are enough people. ``p_holm`` is
+    corrected for all pairs of the group.
+    """
+
+    group: str
+    parameter: str
+    against: str
+    pearson: Correlation
+    spearman: Correlation | None
+    partial_on: Mapping[str, Correlation]
+    left_out: tuple[str, ...]
+    p_holm: float
+
+
+@dataclass(frozen=True)
+class Population:
+    """People, pairs, and per group and parameter the mixed models of what lies between people and between steps."""
+
+    subjects: tuple[SubjectMean, ...]
+    pairs: tuple[Pair, ...]
+    models: Mapping[tuple[str, str], MixedModel] = field(default_factory=dict)
+    spreads: Mapping[tuple[str, str], MixedModel] = field(default_factory=dict)
+    remarks: tuple[Remark, ...] = ()
+
+
+def group_of(stated: str | None, age_years: float | None, height_m: float | None) -> tuple[str, GroupSource]:
+    """The group that is stated, else children or adults by age (18 years), else children by height (1.45 m).
+
+    Whoever is taller and of no known age is "unknown": a girl of 1.5 m is no adult, and is not counted as one.
+    """
+    if stated:
+        return stated, "stated"
+    if age_years is not None:
+        return ("children" if age_years < ADULT_YEARS else "adults"), "age"
+    if height_m is not None and height_m < CHILD_BELOW_M:
+        return "children", "height"
+    return UNKNOWN, "unknown"
+
+
+def subject_means(people: Sequence[Person], steps: Sequence[StepRow]) -> tuple[SubjectMean, ...]:
+    """One mean per person who has steps, in the order of ``people``; all recordings of a person count together."""
+    found = []
+    for person in people:
+        own = [step for step in steps if step.person == person.name]
+        if not own:
+            continue
+        names = dict.fromkeys(name for step in own for name in step.values)
+        table = {name: np.array([step.values.get(name, np.nan) for step in own]) for name in names}
+        known = {name: values[np.isfinite(values)] for name, values in table.items()}
+        found.append(
+            SubjectMean(
+                person=person,
+                n_steps=len(own),
+                n_recordings=len({step.recording for step in own}),
+                mean={name: float(v.mean()) if len(v) else float("nan") for name, v in known.items()},
+                sd={name: float(v.std(ddof=1)) if len(v) > 1 else float("nan") for name, v in known.items()},
+            )
+        )
+    return tuple(found)
+
+
+def study(people: Sequence[Person], steps: Sequence[StepRow], *, pooled: bool = False, seed: int = 0) -> Population:
+    """Means, correlations and mixed models of all groups; ``pooled`` adds the group of everybody.
+
+    Never raises for want of people: what cannot be said is a remark.
+    """
+    subjects = subject_means(people, steps)
+    groups: dict[str, list[SubjectMean]] = {}
+    for subject in subjects:
+        groups.setdefault(subject.person.group, []).append(subject)
+    remarks = _about_groups(groups, pooled=pooled)
+    if pooled and len(groups) > 1:
+        groups = {**groups, POOLED: list(subjects)}
+    pairs: list[Pair] = []
+    models, spreads = {}, {}
+    for group, members in groups.items():
+        if len(members) < LEAST_PEOPLE:
+            remarks.append(_too_few(group, len(members)))
+        else:
+            pairs += _pairs(group, members, seed)
+        names = {subject.person.name for subject in members}
+        own = [step for step in steps if step.person in names]
+        for parameter in PARAMETERS:
+            spread = _mixed(parameter, (), members, own)
+            if spread is not None:
+                spreads[group, parameter] = spread
+            model = _mixed(parameter, ("height_m", "speed_m_s"), members, own)
+            if model is not None:
+                models[group, parameter] = model
+    remarks += _about_heights(groups)
+    return Population(subjects, tuple(pairs), models, spreads, tuple(remarks))
+
+
+def _pairs(group: str, members: list[SubjectMean], seed: int) -> list[Pair]:
+    columns = {name: np.array([s.value(name) for s in members]) for name in (*PARAMETERS, *AGAINST)}
+    found = []
+    for parameter in PARAMETERS:
+        for against in AGAINST:
+            known = np.isfinite(columns[parameter]) & np.isfinite(columns[against])
+            x, y = columns[parameter][known], columns[against][known]
+            draws = resamples(len(x), seed=seed) if len(x) >= LEAST_PEOPLE else None
+            plain = pearson(x, y, draws=draws)
+            if plain is None:
+                continue
+            left_out = tuple(s.person.name for s, is_known in zip(members, known, strict=True) if not is_known)
+            partials = _partials(columns, parameter, against)
+            ranks = spearman(x, y, draws=draws)
+            found.append(Pair(group, parameter, against, plain, ranks, partials, left_out, plain.p))
+    corrected = holm(np.array([pair.pearson.p for pair in found])) if found else np.zeros(0)
+    return [Pair(**{**vars(pair), "p_holm": float(p)}) for pair, p in zip(found, corrected, strict=True)]
+
+
+def _partials(columns: Mapping[str, Series], parameter: str, against: str) -> dict[str, Correlation]:
+    found = {}
+    for held in AGAINST:
+        if held == against:
+            continue
+        table: Float[np.ndarray, "n 3"] = np.column_stack([columns[name] for name in (parameter, against, held)])
+        table = table[np.isfinite(table).all(axis=1)]
+        one = partial(table[:, 0], table[:, 1], table[:, 2:]) if len(table) >= LEAST_PEOPLE else None
+        if one is not None:
+            found[held] = one
+    return found
+
+
+def _mixed(
+    parameter: str, names: tuple[str, ...], members: list[SubjectMean], steps: list[StepRow]
+) -> MixedModel | None:
+    """The model over all steps on which everything is known; None where the steps do not allow one."""
+    of = {subject.person.name: (i, subject) for i, subject in enumerate(members)}
+    rows = []
+    for step in steps:
+        i, subject = of[step.person]
+        values = [step.values.get(n, np.nan) if n in OF_THE_STEP else subject.value(n) for n in names]
+        rows.append([float(i), step.values.get(parameter, np.nan), *values])
+    table = np.array(rows)
+    table = table[np.isfinite(table).all(axis=1)]
+    effects = {name: table[:, 2 + k] for k, name in enumerate(names)}
+    try:
+        return fit_mixed_model(table[:, 1], effects, table[:, 0].astype(np.int64))
+    except NotEstimable:
+        return None
+
+
+def _about_groups(groups: Mapping[str, Sequence[SubjectMean]], *, pooled: bool) -> list[Remark]:
+    remarks = []
+    held = ", ".join(f"{name} ({len(members)})" for name, members in groups.items())
+    if len(groups) > 1 and pooled:
+        sentence = f"Everybody is also taken together, as asked: {held}. Differences between groups count as trends."
+        remarks.append(Remark("groups-pooled", sentence))
+    elif len(groups) > 1:
+        remarks.append(Remark("groups-apart", f"The groups are looked at apart: {held}."))
+    guessed = [s.person.name for members in groups.values() for s in members if s.person.group_source == "height"]
+    if guessed:
+        who = ", ".join(guessed)
+        sentence = f"No age is known, and whoever is shorter than {CHILD_BELOW_M:g} m counts as a child: {who}."
+        remarks.append(Remark("group-from-height", sentence))
+    nowhere = [s.person.name for members in groups.values() for s in members if s.person.group_source == "unknown"]
+    if nowhere:
+        who = ", ".join(nowhere)
+        sentence = f"Neither group nor age is known, so these are neither children nor adults here: {who}."
+        remarks.append(Remark("group-unknown", sentence))
+    return remarks
+
+
+def _about_heights(groups: Mapping[str, Sequence[SubjectMean]]) -> list[Remark]:
+    without = dict.fromkeys(s.person.name for m in groups.values() for s in m if s.person.height_m is None)
+    if not without:
+        return []
+    who = ", ".join(without)
+    return [Remark("height-missing", f"No height is known, so these are left out of what concerns height: {who}.")]
+
+
+def _too_few(group: str, n: int) -> Remark:
+    people = "1 person" if n == 1 else f"{n} people"
+    sentence = f"The group {group} has {people}; a correlation needs at least {LEAST_PEOPLE}."
+    return Remark("too-few-subjects", sentence)

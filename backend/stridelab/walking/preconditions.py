@@ -1,0 +1,164 @@
+"""Whether the rolling wheel can be asked about a recording: it describes straight, level walking, step after step.
+
+What does not apply is refused with what was seen, in numbers. The limits lie far from walking: in the shared walks the
+feet stand within 3 cm of one height, double support is never shorter than 30 ms, and two strides never differ by more
+than 3 degrees in direction (two steps by 21 at 0.35 m/s, where the body sways most).
+"""
+
+import itertools
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import numpy as np
+
+from stridelab.errors import Fault, NotEstimable
+from stridelab.recordings.foot_contact import Foot, find_feet, ground_velocity_m_s
+from stridelab.recordings.plate_contacts import loaded_intervals
+from stridelab.recordings.recording import Recording, Side, Window
+from stridelab.walking.gait_events import Contact
+from stridelab.walking.marker_kinematics import pelvis_m
+from stridelab.walking.steps import GaitStep
+
+RISE_M: Final = 0.05
+"""Between two places where feet stand; level walks stay within 3 cm."""
+FLIGHT_S: Final = 0.03
+"""Between one foot's lift-off and the other's strike; the markers' timing is good to 25 ms."""
+TURN_RAD: Final = np.deg2rad(25.0)
+"""Between the directions in which the pelvis goes in two strides (in two steps where there are no two strides)."""
+NOT_APPLICABLE: Final = "The model does not apply: "
+
+
+def require_walk(recording: Recording, landmarks: Mapping[str, str], contacts: Sequence[Contact]) -> None:
+    """Raise ``NotEstimable`` unless somebody walks straight ahead on level ground; ``contacts`` are all there are.
+
+    Its codes: ``feet-not-marked``, ``standing``, ``stairs``, ``running``, ``turning``. ``faults`` list what was seen.
+    """
+    feet = find_feet(recording, landmarks)
+    if not feet:
+        raise NotEstimable(
+            "feet-not-marked",
+            "Steps need a marker at the heel (or ankle) and one at the forefoot of both feet; this recording lacks "
+            "them, so that it is not known when a foot swings.",
+        )
+    _refuse_standing(recording, landmarks, contacts)
+    _refuse_stairs(recording, feet, contacts)
+    _refuse_running(contacts)
+    _refuse_turning(recording, landmarks, feet, contacts)
+
+
+def require_steps(
+    recording: Recording, seen: Sequence[GaitStep], wanted: Sequence[GaitStep], windows: Sequence[Window]
+) -> None:
+    """Raise ``NotEstimable`` where no step is left to fit.
+
+    Its codes: ``no-whole-step``, ``one-plate-only``, ``no-measured-step``.
+    """
+    if wanted:
+        return
+    if not seen:
+        message = (
+            f"In {recording.duration_s:.2f} s there is no whole step, which lasts from the lift-off of one foot to the "
+            "next lift-off of the other."
+        )
+        raise NotEstimable("no-whole-step", message)
+    steps = ", ".join(f"{step.start_s:.2f} to {step.end_s:.2f} s" for step in seen)
+    complete = ", ".join(f"{w.start_s:.2f} to {w.end_s:.2f} s" for w in windows) or "never"
+    faults = [Fault("steps", steps), Fault("all contact force is measured", complete)]
+    walked_on = [p.index for p in recording.plates if p.use and loaded_intervals(p, recording.force_rate_hz)]
+    if len(walked_on) == 1:
+        raise NotEstimable(
+            "one-plate-only",
+            f"Feet stood on plate {walked_on[0]} only. A step ends in double support, for which both feet must be on "
+            f"plates: of {len(seen)} whole steps ({steps}) none is measured (all force: {complete}).",
+            faults,
+        )
+    raise NotEstimable(
+        "no-measured-step",
+        f"{len(seen)} whole steps are seen ({steps}), but all contact force is measured only {complete}: no step is "
+        "inside. With steps: all they are fitted from the markers.",
+        faults,
+    )
+
+
+def _refuse_standing(recording: Recording, landmarks: Mapping[str, str], contacts: Sequence[Contact]) -> None:
+    lifted = sum(contact.lift_off_s is not None for contact in contacts)
+    if lifted >= 1:
+        return
+    pelvis = pelvis_m(recording, landmarks)
+    way_m = float(np.linalg.norm(np.nanmax(pelvis[:, :2], axis=0) - np.nanmin(pelvis[:, :2], axis=0)))
+    message = f"nobody walks. In {recording.duration_s:.2f} s no foot is lifted and the pelvis moves by {way_m:.3f} m."
+    raise NotEstimable("standing", NOT_APPLICABLE + message)
+
+
+def _refuse_stairs(recording: Recording, feet: Sequence[Foot], contacts: Sequence[Contact]) -> None:
+    by_side = {foot.side: foot for foot in feet}
+    heights_m = [_height_m(recording, by_side, contact) for contact in contacts]
+    rises = [abs(b - a) for a, b in itertools.pairwise(heights_m) if np.isfinite(a) and np.isfinite(b)]
+    if not rises or max(rises) <= RISE_M:
+        return
+    listed = ", ".join(f"{h:.2f}" for h in heights_m if np.isfinite(h))
+    raise NotEstimable(
+        "stairs",
+        f"{NOT_APPLICABLE}the ground is not level. The feet stand at heights of {listed} m (lowest marker), up to "
+        f"{max(rises):.2f} m apart from one to the next; a wheel rolls on one height.",
+        [Fault("contacts", f"at {listed} m")],
+    )
+
+
+def _height_m(recording: Recording, feet: Mapping[Side, Foot], contact: Contact) -> float:
+    """Lowest marker of the foot while it stands, in the middle of the contact."""
+    start_s, end_s = max(contact.start_s, 0.0), min(contact.end_s, recording.duration_s)
+    middle = (recording.time_s >= start_s + 0.2 * (end_s - start_s)) & (
+        recording.time_s <= start_s + 0.8 * (end_s - start_s)
+    )
+    heights = feet[contact.side].markers_m[middle, :, 2]
+    return float(np.nanmin(heights)) if np.isfinite(heights).any() else float("nan")
+
+
+def _refuse_running(contacts: Sequence[Contact]) -> None:
+    """Flight: one foot leaves clearly before the other lands."""
+    flights, steps = [], 0
+    for left in contacts:
+        if left.lift_off_s is None:
+            continue
+        down = [c for c in contacts if c.side != left.side and c.end_s > left.lift_off_s and c.strike_s is not None]
+        if any(c.start_s <= left.lift_off_s + FLIGHT_S for c in contacts if c.side != left.side and c in down):
+            steps += 1
+        elif down:
+            landing_s = min(c.start_s for c in down)
+            flights.append(landing_s - left.lift_off_s)
+    if len(flights) <= steps:
+        return
+    raise NotEstimable(
+        "running",
+        f"{NOT_APPLICABLE}this is running. {len(flights)} of {len(flights) + steps} steps have a flight, of "
+        f"{1e3 * float(np.median(flights)):.0f} ms (median); the wheel of walking turns through double support.",
+        [Fault("flights", ", ".join(f"{1e3 * f:.0f} ms" for f in flights))],
+    )
+
+
+def _refuse_turning(
+    recording: Recording, landmarks: Mapping[str, str], feet: Sequence[Foot], contacts: Sequence[Contact]
+) -> None:
+    time_s = recording.time_s
+    tracks = [foot.markers_m[:, k] for foot in feet for k in range(foot.markers_m.shape[1])]
+    over_floor = pelvis_m(recording, landmarks) - ground_velocity_m_s(recording, tracks) * time_s[:, None]
+    strikes = [contact.strike_s for contact in contacts if contact.strike_s is not None]
+    at = np.array([[np.interp(t, time_s, over_floor[:, axis]) for axis in (0, 1)] for t in strikes])
+    every = 2 if len(at) >= 4 else 1
+    way = at[every:] - at[:-every] if len(at) > every else np.zeros((0, 2))
+    way = way[np.isfinite(way).all(axis=1)]
+    if len(way) < 2:
+        return
+    direction = np.unwrap(np.arctan2(way[:, 1], way[:, 0]))
+    turn = float(np.ptp(direction))
+    if turn <= TURN_RAD:
+        return
+    listed = ", ".join(f"{d:.0f}" for d in np.rad2deg(direction - direction[0]))
+    raise NotEstimable(
+        "turning",
+        f"{NOT_APPLICABLE}the walk is not straight. From {'stride to stride' if every == 2 else 'step to step'} the "
+        f"pelvis goes towards {listed} degrees from the first, {np.rad2deg(turn):.0f} degrees in all; the wheel rolls "
+        "in one plane.",
+        [Fault("directions", f"{listed} degrees")],
+    )

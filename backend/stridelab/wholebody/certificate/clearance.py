@@ -1,0 +1,176 @@
+"""Distances of the body from itself and from the terrain, on convex hulls.
+
+A sole that stands on a box, or is about to, is not measured against that box (``touching``). Every other pair of a
+link and a surface is, at all times, but for the hand's links against a rail that it holds, nears or leaves. What a hand
+touches with, a ball, is measured as well, but not against the surface that it touches, nears or leaves: against that
+one its contact point is while it nears or leaves it, which may be inside by the landing error.
+"""
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import coal
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Int
+
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.contacts.terrain import Rail
+from stridelab.conventions import Configurations, Series
+from stridelab.robots.contact_frames import se3
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.certificate.certificate import Check, Worst
+from stridelab.wholebody.certificate.landing import LANDING_ERROR_M
+from stridelab.wholebody.effector_contact import HAND_RADIUS_M, OwnSurfaces, terrain_shape
+
+LEG_CLEARANCE_M = 0.010
+"""Of shanks and swinging soles from what they do not stand on: the replay errs by as much."""
+ARM_CLEARANCE_M = 0.005
+"""Of arms and hands from what they do not touch."""
+_POINT_M = 1e-6
+Role = Literal["link", "palm", "point"]
+
+
+def self_collision(robot: Robot, q: Configurations, worst: Worst) -> Check:
+    """Number of different pairs of links that touch in any of the configurations; the first is named."""
+    data, geometry = robot.model.createData(), robot.collision
+    results = geometry.createData()
+    pairs = geometry.collisionPairs
+    found: dict[int, int] = {}
+    for i, configuration in enumerate(q):
+        if pin.computeCollisions(robot.model, data, geometry, results, configuration, False):
+            for k in range(len(pairs)):
+                if results.collisionResults[k].isCollision():
+                    found.setdefault(k, i)
+    name, unit = "self_collision_pairs", "pairs"
+    if not found:
+        return Check(name, 0.0, unit, 0.0)
+    k, i = min(found.items(), key=lambda pair: pair[1])
+    touching = " and ".join(_link(robot.model, geometry.geometryObjects[o]) for o in (pairs[k].first, pairs[k].second))
+    return Check(name, float(len(found)), unit, 0.0, False, int(worst.phase[i]), touching, float(worst.time_s[i]))
+
+
+def terrain_distances(robot: Robot, sequence: ContactSequence, q: Configurations, worst: Worst) -> tuple[Check, ...]:
+    """Smallest distance (m) from a box or a rail: of anything, of legs, of arms with what hands touch with.
+
+    A penetration is negative. Where hands touch, the largest depth of a contact point inside its own surface follows.
+    """
+    scene = _Scene.of(robot, sequence)
+    model, data, results = robot.model, robot.model.createData(), scene.geometry.createData()
+    values = np.full((len(q), len(scene.parts)), np.inf)
+    apart, depth = values.copy(), np.full(values.shape, -np.inf)
+    for i, configuration in enumerate(q):
+        pin.computeDistances(model, data, scene.geometry, results, configuration)
+        phase, time_s = int(worst.phase[i]), float(worst.time_s[i])
+        touched = {name: scene.own.touched(name, phase) for name in scene.effectors}
+        near = {name: scene.own.near(name, phase, time_s) for name in scene.effectors}
+        for k, pair in enumerate(scene.pairs):
+            distance_m, column = float(results.distanceResults[k].min_distance), pair.column
+            is_near = pair.effector is not None and pair.surface in near[pair.effector]
+            is_own = is_near or (pair.effector is not None and pair.surface in touched[pair.effector])
+            if pair.role == "point":
+                if is_near:
+                    depth[i, column] = max(depth[i, column], -distance_m)
+            elif not is_own:
+                values[i, column] = min(values[i, column], distance_m)
+                apart[i, column] = min(apart[i, column], distance_m)
+            elif pair.role == "palm":
+                values[i, column] = min(values[i, column], distance_m)
+    legs, arms = (np.array([group == of for group in scene.groups], dtype=bool) for of in ("leg", "arm"))
+
+    def smallest(name: str, of: np.ndarray, chosen: np.ndarray, limit_m: float) -> Check:
+        columns = [part for part, is_one in zip(scene.parts, chosen, strict=True) if is_one]
+        return worst.at_least(name, of[:, chosen], "m", limit_m, columns)
+
+    return (
+        smallest("terrain_distance_min", values, np.ones(len(scene.parts), dtype=bool), 0.0),
+        smallest("leg_terrain_distance_min", apart, legs, LEG_CLEARANCE_M),
+        smallest("arm_terrain_distance_min", apart, arms, ARM_CLEARANCE_M),
+        *([worst.at_most("hand_depth_max", depth, "m", LANDING_ERROR_M, scene.parts)] if scene.hands else []),
+    )
+
+
+class _Pair(NamedTuple):
+    """A shape and a surface: the column of the shape's link, the effector that it is part of, and what it is there.
+
+    ``palm``: a hand's link and a box, which it must not enter even while it touches it. ``point``: the contact point of
+    a hand, which is measured only against the surface that it nears or leaves.
+    """
+
+    column: int
+    effector: str | None
+    surface: str
+    role: Role
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """Hulls, the hands' balls and terrain in one geometry; ``groups`` say where in the body each of ``parts`` lies."""
+
+    geometry: pin.GeometryModel
+    parts: tuple[str, ...]
+    groups: tuple[str, ...]
+    pairs: tuple[_Pair, ...]
+    hands: tuple[str, ...]
+    effectors: tuple[str, ...]
+    own: OwnSurfaces
+
+    @staticmethod
+    def of(robot: Robot, sequence: ContactSequence) -> "_Scene":
+        model = robot.model
+        geometry = pin.GeometryModel(robot.collision)
+        geometry.removeAllCollisionPairs()
+        hulls = list(robot.collision.geometryObjects)  # those of the copy move when it grows
+        joint_of = {name: model.frames[model.getFrameId(e.frame)].parentJoint for name, e in robot.effectors.items()}
+        at_joint = {joint: name for name, joint in joint_of.items()}
+        links = dict.fromkeys(_link(model, hull) for hull in hulls)
+        hands = [name for name in sequence.effectors if robot.effectors[name].kind == "point"]
+        parts = (*links, *hands)
+        shapes: list[tuple[int, str | None, Role]] = []
+        for hull in hulls:
+            effector = at_joint.get(hull.parentJoint)
+            is_hand = effector is not None and robot.effectors[effector].kind == "point"
+            shapes.append((parts.index(_link(model, hull)), effector, "palm" if is_hand else "link"))
+        groups = {_link(model, hull): robot.group.get(str(model.names[hull.parentJoint]), "") for hull in hulls}
+        for name in hands:
+            geometry.addGeometryObject(_ball(robot, name, HAND_RADIUS_M))
+            geometry.addGeometryObject(_ball(robot, name, _POINT_M))
+            shapes += [(parts.index(name), name, "link"), (parts.index(name), name, "point")]
+        pairs: list[_Pair] = []
+        for surface in sequence.terrain.surfaces:
+            number = geometry.addGeometryObject(
+                pin.GeometryObject(f"terrain {surface.name}", 0, 0, *terrain_shape(surface))
+            )
+            for k, (column, effector, role) in enumerate(shapes):
+                closes = role == "palm" and isinstance(surface, Rail)  # a hand closes around what it holds
+                geometry.addCollisionPair(pin.CollisionPair(k, number))
+                pairs.append(_Pair(column, effector, surface.name, "link" if closes else role))
+        return _Scene(
+            geometry,
+            parts,
+            (*(groups[link] for link in links), *("arm" for _ in hands)),
+            tuple(pairs),
+            tuple(hands),
+            tuple(robot.effectors),
+            OwnSurfaces(sequence, robot.effectors),
+        )
+
+
+def _ball(robot: Robot, name: str, radius_m: float) -> pin.GeometryObject:
+    """A ball behind the contact point of a hand, which lies on its surface."""
+    effector = robot.effectors[name]
+    frame = robot.model.frames[robot.model.getFrameId(effector.frame)]
+    centre = pin.SE3(np.eye(3), np.array([0.0, 0.0, radius_m]))
+    placement = frame.placement * se3(effector.T_frame_contact) * centre
+    return pin.GeometryObject(f"{radius_m:g} m of {name}", frame.parentJoint, placement, coal.Sphere(radius_m))
+
+
+def _link(model: pin.Model, hull: pin.GeometryObject) -> str:
+    """Name of the link that a hull belongs to: the body of its parent frame."""
+    return str(model.frames[hull.parentFrame].name)
+
+
+def thinned(time_s: Series, phase: Int[np.ndarray, "n"], every: int) -> tuple[slice, Worst]:
+    """Every so many samples, and the checks over them."""
+    chosen = slice(None, None, every)
+    return chosen, Worst(time_s[chosen], phase[chosen])

@@ -1,0 +1,44 @@
+"""How much of what its arm could bear a hand bears.
+
+With the torques ``tau_0 = tau + J' f`` that the arm would need without the force ``f`` on its hand, in the same posture
+and motion, the force could be ``lambda f`` until the first joint of the arm comes to its limit,
+
+    |tau_0 - lambda J' f| <= tau_max ,
+
+and the share is ``1 / lambda``: 1 where a joint is at its limit, whatever the force.
+"""
+
+import numpy as np
+
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.certificate.certificate import Check, Worst
+from stridelab.wholebody.limb_kinematics import Posed
+from stridelab.wholebody.motion import WholeBodyMotion
+
+_LIGHT_N = 1.0
+"""A hand that bears less is not asked."""
+
+
+def hand_loads(
+    robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, chosen: slice, worst: Worst
+) -> tuple[Check, ...]:
+    """The largest share over the ``chosen`` samples, which are those of ``worst``; no check without hands."""
+    hands = tuple(name for name in sequence.effectors if robot.effectors[name].kind == "point")
+    if not hands:
+        return ()
+    posed, limits = Posed(robot, hands), robot.model.effortLimit[6:]
+    samples = range(len(motion.time_s))[chosen]
+    shares = np.full((len(samples), len(hands)), -np.inf)
+    for row, i in enumerate(samples):
+        forces = {name: motion.forces_n[name][i].sum(axis=0) for name in hands}
+        if max(np.linalg.norm(f) for f in forces.values()) < _LIGHT_N:
+            continue
+        posed.at(motion.q[i])
+        for column, name in enumerate(hands):
+            if np.linalg.norm(forces[name]) >= _LIGHT_N:
+                limb = posed.limb[name]
+                borne = posed.torques_nm(name, forces[name])
+                spare = limits[limb] + np.sign(borne) * (motion.tau_nm[i, limb] + borne)
+                shares[row, column] = np.max(np.abs(borne) / np.maximum(spare, 1e-9))
+    return (worst.at_most("hand_load_share_max", shares, "1", 1.0, hands),)

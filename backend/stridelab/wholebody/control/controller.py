@@ -1,0 +1,235 @@
+"""From the centroidal plan to joint motion and torques: the hierarchy, sample after sample (section 4.6).
+
+The body starts at rest on the contacts of the first phase, with its CoM where the plan begins. At every sample the
+hierarchy gives accelerations and forces, which are held until the next one:
+
+    q <- q (+) (v dt + a dt^2 / 2) ,     v <- v + a dt .
+
+A sample whose programme has no solution keeps the acceleration and forces of the sample before and is counted in
+``failures`` (the certificate allows none); what it does to the dynamics shows in the certificate's residual. After
+``failures_in_a_row`` or ``failures_in_all`` of them, or when the body leaves the plan, the run ends with an error.
+"""
+
+import math
+import time
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from stridelab.centroidal.plan import CentroidalPlan, Reference
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.contacts.swing import SwingCurve, swing_of
+from stridelab.conventions import Points, Progress, Vector3
+from stridelab.dynamics.spatial import Placement
+from stridelab.errors import Fault, InvalidInput, NotEstimable
+from stridelab.robots.inverse_kinematics import stand
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.control.base_heading import Heading
+from stridelab.wholebody.control.collision_avoidance import Avoidance
+from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows, solve, violations
+from stridelab.wholebody.control.joint_limits import JointLimits
+from stridelab.wholebody.control.rigid_body import RigidBody
+from stridelab.wholebody.control.task_stack import Instant, Programme, Settings
+from stridelab.wholebody.motion import LEVELS, SolverFailure, WholeBodyMotion, WholeBodyStopped
+
+_CENTROIDAL = ("com_m", "com_v_m_s", "l_nms", "com_reference_m", "com_v_reference_m_s", "l_reference_nms")
+_SPEED_RAD_S = 30.0
+_LOST_M = 0.3
+
+
+@dataclass(frozen=True)
+class WholeBodyController:
+    """Settings of a run; ``run`` may be called any number of times."""
+
+    rate_hz: float = 250.0
+    settings: Settings = field(default_factory=Settings)
+    failures_in_a_row: int = 5
+    failures_in_all: int = 20
+
+    def run(
+        self, robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, progress: Progress | None = None
+    ) -> WholeBodyMotion:
+        """Follow ``plan`` over ``sequence``; deterministic.
+
+        Raises ``InvalidInput`` (``sample-time``) where the rate gives no whole number of samples, ``NotEstimable``
+        (``stance-unreachable``) where no posture stands on the first contacts, and ``WholeBodyStopped`` with time,
+        phase, the violated level, the limits that ran out and the motion until then.
+        """
+        started = time.process_time()
+        run = _Run(self, robot, sequence, plan)
+        n = len(run.times)
+        for i in range(n):
+            run.step(i)
+            if progress is not None and i % 25 == 0:
+                progress(i / n, f"whole body at {run.times[i]:.1f} s of {sequence.duration_s:.1f} s")
+        return run.motion(time.process_time() - started)
+
+
+class _Solved(NamedTuple):
+    a: np.ndarray
+    forces_n: dict[str, Points]
+
+
+class _Run:
+    """State of one run."""
+
+    def __init__(
+        self, controller: WholeBodyController, robot: Robot, sequence: ContactSequence, plan: CentroidalPlan
+    ) -> None:
+        self._controller, self._robot, self._sequence, self._plan = controller, robot, sequence, plan
+        n = round(sequence.duration_s * controller.rate_hz) + 1
+        if n < 2:
+            raise InvalidInput("sample-time", f"{sequence.duration_s} s hold no sample at {controller.rate_hz} Hz")
+        self.times = np.arange(n) / controller.rate_hz
+        self._body = RigidBody(robot)
+        self._heading = Heading.of(sequence)
+        avoid = controller.settings.avoid
+        self._avoidance = None if avoid is None else Avoidance(robot, sequence.terrain, avoid)
+        self._q, self._v = _start(robot, sequence, plan, controller.settings), np.zeros(robot.model.nv)
+        self._phase = -1
+        self._in_a_row = 0
+        self._failures: list[SolverFailure] = []
+        self._short: list[str] = []
+        self._level = 0
+        nv = robot.model.nv
+        margin = controller.settings.contact_margin_m
+        self._points = {name: robot.effectors[name].points_m(margin) for name in sequence.effectors}
+        self._last = _Solved(np.zeros(nv), {})
+        widths = {"q": robot.model.nq, "v": nv, "a": nv, "tau_nm": nv - 6, **dict.fromkeys(_CENTROIDAL, 3)}
+        self._record = {name: np.zeros((n, width)) for name, width in widths.items()}
+        self._forces = {name: np.zeros((n, len(points), 3)) for name, points in self._points.items()}
+
+    def step(self, i: int) -> None:
+        """Solve sample ``i``, store it, integrate to the next one."""
+        t, body = float(self.times[i]), self._body
+        body.update(self._q, self._v)
+        phase = self._sequence.phase_at(t + 1e-9)
+        if phase != self._phase:
+            self._enter(phase, t)
+        reference = self._plan.at(t)
+        self._watch(i, reference.com_m)
+        rows = self._programme.rows(Instant(t, reference, self._heading.at(phase, t)))
+        result = solve(*rows)
+        if result.failure is None:
+            z = result.z
+            self._in_a_row = 0
+            self._last = _Solved(z[: body.model.nv], self._programme.forces_n(z))
+        else:
+            self._in_a_row += 1
+            if self._in_a_row == 1:
+                self._short = self._missed(rows[0], rows[2])
+                # the bounds are the same on all levels: what fails on the first asks for more than level 0 allows
+                self._level = result.failure.level if result.failure.level > 1 else 0
+            self._failures.append(SolverFailure(t, phase, result.failure.level, result.failure.reason))
+            if self._in_a_row > self._controller.failures_in_a_row:
+                raise self._stopped(i, f"{self._in_a_row} samples in a row had no solution", self._level, self._short)
+            if len(self._failures) > self._controller.failures_in_all:
+                raise self._stopped(i, f"{len(self._failures)} samples had no solution", self._level, self._short)
+            z = self._programme.unknowns(self._last.a, self._last.forces_n)
+        self._store(i, reference, z)
+        dt = 1.0 / self._controller.rate_hz
+        a = self._last.a
+        self._q = pin.integrate(body.model, self._q, dt * self._v + 0.5 * dt**2 * a)
+        self._v = self._v + dt * a
+
+    def motion(self, solve_time_s: float, n: int | None = None) -> WholeBodyMotion:
+        """All that was stored, or only the first ``n`` samples."""
+        return WholeBodyMotion(
+            sequence=self._sequence,
+            rate_hz=self._controller.rate_hz,
+            time_s=self.times[:n],
+            forces_n={name: forces[:n] for name, forces in self._forces.items()},
+            points_m=self._points,
+            failures=tuple(self._failures),
+            solve_time_s=solve_time_s,
+            **{name: values[:n] for name, values in self._record.items()},
+        )
+
+    def _enter(self, phase: int, t: float) -> None:
+        """Set up the programme of the phase that begins."""
+        contacts = self._sequence.phases[phase].contacts
+        swings = {
+            name: curve
+            for name in self._sequence.effectors
+            if name not in contacts and (curve := self._curve(name, phase, t)) is not None
+        }
+        settings = self._controller.settings
+        self._programme = Programme(self._robot, self._body, contacts, swings, self._plan, settings, self._avoidance)
+        self._phase = phase
+
+    def _curve(self, name: str, phase: int, t: float) -> SwingCurve | None:
+        """The swing of an effector in the air; None where its posture is all that it has to keep.
+
+        An effector that has not touched anything yet starts for its first contact in the phase before it, from where
+        it happens to be.
+        """
+        landing = self._sequence.next_contact(name, phase)
+        if landing is None:
+            return None
+        if self._sequence.last_contact(name, phase) is not None:
+            return swing_of(self._sequence, name, phase)
+        if name not in self._sequence.phases[phase + 1].contacts:
+            return None
+        here = self._body.frame(name)
+        duration_s = float(self._sequence.ends_s[phase]) - t
+        kind = self._robot.effectors[name].kind
+        return SwingCurve(Placement(here.position_m, here.rotation), landing.placement, duration_s, kind, t)
+
+    def _store(self, i: int, reference: Reference, z: np.ndarray) -> None:
+        body, record = self._body, self._record
+        record["q"][i], record["v"][i], record["a"][i] = self._q, self._v, self._last.a
+        record["tau_nm"][i] = self._programme.torques_nm(z)
+        record["com_m"][i], record["com_v_m_s"][i], record["l_nms"][i] = body.com_m, body.com_v_m_s, body.l_nms
+        record["com_reference_m"][i], record["com_v_reference_m_s"][i] = reference.com_m, reference.com_v_m_s
+        record["l_reference_nms"][i] = reference.l_nms
+        for name, forces_n in self._programme.forces_n(z).items():
+            self._forces[name][i] = forces_n
+
+    def _watch(self, i: int, com_reference_m: Vector3) -> None:
+        """End the run when the state has left the plan for good."""
+        speed = np.abs(self._v[6:])
+        if not np.all(np.isfinite(self._v)) or speed.max() > _SPEED_RAD_S:
+            joint = self._robot.joint_names[int(np.argmax(np.nan_to_num(speed, nan=np.inf)))]
+            raise self._stopped(i, f"{joint} moves at more than {_SPEED_RAD_S:g} rad/s", 0, [joint])
+        away_m = math.dist(self._body.com_m.tolist(), com_reference_m.tolist())
+        if away_m > _LOST_M:
+            raise self._stopped(i, f"the centre of mass is {away_m:.2f} m away from the plan", 1, ["centre of mass"])
+
+    def _missed(self, equality: Rows, bounds: Inequalities) -> list[str]:
+        """Which limits ran out: the kind that alone would have to give way, and where by most; else all kinds."""
+        names = np.array(self._programme.row_names)
+        kinds = np.array([name.partition(" of ")[0] for name in names])
+        choices = [kinds == kind for kind in ("torque", "friction", "range or speed")]
+        for soft in (*choices, np.ones(len(names), dtype=bool)):
+            missed = violations(equality, bounds, soft)
+            if missed is not None and missed.max() > 0.0:
+                order = [k for k in np.argsort(-missed) if missed[k] > 0.1 * missed.max()]
+                return list(dict.fromkeys(str(names[k]) for k in order))[:4]
+        return ["no single limit"]
+
+    def _stopped(self, i: int, what: str, level: int, short: list[str]) -> WholeBodyStopped:
+        t = float(self.times[i])
+        phase = self._sequence.phase_at(t + 1e-9)
+        message = (
+            f"The whole body cannot follow the plan beyond {t:.2f} s (phase {phase}): {what}; the first level that is "
+            f"violated is {level} ({LEVELS[level]}), short of: {', '.join(short)}."
+        )
+        faults = [Fault(f"phases[{phase}]", f"at {t:.2f} s: {name}") for name in short]
+        if i == 0:
+            self._record["q"][0] = self._q  # where it stands is all that there is to show
+        return WholeBodyStopped(message, faults, self.motion(0.0, max(i, 1)), phase, level, short)
+
+
+def _start(robot: Robot, sequence: ContactSequence, plan: CentroidalPlan, settings: Settings) -> np.ndarray:
+    """Posture at rest on the contacts of the first phase, the CoM where the plan begins."""
+    placements = {name: contact.placement for name, contact in sequence.phases[0].contacts.items()}
+    margins_rad = JointLimits.of(robot.model).margins_rad(settings.range_share, settings.joint_margin_rad)
+    found = stand(robot, placements, plan.com_m[0], margins_rad=margins_rad)
+    if not found.converged:
+        message = (
+            f"No posture of {robot.title} stands on the first contacts: {found.worst} stays {found.error_m:.3f} m off."
+        )
+        raise NotEstimable("stance-unreachable", message, [Fault(f"phases[0].contacts[{found.worst}]", message)])
+    return found.q

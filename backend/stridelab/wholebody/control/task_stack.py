@@ -1,0 +1,224 @@
+"""The hierarchy of one contact phase: which rows on which level (section 4.6 of the thesis).
+
+Unknowns ``z = (a, f)``: joint accelerations ``(nv,)`` and one force per contact point, world axes.
+
+    level 0   base rows of  M a + h = S' tau + J' f ;  contacts keep their place
+    level 1   CoM on the plan ; effectors in the air on their curves
+    level 2   angular momentum, upright base, posture, arms that keep off the body, planned forces,
+              orientation of hands                                                               (weighted)
+    always    friction pyramids ;  |tau| <= tau_max ;  accelerations that keep joints inside their limits
+
+The actuated rows of the equations of motion, apart from those of the base (2.2), give the torques,
+``tau = M_a a + h_a - J_a' f``, without unknowns.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.centroidal.plan import CentroidalPlan, Reference
+from stridelab.contacts.sequence import Contact
+from stridelab.contacts.swing import SwingCurve
+from stridelab.conventions import Angles, Points, Rotation, Vector3
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.control import tasks
+from stridelab.wholebody.control.collision_avoidance import Avoid, Avoidance
+from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows
+from stridelab.wholebody.control.joint_limits import JointLimits
+from stridelab.wholebody.control.rigid_body import RigidBody
+from stridelab.wholebody.control.tasks import Gain, force_jacobian, pyramid
+
+FIRM, MIDDLE, GENTLE = (Gain.critical(kp) for kp in (400.0, 60.0, 30.0))
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Gains, weights and margins of the hierarchy (found on TALOS; nothing in them names a robot).
+
+    ``posture_weight`` is per group of joints; an arm whose hand has nothing to do is held ``free_arm`` times as firmly.
+    ``contact_margin_m`` shrinks the rectangle of a surface, so that the centre of pressure stays inside the real sole.
+    ``range_share``, ``joint_margin_rad``, ``velocity_share`` and ``torque_share`` keep the programme inside the limits
+    that the certificate checks. ``barrier_per_s`` and ``velocity_rate_per_s`` are the constants of ``joint_limits``.
+    """
+
+    contact: Gain = FIRM
+    effector: Gain = FIRM
+    com: Gain = MIDDLE
+    base: Gain = MIDDLE
+    posture: Gain = GENTLE
+    hand: Gain = GENTLE
+    momentum_per_s: float = 8.0
+    momentum_weight: float = 0.05
+    base_weight: float = 2.0
+    posture_weight: Mapping[str, float] | None = None
+    free_arm: float = 2.0
+    force_weight: float = 1e-3
+    hand_weight: float = 0.3
+    contact_margin_m: float = 0.01
+    range_share: float = 0.02
+    joint_margin_rad: float = 0.005
+    velocity_share: float = 0.94
+    torque_share: float = 0.94
+    barrier_per_s: float = 25.0
+    velocity_rate_per_s: float = 50.0
+    acceleration_rad_s2: float = 300.0
+    avoid: Avoid | None = field(default_factory=Avoid)
+
+    def posture_weights(self, robot: Robot, busy: Iterable[str] = ()) -> Angles:
+        """Weight of every actuated joint ``(na,)``; ``busy`` are the effectors that touch or swing."""
+        of = self.posture_weight or {"leg": 0.03, "torso": 0.5, "arm": 0.25, "head": 0.25}
+        model = robot.model
+        ends = [model.frames[model.getFrameId(robot.effectors[name].frame)].parentJoint for name in busy]
+        occupied = {str(model.names[joint]) for end in ends for joint in model.supports[end]}
+        free = {joint for joint in robot.joint_names if robot.group[joint] == "arm" and joint not in occupied}
+        return np.array(
+            [of[robot.group[joint]] * (self.free_arm if joint in free else 1.0) for joint in robot.joint_names]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """What is asked for at one sample: the plan's reference, the forces planned, the base's orientation."""
+
+    time_s: float
+    reference: Reference
+    base: tuple[Rotation, Vector3, Vector3]
+
+
+class Programme:
+    """Builds the rows of one phase; its arrays are allocated once and filled anew at every sample.
+
+    ``row_names`` say of every inequality what it limits, its kind in front of " of ".
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        body: RigidBody,
+        contacts: Mapping[str, Contact],
+        swings: Mapping[str, SwingCurve],
+        plan: CentroidalPlan,
+        settings: Settings,
+        avoidance: Avoidance | None = None,
+    ) -> None:
+        self._avoidance = avoidance
+        self._body, self._contacts, self._swings, self._plan, self._settings = body, contacts, swings, plan, settings
+        self._surface = {name: robot.effectors[name].kind == "surface" for name in (*contacts, *swings)}
+        self._points = {name: robot.effectors[name].points_m(settings.contact_margin_m) for name in contacts}
+        self._limits = JointLimits.of(body.model).shrunk(
+            settings.range_share, settings.joint_margin_rad, settings.velocity_share, settings.torque_share
+        )
+        self._rest = robot.q_reference[7:]
+        self._posture_weights = settings.posture_weights(robot, self._surface)
+        nv, na = body.model.nv, body.model.nv - 6
+        cones = [pyramid(contact, len(self._points[name])) for name, contact in contacts.items()]
+        nf = sum(cone.G.shape[1] for cone in cones)
+        n_cone = sum(len(cone.upper) for cone in cones)
+        self._nv, self._nz = nv, nv + nf
+        self._torque = slice(n_cone, n_cone + na)
+        self._joint = slice(n_cone + na, n_cone + 2 * na)
+        self._G = np.zeros((n_cone + 2 * na, nv + nf))
+        self._lower = np.full(n_cone + 2 * na, -np.inf)
+        self._upper = np.zeros(n_cone + 2 * na)
+        row, column = 0, nv
+        for cone in cones:
+            m, n = cone.G.shape
+            self._G[row : row + m, column : column + n] = cone.G
+            self._upper[row : row + m] = cone.upper
+            row, column = row + m, column + n
+        self._G[self._joint, 6:nv] = np.eye(na)
+        self.row_names = (
+            *(f"friction of {name}" for name, cone in zip(contacts, cones, strict=True) for _ in cone.upper),
+            *(f"torque of {joint}" for joint in robot.joint_names),
+            *(f"range or speed of {joint}" for joint in robot.joint_names),
+        )
+
+    def rows(self, instant: Instant) -> tuple[Rows, list[Rows], Inequalities]:
+        """Equality, levels 1 and 2, inequalities at the body's state."""
+        body, nv = self._body, self._nv
+        J = [force_jacobian(body.frame(name), points) for name, points in self._points.items()]
+        J_f = np.vstack(J) if J else np.zeros((0, nv))
+        return self._level_0(J_f), [self._level_1(instant), self._level_2(instant)], self._inequalities(J_f)
+
+    def torques_nm(self, z: Float[np.ndarray, "nz"]) -> Angles:
+        """Actuator torques of a solution; valid after ``rows`` at the same state."""
+        return np.asarray(self._G[self._torque] @ z + self._body.h[6:])
+
+    def forces_n(self, z: Float[np.ndarray, "nz"]) -> dict[str, Points]:
+        """Forces ``(k, 3)`` per effector in contact."""
+        forces: dict[str, Points] = {}
+        column = self._nv
+        for name, points in self._points.items():
+            forces[name] = z[column : column + 3 * len(points)].reshape(-1, 3)
+            column += 3 * len(points)
+        return forces
+
+    def unknowns(self, a: Float[np.ndarray, "nv"], forces_n: Mapping[str, Points]) -> Float[np.ndarray, "nz"]:
+        """``z`` of an acceleration and of forces; effectors that are not among them bear none."""
+        f = [forces_n[name].ravel() if name in forces_n else np.zeros(3 * len(p)) for name, p in self._points.items()]
+        return np.concatenate([a, *f])
+
+    def _level_0(self, J_f: Float[np.ndarray, "nf nv"]) -> Rows:
+        body, nv = self._body, self._nv
+        rows = [
+            tasks.contact(body.frame(name), contact.placement, self._surface[name], self._settings.contact)
+            for name, contact in self._contacts.items()
+        ]
+        A = np.zeros((6 + sum(len(r.b) for r in rows), self._nz))
+        A[:6, :nv] = body.M[:6]
+        A[:6, nv:] = -J_f[:, :6].T
+        if rows:
+            A[6:, :nv] = np.vstack([r.A for r in rows])
+        return Rows(A, np.concatenate([-body.h[:6], *(r.b for r in rows)]))
+
+    def _level_1(self, instant: Instant) -> Rows:
+        body, gain = self._body, self._settings.effector
+        rows = [tasks.centre_of_mass(body, instant.reference, self._settings.com)]
+        for name, curve in self._swings.items():
+            target = curve.at(instant.time_s - curve.starts_s)
+            frame = body.frame(name)
+            p = target.placement
+            rows.append(tasks.position(frame, p.position_m, target.velocity_m_s, target.acceleration_m_s2, gain))
+            if self._surface[name]:
+                w, w_rate = target.angular_velocity_rad_s, target.angular_acceleration_rad_s2
+                rows.append(tasks.orientation(frame, p.rotation, w, w_rate, gain))
+        return tasks.stacked([(1.0, r) for r in rows], self._nz)
+
+    def _level_2(self, instant: Instant) -> Rows:
+        body, s = self._body, self._settings
+        weighted: list[tuple[tasks.Weight, Rows]] = [
+            (s.momentum_weight, tasks.angular_momentum(body, instant.reference, s.momentum_per_s)),
+            (s.base_weight, tasks.orientation(body.frame("base"), *instant.base, s.base)),
+            (self._posture_weights, tasks.posture(body, self._rest, s.posture)),
+        ]
+        if self._avoidance is not None:
+            rows, weights = self._avoidance.rows(body)
+            weighted.append((weights, rows))
+        still = np.zeros(3)
+        for name, contact in self._contacts.items():
+            if not self._surface[name]:
+                rows = tasks.orientation(body.frame(name), contact.placement.rotation, still, still, s.hand)
+                weighted.append((s.hand_weight, rows))
+        for name, curve in self._swings.items():
+            if not self._surface[name]:
+                target = curve.at(instant.time_s - curve.starts_s)
+                w, w_rate = target.angular_velocity_rad_s, target.angular_acceleration_rad_s2
+                rows = tasks.orientation(body.frame(name), target.placement.rotation, w, w_rate, s.hand)
+                weighted.append((s.hand_weight, rows))
+        forces_n = self._plan.forces_at(instant.time_s)
+        planned = np.concatenate([*(forces_n[name].ravel() for name in self._contacts), np.zeros(0)])
+        weighted.append((s.force_weight, tasks.forces(planned, self._nv)))
+        return tasks.stacked(weighted, self._nz)
+
+    def _inequalities(self, J_f: Float[np.ndarray, "nf nv"]) -> Inequalities:
+        body, s, nv = self._body, self._settings, self._nv
+        self._G[self._torque, :nv] = body.M[6:]
+        self._G[self._torque, nv:] = -J_f[:, 6:].T
+        self._upper[self._torque] = self._limits.torque_nm - body.h[6:]
+        self._lower[self._torque] = -self._limits.torque_nm - body.h[6:]
+        self._lower[self._joint], self._upper[self._joint] = self._limits.acceleration_bounds(
+            body.q[7:], body.v[6:], s.barrier_per_s, s.velocity_rate_per_s, s.acceleration_rad_s2
+        )
+        return Inequalities(self._G, self._lower, self._upper)

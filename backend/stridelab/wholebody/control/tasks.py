@@ -1,0 +1,141 @@
+"""Tasks of the hierarchy as rows ``A a = b`` on the joint acceleration (section 4.6).
+
+Every motion task asks its error to vanish like a damped spring around the planned acceleration,
+
+    J a + dJ v = x''_ref + kp (x_ref - x) + kd (x'_ref - x').
+
+Positions, velocities and accelerations are in world axes, rotations as rotation vectors of ``R_ref R'``.
+
+Contact forces of one effector: how they act on the joints and the pyramid that they must stay in.
+
+A surface carries one force per corner of its rectangle, a point carries one. The pyramid
+
+    |f_x|, |f_y| <= mu / sqrt(2) f_n ,    f_n >= 0
+
+lies inside the exact cone ``|f_t| <= mu f_n``: its edges touch it. Forces are in world axes, x, y and n those of the
+contact frame.
+"""
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from stridelab.centroidal.plan import Reference
+from stridelab.contacts.sequence import Contact
+from stridelab.conventions import Angles, Points, Rotation, Vector3
+from stridelab.dynamics.spatial import Placement
+from stridelab.wholebody.control.hierarchical_qp import Inequalities, Rows
+from stridelab.wholebody.control.rigid_body import FrameState, RigidBody
+
+Weight = float | Float[np.ndarray, "_"]
+"""One for all rows, or one per row."""
+
+
+class Gain(NamedTuple):
+    """Stiffness (1/s^2) and damping (1/s) of an error."""
+
+    kp: float
+    kd: float
+
+    @staticmethod
+    def critical(kp: float) -> "Gain":
+        """No overshoot: ``kd = 2 sqrt(kp)``."""
+        return Gain(kp, 2.0 * float(np.sqrt(kp)))
+
+
+def rotation_error(reference: Rotation, actual: Rotation) -> Vector3:
+    """Rotation vector in world axes that turns ``actual`` into ``reference``."""
+    return np.asarray(pin.log3(reference @ actual.T))
+
+
+def contact(frame: FrameState, place: Placement, surface: bool, gain: Gain) -> Rows:
+    """A contact stays where it is planned: six rows for a surface, three for a point."""
+    e = place.position_m - frame.position_m
+    if surface:
+        e = np.concatenate([e, rotation_error(place.rotation, frame.rotation)])
+    k = len(e)
+    return Rows(frame.J[:k], gain.kp * e - gain.kd * frame.velocity[:k] - frame.drift[:k])
+
+
+def centre_of_mass(body: RigidBody, reference: Reference, gain: Gain) -> Rows:
+    """CoM on the plan, through the linear rows of the centroidal map (4.3): ``A_G a + dA_G v = m c''``."""
+    e, e_v = reference.com_m - body.com_m, reference.com_v_m_s - body.com_v_m_s
+    c_a = reference.com_a_m_s2 + gain.kp * e + gain.kd * e_v
+    return Rows(body.A_g[:3] / body.mass_kg, c_a - body.A_g_drift[:3] / body.mass_kg)
+
+
+def angular_momentum(body: RigidBody, reference: Reference, gain_per_s: float) -> Rows:
+    """Angular momentum about the CoM on the plan, first order: ``dL = dL_ref + k (L_ref - L)``."""
+    l_rate = reference.l_rate_nm + gain_per_s * (reference.l_nms - body.l_nms)
+    return Rows(body.A_g[3:], l_rate - body.A_g_drift[3:])
+
+
+def position(frame: FrameState, p_m: Vector3, v_m_s: Vector3, a_m_s2: Vector3, gain: Gain) -> Rows:
+    """A frame's origin on a moving point."""
+    e, e_v = p_m - frame.position_m, v_m_s - frame.velocity[:3]
+    return Rows(frame.J[:3], a_m_s2 + gain.kp * e + gain.kd * e_v - frame.drift[:3])
+
+
+def orientation(frame: FrameState, R: Rotation, w_rad_s: Vector3, w_rate_rad_s2: Vector3, gain: Gain) -> Rows:
+    """A frame's axes on turning ones, with angular velocity ``w`` and acceleration."""
+    e, e_v = rotation_error(R, frame.rotation), w_rad_s - frame.velocity[3:]
+    return Rows(frame.J[3:], w_rate_rad_s2 + gain.kp * e + gain.kd * e_v - frame.drift[3:])
+
+
+def posture(body: RigidBody, angles_rad: Angles, gain: Gain) -> Rows:
+    """Actuated joints at rest at ``angles_rad`` ``(na,)``."""
+    return Rows(_last(len(angles_rad), 6), gain.kp * (angles_rad - body.q[7:]) - gain.kd * body.v[6:])
+
+
+def forces(planned_n: Float[np.ndarray, "nf"], nv: int) -> Rows:
+    """The forces, which follow the ``nv`` accelerations among the unknowns, as they are planned."""
+    return Rows(_last(len(planned_n), nv), planned_n)
+
+
+@cache
+def _last(n: int, before: int) -> Float[np.ndarray, "n m"]:
+    """Picks the last ``n`` of ``before + n`` unknowns."""
+    found = np.zeros((n, before + n))
+    found[:, before:] = np.eye(n)
+    found.flags.writeable = False
+    return found
+
+
+def stacked(weighted: list[tuple[Weight, Rows]], nz: int) -> Rows:
+    """Rows one below the other, each multiplied by its weight (one, or one per row), widened by zeros to ``nz``."""
+    m = sum(len(rows.b) for _, rows in weighted)
+    A, b = np.zeros((m, nz)), np.empty(m)
+    at = 0
+    for weight, rows in weighted:
+        k, n = rows.A.shape
+        np.multiply(rows.A, weight if isinstance(weight, float) else weight[:, None], out=A[at : at + k, :n])
+        np.multiply(rows.b, weight, out=b[at : at + k])
+        at += k
+    return Rows(A, b)
+
+
+_INSIDE_N = 1e-3
+"""Distance from the pyramid's faces, so that the solver's tolerance cannot leave the cone."""
+
+
+def pyramid(contact: Contact, points: int) -> Inequalities:
+    """Five rows per contact point on the ``3 points`` components of its forces."""
+    x, y, n = contact.placement.rotation.T
+    mu = contact.friction / np.sqrt(2.0)
+    one = np.array([x - mu * n, -x - mu * n, y - mu * n, -y - mu * n, -n])
+    upper = np.full(5 * points, -_INSIDE_N)
+    return Inequalities(np.kron(np.eye(points), one), np.full(5 * points, -np.inf), upper)
+
+
+def force_jacobian(frame: FrameState, points_m: Points) -> Float[np.ndarray, "m nv"]:
+    """Jacobian ``(3 k, nv)`` of contact points given in the contact frame: ``J_p = J_v - [R p]x J_w``."""
+    x, y, z = frame.rotation @ points_m.T
+    lever = np.zeros((len(points_m), 3, 6))
+    lever[:, 0, 0] = lever[:, 1, 1] = lever[:, 2, 2] = 1.0
+    lever[:, 0, 4], lever[:, 0, 5] = z, -y
+    lever[:, 1, 3], lever[:, 1, 5] = -z, x
+    lever[:, 2, 3], lever[:, 2, 4] = y, -x
+    return np.asarray(lever.reshape(-1, 6) @ frame.J)

@@ -1,0 +1,90 @@
+"""What a replay may be made to suffer: the world and the robot are not quite as planned.
+
+Everything here is unknown to the plan, to the feed-forward torques and to the stabiliser.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.contacts.terrain import Box, Rail, Terrain
+from stridelab.conventions import Vector3
+from stridelab.dynamics.spatial import Placement
+from stridelab.errors import Fault, InvalidInput
+
+
+@dataclass(frozen=True)
+class Push:
+    """A constant force on the trunk, ``impulse_ns`` (world axes) given off in ``duration_s`` from ``time_s`` on."""
+
+    time_s: float
+    impulse_ns: tuple[float, float, float]
+    duration_s: float = 0.1
+
+    def force_n(self, time_s: float) -> Vector3:
+        """At one instant."""
+        acts = self.time_s <= time_s < self.time_s + self.duration_s
+        return np.array(self.impulse_ns) / self.duration_s * float(acts)
+
+
+@dataclass(frozen=True)
+class SensorNoise:
+    """Standard deviations of white noise on what the stabiliser is told: places, velocity of the CoM, forces."""
+
+    position_m: float = 0.001
+    velocity_m_s: float = 0.01
+    force_n: float = 2.0
+
+
+@dataclass(frozen=True)
+class Disturbances:
+    """All of them; the defaults disturb nothing.
+
+    ``friction`` replaces that of all boxes. ``sole_half_size_m`` are the half edges of the simulated soles.
+    ``torque_noise`` is the standard deviation of a factor about one, drawn anew for every joint and step.
+    ``terrain_up_m`` raises every box on which the robot does not stand at first, ``rail_shift_m`` moves the rails.
+    ``delay_s`` is the age of what the stabiliser sees, to the nearest step of the simulator. ``trunk_mass_kg`` is added
+    to the trunk, at its centre of mass.
+
+    Raises ``InvalidInput`` (``disturbance-out-of-range``).
+    """
+
+    friction: float | None = None
+    sole_half_size_m: tuple[float, float] | None = None
+    torque_noise: float = 0.0
+    terrain_up_m: float = 0.0
+    rail_shift_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    delay_s: float = 0.0
+    trunk_mass_kg: float = 0.0
+    push: Push | None = None
+    sensor_noise: SensorNoise | None = None
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        positive = {"friction": self.friction, "sole_half_size_m": min(self.sole_half_size_m or (1.0,))}
+        faults = [Fault(name, f"must be positive, not {v}") for name, v in positive.items() if v is not None and v <= 0]
+        counted = {"torque_noise": self.torque_noise, "delay_s": self.delay_s}
+        faults += [Fault(name, f"must not be negative, is {v}") for name, v in counted.items() if not v >= 0.0]
+        if faults:
+            raise InvalidInput("disturbance-out-of-range", "The replay cannot be disturbed like that.", faults)
+
+    def terrain(self, sequence: ContactSequence) -> Terrain:
+        """The terrain that the robot meets instead of the one that was planned for."""
+        stood_on = {contact.surface for contact in sequence.phases[0].contacts.values()}
+        found: list[Box | Rail] = []
+        for surface in sequence.terrain.surfaces:
+            if isinstance(surface, Rail):
+                shift = np.array(self.rail_shift_m)
+                found.append(replace(surface, from_m=surface.from_m + shift, to_m=surface.to_m + shift))
+                continue
+            up_m = 0.0 if surface.name in stood_on else self.terrain_up_m
+            at = surface.placement
+            placement = Placement(at.position_m + np.array([0.0, 0.0, up_m]), at.rotation)
+            friction = surface.friction if self.friction is None else self.friction
+            found.append(replace(surface, placement=placement, friction=friction))
+        return Terrain.of(found)
+
+
+NONE: Final = Disturbances()

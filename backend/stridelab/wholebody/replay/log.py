@@ -1,0 +1,184 @@
+"""What is measured while a motion is replayed."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.contacts.sequence import Contact, ContactSequence
+from stridelab.contacts.swing import HAND_RETREAT_M
+from stridelab.conventions import Vector3
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.effector_contact import OwnSurfaces
+from stridelab.wholebody.replay.assessment import Collision, Missed, missed
+from stridelab.wholebody.replay.simulation import Simulation
+
+TOUCHING_N: Final = 5.0
+"""Force from which an effector counts as loaded."""
+
+
+@dataclass(frozen=True, eq=False)
+class Replay:
+    """What happened. ``q``, ``v`` are in the order of the motion; ``forces_n`` the world-frame force per effector.
+
+    Errors are those of the simulated CoM against the plan's. ``foot_slip_max_m`` is the largest displacement of a
+    loaded sole since its touch-down, ``landing_error_max_m`` the largest distance from the planned place there.
+    ``hand_contact_share`` is the part of the planned hand contacts in which the hand is loaded;
+    ``hand_in_place_shares`` are, per hand, the part in which it is loaded by the planned surface and no farther from
+    its place than a hand that lets go retreats. ``collided`` are the contacts that the plan does not contain, in the
+    order of time. ``fall_time_s`` is None where the robot stays on its feet.
+    """
+
+    time_s: Float[np.ndarray, "n"]
+    q: Float[np.ndarray, "n nq"]
+    v: Float[np.ndarray, "n nv"]
+    com_m: Float[np.ndarray, "n 3"]
+    forces_n: Mapping[str, Float[np.ndarray, "n 3"]]
+    fall_time_s: float | None
+    com_error_rms_m: float
+    com_error_max_m: float
+    foot_slip_max_m: float
+    landing_error_max_m: float
+    hand_force_mean_n: float | None
+    hand_contact_share: float | None
+    torque_ratio_max: float
+    real_time_factor: float
+    hand_in_place_shares: Mapping[str, float] = field(default_factory=dict)
+    collided: tuple[Collision, ...] = ()
+
+    @property
+    def fell(self) -> bool:
+        """Whether the robot fell; the replay ends there."""
+        return self.fall_time_s is not None
+
+    @property
+    def slip_max_m(self) -> float:
+        """The largest displacement of a loaded sole since its touch-down."""
+        return self.foot_slip_max_m
+
+    @property
+    def collisions(self) -> int:
+        """How many different pairs touched that the plan does not bring together."""
+        return len(self.collided)
+
+    @property
+    def remarks(self) -> tuple[Missed, ...]:
+        """What is missing to a completed replay."""
+        return missed(
+            fall_time_s=self.fall_time_s,
+            collided=self.collided,
+            slip_max_m=self.foot_slip_max_m,
+            torque_ratio_max=self.torque_ratio_max,
+            hand_in_place_shares=self.hand_in_place_shares,
+        )
+
+    @property
+    def completed(self) -> bool:
+        """Whether the robot does not fall and nothing else is missing."""
+        return not self.remarks
+
+
+class ReplayLog:
+    """Collects samples; a touch-down is the first loaded sample of a planned contact."""
+
+    def __init__(self, robot: Robot, sequence: ContactSequence) -> None:
+        self._robot, self._sequence = robot, sequence
+        self._time_s: list[float] = []
+        self._q: list[Float[np.ndarray, "nq"]] = []
+        self._v: list[Float[np.ndarray, "nv"]] = []
+        self._com_m: list[Vector3] = []
+        self._errors_m: list[float] = []
+        self._forces_n: dict[str, list[Vector3]] = {name: [] for name in sequence.effectors}
+        self._landed: dict[str, Vector3] = {}
+        self._slips_m, self._landings_m = [0.0], [0.0]
+        self._hand_n: list[float] = []
+        self._own = OwnSurfaces(sequence, robot.effectors)
+        self._in_place: dict[str, list[bool]] = {}
+        self._collided: dict[tuple[str, str], Collision] = {}
+
+    def step(self, simulation: Simulation, time_s: float) -> None:
+        """Take the contacts of the body in the step that ends at ``time_s``."""
+        built = simulation.built
+        for touch in simulation.body_touches:
+            first, second = (built.link.get(geom) or built.surface.get(geom, "") for geom in touch[:2])
+            self._collide(first, second, time_s, touch.force_n)
+
+    def sample(self, simulation: Simulation, time_s: float, plan_time_s: float, com_m: Vector3, error_m: float) -> None:
+        """Take the state after the step that ends at ``time_s``, when the plan has come to ``plan_time_s``."""
+        q, v = simulation.coordinates()
+        self._time_s.append(time_s)
+        self._q.append(q)
+        self._v.append(v)
+        self._com_m.append(com_m)
+        self._errors_m.append(error_m)
+        forces = simulation.forces_n()
+        phase = self._sequence.phase_at(plan_time_s)
+        planned = self._sequence.phases[phase].contacts
+        touched = self._touched(simulation, phase, time_s, plan_time_s)
+        for name, force in forces.items():
+            self._forces_n[name].append(force)
+            if self._robot.effectors[name].kind == "surface":
+                self._follow(simulation, name, planned.get(name), float(np.linalg.norm(force)))
+            elif name in planned:
+                force_n = float(np.linalg.norm(force))
+                self._hand_n.append(force_n)
+                away_m = simulation.contact(name).position_m - planned[name].placement.position_m
+                there = name in touched and force_n > TOUCHING_N and float(np.linalg.norm(away_m)) < HAND_RETREAT_M
+                self._in_place.setdefault(name, []).append(there)
+
+    def _touched(self, simulation: Simulation, phase: int, time_s: float, plan_time_s: float) -> set[str]:
+        """The effectors on surfaces of their planned contacts; contacts that are not planned are noted."""
+        found: set[str] = set()
+        built = simulation.built
+        for touch in simulation.effector_touches():
+            name, surface = built.effector[touch.first], built.surface.get(touch.second)
+            if surface is None:
+                continue  # a sole against another link: the link's shape is in ``body_touches``
+            if surface in self._own.touched(name, phase):
+                found.add(name)
+            elif surface not in self._own.near(name, phase, plan_time_s):
+                self._collide(name, surface, time_s, touch.force_n)
+        return found
+
+    def _collide(self, first: str, second: str, time_s: float, force_n: float) -> None:
+        pair = (first, second)
+        before = self._collided.get(pair)
+        if before is None:
+            self._collided[pair] = Collision(first, second, time_s, force_n)
+        elif force_n > before.force_max_n:
+            self._collided[pair] = replace(before, force_max_n=force_n)
+
+    def _follow(self, simulation: Simulation, name: str, planned: Contact | None, force_n: float) -> None:
+        if planned is None:
+            self._landed.pop(name, None)
+        elif force_n > TOUCHING_N:
+            here = simulation.contact(name).position_m
+            if name not in self._landed:
+                self._landed[name] = here
+                self._landings_m.append(float(np.linalg.norm(here - planned.placement.position_m)))
+            self._slips_m.append(float(np.linalg.norm(here - self._landed[name])))
+
+    def replay(self, fell: bool, torque_ratio_max: float, took_s: float) -> Replay:
+        """All of it."""
+        errors = np.array(self._errors_m)
+        hand = np.array(self._hand_n)
+        return Replay(
+            time_s=np.array(self._time_s),
+            q=np.array(self._q),
+            v=np.array(self._v),
+            com_m=np.array(self._com_m),
+            forces_n={name: np.array(forces) for name, forces in self._forces_n.items()},
+            fall_time_s=self._time_s[-1] if fell else None,
+            com_error_rms_m=float(np.sqrt(np.mean(errors**2))),
+            com_error_max_m=float(errors.max()),
+            foot_slip_max_m=max(self._slips_m),
+            landing_error_max_m=max(self._landings_m),
+            hand_force_mean_n=float(hand.mean()) if len(hand) else None,
+            hand_contact_share=float(np.mean(hand > TOUCHING_N)) if len(hand) else None,
+            torque_ratio_max=torque_ratio_max,
+            real_time_factor=self._time_s[-1] / took_s,
+            hand_in_place_shares={name: float(np.mean(there)) for name, there in self._in_place.items()},
+            collided=tuple(self._collided.values()),
+        )

@@ -1,0 +1,132 @@
+"""The motion replayed in physics: joint position control, feed-forward torques and the ankle stabiliser.
+
+The simulator knows nothing of the plan but what the joints are told. Torques are cut at the robot's limits. The state
+that the stabiliser sees comes from ``observe``: the true one unless a caller puts an estimator there.
+"""
+
+import time
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import pinocchio as pin
+from jaxtyping import Float
+
+from stridelab.contacts.sequence import ContactSequence
+from stridelab.conventions import GRAVITY_M_S2, Progress
+from stridelab.errors import InvalidInput
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.replay.disturbances import NONE, Disturbances
+from stridelab.wholebody.replay.log import Replay, ReplayLog
+from stridelab.wholebody.replay.mujoco_model import build_simulation
+from stridelab.wholebody.replay.sensors import Observe, Sensors, as_sensed
+from stridelab.wholebody.replay.simulation import Simulation
+from stridelab.wholebody.replay.stabiliser import Stabiliser, Stabilising
+from stridelab.wholebody.replay.step_adjustment import Steady
+
+__all__ = ["PhysicsReplay", "Replay", "replay"]
+
+FALLEN_M: Final = 0.25
+"""A CoM that is farther off its reference than this does not come back."""
+AFTERWARDS_S: Final = 1.0
+"""How long the last posture is held: a robot that falls right after the end has not arrived."""
+SAY_EVERY: Final = 100
+FULL_SIZE_NM: Final = 776.0
+"""Weight times CoM height of a robot that gets the whole stiffness: TALOS'."""
+
+
+@dataclass(frozen=True)
+class PhysicsReplay:
+    """Joint control of stiffness (N m/rad) and damping (N m s/rad) in legs and torso, ``arm_share`` of it in the arms.
+
+    A rotor inertia of 0.1 kg m^2 and 3000 N m/rad make 28 Hz, well above the motion and well below the 1 kHz steps. A
+    robot that topples with less than ``FULL_SIZE_NM`` (``m g h``) is held less stiffly in proportion. No joint is
+    damped by more than what stops it within one step, ``I / dt`` with the inertia ``I`` that the joint moves against
+    when all others are free: beyond twice that the control itself would shake it.
+    """
+
+    stiffness: float = 3000.0
+    damping: float = 100.0
+    arm_share: float = 0.1
+    stabiliser: Stabiliser | None = field(default_factory=Stabiliser)
+
+    def run(
+        self,
+        robot: Robot,
+        sequence: ContactSequence,
+        motion: WholeBodyMotion,
+        progress: Progress,
+        observe: Observe = as_sensed,
+        disturbed: Disturbances = NONE,
+    ) -> Replay:
+        """Replay ``motion`` and hold its last posture, in a world and with a body that are ``disturbed``.
+
+        Raises ``InvalidInput`` (``replay-rate``) for a rate that the simulator's time step does not divide.
+        """
+        terrain = disturbed.terrain(sequence)
+        built = build_simulation(robot, terrain, sequence.friction, sequence.effectors, disturbed)
+        simulation = Simulation(built, motion.q[0])
+        substeps = _substeps(motion.rate_hz, simulation.timestep_s)
+        kp, kd = self._gains(robot, simulation.timestep_s)
+        log, torque_ratio = ReplayLog(robot, sequence), 0.0
+        stabilising = None if self.stabiliser is None else Stabilising(self.stabiliser, robot, motion)
+        sensors = Sensors(simulation, disturbed, substeps)
+        rng = np.random.default_rng(disturbed.seed)
+        last, dt_s, k, rested = len(motion.time_s) - 1, 1.0 / motion.rate_hz, 0, 0
+        pace = Steady(last) if stabilising is None else stabilising.pace
+        started, stands = time.perf_counter(), True
+        while stands and rested < round(AFTERWARDS_S * motion.rate_hz):
+            i, rate = pace.nearest, pace.rate * float(pace.nearest < last)
+            forward, v_target = motion.tau_nm[i], rate * motion.v[i][6:]
+            q_target = motion.q[i][7:] + (pace.sample - i) * dt_s * motion.v[i][6:]
+            if stabilising is not None:
+                angles, added = stabilising.at(observe(sensors.read(k / motion.rate_hz)))
+                q_target, forward = q_target + angles, forward + added
+            for j in range(substeps):
+                ahead = q_target + j * simulation.timestep_s * v_target
+                tau = kp * (ahead - simulation.joints_rad) + kd * (v_target - simulation.joint_rates_rad_s) + forward
+                if disturbed.torque_noise:
+                    tau = tau * (1.0 + disturbed.torque_noise * rng.normal(size=len(tau)))
+                if disturbed.push is not None:
+                    simulation.push(disturbed.push.force_n(k / motion.rate_hz + j * simulation.timestep_s))
+                held = simulation.locked_torques_nm(self.arm_share * self.stiffness, self.arm_share * self.damping)
+                torque_ratio = max(torque_ratio, simulation.step(tau, held))
+                log.step(simulation, k / motion.rate_hz + (j + 1) * simulation.timestep_s)
+                sensors.step(j + 1, k / motion.rate_hz + (j + 1) * simulation.timestep_s)
+            simulation.refresh()
+            pace.tick()
+            k, rested = k + 1, rested + int(i == last)
+            com_m, _ = simulation.com()
+            error_m = float(np.linalg.norm(com_m - motion.com_reference_m[pace.nearest]))
+            log.sample(simulation, k / motion.rate_hz, float(motion.time_s[pace.nearest]), com_m, error_m)
+            stands = error_m < FALLEN_M
+            if i % SAY_EVERY == 0:
+                progress(i / (last + 1), f"replay: {motion.time_s[i]:.1f} of {motion.time_s[-1]:.1f} s")
+        return log.replay(not stands, torque_ratio, time.perf_counter() - started)
+
+    def _gains(self, robot: Robot, timestep_s: float) -> tuple[Float[np.ndarray, "na"], Float[np.ndarray, "na"]]:
+        joints, data = robot.joint_names, robot.model.createData()
+        share = np.array([self.arm_share if robot.group[joint] in ("arm", "head") else 1.0 for joint in joints])
+        ankles = {joint for effector in robot.effectors.values() for joint in effector.ankle or ()}
+        soft = self.stabiliser.ankle_stiffness if self.stabiliser is not None else 1.0
+        ankle = np.array([soft if joint in ankles else 1.0 for joint in joints])
+        height_m = pin.centerOfMass(robot.model, data, robot.q_reference)[2]  # the soles are on z = 0
+        size = min(1.0, robot.mass_kg * GRAVITY_M_S2 * height_m / FULL_SIZE_NM)
+        pin.crba(robot.model, data, robot.q_reference)
+        M = np.triu(data.M) + np.triu(data.M, 1).T
+        inertia = 1.0 / np.diag(np.linalg.inv(M))[6:]
+        kp = self.stiffness * size * share * ankle
+        return kp, np.minimum(self.damping * size * share * np.sqrt(ankle), inertia / timestep_s)
+
+
+def replay(robot: Robot, sequence: ContactSequence, motion: WholeBodyMotion, progress: Progress) -> Replay:
+    """``PhysicsReplay`` with its defaults."""
+    return PhysicsReplay().run(robot, sequence, motion, progress)
+
+
+def _substeps(rate_hz: float, timestep_s: float) -> int:
+    substeps = round(1.0 / (rate_hz * timestep_s))
+    if substeps < 1 or not np.isclose(substeps * timestep_s * rate_hz, 1.0):
+        raise InvalidInput("replay-rate", f"A motion at {rate_hz:g} Hz does not fit steps of {timestep_s:g} s.")
+    return substeps

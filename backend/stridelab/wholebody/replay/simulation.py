@@ -1,0 +1,156 @@
+"""A running simulation in the robot's own coordinates."""
+
+import math
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from jaxtyping import Float
+
+from stridelab.conventions import Vector3
+from stridelab.dynamics.spatial import Placement, cross
+from stridelab.wholebody.replay.mujoco_model import SimulationModel
+
+
+class Touch(NamedTuple):
+    """Two geometries in contact, by number, and the size of the force between them (N)."""
+
+    first: int
+    second: int
+    force_n: float
+
+
+class Simulation:
+    """State of one simulated robot; coordinates in pinocchio's order (base velocity in the base frame).
+
+    ``body_touches`` are the contacts of the collision shapes in the last step, which no plan contains.
+    """
+
+    def __init__(self, built: SimulationModel, q: Float[np.ndarray, "nq"]) -> None:
+        self.built = built
+        self._model = built.model
+        self._data = mujoco.MjData(built.model)
+        self._is_body = np.zeros(built.model.ngeom, dtype=bool)
+        self._is_body[list(built.link)] = True
+        self.body_touches: tuple[Touch, ...] = ()
+        self._measured: tuple[dict[str, Float[np.ndarray, "6"]], tuple[Touch, ...]] | None = None
+        self._root = 1  # the robot's first body; 0 is the world
+        x, y, z, w = q[3:7]
+        self._data.qpos[:7] = [*q[:3], w, x, y, z]
+        self._data.qpos[built.moving_qpos] = q[7:]
+        self._data.qpos[built.locked_qpos] = built.locked_rad
+        mujoco.mj_forward(self._model, self._data)
+        self._refreshed = True
+
+    @property
+    def mass_kg(self) -> float:
+        """Mass of the simulated robot."""
+        return float(self._model.body_subtreemass[self._root])
+
+    @property
+    def timestep_s(self) -> float:
+        """Length of one step."""
+        return float(self._model.opt.timestep)
+
+    @property
+    def joints_rad(self) -> Float[np.ndarray, "na"]:
+        """Angles of the moving joints."""
+        return np.array(self._data.qpos[self.built.moving_qpos])
+
+    @property
+    def joint_rates_rad_s(self) -> Float[np.ndarray, "na"]:
+        """Rates of the moving joints."""
+        return np.array(self._data.qvel[self.built.moving_dof])
+
+    def locked_torques_nm(self, stiffness: float, damping: float) -> Float[np.ndarray, "nl"]:
+        """What holds the locked joints at their angles."""
+        built, data = self.built, self._data
+        off = built.locked_rad - data.qpos[built.locked_qpos]
+        return np.asarray(stiffness * off - damping * data.qvel[built.locked_dof])
+
+    def step(self, moving_nm: Float[np.ndarray, "na"], locked_nm: Float[np.ndarray, "nl"]) -> float:
+        """One step under torques cut at the limits; returns the largest share of a limit that was asked for."""
+        u = np.zeros(self._model.nu)
+        u[self.built.moving_actuator] = moving_nm
+        u[self.built.locked_actuator] = locked_nm
+        limit = self.built.torque_limit_nm
+        self._data.ctrl[:] = np.clip(u, -limit, limit)
+        if self._refreshed:  # what follows from the coordinates is there already, contacts included
+            mujoco.mj_step2(self._model, self._data)
+        else:
+            mujoco.mj_step(self._model, self._data)
+        self._measured, self._refreshed = None, False
+        geoms = self._data.contact.geom[: self._data.ncon]
+        bodily = self._is_body[geoms].any(axis=1)
+        self.body_touches = tuple(map(self._touch, np.flatnonzero(bodily).tolist())) if bodily.any() else ()
+        return float(np.max(np.abs(moving_nm) / limit[self.built.moving_actuator]))
+
+    def push(self, force_n: Vector3) -> None:
+        """A force (world axes) at the trunk's centre of mass, from now on."""
+        self._data.xfrc_applied[self.built.trunk, :3] = force_n
+
+    def refresh(self) -> None:
+        """Bring everything that follows from the coordinates up to the instant after the last step.
+
+        A step ends with the integration; what is derived from positions and velocities is still that before it.
+        """
+        mujoco.mj_forward(self._model, self._data)
+        self._measured, self._refreshed = None, True
+
+    def com(self) -> tuple[Vector3, Vector3]:
+        """Position (m) and velocity (m/s) of the centre of mass."""
+        mujoco.mj_subtreeVel(self._model, self._data)
+        return np.array(self._data.subtree_com[self._root]), np.array(self._data.subtree_linvel[self._root])
+
+    def coordinates(self) -> tuple[Float[np.ndarray, "nq"], Float[np.ndarray, "nv"]]:
+        """``q`` and ``v`` of the robot's reduced model."""
+        d = self._data
+        w, x, y, z = d.qpos[3:7]
+        R = d.xmat[self._root].reshape(3, 3)
+        q = np.concatenate([d.qpos[:3], [x, y, z, w], self.joints_rad])
+        return q, np.concatenate([R.T @ d.qvel[:3], d.qvel[3:6], self.joint_rates_rad_s])
+
+    def contact(self, effector: str) -> Placement:
+        """Where an effector's contact frame is."""
+        body = self.built.body[effector]
+        T_world_body = Placement(np.array(self._data.xpos[body]), self._data.xmat[body].reshape(3, 3).copy())
+        return T_world_body @ self.built.T_body_contact[effector]
+
+    def forces_n(self) -> dict[str, Vector3]:
+        """World-frame force of the surroundings on every effector."""
+        return {name: wrench[:3] for name, wrench in self.wrenches().items()}
+
+    def wrenches(self) -> Mapping[str, Float[np.ndarray, "6"]]:
+        """Force and moment about the world's origin of the surroundings on every effector, in world axes."""
+        return self._effectors()[0]
+
+    def effector_touches(self) -> tuple[Touch, ...]:
+        """What the soles' boxes and the hands' balls touch, each first of its pair."""
+        return self._effectors()[1]
+
+    def _effectors(self) -> tuple[dict[str, Float[np.ndarray, "6"]], tuple[Touch, ...]]:
+        """Both, once per state."""
+        if self._measured is None:
+            found = {name: np.zeros(6) for name in self.built.geom}
+            local, touches = np.zeros(6), []
+            touching = self._data.contact
+            for k, pair in enumerate(touching.geom[: self._data.ncon].tolist()):
+                for geom, other, sign in ((pair[1], pair[0], 1.0), (pair[0], pair[1], -1.0)):
+                    if geom in self.built.effector:
+                        # given in the contact's frame, whose rows are its axes, and acting on its second geometry
+                        mujoco.mj_contactForce(self._model, self._data, k, local)
+                        axes = sign * touching.frame[k].reshape(3, 3).T
+                        force = axes @ local[:3]
+                        found[self.built.effector[geom]][:3] += force
+                        found[self.built.effector[geom]][3:] += axes @ local[3:] + cross(touching.pos[k], force)
+                        touches.append(Touch(geom, other, math.sqrt(float(force @ force))))
+            self._measured = found, tuple(touches)
+        return self._measured
+
+    def _touch(self, k: int) -> Touch:
+        """Contact k of the last step."""
+        local = np.zeros(6)
+        mujoco.mj_contactForce(self._model, self._data, k, local)
+        first, second = self._data.contact.geom[k].tolist()
+        return Touch(first, second, float(np.linalg.norm(local[:3])))

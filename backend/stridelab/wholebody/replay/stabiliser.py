@@ -1,0 +1,156 @@
+"""The stabiliser of the replay: it sees the robot a sample at a time and corrects what the joints are told.
+
+Capture-point feedback through ankles and legs (``ankles``), legs that adapt to where the feet landed (``footing``),
+force control of the hands (``grip``), and a plan that waits, hurries or steps aside when that is not enough
+(``stepping``). The centre of pressure that the whole-body motion planned is where the feedback starts from.
+
+When soles swing, by the plan.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from stridelab.contacts.sequence import Contact, ContactSequence
+from stridelab.conventions import GRAVITY_M_S2, Angles, Series, Vector3
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.limb_kinematics import Posed
+from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.replay.capturability import Capturable
+from stridelab.wholebody.replay.dcm_feedback import CapturePoint, Sole, ankle_torques_nm, ankles_of, pendulum_rate
+from stridelab.wholebody.replay.foot_adaptation import Feet, Footing
+from stridelab.wholebody.replay.hand_force_control import Grip, Hands
+from stridelab.wholebody.replay.sensors import Seen
+from stridelab.wholebody.replay.step_adjustment import Pace, Stepping
+
+_LIGHT_N = 30.0
+"""A sole that is planned to bear less than this gets at least so much of the feedback."""
+
+
+@dataclass(frozen=True)
+class Stabiliser:
+    """Its parts; ``ankle_stiffness`` scales the position control of the ankles, which would fight the first."""
+
+    capture: CapturePoint = field(default_factory=CapturePoint)
+    footing: Footing | None = field(default_factory=Footing)
+    grip: Grip | None = field(default_factory=Grip)
+    stepping: Stepping = field(default_factory=Stepping)
+    ankle_stiffness: float = 0.2
+
+
+class Stabilising:
+    """One run over one motion."""
+
+    def __init__(self, stabiliser: Stabiliser, robot: Robot, motion: WholeBodyMotion) -> None:
+        self._by, self._robot, self._motion = stabiliser, robot, motion
+        self._ankles = ankles_of(robot)
+        self._posed = Posed(robot, motion.sequence.effectors)
+        self._share = swung_shares(motion.sequence, motion.time_s)
+        kinds = {name: robot.effectors[name].kind for name in motion.sequence.effectors}
+        self._soles = tuple(name for name, kind in kinds.items() if kind == "surface")
+        self._hands = tuple(name for name, kind in kinds.items() if kind == "point")
+        self._dt_s = 1.0 / motion.rate_hz
+        self._feet = (
+            None if stabiliser.footing is None else Feet(stabiliser.footing, self._posed, self._soles, self._dt_s)
+        )
+        self._grips = None if stabiliser.grip is None else Hands(stabiliser.grip, self._posed, self._hands, self._dt_s)
+        self._integral_m, self._body_off_m = np.zeros(2), np.zeros(2)
+        half = {name: ankle.half_size_m for name, ankle in self._ankles.items() if name in self._soles}
+        self._capturable = Capturable.of(motion, half, stabiliser.capture.edge_m)
+        self.pace = Pace(stabiliser.stepping, self._capturable, motion.rate_hz)
+
+    def at(self, seen: Seen) -> tuple[Angles, Angles]:
+        """Angles (rad) and torques (N m) to add where ``pace`` is; after the last sample the motion stands still."""
+        motion, i = self._motion, self.pace.nearest
+        n = motion.tau_nm.shape[1]
+        contacts = motion.sequence.phases[motion.sequence.phase_at(float(motion.time_s[i]) + 1e-9)].contacts
+        self._posed.at(motion.q[i])
+        swung = {name: float(self._share[name][i]) for name in self._soles}
+        tau = self._balance(i, contacts, swung, seen)
+        angles = np.zeros(n)
+        if self._feet is not None:
+            angles = self._feet.angles_rad(seen, swung, self.pace.off_m, self._body_off_m, n)
+        if self._grips is not None:
+            touching = {name: contacts[name] for name in self._hands if name in contacts}
+            planned_n = {name: motion.forces_n[name][i].sum(axis=0) for name in touching}
+            wanted_n = self._wanted_n(contacts, planned_n)
+            pressed, pressing = self._grips.at(seen, touching, planned_n, wanted_n, n)
+            angles, tau = angles + pressed, tau + pressing
+        return angles, tau
+
+    def _wanted_n(self, contacts: Mapping[str, Contact], planned_n: Mapping[str, Vector3]) -> dict[str, float]:
+        """The normal force asked of every hand that touches; without a sole there is no pressure to move."""
+        grip = self._by.grip
+        soles_m = [contacts[name].placement.position_m for name in self._soles if name in contacts]
+        normal_n = {name: float(f @ contacts[name].placement.rotation[:, 2]) for name, f in planned_n.items()}
+        if grip is None or not soles_m:
+            return normal_n
+        weight_n, middle_m = self._robot.mass_kg * GRAVITY_M_S2, np.mean(soles_m, axis=0)
+        return {name: grip.pressed_n(f, contacts[name], middle_m, weight_n) for name, f in normal_n.items()}
+
+    def _balance(self, i: int, contacts: Mapping[str, Contact], swung: Mapping[str, float], seen: Seen) -> Angles:
+        motion, capture, pace = self._motion, self._by.capture, self.pace
+        tau = np.zeros(motion.tau_nm.shape[1])
+        soles = {name: self._sole(name, c, i) for name, c in contacts.items() if name in self._ankles}
+        if not soles:
+            return tau
+        ground_m = float(np.mean([sole.position_m[2] for sole in soles.values()]))
+        w = pendulum_rate(float(seen.com_m[2]) - ground_m)
+        can, ended = self._capturable, i == len(motion.time_s) - 1
+        seen_m = seen.com_m[:2] + seen.com_v_m_s[:2] / w
+        places_m = {name: self._posed.contact(name).position_m for name in swung}
+        grip = self._by.grip
+        leans_m = 0.0 if grip is None or not any(name in contacts for name in self._hands) else grip.pressure_m
+        pace.decide(seen_m, places_m, swung, leans_m)
+        # a clock that stands still asks the robot to rest on the capture point, from where the plan can go on
+        still = 0.0 if ended else 1.0 - float(np.clip(pace.rate, 0.0, 1.0))
+        reference_m = motion.com_reference_m[i, :2] if ended else can.capture_m[i]
+        off_m = pace.reference_off_m
+        body_m = off_m + still * (reference_m - motion.com_reference_m[i, :2])
+        self._body_off_m += w * self._dt_s * (body_m - self._body_off_m)
+        xi_m = seen_m - reference_m - off_m
+        slower_m = still * (can.capture_m[i] - can.pressure_m[i])
+        limit = capture.integral_m / max(capture.integral_gain, 1e-9)
+        self._integral_m = np.clip(self._integral_m + w * self._dt_s * xi_m, -limit, limit)
+        half = {name: self._ankles[name].half_size_m for name in soles}
+        shifts, gained = capture.spread(capture.shift_m(xi_m, self._integral_m) + slower_m, soles, half)
+        for name, sole in soles.items():
+            ankle = self._ankles[name]
+            load_n = max(sole.load_n + gained[name], _LIGHT_N)
+            tau[list(ankle.joints)] += ankle_torques_nm(ankle, shifts[name], load_n)
+            if gained[name]:
+                tau[self._posed.limb[name]] += self._posed.torques_nm(name, np.array([0.0, 0.0, -gained[name]]))
+        return tau
+
+    def _sole(self, name: str, contact: Contact, i: int) -> Sole:
+        """From the forces of the whole-body motion; a sole that has none is pressed in its middle."""
+        R = contact.placement.rotation
+        weight_n = self._robot.mass_kg * GRAVITY_M_S2
+        forces = self._motion.forces_n.get(name)
+        if forces is None:
+            return Sole(contact.placement.position_m, R, weight_n / 2.0, np.zeros(2))
+        f_n = forces[i] @ R[:, 2]
+        load_n = float(f_n.sum())
+        pressure_m = f_n @ self._motion.points_m[name][:, :2] / max(load_n, 1.0)
+        return Sole(contact.placement.position_m, R, max(load_n, 1.0), pressure_m)
+
+
+def swung_shares(sequence: ContactSequence, time_s: Series) -> dict[str, Series]:
+    """Per effector and sample how far its swing has come, from 0 at its lift-off; 1 where it touches."""
+    found = {name: np.ones(len(time_s)) for name in sequence.effectors}
+    for name, share in found.items():
+        first: int | None = None
+        for k, phase in enumerate(sequence.phases):
+            if name in phase.contacts:
+                first = None
+                continue
+            if first is None:
+                first = k
+                last = k
+                while last + 1 < len(sequence.phases) and name not in sequence.phases[last + 1].contacts:
+                    last += 1
+                start, end = float(sequence.starts_s[first]), float(sequence.ends_s[last])
+                inside = (time_s + 1e-9 >= start) & (time_s + 1e-9 < end)
+                share[inside] = (time_s[inside] - start) / (end - start)
+    return found

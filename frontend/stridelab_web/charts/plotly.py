@@ -1,0 +1,143 @@
+"""Curves as compact JSON for a page's plots: columns, and how they are drawn in rows above one shared axis."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from stridelab_web.parquet import Columns
+
+SAMPLES_AT_MOST = 6000
+"""A plot is some 1000 pixels wide; longer recordings are thinned for it (the files keep every sample)."""
+
+Style = Literal[
+    "main", "second", "third", "x", "y", "z", "left", "right", "hand",
+    "line1", "line2", "line3", "line4", "line5", "line6", "line7", "line8",
+    "full1", "full2", "full3", "full4", "dashed1", "dashed2", "dashed3", "dashed4",
+]  # fmt: skip
+"""How a curve is drawn (static/js/pages/plots.js); the numbered ones tell up to eight curves apart by colour and dash, or
+four, each full and dashed."""
+
+
+@dataclass(frozen=True)
+class Trace:
+    """One curve: its column, ``sd``, the column of its standard deviation where it has a band, and its switch.
+
+    A curve that is not ``listed`` has no name in its row's legend.
+    """
+
+    key: str
+    name: str
+    style: Style
+    sd: str | None = None
+    group: str | None = None
+    listed: bool = True
+
+
+@dataclass(frozen=True)
+class Row:
+    """Curves above each other on one vertical axis; ``legend`` names them beside the row; ``log``: by decades.
+
+    With ``steps`` a value holds until the next one.
+    """
+
+    title: str
+    traces: tuple[Trace, ...]
+    legend: bool = False
+    log: bool = False
+    steps: bool = False
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A number that the readout shows at the cursor, with those of the columns ``more`` behind it.
+
+    One that belongs to a ``group`` is shown while that is.
+    """
+
+    name: str
+    key: str
+    unit: str
+    digits: int
+    sd: str | None = None
+    more: tuple[str, ...] = ()
+    group: str | None = None
+
+
+@dataclass(frozen=True)
+class Switch:
+    """Shows or hides all traces of the group ``key``."""
+
+    key: str
+    name: str
+    style: Style
+    shown: bool = True
+
+
+@dataclass(frozen=True)
+class Abscissa:
+    """The axis that all rows share: its column, its title, and how the readout writes a value."""
+
+    key: str
+    title: str
+    name: str
+    unit: str
+    digits: int
+    log: bool = False
+
+
+TIME = Abscissa("time_s", "time [s]", "t", "s", 3)
+
+
+def three(title: str, keys: Sequence[str]) -> Row:
+    """A row with the x, y and z components of something."""
+    x, y, z = keys
+    return Row(title, (Trace(x, "x", "x"), Trace(y, "y", "y"), Trace(z, "z", "z")), legend=True)
+
+
+def drawing(
+    columns: Columns,
+    decimals: Mapping[str, int],
+    rows: Sequence[Row],
+    readings: Sequence[Reading],
+    shades_s: Sequence[Sequence[float]],
+    switches: Sequence[Switch] = (),
+    x: Abscissa = TIME,
+) -> dict[str, Any]:
+    """A list per drawn column (null: no value), thinned to what a plot can show, and the rows that draw them.
+
+    Columns without a finite value go, and with them their traces, readings, switches and empty rows. ``shades_s`` are
+    intervals of the axis ``x``.
+    """
+    along = columns[x.key]
+    stride = max(1, -(-len(along) // SAMPLES_AT_MOST))
+    drawn = {x.key: _numbers(along[::stride], 5)}
+    for name, digits in decimals.items():
+        if name in columns and np.isfinite(columns[name]).any():
+            drawn[name] = _numbers(columns[name][::stride], digits)
+    kept = [(row, [trace for trace in row.traces if trace.key in drawn]) for row in rows]
+    groups = {trace.group for _, traces in kept for trace in traces}
+    return {
+        "x": asdict(x),
+        "switches": [asdict(switch) for switch in switches if switch.key in groups],
+        "shades_s": [list(shade) for shade in shades_s],
+        "columns": drawn,
+        "rows": [
+            {
+                "title": row.title,
+                "legend": row.legend,
+                "log": row.log,
+                "steps": row.steps,
+                "traces": [asdict(trace) for trace in traces],
+            }
+            for row, traces in kept
+            if traces
+        ],
+        "readings": [asdict(reading) for reading in readings if reading.key in drawn],
+    }
+
+
+def _numbers(values: np.ndarray, digits: int) -> list[float | None]:
+    rounded = np.round(values, digits)
+    return [float(v) if np.isfinite(v) else None for v in rounded]

@@ -1,0 +1,49 @@
+"""The lists of recordings and jobs."""
+
+from collections.abc import Sequence
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from stridelab.client import AsyncClient, ProblemError
+from stridelab.schemas.jobs import Job
+from stridelab_web.api_client import client_of
+from stridelab_web.formatting import KINDS
+from stridelab_web.formatting import kind as name_of
+from stridelab_web.pages.render import page
+
+
+async def recordings(request: Request) -> Response:
+    """``GET /recordings``."""
+    found = await client_of(request).recordings(cursor=request.query_params.get("cursor"))
+    return page(request, "pages/recordings.html", section="Recordings", recordings=found.items, next=found.next)
+
+
+async def jobs(request: Request) -> Response:
+    """``GET /jobs?state=&kind=``: of one state, of one kind, of both, or all."""
+    client, query = client_of(request), request.query_params
+    state, kind = query.get("state", ""), query.get("kind", "")
+    found = await client.jobs(state=state or None, kind=kind or None, cursor=query.get("cursor"))
+    return page(
+        request,
+        "pages/jobs.html",
+        section="Jobs",
+        jobs=found.items,
+        next=found.next,
+        state_filter=state,
+        kind_filter=kind,
+        kinds=sorted({*KINDS, kind} - {""}, key=name_of),
+        filenames=await filenames_of(client, found.items),
+    )
+
+
+async def filenames_of(client: AsyncClient, jobs: Sequence[Job]) -> dict[str, str]:
+    """Names of the recordings that the jobs work on; one that is gone has none."""
+    names: dict[str, str] = {}
+    for recording_id in {job.recording_id for job in jobs if job.recording_id is not None}:
+        try:
+            names[recording_id] = (await client.recording(recording_id)).filename
+        except ProblemError as refusal:
+            if refusal.status != 404:
+                raise
+    return names

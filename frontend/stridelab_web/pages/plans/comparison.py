@@ -1,0 +1,231 @@
+"""Two plans held against each other: their numbers side by side, and what of these cannot be compared."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+
+from stridelab.schemas.plans import CertificateSummary, PlanMotionSummary, ReplaySummary
+from stridelab_web.formatting import check_name, measured, words
+from stridelab_web.pages.plans.cost_table import REGULARISERS, WRENCH, in_order, seconds, term_name, weight_of
+from stridelab_web.parquet import Columns
+from stridelab_web.scene.plan_frames import com_m
+
+DASH: Final = "–"
+SAME_S: Final = 1e-6
+ROUNDING: Final = 1e-12
+OTHER_WEIGHTS: Final = "with another weight"
+AFTERWARDS: Final = "minimised in one only"
+
+
+@dataclass(frozen=True)
+class PlanFacts:
+    """A finished plan: the input of its job and its summary."""
+
+    input: Mapping[str, Any]
+    summary: PlanMotionSummary
+
+    @property
+    def wrench(self) -> bool:
+        """Whether the wrench was its control."""
+        return self.summary.formulation == WRENCH
+
+    @property
+    def control(self) -> str:
+        """Name of its control."""
+        return words(self.summary.formulation or "forces") + (" as splines" if self.summary.shape == "cubic" else "")
+
+    @property
+    def measure(self) -> str:
+        """Which densities it used; empty where that is not known."""
+        return self.summary.measure or str(self.input.get("measure") or "")
+
+    def measures_differ(self, other: "PlanFacts") -> bool:
+        """Whether both tell their densities, and these are not the same."""
+        return bool(self.measure and other.measure) and self.measure != other.measure
+
+
+@dataclass(frozen=True)
+class PairRow:
+    """A figure of both plans as texts, the first less the second, and why they cannot be compared, if so.
+
+    Rows that belong together have the same ``group``.
+    """
+
+    key: str
+    name: str
+    first: str
+    second: str
+    difference: str
+    note: str = ""
+    group: str = ""
+
+
+def pair_remarks(first: PlanFacts, second: PlanFacts) -> list[str]:
+    """What a reader must know before comparing any two figures."""
+    a, b = first.summary, second.summary
+    found = []
+    if a.robot != b.robot:
+        found.append(f"The robots differ, {a.robot} and {b.robot}: their masses and densities do too.")
+    if a.scenario_name != b.scenario_name:
+        found.append(f"The scenarios differ: {a.scenario_name} and {b.scenario_name}.")
+    if abs(a.duration_s - b.duration_s) > SAME_S:
+        found.append(
+            f"The motions last {a.duration_s:.2f} s and {b.duration_s:.2f} s: costs are sums over time and cannot be "
+            "compared, and the curves of the shorter one end earlier."
+        )
+    chosen = [which for which, plan in (("this", a), ("the other", b)) if plan.phase_durations is not None]
+    if chosen:
+        found.append(f"In {' and '.join(chosen)} plan the solver chose the durations of the phases.")
+    if first.measures_differ(second):
+        found.append(
+            f"The densities differ ({first.measure} and {second.measure}): likelihoods, and with them the objective, "
+            "cannot be compared."
+        )
+    if first.control != second.control:
+        found.append(
+            f"The controls differ ({first.control} and {second.control}): the objective (4.20a) is the same formula "
+            "for both, but each keeps the forces in cones of its own, so that the optima need not agree."
+        )
+    if first.wrench != second.wrench:
+        found.append("What the forces weigh was minimised with the forces as control only, not with the wrench.")
+    return found
+
+
+def pair_rows(first: PlanFacts, second: PlanFacts) -> list[PairRow]:
+    """Objective and terms, what the solver took, certificate and replay, each a group."""
+    a, b = first.summary, second.summary
+    apart = _apart(first, second)
+    costs = [_cost("objective", "Objective (4.20a)", a.objective, b.objective, apart or _densities(first, second))]
+    for key in in_order({**a.cost_terms, **b.cost_terms}):
+        note = apart or _of_term(key, first, second)
+        costs.append(_cost(key, term_name(key), a.cost_terms.get(key), b.cost_terms.get(key), note))
+    solution = [
+        _words("control", "Control", first.control, second.control),
+        _row("node_rate_hz", "Nodes per second", a.node_rate_hz, b.node_rate_hz, ""),
+        _words("solver", "Solver", a.solver, b.solver),
+        _row("iterations", "Iterations", a.iterations, b.iterations, ""),
+        _row("solve_time_s", "Solved in", a.solve_time_s, b.solve_time_s, "s"),
+        _row("build_time_s", "Built in", a.build_time_s, b.build_time_s, "s"),
+        _row("kkt_error", "First-order conditions, violated by", a.kkt_error, b.kkt_error, ""),
+        _row("duration_s", "Motion", a.duration_s, b.duration_s, "s"),
+    ]
+    groups = {
+        "Cost": costs,
+        "Solution": solution,
+        "Certificate": _certificates(a, b),
+        "Replay in physics": _replays(a, b),
+    }
+    return [replace(row, group=group) for group, rows in groups.items() for row in rows]
+
+
+def furthest(first: Columns, second: Columns) -> tuple[float, float]:
+    """Largest distance between two paths of the centre of mass (m) while both last, and when (s)."""
+    end_s = min(first["time_s"][-1], second["time_s"][-1])
+    time_s = np.unique(np.concatenate([columns["time_s"] for columns in (first, second)]))
+    time_s = time_s[time_s <= end_s]
+    apart = np.linalg.norm(com_m(first, time_s) - com_m(second, time_s), axis=1)
+    k = int(np.argmax(apart))
+    return float(apart[k]), float(time_s[k])
+
+
+def _apart(first: PlanFacts, second: PlanFacts) -> str:
+    """Why no cost of the two can be compared."""
+    a, b = first.summary, second.summary
+    if a.robot != b.robot:
+        return "of another robot"
+    return "over another time" if abs(a.duration_s - b.duration_s) > SAME_S else ""
+
+
+def _densities(first: PlanFacts, second: PlanFacts) -> str:
+    a, b = first.summary.weights, second.summary.weights
+    weighed = (key for key in ("com_acceleration", "momentum_rate", "likelihood") if a and b)
+    if any(getattr(a, key) != getattr(b, key) for key in weighed):
+        return OTHER_WEIGHTS
+    return "of other densities" if first.measures_differ(second) else ""
+
+
+def _of_term(key: str, first: PlanFacts, second: PlanFacts) -> str:
+    a, b = first.summary.weights, second.summary.weights
+    if weight_of(key, a) != weight_of(key, b):
+        return OTHER_WEIGHTS
+    if key in REGULARISERS:
+        return AFTERWARDS if first.wrench != second.wrench else ""
+    if key in ("com_acceleration", "momentum_rate"):
+        return ""
+    return "of other densities" if first.measures_differ(second) else ""
+
+
+def _certificates(a: PlanMotionSummary, b: PlanMotionSummary) -> Iterator[PairRow]:
+    first, second = a.certificate, b.certificate
+    if first is None and second is None:
+        return
+    yield _words("certificate", "Verdict", _passed(first), _passed(second))
+    if first is None or second is None:
+        return
+    mine, theirs = ({check.name: check for check in each.checks} for each in (first, second))
+    for name in {**mine, **theirs}:
+        own, other = mine.get(name), theirs.get(name)
+        unit = (own or theirs[name]).unit
+        yield _row(name, check_name(name), own.value if own else None, other.value if other else None, unit)
+
+
+def _passed(certificate: CertificateSummary | None) -> str:
+    return DASH if certificate is None else "passed" if certificate.passed else "not passed"
+
+
+def _replays(a: PlanMotionSummary, b: PlanMotionSummary) -> Iterator[PairRow]:
+    first, second = a.replay, b.replay
+    if first is None and second is None:
+        return
+    yield _words("replay", "Outcome", _stood(first), _stood(second))
+    if first is None or second is None:
+        return
+    for key, name, unit in _REPLAYED:
+        mine, theirs = getattr(first, key), getattr(second, key)
+        if mine is not None or theirs is not None:
+            yield _row(f"replay.{key}", name, mine, theirs, unit)
+
+
+def _stood(replay: ReplaySummary | None) -> str:
+    if replay is None:
+        return DASH
+    return "falls" if replay.fall_time_s is not None else "completed" if replay.completed else "not completed"
+
+
+_REPLAYED: Final = (
+    ("fall_time_s", "Falls at", "s"),
+    ("com_error_max_m", "CoM error, largest", "m"),
+    ("foot_slip_max_m", "Foot slip, largest", "m"),
+    ("landing_error_max_m", "Landing error, largest", "m"),
+    ("hand_force_mean_n", "Hand force, mean", "N"),
+    ("torque_ratio_max", "Torque, share of limit", ""),
+    ("collisions", "Pairs that collide", ""),
+)
+
+
+def _cost(key: str, name: str, a: float | None, b: float | None, note: str) -> PairRow:
+    less = DASH if a is None or b is None or note else "0" if a == b else seconds(a - b, "+")
+    return PairRow(key, name, _or_dash(a, seconds), _or_dash(b, seconds), less, note)
+
+
+def _row(key: str, name: str, a: float | None, b: float | None, unit: str) -> PairRow:
+    def said(value: float) -> str:
+        return measured(value, unit)
+
+    less = "0"
+    if a is None or b is None:
+        less = DASH
+    elif not math.isclose(a, b, rel_tol=ROUNDING):
+        less = f"{'+' if a > b else ''}{said(a - b)}"
+    return PairRow(key, name, _or_dash(a, said), _or_dash(b, said), less)
+
+
+def _or_dash(value: float | None, said: Callable[[float], str]) -> str:
+    return DASH if value is None else said(value)
+
+
+def _words(key: str, name: str, a: str, b: str) -> PairRow:
+    return PairRow(key, name, a, b, "" if a == b or DASH in (a, b) else "differs")

@@ -1,0 +1,114 @@
+"""The cost of a plan term by term: weight, what it weighs, their product, and a bar that compares them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from stridelab.schemas.plans import CostWeights, PlanMotionSummary
+from stridelab_web.formatting import words
+
+SMALL_S: Final = 0.01
+REGULARISERS: Final = ("surface_force", "point_force")
+"""Terms beside the objective."""
+DENSITY: Final = "log_density_"
+WRENCH: Final = "wrench"
+"""Formulation (input of the job) whose control is the wrench."""
+NOT_MINIMISED: Final = (
+    "The wrench was the control here: what the forces weigh was no part of what was minimised. They were found for the "
+    "wrench afterwards, so these two rows cannot be held against those of a plan whose control were the forces."
+)
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """``sign``: what is integrated; units of the integral and of the weight."""
+
+    name: str
+    sign: str
+    unit: str
+    weight: str
+    weight_unit: str
+
+
+_KINDS: Final = {
+    "com_acceleration": _Kind("CoM acceleration", "∫ |c̈|² dt", "m²/s³", "com_acceleration", "s⁴/m²"),
+    "momentum_rate": _Kind("Angular momentum rate", "∫ |L̇|² dt", "N² m² s", "momentum_rate", "1/(N m)²"),
+    "surface_force": _Kind("Forces on soles", "∫ Σ |f / mg|² dt", "s", "surface_force", ""),
+    "point_force": _Kind("Forces on hands", "∫ Σ |f / mg|² dt", "s", "point_force", ""),
+}
+
+
+@dataclass(frozen=True)
+class CostRow:
+    """One term; ``x`` and ``width`` place its bar in percent, ``regulariser`` says that the objective is without it."""
+
+    key: str
+    name: str
+    sign: str
+    integral: str
+    weight: str
+    cost: str
+    x: float
+    width: float
+    regulariser: bool
+
+
+def cost_rows(summary: PlanMotionSummary) -> list[CostRow]:
+    """The terms of the objective, then the regularisers; empty where the plan tells none."""
+    terms = in_order(summary.cost_terms)
+    low, high = min(0.0, 0.0, *terms.values()), max(0.0, 0.0, *terms.values())
+    scale = 100.0 / (high - low or 1.0)
+    return [
+        CostRow(
+            key=key,
+            name=term_name(key),
+            sign=_kind(key).sign,
+            integral=_integral(key, value, summary.weights),
+            weight=_weight(key, summary.weights),
+            cost=seconds(value),
+            x=round(scale * (min(value, 0.0) - low), 2),
+            width=round(scale * abs(value), 2),
+            regulariser=key in REGULARISERS,
+        )
+        for key, value in terms.items()
+    ]
+
+
+def in_order(terms: Mapping[str, float]) -> dict[str, float]:
+    """Terms of the motion, of the densities by effector, regularisers; a stored mapping keeps no order."""
+    ranks = {"com_acceleration": 0, "momentum_rate": 1} | {name: 3 + k for k, name in enumerate(REGULARISERS)}
+    return {key: terms[key] for key in sorted(terms, key=lambda key: (ranks.get(key, 2), key))}
+
+
+def term_name(key: str) -> str:
+    """Name of a term of the cost."""
+    return _kind(key).name
+
+
+def seconds(value: float, sign: str = "-") -> str:
+    """A cost, to the four decimals to which solvers agree; a small one to three digits. ``sign`` as in formats."""
+    if value == 0:
+        return "0 s"
+    return f"{value:{sign}.3g} s" if 0 < abs(value) < SMALL_S else f"{value:{sign}z.4f} s"
+
+
+def weight_of(key: str, weights: CostWeights | None) -> float | None:
+    """Weight of a term, where it is known."""
+    return None if weights is None else float(getattr(weights, _kind(key).weight))
+
+
+def _kind(key: str) -> _Kind:
+    if key in _KINDS:
+        return _KINDS[key]
+    effector = words(key.removeprefix(DENSITY))
+    return _Kind(f"Unlikelihood, {effector}", "−∫ log p(c) dt", "s", "likelihood", "")
+
+
+def _integral(key: str, value: float, weights: CostWeights | None) -> str:
+    weight = weight_of(key, weights)
+    return f"{value / weight:.4g} {_kind(key).unit}" if weight else "–"
+
+
+def _weight(key: str, weights: CostWeights | None) -> str:
+    weight = weight_of(key, weights)
+    return "–" if weight is None else f"{weight:.6g} {_kind(key).weight_unit}".strip()

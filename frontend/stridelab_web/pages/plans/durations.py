@@ -1,0 +1,63 @@
+"""Durations that the solver chose beside those that were given, as a strip of phases and as a table."""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from stridelab.schemas.plans import PhaseDuration
+from stridelab.schemas.scenarios import Scenario
+from stridelab_web.charts import intervals
+from stridelab_web.formatting import words
+
+
+@dataclass(frozen=True)
+class DurationRow:
+    """One phase; ``share`` is how many times the given duration was chosen."""
+
+    phase: int
+    contacts: str
+    given_s: float
+    chosen_s: float
+    share: float
+
+
+@dataclass(frozen=True)
+class ChosenDurations:
+    """Bars per phase of both timings on one axis of ``length_s``, the rows of the table, and both in a sentence."""
+
+    given: tuple[intervals.Bar, ...]
+    chosen: tuple[intervals.Bar, ...]
+    ticks: tuple[intervals.Tick, ...]
+    rows: tuple[DurationRow, ...]
+    said: str
+    length_s: float
+
+
+def chosen_durations(found: Sequence[PhaseDuration], scenario: Scenario) -> ChosenDurations:
+    """What the page of a plan with free durations shows."""
+    length_s = max(sum(phase.given_s for phase in found), sum(phase.chosen_s for phase in found))
+    rows = tuple(
+        DurationRow(
+            k,
+            ", ".join(words(contact.effector) for contact in scenario.phases[k].contacts) or "none",
+            phase.given_s,
+            phase.chosen_s,
+            phase.chosen_s / phase.given_s,
+        )
+        for k, phase in enumerate(found)
+    )
+    least, most = min(rows, key=lambda row: row.share), max(rows, key=lambda row: row.share)
+    return ChosenDurations(
+        given=_bars([phase.given_s for phase in found], length_s),
+        chosen=_bars([phase.chosen_s for phase in found], length_s),
+        ticks=intervals.ticks(length_s),
+        rows=rows,
+        said=f"Phase {least.phase} takes {least.share:.2f} times what the scenario gives it, phase {most.phase} "
+        f"{most.share:.2f} times; no phase less, none more.",
+        length_s=length_s,
+    )
+
+
+def _bars(durations_s: Sequence[float], length_s: float) -> tuple[intervals.Bar, ...]:
+    ends_s = [0.0, *itertools.accumulate(durations_s)]
+    return intervals.bars(itertools.pairwise(ends_s), length_s)

@@ -1,0 +1,103 @@
+"""The page of one plan: how far it is, and then its certificate, its replay and its curves."""
+
+from typing import Any
+from urllib.parse import urlencode
+
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, RedirectResponse, Response
+
+from stridelab.client import AsyncClient
+from stridelab.schemas.plans import PLAN_STAGES, PlanMotionSummary
+from stridelab.schemas.scenarios import Scenario
+from stridelab_web.api_client import client_of
+from stridelab_web.assets import plotly_style_ids
+from stridelab_web.pages.job import took_s
+from stridelab_web.pages.plans.comparison import PlanFacts
+from stridelab_web.pages.plans.comparison_page import KIND, against, curves_of, other_plan
+from stridelab_web.pages.plans.cost_table import NOT_MINIMISED, cost_rows, seconds
+from stridelab_web.pages.plans.durations import ChosenDurations, chosen_durations
+from stridelab_web.pages.plans.plots import CENTROIDAL_TABLE, REPLAY_TABLE, pair_curves, plan_curves, replayed_curves
+from stridelab_web.pages.render import page
+from stridelab_web.parquet import read_columns
+
+SCENARIO_FILE = "scenario.json"
+
+
+async def plan(request: Request) -> Response:
+    """``GET /plans/{id}``; with ``watch`` the page goes on to the viewer as soon as the plan is there.
+
+    ``with`` names another plan, which is then shown beside this one.
+    """
+    client = client_of(request)
+    found = await client.job(request.path_params["id"])
+    if found.kind != KIND:
+        return RedirectResponse(f"/jobs/{found.id}", status_code=303)
+    result = await client.result(found.id) if found.has_result else None
+    summary = PlanMotionSummary.model_validate(result.summary) if result else None
+    other_id = request.query_params.get("with", "")
+    facts = PlanFacts(result.input, summary) if result and summary else None
+    pair = await against(client, found, facts, other_id) if facts else None
+    beside = f"?{urlencode({'with': other_id})}" if pair and pair.other else ""
+    watch = f"/view/?plan={found.id}"
+    moves = summary is not None and (summary.certificate is not None or summary.stopped is not None)
+    return page(
+        request,
+        "pages/plan.html",
+        section="Scenarios",
+        job=found,
+        took_s=took_s(found),
+        result=result,
+        summary=summary,
+        plots=result is not None,
+        plots_url=f"/plans/{found.id}/plots.json{beside}",
+        plotly_style_ids=plotly_style_ids() if result else (),
+        viewer_url=watch if moves else None,
+        then=f"{watch}&play=1" if "watch" in request.query_params else None,
+        stages=_stages(summary),
+        replayed=result is not None and any(item.name == REPLAY_TABLE for item in result.artifacts),
+        costs_of=cost_rows(summary) if summary else [],
+        objective=seconds(summary.objective) if summary else "",
+        not_minimised=NOT_MINIMISED if facts and facts.wrench else "",
+        pair=pair,
+        durations=await _durations(client, found.id, summary),
+    )
+
+
+async def plots(request: Request) -> Response:
+    """``GET /plans/{id}/plots.json``: the curves of the plan, for its page; those of another one ``with`` them."""
+    client = client_of(request)
+    job_id = request.path_params["id"]
+    result = await client.result(job_id)
+    if all(item.name != CENTROIDAL_TABLE for item in result.artifacts):
+        raise HTTPException(404, "This job has no curves.")
+    own = await curves_of(client, job_id)
+    steps = result.summary.get("shape") != "cubic"
+    scenario = Scenario.model_validate_json(await client.read_artifact(job_id, SCENARIO_FILE))
+    if other_id := request.query_params.get("with"):
+        facts, other = await other_plan(client, job_id, other_id)
+        steps = steps and facts.summary.shape != "cubic"
+        drawn = await run_in_threadpool(lambda: pair_curves(own, other, scenario, steps=steps))
+    elif any(item.name == REPLAY_TABLE for item in result.artifacts):
+        measured = await run_in_threadpool(read_columns, await client.read_artifact(job_id, REPLAY_TABLE))
+        drawn = await run_in_threadpool(lambda: replayed_curves(own, measured, scenario, steps=steps))
+    else:
+        drawn = await run_in_threadpool(lambda: plan_curves(own, scenario, steps=steps))
+    return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})
+
+
+async def _durations(client: AsyncClient, job_id: str, summary: PlanMotionSummary | None) -> ChosenDurations | None:
+    if summary is None or summary.phase_durations is None:
+        return None
+    scenario = Scenario.model_validate_json(await client.read_artifact(job_id, SCENARIO_FILE))
+    return chosen_durations(summary.phase_durations, scenario)
+
+
+def _stages(summary: PlanMotionSummary | None) -> list[dict[str, Any]]:
+    """Time of every stage with its share of the whole, in percent."""
+    taken = summary.stage_times_s if summary else {}
+    order = [*(name for name in PLAN_STAGES if name in taken), *(name for name in taken if name not in PLAN_STAGES)]
+    times = {name: taken[name] for name in order}
+    whole = sum(times.values()) or 1.0
+    return [{"name": name, "time_s": time_s, "share": 100 * time_s / whole} for name, time_s in times.items()]

@@ -1,0 +1,166 @@
+"""The curves of a plan, or of two: centre of mass, angular momentum and the force on each effector."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from stridelab.schemas.scenarios import Scenario
+from stridelab_web.charts.plotly import Reading, Row, Style, Trace, drawing, three
+from stridelab_web.parquet import Columns
+from stridelab_web.scene.plan_frames import com_m
+
+CENTROIDAL_TABLE: Final = "centroidal.parquet"
+REPLAY_TABLE: Final = "replay.parquet"
+REPLAY_HZ: Final = 50.0
+"""At which the replay is drawn; it was measured more often."""
+
+_COM = ("com_x_m", "com_y_m", "com_z_m")
+_VELOCITY = ("com_vx_m_s", "com_vy_m_s", "com_vz_m_s")
+_MOMENTUM = ("l_x_nms", "l_y_nms", "l_z_nms")
+
+OTHER: Final = "other_"
+"""Before the names of the second plan's columns, or of the replay's."""
+REPLAYED: Final = "replay"
+_FULL: Final[Sequence[Style]] = ("full1", "full2", "full3", "full4")
+_DASHED: Final[Sequence[Style]] = ("dashed1", "dashed2", "dashed3", "dashed4")
+_SAME_S: Final = 1e-9
+
+
+def plan_curves(columns: Columns, scenario: Scenario, *, steps: bool = True) -> dict[str, Any]:
+    """What the plots need of a ``centroidal`` table; phases with a foot in the air are shaded.
+
+    ``steps``: forces hold from a node to the next, as they do unless they are splines.
+    """
+    forces = vertical_forces(columns)
+    shown: dict[str, np.ndarray] = {**columns, **{f"{name}_fz_n": force for name, force in forces.items()}}
+    decimals = dict.fromkeys(_COM, 5) | dict.fromkeys(_VELOCITY, 4) | dict.fromkeys(_MOMENTUM, 6)
+    decimals |= {f"{name}_fz_n": 1 for name in forces}
+    rows = [
+        *(Row(f"CoM {axis} [m]", (Trace(key, "plan", "main"),)) for axis, key in zip("xyz", _COM, strict=True)),
+        three("Velocity [m/s]", _VELOCITY),
+        three("Momentum L [N m s]", _MOMENTUM),
+        Row(
+            "Vertical force [N]",
+            tuple(Trace(f"{name}_fz_n", name.replace("_", " "), _style(name)) for name in forces),
+            legend=True,
+            steps=steps,
+        ),
+    ]
+    readings = [Reading(axis, key, "m", 4) for axis, key in zip("xyz", _COM, strict=True)]
+    readings += [Reading(name.replace("_", " "), f"{name}_fz_n", "N", 0) for name in forces]
+    return drawing(shown, decimals, rows, readings, in_the_air_s(scenario))
+
+
+def pair_curves(first: Columns, second: Columns, scenario: Scenario, *, steps: bool = True) -> dict[str, Any]:
+    """The same of two plans: full the ``first``, whose phases are shaded, dashed the ``second``.
+
+    Both are drawn at the nodes of both, each between its own nodes as the plan means it and only while it lasts.
+    """
+    time_s = np.unique(np.concatenate([first["time_s"], second["time_s"]]).round(9))
+    shown: dict[str, np.ndarray] = {"time_s": time_s}
+    for before, columns in (("", first), (OTHER, second)):
+        shown |= {f"{before}{name}": values for name, values in _at(columns, time_s).items()}
+    forces = list(dict.fromkeys(name for each in (first, second) for name in vertical_forces(each)))
+    decimals = dict.fromkeys(_COM, 5) | dict.fromkeys(_VELOCITY, 4) | dict.fromkeys(_MOMENTUM, 6)
+    decimals |= {f"{name}_fz_n": 1 for name in forces}
+    rows = [
+        *(_pairs(f"CoM {axis} [m]", {axis: key}, legend=False) for axis, key in zip("xyz", _COM, strict=True)),
+        _pairs("Velocity [m/s]", dict(zip("xyz", _VELOCITY, strict=True))),
+        _pairs("Momentum L [N m s]", dict(zip("xyz", _MOMENTUM, strict=True))),
+        _pairs("Vertical force [N]", {name.replace("_", " "): f"{name}_fz_n" for name in forces}, steps=steps),
+    ]
+    readings = [Reading(axis, key, "m", 4, more=(OTHER + key,)) for axis, key in zip("xyz", _COM, strict=True)]
+    readings += [
+        Reading(name.replace("_", " "), f"{name}_fz_n", "N", 0, more=(f"{OTHER}{name}_fz_n",)) for name in forces
+    ]
+    both = decimals | {OTHER + name: digits for name, digits in decimals.items()}
+    return drawing(shown, both, rows, readings, in_the_air_s(scenario))
+
+
+def replayed_curves(columns: Columns, replay: Columns, scenario: Scenario, *, steps: bool = True) -> dict[str, Any]:
+    """The plan, and dashed what its replay in physics measured: the CoM and the force on each effector."""
+    nodes_s = columns["time_s"]
+    samples_s = np.arange(0.0, nodes_s[-1], 1.0 / REPLAY_HZ)
+    time_s = np.unique(np.concatenate([nodes_s, samples_s]).round(9))
+    shown: dict[str, np.ndarray] = {"time_s": time_s, **_at(columns, time_s)}
+    forces = list(vertical_forces(columns))
+    measured = dict(zip(_COM, _COM, strict=True)) | {f"{name}_fz_n": f"f_{name}_z_n" for name in forces}
+    for name, column in measured.items():
+        values = replay.get(column, np.full(len(replay["time_s"]), np.nan))
+        shown[OTHER + name] = np.interp(time_s, replay["time_s"], values, left=np.nan, right=np.nan)
+    decimals = dict.fromkeys(_COM, 5) | dict.fromkeys(_VELOCITY, 4) | dict.fromkeys(_MOMENTUM, 6)
+    decimals |= {f"{name}_fz_n": 1 for name in forces}
+    decimals |= {OTHER + name: decimals[name] for name in measured}
+    com = [
+        _pairs(f"CoM {axis} [m]", {axis: key}, legend=False, said=REPLAYED)
+        for axis, key in zip("xyz", _COM, strict=True)
+    ]
+    rows = [
+        *com,
+        three("Velocity [m/s]", _VELOCITY),
+        three("Momentum L [N m s]", _MOMENTUM),
+        _pairs(
+            "Vertical force [N]",
+            {name.replace("_", " "): f"{name}_fz_n" for name in forces},
+            steps=steps,
+            said=REPLAYED,
+        ),
+    ]
+    readings = [Reading(axis, key, "m", 4, more=(OTHER + key,)) for axis, key in zip("xyz", _COM, strict=True)]
+    readings += [
+        Reading(name.replace("_", " "), f"{name}_fz_n", "N", 0, more=(f"{OTHER}{name}_fz_n",)) for name in forces
+    ]
+    return drawing(shown, decimals, rows, readings, in_the_air_s(scenario))
+
+
+def _pairs(
+    title: str, named: Mapping[str, str], *, legend: bool = True, steps: bool = False, said: str = "other plan"
+) -> Row:
+    """Curves of the first plan with their names, and of the second, which is ``said`` to be, in the same colours."""
+    traces: list[Trace] = []
+    for k, (name, key) in enumerate(named.items()):
+        full, dashed = _FULL[k % len(_FULL)], _DASHED[k % len(_DASHED)]
+        traces += [Trace(key, name, full), Trace(OTHER + key, f"{name}, {said}", dashed, listed=False)]
+    return Row(title, tuple(traces), legend=legend, steps=steps)
+
+
+def _at(columns: Columns, time_s: np.ndarray) -> dict[str, np.ndarray]:
+    """What is drawn of a plan at ``time_s``, NaN after its end: forces hold from a node to the next."""
+    nodes_s = columns["time_s"]
+    gone = time_s > nodes_s[-1] + _SAME_S
+    found = dict(zip(_COM, com_m(columns, time_s).T, strict=True))
+    for key in (*_VELOCITY, *_MOMENTUM):
+        if key in columns:
+            found[key] = np.interp(time_s, nodes_s, columns[key])
+    k = np.clip(np.searchsorted(nodes_s, time_s + _SAME_S, side="right") - 1, 0, len(nodes_s) - 1)
+    found |= {f"{name}_fz_n": force[k] for name, force in vertical_forces(columns).items()}
+    return {key: np.where(gone, np.nan, values) for key, values in found.items()}
+
+
+def vertical_forces(columns: Columns) -> Mapping[str, np.ndarray]:
+    """Vertical force on each effector: the sum over its contact points ``f_<effector>_<k>_z_n``."""
+    found: dict[str, np.ndarray] = {}
+    for name, values in columns.items():
+        if name.startswith("f_") and name.endswith("_z_n"):
+            effector = name.removeprefix("f_").removesuffix("_z_n").rpartition("_")[0]
+            found[effector] = found.get(effector, np.zeros_like(values)) + np.nan_to_num(values)
+    return found
+
+
+def in_the_air_s(scenario: Scenario) -> list[tuple[float, float]]:
+    """Intervals in which one of the scenario's feet touches nothing."""
+    feet = {c.effector for phase in scenario.phases for c in phase.contacts if "foot" in c.effector}
+    found, start_s = [], 0.0
+    for phase in scenario.phases:
+        end_s = start_s + phase.duration_s
+        if feet - {contact.effector for contact in phase.contacts}:
+            found.append((start_s, end_s))
+        start_s = end_s
+    return found
+
+
+def _style(effector: str) -> Style:
+    if "hand" in effector:
+        return "hand"
+    return "left" if effector.startswith("left") else "right"

@@ -1,0 +1,60 @@
+"""What the page of a job adds for a comparison: its tables, and the figures one can choose from."""
+
+from typing import Any, Final
+
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+
+from stridelab.schemas.comparison import CompareEstimatorsSummary
+from stridelab.schemas.jobs import JobResult
+from stridelab_web.api_client import client_of
+from stridelab_web.pages.results.comparison_plots import FIGURES, STYLES
+from stridelab_web.pages.results.comparison_tables import against_physics, against_truth
+from stridelab_web.parquet import read_columns
+
+KIND: Final = "compare-estimators"
+
+
+def comparison_of(job_id: str, result: JobResult, chosen: str) -> dict[str, Any]:
+    """Values for the template; ``chosen`` names the figure to show, the first one where it names none."""
+    summary = _summary(result)
+    present = {item.name for item in result.artifacts}
+    offered = {key: figure for key, figure in FIGURES.items() if figure.table in present}
+    key = chosen if chosen in offered else next(iter(offered), None)
+    return {
+        "summary": summary,
+        "tables": [
+            table
+            for table in (
+                ("Against the truth", against_truth(summary)),
+                ("Against physics", against_physics(summary)),
+            )
+            if table[1]
+        ],
+        "figures": [(name, figure.title, name == key) for name, figure in offered.items()],
+        "figure": None if key is None else offered[key],
+        "plots_url": f"/jobs/{job_id}/figures/{key}.json",
+    }
+
+
+async def figure(request: Request) -> Response:
+    """``GET /jobs/{id}/figures/{name}.json``: the curves of one figure."""
+    client, job_id = client_of(request), request.path_params["id"]
+    found = FIGURES.get(request.path_params["name"])
+    result = await client.result(job_id)
+    if found is None or all(item.name != found.table for item in result.artifacts):
+        raise HTTPException(404, "This job has no such figure.")
+    summary = _summary(result)
+    content = await client.read_artifact(job_id, found.table)
+    drawn = await run_in_threadpool(lambda: found.draw(read_columns(content), summary))
+    return JSONResponse(drawn, headers={"Cache-Control": "private, max-age=600"})
+
+
+def _summary(result: JobResult) -> CompareEstimatorsSummary:
+    """The summary with its methods in the order of the pages, unknown ones last; a stored mapping keeps none."""
+    found = CompareEstimatorsSummary.model_validate(result.summary)
+    known = {name: place for place, name in enumerate(STYLES)}
+    names = sorted(found.methods, key=lambda name: (known.get(name, len(known)), name))
+    return found.model_copy(update={"methods": {name: found.methods[name] for name in names}})

@@ -1,0 +1,53 @@
+"""What the page of a job adds for the rolling wheel: every step, and one of them in pictures."""
+
+from typing import Any, Final
+
+from starlette.concurrency import run_in_threadpool
+
+from stridelab.client import AsyncClient
+from stridelab.schemas.cycloid import FitCycloidSummary
+from stridelab.schemas.jobs import JobResult
+from stridelab_web.pages.results.cycloid_charts import WHEEL_TABLE, StepCharts, draw_step, samples_of
+from stridelab_web.pages.results.cycloid_steps import (
+    PARAMETERS,
+    WheelStep,
+    contests_of,
+    medians_of,
+    steps_of,
+    values_of,
+)
+from stridelab_web.parquet import read_columns
+
+KIND: Final = "fit-cycloid"
+LEAST_SAMPLES: Final = 4
+SOURCES: Final = {"plates": "Plates", "markers": "Markers", "mixed": "Plates and markers"}
+
+
+async def cycloid_of(client: AsyncClient, job_id: str, result: JobResult, asked: str) -> dict[str, Any]:
+    """Values for the template; ``asked`` is the number of the step to show, from 1, the first one where it is none."""
+    summary = FitCycloidSummary.model_validate(result.summary)
+    steps = steps_of(summary)
+    number = int(asked) if asked.isdecimal() and 1 <= int(asked) <= len(steps) else 1
+    shown = steps[number - 1] if steps else None
+    charts = None
+    if shown is not None and any(item.name == WHEEL_TABLE for item in result.artifacts):
+        content = await client.read_artifact(job_id, WHEEL_TABLE)
+        charts = await run_in_threadpool(lambda: _charts(content, shown))
+    return {
+        "summary": summary,
+        "steps": steps,
+        "parameters": PARAMETERS,
+        "sources": SOURCES,
+        "medians": medians_of(steps),
+        "shown": shown,
+        "charts": charts,
+        "lines": values_of(shown, summary.step_to_step_sd) if shown else (),
+        "contests": contests_of(shown, steps) if shown else (),
+        "previous": number - 1 if number > 1 else None,
+        "next": number + 1 if number < len(steps) else None,
+    }
+
+
+def _charts(content: bytes, step: WheelStep) -> StepCharts | None:
+    samples = samples_of(read_columns(content), step)
+    return draw_step(samples, step) if len(samples["time_s"]) >= LEAST_SAMPLES else None

@@ -1,0 +1,231 @@
+"""The steps of a fit-cycloid result, as its page shows them.
+
+How the rolling wheel is written on the pages: its parameters, the models beside it, flags in sentences.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from statistics import median
+from typing import Final
+
+from stridelab.schemas.cycloid import FitCycloidSummary, FittedStep, Rival, StepScatter
+from stridelab_web.formatting import words
+
+MS = 1000.0
+NOTICED_S = 0.015
+"""What a step may lack at its ends without being told: a sample or two."""
+
+
+@dataclass(frozen=True)
+class Values:
+    """One line of the table of a wheel, in words: path with both deviations, other branch, and both as clocks."""
+
+    key: str
+    name: str
+    value: str
+    formal_sd: str
+    scatter: str
+    others: tuple[str, str, str]
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Start or end of double support: measured, and by the thesis' rule (3.3.3)."""
+
+    name: str
+    measured_s: float
+    rule_s: float | None
+
+    @property
+    def error_ms(self) -> float | None:
+        """The rule minus what was measured."""
+        return None if self.rule_s is None else MS * (self.rule_s - self.measured_s)
+
+
+@dataclass(frozen=True)
+class Entrant:
+    """One curve of a contest; ``best`` names the columns in which it is the smallest, ``wins`` counts steps by AIC."""
+
+    rival: Rival
+    name: str
+    aic_above_best: float
+    best: frozenset[str]
+    wins: int
+
+
+@dataclass(frozen=True)
+class Contest:
+    """All curves in one space."""
+
+    space: str
+    title: str
+    hint: str
+    entrants: tuple[Entrant, ...]
+
+
+@dataclass(frozen=True)
+class WheelStep:
+    """A step with its number, from 0."""
+
+    index: int
+    fit: FittedStep
+
+    @property
+    def name(self) -> str:
+        """Number from 1, and the foot that swings."""
+        return f"Step {self.index + 1}, {self.fit.side} foot swings"
+
+    @property
+    def flags(self) -> tuple[str, ...]:
+        """Sentences."""
+        return tuple(flag(code) for code in self.fit.flags)
+
+    @property
+    def partly_fitted(self) -> bool:
+        """Whether the fit left out some of the step."""
+        start_s, end_s = self.fit.fitted_s
+        return start_s - self.fit.t0_s > NOTICED_S or self.fit.t1_s - end_s > NOTICED_S
+
+    @property
+    def timings(self) -> tuple[Timing, Timing]:
+        """Start and end of double support."""
+        measured, rule = self.fit.double_support_s, self.fit.double_support_model_s
+        return (Timing("Start", measured[0], rule[0]), Timing("End", measured[1], rule[1]))
+
+    def get(self, key: str) -> float:
+        """One of ``PARAMETERS``."""
+        return float(getattr(self.fit, key))
+
+
+def steps_of(summary: FitCycloidSummary) -> tuple[WheelStep, ...]:
+    """The steps of a summary, in the order of time."""
+    return tuple(WheelStep(k, fit) for k, fit in enumerate(sorted(summary.steps, key=lambda fit: fit.t0_s)))
+
+
+def medians_of(steps: Sequence[WheelStep]) -> dict[str, float]:
+    """Median over the steps of every parameter."""
+    return {p.key: median(step.get(p.key) for step in steps) for p in PARAMETERS} if steps else {}
+
+
+def values_of(step: WheelStep, scatter: StepScatter | None) -> tuple[Values, ...]:
+    """R, r, z0, omega and the distances of ``step``; ``scatter`` is that between the steps of the recording."""
+    fit = step.fit
+    others = (fit.reversed, fit.timed, fit.reversed_timed)
+
+    def line(p: Parameter) -> Values:
+        formal = getattr(fit.sd, p.key, None)
+        between = None if scatter is None else getattr(scatter, p.key)
+        a, b, c = (p.text(getattr(one, p.key)) for one in others)
+        name = f"{p.letter}, {p.said} [{p.unit}]"
+        return Values(p.key, name, p.text(step.get(p.key)), p.text(formal), p.text(between), (a, b, c))
+
+    def distance(key: str, name: str) -> Values:
+        a, b, c = (f"{getattr(one, key):.2f}" for one in others)
+        return Values(key, f"Distance, {name} [mm]", f"{getattr(fit, key):.2f}", "–", "–", (a, b, c))
+
+    return (
+        *(line(p) for p in PARAMETERS),
+        distance("error_mean_mm", "mean"),
+        distance("error_max_mm", "largest"),
+    )
+
+
+def contests_of(step: WheelStep, steps: Sequence[WheelStep]) -> tuple[Contest, ...]:
+    """The models of ``step`` in path and in time, and how often each is the best of all ``steps``."""
+    found = []
+    for space, (title, hint) in SPACES.items():
+        rivals = _rivals(step, space)
+        if rivals:
+            wins = Counter(_best(one, space) for one in steps if _rivals(one, space))
+            entrants = tuple(_entrant(one, rivals, wins[one.model]) for one in rivals)
+            found.append(Contest(space, title, hint, entrants))
+    return tuple(found)
+
+
+def _entrant(one: Rival, rivals: Sequence[Rival], wins: int) -> Entrant:
+    columns = ("rms_mm", "held_out_mm", "aic")
+    smallest = {key: min(getattr(rival, key) for rival in rivals) for key in columns}
+    best = frozenset(key for key, value in smallest.items() if getattr(one, key) == value)
+    return Entrant(one, model(one.model), one.aic - smallest["aic"], best, wins)
+
+
+def _rivals(step: WheelStep, space: str) -> list[Rival]:
+    return [one for one in step.fit.rivals if one.space == space]
+
+
+def _best(step: WheelStep, space: str) -> str:
+    return min(_rivals(step, space), key=lambda one: one.aic).model
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A parameter of (3.1) and (3.2): its name in the interface, its letter, and how it is shown."""
+
+    key: str
+    letter: str
+    said: str
+    unit: str
+    factor: float
+    digits: int
+
+    @property
+    def title(self) -> str:
+        """Title of an axis."""
+        return f"{self.letter} [{self.unit}]"
+
+    @property
+    def sd_key(self) -> str:
+        """``R_m`` has its deviation in ``R_sd_m``: the unit stays at the end."""
+        letter, _, unit = self.key.partition("_")
+        return f"{letter}_sd_{unit}"
+
+    def text(self, value: float | None) -> str:
+        """``value`` in the shown unit; a dash where there is none."""
+        return "–" if value is None else f"{self.factor * value:z.{self.digits}f}"
+
+
+PARAMETERS: Final = (
+    Parameter("R_m", "R", "radius of the wheel", "mm", 1000.0, 1),
+    Parameter("r_m", "r", "point from the hub", "mm", 1000.0, 1),
+    Parameter("z0_m", "z₀", "height of the hub", "mm", 1000.0, 1),
+    Parameter("omega_rad_s", "ω", "angular velocity", "rad/s", 1.0, 2),
+)
+MODELS: Final = {
+    "sinusoid": "sinusoid",
+    "two-harmonics": "two harmonics",
+    "one-harmonic": "one harmonic (an ellipse)",
+    "pendulum-arcs": "inverted-pendulum arcs",
+    "wheel": "wheel, s = +1 (thesis)",
+    "wheel-reversed": "wheel, s = −1",
+}
+SPACES: Final = {
+    "path": ("As a path", "Height as a function of the way ahead; vertical errors only."),
+    "time": ("As a clock", "Ahead and up as functions of time; the wheel turns evenly."),
+}
+FLAGS: Final = {
+    "path-not-converged": "The fit of the path did not settle within its iterations.",
+    "r-too-large": "r exceeds 10 cm: nobody's centre of mass goes up and down by 20 cm in a walk.",
+    "r-too-small": "r is below a millimetre: the centre of mass hardly goes up and down.",
+    "part-of-a-turn": "The wheel does less than three quarters of a turn in this step.",
+    "far-from-the-wheel": "The path keeps more than 4 mm from the wheel on average: this is no curtate cycloid.",
+    "backwards": "R is negative: the walk goes against the direction that was found.",
+    "not-curtate": "r is not between zero and R: the curve is no curtate cycloid.",
+    "theta-not-monotone": "The angle does not increase throughout: the wheel would have to roll back.",
+    "timed-omega-low": (
+        "A wheel that turns evenly stops at the lowest angular velocity allowed: the step has another clock."
+    ),
+    "timed-omega-high": (
+        "A wheel that turns evenly stops at the highest angular velocity allowed: the step has another clock."
+    ),
+}
+
+
+def flag(code: str) -> str:
+    """What a flag of a step means."""
+    return FLAGS.get(code, words(code).capitalize() + ".")
+
+
+def model(code: str) -> str:
+    """Name of a curve that is held beside the wheel."""
+    return MODELS.get(code, words(code))

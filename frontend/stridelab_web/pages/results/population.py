@@ -1,0 +1,108 @@
+"""Populations: the page of a finished study, and the form that starts one from chosen recordings."""
+
+from typing import Any, Final
+
+from starlette.requests import Request
+from starlette.responses import RedirectResponse, Response
+
+from stridelab.client import AsyncClient, ProblemError
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.methods import METHODS
+from stridelab.schemas.population import StudyPopulationSummary
+from stridelab.schemas.recordings import Recording
+from stridelab_web.api_client import client_of
+from stridelab_web.pages.render import page
+from stridelab_web.pages.results.cycloid_steps import PARAMETERS
+from stridelab_web.pages.results.population_bars import bars_of
+from stridelab_web.pages.results.population_charts import AGAINST, charts_against, groups_of
+from stridelab_web.pages.results.population_tables import correlation_rows, model_rows
+from stridelab_web.pages.results.quality import shown_quality
+
+KIND: Final = "study-population"
+OFFERED: Final = 200
+TABLES: Final = ("subjects", "steps", "correlations")
+FORMATS: Final = (("csv", "CSV"), ("parquet", "Parquet"))
+
+
+async def population(request: Request) -> Response:
+    """``GET /population/{id}``."""
+    client = client_of(request)
+    found = await client.job(request.path_params["id"])
+    if found.kind != KIND:
+        return RedirectResponse(f"/jobs/{found.id}", status_code=303)
+    result = await client.result(found.id) if found.state == "succeeded" else None
+    took = found.finished_at - found.started_at if found.started_at and found.finished_at else None
+    return page(
+        request,
+        "pages/population.html",
+        section="Population",
+        job=found,
+        took_s=None if took is None else took.total_seconds(),
+        result=result,
+        quality=None if result is None else shown_quality(result.summary),
+        study=None if result is None else _study(result, request.query_params.get("against", "")),
+    )
+
+
+async def new(request: Request) -> Response:
+    """``GET /population``: recordings to choose from, those named as ``recording=`` chosen; and the studies so far.
+
+    ``cursor=`` names a later page of the recordings; those that were chosen are on every page.
+    """
+    asked = request.query_params.getlist("recording")
+    client = client_of(request)
+    listed = await client.recordings(limit=OFFERED, cursor=request.query_params.get("cursor"))
+    shown = {item.id: item for item in listed.items}
+    for recording_id in dict.fromkeys(asked):
+        if recording_id not in shown:
+            shown |= await _known(client, recording_id)
+    chosen = set(asked)
+    ordered = sorted(shown.values(), key=lambda item: item.id not in chosen)
+    return page(
+        request,
+        "pages/population_new.html",
+        section="Population",
+        recordings=ordered,
+        chosen=chosen,
+        next=listed.next,
+        people={item.id: _person(item) for item in ordered},
+        methods=METHODS,
+        jobs=(await client.jobs(kind=KIND)).items,
+    )
+
+
+async def _known(client: AsyncClient, recording_id: str) -> dict[str, Recording]:
+    """One recording by its id, or nothing where it is gone."""
+    try:
+        return {recording_id: await client.recording(recording_id)}
+    except ProblemError as refusal:
+        if refusal.status != 404:
+            raise
+        return {}
+
+
+def _study(result: JobResult, asked: str) -> dict[str, Any]:
+    summary = StudyPopulationSummary.model_validate(result.summary)
+    subjects = summary.subjects
+    offered = [a for a in AGAINST if any(getattr(subject, a.key) is not None for subject in subjects)]
+    against = next((a for a in offered if a.key == asked), offered[0] if offered else AGAINST[0])
+    present = {item.name for item in result.artifacts}
+    return {
+        "summary": summary,
+        "parameters": PARAMETERS,
+        "groups": list(groups_of(subjects).values()),
+        "offered": offered,
+        "against": against,
+        "charts": charts_against(subjects, against),
+        "figures": bars_of(subjects),
+        "correlations": correlation_rows(summary),
+        "models": model_rows(summary),
+        "downloads": [
+            (stem, [(text, f"{stem}.{end}") for end, text in FORMATS if f"{stem}.{end}" in present]) for stem in TABLES
+        ],
+    }
+
+
+def _person(recording: Recording) -> str:
+    """Who probably walked: the pseudonym, else the name of the file, which keeps strangers apart."""
+    return recording.subject.name or recording.filename.rpartition(".")[0] or recording.filename

@@ -1,0 +1,106 @@
+"""A value and its deviation per person as bars (figs. 3.6 and 3.10), in percent of the width of their axis."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from stridelab.schemas.population import SubjectResult
+from stridelab_web.charts.svg import Shape, ticks
+from stridelab_web.pages.results.population_charts import groups_of
+
+THESIS_ERROR_MM: Final = 3.5
+"""Fig. 3.6: "the mean reconstruction for all the subjects remains below 3.5mm"."""
+TICKS: Final = 6
+MS: Final = 1000.0
+
+Reading = Callable[[SubjectResult], tuple[float | None, float | None]]
+"""The value of a person and its standard deviation."""
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One person; positions in percent."""
+
+    subject: str
+    css: str
+    shape: Shape
+    at: float
+    low: float
+    width: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Bars:
+    """All people of whom the value is known; ``line`` is where the value of the thesis, or zero, stands."""
+
+    key: str
+    title: str
+    hint: str
+    bars: tuple[Bar, ...]
+    ticks: tuple[tuple[float, str], ...]
+    line: float
+
+
+def bars_of(subjects: Sequence[SubjectResult]) -> tuple[Bars, ...]:
+    """The figures of which anything is known: distance from the wheel, and both ends of double support."""
+    wanted: tuple[tuple[str, str, str, Reading, float], ...] = (
+        (
+            "distance",
+            "Distance of the path from the wheel [mm] (fig. 3.6)",
+            "Mean over steps, and standard deviation within a step. Dashed: 3.5 mm, the thesis' limit of every mean.",
+            lambda s: (s.error_mean_mm, s.error_sd_mm),
+            THESIS_ERROR_MM,
+        ),
+        (
+            "start",
+            "Start of double support, thesis' rule minus measured [ms] (fig. 3.10)",
+            "Mean and standard deviation over a person's steps; dashed: no error.",
+            lambda s: (_ms(s.double_support_start_error_s), _ms(s.double_support_start_error_sd_s)),
+            0.0,
+        ),
+        (
+            "end",
+            "End of double support, thesis' rule minus measured [ms] (fig. 3.10)",
+            "Mean and standard deviation over a person's steps; dashed: no error.",
+            lambda s: (_ms(s.double_support_end_error_s), _ms(s.double_support_end_error_sd_s)),
+            0.0,
+        ),
+    )
+    found = []
+    for key, title, hint, read, line in wanted:
+        known = [(s, value, sd or 0.0) for s in subjects for value, sd in (read(s),) if value is not None]
+        if known:
+            found.append(_drawn(key, title, hint, subjects, known, line))
+    return tuple(found)
+
+
+def _drawn(
+    key: str,
+    title: str,
+    hint: str,
+    subjects: Sequence[SubjectResult],
+    known: Sequence[tuple[SubjectResult, float, float]],
+    line: float,
+) -> Bars:
+    low = min(0.0, line, *(value - sd for _, value, sd in known))
+    high = max(0.0, line, *(value + sd for _, value, sd in known))
+    margin = 0.04 * (high - low)
+    low, high = (low - margin if low < 0 else low), high + margin
+    look = groups_of(subjects)
+
+    def at(value: float) -> float:
+        return round(100 * (value - low) / (high - low), 2)
+
+    bars = []
+    for who, value, sd in known:
+        group, start = look[who.group], max(value - sd, low)
+        said = f"{who.subject}: {value:z.2f}, standard deviation {sd:.2f}"
+        width = round(at(value + sd) - at(start), 2)
+        bars.append(Bar(who.subject, group.css, group.shape, at(value), at(start), width, said))
+    marks = tuple((at(value), text) for value, text in ticks((low, high), TICKS))
+    return Bars(key, title, hint, tuple(bars), marks, at(line))
+
+
+def _ms(value_s: float | None) -> float | None:
+    return None if value_s is None else MS * value_s

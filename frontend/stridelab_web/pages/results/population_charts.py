@@ -1,0 +1,102 @@
+"""Who is who in a population: every person as a mark with error bars, groups apart by colour and by shape."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stridelab.schemas.population import SubjectResult
+from stridelab_web.charts.svg import SHAPES, Canvas, Chart, Shape, span_of
+from stridelab_web.pages.results.cycloid_steps import PARAMETERS, Parameter
+
+WIDTH_PX, HEIGHT_PX = 560.0, 330.0
+COLOURS: Final = 6
+"""Classes ``group0`` to ``group5`` of the style sheet; more groups begin anew."""
+LEAST_FOR_LINE: Final = 3
+
+
+@dataclass(frozen=True)
+class Against:
+    """What the wheel is held against."""
+
+    key: str
+    name: str
+    unit: str
+
+    @property
+    def title(self) -> str:
+        """Title of an axis."""
+        return f"{self.name} [{self.unit}]"
+
+
+AGAINST: Final = (
+    Against("height_m", "Height", "m"),
+    Against("leg_m", "Leg", "m"),
+    Against("speed_m_s", "Speed", "m/s"),
+    Against("step_length_m", "Step length", "m"),
+)
+
+
+@dataclass(frozen=True)
+class Group:
+    """A group with its look."""
+
+    name: str
+    css: str
+    shape: Shape
+    size: int
+
+
+def groups_of(subjects: Sequence[SubjectResult]) -> dict[str, Group]:
+    """The groups by name, in the order in which they come."""
+    names = dict.fromkeys(subject.group for subject in subjects)
+    return {
+        name: Group(name, f"group{k % COLOURS}", SHAPES[k % len(SHAPES)], sum(s.group == name for s in subjects))
+        for k, name in enumerate(names)
+    }
+
+
+def charts_against(subjects: Sequence[SubjectResult], against: Against) -> list[tuple[Parameter, Chart]]:
+    """R, r, z0 and omega against one number, where anybody has both."""
+    drawn = ((parameter, scatter(subjects, against, parameter)) for parameter in PARAMETERS)
+    return [(parameter, chart) for parameter, chart in drawn if chart is not None]
+
+
+def scatter(subjects: Sequence[SubjectResult], against: Against, parameter: Parameter) -> Chart | None:
+    """One parameter against one number of the person, with deviations over steps and a line per group."""
+    known = [subject for subject in subjects if getattr(subject, against.key) is not None]
+    if not known:
+        return None
+    x = np.array([getattr(s, against.key) for s in known], dtype=float)
+    y = parameter.factor * np.array([getattr(s, parameter.key) for s in known], dtype=float)
+    sd = parameter.factor * np.array([getattr(s, parameter.sd_key) or 0.0 for s in known], dtype=float)
+    x_range, y_range = span_of(x, least=0.02), span_of(y - sd, y + sd, least=1e-3)
+    canvas = Canvas(x_range, y_range, against.title, parameter.title, WIDTH_PX, HEIGHT_PX)
+    names = np.array([subject.group for subject in known])
+    for group in groups_of(subjects).values():
+        mine = names == group.name
+        _line(canvas, x[mine], y[mine], group)
+        for k in np.flatnonzero(mine):
+            who = known[int(k)]
+            canvas.upright(float(x[k]), float(y[k] - sd[k]), float(y[k] + sd[k]), f"error {group.css}")
+            canvas.mark(float(x[k]), float(y[k]), group.css, group.shape, _words(who, parameter, against), who.subject)
+    return canvas.chart(f"{parameter.letter}, {parameter.said}, against {against.name.lower()} of {len(known)} people.")
+
+
+def _line(canvas: Canvas, x: np.ndarray, y: np.ndarray, group: Group) -> None:
+    if len(x) < LEAST_FOR_LINE or np.ptp(x) <= 0.0:
+        return
+    slope, at_zero = np.polyfit(x, y, 1)
+    ends = np.array([x.min(), x.max()])
+    canvas.curve(ends, at_zero + slope * ends, f"trend {group.css}", f"least squares, {group.name}")
+
+
+def _words(who: SubjectResult, parameter: Parameter, against: Against) -> str:
+    sd = getattr(who, parameter.sd_key)
+    about = f" ± {parameter.text(sd)}" if sd is not None else ""
+    value, other = getattr(who, parameter.key), getattr(who, against.key)
+    return (
+        f"{who.subject} ({who.group}): {parameter.letter} {parameter.text(value)}{about} {parameter.unit},"
+        f" {against.name.lower()} {other:.2f} {against.unit}"
+    )

@@ -1,0 +1,115 @@
+"""Correlations and mixed models of a population in words, with the thesis' values beside."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from stridelab.schemas.population import CorrelationResult, MixedModelResult, StudyPopulationSummary
+from stridelab_web.formatting import words
+from stridelab_web.pages.results.cycloid_steps import PARAMETERS, Parameter
+from stridelab_web.pages.results.population_charts import AGAINST
+
+THESIS_P: Final = {
+    ("R_m", "height_m"): "p < 0.01",
+    ("r_m", "height_m"): "p < 0.01",
+    ("z0_m", "height_m"): "p ≤ 0.001",
+    ("omega_rad_s", "height_m"): "weak, p ≥ 0.83",
+}
+"""What the thesis says of chance (figs. 3.7 to 3.9); for omega it prints no coefficient."""
+LETTERS: Final = {p.key: p.letter for p in PARAMETERS}
+PLACES: Final = {a.key: a.name.lower() for a in AGAINST}
+
+
+@dataclass(frozen=True)
+class Row:
+    """One correlation in words; ``clear`` where its interval leaves out zero. Ranks and partials carry intervals."""
+
+    pair: CorrelationResult
+    letter: str
+    against: str
+    r: str
+    interval: str
+    bootstrap: str
+    p: str
+    p_holm: str
+    ranks: tuple[str, str]
+    partials: tuple[tuple[str, str], ...]
+    thesis: str
+    clear: bool
+
+
+@dataclass(frozen=True)
+class ModelRow:
+    """One mixed model in words."""
+
+    model: MixedModelResult
+    letter: str
+    effects: tuple[str, ...]
+    between: str
+    within: str
+    unit: str
+
+
+def correlation_rows(summary: StudyPopulationSummary) -> tuple[Row, ...]:
+    """All correlations in the order of the pages: by group, parameter, and what it is held against."""
+    groups = list(dict.fromkeys(pair.group for pair in summary.correlations))
+    letters, places = list(LETTERS), list(PLACES)
+
+    def place(pair: CorrelationResult) -> tuple[int, int, int]:
+        return groups.index(pair.group), letters.index(pair.parameter), places.index(pair.against)
+
+    return tuple(_row(pair) for pair in sorted(summary.correlations, key=place))
+
+
+def _row(pair: CorrelationResult) -> Row:
+    partials = {one.on: (f"{one.r:+.2f}", interval(one.ci95)) for one in pair.partial}
+    ranks = ("–", "") if pair.spearman is None else (f"{pair.spearman:+.2f}", interval(pair.spearman_ci95))
+    thesis = [] if pair.thesis is None else [f"{pair.thesis:.2f}"]
+    if said := THESIS_P.get((pair.parameter, pair.against)):
+        thesis.append(said)
+    return Row(
+        pair=pair,
+        letter=LETTERS[pair.parameter],
+        against=PLACES[pair.against],
+        r=f"{pair.r:+.2f}",
+        interval=interval(pair.ci95),
+        bootstrap=interval(pair.bootstrap_ci95),
+        p=chance(pair.p),
+        p_holm=chance(pair.p_holm),
+        ranks=ranks,
+        partials=tuple(("", "") if a.key == pair.against else partials.get(a.key, ("–", "")) for a in AGAINST),
+        thesis=", ".join(thesis),
+        clear=pair.ci95 is not None and (pair.ci95[0] > 0 or pair.ci95[1] < 0),
+    )
+
+
+def model_rows(summary: StudyPopulationSummary) -> tuple[ModelRow, ...]:
+    """All mixed models."""
+    by_key = {p.key: p for p in PARAMETERS}
+    return tuple(_model_row(one, by_key[one.parameter]) for one in summary.mixed_models)
+
+
+def _model_row(one: MixedModelResult, parameter: Parameter) -> ModelRow:
+    factor, unit = parameter.factor, parameter.unit
+    effects = tuple(
+        f"{PLACES.get(e.name, words(e.name))}: {rounded(factor * e.value)}"
+        f" [{rounded(factor * e.ci95[0])}, {rounded(factor * e.ci95[1])}]"
+        for e in one.effects
+    )
+    between, within = rounded(factor * one.subject_sd), rounded(factor * one.step_sd)
+    return ModelRow(one, parameter.letter, effects, between, within, unit)
+
+
+def interval(bounds: Sequence[float] | None) -> str:
+    """An interval with two decimals; empty where there is none."""
+    return "" if bounds is None else f"[{bounds[0]:z.2f}, {bounds[1]:z.2f}]"
+
+
+def rounded(value: float) -> str:
+    """Three digits, without an exponent."""
+    return f"{float(f'{value:.3g}'):zf}".rstrip("0").rstrip(".")
+
+
+def chance(p: float) -> str:
+    """A p value to three decimals."""
+    return "< 0.001" if p < 0.001 else f"{p:.3f}"

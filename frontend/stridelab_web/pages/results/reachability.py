@@ -1,0 +1,69 @@
+"""What the pages of a robot and of a job that learned densities have in common: cards, curves and maps."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+
+from stridelab.client import AsyncClient
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.reachability import RobotReachability
+from stridelab.schemas.robots import ProxyCard
+from stridelab_web.api_client import client_of
+from stridelab_web.formatting import words
+from stridelab_web.pages.results.reachability_plots import divergence_charts, drawing_of, style_of
+from stridelab_web.pages.results.summary_facts import Fact
+
+KIND: Final = "learn-reachability"
+FILE: Final = "reachability.json"
+IN_TABLE: Final = ("effectors.", "robot_sha256", "samples", "tried", "rejected_share", "learned_on")
+KEPT: Final = {"Cache-Control": "private, max-age=600"}
+
+
+def shown(cards: Sequence[ProxyCard], address: str) -> dict[str, Any]:
+    """What the part of a page about densities (_reach.html) shows; their maps lie at ``address``."""
+    return {
+        "cards": cards,
+        "charts": divergence_charts(cards),
+        "legend": [
+            *((*style_of(k), f"{words(card.effector)}: {card.components}") for k, card in enumerate(cards)),
+            ("thesis", "ring", "the thesis"),
+        ],
+        "address": address,
+    }
+
+
+async def learned_of(client: AsyncClient, job_id: str, result: JobResult) -> dict[str, Any] | None:
+    """The same for the result of a job; None for one without the file."""
+    if all(item.name != FILE for item in result.artifacts):
+        return None
+    found = await _read(client, job_id)
+    return shown([each.card for each in found.effectors], f"/jobs/{job_id}/reach.json")
+
+
+def beside(facts: Sequence[Fact]) -> list[Fact]:
+    """Those facts of such a job that the table of its densities does not say."""
+    return [fact for fact in facts if not fact.key.startswith(IN_TABLE)]
+
+
+async def reach(request: Request) -> Response:
+    """``GET /jobs/{id}/reach.json?effector=``: the maps of one effector."""
+    client, job_id = client_of(request), request.path_params["id"]
+    if all(item.name != FILE for item in (await client.result(job_id)).artifacts):
+        raise HTTPException(404, "This job has learned no densities.")
+    return maps(await _read(client, job_id), request)
+
+
+def maps(found: RobotReachability, request: Request) -> Response:
+    """The maps of the effector that is asked for; of the first where none is."""
+    wanted = request.query_params.get("effector")
+    for each in found.effectors:
+        if wanted in (None, each.card.effector):
+            return JSONResponse(drawing_of(each), headers=KEPT)
+    raise HTTPException(404, "Nothing was learned for this effector.")
+
+
+async def _read(client: AsyncClient, job_id: str) -> RobotReachability:
+    return RobotReachability.model_validate_json(await client.read_artifact(job_id, FILE))

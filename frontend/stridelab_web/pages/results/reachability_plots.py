@@ -1,0 +1,72 @@
+"""Figures of section 4.3: the divergence over the size of a mixture, and the projected densities."""
+
+from collections.abc import Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from stridelab.schemas.reachability import EffectorReach
+from stridelab.schemas.robots import ProxyCard, ProxySize
+from stridelab_web.charts.svg import SHAPES, Canvas, Chart, Shape
+from stridelab_web.formatting import words
+
+WIDTH_PX, HEIGHT_PX = 560.0, 330.0
+ABOVE: Final = 1.06
+"""Room above the highest divergence."""
+NEAR: Final = 2.0
+"""The second chart begins where a divergence is less than so many times its least one."""
+COLOURS: Final = 6
+
+
+def style_of(index: int) -> tuple[str, Shape]:
+    """How the effector ``index`` of a robot is drawn: a colour and a shape."""
+    return f"group{index % COLOURS}", SHAPES[index % len(SHAPES)]
+
+
+def divergence_charts(cards: Sequence[ProxyCard]) -> list[Chart]:
+    """Figure 4.3, whole and near its floor: divergence over the number of components, with bands of a standard error.
+
+    The chosen size bears the effector's mark, that of the thesis a ring. None where no card has a curve.
+    """
+    if not any(card.sizes for card in cards):
+        return []
+    whole = [sorted(card.sizes, key=lambda size: size.components) for card in cards]
+    least = [min((size.kl_nats for size in sizes), default=0.0) for sizes in whole]
+    near = [[size for size in sizes if size.kl_nats < NEAR * low] for sizes, low in zip(whole, least, strict=True)]
+    return [
+        _chart(cards, whole, "Divergence of the mixture from the kernel density over its number of components."),
+        _chart(cards, near, "The same near its least value."),
+    ]
+
+
+def _chart(cards: Sequence[ProxyCard], curves: Sequence[Sequence[ProxySize]], said: str) -> Chart:
+    drawn = [size for sizes in curves for size in sizes]
+    last, high = max(size.components for size in drawn), max(size.kl_nats + size.kl_sd_nats for size in drawn)
+    canvas = Canvas(
+        (0.0, last + 1.0), (0.0, ABOVE * high), "components of the mixture", "KL(kernels || mixture) [nats]",
+        WIDTH_PX, HEIGHT_PX,
+    )  # fmt: skip
+    for k, (card, sizes) in enumerate(zip(cards, curves, strict=True)):
+        css, shape = style_of(k)
+        x = np.array([size.components for size in sizes], dtype=float)
+        kl, sd = (np.array([getattr(size, key) for size in sizes]) for key in ("kl_nats", "kl_sd_nats"))
+        canvas.band(x, kl - sd, kl + sd, css)
+        canvas.curve(x, kl, f"size {css}", words(card.effector))
+        for size in sizes:
+            text = f"{words(card.effector)}, {size.components}: {size.kl_nats:.4f} ± {size.kl_sd_nats:.4f} nats"
+            if size.components == card.thesis_components:
+                canvas.mark(size.components, size.kl_nats, f"{css} thesis", "ring", f"{text}, size of the thesis")
+            if size.components == card.components:
+                canvas.mark(size.components, size.kl_nats, css, shape, f"{text}, chosen")
+    return canvas.chart(said)
+
+
+def drawing_of(found: EffectorReach) -> dict[str, Any]:
+    """What the page's script needs to draw the projections of one effector, and the volumes of its level sets."""
+    return {
+        "effector": found.card.effector,
+        "frame": found.card.frame,
+        "components": found.card.components,
+        "volumes_m3": {f"{level.mass:g}": level.volume_m3 for level in found.level_sets},
+        "maps": [each.model_dump(mode="json") for each in found.projections],
+    }

@@ -1,0 +1,51 @@
+"""What the page of a receding horizon shows: its figures in words, its replans as a picture, where it was pushed."""
+
+from typing import Any, Final
+
+import numpy as np
+from starlette.concurrency import run_in_threadpool
+
+from stridelab.client import AsyncClient
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.receding import PlanRecedingInput, PlanRecedingSummary
+from stridelab_web.formatting import measured
+from stridelab_web.pages.results.receding_plots import LIMIT_MS, felt_s, receding_curves, replan_chart, speed
+from stridelab_web.pages.results.receding_plots import RECEDING_TABLE as TABLE
+from stridelab_web.parquet import Columns, read_columns
+
+KIND: Final = "plan-receding"
+AT_REST_M: Final = 1e-5
+"""A CoM that ends nearer to its place of rest is there."""
+
+
+async def receding_of(client: AsyncClient, job_id: str, result: JobResult) -> dict[str, Any]:
+    """Values of _receding.html."""
+    columns = await _read(client, job_id)
+    asked = PlanRecedingInput.model_validate(result.input)
+    summary = PlanRecedingSummary.model_validate(result.summary)
+    took_ms = columns["replan_ms"][np.isfinite(columns["replan_ms"])]
+    within = int((took_ms <= LIMIT_MS).sum())
+    felt = zip(felt_s(asked.pushes, asked.period_s), asked.pushes, strict=True)
+    there = summary.goal_gap_m < AT_REST_M
+    return {
+        "summary": summary,
+        "asked": asked,
+        "said": f"{within} of {len(took_ms)} replans kept within the {LIMIT_MS:.0f} ms that 20 Hz leave; the motion "
+        f"was planned anew every {measured(asked.period_s, 's')}, {measured(asked.horizon_s, 's')} ahead.",
+        "ends": "at its place of rest" if there else f"{measured(summary.goal_gap_m, 'm')} from its place of rest",
+        "pushes": [{"at_s": at_s, "said": speed(push)} for at_s, push in felt],
+        "chart": await run_in_threadpool(replan_chart, columns, asked.pushes, asked.period_s),
+        "limit_ms": LIMIT_MS,
+    }
+
+
+async def curves(client: AsyncClient, job_id: str, result: JobResult) -> dict[str, Any]:
+    """The plots of the same page."""
+    columns = await _read(client, job_id)
+    asked = PlanRecedingInput.model_validate(result.input)
+    return await run_in_threadpool(receding_curves, columns, asked.pushes, asked.period_s)
+
+
+async def _read(client: AsyncClient, job_id: str) -> Columns:
+    content = await client.read_artifact(job_id, TABLE)
+    return await run_in_threadpool(read_columns, content)

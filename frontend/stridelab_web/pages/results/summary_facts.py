@@ -1,0 +1,168 @@
+"""A result's summary as sentences, and as named numbers with units."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from stridelab.schemas.jobs import JobResult
+from stridelab_web.formatting import counted, words
+
+
+@dataclass(frozen=True)
+class Fact:
+    """One number of the summary; ``key`` is its name in the interface."""
+
+    key: str
+    name: str
+    text: str
+
+
+_UNITS = {
+    "_mm": "mm",
+    "_nms": "N m s",
+    "_m_s": "m/s",
+    "_kg": "kg",
+    "_hz": "Hz",
+    "_nm": "N m",
+    "_n": "N",
+    "_s": "s",
+    "_m": "m",
+    "_rad": "rad",
+}
+"""By the end of a name; the first that fits."""
+_NAMES = {
+    "window_s": "Window",
+    "method": "Method",
+    "segment_table": "Segment table",
+    "mass_kg": "Mass",
+    "mass_sd_kg": "Standard deviation of the mass",
+    "mass_from_force_kg": "Mass from force",
+    "mass_source": "Mass taken from",
+    "latency_s": "Force latency",
+    "latency_sd_s": "Standard deviation of it",
+    "latency_applied_s": "Latency corrected",
+    "latency_source": "Latency taken from",
+    "latency_n_trials": "Trials behind the latency",
+    "latency_trial_s": "Latency of this trial alone",
+    "latency_trial_sd_s": "Standard deviation of that",
+    "session.latency_excess_s": "Scatter between the trials",
+    "session.mass_kg": "Mass from force, of the session",
+    "session.mass_sd_kg": "Standard deviation of that mass",
+    "session.mass_n_trials": "Trials behind that mass",
+    "latency_along_s": "Latency along the walk",
+    "latency_lateral_s": "Latency across the walk",
+    "latency_vertical_s": "Latency, vertical",
+    "rms_force_residual_n": "Force residual, RMS x, y, z",
+    "bias_m": "Fused minus markers x, y, z",
+    "rate_hz": "Rate",
+    "speed_m_s": "Speed",
+    "n_steps": "Steps",
+    "diagnostics.marker_mm": "Markers, noise of the CoM",
+    "diagnostics.table_varying_mm": "Segment table, varying error",
+    "diagnostics.momentum_about_walk_nms": "Angular momentum about the walk",
+    "diagnostics.momentum_about_side_nms": "Angular momentum about the side",
+    "diagnostics.step_hz": "Steps",
+    "diagnostics.speed_m_s": "Walking speed",
+    "diagnostics.low_hz": "Low cut-off",
+    "diagnostics.high_hz": "High cut-off",
+    "diagnostics.normalised_innovations": "Innovations, 1 if all errors are as stated",
+    "diagnostics.plate_bias_statistic": "Plate bias statistic",
+    "diagnostics.samples_used": "Samples used",
+    "observability.rank_force": "Rank from the force, of 9",
+    "observability.rank_with_geometry": "Rank with the markers, of 12",
+    "observability.unobservable": "Direction not seen x, y, z",
+    "observability.tilt_rad": "Force off the vertical, at most",
+    "observability.turn_rad": "Force off its mean, at most",
+    "observability.flight_s": "In flight",
+}
+"""Names of the usual numbers, in the order in which they are shown; others follow under their own."""
+_IN_THOUSANDTHS = {
+    **dict.fromkeys(("latency_s", "latency_sd_s", "latency_applied_s"), "ms"),
+    **dict.fromkeys(("latency_along_s", "latency_lateral_s", "latency_vertical_s"), "ms"),
+    **dict.fromkeys(("latency_trial_s", "latency_trial_sd_s", "session.latency_excess_s"), "ms"),
+    "bias_m": "mm",
+}
+_COUNTS = {"diagnostics.samples_used"}
+_ELSEWHERE = {"warnings", "quality", "recording_id", "observability.sentence"} | {
+    f"session.{name}" for name in ("session_id", "latency_s", "latency_sd_s", "latency_n_trials", "static_recording_id")
+}
+LIST_AT_MOST = 6
+
+
+def sentences_of(result: JobResult) -> list[str]:
+    """What a lab should read first: what cannot be known from this recording, and how its two clocks stand."""
+    summary = result.summary
+    seen = summary.get("observability")
+    said = seen.get("sentence") if isinstance(seen, Mapping) else None
+    found = [said] if isinstance(said, str) and said else []
+    if summary.get("latency_s") is not None:
+        trials = summary.get("latency_n_trials", 1) if summary.get("latency_source") == "session" else None
+        applied_s = summary.get("latency_applied_s", 0.0)
+        found.append(_latency(summary["latency_s"], summary.get("latency_sd_s"), applied_s, trials))
+    return found
+
+
+def _latency(latency_s: float, sd_s: float | None, applied_s: float, trials: int | None) -> str:
+    about = "" if sd_s is None else f" ± {1000 * sd_s:.1f}"
+    found = f"The force comes {1000 * abs(latency_s):.1f}{about} ms {'later' if latency_s >= 0 else 'earlier'}"
+    if applied_s == 0.0:
+        done = "this was not corrected"
+    elif abs(applied_s - latency_s) < 1e-9:
+        done = "this was corrected"
+    else:
+        done = f"{1000 * applied_s:z.1f} ms were corrected, as asked"
+    of = "" if trials is None else f", as {counted(trials, 'trial')} of its session say{'s' if trials == 1 else ''}"
+    return f"{found} than the markers{of}; {done}."
+
+
+def facts_of(result: JobResult) -> list[Fact]:
+    """Every number and word of the summary; nested ones by their dotted name."""
+    order = list(_NAMES)
+    flat = sorted(_flat(result.summary), key=lambda item: order.index(item[0]) if item[0] in _NAMES else len(order))
+    named = ((key, _name(key), _text(key, value)) for key, value in flat)
+    return [Fact(key, name, text) for key, name, text in named if text is not None]
+
+
+def _flat(summary: Mapping[str, Any], prefix: str = "") -> list[tuple[str, Any]]:
+    found: list[tuple[str, Any]] = []
+    for key, value in summary.items():
+        if f"{prefix}{key}" in _ELSEWHERE:
+            continue
+        if isinstance(value, Mapping):
+            found += _flat(value, f"{prefix}{key}.")
+        else:
+            found.append((f"{prefix}{key}", value))
+    return found
+
+
+def _name(key: str) -> str:
+    bare = key.removesuffix(_suffix(key))
+    return _NAMES.get(key) or ": ".join(words(part) for part in bare.split(".")).capitalize()
+
+
+def _suffix(key: str) -> str:
+    return next((suffix for suffix in _UNITS if key.endswith(suffix)), "")
+
+
+def _text(key: str, value: Any) -> str | None:
+    """The value with its unit, or None for what is not a number, a word or a short list of numbers."""
+    unit = _IN_THOUSANDTHS.get(key) or _UNITS.get(_suffix(key), "")
+    if value is None:
+        return "not known"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return words(value)
+    values = [value] if isinstance(value, int | float) else value
+    if not isinstance(values, Sequence) or not 0 < len(values) <= LIST_AT_MOST:
+        return None
+    if not all(isinstance(v, int | float) for v in values):
+        return None
+    between = " to " if key == "window_s" else ", "
+    return f"{between.join(_number(key, v) for v in values)} {unit}".strip()
+
+
+def _number(key: str, value: float) -> str:
+    if key in _IN_THOUSANDTHS:
+        return f"{1000 * value:z.1f}"
+    return f"{value:.0f}" if isinstance(value, int) or key in _COUNTS else f"{value:z.2f}"

@@ -1,0 +1,59 @@
+"""What the page of a job adds for a sweep: where the scenario has a motion, as a curve or as maps.
+
+The list of sweeps: over what each went, and how many of its scenarios have a motion.
+"""
+
+import asyncio
+from typing import Any, Final
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import Response
+
+from stridelab.client import AsyncClient
+from stridelab.schemas.jobs import Job, JobResult
+from stridelab.schemas.sweeps import SweepSummary
+from stridelab_web.api_client import client_of
+from stridelab_web.pages.render import page
+from stridelab_web.pages.results.sweep_maps import LEGEND, Swept
+
+KIND: Final = "sweep"
+TABLE: Final = "sweep.parquet"
+
+
+async def sweep_of(client: AsyncClient, job_id: str, result: JobResult) -> dict[str, Any] | None:
+    """Values for the template; None for a result without its table."""
+    if all(item.name != TABLE for item in result.artifacts):
+        return None
+    summary = SweepSummary.model_validate(result.summary)
+    content = await client.read_artifact(job_id, TABLE)
+    charts, borders = await run_in_threadpool(lambda: _drawn(summary, content))
+    return {"summary": summary, "charts": charts, "borders": borders, "legend": LEGEND}
+
+
+def _drawn(summary: SweepSummary, content: bytes) -> tuple[Any, Any]:
+    swept = Swept.of(summary, content)
+    return swept.charts(), swept.borders()
+
+
+ONLY: Final = {"centre of mass": "centre of mass only", "whole body": "whole body"}
+
+
+async def sweeps(request: Request) -> Response:
+    """``GET /sweeps``."""
+    client = client_of(request)
+    found = await client.jobs(kind=KIND, cursor=request.query_params.get("cursor"))
+    named = await asyncio.gather(*(_name(client, job) for job in found.items))
+    names = {job.id: name for job, name in zip(found.items, named, strict=True) if name}
+    return page(request, "pages/sweeps.html", section="Sweeps", jobs=found.items, names=names, next=found.next)
+
+
+async def _name(client: AsyncClient, job: Job) -> str:
+    return said(await client.result(job.id)) if job.state == "succeeded" else ""
+
+
+def said(result: JobResult) -> str:
+    """``Steps over stride, friction: 31 of 105, centre of mass only``."""
+    summary = SweepSummary.model_validate(result.summary)
+    fields = ", ".join(axis.field for axis in summary.axes)
+    return f"{summary.scenario_name} over {fields}: {summary.feasible} of {summary.points}, {ONLY[summary.scope]}"

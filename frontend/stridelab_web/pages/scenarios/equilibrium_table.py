@@ -1,0 +1,98 @@
+"""How well the contacts of each phase hold the robot still: the judge's answer as rows of a table."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal
+
+from stridelab.schemas.scenarios import Scenario, ScenarioCheck
+from stridelab_web.charts import intervals
+from stridelab_web.formatting import words
+
+Kind = Literal["rest", "motion", "unknown"]
+SAYS: dict[Kind, str] = {"rest": "yes", "motion": "only passed in motion", "unknown": "not known"}
+EQUAL_DIGITS = 4
+"""Margins in metres that do not differ in these are the same; so it is in static/js/editor/validation_text.js."""
+Worst = tuple[float, str]
+"""The least margin in metres, and whose it is."""
+
+
+@dataclass(frozen=True)
+class Held:
+    """One phase. ``margin_m`` as in ``PhaseSupport``; ``edge`` and ``reach`` are the worst of its contacts."""
+
+    phase: int
+    start_s: float
+    end_s: float
+    effectors: str
+    kind: Kind
+    margin_m: float | None
+    edge: Worst | None
+    reach_m: float | None
+    region_m: tuple[tuple[float, float], ...]
+
+    @property
+    def said(self) -> str:
+        """Whether the robot can rest here."""
+        return SAYS[self.kind]
+
+
+def held(scenario: Scenario, check: ScenarioCheck) -> tuple[Held, ...]:
+    """The phases of ``scenario`` in their order."""
+    spare = {support.phase: support.margin_m for support in check.support}
+    regions = dict(enumerate(check.support_region_m))
+    found, end_s = [], 0.0
+    for k, phase in enumerate(scenario.phases):
+        start_s, end_s = end_s, end_s + phase.duration_s
+        own = [margin for margin in check.margins if margin.phase == k]
+        region, margin_m = tuple(regions.get(k, ())), spare.get(k)
+        found.append(
+            Held(
+                phase=k,
+                start_s=start_s,
+                end_s=end_s,
+                effectors=", ".join(words(contact.effector) for contact in phase.contacts) or "none",
+                kind=_kind(margin_m, bool(region)),
+                margin_m=margin_m,
+                edge=_least((m.edge_m, f"{words(m.effector)} on {m.surface}") for m in own),
+                reach_m=min((m.reach_m for m in own if m.reach_m is not None), default=None),
+                region_m=region,
+            )
+        )
+    return tuple(found)
+
+
+def tightest(phases: Iterable[Held]) -> Held | None:
+    """The phase with the least room for the CoM, the first of equals; None where none is known."""
+    known = [phase for phase in phases if phase.margin_m is not None]
+    return min(known, key=lambda phase: round(phase.margin_m or 0.0, EQUAL_DIGITS), default=None)
+
+
+def summary(phases: tuple[Held, ...]) -> str:
+    """In one or two sentences: where the robot can stop, and where it has the least room."""
+    rest = sum(phase.kind == "rest" for phase in phases)
+    if rest == len(phases):
+        said = "The robot could stop and rest in every phase."
+    else:
+        said = f"The robot could stop and rest in {rest} of {len(phases)} phases."
+    least = tightest(phases)
+    if least is None or least.margin_m is None:
+        return said
+    room = f"{100 * least.margin_m:.1f} cm to spare" if least.margin_m >= 0 else f"{-100 * least.margin_m:.1f} cm short"
+    return f"{said} It has the least room in phase {least.phase}: {room}."
+
+
+def holding_bars(phases: tuple[Held, ...], duration_s: float) -> list[tuple[Kind, intervals.Bar]]:
+    """The phases as bars of a strip."""
+    drawn = [(phase, intervals.bars([(phase.start_s, phase.end_s)], duration_s)) for phase in phases]
+    return [(phase.kind, bar) for phase, bars in drawn for bar in bars]
+
+
+def _kind(margin_m: float | None, region: bool) -> Kind:
+    if margin_m is None:
+        return "unknown" if region else "motion"
+    return "rest" if margin_m >= 0 else "motion"
+
+
+def _least(values: Iterable[tuple[float | None, str]]) -> Worst | None:
+    known = [(value, whose) for value, whose in values if value is not None]
+    return min(known, default=None)

@@ -1,0 +1,69 @@
+"""Scenarios: the list with pictures, and the page of one with its contacts, its check and its plans."""
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from stridelab.schemas.scenarios import Scenario, StoredScenario
+from stridelab_web.api_client import client_of
+from stridelab_web.charts import intervals
+from stridelab_web.charts.scenario_drawing import draw
+from stridelab_web.pages.render import page
+from stridelab_web.pages.scenarios.equilibrium_table import held, holding_bars, summary, tightest
+from stridelab_web.scene.contacts import Touch, touches
+
+CARDS_AT_MOST = 24
+
+
+async def scenarios(request: Request) -> Response:
+    """``GET /scenarios``."""
+    found = await client_of(request).scenarios(limit=CARDS_AT_MOST, cursor=request.query_params.get("cursor"))
+    return page(request, "pages/scenarios.html", section="Scenarios", scenarios=cards(found.items), next=found.next)
+
+
+async def scenario(request: Request) -> Response:
+    """``GET /scenarios/{id}``."""
+    client = client_of(request)
+    found = await client.scenario(request.path_params["id"])
+    bare = Scenario.model_validate(found.model_dump(include=set(Scenario.model_fields)))
+    check = await client.check_scenario(bare)
+    kinds = [await client.jobs(scenario_id=found.id, kind=kind) for kind in ("plan-motion", "plan-receding")]
+    plans = sorted((job for jobs in kinds for job in jobs.items), key=lambda job: job.created_at, reverse=True)
+    placed = touches(bare)
+    duration_s = sum(phase.duration_s for phase in found.phases)
+    phases = held(bare, check)
+    least = tightest(phases)
+    return page(
+        request,
+        "pages/scenario.html",
+        section="Scenarios",
+        scenario=found,
+        check=check,
+        plans=plans,
+        touches=placed,
+        duration_s=duration_s,
+        side=draw(bare, "side"),
+        above=draw(bare, "above", least.region_m if least else ()),
+        phases=phases,
+        least=least,
+        summary=summary(phases),
+        holding=holding_bars(phases, duration_s),
+        strip=contact_bars(placed, duration_s),
+        ticks=intervals.ticks(duration_s),
+    )
+
+
+def cards(found: list[StoredScenario]) -> list[dict[str, object]]:
+    """What the list and the front page show of each scenario."""
+    return [
+        {"scenario": item, "side": draw(item, "side"), "duration_s": sum(phase.duration_s for phase in item.phases)}
+        for item in found
+    ]
+
+
+def contact_bars(placed: tuple[Touch, ...], duration_s: float) -> dict[str, tuple[intervals.Bar, ...]]:
+    """When each effector touches, as bars of a strip."""
+    effectors = dict.fromkeys(touch.effector for touch in placed)
+    return {
+        name: intervals.bars([(t.start_s, t.end_s) for t in placed if t.effector == name], duration_s)
+        for name in effectors
+    }

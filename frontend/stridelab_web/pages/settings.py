@@ -1,0 +1,34 @@
+"""The page of settings and tokens: what is in force, who one is here, and how a script calls. It shows no secret.
+
+The login page; the form is answered by the interface, which sets the cookie.
+"""
+
+from starlette.requests import Request
+from starlette.responses import Response
+
+from stridelab_web.api_client import client_of
+from stridelab_web.config import WebConfig
+from stridelab_web.pages.render import page
+
+
+async def settings(request: Request) -> Response:
+    """``GET /settings``."""
+    config: WebConfig = request.app.state.config
+    client = client_of(request)
+    return page(
+        request,
+        "pages/settings.html",
+        section="Settings",
+        health=await client.health(),
+        solvers=await client.solvers(),
+        settings=config.settings,
+        viewer=config.viewer_url is not None,
+        address=str(request.base_url).rstrip("/"),
+    )
+
+
+async def login(request: Request) -> Response:
+    """``GET /login``."""
+    query = request.query_params
+    wrong = "That is not the token." if "wrong" in query else ""
+    return page(request, "pages/login.html", section="Login", next=query.get("next", "/"), wrong=wrong)

@@ -1,0 +1,167 @@
+"""The viewer's page: a frame with viser's client, and our own timeline, or the list of touches, beside it."""
+
+import gzip
+from typing import Final
+
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import Response
+
+from stridelab.client import AsyncClient
+from stridelab_web.api_client import client_of, read_tracks
+from stridelab_web.assets import compressed
+from stridelab_web.charts import intervals
+from stridelab_web.charts.intervals import Layer, Row
+from stridelab_web.formatting import counted
+from stridelab_web.pages import robot
+from stridelab_web.pages.render import page
+from stridelab_web.pages.verdicts import shown_verdict
+from stridelab_web.pages.viewer import planner
+from stridelab_web.scene.documents import Document, document_of
+from stridelab_web.scene.frames import Frames
+from stridelab_web.scene.result_files import frames_of, shown_in_scene
+
+GZIP_LEVEL: Final = 6
+COM_LAYERS = (
+    Layer("/paths/", "Path"),
+    Layer("/com/band", "Band"),
+    Layer("/inputs/geometry/", "Markers only"),
+    Layer("/axis/", "Central axis"),
+    Layer("/inputs/axis/", "Point on axis", False),
+)
+
+WHEEL = "fit-cycloid"
+WHEEL_LAYERS = (Layer("/wheel/", "Wheel"),)
+
+
+async def view(request: Request) -> Response:
+    """``GET /view/?recording=&job=&t=``, ``?plan=&t=``, ``?scenario=`` or ``?robot=&measure=&effector=``.
+
+    Without ``job``, the newest estimate of the recording is shown. Without ``t``, a recording opens where the force is
+    measured: many files begin before anybody is in sight.
+    """
+    query = request.query_params
+    if plan_id := query.get("plan"):
+        return await planner.plan(request, plan_id)
+    if scenario_id := query.get("scenario"):
+        return await planner.scenario(request, scenario_id)
+    if name := query.get("robot"):
+        return await robot.scene(request, name)
+    return await _recording(request)
+
+
+async def values(request: Request) -> Response:
+    """``GET /view/scene/{kind}/{id}/{job}/frames.bin``: what moves, packed and compressed (``packing``).
+
+    A plan that was made stays as it is, and its frames take longer to pack than viser's client to start: they are kept.
+    """
+    document, kept = _moving(request), request.app.state.packed
+    packed: bytes | None = await kept.of(client_of(request), document)
+    if packed is None:
+        frames = await _frames(client_of(request), document)
+        packed = await run_in_threadpool(lambda: gzip.compress(frames.file(), compresslevel=GZIP_LEVEL, mtime=0))
+        if document.kind == "plan":
+            kept.keep(document, packed)
+    return compressed(request, packed, "application/octet-stream", {"Cache-Control": "no-store"})
+
+
+async def _recording(request: Request) -> Response:
+    client, query = client_of(request), request.query_params
+    job_id = query.get("job", "")
+    recording_id = query.get("recording", "")
+    if job_id and not recording_id:
+        recording_id = (await client.job(job_id)).recording_id or ""
+    if not recording_id:
+        return page(
+            request,
+            "pages/error.html",
+            404,
+            title="Nothing to show",
+            detail="The viewer needs a recording, a scenario, a plan or a robot: open one and press its 3D button.",
+            code="",
+            status=404,
+            errors=[],
+        )
+    recording = await client.recording(recording_id)
+    job_id = job_id or await _newest_estimate(client, recording.id)
+    measured = intervals.bars(recording.windows_s, recording.duration_s)
+    plates = [intervals.plate_bars(plate, recording.duration_s) for plate in recording.plates if plate.use]
+    layers = [
+        Layer("/skeleton/", "Lines"),
+        Layer("/forces/plate", "Forces"),
+        Layer("/forces/total", "Total force", False),
+    ]
+    links = [("Recording", f"/recordings/{recording.id}")]
+    steps_s = await _steps_s(client, recording.id, job_id)
+    verdict = None
+    if job_id:
+        job, result_url = await client.job(job_id), f"/jobs/{job_id}"
+        layers += [*COM_LAYERS, *(WHEEL_LAYERS if job.kind == WHEEL else ())]
+        links.append(("Result", result_url))
+        verdict = shown_verdict(job, result_url)
+    numbered = intervals.numbered(steps_s, recording.duration_s, first=1)
+    said = f"{counted(len(steps_s), 'step')}, foot off to the next foot off, as the wheel was fitted to them"
+    return page(
+        request,
+        "viewer/view.html",
+        section="",
+        title=recording.filename,
+        scene=(scene := Document("recording", recording.id, job_id or None).address),
+        start_s=recording.windows_s[0][0] if recording.windows_s else 0.0,
+        rows=[
+            Row("Measured", measured, intervals.windows_text(recording), "window"),
+            *([Row("Step", numbered, said, "phase")] if steps_s else []),
+            *(Row(f"Plate {plate.index}", plate.bars, plate.text, "load") for plate in plates),
+        ],
+        moments=(),
+        steps=steps_s,
+        downloads=[(text, f"{scene}/{name}") for name, text in planner.EXPORTS.items()],
+        layers=layers,
+        uploads=True,
+        bodies=False,
+        bands=bool(job_id),
+        links=links,
+        verdict=verdict,
+    )
+
+
+def _moving(request: Request) -> Document:
+    """The document of a request. Raises ``HTTPException`` where there is none, or none that moves."""
+    try:
+        document = document_of(request.path_params)
+    except KeyError as error:
+        raise HTTPException(404, "There is no such scene.") from error
+    if document.kind in ("scenario", "robot"):
+        raise HTTPException(404, f"A {document.kind} does not move by itself.")
+    return document
+
+
+async def _frames(client: AsyncClient, document: Document) -> Frames:
+    if document.kind == "plan":
+        return await planner.frames(client, document.id)
+    recording = await client.recording(document.id)
+    tracks = await read_tracks(client, recording.id)
+    job_id = document.job_id
+    present = [] if job_id is None else [item.name for item in (await client.result(job_id)).artifacts]
+    shown = {name: await client.read_artifact(job_id, name) for name in shown_in_scene(present) if job_id}
+    return await run_in_threadpool(
+        frames_of, recording, tracks, shown
+    )  # a minute of markers takes longer than other requests may wait
+
+
+async def _newest_estimate(client: AsyncClient, recording_id: str) -> str:
+    return await _newest(client, "estimate-com", recording_id)
+
+
+async def _newest(client: AsyncClient, kind: str, recording_id: str) -> str:
+    found = await client.jobs(1, state="succeeded", kind=kind, recording_id=recording_id)
+    return found.items[0].id if found.items else ""
+
+
+async def _steps_s(client: AsyncClient, recording_id: str, job_id: str) -> list[tuple[float, float]]:
+    """Begin and end of the steps to which the wheel was fitted, by this job or else the newest one; none without."""
+    shown = bool(job_id) and (await client.job(job_id)).kind == WHEEL
+    fitted = job_id if shown else await _newest(client, WHEEL, recording_id)
+    steps = (await client.result(fitted)).summary["steps"] if fitted else []
+    return [(step["t0_s"], step["t1_s"]) for step in steps]

@@ -1,0 +1,180 @@
+"""The viewer's pages of the robot wing: a plan on its timeline, and a scenario with its touches."""
+
+import itertools
+
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+
+from stridelab.client import AsyncClient, ProblemError
+from stridelab.schemas.jobs import JobResult
+from stridelab.schemas.scenarios import Scenario
+from stridelab_web.api_client import client_of
+from stridelab_web.charts import intervals
+from stridelab_web.charts.intervals import Layer, Row
+from stridelab_web.formatting import counted, words
+from stridelab_web.pages.plans.worst_moments import check_rows, moments_of
+from stridelab_web.pages.render import page
+from stridelab_web.pages.verdicts import shown_verdict
+from stridelab_web.pages.viewer.preparing import preparing
+from stridelab_web.scene.contacts import facts, half_sizes, side, touches
+from stridelab_web.scene.density_nodes import GROUP, SHOWN_MASS
+from stridelab_web.scene.documents import Document
+from stridelab_web.scene.frames import Frames
+from stridelab_web.scene.plan_frames import GHOST, MEASURED, MOMENTUM, MOMENTUM_M_PER_NMS, ROBOT
+from stridelab_web.scene.plan_frames import GROUP as CONES
+from stridelab_web.scene.result_files import REPLAYED, SCENARIO, needed, read_plan
+
+EXPORTS = {"motion.viser": ".viser", "motion.html": "HTML"}
+"""Players of a plan that need no service, and how the viewer names them."""
+KINDS = {"plan-motion": "/plans", "plan-receding": "/jobs"}
+"""Jobs that leave a motion on the timeline of its scenario, and where their results are."""
+
+
+async def plan(request: Request, job_id: str) -> Response:
+    """``GET /view/?plan=&t=``."""
+    client = client_of(request)
+    job = await client.job(job_id)
+    if job.kind not in KINDS:
+        raise HTTPException(404, "This job is no plan.")
+    if not job.has_result:
+        raise HTTPException(409, f"This plan is {words(job.state)}: there is nothing to show yet.")
+    result = await client.result(job.id)
+    scenario = Scenario.model_validate_json(await client.read_artifact(job.id, SCENARIO))
+    if (waiting := await preparing(request, scenario.robot, scenario.name)) is not None:
+        return waiting
+    layers = [
+        Layer("/forces/", "Forces"),
+        Layer(CONES, "Cones", False, "Friction cones of the contacts that are loaded: a force must lie inside"),
+        Layer("/contacts/", "Contacts"),
+        Layer("/paths/", "Path"),
+        Layer(MOMENTUM, "Angular momentum", False, f"About the centre of mass; {MOMENTUM_M_PER_NMS} m per N m s"),
+    ]
+    files = needed(result)
+    if "poses.f32" in files:
+        layers.insert(0, Layer(ROBOT, "Robot"))
+    if REPLAYED[0] in files:
+        differs = not result.summary["replay"]["completed"]
+        layers.insert(1, Layer(GHOST, "Replay", differs, "The robot as it moved in physics, in blue"))
+        layers.insert(3, Layer(MEASURED, "Measured forces", False, "What the replay's contacts bore, in dark blue"))
+    if await _learned(client, scenario.robot):
+        layers.append(Layer(GROUP, f"Reach, {100 * SHOWN_MASS:.0f} %", False))
+    moments, scenario_s = moments_of(result), sum(phase.duration_s for phase in scenario.phases)
+    links = [("Result", f"{KINDS[job.kind]}/{job.id}")]
+    if scenario_id := await _still_there(client, result.input.get("scenario_id")):
+        links.append(("Scenario", f"/view/?scenario={scenario_id}"))
+    return page(
+        request,
+        "viewer/view.html",
+        section="",
+        title=scenario.name,
+        scene=Document("plan", job.id).address,
+        start_s=0.0,
+        rows=[*phase_rows(scenario, until_s(result)), *check_rows(moments, scenario_s)],
+        moments=moments,
+        layers=layers,
+        uploads=False,
+        bodies="poses.f32" in files,
+        bands=False,
+        links=links,
+        verdict=shown_verdict(job, links[0][1], until_s(result)),
+        steps=(),
+        downloads=[
+            (text, f"/api/v1/jobs/{job.id}/artifacts/{name}")
+            for name, text in EXPORTS.items()
+            if name in {item.name for item in result.artifacts}
+        ],
+    )
+
+
+async def scenario(request: Request, scenario_id: str) -> Response:
+    """``GET /view/?scenario=``."""
+    client = client_of(request)
+    stored = await client.scenario(scenario_id)
+    if (waiting := await preparing(request, stored.robot, stored.name)) is not None:
+        return waiting
+    used = dict.fromkeys(touch.effector for touch in touches(stored))
+    effectors = dict.fromkeys([*await _effectors(client, stored.robot), *used])
+    right = request.app.state.config.scenario_right(request.scope, stored.id, stored.owner)
+    return page(
+        request,
+        "viewer/view_scenario.html",
+        section="",
+        scenario=stored,
+        own=right.key is not None and not stored.bundled,
+        refusal="Samples cannot be changed." if stored.bundled else right.refusal,
+        scene=Document("scenario", stored.id).address,
+        duration_s=sum(phase.duration_s for phase in stored.phases),
+        used=used,
+        effectors=[(name, side(name)) for name in effectors],
+    )
+
+
+async def footholds(request: Request) -> Response:
+    """``GET /view/scene/scenario/{id}/-/touches.json``: the touches as the page lists and moves them."""
+    client = client_of(request)
+    stored = await client.scenario(request.path_params["id"])
+    sizes = half_sizes((await client.robot(stored.robot)).effectors)
+    return JSONResponse([facts(touch, sizes) for touch in touches(stored)])
+
+
+async def frames(client: AsyncClient, job_id: str) -> Frames:
+    """The frames of a plan."""
+    result = await client.result(job_id)
+    files = {name: await client.read_artifact(job_id, name) for name in needed(result)}
+    _, found = await run_in_threadpool(lambda: read_plan(files))
+    return found
+
+
+def until_s(result: JobResult) -> float | None:
+    """Where a motion that the body could not follow to the end ends; None for a whole one."""
+    stopped = result.summary.get("stopped")
+    return stopped["time_s"] if stopped else None
+
+
+def phase_rows(scenario: Scenario, until_s: float | None = None) -> list[Row]:
+    """The phases with their numbers, and when each effector touches; of a motion that stops, ``until_s`` it does."""
+    placed = touches(scenario)
+    duration_s = until_s or sum(phase.duration_s for phase in scenario.phases)
+    ends_s = [0.0, *itertools.accumulate(phase.duration_s for phase in scenario.phases)]
+    rows = [
+        Row(
+            "Phase",
+            intervals.numbered(itertools.pairwise(ends_s), duration_s),
+            f"{counted(len(scenario.phases), 'phase')}, counted from 0",
+            "phase",
+        )
+    ]
+    for effector in dict.fromkeys(touch.effector for touch in placed):
+        bars = intervals.bars([(t.start_s, t.end_s) for t in placed if t.effector == effector], duration_s)
+        said = "; ".join(bar.text for bar in bars)
+        rows.append(Row(words(effector).capitalize(), bars, f"{words(effector)} touches: {said}", side(effector)))
+    return rows
+
+
+async def _learned(client: AsyncClient, robot: str) -> bool:
+    """Whether there are densities to show; a plan outlives the installation of its robot."""
+    try:
+        return bool((await client.robot(robot)).measures)
+    except ProblemError:
+        return False
+
+
+async def _effectors(client: AsyncClient, robot: str) -> list[str]:
+    """What a robot touches with; empty where it is not installed: its scenarios can be looked at all the same."""
+    try:
+        return [effector.name for effector in (await client.robot(robot)).effectors]
+    except ProblemError:
+        return []
+
+
+async def _still_there(client: AsyncClient, scenario_id: str | None) -> str | None:
+    if scenario_id is None:
+        return None
+    try:
+        return (await client.scenario(scenario_id)).id
+    except ProblemError as refusal:
+        if refusal.status == 404:  # a plan outlives the scenario that it was made from
+            return None
+        raise

@@ -1,0 +1,133 @@
+"""Moving a touch of a scenario: all phases in which the effector stays there move together.
+
+A scenario as its touches: every time an effector is put somewhere, however many phases it stays there.
+"""
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from stridelab.schemas.robots import RobotEffector
+from stridelab.schemas.scenarios import BoxSurface, Scenario, ScenarioContact
+
+
+@dataclass(frozen=True)
+class Touch:
+    """One effector in one place from ``first_phase`` to ``last_phase``; numbered from 1 in order of touch-down."""
+
+    number: int
+    effector: str
+    first_phase: int
+    last_phase: int
+    start_s: float
+    end_s: float
+    contact: ScenarioContact
+
+
+def touches(scenario: Scenario) -> tuple[Touch, ...]:
+    """All touches in the order in which they begin; those that begin together in the order of the phase."""
+    ends_s = np.cumsum([phase.duration_s for phase in scenario.phases])
+    found: list[Touch] = []
+    standing: dict[str, Touch] = {}
+    for k, phase in enumerate(scenario.phases):
+        now: dict[str, Touch] = {}
+        for contact in phase.contacts:
+            before = standing.get(contact.effector)
+            start_s, end_s = float(ends_s[k] - phase.duration_s), float(ends_s[k])
+            if before is not None and before.contact == contact:
+                touch = Touch(before.number, contact.effector, before.first_phase, k, before.start_s, end_s, contact)
+                found[before.number - 1] = touch
+            else:
+                touch = Touch(len(found) + 1, contact.effector, k, k, start_s, end_s, contact)
+                found.append(touch)
+            now[contact.effector] = touch
+        standing = now
+    return tuple(found)
+
+
+def rotation(wxyz: tuple[float, float, float, float]) -> np.ndarray:
+    """Rotation matrix ``(3, 3)`` of a quaternion; the identity for one of length zero, which cannot be drawn."""
+    norm = float(np.linalg.norm(wxyz))
+    if not np.isfinite(norm) or norm == 0:
+        return np.eye(3)
+    w, x, y, z = (value / norm for value in wxyz)
+    return np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+
+
+def box_rotation(box: BoxSurface) -> np.ndarray:
+    """Rotation matrix of a box."""
+    if box.orientation_wxyz is not None:
+        return rotation(box.orientation_wxyz)
+    half = (box.yaw_rad or 0.0) / 2
+    return rotation((float(np.cos(half)), 0.0, 0.0, float(np.sin(half))))
+
+
+def box_corners_m(box: BoxSurface) -> np.ndarray:
+    """The eight corners ``(8, 3)`` of a box in the world."""
+    signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T
+    return np.asarray(box.center_m + (signs * np.array(box.size_m) / 2) @ box_rotation(box).T)
+
+
+HalfSizes = Mapping[str, tuple[float, float]]
+"""Half the edges of the contact patch, by effector; a point has none."""
+
+
+def half_sizes(effectors: Iterable[RobotEffector]) -> HalfSizes:
+    """The contact patches of a robot."""
+    return {e.name: e.contact_half_size_m for e in effectors if e.contact_half_size_m is not None}
+
+
+def node(touch: Touch) -> str:
+    """Node of a touch in a scene."""
+    return f"/contacts/{touch.number}"
+
+
+def side(effector: str) -> Literal["left", "right", "hand"]:
+    """How an effector is coloured."""
+    return "hand" if "hand" in effector else "left" if effector.startswith("left") else "right"
+
+
+def yaw_rad(touch: Touch) -> float:
+    """Direction of the contact's x axis, seen from above."""
+    along = rotation(touch.contact.orientation_wxyz)[:, 0]
+    return math.atan2(along[1], along[0])
+
+
+def facts(touch: Touch, sizes: HalfSizes) -> dict[str, Any]:
+    """What the page must know of a touch to show and to move it."""
+    return {
+        "number": touch.number,
+        "node": node(touch),
+        "effector": touch.effector,
+        "side": side(touch.effector),
+        "phases": [touch.first_phase, touch.last_phase],
+        "start_s": touch.start_s,
+        "end_s": touch.end_s,
+        "position_m": list(touch.contact.position_m),
+        "orientation_wxyz": list(touch.contact.orientation_wxyz),
+        "yaw_deg": round(math.degrees(yaw_rad(touch)), 3),
+        "surface": touch.effector in sizes,
+    }
+
+
+def moved(scenario: Scenario, touch: Touch, position_m: Sequence[float]) -> Scenario:
+    """What is sent to store ``scenario`` with ``touch`` elsewhere: without the fields that the service added."""
+    change = {"position_m": tuple(float(x) for x in position_m)}
+    body = {name: getattr(scenario, name) for name in Scenario.model_fields}
+    phases = list(scenario.phases)
+    for k in range(touch.first_phase, touch.last_phase + 1):
+        contacts = [
+            contact.model_copy(update=change) if contact.effector == touch.effector else contact
+            for contact in phases[k].contacts
+        ]
+        phases[k] = phases[k].model_copy(update={"contacts": contacts})
+    return Scenario(**{**body, "phases": phases})

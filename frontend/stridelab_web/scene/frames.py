@@ -1,0 +1,206 @@
+"""What moves in the viewer, as frames of numbers in the order in which the browser reads them.
+
+The viewer process builds the nodes from the same ``Frames`` from which the web app serves the numbers, so that names
+and columns cannot disagree. Positions are in the world frame, metres; forces in newtons.
+"""
+
+import json
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from stridelab_web.scene.frame_codec import FORCE_BITS, POINT_BITS, POSE_BITS, SIZE_BITS, fitting, pack, unbroken
+
+ARROW_M_PER_N: Final = 1 / 1000
+"""Length of a force arrow: a body weight of 700 N is 0.7 m long."""
+HEAD_M: Final = 0.08
+"""Length of an arrow's head; the shaft ends where it begins."""
+
+
+@dataclass(frozen=True)
+class Point:
+    """A node whose position is the three numbers from ``at`` on; ``label`` says what it is."""
+
+    name: str
+    at: int
+    label: str
+
+
+@dataclass(frozen=True)
+class Body:
+    """A node with a pose: position, then quaternion wxyz, seven numbers from ``at`` on."""
+
+    name: str
+    at: int
+
+
+@dataclass(frozen=True)
+class Stick:
+    """A unit cylinder that joins the points at ``start`` and ``end``."""
+
+    name: str
+    start: int
+    end: int
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """A shaft and a head: application point (three numbers from ``at`` on), then the force (three numbers)."""
+
+    shaft: str
+    head: str
+    at: int
+    label: str
+
+
+@dataclass(frozen=True)
+class Ellipsoid:
+    """A unit ball at the three numbers from ``at`` on, with the three semi-axes from ``axes`` on along x, y and z."""
+
+    name: str
+    at: int
+    axes: int
+
+
+@dataclass(frozen=True)
+class Hoop:
+    """A node of unit size with a pose (seven numbers from ``at`` on), as large as the number at ``size``."""
+
+    name: str
+    at: int
+    size: int
+
+
+@dataclass(frozen=True)
+class Span:
+    """A node that is there from ``start_s`` until ``end_s`` only."""
+
+    name: str
+    start_s: float
+    end_s: float
+
+
+@dataclass(frozen=True)
+class Track:
+    """The path of the point whose position is the three numbers from ``at`` on, drawn as the node ``name``."""
+
+    name: str
+    at: int
+
+
+@dataclass(frozen=True)
+class Copy:
+    """A node that is drawn as the node ``of`` is, whose meshes are sent once; ``paint`` is its own colour and opacity.
+
+    Both nodes are in the scene; the page gives the copy its meshes.
+    """
+
+    name: str
+    of: str
+    paint: tuple[tuple[int, int, int], float] | None = None
+
+
+@dataclass(frozen=True)
+class Frames:
+    """``values`` has shape ``(frames, width)``, float32, NaN where something is not there.
+
+    ``still`` names nodes that are only shown or hidden; ``phase_starts_s`` are the instants at which the set of
+    contacts changes.
+    """
+
+    time_s: np.ndarray
+    values: np.ndarray
+    points: tuple[Point, ...] = ()
+    bodies: tuple[Body, ...] = ()
+    sticks: tuple[Stick, ...] = ()
+    arrows: tuple[Arrow, ...] = ()
+    ellipsoids: tuple[Ellipsoid, ...] = ()
+    hoops: tuple[Hoop, ...] = ()
+    spans: tuple[Span, ...] = ()
+    tracks: tuple[Track, ...] = ()
+    still: tuple[str, ...] = ()
+    copies: tuple[Copy, ...] = ()
+    phase_starts_s: tuple[float, ...] = ()
+
+    def track(self, name: str) -> np.ndarray | None:
+        """Positions ``(frames, 3)`` of the track ``name``, if there is one."""
+        at = next((track.at for track in self.tracks if track.name == name), None)
+        return None if at is None else self.values[:, at : at + 3]
+
+    def layout(self) -> dict[str, Any]:
+        """What the browser must know to read ``values``."""
+        return {
+            "n_frames": len(self.time_s),
+            "width": int(self.values.shape[1]),
+            "bits": self._bits().tolist(),
+            "time_s": [round(float(t), 6) for t in self.time_s],
+            "points": [[p.name, p.at, p.label] for p in self.points],
+            "bodies": [[b.name, b.at] for b in self.bodies],
+            "sticks": [[s.name, s.start, s.end] for s in self.sticks],
+            "arrows": [[a.shaft, a.head, a.at, a.label] for a in self.arrows],
+            "ellipsoids": [[e.name, e.at, e.axes] for e in self.ellipsoids],
+            "hoops": [[h.name, h.at, h.size] for h in self.hoops],
+            "spans": [[s.name, s.start_s, s.end_s] for s in self.spans],
+            "still": [*(t.name for t in self.tracks), *self.still],
+            "copies": [[c.name, c.of, c.paint] for c in self.copies],
+            "phase_starts_s": list(self.phase_starts_s),
+            "arrow_m_per_n": ARROW_M_PER_N,
+            "head_m": HEAD_M,
+        }
+
+    def file(self) -> bytes:
+        """The layout as JSON behind its length (four bytes, little-endian), then the numbers, ``packed``."""
+        told = json.dumps(self.layout(), separators=(",", ":")).encode()
+        return len(told).to_bytes(4, "little") + told + self.packed()
+
+    def packed(self) -> bytes:
+        """``values`` as ``static/js/viewer/frame_decoder.js`` reads them; quaternions have no jumps of sign."""
+        told = self.values.copy()
+        for at in self._poses():
+            told[:, at + 3 : at + 7] = unbroken(told[:, at + 3 : at + 7])
+        return pack(told, self._bits())
+
+    def _poses(self) -> list[int]:
+        """Where poses begin."""
+        return [*(body.at for body in self.bodies), *(hoop.at for hoop in self.hoops)]
+
+    def _bits(self) -> np.ndarray:
+        """How finely each column is told (``packing``)."""
+        found = np.full(self.values.shape[1], POINT_BITS)
+        for at in self._poses():
+            found[at : at + 7] = POSE_BITS
+        for arrow in self.arrows:
+            found[arrow.at + 3 : arrow.at + 6] = FORCE_BITS
+        for ball in self.ellipsoids:
+            found[ball.axes : ball.axes + 3] = SIZE_BITS
+        return fitting(self.values, found)
+
+
+class Sheet:
+    """Columns of numbers, put beside one another."""
+
+    def __init__(self) -> None:
+        self._blocks: list[np.ndarray] = []
+        self._width = 0
+
+    def add(self, block: np.ndarray) -> int:
+        """Put ``block`` ``(frames, k)`` beside the others; the number of its first column."""
+        at = self._width
+        self._blocks.append(block)
+        self._width += block.shape[1]
+        return at
+
+    def values(self, n_frames: int) -> np.ndarray:
+        """All columns, float32."""
+        whole = np.concatenate(self._blocks, axis=1) if self._blocks else np.empty((n_frames, 0))
+        return whole.astype(np.float32)
+
+
+def resample(time_s: np.ndarray, own_time_s: np.ndarray, track: np.ndarray) -> np.ndarray:
+    """``track`` ``(n, k)`` at ``time_s``, NaN outside; an instant that both have is taken over unchanged."""
+    if len(own_time_s) == len(time_s) and np.allclose(own_time_s, time_s, atol=1e-6):
+        return track
+    return np.column_stack(
+        [np.interp(time_s, own_time_s, column, left=np.nan, right=np.nan) for column in np.transpose(track)]
+    )

@@ -1,0 +1,202 @@
+"""A plan as frames: links, forces with their cones, centre of mass, angular momentum, and when what touches.
+
+The friction cone of every touch of a plan: ``|f_t| <= mu f_n`` about the normal of what is touched.
+"""
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from stridelab.schemas.scenarios import Scenario
+from stridelab_web.parquet import Columns, triple
+from stridelab_web.scene.contacts import Touch, node, side, touches
+from stridelab_web.scene.density_nodes import reach_places, repeats
+from stridelab_web.scene.frames import ARROW_M_PER_N, Arrow, Body, Copy, Frames, Point, Sheet, Span, Track, resample
+
+POSE, FORCE = 7, 6
+COM = "/com/plan"
+ROBOT, GHOST, MEASURED = "/robot/", "/ghost/", "/measured/"
+"""Groups of nodes: the robot as planned, and as it moved in physics with the forces that it met."""
+PALE: Final = ((70, 110, 200), 0.4)
+"""Colour and opacity of the replay's robot, which is drawn with the meshes of the planned one."""
+MOMENTUM: Final = "/momentum/"
+MOMENTUM_M_PER_NMS: Final = 0.1
+"""Length of the arrow of the angular momentum; it is a few newton metre seconds where a robot walks."""
+
+
+@dataclass(frozen=True)
+class Motion:
+    """``poses.json`` with its two arrays: ``poses`` ``(frames, links, 7)``, ``forces`` ``(frames, effectors, 6)``.
+
+    ``ghost`` and ``measured`` are the same of the replay in physics, NaN once the robot has fallen.
+    """
+
+    time_s: np.ndarray
+    links: tuple[str, ...]
+    effectors: tuple[str, ...]
+    poses: np.ndarray
+    forces: np.ndarray
+    ghost: np.ndarray | None = None
+    measured: np.ndarray | None = None
+
+
+def read_motion(about: bytes, poses: bytes, forces: bytes, *replayed: bytes) -> Motion:
+    """The motion of ``poses.json``, ``poses.f32`` and ``forces.f32``; ``replayed`` are the arrays of its replay.
+
+    Raises ``ValueError`` where an array has another size than the description says.
+    """
+    said = json.loads(about)
+    time_s = np.array(said["time_s"], dtype=float)
+    links, effectors = tuple(said["links"]), tuple(said["forces"]["effectors"])
+    shapes = [(len(time_s), len(links), POSE), (len(time_s), len(effectors), FORCE)] * 2
+    arrays = [
+        np.frombuffer(content, "<f4").reshape(shape)
+        for content, shape in zip((poses, forces, *replayed), shapes, strict=False)
+    ]
+    return Motion(time_s, links, effectors, *arrays)
+
+
+def plan_frames(
+    scenario: Scenario, centroidal: Columns, motion: Motion | None, followed: Columns | None = None
+) -> Frames:
+    """Frames of a plan; without a whole-body motion those of the centroidal plan alone, at its nodes.
+
+    ``followed`` is the table of that motion, whose angular momentum is shown in place of the planned one. A cone stands
+    where the force on its effector acts, so that it needs no numbers of its own.
+    """
+    time_s = centroidal["time_s"] if motion is None else motion.time_s
+    sheet = Sheet()
+    momentum = momentum_nms(centroidal if followed is None else followed, time_s)
+    com_at = sheet.add(com_m(centroidal, time_s))
+    bodies: list[Body] = []
+    arrows: list[Arrow] = []
+    at_of: dict[str, int] = {}
+    if momentum is not None:
+        sheet.add(MOMENTUM_M_PER_NMS / ARROW_M_PER_N * momentum)
+        arrows.append(Arrow(f"{MOMENTUM}com_shaft", f"{MOMENTUM}com_head", com_at, "angular momentum about the CoM"))
+    if motion is not None:
+        for k, link in enumerate(motion.links):
+            bodies.append(Body(f"{ROBOT}{link}", sheet.add(motion.poses[:, k])))
+        forces = {effector: motion.forces[:, k] for k, effector in enumerate(motion.effectors)}
+        if motion.ghost is not None and motion.measured is not None:
+            bodies += [Body(f"{GHOST}{link}", sheet.add(motion.ghost[:, k])) for k, link in enumerate(motion.links)]
+            for k, effector in enumerate(motion.effectors):
+                name, at = f"{MEASURED}{effector}", sheet.add(motion.measured[:, k])
+                arrows.append(Arrow(f"{name}_shaft", f"{name}_head", at, f"force on {effector} in the replay"))
+    else:
+        forces = centroidal_forces(scenario, centroidal)
+    for effector, force in forces.items():
+        name = f"/forces/{effector}"
+        at_of[effector] = sheet.add(force)
+        arrows.append(Arrow(f"{name}_shaft", f"{name}_head", at_of[effector], f"force on {effector}"))
+    ends_s = np.cumsum([phase.duration_s for phase in scenario.phases])
+    placed = touches(scenario)
+    loaded = [cone for cone in cones(scenario, centroidal) if cone.touch.effector in at_of]
+    coned = [(cone.name, cone.touch) for cone in loaded]
+    ghosts = [body.name for body in bodies if body.name.startswith(GHOST)]
+    return Frames(
+        time_s,
+        sheet.values(len(time_s)),
+        points=(
+            Point(COM, com_at, "centre of mass"),
+            *(Point(name, at_of[touch.effector], f"friction cone of {touch.effector}") for name, touch in coned),
+        ),
+        bodies=tuple(bodies),
+        arrows=tuple(arrows),
+        spans=(
+            *(Span(f"{node(touch)}/touching", touch.start_s, touch.end_s) for touch in placed),
+            *(Span(name, touch.start_s, touch.end_s) for name, touch in coned),
+            *(Span(place.name, place.start_s, place.end_s) for place in reach_places(scenario)),
+        ),
+        tracks=(Track("/paths/com", com_at),),
+        still=tuple(node(touch) for touch in placed),
+        copies=(
+            *(Copy(name, f"{ROBOT}{name.removeprefix(GHOST)}", PALE) for name in ghosts),
+            *(Copy(name, of) for name, of in (*twins(loaded), *repeats(reach_places(scenario)))),
+        ),
+        phase_starts_s=(0.0, *(float(end) for end in ends_s[:-1])),
+    )
+
+
+def momentum_nms(columns: Columns, time_s: np.ndarray) -> np.ndarray | None:
+    """Angular momentum about the CoM ``(n, 3)`` at ``time_s``, linear between rows; None where the table has none."""
+    rows = triple(columns, "l_", "_nms")
+    return None if rows is None else resample(time_s, columns["time_s"], rows)
+
+
+def com_m(centroidal: Columns, time_s: np.ndarray) -> np.ndarray:
+    """Centre of mass ``(n, 3)`` at ``time_s``: from each node with its velocity and acceleration to the next one.
+
+    Exact where the acceleration is constant between nodes; the constant jerk that is left is that of smooth forces.
+    """
+    nodes_s = centroidal["time_s"]
+    position, velocity = triple(centroidal, "com_", "_m"), triple(centroidal, "com_v", "_m_s")
+    acceleration = triple(centroidal, "com_a", "_m_s2")
+    if position is None or velocity is None or acceleration is None:
+        raise ValueError("the plan's table lacks the centre of mass")
+    h = np.diff(nodes_s)[:, None]
+    ahead = position[:-1] + velocity[:-1] * h + acceleration[:-1] * h**2 / 2
+    jerk = np.concatenate([6.0 * (position[1:] - ahead) / h**3, np.zeros((1, 3))])
+    k = np.clip(np.searchsorted(nodes_s, time_s, side="right") - 1, 0, len(nodes_s) - 1)
+    dt = np.clip(time_s - nodes_s[k], 0.0, None)[:, None]
+    return np.asarray(position[k] + velocity[k] * dt + acceleration[k] * dt**2 / 2 + jerk[k] * dt**3 / 6)
+
+
+def centroidal_forces(scenario: Scenario, centroidal: Columns) -> dict[str, np.ndarray]:
+    """Point of application and force ``(nodes, 6)`` per effector, NaN where it does not touch.
+
+    A plan without a whole body does not say where in a patch the force acts: it is drawn from the middle.
+    """
+    placed = touches(scenario)
+    phase = centroidal["phase"].astype(int)
+    found: dict[str, np.ndarray] = {}
+    for effector in dict.fromkeys(touch.effector for touch in placed):
+        points: list[np.ndarray] = []
+        while (force := triple(centroidal, f"f_{effector}_{len(points)}_", "_n")) is not None:
+            points.append(force)
+        rows = np.full((len(phase), FORCE), np.nan)
+        for touch in placed:
+            there = (touch.first_phase <= phase) & (phase <= touch.last_phase)
+            if touch.effector == effector and points:
+                rows[there, :3] = touch.contact.position_m
+                rows[there, 3:] = np.sum(points, axis=0)[there]
+        found[effector] = rows
+    return found
+
+
+GROUP: Final = "/cones/"
+
+
+@dataclass(frozen=True)
+class Cone:
+    """A touch and the friction coefficient of what it stands on."""
+
+    touch: Touch
+    friction: float
+
+    @property
+    def name(self) -> str:
+        """Its node in a scene."""
+        return f"{GROUP}{self.touch.number}"
+
+
+def cones(scenario: Scenario, centroidal: Columns) -> tuple[Cone, ...]:
+    """Cones of the touches whose friction the plan tells; none for plans of versions that did not."""
+    phase = centroidal["phase"].astype(int)
+    found = []
+    for touch in touches(scenario):
+        friction = centroidal.get(f"friction_{touch.effector}")
+        there = (touch.first_phase <= phase) & (phase <= touch.last_phase)
+        if friction is not None and friction[there].max(initial=0.0) > 0.0:
+            found.append(Cone(touch, float(friction[there].max())))
+    return tuple(found)
+
+
+def twins(found: Iterable[Cone]) -> list[tuple[str, str]]:
+    """Nodes of cones as wide as an earlier one and of its colour: their names and those of the first."""
+    first: dict[tuple[float, str], str] = {}
+    named = [(cone.name, first.setdefault((cone.friction, side(cone.touch.effector)), cone.name)) for cone in found]
+    return [(name, of) for name, of in named if name != of]

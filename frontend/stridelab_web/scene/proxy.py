@@ -1,0 +1,182 @@
+"""The door to the viewer process: viser's page and, through the web app's gate, its websocket."""
+
+import asyncio
+from http import HTTPStatus
+from typing import Any
+from urllib.parse import quote, urlsplit
+
+import httpx
+import websockets
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import HTTPConnection, Request
+from starlette.responses import JSONResponse, Response
+from starlette.websockets import WebSocket, WebSocketDisconnect
+from websockets.asyncio.client import ClientConnection
+from websockets.exceptions import ConnectionClosed
+
+from stridelab.client import ClientError
+from stridelab.schemas.base import Problem
+from stridelab_web import viser_client
+from stridelab_web.api_client import client_of
+from stridelab_web.config import WebConfig
+from stridelab_web.scene.documents import KEY_HEADER, REFUSAL_HEADER, USER_HEADER, Document, document_of
+
+OPENING_S = 120.0
+STARTING_TRIES = 7
+"""A viewer that is still starting refuses connections: so many more are tried, over some 30 seconds."""
+SHARE_MESSAGE = b"ShareUrl"
+"""Type name inside the messages that ask viser for a tunnel through a server outside."""
+
+
+class ViewerUnavailable(Exception):
+    """The viewer process does not answer, or cannot show the document."""
+
+    def __init__(self, detail: str, status: int = 503, code: str = "viewer-unavailable") -> None:
+        super().__init__(detail)
+        self.status, self.code = status, code
+
+
+PASSED_ON = frozenset({404, 429})
+"""What the viewer answers as it is for a reader too; else it is the viewer that cannot."""
+
+
+async def page(request: Request) -> Response:
+    """``GET /view/scene/{kind}/{id}/{job}/``: the page of viser's client, which asks for the rest by its name."""
+    client = await run_in_threadpool(viser_client.installed)
+    headers = {"Content-Security-Policy": viser_client.CONTENT_POLICY, "Cache-Control": "no-cache"}
+    return Response(client.page, media_type="text/html; charset=utf-8", headers=headers)
+
+
+async def open_scene(request: Request) -> Response:
+    """``POST /view/scene/{kind}/{id}/{job}/open``: bring the scene up to date, building it if need be.
+
+    ``said`` is why the last change from within the scene was refused, or empty.
+    """
+    try:
+        opened = await _open(request, _document(request))
+    except ViewerUnavailable as error:
+        problem = Problem(
+            title=HTTPStatus(error.status).phrase, status=error.status, code=error.code, detail=str(error)
+        )
+        return JSONResponse(
+            problem.model_dump(mode="json"), status_code=error.status, media_type="application/problem+json"
+        )
+    return JSONResponse({"ready": True, "said": opened["said"]})
+
+
+async def player(request: Request) -> Response:
+    """``GET /view/scene/{kind}/{id}/{job}/motion.{form}``: a recording of the scene for viser's own player."""
+    form = request.path_params["form"]
+    try:
+        answer = await _ask(request, f"players/{form}", _document(request))
+    except ViewerUnavailable as error:
+        raise HTTPException(error.status, str(error)) from error
+    headers = {"Content-Disposition": f'attachment; filename="motion.{form}"', "Cache-Control": "no-store"}
+    return Response(answer.content, media_type="application/octet-stream", headers=headers)
+
+
+async def pump(socket: WebSocket) -> None:
+    """The websocket of viser's client (its page's address without the last slash).
+
+    Host, origin and login have been checked by the front door's gate; the origin is checked here once more, since a
+    foreign page that could speak to this socket would see the recording. The socket is accepted before the scene is
+    built: viser's client gives up after some seconds, and tries again only in a window that has the focus.
+    """
+    origin = socket.headers.get("origin")
+    if origin is not None and urlsplit(origin).netloc != socket.headers.get("host"):
+        await socket.close(4403, "foreign-origin")
+        return
+    versions = socket.scope["subprotocols"]
+    await socket.accept(subprotocol=versions[0] if versions else None)
+    try:
+        document = _document(socket)
+        opened = await _open(socket, document)
+        upstream = await websockets.connect(
+            f"ws://127.0.0.1:{opened['port']}/{opened['secret']}",
+            subprotocols=[websockets.Subprotocol(name) for name in versions[:1]],
+            max_size=None,
+            compression=None,
+            proxy=None,
+            user_agent_header=None,
+            additional_headers={USER_HEADER: quote(_user(socket)), **await _right(socket, document)},
+        )
+    except ViewerUnavailable as error:
+        await socket.close(1013, error.code)
+        return
+    except (ClientError, OSError, websockets.InvalidHandshake):
+        await socket.close(1013, "viewer-unavailable")
+        return
+    async with upstream:
+        tasks = [asyncio.create_task(_up(socket, upstream)), asyncio.create_task(_down(socket, upstream))]
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
+async def _right(socket: WebSocket, document: Document) -> dict[str, str]:
+    """Headers that tell the viewer with which key to store what is changed through this websocket, or why not to."""
+    if document.kind != "scenario":
+        return {}
+    stored = await client_of(socket).scenario(document.id)
+    right = socket.app.state.config.scenario_right(socket.scope, stored.id, stored.owner)
+    return {REFUSAL_HEADER: right.refusal} if right.key is None else {KEY_HEADER: right.key}
+
+
+async def _up(socket: WebSocket, upstream: ClientConnection) -> None:
+    while True:
+        try:
+            message = await socket.receive_bytes()
+            if SHARE_MESSAGE not in message:
+                await upstream.send(message)
+        except (WebSocketDisconnect, ConnectionClosed, KeyError):
+            return  # the other direction is ended by the caller
+
+
+async def _down(socket: WebSocket, upstream: ClientConnection) -> None:
+    try:
+        async for message in upstream:
+            await socket.send_bytes(message if isinstance(message, bytes) else message.encode())
+    except WebSocketDisconnect:
+        return
+    await socket.close(1001, "scene-closed")
+
+
+def _document(connection: HTTPConnection) -> Document:
+    try:
+        return document_of(connection.path_params)
+    except KeyError as error:
+        raise ViewerUnavailable("There is no such scene.", 404, "scene-not-found") from error
+
+
+def _user(connection: HTTPConnection) -> str:
+    config: WebConfig = connection.app.state.config
+    return config.user_of(connection.scope)
+
+
+async def _open(connection: HTTPConnection, document: Document) -> dict[str, Any]:
+    """Where the scene of ``document`` is (``port`` and ``secret``); the viewer builds it where it is not open."""
+    said: dict[str, Any] = (await _ask(connection, "scenes", document)).json()
+    return said
+
+
+async def _ask(connection: HTTPConnection, path: str, document: Document) -> httpx.Response:
+    """The viewer's answer about ``document``. Raises ``ViewerUnavailable`` where it refuses or gives none."""
+    config: WebConfig = connection.app.state.config
+    if config.viewer_url is None:
+        raise ViewerUnavailable("This service runs without a viewer.")
+    headers = {"Authorization": f"Bearer {config.token}"} if config.token else {}
+    wanted = {**document.wanted, "user": _user(connection)}
+    patient = httpx.AsyncHTTPTransport(retries=STARTING_TRIES)
+    try:
+        async with httpx.AsyncClient(transport=patient, timeout=OPENING_S) as viewer:
+            answer = await viewer.post(f"{config.viewer_url}/{path}", json=wanted, headers=headers)
+        refusal = answer.json() if answer.is_error else {}
+    except (httpx.HTTPError, ValueError) as error:
+        raise ViewerUnavailable("The viewer does not answer. It may be starting; try again.") from error
+    if answer.is_error:
+        detail, code = refusal.get("detail", "The viewer cannot show this."), refusal.get("code", "viewer-unavailable")
+        status = answer.status_code if answer.status_code in PASSED_ON else 503
+        raise ViewerUnavailable(str(detail), status, str(code))
+    return answer

@@ -1,0 +1,29 @@
+// Robots: what is known only of a robot that is loaded is asked for card by card; learning its reach anew.
+import { call, onSubmit, startJob } from "../shared/api.js";
+
+for (const card of document.querySelectorAll('[data-robot][data-available="true"]')) fill(card);
+
+async function fill(card) {
+  const write = (name, text) => {
+    card.querySelector(`[data-${name}]`).textContent = text;
+  };
+  try {
+    const robot = await call("GET", `/robots/${card.dataset.robot}`);
+    write("mass", `${robot.mass_kg.toFixed(1)} kg`);
+    write("height", `${robot.com_height_m.toFixed(3)} m`);
+    write("joints", String(robot.limits.length));
+    write("densities", robot.measures.join(", ") || "not learned");
+  } catch (error) {
+    for (const name of ["mass", "height", "joints", "densities"]) write(name, "–");
+    write("said", error.message);
+  }
+}
+
+const form = document.querySelector("form[data-learn]");
+if (form) {
+  onSubmit(form, async (data) => {
+    const input = { robot: form.dataset.learn, samples: Number(data.get("samples")), seed: Number(data.get("seed")), measure: data.get("measure") };
+    location.assign(`/jobs/${(await startJob("learn-reachability", input)).id}`);
+    return "Started.";
+  });
+}

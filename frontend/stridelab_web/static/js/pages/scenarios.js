@@ -1,0 +1,84 @@
+// Scenario pages: plan, import, copy, delete.
+import { call, onSubmit, startJob } from "../shared/api.js";
+import { startPlan } from "../editor/motion_planning.js";
+
+for (const form of document.querySelectorAll("form[data-plan]")) {
+  const whole = form.elements.whole_body, replay = form.elements.replay, free = form.elements.free_durations;
+  whole?.addEventListener("change", () => {
+    replay.disabled = !whole.checked;
+    if (!whole.checked) replay.checked = false;
+  });
+  onSubmit(form, async () => {
+    const options = whole ? { whole_body: whole.checked, replay: replay.checked, free_durations: free.checked } : {};
+    const job = await startPlan(form.dataset.plan, options);
+    location.assign(`/plans/${job.id}?watch=1`);
+    return "started";
+  });
+}
+
+for (const form of document.querySelectorAll("form[data-sweep]")) {
+  onSubmit(form, async (fields) => {
+    const vary = {};
+    for (const k of ["1", "2"]) {
+      if (fields.get(`field${k}`)) vary[fields.get(`field${k}`)] = ["from", "to", "number"].map((name) => Number(fields.get(`${name}${k}`)));
+    }
+    const job = await startJob("sweep", { scenario_id: form.dataset.sweep, vary, whole_body: form.elements.whole_body.checked });
+    location.assign(`/jobs/${job.id}`);
+    return "started";
+  });
+}
+
+const given = document.querySelector("form[data-import]");
+given?.elements.file.addEventListener("change", async (event) => {
+  const [file] = event.currentTarget.files;
+  const said = given.querySelector("[data-said]");
+  if (!file) return;
+  said.textContent = "…";
+  try {
+    location.assign(`/scenarios/${(await call("POST", "/scenarios", await read(file))).id}`);
+  } catch (error) {
+    said.textContent = `${file.name}: ${error.message}`;
+  }
+  given.reset();
+});
+
+// What the service itself adds to a scenario that is downloaded does not belong to it.
+const ADDED = ["id", "created_at", "bundled", "owner"];
+
+async function read(file) {
+  let body;
+  try {
+    body = JSON.parse(await file.text());
+  } catch {
+    throw new Error("this is not JSON");
+  }
+  return bare(body);
+}
+
+function bare(body) {
+  if (body === null || typeof body !== "object" || Array.isArray(body)) throw new Error("this is not a scenario");
+  return Object.fromEntries(Object.entries(body).filter(([key]) => !ADDED.includes(key)));
+}
+
+const said = document.querySelector("[data-said-copy]");
+document.querySelector("[data-copy]")?.addEventListener("click", async (event) => {
+  event.currentTarget.disabled = true;
+  try {
+    const original = await call("GET", `/scenarios/${event.target.dataset.copy}`);
+    const copy = await call("POST", "/scenarios", { ...bare(original), name: `${original.name} (copy)`.slice(0, 120) });
+    location.assign(`/scenarios/${copy.id}`);
+  } catch (error) {
+    said.textContent = error.message;
+    event.target.disabled = false;
+  }
+});
+
+document.querySelector("[data-delete]")?.addEventListener("click", async (event) => {
+  if (!confirm("Delete this scenario? Its plans stay.")) return;
+  try {
+    await call("DELETE", `/scenarios/${event.target.dataset.delete}`);
+    location.assign("/scenarios");
+  } catch (error) {
+    said.textContent = error.message;
+  }
+});

@@ -1,0 +1,169 @@
+"""The scene of a plan: terrain, robot, contacts, forces, and the path of the centre of mass."""
+
+from collections.abc import Container, Iterable, Mapping
+
+import numpy as np
+import trimesh
+import viser
+
+from stridelab.schemas.reachability import RobotReachability
+from stridelab.schemas.scenarios import BoxSurface, RailSurface, Scenario, ScenarioContact
+from stridelab_web.scene.contacts import HalfSizes, box_corners_m, box_rotation, side, touches
+from stridelab_web.scene.density_nodes import Quaternion, reach_places, surfaces
+from stridelab_web.scene.frames import Frames
+from stridelab_web.scene.plan_frames import COM, GHOST, MEASURED, MOMENTUM, ROBOT, Cone
+from stridelab_web.viewer import meshes
+from stridelab_web.viewer.contact_markers import COLOURS, add_marks
+from stridelab_web.viewer.robot_links import add_robot
+from stridelab_web.viewer.scene_parts import Colour, add_arrow, add_mesh, add_path, place_camera, prepare
+from stridelab_web.viewer.terrain import add_terrain, is_ground
+
+COM_COLOUR: Colour = (20, 30, 40)
+FORCE: Colour = (170, 51, 119)
+MOMENTUM_COLOUR: Colour = (0, 121, 92)
+ARROWS: Mapping[str, Colour] = {MOMENTUM: MOMENTUM_COLOUR, MEASURED: (51, 34, 136)}
+COM_LIGHT: Colour = (255, 255, 255)
+COM_RADIUS_M, PATH_RADIUS_M = 0.05, 0.006
+"""The ball bears the usual sign of a centre of mass; the page draws both over the body (static/js/viewer/scene.js)."""
+AMBIENT = 1.1
+REACH_OPACITY = 0.2
+CONE_OPACITY, CONE_M = 0.35, 0.45
+"""A cone ends below the tip of the arrow of a force that carries the body."""
+RIGHT_FRONT = np.array([0.3, -1.0, 0.42])
+"""Where a robot that walks along x is looked at from."""
+BODY_M = (0.45, 0.45, 1.75)
+"""Room that a robot takes around and above its footholds."""
+HIPS_M = 0.9
+APART_M = 0.3
+ALONG = 1e-9
+"""A ray is never quite parallel to a face."""
+NEAR_M = 1.0
+"""Boxes matter for the picture up to this far from the nearest touch."""
+
+
+def build(
+    server: viser.ViserServer,
+    scenario: Scenario,
+    sizes: HalfSizes,
+    frames: Frames,
+    cones: Iterable[Cone],
+    meshes: Mapping[str, trimesh.Trimesh],
+    reach: RobotReachability | None,
+) -> None:
+    """Put a plan into an empty server; the page moves its nodes. ``reach`` is what the plan's proxies look like."""
+    scene = server.scene
+    prepare(scene, AMBIENT)
+    add_terrain(scene, scenario)
+    add_marks(scene, scenario, sizes, touching=True)
+    copies = frozenset(copy.name for copy in frames.copies)
+    _add_reach(scene, scenario, reach, copies)
+    add_robot(scene, [b.name.removeprefix(ROBOT) for b in frames.bodies if b.name.startswith(ROBOT)], meshes)
+    for ghost in (body.name for body in frames.bodies if body.name.startswith(GHOST)):
+        scene.add_frame(ghost, show_axes=False)
+    for arrow in frames.arrows:
+        add_arrow(scene, arrow, next((c for group, c in ARROWS.items() if arrow.shaft.startswith(group)), FORCE))
+    _add_cones(scene, cones, copies)
+    add_path(scene, "/paths/com", frames.track("/paths/com"), COM_COLOUR, PATH_RADIUS_M)
+    add_com(scene, COM)
+    towards_camera = turned(scenario, RIGHT_FRONT)
+    if hidden(scenario, towards_camera):
+        towards_camera = turned(scenario, RIGHT_FRONT * [1, -1, 1])
+    place_camera(server, sights_m(scenario), towards_camera)
+
+
+def add_com(scene: viser.SceneApi, name: str) -> None:
+    """The usual sign of a centre of mass: a ball in two halves, of which the light one is a node below ``name``."""
+    dark, light = meshes.octants(COM_RADIUS_M)
+    add_mesh(scene, name, dark, COM_COLOUR, side="front")
+    add_mesh(scene, f"{name}/light", light, COM_LIGHT, side="front")
+
+
+def _add_cones(scene: viser.SceneApi, cones: Iterable[Cone], copies: Container[str]) -> None:
+    """Each with its tip in the contact, turned as its surface; the page moves the tip to where the force acts."""
+    for cone in cones:
+        contact = cone.touch.contact
+        if cone.name in copies:
+            _empty(scene, cone.name, contact, contact.orientation_wxyz)
+            continue
+        mesh = meshes.funnel(cone.friction, CONE_M)
+        handle = add_mesh(scene, cone.name, mesh, COLOURS[side(contact.effector)], opacity=CONE_OPACITY)
+        handle.position, handle.wxyz = contact.position_m, contact.orientation_wxyz
+
+
+def _add_reach(
+    scene: viser.SceneApi, scenario: Scenario, reach: RobotReachability | None, copies: Container[str]
+) -> None:
+    """A level set per place; an empty node where nothing was learned, so that the page finds them all."""
+    shown = surfaces(reach)
+    for place in reach_places(scenario):
+        contact = place.contact
+        if contact.effector not in shown:
+            scene.add_frame(place.name, show_axes=False)
+            continue
+        found, level = shown[contact.effector]
+        if place.name in copies:
+            _empty(scene, place.name, contact, place.wxyz(found))
+            continue
+        mesh = np.array(level.vertices_m, dtype=np.float32), np.array(level.triangles, dtype=np.uint32)
+        handle = add_mesh(scene, place.name, mesh, COLOURS[side(contact.effector)], opacity=REACH_OPACITY, side="front")
+        handle.position, handle.wxyz = contact.position_m, place.wxyz(found)
+
+
+def _empty(scene: viser.SceneApi, name: str, contact: ScenarioContact, wxyz: Quaternion) -> None:
+    """A node at a contact, to which the page gives the meshes of another."""
+    scene.add_frame(name, show_axes=False, position=contact.position_m, wxyz=wxyz)
+
+
+def turned(scenario: Scenario, direction: np.ndarray) -> np.ndarray:
+    """A direction, given for a way along x, for the way from the first touch of ``scenario`` to the last."""
+    c, s = way(scenario)
+    turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return np.asarray(turn @ direction)
+
+
+def way(scenario: Scenario) -> tuple[float, float]:
+    """Unit vector, seen from above, from the first touch to the last; along x where they are not apart."""
+    placed = [np.array(touch.contact.position_m) for touch in touches(scenario)]
+    along = (placed[-1] - placed[0])[:2] if placed else np.zeros(2)
+    length = float(np.linalg.norm(along))
+    return (float(along[0]) / length, float(along[1]) / length) if length > APART_M else (1.0, 0.0)
+
+
+def hidden(scenario: Scenario, towards_camera: np.ndarray) -> bool:
+    """Whether a box of the terrain, a wall, stands between the camera and the robot's hips over any foothold."""
+    feet = [t.contact.position_m for t in touches(scenario) if "foot" in t.effector]
+    hips_m = np.array(feet).reshape(-1, 3) + np.array([0.0, 0.0, HIPS_M])
+    return any(
+        _meets(box, hips_m, towards_camera)
+        for box in scenario.terrain
+        if isinstance(box, BoxSurface) and not is_ground(box)
+    )
+
+
+def _meets(box: BoxSurface, from_m: np.ndarray, direction: np.ndarray) -> bool:
+    """Whether a ray from one of the points ``(n, 3)`` runs into the box: it does between its three pairs of faces."""
+    R, half = box_rotation(box), np.array(box.size_m) / 2
+    start, along = (from_m - box.center_m) @ R, direction @ R
+    along = np.where(np.abs(along) < ALONG, ALONG, along)
+    ends = np.stack([(-half - start) / along, (half - start) / along])
+    enters, leaves = ends.min(axis=0).max(axis=1), ends.max(axis=0).min(axis=1)
+    return bool((np.maximum(enters, 0.0) < leaves).any())
+
+
+def sights_m(scenario: Scenario, height_m: float = BODY_M[2]) -> np.ndarray:
+    """Points ``(n, 3)`` that the picture must hold: ``height_m`` above every foothold, rails, and what stands near."""
+    places = np.array([touch.contact.position_m for touch in touches(scenario)]).reshape(-1, 3)
+    if not len(places):
+        places = np.zeros((1, 3))
+    feet = [t.contact.position_m for t in touches(scenario) if "foot" in t.effector]
+    standing = np.array(feet).reshape(-1, 3) if feet else places
+    x, y, _ = BODY_M
+    room = np.array([[sx * x, sy * y, h] for sx in (-1, 1) for sy in (-1, 1) for h in (0.0, height_m)])
+    cloud = [(standing[:, None] + room).reshape(-1, 3), places]
+    low, high = places.min(axis=0) - NEAR_M, places.max(axis=0) + NEAR_M
+    for surface in scenario.terrain:
+        if isinstance(surface, RailSurface):
+            cloud.append(np.clip([surface.from_m, surface.to_m], low, high))
+        elif not is_ground(surface):
+            cloud.append(np.clip(box_corners_m(surface), low, high))
+    return np.concatenate(cloud)

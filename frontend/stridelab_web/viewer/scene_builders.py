@@ -1,0 +1,121 @@
+"""How each kind of document is read and put into a scene; everything comes through the HTTP interface."""
+
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import trimesh
+import viser
+from viser.infra import StateSerializer
+
+from stridelab.client import Client, ProblemError
+from stridelab.schemas.reachability import RobotReachability
+from stridelab.schemas.robots import Measure, RobotFacts
+from stridelab.schemas.scenarios import Scenario, StoredScenario
+from stridelab_web.config import NO_KEY_NEEDED
+from stridelab_web.scene.contacts import HalfSizes, half_sizes
+from stridelab_web.scene.documents import Document, DocumentKind
+from stridelab_web.scene.frames import Frames
+from stridelab_web.scene.result_files import frames_of, needed, read_cones, read_plan, shown_in_scene
+from stridelab_web.viewer import gait_scene, plan_scene, robot_scene, viser_recording
+from stridelab_web.viewer.initial_posture import Posed
+from stridelab_web.viewer.robot_links import read_links
+from stridelab_web.viewer.scenario_scene import ScenarioScene
+
+NOT_LEARNED: Final = frozenset({"reachability-not-learned", "reachability-of-another-robot"})
+"""Why a plan that was made may have no densities to show: those that it used have been replaced."""
+
+
+class Live(Protocol):
+    """A scene that can follow its source; ``said`` is why the last change from within it was refused, or empty."""
+
+    said: str
+
+    def follow(self, source: Any) -> bool:
+        """Show ``source``; False where the scene must be built anew."""
+        ...
+
+
+@dataclass(frozen=True)
+class Kind:
+    """``look_up`` reads what a scene depends on (compared with ==), ``build`` fills an empty server with it.
+
+    ``record`` does the same and plays it through, for viser's own player; a plan has such a recording as a file.
+    """
+
+    look_up: Callable[[Document], Any]
+    build: Callable[[viser.ViserServer, Document, Any], Live | None]
+    record: Callable[[viser.ViserServer, Document, Any], StateSerializer] | None = None
+
+
+def kinds(client: Client, acting: Callable[[str | None], Client]) -> Mapping[DocumentKind, Kind]:
+    """All kinds of documents, read through ``client``.
+
+    What a person changes is stored through the client that ``acting`` makes for that person's key, or for nobody's.
+    """
+
+    def put(scenario_id: str, body: Scenario, known: StoredScenario, key: str) -> StoredScenario:
+        with acting(None if key == NO_KEY_NEEDED else key) as person:
+            return person.put_scenario(scenario_id, body, known)
+
+    @lru_cache(maxsize=4)
+    def robot(name: str) -> RobotFacts:
+        return client.robot(name)
+
+    def sizes(name: str) -> HalfSizes:
+        return half_sizes(robot(name).effectors)
+
+    @lru_cache(maxsize=4)
+    def links(name: str) -> dict[str, trimesh.Trimesh]:
+        with tempfile.TemporaryDirectory(prefix="stridelab-") as folder:
+            return read_links(client.robot_links(name, Path(folder) / "links.glb").read_bytes())
+
+    def reach(name: str, measure: Measure | None) -> RobotReachability | None:
+        try:
+            return client.robot_reachability(name, measure)
+        except ProblemError as refusal:
+            if refusal.code in NOT_LEARNED:
+                return None
+            raise
+
+    def build_recording(server: viser.ViserServer, document: Document, recording: Any) -> None:
+        gait_scene.build(server, recording, _recording_frames(client, document, recording))
+
+    def record_recording(server: viser.ViserServer, document: Document, recording: Any) -> StateSerializer:
+        frames = _recording_frames(client, document, recording)
+        gait_scene.build(server, recording, frames)
+        return viser_recording.record(server, frames)
+
+    def build_plan(server: viser.ViserServer, document: Document, result: Any) -> None:
+        files = {name: client.read_artifact(document.id, name) for name in needed(result)}
+        scenario, frames = read_plan(files)
+        meshes = links(scenario.robot) if frames.bodies else {}
+        seen = reach(scenario.robot, result.input.get("measure"))
+        plan_scene.build(server, scenario, sizes(scenario.robot), frames, read_cones(files), meshes, seen)
+
+    def build_scenario(server: viser.ViserServer, _: Document, stored: Any) -> Live:
+        facts = robot(stored.robot)
+        posed = Posed(dict(zip(facts.links, facts.link_poses, strict=True)), links(stored.robot))
+        return ScenarioScene(server, stored, sizes(stored.robot), put, posed)
+
+    def build_robot(server: viser.ViserServer, _: Document, facts: Any) -> None:
+        reach = [client.robot_reachability(facts.name, measure) for measure in facts.measures]
+        robot_scene.build(server, facts, links(facts.name), reach)
+
+    return {
+        "recording": Kind(lambda document: client.recording(document.id), build_recording, record_recording),
+        "plan": Kind(lambda document: client.result(document.id), build_plan),
+        "scenario": Kind(lambda document: client.scenario(document.id), build_scenario),
+        "robot": Kind(lambda document: client.robot(document.id), build_robot),
+    }
+
+
+def _recording_frames(client: Client, document: Document, recording: Any) -> Frames:
+    with tempfile.TemporaryDirectory(prefix="stridelab-") as folder:
+        tracks = client.download_tracks(document.id, Path(folder) / "tracks.parquet").read_bytes()
+    present = [] if document.job_id is None else [item.name for item in client.result(document.job_id).artifacts]
+    shown = {name: client.read_artifact(document.job_id, name) for name in shown_in_scene(present) if document.job_id}
+    return frames_of(recording, tracks, shown)

@@ -1,0 +1,111 @@
+"""What scenes of every kind are made of: light, force arrows, paths, and a camera that has everything in sight."""
+
+import math
+from typing import Literal
+
+import numpy as np
+import viser
+
+from stridelab_web.scene.frames import HEAD_M, Arrow
+from stridelab_web.viewer import meshes
+
+Colour = tuple[int, int, int]
+SHAFT_RADIUS_M, HEAD_RADIUS_M = 0.012, 0.03
+FOV_RAD = 0.7
+WIDE, NARROW = 1.6, 1.25
+"""Width over height of the picture above a timeline, and beside a panel; a wider one shows more."""
+MARGIN = 1.06
+THINNER = 20
+"""A path is drawn through as many of its points as keep it within this part of its thickness."""
+
+
+def prepare(scene: viser.SceneApi, ambient: float = 2.2) -> None:
+    """Light without shadows, z up; thin things need more ``ambient`` light than bodies whose shape it would hide."""
+    scene.set_up_direction("+z")
+    # Without a graphics card an environment map costs a hundredfold (0.4 instead of 36 images per second for fifty
+    # spheres in software), and so do screen-space lines: lines are thin meshes here.
+    scene.configure_environment_map(hdri=None)
+    scene.configure_default_lights(enabled=True, cast_shadow=False)
+    scene.add_light_ambient("/light", intensity=ambient)
+
+
+def add_floor(scene: viser.SceneApi, fade_m: float, height_m: float = 0.0) -> None:
+    """A grid without end at ``height_m``, a metre and a quarter of one, that fades at a distance of ``fade_m``."""
+    scene.add_grid(
+        "/floor",
+        infinite_grid=True,
+        cell_size=0.25,
+        section_size=1.0,
+        cell_color=(232, 236, 240),
+        section_color=(205, 212, 219),
+        fade_distance=fade_m,
+        shadow_opacity=0.0,
+        position=(0.0, 0.0, height_m),
+    )
+
+
+def add_mesh(
+    scene: viser.SceneApi,
+    name: str,
+    mesh: meshes.Mesh,
+    colour: Colour,
+    opacity: float | None = None,
+    side: Literal["front", "double"] = "double",
+) -> viser.MeshHandle:
+    """A mesh of one colour without shadows. What is drawn over a body must be seen from the ``front`` alone."""
+    return scene.add_mesh_simple(
+        name, *mesh, color=colour, opacity=opacity, side=side, cast_shadow=False, receive_shadow=False
+    )
+
+
+def add_arrow(scene: viser.SceneApi, arrow: Arrow, colour: Colour) -> None:
+    """Shaft and head of a force; the page gives them their length and direction."""
+    add_mesh(scene, arrow.shaft, meshes.cylinder(SHAFT_RADIUS_M), colour, side="front")
+    add_mesh(scene, arrow.head, meshes.cone(HEAD_RADIUS_M, HEAD_M), colour, side="front")
+
+
+def add_path(scene: viser.SceneApi, name: str, path_m: np.ndarray | None, colour: Colour, radius_m: float) -> None:
+    """A thin tube along ``path_m`` ``(n, 3)``, interrupted where it is NaN; nothing where there is no path."""
+    if path_m is None:
+        return
+    whole = _runs(np.isfinite(path_m).all(axis=1))
+    runs = [path_m[part] for part in whole if part.stop - part.start > 1]
+    pieces = [meshes.tube(run[meshes.corners(run, radius_m / THINNER)], radius_m) for run in runs]
+    if pieces:
+        add_mesh(scene, name, meshes.together(pieces), colour, side="front")
+
+
+def place_camera(
+    server: viser.ViserServer, corners_m: np.ndarray, towards_camera: np.ndarray, aspect: float = WIDE
+) -> None:
+    """Look at the middle of ``corners_m`` ``(n, 3)`` from a direction, from so far that all of them are in sight."""
+    look_at, position = camera(corners_m, towards_camera, aspect)
+    server.initial_camera.fov = FOV_RAD
+    server.initial_camera.look_at = tuple(look_at)
+    server.initial_camera.position = tuple(position)
+
+
+def camera(corners_m: np.ndarray, towards_camera: np.ndarray, aspect: float) -> tuple[np.ndarray, np.ndarray]:
+    """Where to look at and from: a point at ``d`` in front of the middle is in sight from ``|across| / tan - d`` on."""
+    back = towards_camera / np.linalg.norm(towards_camera)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    up = np.cross(back, right)
+    middle = (corners_m.min(axis=0) + corners_m.max(axis=0)) / 2
+    half = math.tan(FOV_RAD / 2) / MARGIN
+    cloud = corners_m - middle
+    # The middle of the picture, not of the box: what is near looks larger.
+    for _ in range(4):
+        needed = np.maximum(np.abs(cloud @ up) / half, np.abs(cloud @ right) / (half * aspect)) + cloud @ back
+        reach = float(needed.max())
+        depth = reach - cloud @ back
+        tall, wide = cloud @ up / depth, cloud @ right / depth
+        shift = (tall.max() + tall.min()) / 2 * reach * up + (wide.max() + wide.min()) / 2 * reach * right
+        middle, cloud = middle + shift, cloud - shift
+    return middle, middle + reach * back
+
+
+def _runs(there: np.ndarray) -> list[slice]:
+    """Slices of consecutive samples where ``there`` holds."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], there, [False])).astype(int)))
+    return [slice(int(start), int(stop)) for start, stop in zip(edges[::2], edges[1::2], strict=True)]

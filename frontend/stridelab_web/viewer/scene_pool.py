@@ -1,0 +1,202 @@
+"""The scenes that are open: one viser server per document.
+
+When a limit is met, the scene that nobody has looked at for longest makes room; one that a browser is connected to
+never does.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import viser
+
+from stridelab_web.scene.documents import Document, DocumentKind, PlayerForm
+from stridelab_web.viewer.access_guard import start_guarded_server, users_of
+from stridelab_web.viewer.scene_builders import Kind, Live
+from stridelab_web.viewer.scene_limits import SceneLimits, ScenesInUse
+
+IDLE_S = 600.0
+COMING_S = 30.0
+"""For so long a scene that was just asked for waits for its browser, and is no idle one."""
+CONNECTING_S = 2.0
+"""For so long after a browser was let in viser may not list it yet."""
+TURNS = 16
+
+
+@dataclass
+class Visitors:
+    """The users that a scene is open for, and whose browsers are still to come; times are those of ``clock``."""
+
+    clock: Callable[[], float]
+    users: set[str] = field(default_factory=set)
+    coming_until_s: dict[str, float] = field(default_factory=dict)
+
+    def asked(self, user: str) -> None:
+        """A browser of ``user`` is about to connect."""
+        self.coming_until_s[user] = self.clock() + COMING_S
+
+    def came(self, user: str) -> None:
+        """A browser of ``user`` is let in: a moment later it counts as connected."""
+        self.coming_until_s[user] = self.clock() + CONNECTING_S
+
+    def coming(self) -> set[str]:
+        """Users whose browsers are about to connect."""
+        now_s = self.clock()
+        return {user for user, until_s in list(self.coming_until_s.items()) if now_s < until_s}
+
+
+@dataclass
+class OpenScene:
+    """A running viser server; ``source`` is what it shows, ``live`` follows it where the scene can."""
+
+    server: viser.ViserServer
+    secret: str
+    source: Any
+    visitors: Visitors
+    live: Live | None = None
+    used_at_s: float = 0.0
+
+    @property
+    def port(self) -> int:
+        return int(self.server.get_port())
+
+    @property
+    def said(self) -> str:
+        """Why the last change from within the scene was refused; empty where it was not."""
+        return self.live.said if self.live is not None else ""
+
+    def shows(self, source: Any) -> bool:
+        """Whether the scene shows ``source``; one that changes from within is told in any case."""
+        return self.source == source if self.live is None else self.live.follow(source)
+
+    def asked(self, user: str) -> None:
+        """``user`` opens the scene, and a browser is to come unless one is there."""
+        self.used_at_s = self.visitors.clock()
+        self.visitors.users.add(user)
+        if user not in users_of(self.server):
+            self.visitors.asked(user)
+
+    @property
+    def watchers(self) -> set[str]:
+        """Users with a browser that is connected, or about to be."""
+        return {*users_of(self.server), *self.visitors.coming()}
+
+
+class Library:
+    """Opens scenes on demand and closes those that nobody looks at."""
+
+    def __init__(
+        self,
+        kinds: Mapping[DocumentKind, Kind],
+        limits: SceneLimits,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._kinds = kinds
+        self._limits = limits
+        self._clock = clock
+        self._lock = threading.Lock()
+        self._turns = tuple(threading.Lock() for _ in range(TURNS))
+        self._open: dict[Document, OpenScene] = {}
+        self._built: dict[Document, str] = {}
+        """Scenes that are being built, and for whom: they have their place already."""
+        self._filming = threading.Lock()
+
+    def __len__(self) -> int:
+        return len(self._open)
+
+    def open(self, document: Document, user: str = "") -> OpenScene:
+        """The scene of ``document``, built if it is not open or cannot show what has changed since.
+
+        ``user`` is who asks; empty where nobody logs in. Raises ``ScenesInUse`` where a limit is met and every scene
+        that counts is watched, and the client's errors where the service refuses or does not answer.
+        """
+        kind = self._kinds[document.kind]
+        # What takes long to read must not keep other scenes waiting, but no scene is built twice at once.
+        with self._turns[hash(document) % len(self._turns)]:
+            source = kind.look_up(document)
+            with self._lock:
+                found = self._open.get(document)
+                self._make_room(document, user, is_new=found is None)
+                if found is not None and not found.shows(source):
+                    self._close(document)
+                    found = None
+                if found is not None:
+                    found.asked(user)
+                    return found
+                self._built[document] = user
+            try:
+                found = _build(kind, document, source, Visitors(self._clock))
+                with self._lock:
+                    self._open[document] = found
+                    found.asked(user)
+            finally:
+                with self._lock:
+                    del self._built[document]
+            return found
+
+    def _make_room(self, document: Document, user: str, *, is_new: bool) -> None:
+        """Close idle scenes until ``document`` fits; the lock is held. Raises ``ScenesInUse``."""
+        own = {each: scene for each, scene in self._open.items() if user in scene.visitors.users}
+        own.pop(document, None)
+        building = sum(whose == user for whose in self._built.values())
+        while user and 0 < self._limits.per_user <= len(own) + building:
+            unwatched = [each for each, scene in own.items() if user not in scene.watchers]
+            if not unwatched:
+                raise ScenesInUse("user", self._limits.per_user)
+            oldest = min(unwatched, key=lambda each: own[each].used_at_s)
+            scene = own.pop(oldest)
+            scene.visitors.users.remove(user)
+            if not scene.visitors.users and not scene.watchers:  # else it stays open for the others
+                self._close(oldest)
+        while is_new and len(self._open) + len(self._built) >= self._limits.total:
+            idle = [each for each, scene in self._open.items() if not scene.watchers]
+            if not idle:
+                raise ScenesInUse("total", self._limits.total)
+            self._close(min(idle, key=lambda each: self._open[each].used_at_s))
+
+    def record(self, document: Document, form: PlayerForm) -> bytes:
+        """The document as a file for viser's own player, made in a server of its own, one at a time.
+
+        Raises ``KeyError`` for a kind that has none, and the client's errors.
+        """
+        kind = self._kinds[document.kind]
+        if kind.record is None:
+            raise KeyError(document.kind)
+        source = kind.look_up(document)
+        with self._filming:
+            server, _ = start_guarded_server()
+            try:
+                told = kind.record(server, document, source)
+                return told.serialize() if form == "viser" else told.as_html().encode()
+            finally:
+                server.stop()
+
+    def close_idle(self) -> None:
+        """Close scenes without a viewer for ``IDLE_S``."""
+        now_s = self._clock()
+        with self._lock:
+            for document, found in list(self._open.items()):
+                if found.watchers:
+                    found.used_at_s = now_s
+                elif now_s - found.used_at_s > IDLE_S:
+                    self._close(document)
+
+    def close(self) -> None:
+        """Close everything."""
+        with self._lock:
+            for document in list(self._open):
+                self._close(document)
+
+    def _close(self, document: Document) -> None:
+        self._open.pop(document).server.stop()
+
+
+def _build(kind: Kind, document: Document, source: Any, visitors: Visitors) -> OpenScene:
+    server, secret = start_guarded_server(visitors.came)
+    try:
+        return OpenScene(server, secret, source, visitors, kind.build(server, document, source))
+    except BaseException:
+        server.stop()
+        raise

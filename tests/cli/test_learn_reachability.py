@@ -1,0 +1,65 @@
+"""``stridelab learn-reachability``: what a run here writes and shows, and what it refuses."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from stridelab.cli.app import app
+from stridelab.cli.learn_reachability import learn_reachability
+from stridelab.cli.options import Delivery
+from stridelab.errors import InvalidInput, NotFound
+from stridelab.reachability import store
+from stridelab.schemas.jobs import JobResult
+
+FILES = {
+    "mixtures.json",
+    "cloud.npz",
+    "card.json",
+    "reachability.json",
+    "samples.parquet",
+    "samples.csv",
+    "result.json",
+    "references.bib",
+}
+
+
+def typed(*arguments: str) -> tuple[int, str]:
+    done = CliRunner().invoke(app, ["learn-reachability", *arguments])
+    return done.exit_code, done.output
+
+
+def test_the_files_are_those_of_the_job_and_the_same_again(tmp_path: Path) -> None:
+    options = ["--samples", "500", "--seed", "3", "--effector", "left_foot", "--effector", "right_hand"]
+    code, shown = typed("talos", *options, "--out", str(tmp_path / "one"))
+    assert code == 0, shown
+    assert "left_foot" in shown
+    assert "few-samples" in shown
+    assert {path.name for path in (tmp_path / "one").iterdir()} == FILES
+    code, printed = typed("talos", *options, "--out", str(tmp_path / "two"), "--json")
+    result = JobResult.model_validate(json.loads(printed[printed.index("{") :]))
+    assert result.summary["effectors"].keys() == {"left_foot", "right_hand"}
+    one, two = (store.read(tmp_path / name / "mixtures.json") for name in ("one", "two"))
+    assert replace(two, learned_on=one.learned_on) == one
+    assert (tmp_path / "one" / "cloud.npz").read_bytes() == (tmp_path / "two" / "cloud.npz").read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("asked", "where"),
+    [({"samples": 3}, "--samples"), ({"seed": -1}, "--seed"), ({"measure": "gaussian"}, "--measure")],
+)
+def test_an_option_that_makes_no_sense_is_named(tmp_path: Path, asked: dict, where: str) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        learn_reachability({"robot": "talos", **asked}, Delivery(tmp_path / "out"))
+    assert refusal.value.faults[0].where == where
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_unknown_robot_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(NotFound) as refusal:
+        learn_reachability({"robot": "../marvin"}, Delivery())
+    assert refusal.value.code == "robot-not-found"
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,192 @@
+"""The contact planner: what it returns the judge lets pass, and where it finds nothing there is nothing."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.planner.planner import ContactPlan, ContactPlanner
+from stridelab.contacts.planner.step_limits import COVER
+from stridelab.contacts.scenarios.stairs import flat_walk, six_stairs, stairs_with_rail
+from stridelab.contacts.validation.validate import check
+from stridelab.errors import InvalidInput, NotEstimable
+from stridelab.reachability.planner_limits import planner_limits
+from support.oracles.contact_enumeration import best_objective
+from support.robots.contact_terrains import KINDS, box, feet, planks, random_task, task
+
+SHAPES = effector_shapes("talos")
+PLANNER = ContactPlanner(SHAPES, planner_limits("talos"))
+
+
+def planned(asked: dict[str, Any], planner: ContactPlanner = PLANNER) -> ContactPlan | NotEstimable:
+    try:
+        return planner.plan(asked)
+    except NotEstimable as refusal:
+        return refusal
+
+
+def of_scenario(scenario: dict[str, Any]) -> dict[str, Any]:
+    first, last = ({"contacts": scenario["phases"][k]["contacts"]} for k in (0, -1))
+    return {key: scenario[key] for key in ("robot", "terrain", "friction")} | {"start": first, "goal": last}
+
+
+@pytest.mark.parametrize("build", [flat_walk, six_stairs, stairs_with_rail], ids=lambda build: build.__name__)
+def test_bundled_ways_are_found(build: Callable[[], dict[str, Any]]) -> None:
+    asked = of_scenario(build())
+    plan = PLANNER.plan(asked)
+    assert check(plan.scenario, SHAPES).faults == ()
+    for phase, end in ((0, "start"), (-1, "goal")):
+        found = {c["effector"]: c["position_m"] for c in plan.scenario["phases"][phase]["contacts"]}
+        for contact in asked[end]["contacts"]:
+            np.testing.assert_allclose(found[contact["effector"]], contact["position_m"], atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_random_terrains(kind: str) -> None:
+    """25 of each kind: every plan passes the judge, every refusal says where."""
+    rng = np.random.default_rng(KINDS.index(kind))
+    found = 0
+    for _ in range(25):
+        asked = random_task(rng, kind, most=4)
+        answer = planned(asked)
+        if isinstance(answer, ContactPlan):
+            found += 1
+            assert check(answer.scenario, SHAPES).faults == ()
+        else:
+            assert answer.code == "contacts-unreachable"
+            assert answer.faults
+    assert found >= 5
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_an_exhaustive_search_agrees(seed: int) -> None:
+    """Same answer and same objective as trying every region for every step, for every number of steps in turn."""
+    rng = np.random.default_rng(100 + seed)
+    asked = random_task(rng, ("gaps", "stairs up", "stairs down")[seed % 3], most=2)
+    planner = ContactPlanner(SHAPES, PLANNER.limits, extra_steps=1)
+    answer = planned(asked, planner)
+    ends, rooms, least = planner.prepared(asked)
+    feet_in_turn = ("right_foot", "left_foot")
+    tried = [
+        best_objective(ends, planner.limits, rooms, steps, first)
+        for steps in range(least, least + 2)
+        for first in feet_in_turn
+    ]
+    expected = next((value for value in tried if value is not None), None)
+    if expected is None:
+        assert isinstance(answer, NotEstimable)
+    else:
+        assert isinstance(answer, ContactPlan)
+        assert answer.objective_m == pytest.approx(expected, rel=2e-4, abs=1e-5)
+
+
+def test_a_gap_is_named_with_what_is_missing() -> None:
+    """A step spans 0.573 m at most; both soles keep 5 cm from their edges, so that 0.5 m of gap need 0.8 m."""
+    reach = float(PLANNER.limits.offset_box_m("left_foot")[1][0])
+    with pytest.raises(NotEstimable) as refusal:
+        PLANNER.plan(planks(0.5))
+    assert refusal.value.code == "contacts-unreachable"
+    assert refusal.value.faults[0].where == "terrain[plank 1]"
+    assert f"{0.5 + 2 * 0.15 - reach:.3f} m farther ahead" in refusal.value.message
+    assert "plank 0" in refusal.value.message
+
+
+def test_a_stair_too_high_is_named() -> None:
+    with pytest.raises(NotEstimable) as refusal:
+        PLANNER.plan(task([box("ground", (-1.0, 0.4), 0.0), box("wall", (0.4, 1.5), 0.4, thick_m=0.8)], 0.8, 0.4))
+    assert "m farther up" in refusal.value.message
+    assert refusal.value.faults[0].where == "terrain[wall]"
+
+
+def island() -> dict[str, Any]:
+    """A platform 0.52 m ahead and 0.32 m aside of where a foot may stand: within the box of a step, not its ball."""
+    asked = task([box("start", (-0.4, 0.4), 0.0), box("island", (0.62, 1.62), 0.0)], 1.1, 0.0)
+    asked["terrain"][1]["center_m"][1] = 0.7 + 0.6
+    for contact in asked["goal"]["contacts"]:
+        contact["position_m"][1] += 0.7 + 0.6
+    return asked
+
+
+def test_a_step_that_misses_its_limits_is_named() -> None:
+    """Every region is within a step of the one before; only the program sees that no step gets across.
+
+    On both sides the feet need 0.15 m beside each other, which the left foot's step has to span as well.
+    """
+    with pytest.raises(NotEstimable) as refusal:
+        PLANNER.plan(island())
+    aside_m = 0.32 + 2 * PLANNER.limits.defaults.width_min_m
+    lacking_m = (0.52 + aside_m) / np.sqrt(2.0) - COVER * PLANNER.limits.feet_distance_max_m
+    assert refusal.value.code == "contacts-unreachable"
+    assert refusal.value.faults[0].where.startswith("steps[")
+    assert f"to 'island', left_foot misses its limits by {lacking_m:.2f} m" in refusal.value.message
+    ends, rooms, least = PLANNER.prepared(island())
+    assert all(
+        best_objective(ends, PLANNER.limits, rooms, steps, first) is None
+        for steps in (least, least + 1)
+        for first in ("right_foot", "left_foot")
+    )
+
+
+def test_standing_still_is_a_plan() -> None:
+    plan = PLANNER.plan(task([box("ground", (-1.0, 1.0), 0.0)], 0.0, 0.0))
+    assert (plan.steps, len(plan.scenario["phases"])) == (0, 1)
+
+
+def test_a_turn_takes_steps() -> None:
+    """A quarter to the left on the spot: no step turns by more than 12 degrees."""
+    asked = task([box("ground", (-2.0, 2.0), 0.0, width_m=4.0)], 0.0, 0.0)
+    half = np.sqrt(0.5)
+    asked["goal"]["contacts"] = [
+        {"effector": name, "position_m": [-y, 0.0, 0.0], "orientation_wxyz": [half, 0.0, 0.0, half]}
+        for name, y in (("left_foot", 0.09), ("right_foot", -0.09))
+    ]
+    plan = PLANNER.plan(asked)
+    assert plan.steps >= 8
+    assert check(plan.scenario, SHAPES).faults == ()
+
+
+def test_tilted_stones() -> None:
+    """Stones that lean 15 degrees to both sides: soles lie on them, and the judge's limits hold."""
+    terrain = [box("start", (-0.4, 0.4), 0.0)]
+    for i, side in enumerate((1.0, -1.0)):
+        stone = box(f"stone {i}", (0.45 + 0.4 * i, 0.8 + 0.4 * i), 0.0)
+        stone["orientation_wxyz"] = [float(np.cos(0.13)), side * float(np.sin(0.13)), 0.0, 0.0]
+        terrain.append(stone)
+    terrain.append(box("end", (1.25, 2.0), 0.0))
+    plan = PLANNER.plan(task(terrain, 1.6, 0.0))
+    assert check(plan.scenario, SHAPES).faults == ()
+    names = {c["orientation_wxyz"][1] != 0.0 for phase in plan.scenario["phases"] for c in phase["contacts"]}
+    assert names == {True, False}
+
+
+@pytest.mark.parametrize(
+    ("change", "where"),
+    [
+        ({"start": {"contacts": feet(0.0, 0.3)}}, "start.contacts[left_foot]"),
+        ({"goal": {"contacts": feet(9.0, 0.0)}}, "goal.contacts[left_foot]"),
+        ({"goal": {"contacts": feet(0.3, 0.0)[:1]}}, "goal.contacts"),
+        ({"terrain": [{"name": "x", "kind": "ball"}]}, "terrain[0]"),
+        ({"friction": -1.0}, "friction"),
+    ],
+)
+def test_ends_that_cannot_be_are_named(change: dict[str, Any], where: str) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        PLANNER.plan(task([box("ground", (-1.0, 1.0), 0.0)], 0.5, 0.0) | change)
+    assert refusal.value.code == "stance-invalid"
+    assert where in {fault.where for fault in refusal.value.faults}
+
+
+def test_a_foot_that_cannot_be_read_is_not_said_to_be_missing() -> None:
+    wrong = feet(0.5, 0.0)
+    wrong[0]["position_m"] = [0.5, 0.09]
+    with pytest.raises(InvalidInput) as refusal:
+        PLANNER.prepared(task([box("ground", (-1.0, 1.0), 0.0)], 0.5, 0.0) | {"goal": {"contacts": wrong}})
+    assert [fault.where for fault in refusal.value.faults] == ["goal.contacts[left_foot]"]
+
+
+def test_a_goal_too_far_is_refused_at_once() -> None:
+    with pytest.raises(NotEstimable) as refusal:
+        PLANNER.plan(task([box("ground", (-1.0, 60.0), 0.0)], 50.0, 0.0))
+    assert refusal.value.code == "contacts-too-far"

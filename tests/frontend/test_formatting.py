@@ -1,0 +1,53 @@
+"""How numbers read on the pages."""
+
+from datetime import datetime, timedelta, timezone
+
+import pytest
+
+from stridelab.schemas.methods import METHODS
+from stridelab.service.kinds.registry import KINDS
+from stridelab_web import formatting
+from stridelab_web.formatting import counted, fixed, moment, when
+from stridelab_web.pages.results.comparison_plots import STYLES
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(1.236, "1.24"), (-0.001, "0.00"), (-0.006, "-0.01"), (0.0, "0.00"), (None, "–")]
+)
+def test_fixed_digits_and_no_negative_zero(value: float | None, text: str) -> None:
+    assert fixed(value) == text
+
+
+def test_every_estimator_has_a_name_and_a_line_of_its_own() -> None:
+    assert set(METHODS) == set(formatting._METHODS)
+    assert set(METHODS) <= set(STYLES)
+
+
+def test_every_kind_of_job_has_a_name() -> None:
+    assert set(formatting.KINDS) == set(KINDS)
+
+
+@pytest.mark.parametrize(
+    ("number", "words_of", "text"),
+    [
+        (0, ("frame",), "0 frames"),
+        (1, ("frame",), "1 frame"),
+        (2, ("frame",), "2 frames"),
+        (1, ("touch", "touches"), "1 touch"),
+        (31, ("touch", "touches"), "31 touches"),
+    ],
+)
+def test_one_is_counted_in_the_singular(number: int, words_of: tuple[str, ...], text: str) -> None:
+    assert counted(number, *words_of) == text
+
+
+def test_an_element_for_a_time_holds_the_instant_and_the_utc_text() -> None:
+    there = timezone(timedelta(hours=-5))
+    assert when(datetime(2026, 11, 22, 23, 30, tzinfo=there)) == (
+        '<time datetime="2026-11-23T04:30:00+00:00" title="2026-11-23 04:30 UTC">2026-11-23 04:30 UTC</time>'
+    )
+
+
+def test_a_time_says_that_it_is_utc_whatever_its_own_zone() -> None:
+    there = timezone(timedelta(hours=-5))
+    assert moment(datetime(2026, 11, 22, 23, 30, tzinfo=there)) == "2026-11-23 04:30 UTC"

@@ -1,0 +1,76 @@
+"""The scene of a robot has all that its page may show, where the service says; a plan shows its densities."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from stridelab_web.scene.density_nodes import reach_places, repeats
+from stridelab_web.scene.documents import Document
+from stridelab_web.viewer.scene_builders import kinds
+from stridelab_web.viewer.scene_limits import SceneLimits
+from stridelab_web.viewer.scene_pool import Library, OpenScene
+from support.fakes import reachability, robots
+from support.fakes.service import FakeService
+
+
+@pytest.fixture
+def library(fake: FakeService) -> Iterator[Library]:
+    made = Library(kinds(fake.client(), lambda _: fake.client()), SceneLimits(8))
+    yield made
+    made.close()
+
+
+def nodes(scene: OpenScene) -> dict[str, Any]:
+    return dict(scene.server.scene._handle_from_node_name)
+
+
+def test_a_robot_stands_with_each_density_at_its_effector(library: Library) -> None:
+    found = nodes(library.open(Document("robot", "boxes")))
+    for link, pose in zip(robots.LINKS, robots.REFERENCE, strict=True):
+        assert tuple(found[f"/robot/{link}"].position) == pytest.approx(pose[:3])
+    for measure in reachability.MEASURES:
+        for each in reachability.reach(measure).effectors:
+            name = f"/reach/{measure}/{each.card.effector}"
+            assert tuple(found[name].position) == pytest.approx(each.reference_pose[:3])
+            assert tuple(found[name].wxyz) == pytest.approx(each.reference_pose[3:])
+            assert {f"{name}/{part}" for part in ("cloud", "mode", "50", "80", "95")} <= set(found)
+            assert len(found[f"{name}/95"].vertices) == 6
+            assert len(found[f"{name}/cloud"].points) == 300
+
+
+def test_a_robot_of_which_nothing_was_learned_stands_alone(fake: FakeService, library: Library) -> None:
+    fake.measures = []
+    found = nodes(library.open(Document("robot", "boxes")))
+    assert "/robot/base_link" in found
+    assert not any(name.startswith("/reach/") for name in found)
+
+
+def test_what_was_learned_since_is_shown(fake: FakeService, library: Library) -> None:
+    fake.measures = ["uniform"]
+    assert "/reach/conditioned/left_foot" not in nodes(library.open(Document("robot", "boxes")))
+    fake.measures = ["uniform", "conditioned"]
+    assert "/reach/conditioned/left_foot" in nodes(library.open(Document("robot", "boxes")))
+
+
+@pytest.mark.parametrize("learned", [True, False])
+def test_a_plan_has_a_level_set_at_each_contact(fake: FakeService, library: Library, learned: bool) -> None:
+    fake.measures = ["uniform"] if learned else []
+    found = nodes(library.open(Document("plan", fake.add_plan().id)))
+    places = reach_places(robots.scenario())
+    assert {place.name for place in places} <= set(found)
+    drawn_as_another = dict(repeats(places))
+    assert all(hasattr(found[p.name], "vertices") == learned for p in places if p.name not in drawn_as_another)
+    assert not any(hasattr(found[name], "vertices") for name in drawn_as_another), "the page gives it the meshes"
+    if learned:
+        rail = next(place for place in places if place.contact.effector == "right_hand")
+        assert tuple(found[rail.name].position) == pytest.approx(rail.contact.position_m)
+
+
+def test_a_plan_shows_the_densities_of_its_own_measure(fake: FakeService, library: Library) -> None:
+    job = fake.add_plan()
+    fake.inputs[job.id] = {"scenario_id": None, "measure": "conditioned"}
+    found = nodes(library.open(Document("plan", job.id)))
+    first = reach_places(robots.scenario())[0]
+    middle = reachability.MIDDLE_M["conditioned"][2]
+    assert found[first.name].vertices[:, 2].mean() == pytest.approx(middle, abs=1e-6)

@@ -1,0 +1,110 @@
+"""``estimate-com`` with less than everything: without mass, plates or window, and with frames missing at an end."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from stridelab.errors import NotEstimable
+from stridelab.pipelines import com_inputs
+from stridelab.pipelines.trial import Trial
+from stridelab.recordings.files.c3d_writer import write_c3d
+from stridelab.recordings.reader import read_recording
+from stridelab.recordings.recording import Window
+from stridelab.schemas.jobs import EstimateComSummary
+from stridelab.schemas.recordings import SubjectFields
+from stridelab.schemas.tasks import RecordingSource
+from stridelab.service.kinds.estimate_com import run as estimate_com
+from support.command_line import SAMPLE, estimate_task, quiet
+
+TRIAL = SAMPLE / "recording.c3d"
+
+
+def summary_of(folder: Path, **asked: object) -> EstimateComSummary:
+    outcome = estimate_com.run(estimate_task(TRIAL, folder, **asked), folder, quiet)
+    return EstimateComSummary.model_validate(outcome.summary)
+
+
+def without_mass(target: Path, *, plates: bool) -> Path:
+    """The sample without a body mass, with or without its force plates."""
+    recording = read_recording(TRIAL)
+    subject = replace(recording.subject, mass_kg=None)
+    write_c3d(target, replace(recording, subject=subject, plates=recording.plates if plates else ()))
+    return target
+
+
+def test_geometry_alone_needs_no_mass_and_invents_none(tmp_path: Path) -> None:
+    trial = without_mass(tmp_path / "markers.c3d", plates=False)
+    outcome = estimate_com.run(estimate_task(trial, tmp_path / "a", method="geometry"), tmp_path / "a", quiet)
+    summary = EstimateComSummary.model_validate(outcome.summary)
+    assert (summary.mass_kg, summary.mass_source, summary.mass_sd_kg, summary.masses) == (None, None, None, [])
+    assert summary.rms_force_residual_n == []
+    stated = estimate_task(trial, tmp_path / "b", subject=SubjectFields(mass_kg=45.0), method="geometry")
+    estimate_com.run(stated, tmp_path / "b", quiet)
+    ours, theirs = (pq.read_table(tmp_path / folder / "com.parquet") for folder in "ab")
+    assert ours.column_names == theirs.column_names
+    for name in ours.column_names:
+        np.testing.assert_array_equal(ours[name].to_numpy(), theirs[name].to_numpy())
+    assert np.isfinite(ours["x_m"].to_numpy()).all()
+
+
+def test_geometry_alone_needs_no_measured_window(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a window too short for the fused estimates it says nothing, and gives the whole recording."""
+    examined = com_inputs.examine
+
+    def brief(source: RecordingSource, folder: Path) -> Trial:
+        return replace(examined(source, folder), windows=(Window(1.0, 1.2),))
+
+    monkeypatch.setattr(com_inputs, "examine", brief)
+    summary = summary_of(tmp_path / "a", method="geometry")
+    assert summary.window_s == pytest.approx((0.0, 3.99))
+    part = summary_of(tmp_path / "b", method="geometry", window_s=(0.5, 2.0))
+    assert part.window_s == pytest.approx((0.5, 2.0))
+    with pytest.raises(NotEstimable) as refusal:
+        summary_of(tmp_path / "c", method="complementary")
+    assert refusal.value.code == "window-too-short"
+
+
+def test_an_interval_of_a_recording_without_plates_is_that_of_the_geometry(tmp_path: Path) -> None:
+    trial = without_mass(tmp_path / "markers.c3d", plates=False)
+    task = estimate_task(trial, tmp_path / "a", method="geometry", window_s=(0.5, 2.0))
+    summary = EstimateComSummary.model_validate(estimate_com.run(task, tmp_path / "a", quiet).summary)
+    assert summary.window_s == pytest.approx((0.5, 2.0))
+    short = estimate_task(trial, tmp_path / "b", method="geometry", window_s=(0.5, 0.7))
+    with pytest.raises(NotEstimable) as refusal:
+        estimate_com.run(short, tmp_path / "b", quiet)
+    assert refusal.value.code == "window-too-short"
+    assert "force" not in refusal.value.message
+
+
+def without_pelvis_from(frame: int, target: Path) -> Path:
+    """The sample whose pelvis markers vanish at a frame and do not come back."""
+    recording = read_recording(TRIAL)
+    markers = {label: track.copy() for label, track in recording.markers_m.items()}
+    for label in ("L_IAS", "R_IAS", "L_IPS", "R_IPS"):
+        markers[label][frame:] = np.nan
+    write_c3d(target, replace(recording, markers_m=markers))
+    return target
+
+
+@pytest.mark.parametrize("method", ["complementary", "kalman", "rts", "smoother", "geometry"])
+def test_a_few_missing_frames_at_the_end_are_left_out_with_a_remark(method: str, tmp_path: Path) -> None:
+    whole = summary_of(tmp_path / "whole", method="geometry").window_s
+    for missing in (1, 4):
+        first = round(whole[1] * 100) + 1 - missing
+        task = estimate_task(
+            without_pelvis_from(first, tmp_path / "cut.c3d"), tmp_path / "a", method=method, latency="report"
+        )
+        summary = EstimateComSummary.model_validate(estimate_com.run(task, tmp_path / "a", quiet).summary)
+        assert summary.window_s == pytest.approx((whole[0], (first - 1) / 100.0), abs=0.011)
+        assert [w.code for w in summary.warnings if w.code.startswith("window-cut")] == ["window-cut-to-markers"]
+
+
+def test_many_missing_frames_at_the_end_are_still_refused(tmp_path: Path) -> None:
+    end_s = summary_of(tmp_path / "whole", method="geometry").window_s[1]
+    trial = without_pelvis_from(round(end_s * 100) + 1 - 30, tmp_path / "cut.c3d")
+    with pytest.raises(NotEstimable) as refusal:
+        estimate_com.run(estimate_task(trial, tmp_path / "a"), tmp_path / "a", quiet)
+    assert refusal.value.code == "geometry-gaps"

@@ -1,0 +1,93 @@
+"""What a session says follows from the facts of its trials: who counts, how often, and in no particular order."""
+
+import math
+from itertools import permutations
+from typing import Any
+
+import pytest
+
+from stridelab.estimation.random_effects import pool
+from stridelab.pipelines.session_values import PLATES_SHARE, TrialFacts, session_values, static_of
+from stridelab.schemas.recordings import TrialClock
+from support.service.stored_rows import CORNERS_M, facts
+
+
+def trial(name: str, latency_ms: float | None = 17.0, sd_ms: float = 1.0, **changes: Any) -> TrialFacts:
+    clock = None if latency_ms is None else TrialClock(latency_s=latency_ms / 1e3, sd_s=sd_ms / 1e3)
+    known = {"clock": clock, "mass_from_force_kg": 60.0, "mass_from_force_sd_kg": 0.6}
+    return TrialFacts(name, f"{name}.c3d", changes.pop("sha256", name), facts(**{**known, **changes}))
+
+
+def test_latency_and_mass_are_pooled_over_all_trials_of_the_session() -> None:
+    own, others = trial("a", 38.6, 7.7), [trial("b", 17.3, 1.3), trial("c", 17.5, 0.9, mass_from_force_kg=61.0)]
+    found = session_values("s", own, others)
+    assert found is not None
+    expected = pool([0.0386, 0.0173, 0.0175], [0.0077, 0.0013, 0.0009])
+    assert found.latency_s == pytest.approx(expected.mean, rel=1e-12)
+    assert found.latency_sd_s == pytest.approx(expected.sd, rel=1e-12)
+    assert found.latency_n_trials == found.mass_n_trials == 3
+    weighed = pool([60.0, 60.0, 61.0], [0.6] * 3)
+    assert found.mass_kg == pytest.approx(weighed.mean)
+    assert found.mass_sd_kg == pytest.approx(math.hypot(weighed.sd, PLATES_SHARE * weighed.mean))
+    assert [one.recording_id for one in found.trials] == ["a", "b", "c"]
+    assert sum(one.latency_weight or 0.0 for one in found.trials) == pytest.approx(1.0)
+    assert found.trials[0].latency_weight == pytest.approx(expected.weights[0])
+
+
+def test_every_trial_of_a_session_gets_the_same_values_in_whatever_order_they_came() -> None:
+    trials = [trial("a", 17.0), trial("b", 19.0, 1.7), trial("c", 30.0, 4.8), trial("d", None)]
+    found = {
+        session_values("s", order[0], order[1:]).model_dump_json()  # type: ignore[union-attr]
+        for order in permutations(trials)
+    }
+    assert len(found) == 1
+
+
+def test_a_trial_alone_has_no_session() -> None:
+    assert session_values("s", trial("a"), []) is None
+    twin = trial("b", 25.0, sha256="a")
+    assert session_values("s", trial("a"), [twin]) is None, "the same bytes are the same trial"
+    silent = trial("c", None, mass_from_force_kg=None)
+    assert session_values("s", trial("a"), [silent]) is None
+
+
+def test_a_trial_without_a_clock_of_its_own_takes_that_of_the_others() -> None:
+    found = session_values("s", trial("a", None), [trial("b", 12.0, 1.0)])
+    assert found is not None
+    assert (found.latency_s, found.latency_sd_s, found.latency_n_trials) == (pytest.approx(0.012), 0.001, 1)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"force_rate_hz": 2000.0},
+        {"marker_rate_hz": 200.0},
+        {"plates": []},
+        {"plates": [{"index": 1, "type": 2, "corners_m": [[x + 0.01, y, z] for x, y, z in CORNERS_M], "loaded_s": []}]},
+    ],
+)
+def test_other_plates_or_rates_are_another_clock(changes: dict[str, Any]) -> None:
+    assert session_values("s", trial("a"), [trial("b", 25.0, **changes)]) is None
+    found = session_values("s", trial("a"), [trial("b", 25.0, **changes), trial("c", 18.0)])
+    assert found is not None
+    assert [one.recording_id for one in found.trials] == ["a", "c"]
+
+
+def test_contacts_of_a_mot_file_are_the_same_plates_wherever_the_feet_stood() -> None:
+    def contacts(offset_m: float) -> list[dict[str, Any]]:
+        corners = [[x + offset_m, y, z] for x, y, z in CORNERS_M]
+        return [{"index": 1, "type": 0, "corners_m": corners, "loaded_s": []}]
+
+    found = session_values("s", trial("a", plates=contacts(0.0)), [trial("b", 18.0, plates=contacts(0.07))])
+    assert found is not None
+    assert found.latency_n_trials == 2
+
+
+def test_the_static_trial_is_the_one_that_marks_most() -> None:
+    few = trial("a", still=True)
+    many = trial("b", still=True, landmarks={"l_asis": "LASI", "r_asis": "RASI", "l_knee_medial": "LKNM"})
+    walk = trial("c", landmarks=dict.fromkeys(("l_asis", "r_asis", "c7", "sacrum"), "X"))
+    own = trial("d")
+    assert all(static_of(own, order) == many for order in permutations([few, many, walk]))
+    assert static_of(own, [walk]) is None
+    assert static_of(many, [trial("e", still=True, sha256="b")]) is None, "not itself"

@@ -1,0 +1,197 @@
+"""A TRC file alone: read as the zip of it is, and its faults are sentences that name the file and the line."""
+
+import zipfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stridelab.errors import UnreadableFile
+from stridelab.recordings.files import trc_mot
+from stridelab.recordings.reader import is_c3d, read_recording
+from support.recordings.c3d_files import write_file
+
+BODY_MM = np.array([[0, 1000, 100], [0, 1000, -100], [-100, 1000, 0], [0, 1700, 0], [0, 50, 100]])
+LABELS = ("R.ASIS", "L.ASIS", "V.Sacral", "Top.Head", "R.Heel")
+N = 40
+
+
+def trc(unit: str = "mm", *, scale: float = 1.0, labels: tuple[str, ...] = LABELS) -> str:
+    points = scale * (BODY_MM[: len(labels)] + np.outer(np.arange(N), [12.0, 0.0, 0.0])[:, None, :])
+    head = (
+        "PathFileType\t4\t(X/Y/Z)\twalk.trc\n"
+        "DataRate\tCameraRate\tNumFrames\tNumMarkers\tUnits\tOrigDataRate\n"
+        f"100.0\t100.0\t{N}\t{len(labels)}\t{unit}\t100.0\n"
+        "Frame#\tTime\t" + "\t\t\t".join(labels) + "\t\t\t\n"
+        "\t\tX1\tY1\tZ1\n\n"
+    )
+    rows = ["\t".join([str(i + 1), f"{i / 100:.2f}", *(f"{x:.3f}" for x in points[i].ravel())]) for i in range(N)]
+    return head + "\n".join(rows) + "\n"
+
+
+def without(text: str, number: int) -> str:
+    """The text without one of its lines, counted from one."""
+    lines = text.splitlines(keepends=True)
+    return "".join(lines[: number - 1] + lines[number:])
+
+
+def changed(text: str, number: int, old: str, new: str) -> str:
+    """The text with ``old`` replaced by ``new`` in one line, which must hold it."""
+    lines = text.splitlines(keepends=True)
+    assert old in lines[number - 1]
+    lines[number - 1] = lines[number - 1].replace(old, new, 1)
+    return "".join(lines)
+
+
+def written(folder: Path, text: str | bytes) -> Path:
+    path = folder / "walk.trc"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def codes(path: Path) -> dict[str, str]:
+    return {remark.code: remark.message for remark in read_recording(path).remarks}
+
+
+@pytest.mark.parametrize("before", [b"", b"\xef\xbb\xbf"])
+@pytest.mark.parametrize("ends", ["\n", "\r\n"])
+def test_a_trc_alone_is_what_its_zip_is(before: bytes, ends: str, tmp_path: Path) -> None:
+    path = written(tmp_path, before + trc().replace("\n", ends).encode())
+    with zipfile.ZipFile(tmp_path / "walk.zip", "w") as packed:
+        packed.writestr("walk.trc", trc())
+    alone, in_zip = read_recording(path), read_recording(tmp_path / "walk.zip")
+    assert alone.plates == ()
+    assert (alone.n_frames, alone.marker_rate_hz, alone.up_axis) == (N, 100.0, "+y")
+    assert list(alone.markers_m) == list(LABELS)
+    for label in LABELS:
+        np.testing.assert_array_equal(alone.markers_m[label], in_zip.markers_m[label])
+    np.testing.assert_allclose(alone.markers_m["Top.Head"][3], [0.036, 0.0, 1.7], atol=1e-12)
+    assert "The TRC file holds markers only" in codes(path)["no-force-file"]
+    assert "The zip holds markers only" in codes(tmp_path / "walk.zip")["no-force-file"]
+
+
+def test_content_decides_not_the_name(tmp_path: Path) -> None:
+    other = tmp_path / "walk.c3d"
+    other.write_text(trc())
+    assert read_recording(other).n_frames == N
+    points = {f"M{i}": np.full((5, 3), 100.0 * i) for i in range(5)}
+    binary = write_file(tmp_path / "other.c3d", points).rename(tmp_path / "walk.trc")
+    assert read_recording(binary).n_frames == 5
+    assert (is_c3d(other), is_c3d(binary)) == (False, True)
+
+
+BROKEN = {
+    "blank": ("\n \n", "line 1 does not begin with PathFileType"),
+    "no first line": (without(trc(), 1), "line 1 does not begin with PathFileType"),
+    "other text": ("hello world\n" * 50, "line 1 does not begin with PathFileType"),
+    "first line only": (trc().splitlines()[0], "ends after line 1"),
+    "cut in the header": ("\n".join(trc().splitlines()[:3]), "ends after line 3"),
+    "line 2 lost": (without(trc(), 2), "state no NumMarkers"),
+    "no DataRate": (changed(trc(), 2, "DataRate", "Rate"), "state no DataRate"),
+    "more markers stated": (changed(trc(), 3, "\t5\t", "\t7\t"), "line 3 states 7 markers and line 4 names 5"),
+    "fewer markers stated": (changed(trc(), 3, "\t5\t", "\t4\t"), "line 3 states 4 markers and line 4 names 5"),
+    "no markers stated": (changed(trc(), 3, "\t5\t", "\t\t"), "lines 2 and 3 of the header state no NumMarkers"),
+    "count no number": (changed(trc(), 3, "\t5\t", "\tfive\t"), "line 3 states 'five' as NumMarkers"),
+    "rate no number": (changed(trc(), 3, "100.0\t", "fast\t"), "line 3 states 'fast' as DataRate"),
+    "names without tabs": (changed(trc(), 4, trc().splitlines()[3], " ".join(LABELS)), "line 4 holds no tabs"),
+    "short row": (changed(trc(), 9, "\t1700.000\t0.000\t24.000\t50.000\t100.000", ""), "line 9 has 12 of 17 values"),
+    "a tab lost": (changed(trc(), 9, "3\t0.02", "30.02"), "line 9 has 16 of 17 values"),
+    "a value too many": (changed(trc(), 9, "24.000\t", "24.000\t7.5\t"), "line 9 has 18 values"),
+    "comma as decimal sign": (changed(trc(), 9, "1000.000", "1000,000"), "line 9, column 4 holds '1000,000'"),
+    "not a number": (changed(trc(), 9, "1000.000", "occluded"), "line 9, column 4 holds 'occluded'"),
+    "beyond all measure": (changed(trc(), 9, "1000.000", "1e200"), "line 9, column 4 holds 1e+200"),
+    "no time": (changed(trc(), 9, "\t0.02\t", "\t\t"), "line 9, column 2 holds no time"),
+    "time stands": (changed(trc(), 9, "\t0.02\t", "\t0.01\t"), "line 9, column 2 holds the time 0.01 s after 0.01 s"),
+    "unknown unit": (trc("furlong", scale=17.0), "line 3 states 'furlong' as Units"),
+    "no unit": (trc("", scale=17.0), "line 3 states no Units"),
+    "no unit, few markers": (trc("", labels=LABELS[:3]), "line 3 states no Units"),
+    "zeros for binary": (trc().encode()[:300] + bytes(400), "line"),
+}
+
+
+@pytest.mark.parametrize("what", BROKEN)
+@pytest.mark.parametrize("packed", [False, True], ids=["alone", "in a zip"])
+def test_a_broken_trc_is_refused_by_file_and_line(what: str, packed: bool, tmp_path: Path) -> None:
+    text, place = BROKEN[what]
+    path = written(tmp_path, text)
+    begins = path.read_bytes().lstrip().startswith(b"PathFileType")
+    if packed:
+        with zipfile.ZipFile(tmp_path / "walk.zip", "w") as archive:
+            archive.write(path, "walk.trc")
+        path = tmp_path / "walk.zip"
+    with pytest.raises(UnreadableFile) as refusal:
+        read_recording(path)
+    if packed and not begins:
+        assert refusal.value.code == "zip-without-trc"
+        return
+    assert refusal.value.code == "trc-broken"
+    assert refusal.value.message.startswith("The TRC file walk.trc is broken: ")
+    assert refusal.value.message.endswith(".")
+    assert place in refusal.value.message
+    assert [(fault.where, place in fault.message) for fault in refusal.value.faults] == [("walk.trc", True)]
+
+
+def test_the_last_marker_may_be_missing_with_its_tabs(tmp_path: Path) -> None:
+    """Writers cut blanks at the end of a line: three cells or two are gone, and the marker is not seen."""
+    text = changed(trc(), 9, "\t24.000\t50.000\t100.000", "")
+    text = changed(text, 10, "\t36.000\t50.000\t100.000", "\t\t")
+    seen = np.isfinite(read_recording(written(tmp_path, text)).markers_m["R.Heel"][:, 0])
+    assert "gaps-filled" in codes(tmp_path / "walk.trc")
+    assert seen.all()
+    longer = "".join(line[: line.rindex("\t50.000")] if "\t50.000" in line else line for line in text.splitlines(True))
+    with pytest.raises(UnreadableFile):
+        read_recording(written(tmp_path, longer))
+
+
+def test_an_empty_file_and_one_without_frames(tmp_path: Path) -> None:
+    for text, code in (("", "empty-file"), ("\n".join(trc().splitlines()[:5]) + "\n", "no-frames")):
+        with pytest.raises(UnreadableFile) as refusal:
+            read_recording(written(tmp_path, text))
+        assert refusal.value.code == code
+        assert refusal.value.faults[0].where == "walk.trc"
+
+
+def test_errors_call_the_file_what_its_user_calls_it(tmp_path: Path) -> None:
+    path = tmp_path / "trial"
+    path.write_text("hello")
+    with pytest.raises(UnreadableFile) as refusal:
+        read_recording(path, name="walk 03.trc")
+    assert "walk 03.trc" in refusal.value.message
+    with pytest.raises(UnreadableFile) as refusal:
+        read_recording(path, name="walk 03.txt")
+    assert refusal.value.code == "unknown-format"
+    assert "TRC" in refusal.value.message
+
+
+@pytest.mark.parametrize("stated", [60, 30])
+def test_another_number_of_frames_is_said(stated: int, tmp_path: Path) -> None:
+    path = written(tmp_path, changed(trc(), 3, f"\t{N}\t", f"\t{stated}\t"))
+    assert read_recording(path).n_frames == N
+    assert f"states {stated} frames and {N} follow" in codes(path)["trc-frame-count"]
+    assert ("cut off" in codes(path)["trc-frame-count"]) == (stated > N)
+    assert "trc-frame-count" not in codes(written(tmp_path, trc()))
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1.0, "mm"), (0.1, "cm"), (0.001, "m")])
+@pytest.mark.parametrize("stated", ["", "furlong"])
+def test_an_unknown_unit_follows_from_the_size_of_the_body(
+    scale: float, unit: str, stated: str, tmp_path: Path
+) -> None:
+    path = written(tmp_path, trc(stated, scale=scale))
+    assert f"taken for {unit}" in codes(path)["unit-assumed"]
+    np.testing.assert_allclose(read_recording(path).markers_m["Top.Head"][0], [0.0, 0.0, 1.7], atol=2e-3)
+
+
+@pytest.mark.parametrize(("stated", "scale"), [("meters", 0.001), ("Millimeters", 1.0)])
+def test_units_may_be_written_out(stated: str, scale: float, tmp_path: Path) -> None:
+    path = written(tmp_path, trc(stated, scale=scale))
+    assert {"unit-assumed", "unit-corrected"} & codes(path).keys() == set()
+    np.testing.assert_allclose(read_recording(path).markers_m["Top.Head"][0], [0.0, 0.0, 1.7], atol=2e-3)
+
+
+def test_a_file_too_large_to_read_is_refused_before(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(trc_mot, "MAX_MEMBER_BYTES", 2**10)
+    with pytest.raises(UnreadableFile) as refusal:
+        read_recording(written(tmp_path, trc()))
+    assert refusal.value.code == "trc-too-large"
+    assert "walk.trc" in refusal.value.message

@@ -1,0 +1,59 @@
+"""Missing samples and short gaps."""
+
+import numpy as np
+import pytest
+
+from stridelab.recordings.gap_filling import MAX_GAP_S, fill_short_gaps, mark_missing, runs
+
+RATE = 100.0
+
+
+def track(n: int = 200) -> np.ndarray:
+    t = np.arange(n) / RATE
+    return np.column_stack([1.2 * t, 0.1 * np.sin(6 * t), 0.5 + 0.05 * np.cos(12 * t)])
+
+
+def test_nan_infinity_exact_zeros_and_what_nobody_measures_are_missing() -> None:
+    cloud = np.ones((5, 1, 3))
+    cloud[4, 0, 1] = -1e30
+    cloud[1, 0] = 0.0
+    cloud[2, 0, 1] = np.nan
+    cloud[3, 0, 2] = np.inf
+    assert np.isnan(mark_missing(cloud)[:, 0, :]).all(axis=1).tolist() == [False, True, True, True, True]
+
+
+def test_a_zero_in_one_coordinate_is_a_position() -> None:
+    cloud = np.array([[[0.0, 0.0, 1.0]]])
+    assert not np.isnan(mark_missing(cloud)).any()
+
+
+def test_runs_are_begin_and_end_of_what_holds() -> None:
+    assert runs(np.array([True, False, True, True])) == [(0, 1), (2, 4)]
+    assert runs(np.array([False])) == []
+
+
+def test_short_gaps_are_filled_within_a_millimetre_and_reported() -> None:
+    whole = track()
+    holed = whole.copy()
+    holed[50:60] = np.nan
+    filled, mask = fill_short_gaps(holed, RATE)
+    assert np.flatnonzero(mask).tolist() == list(range(50, 60))
+    np.testing.assert_allclose(filled, whole, atol=1e-3)
+
+
+def test_long_gaps_stay() -> None:
+    holed = track()
+    n = int(MAX_GAP_S * RATE) + 1
+    holed[50 : 50 + n] = np.nan
+    filled, mask = fill_short_gaps(holed, RATE)
+    assert not mask.any()
+    assert np.isnan(filled[50 : 50 + n]).all()
+
+
+@pytest.mark.parametrize("edge", [slice(0, 5), slice(195, 200)])
+def test_ends_are_never_extrapolated(edge: slice) -> None:
+    holed = track()
+    holed[edge] = np.nan
+    filled, mask = fill_short_gaps(holed, RATE)
+    assert not mask.any()
+    assert np.isnan(filled[edge]).all()

@@ -1,0 +1,56 @@
+"""Figure 2.8 on two real adults: what moves the thesis' estimate is the clock, and it moves it against the walk."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stridelab.errors import NotFound
+from stridelab.reproduction.chapter2 import fig_2_8_people
+from stridelab.reproduction.chapter2.fig_2_8_people import COMFORTABLE, WALK, Fused, fused
+from stridelab.reproduction.common.recorded_walks import RecordedWalk, recordings_in
+
+ADULTS = ("2014001", "2014015")
+
+
+@pytest.fixture(scope="module")
+def few(gait: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("gait")
+    (folder / "rehazenter-adult-walking").mkdir()
+    for person in ADULTS:
+        (folder / "rehazenter-adult-walking" / person).symlink_to(
+            (gait / "rehazenter-adult-walking" / person).resolve()
+        )
+    return folder
+
+
+@pytest.fixture(scope="module")
+def walks(few: Path) -> list[Fused]:
+    return [fused(RecordedWalk.of(path)) for path in recordings_in(few, COMFORTABLE)]
+
+
+def test_a_late_force_moves_the_estimate_back_by_speed_times_delay(walks: list[Fused]) -> None:
+    for one in walks:
+        assert 0.008 < one.latency_s < 0.025
+        moved = float(one.offset_m[WALK] - one.corrected_m[WALK])
+        assert moved == pytest.approx(-one.speed_m_s * one.latency_s, abs=0.006)
+
+
+def test_the_table_has_every_walk_with_the_speed_of_its_markers(few: Path, walks: list[Fused]) -> None:
+    found = fig_2_8_people.run(few, lambda _fraction, _message: None)
+    table = found.tables["walks"]
+    assert sorted(set(table["person"])) == sorted(ADULTS)
+    slow, fast = (table["speed_m_s"][table["pace"] == pace] for pace in ("comfortable", "fast"))
+    assert slow.mean() < fast.mean()
+    com = walks[0].walk.geometric.com_m
+    travelled_m = float(np.linalg.norm((com[-1] - com[0])[:2]))
+    seconds = float(np.ptp(walks[0].walk.geometric.time_s))
+    assert walks[0].speed_m_s == pytest.approx(travelled_m / seconds, rel=0.1)
+    claims = {claim.key: claim for claim in found.claims}
+    assert claims["horizontal_over_vertical"].verdict == "met"
+    assert found.drawing.count("<g ") == 3
+
+
+def test_a_folder_without_recordings_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(NotFound, match="no recording"):
+        fig_2_8_people.run(tmp_path, lambda _fraction, _message: None)

@@ -1,0 +1,232 @@
+"""All items in one go: what is kept and until when, what a failure leaves, and the two forms it is written in."""
+
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from stridelab.conventions import Progress
+from stridelab.errors import NotEstimable
+from stridelab.reproduction import result_cache
+from stridelab.reproduction.chapter2 import fig_2_5
+from stridelab.reproduction.claims import Claim, Reproduction
+from stridelab.reproduction.registry import ITEMS
+from stridelab.reproduction.report.formatting import cells, counted
+from stridelab.reproduction.report.html import report
+from stridelab.reproduction.report.markdown import page
+from stridelab.reproduction.result_cache import Kept
+from stridelab.reproduction.runner import PEOPLE, Recipe, Section, collect, recipes
+
+BOOK = Path(__file__).parents[2] / "docs" / "reproduction.md"
+FOUND = Reproduction(
+    claims=(
+        Claim("a", "one <claim>", 0.25, 0.0125, "m", "met", "With a <remark>."),
+        Claim("b", "another", "about the same", 1500.0, "N", "thesis_in_error"),
+    ),
+    note="What it means & more.",
+    tables={"printed": {"who": np.array(["me", "you"]), "error_m": np.array([0.002, np.nan])}, "other": {}},
+    drawing='<svg xmlns="http://www.w3.org/2000/svg"><text>drawn</text></svg>\n',
+)
+
+
+class Counting:
+    """A recipe's call that counts how often it is made, and fails as often as it is told to."""
+
+    def __init__(self, *failures: BaseException) -> None:
+        self.calls = 0
+        self.failures = list(failures)
+
+    def __call__(self, tell: Progress) -> Reproduction:
+        self.calls += 1
+        tell(0.5, "half")
+        if self.failures:
+            raise self.failures.pop(0)
+        return FOUND
+
+
+def recipe(name: str, run: Counting, seeds: int = 1) -> Recipe:
+    return Recipe(name, f"Title of {name}", seeds, ("printed",), fig_2_5.__name__, run)
+
+
+def silent(_fraction: float, _message: str) -> None:
+    pass
+
+
+def test_what_is_kept_is_not_computed_again_and_comes_back_as_it_was(tmp_path: Path) -> None:
+    run, told = Counting(), []
+    first, again = (
+        list(collect([recipe("x", run)], Kept(tmp_path), lambda f, m: told.append((f, m)))) for _ in range(2)
+    )
+    assert run.calls == 1
+    assert told == [(0.0, "x: starting"), (0.5, "x: half")]
+    assert (first[0].found, again[0].failure) == (FOUND, "")
+    back = again[0].found
+    assert back is not None
+    assert (back.claims, back.note, back.drawing, back.references) == (
+        FOUND.claims, FOUND.note, FOUND.drawing, FOUND.references,
+    )  # fmt: skip
+    table = back.tables["printed"]
+    assert table["who"].tolist() == ["me", "you"]
+    np.testing.assert_array_equal(table["error_m"], FOUND.tables["printed"]["error_m"])
+    assert list(back.tables) == ["printed"], "only what is printed is kept"
+    list(collect([recipe("x", run, seeds=2)], Kept(tmp_path), silent))
+    list(collect([recipe("x", run)], Kept(tmp_path), silent, anew=True))
+    assert run.calls == 3, "other draws, and what is asked for anew, are computed"
+
+
+def test_other_code_computes_anew_and_replaces_what_the_old_one_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = Counting()
+    for digest in ("one", "two"):
+        monkeypatch.setattr("stridelab.reproduction.runner.digest_of", lambda _, digest=digest: digest)
+        list(collect([recipe("x", run)], Kept(tmp_path), silent))
+    assert run.calls == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["x-1-two.json"]
+
+
+def test_an_item_that_fails_is_told_and_the_others_go_on(tmp_path: Path) -> None:
+    known, unknown, fine = Counting(NotEstimable("code", "No sole is there.")), Counting(KeyError("hips")), Counting()
+    wanted = [recipe("known", known), recipe("unknown", unknown), recipe("fine", fine)]
+    sections = list(collect(wanted, Kept(tmp_path), silent))
+    assert [section.failure for section in sections] == ["No sole is there.", "KeyError: 'hips'", ""]
+    assert [section.found is None for section in sections] == [True, True, False]
+    assert [path.name[:5] for path in tmp_path.iterdir()] == ["fine-"], "nothing is kept of what failed"
+    again = list(collect(wanted, Kept(tmp_path), silent))
+    assert all(section.found for section in again)
+    assert (known.calls, unknown.calls, fine.calls) == (2, 2, 1)
+
+
+def test_an_interrupted_run_goes_on_where_it_stopped(tmp_path: Path) -> None:
+    done, stopped = Counting(), Counting(KeyboardInterrupt())
+    wanted = [recipe("done", done), recipe("stopped", stopped)]
+    with pytest.raises(KeyboardInterrupt):
+        list(collect(wanted, Kept(tmp_path), silent))
+    assert all(section.found for section in collect(wanted, Kept(tmp_path), silent))
+    assert (done.calls, stopped.calls) == (1, 2)
+    assert not list(tmp_path.glob(".part-*"))
+
+
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A package of three modules, of which the first leads to the second inside a function, and none to the third."""
+    root = tmp_path / "stridelab"
+    (root / "wing").mkdir(parents=True)
+    (root / "item.py").write_text("def run():\n    from stridelab.wing import helper\n")
+    (root / "wing" / "helper.py").write_text("import numpy\nimport stridelab.item\n")
+    (root / "apart.py").write_text("x = 1\n")
+    monkeypatch.setattr(result_cache, "PACKAGE", root)
+    yield root
+    _forget()
+
+
+def _forget() -> None:
+    for cached in (result_cache._source, result_cache._imports, result_cache._of_data):
+        cached.cache_clear()
+
+
+def test_a_digest_follows_the_imports_and_nothing_else(package: Path) -> None:
+    def now() -> str:
+        _forget()
+        return result_cache.digest_of("stridelab.item")
+
+    before = now()
+    assert result_cache.led_to("stridelab.item") == {"stridelab.item", "stridelab.wing.helper"}
+    (package / "apart.py").write_text("x = 2\n")
+    assert now() == before
+    (package / "wing" / "helper.py").write_text("import numpy\n")
+    assert now() != before
+
+
+def test_a_figure_leads_to_the_formulas_behind_it() -> None:
+    led = result_cache.led_to(fig_2_5.__name__)
+    assert "stridelab.estimation.complementary.transfer_functions" in led
+    assert not any(name.startswith("stridelab.service") for name in led)
+    assert "stridelab.reproduction.registry" not in led, "a new item would make all old ones stale"
+
+
+class Outline(HTMLParser):
+    """Identifiers, links to them, tags, and what would be fetched."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.ids, self.links, self.tags, self.fetched = [], [], [], []  # type: ignore[var-annotated]
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        given = dict(attrs)
+        self.tags.append(tag)
+        self.ids += [given["id"]] if "id" in given else []
+        self.links += [given["href"]] if tag == "a" else []
+        self.fetched += [given[key] for key in ("src", "data") if key in given] + (["link"] if tag == "link" else [])
+
+
+SECTIONS = (
+    Section("x", "Title of x", 1, ("printed",), FOUND),
+    Section("y", "Title of y", 1, (), None, "No <sole> is there."),
+)
+
+
+def test_the_report_is_one_file_with_every_item_and_its_verdicts() -> None:
+    text = report(SECTIONS, "Computed by hand.")
+    outline = Outline(text)
+    assert outline.ids == ["x", "y"]
+    assert outline.links == ["#x", "#y"]
+    assert outline.fetched == []
+    assert "script" not in outline.tags
+    assert outline.tags.count("svg") == 1
+    for shown in (
+        "one &lt;claim&gt;",
+        "12.5 mm",
+        "0.25 m",
+        "about the same",
+        "1500 N",
+        "error mm",
+        "drawn",
+        "<td>2</td>",
+    ):
+        assert shown in text
+    assert '2 claims of 2 items: <b class="beaten">0</b> better, or our aim reached, <b class="met">1</b> met' in text
+    assert "1 item failed" in text
+    assert "Not computed: No &lt;sole&gt; is there." in text
+
+
+def test_the_page_of_the_book_has_the_same_numbers() -> None:
+    text = page("# Head\n", SECTIONS)
+    assert text.startswith("# Head\n\n## x: Title of x\n\nWhat it means & more.\n")
+    assert "| one <claim> | 0.25 m | 12.5 mm | met |" in text
+    assert "| another | about the same | 1500 N | thesis in error |" in text
+    assert "- one <claim>: With a <remark>." in text
+    assert "| who | error mm |" in text
+    assert "| me | 2 |" in text
+    assert "**Not computed**: No <sole> is there." in text
+
+
+def test_verdicts_are_counted_from_what_weighs_most() -> None:
+    assert counted(FOUND.claims) == {"not_met": 0, "thesis_in_error": 1, "met": 1, "beaten": 0}
+
+
+def test_the_end_of_a_columns_name_is_its_unit() -> None:
+    one = np.array([1.5])
+    heads, rows = cells({"rms_x_m": one, "lag_y_s": one, "speed_m_s": one, "jerk_m_s2": one, "draws": one.astype(int)})
+    assert heads == ["rms x mm", "lag y ms", "speed m/s", "jerk m/s²", "draws"]
+    assert rows == [("1500", "1500", "1.5", "1.5", "1")]
+
+
+def test_recordings_of_people_are_an_item_where_they_are(tmp_path: Path) -> None:
+    assert [each.name for each in recipes(ITEMS, None, None)] == list(ITEMS)
+    assert [each.name for each in recipes(["fig-2.5"], 3, tmp_path)] == ["fig-2.5", *PEOPLE]
+    assert recipes(["fig-2.7"], None, None)[0].seeds == ITEMS["fig-2.7"].default_seeds
+
+
+def test_the_book_misses_no_item() -> None:
+    """Every item has a section in docs/reproduction.md with a verdict on every claim."""
+    parts = BOOK.read_text(encoding="utf-8").split("\n## ")[1:]
+    sections = {part.partition(":")[0]: part for part in parts}
+    assert set(sections) == {*ITEMS, *PEOPLE}
+    for name, part in sections.items():
+        claims = part.partition("| --- | --- | --- | --- |\n")[2].partition("\n\n")[0].splitlines()
+        assert claims, name
+        assert all(row.endswith(("| met |", "| **not met** |", "| thesis in error |")) for row in claims), name

@@ -1,0 +1,252 @@
+"""What a reproduction yields: claims that can fail, tables of one length, a drawing that is an SVG."""
+
+import re
+from collections.abc import Mapping
+from typing import get_args
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+
+from stridelab.errors import InvalidInput, NotFound
+from stridelab.reproduction import claims as kinds
+from stridelab.reproduction.chapter2.table_coverage import SCENARIOS, off_by
+from stridelab.reproduction.chapter2.table_partial_force import masked
+from stridelab.reproduction.claims import Claim, Reproduction
+from stridelab.reproduction.common.estimator_errors import GAITS
+from stridelab.reproduction.common.estimators import NAMES
+from stridelab.reproduction.registry import ITEMS, reproduce
+from stridelab.reproduction.report.svg_plots import PALETTE, Bars, Curve, Panel, svg
+from stridelab.schemas.reproduction import ReproductionItem
+from stridelab.schemas.reproduction import Verdict as ContractVerdict
+from stridelab.studies.estimator_study import simulate
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+class Found(dict[str, Reproduction]):
+    """Every item is computed by the first test that asks for it: all of them are minutes of work."""
+
+    def __missing__(self, name: str) -> Reproduction:
+        self[name] = reproduce(name, 1, lambda _fraction, _message: None)
+        return self[name]
+
+
+@pytest.fixture(scope="module")
+def found() -> Mapping[str, Reproduction]:
+    return Found()
+
+
+def test_the_contract_names_what_there_is() -> None:
+    assert set(get_args(ReproductionItem)) == set(ITEMS)
+    assert set(get_args(ContractVerdict)) == set(get_args(kinds.Verdict)) == set(kinds.VERDICTS)
+
+
+@pytest.mark.parametrize("name", ITEMS)
+def test_every_item_has_claims_tables_and_a_drawing(found: Mapping[str, Reproduction], name: str) -> None:
+    result = found[name]
+    assert len({claim.key for claim in result.claims}) == len(result.claims) > 0
+    assert all(np.isfinite(claim.ours) for claim in result.claims)
+    for columns in result.tables.values():
+        assert len({len(column) for column in columns.values()}) == 1
+    root = ElementTree.fromstring(result.drawing)
+    assert root.tag == f"{SVG}svg"
+    drawn = [*root.findall(f".//{SVG}polyline"), *root.findall(f".//{SVG}rect[@fill='{PALETTE[0]}']")]
+    assert len(drawn) >= 3
+    labels = [text.text or "" for text in root.findall(f".//{SVG}text")]
+    # An axis or the title of bars ends in its unit: "error (mm)".
+    assert sum(label.endswith(")") for label in labels) >= 1
+    assert "style" not in result.drawing
+    assert "script" not in result.drawing
+
+
+def ours(found: Mapping[str, Reproduction], item: str, key: str) -> Claim:
+    return next(claim for claim in found[item].claims if claim.key == key)
+
+
+def test_the_known_misprint_is_seen_and_the_correction_is_exact(found: Mapping[str, Reproduction]) -> None:
+    assert ours(found, "fig-2.2", "zmp_2_8_corrected_m").ours < 1e-9
+    printed = ours(found, "fig-2.2", "zmp_2_8_printed_m")
+    assert printed.ours > 0.003
+    assert printed.verdict == "thesis_in_error"
+    assert found["fig-2.2"].verdict == "thesis_in_error"
+
+
+def test_the_bode_diagram_is_that_of_the_formulas(found: Mapping[str, Reproduction]) -> None:
+    """(2.24)-(2.26) in continuous time, where the discrete rule is still close."""
+    table = found["fig-2.5"].tables["bode"]
+    f = table["frequency_hz"]
+    s = 2j * np.pi * f
+    tau_1, tau_2 = 1 / (2 * np.pi * 4.0), 1 / (2 * np.pi * 0.4)
+    h3, h2 = 1 / (1 + s * tau_2) ** 2, (s * tau_1) ** 2 / (1 + s * tau_1) ** 2
+    low = f < 20.0
+    for name, h in (("h3", h3), ("s2h2", h2), ("h1", 1 - h2 - h3)):
+        assert table[f"thesis_{name}_gain_db"][low] == pytest.approx(20 * np.log10(np.abs(h[low])), abs=0.06)
+
+
+def test_the_filter_beats_the_kalman_filter_and_the_smoother_both(found: Mapping[str, Reproduction]) -> None:
+    """One draw; the bars are those of fifty, with room where one walk scatters."""
+    for gait in ("robot", "human"):
+        assert ours(found, "errors", f"{gait}_filter_over_kalman").ours < 0.6
+        assert ours(found, "errors", f"{gait}_auto_over_thesis").ours < 1 / 1.5
+        assert ours(found, "errors", f"{gait}_smoother_over_filter").ours < 0.15
+        assert ours(found, "errors", f"{gait}_smoother_over_kalman").ours < 0.07
+        assert ours(found, "errors", f"{gait}_white_smoother_over_filter").ours < 0.35
+        assert ours(found, "fig-2.7", f"{gait}_samples_not_worse").ours < 0.95
+    assert ours(found, "errors", "robot_best_height").ours > 0.9
+
+
+def test_the_table_has_every_estimator_under_every_noise(found: Mapping[str, Reproduction]) -> None:
+    table = found["errors"].tables["errors"]
+    assert len(table["estimator"]) == len(NAMES) * len(GAITS) * 2
+    assert set(table["estimator"]) == set(NAMES)
+    flat = np.hypot(table["rms_x_m"], table["rms_y_m"])
+    assert table["horizontal_m"] == pytest.approx(flat, rel=1e-9)
+
+
+def test_the_lag_of_the_kalman_filter_is_explained(found: Mapping[str, Reproduction]) -> None:
+    causes = found["lag"].tables["causes"]
+    lag_s = {(g, c): v for g, c, v in zip(causes["gait"], causes["case"], causes["lag_y_s"], strict=True)}
+    for gait in GAITS:
+        whole = lag_s[gait, "as in the thesis"]
+        assert whole > 0.02
+        assert 0 < lag_s[gait, "axis through the CoM"] < whole
+        assert 0 < lag_s[gait, "jerk of 20 m/s³"] < whole
+        assert abs(lag_s[gait, "both taken away"]) < 0.001
+        assert abs(ours(found, "lag", f"{gait}_smoother_s").ours) < 0.001
+
+
+def test_an_undeclared_bias_is_noticed_and_none_is_invented(found: Mapping[str, Reproduction]) -> None:
+    for gait in GAITS:
+        assert ours(found, "coverage", f"{gait}_flagged").ours == 1.0
+        assert ours(found, "coverage", f"{gait}_false_alarms").ours == 0.0
+    table = found["coverage"].tables["coverage"]
+    assert len(table["scenario"]) == len(SCENARIOS) * len(GAITS)
+    rigid = table["scenario"] == "rigid-table"
+    for axis in "xy":
+        assert (table[f"coverage_{axis}"][~rigid] > 0.8).all()
+        as_it_is = table[f"ratio_{axis}"][table["scenario"] == "thesis"]
+        assert (table[f"ratio_{axis}"][rigid] < as_it_is).all()
+
+
+def test_a_bias_of_the_force_acts_at_the_plate() -> None:
+    """Exactly 5 N, and no moment about the centre of pressure, where the plate is."""
+    trial = simulate("robot", "none", 0)
+    wrong = off_by(trial, np.array([0.6, 0.8, 0.0]))
+    extra_n = wrong.wrench.force_n - trial.wrench.force_n
+    extra_nm = wrong.wrench.moment_nm - trial.wrench.moment_nm
+    assert np.linalg.norm(extra_n, axis=1) == pytest.approx(np.full(len(extra_n), 5.0))
+    f, nu = trial.wrench.force_n, trial.wrench.moment_nm
+    pressure = np.column_stack([-nu[:, 1], nu[:, 0], 0.0 * f[:, 2]]) / f[:, 2:]
+    assert extra_nm == pytest.approx(np.cross(pressure, extra_n), abs=1e-6)
+
+
+def test_one_second_of_force_takes_most_of_the_error_away(found: Mapping[str, Reproduction]) -> None:
+    table = found["partial-force"].tables["errors"]
+    for gait in GAITS:
+        here = (table["gait"] == gait) & (table["noise"] == "marker-like")
+        error_m = dict(zip(table["estimator"][here], table["horizontal_m"][here], strict=True))
+        assert error_m["smoother"] < 0.0066
+        assert error_m["smoother"] < error_m["complementary-thesis"]
+        assert ours(found, "partial-force", f"{gait}_refused").ours == 1.0
+
+
+def test_a_masked_second_holds_a_full_single_support_and_only_it_has_force() -> None:
+    trial, _ = masked("robot", "marker-like", 1)
+    t, seen = trial.truth.time_s, trial.wrench.complete
+    assert t[seen].min() == pytest.approx(0.5)
+    assert t[seen].max() == pytest.approx(1.5)
+    assert (trial.wrench.force_n[~seen] == 0).all()
+
+
+def test_a_late_force_is_taken_for_a_bias_of_the_table(found: Mapping[str, Reproduction]) -> None:
+    note = ours(found, "fig-2.8", "bias_left_late").note
+    moved = re.search(r"moves by ([+-][0-9.]+) mm", note)
+    assert moved is not None
+    assert float(moved.group(1)) == pytest.approx(-1.2 * 18.0, abs=4.0)
+    assert ours(found, "fig-2.8", "latency_error_s").ours < 0.003
+
+
+def test_a_double_pole_settles_when_it_must(found: Mapping[str, Reproduction]) -> None:
+    """90 % of 1 - (1 + t / tau) exp(-t / tau) is reached at t = 3.89 tau."""
+    assert ours(found, "fig-2.9", "settling_s").ours == pytest.approx(3.89 / (2 * np.pi * 0.4), abs=0.02)
+
+
+def test_a_bias_is_corrected_but_for_the_time_in_flight(found: Mapping[str, Reproduction]) -> None:
+    """Below 0.4 Hz the axis is a mean over steps, in which the geometry stands in for the share of flight."""
+    left = ours(found, "fig-2.9", "bias_left").ours
+    assert 0.3 < left < 0.45
+    assert ours(found, "fig-2.9", "bias_left_predicted").ours < 0.03
+    assert abs(ours(found, "fig-2.9", "bias_left_told").ours) < 0.02
+    assert ours(found, "fig-2.9", "vertical_left").ours > 0.9
+
+
+def test_in_flight_only_who_believes_the_plates_falls_with_g(found: Mapping[str, Reproduction]) -> None:
+    table = found["flight"].tables["flight"]
+    here = table["noise"] == "marker-like"
+    share = dict(zip(table["estimator"][here], table["vertical_share"][here], strict=True))
+    assert share["smoother"] < 0.02
+    assert share["geometry"] > 2 * share["smoother"]
+
+
+def test_the_verdict_is_that_of_the_worst_claim() -> None:
+    def claim(verdict: kinds.Verdict) -> Claim:
+        return Claim(verdict, "says", 1.0, 1.0, "1", verdict)
+
+    def verdict(*of: kinds.Verdict) -> kinds.Verdict:
+        return Reproduction(tuple(claim(v) for v in of), "", {}, "").verdict
+
+    assert verdict("met", "beaten") == "met"
+    assert verdict("met", "thesis_in_error") == "thesis_in_error"
+    assert verdict("thesis_in_error", "not_met", "beaten") == "not_met"
+    assert kinds.aimed("k", "says", 0.93, "1", at_least=0.92, at_most=0.99).verdict == "beaten"
+    for outside in (0.91, 1.0, float("nan")):
+        assert kinds.aimed("k", "says", outside, "1", at_least=0.92, at_most=0.99).verdict == "not_met"
+    assert kinds.aimed("k", "says", 0.003, "m", at_most=0.004).thesis == "aim ≤ 4 mm"
+    assert kinds.aimed("k", "says", 1.0, "1", at_least=0.95).thesis == "aim ≥ 0.95"
+    assert kinds.aimed("k", "says", 0.95, "1", at_least=0.92, at_most=0.99).thesis == "aim 0.92 to 0.99"
+    assert kinds.judged(1.0, at_most=0.9) == kinds.judged(0.8, at_least=0.9) == "not_met"
+
+
+def test_unknown_items_and_numbers_of_seeds_are_refused() -> None:
+    with pytest.raises(NotFound):
+        reproduce("fig-9.9", 1, lambda _fraction, _message: None)
+    for seeds in (0, 201):
+        with pytest.raises(InvalidInput):
+            reproduce("fig-2.5", seeds, lambda _fraction, _message: None)
+
+
+def test_a_drawing_keeps_to_its_scale_and_its_gaps() -> None:
+    x = np.geomspace(0.1, 10.0, 5)
+    y = np.array([1.0, 10.0, np.nan, 1000.0, 10000.0])
+    text = svg([Panel("a < b & c", "Hz", "m", [Curve(x, y, "one")], log_x=True, log_y=True)])
+    root = ElementTree.fromstring(text)
+    runs = [line.get("points") or "" for line in root.findall(f".//{SVG}polyline")]
+    assert len(runs) == 2, "a gap interrupts the line"
+    points = np.array([[float(v) for v in pair.split(",")] for run in runs for pair in run.split()])
+    # A power law is a straight line on logarithmic axes, also across the gap.
+    slope = np.diff(points[:, 1]) / np.diff(points[:, 0])
+    assert slope == pytest.approx(np.full(3, slope[0]), rel=0.01)
+    assert (points >= 0).all()
+    assert "a &lt; b &amp; c" in text
+
+
+def test_bars_are_as_long_as_their_numbers() -> None:
+    root = ElementTree.fromstring(svg([Bars("a & b", "mm", [("one", 2.0), ("two", -1.0), ("none", float("nan"))])]))
+    bars = root.findall(f".//{SVG}rect[@fill='{PALETTE[0]}']")
+    one, two, none = (float(bar.get("width") or "") for bar in bars)
+    assert one == pytest.approx(2.0 * two, abs=0.2)
+    assert none == 0.0
+    start_one, start_two = (float(bar.get("x") or "") for bar in bars[:2])
+    assert start_two + two == pytest.approx(start_one, abs=0.2), "the negative bar ends where the positive begins"
+
+
+def test_no_two_colours_look_alike_without_red_or_green() -> None:
+    """Okabe and Ito's colours keep apart in lightness or blue where red and green are one (deuteranopia)."""
+    rgb = np.array([[int(colour[k : k + 2], 16) for k in (1, 3, 5)] for colour in PALETTE]) / 255.0
+    linear = np.where(rgb > 0.04045, ((rgb + 0.055) / 1.055) ** 2.4, rgb / 12.92)
+    # Machado, Oliveira and Fernandes (2009), severity 1.0.
+    seen = linear @ np.array([[0.367, 0.861, -0.228], [0.280, 0.673, 0.047], [-0.012, 0.043, 0.969]]).T
+    seen = np.clip(seen, 0.0, 1.0) ** (1 / 2.2)
+    apart = np.linalg.norm(seen[:, None] - seen[None], axis=2)[np.triu_indices(len(PALETTE), 1)]
+    assert apart.min() > 0.15

@@ -1,0 +1,110 @@
+"""Every kind of job does its work in the sandbox that the registry gives it, in a real child of the worker's pool."""
+
+import asyncio
+import stat
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from stridelab.schemas.jobs import SimulateRecordingInput
+from stridelab.schemas.population import PersonFields
+from stridelab.schemas.receding import PlanRecedingInput
+from stridelab.schemas.sweeps import SweepInput
+from stridelab.schemas.tasks import (
+    CompareEstimatorsTask,
+    FitCycloidTask,
+    PlanRecedingTask,
+    PopulationMember,
+    SimulateRecordingTask,
+    StudyPopulationTask,
+    SweepTask,
+)
+from stridelab.service.kinds.registry import COMPUTING, KINDS
+from stridelab.service.processes.pool import IsolatedOutcome, IsolatedPool
+from support.command_line import SAMPLE, estimate_task
+from support.robots.contact_terrains import box
+from support.robots.contact_terrains import task as contacts
+from support.robots.plan_runs import plan_task, short_walk
+
+TRIAL = SAMPLE / "recording.c3d"
+
+
+def compared(folder: Path) -> Any:
+    staged = estimate_task(TRIAL, folder)
+    return CompareEstimatorsTask.model_validate(staged.model_dump())
+
+
+def fitted(folder: Path) -> Any:
+    return FitCycloidTask.model_validate(estimate_task(TRIAL, folder).model_dump())
+
+
+def studied(folder: Path) -> Any:
+    members = []
+    for name in ("a", "b"):
+        task = FitCycloidTask.model_validate(estimate_task(TRIAL, folder / name).model_dump())
+        members.append(PopulationMember(recording_id=name, folder=name, task=task, person=PersonFields(subject=name)))
+    return StudyPopulationTask(members=members)
+
+
+def swept(_folder: Path) -> Any:
+    scenario, vary = short_walk(), {"stride": (0.5, 0.6, 2)}
+    asked = SweepInput(scenario=scenario, vary=vary, solver="ipopt", node_rate_hz=5.0)
+    return SweepTask(scenario=scenario, input=asked)
+
+
+def receding(_folder: Path) -> Any:
+    return PlanRecedingTask(scenario=short_walk(), input=PlanRecedingInput(scenario=short_walk()))
+
+
+STAGED: dict[str, Callable[[Path], Any]] = {
+    "estimate-com": lambda folder: estimate_task(TRIAL, folder, method="complementary"),
+    "compare-estimators": compared,
+    "fit-cycloid": fitted,
+    "study-population": studied,
+    "simulate-recording": lambda _: SimulateRecordingTask(input=SimulateRecordingInput(duration_s=2.0)),
+    "plan-contacts": lambda _: {"input": contacts([box("floor", (-1.0, 2.0), 0.0)], 0.8, 0.0)},
+    "plan-motion": lambda _: plan_task(film="gif"),
+    "plan-receding": receding,
+    "sweep": swept,
+    "learn-reachability": lambda _: {"input": {"robot": "talos", "samples": 8000, "effectors": ["left_foot"]}},
+}
+FILMER = """#!/bin/sh
+wc -c > "$TMPDIR/bytes"
+for path; do :; done
+echo film > "$path"
+"""
+
+
+@pytest.mark.parametrize("name", sorted(STAGED))
+def test_it_does_its_work_confined(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    programs, folder = tmp_path / "programs", tmp_path / "work"
+    programs.mkdir()
+    folder.mkdir()
+    filmer = programs / "ffmpeg"
+    filmer.write_text(FILMER)
+    filmer.chmod(filmer.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("PATH", f"{programs}:/usr/bin:/bin")
+    monkeypatch.chdir(tmp_path)  # no place to read or to write from
+    kind, staged = KINDS[name], STAGED[name](folder)
+    task = staged if isinstance(staged, dict) else staged.model_dump(mode="json")
+
+    async def run() -> IsolatedOutcome:
+        preload = [module for module in COMPUTING if module == kind.run.partition(":")[0]]
+        async with IsolatedPool(preload) as pool:
+            limits: dict[str, Any] = {"timeout_s": 300.0, "memory_mb": kind.memory_mb or 3072}
+            return await pool.run(kind.run, task, folder, **limits, yields=False, sandbox=kind.sandbox)
+
+    outcome = asyncio.run(run())
+    assert outcome.state == "ok", (outcome.problem, outcome.log_tail)
+    assert "problem" not in outcome.value, outcome.value["problem"]
+    artifacts = [item["name"] for item in outcome.value["artifacts"]]
+    assert artifacts
+    assert all((folder / item).stat().st_size > 0 for item in artifacts)
+    if name == "plan-motion":
+        assert {"motion.gif", "motion.viser"} <= set(artifacts)
+
+
+def test_every_kind_but_that_without_a_sandbox_is_looked_at() -> None:
+    assert set(STAGED) == {name for name, kind in KINDS.items() if kind.sandbox is not None}

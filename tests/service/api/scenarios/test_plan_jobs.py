@@ -1,0 +1,186 @@
+"""Jobs of the robot wing: which scenario they belong to, and what is refused before they are accepted."""
+
+import io
+import json
+import zipfile
+
+import httpx
+import pytest
+
+from stridelab.service.api.scenarios.examples import ONE_STEP, STANDING, STANDING_AHEAD
+from stridelab.service.samples import scenarios
+from support.robots.scenario_bodies import add_scenario, one_step, with_contact
+from support.service.answers import places, refusal
+from support.service.stored_rows import start_job, succeed
+from support.service.web_server import Served
+
+JOBS = "/api/v1/jobs"
+PLAN = f"{JOBS}/plan-motion"
+CONTACTS = {"robot": "talos", "terrain": ONE_STEP["terrain"], "start": STANDING, "goal": STANDING_AHEAD}
+
+
+@pytest.fixture
+def scenario_id(service: Served) -> str:
+    return service.run(add_scenario(service.parts))
+
+
+def test_a_plan_belongs_to_its_scenario(http: httpx.Client, service: Served, scenario_id: str) -> None:
+    first = http.post(PLAN, json={"scenario_id": scenario_id})
+    assert first.status_code == 202, first.text
+    assert (first.json()["scenario_id"], first.json()["recording_id"]) == (scenario_id, None)
+    second = http.post(PLAN, json={"scenario_id": scenario_id, "whole_body": False}).json()
+    other = http.post(PLAN, json={"scenario_id": service.run(add_scenario(service.parts))}).json()
+
+    def listed(**params: str) -> list[str]:
+        return [item["id"] for item in http.get(JOBS, params=params).json()["items"]]
+
+    assert listed(scenario_id=scenario_id) == [second["id"], first.json()["id"]]
+    assert listed(scenario_id=other["scenario_id"]) == [other["id"]]
+    assert listed(scenario_id=scenario_id, kind="estimate-com") == []
+    assert listed(scenario_id="nope") == []
+    assert refusal(http.get(JOBS, params={"scenario_id": "a\x00"})) == (422, "invalid-request")
+
+    assert http.delete(f"/api/v1/scenarios/{scenario_id}").status_code == 204
+    kept = http.get(f"{JOBS}/{second['id']}").json()
+    assert (kept["state"], kept["scenario_id"]) == ("queued", None)
+
+
+def test_a_whole_scenario_belongs_to_none(http: httpx.Client) -> None:
+    made = http.post(PLAN, json={"scenario": one_step()})
+    assert made.status_code == 202, made.text
+    assert made.json()["scenario_id"] is None
+
+
+@pytest.mark.parametrize("identifier", ["f" * 32, "nope", "a b", "\n", "", "x" * 65, "'; DROP TABLE scenario; --"])
+def test_an_unknown_scenario_is_refused_at_once(http: httpx.Client, identifier: str) -> None:
+    assert refusal(http.post(PLAN, json={"scenario_id": identifier})) == (404, "scenario-not-found")
+
+
+def test_an_unknown_scenario_is_not_taken_for_a_recording(http: httpx.Client) -> None:
+    answer = http.post(f"{JOBS}/estimate-com", json={"recording_id": "scenario_id"})
+    assert refusal(answer) == (404, "recording-not-found")
+
+
+def test_a_scenario_that_the_robot_cannot_do_is_refused_before_any_solver(http: httpx.Client) -> None:
+    before = http.get(JOBS, params={"kind": "plan-motion"}).json()
+    answer = http.post(PLAN, json={"scenario": with_contact(0, 1, position_m=[0.0, -0.09, 0.3])})
+    assert refusal(answer) == (422, "scenario-invalid")
+    assert any(place.startswith("phases[0].contacts[right_foot]") for place in places(answer))
+    assert "right_foot" in answer.json()["detail"]
+    assert http.get(JOBS, params={"kind": "plan-motion"}).json() == before
+
+
+@pytest.mark.parametrize(
+    ("kind", "body", "where"),
+    [
+        ("plan-motion", {}, "body"),
+        ("plan-motion", {"scenario_id": "flat-walk", "scenario": one_step()}, "body"),
+        ("plan-motion", {"scenario_id": "flat-walk", "whole_body": False, "replay": True}, "body"),
+        ("plan-motion", {"scenario_id": 7}, "scenario_id"),
+        ("plan-motion", {"scenario_id": "flat-walk", "solver": "magic"}, "solver"),
+        ("plan-motion", {"scenario": {**one_step(), "friction": "-1"}}, "scenario.friction"),
+        ("plan-motion", {"scenario_id": "flat-walk", "measure": "gaussian"}, "measure"),
+        ("plan-motion", {"scenario_id": "flat-walk", "free_durations": True, "solver": "fatrop"}, "free_durations"),
+        ("plan-motion", {"scenario_id": "flat-walk", "duration_range": [1.2, 1.4]}, "duration_range.0"),
+        ("plan-motion", {"scenario_id": "flat-walk", "shape": "cubic", "formulation": "wrench"}, "shape"),
+        ("plan-motion", {"scenario_id": "flat-walk", "time_limit_s": 0}, "time_limit_s"),
+        ("plan-motion", {"scenario_id": "flat-walk", "weights": {"likelihood": -1.0}}, "weights"),
+        ("learn-reachability", {"robot": "nao"}, "robot"),
+        ("plan-receding", {}, "body"),
+        ("plan-receding", {"scenario_id": "flat-walk", "period_s": 0.9, "horizon_s": 0.8}, "body"),
+        ("plan-receding", {"scenario_id": "flat-walk", "horizon_s": 60.0}, "horizon_s"),
+        ("plan-receding", {"scenario_id": "flat-walk", "pushes": [{"time_s": 1.0}]}, "pushes.0.velocity_m_s"),
+        ("plan-contacts", {**CONTACTS, "robot": "nao"}, "robot"),
+        ("plan-contacts", {**CONTACTS, "terrain": []}, "terrain"),
+        ("plan-contacts", {**CONTACTS, "goal": {"contacts": []}}, "goal.contacts"),
+        ("plan-contacts", {**CONTACTS, "friction": None}, "friction"),
+        ("learn-reachability", {"robot": "../talos"}, "robot"),
+        ("learn-reachability", {"robot": "talos", "effectors": ["left_foot", "tail"]}, "effectors.1"),
+        ("learn-reachability", {"robot": "talos", "effectors": []}, "effectors"),
+        ("learn-reachability", {"robot": "talos", "samples": 10**9}, "samples"),
+        ("learn-reachability", {"robot": "talos", "measure": "../uniform"}, "measure"),
+    ],
+)
+def test_an_invalid_input_is_named(http: httpx.Client, kind: str, body: object, where: str) -> None:
+    answer = http.post(f"{JOBS}/{kind}", json=body)
+    assert refusal(answer) == (422, "invalid-request")
+    assert places(answer) == [where]
+
+
+@pytest.mark.parametrize("duration_s", [0.0, -0.4, 1e-3, 1e4])
+@pytest.mark.parametrize("kind", ["plan-motion", "plan-receding"])
+def test_a_phase_that_takes_no_time_is_named_and_is_no_job(http: httpx.Client, kind: str, duration_s: float) -> None:
+    before = http.get(JOBS, params={"kind": kind}).json()
+    body = one_step()
+    body["phases"][1] = {**body["phases"][1], "duration_s": duration_s}
+    answer = http.post(f"{JOBS}/{kind}", json={"scenario": body})
+    assert refusal(answer) == (422, "scenario-invalid")
+    assert "phases[1].duration_s" in places(answer)
+    assert http.get(JOBS, params={"kind": kind}).json() == before
+
+
+def test_contacts_are_planned_without_a_stored_scenario(http: httpx.Client) -> None:
+    answer = http.post(f"{JOBS}/plan-contacts", json=CONTACTS)
+    assert answer.status_code == 202, answer.text
+    assert (answer.json()["kind"], answer.json()["scenario_id"]) == ("plan-contacts", None)
+
+
+def stance(effector: str = "right_foot", **change: object) -> dict[str, object]:
+    """The start with one contact changed."""
+    contacts = [{**c, **(change if c["effector"] == effector else {})} for c in STANDING["contacts"]]
+    return {"contacts": contacts}
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
+@pytest.mark.parametrize(
+    ("wrong", "where", "word"),
+    [
+        (stance(position_m=[0.0, -0.09, 0.3]), ".contacts[right_foot]", "above"),
+        (stance(position_m=[0.0, -0.09, -0.1]), ".contacts[right_foot]", ""),
+        (stance(position_m=[0.0, 0.09, 0.0]), ".contacts[right_foot]", "left_foot"),
+        (stance(effector="left_foot", position_m=[0.0, 9.0, 0.0]), ".contacts[left_foot]", ""),
+        (stance(effector="right_foot", orientation_wxyz=[0.0, 0.0, 0.0, 0.0]), ".contacts[right_foot]", "zero"),
+        ({"contacts": [*STANDING["contacts"], STANDING["contacts"][0]]}, ".contacts[left_foot]", "twice"),
+        ({"contacts": STANDING["contacts"][:1]}, ".contacts", "right_foot must stand"),
+    ],
+)
+def test_ends_that_the_robot_cannot_hold_are_no_job(
+    http: httpx.Client, end: str, wrong: dict[str, object], where: str, word: str
+) -> None:
+    before = http.get(JOBS, params={"kind": "plan-contacts"}).json()
+    answer = http.post(f"{JOBS}/plan-contacts", json={**CONTACTS, end: wrong})
+    assert refusal(answer) == (422, "stance-invalid")
+    assert answer.headers["content-type"] == "application/problem+json"
+    assert f"{end}{where}" in places(answer)
+    assert any(word in fault["message"] for fault in answer.json()["errors"])
+    assert end in answer.json()["detail"]
+    assert http.get(JOBS, params={"kind": "plan-contacts"}).json() == before
+
+
+@pytest.mark.parametrize("end", ["start", "goal"])
+def test_a_friction_that_holds_nothing_names_the_end(http: httpx.Client, end: str) -> None:
+    terrain = [{**surface, "friction": 0.0} for surface in ONE_STEP["terrain"]]
+    for change in ({"friction": -0.5}, {"terrain": terrain}):
+        answer = http.post(f"{JOBS}/plan-contacts", json={**CONTACTS, **change})
+        assert refusal(answer) == (422, "stance-invalid")
+        assert f"{end}.contacts[left_foot]" in places(answer)
+
+
+def test_reachability_is_learned_for_a_known_robot(http: httpx.Client) -> None:
+    answer = http.post(f"{JOBS}/learn-reachability", json={"robot": "talos", "effectors": ["left_foot"]})
+    assert answer.status_code == 202, answer.text
+    assert (answer.json()["scenario_id"], answer.json()["recording_id"]) == (None, None)
+
+
+def test_the_bundle_of_a_plan_holds_its_scenario_as_it_was(http: httpx.Client, service: Served) -> None:
+    service.run(scenarios.seed(service.parts.engine))
+    job_id = http.post(PLAN, json={"scenario_id": scenarios.EXAMPLE_ID}).json()["id"]
+    attempt = service.run(start_job(service.parts, job_id))
+    planned = json.dumps(one_step()).encode()
+    files = [("scenario.json", "application/json", planned), ("poses.f32", "application/octet-stream", b"\0" * 28)]
+    service.run(succeed(service.parts, attempt, files))
+    bundle = http.get(f"{JOBS}/{job_id}/bundle.zip")
+    with zipfile.ZipFile(io.BytesIO(bundle.content)) as archive:
+        assert archive.read("artifacts/scenario.json") == planned
+        assert json.loads(archive.read("input.json")) == {"scenario_id": scenarios.EXAMPLE_ID}
+        assert not any(name.startswith("input/") for name in archive.namelist())

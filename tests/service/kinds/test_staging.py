@@ -1,0 +1,267 @@
+"""Rows and blobs become a task; a finished simulation becomes a recording. On a real database and a real store."""
+
+import hashlib
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import insert, select
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
+
+from stridelab.errors import NotFound
+from stridelab.schemas.comparison import CompareEstimatorsInput
+from stridelab.schemas.cycloid import FitCycloidInput
+from stridelab.schemas.jobs import EstimateComInput, SimulateRecordingInput
+from stridelab.schemas.plans import LearnReachabilityInput, PlanContactsInput, PlanMotionInput
+from stridelab.schemas.receding import PlanRecedingInput
+from stridelab.schemas.recordings import RecordingFacts, SubjectFields
+from stridelab.schemas.tasks import (
+    CompareEstimatorsTask,
+    EstimateComTask,
+    FitCycloidTask,
+    LearnReachabilityTask,
+    PlanContactsTask,
+    PlanMotionTask,
+    PlanRecedingTask,
+    SimulateRecordingTask,
+)
+from stridelab.service.api.scenarios.examples import ONE_STEP, STANDING, STANDING_AHEAD
+from stridelab.service.kinds import staging
+from stridelab.service.storage.blobs import BlobStore
+from stridelab.service.storage.tables import job, recording, scenario, subject
+from support.robots.plan_runs import short_walk
+from support.service import database
+
+FACTS = RecordingFacts(
+    duration_s=1.0,
+    n_frames=100,
+    marker_rate_hz=100.0,
+    force_rate_hz=1000.0,
+    marker_set="isb",
+    n_markers=1,
+    subject=SubjectFields(),
+    plates=[],
+    windows_s=[],
+    up_axis="+z",
+    walking_direction=None,
+    labels=["A"],
+    landmarks={},
+    missing_landmarks=[],
+    warnings=[],
+)
+
+
+@pytest.fixture
+def blobs(tmp_path: Path) -> BlobStore:
+    return BlobStore.from_url((tmp_path / "blobs").as_uri())
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "task").mkdir()
+    return tmp_path / "task"
+
+
+def within(url: str, act: Callable[[AsyncConnection], Awaitable[Any]]) -> Any:
+    async def in_transaction(engine: AsyncEngine) -> Any:
+        async with engine.begin() as connection:
+            return await act(connection)
+
+    return database.within(url, in_transaction)
+
+
+async def store_recording(connection: AsyncConnection, blobs: BlobStore, source: Path, key: str, **fields: Any) -> None:
+    source.write_bytes(key.encode())
+    await blobs.put_file(f"recordings/{key}/file", source)
+    values: dict[str, Any] = {
+        "id": key,
+        "filename": f"{key}.c3d",
+        "sha256": hashlib.sha256(key.encode()).hexdigest(),
+        "bytes": 1,
+        "blob_key": f"recordings/{key}/file",
+        "tracks_key": f"recordings/{key}/tracks.parquet",
+        "facts": FACTS.model_dump(mode="json"),
+        "subject_fields": {},
+    }
+    await connection.execute(insert(recording).values(values | fields))
+
+
+def test_the_task_holds_files_switches_and_the_stated_subject(
+    database_url: str, blobs: BlobStore, folder: Path, tmp_path: Path
+) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        await connection.execute(
+            insert(subject).values(id="s1", fields={"name": "S1", "height_m": 1.6, "mass_kg": 70.0})
+        )
+        await store_recording(connection, blobs, tmp_path / "a", "still")
+        await store_recording(
+            connection,
+            blobs,
+            tmp_path / "a",
+            "walk",
+            subject_id="s1",
+            subject_fields={"height_m": 1.71, "mass_kg": None},
+            static_recording_id="still",
+            marker_map={"l_asis": "X"},
+            plate_switches={"2": {"use": False}},
+        )
+        asked = EstimateComInput(recording_id="walk", latency="apply")
+        return await staging.stage_estimate_com(connection, blobs, asked, folder)
+
+    task = EstimateComTask.model_validate(within(database_url, act))
+    assert (folder / task.recording.file).read_bytes() == b"walk"
+    assert task.static is not None
+    assert (folder / task.static.file).read_bytes() == b"still"
+    assert task.recording.filename == "walk.c3d"
+    assert task.recording.subject == SubjectFields(name="S1", height_m=1.71, mass_kg=70.0)
+    assert task.recording.marker_map == {"l_asis": "X"}
+    assert task.recording.plates[2].use is False
+    assert task.input.latency == "apply"
+
+
+def test_a_recording_deleted_meanwhile_is_named(database_url: str, blobs: BlobStore, folder: Path) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        return await staging.stage_estimate_com(connection, blobs, EstimateComInput(recording_id="gone"), folder)
+
+    with pytest.raises(NotFound) as refusal:
+        within(database_url, act)
+    assert refusal.value.code == "recording-not-found"
+
+
+def test_a_simulation_becomes_a_recording_once_however_often_it_is_tried(
+    database_url: str, blobs: BlobStore, folder: Path, tmp_path: Path
+) -> None:
+    (folder / "recording.c3d").write_bytes(b"c3d")
+    (folder / "tracks.parquet").write_bytes(b"tracks")
+    (folder / staging.FACTS_FILE).write_text(FACTS.model_dump_json())
+    asked = SimulateRecordingInput(seed=7)
+    outcome = {"summary": {"speed_m_s": 1.2, "n_steps": 4}, "references": [], "artifacts": []}
+    job_row = {"id": "j1", "owner": "lab", "input": asked.model_dump(mode="json")}
+
+    async def lost(connection: AsyncConnection) -> None:
+        await connection.execute(insert(job).values(id="j1", kind="simulate-recording", input={}, input_hash="h"))
+        await staging.publish_simulated_recording(connection, blobs, job_row, outcome, folder)
+        raise ConnectionError("the worker died before the commit")
+
+    async def act(connection: AsyncConnection) -> Any:
+        staged = await staging.stage_input(connection, blobs, asked, folder)
+        assert SimulateRecordingTask.model_validate(staged).input == asked
+        await connection.execute(insert(job).values(id="j1", kind="simulate-recording", input={}, input_hash="h"))
+        summary = await staging.publish_simulated_recording(connection, blobs, job_row, outcome, folder)
+        stored = (await connection.execute(select(recording))).mappings().all()
+        for key in ("blob_key", "tracks_key"):
+            await blobs.get_file(stored[0][key], tmp_path / key)
+        keys = [info.key async for info in blobs.list_prefix("recordings")]
+        return summary, [dict(row) for row in stored], keys
+
+    with pytest.raises(ConnectionError):
+        within(database_url, lost)
+    summary, stored, keys = within(database_url, act)
+    assert len(stored) == 1
+    assert len(keys) == 2, "the attempt that was lost leaves no file behind that nobody owns"
+    assert summary == {"speed_m_s": 1.2, "n_steps": 4, "recording_id": stored[0]["id"]}
+    assert stored[0]["truth_job_id"] == "j1"
+    assert stored[0]["owner"] == "lab"
+    assert stored[0]["bytes"] == 3
+    assert stored[0]["sha256"] == hashlib.sha256(b"c3d").hexdigest()
+    assert RecordingFacts.model_validate(stored[0]["facts"]) == FACTS
+    assert (tmp_path / "blob_key").read_bytes() == b"c3d"
+    assert (tmp_path / "tracks_key").read_bytes() == b"tracks"
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_comparison_gets_the_truth_of_a_recording_that_has_one(
+    database_url: str, blobs: BlobStore, folder: Path, tmp_path: Path, known: bool
+) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        await connection.execute(
+            insert(job).values(id="j1", kind="simulate-recording", input={}, input_hash="h", blob_prefix="results/j1/1")
+        )
+        (tmp_path / "truth").write_bytes(b"truth")
+        await blobs.put_file("results/j1/1/truth.parquet", tmp_path / "truth")
+        await store_recording(connection, blobs, tmp_path / "a", "walk", truth_job_id="j1" if known else None)
+        asked = CompareEstimatorsInput(recording_id="walk", latency="apply")
+        return await staging.stage_compare_estimators(connection, blobs, asked, folder)
+
+    task = CompareEstimatorsTask.model_validate(within(database_url, act))
+    assert task.input.latency == "apply"
+    assert (folder / task.recording.file).read_bytes() == b"walk"
+    if known:
+        assert task.truth is not None
+        assert (folder / task.truth).read_bytes() == b"truth"
+    else:
+        assert task.truth is None
+
+
+def test_the_wheel_s_fit_gets_the_recording_and_its_own_options(
+    database_url: str, blobs: BlobStore, folder: Path, tmp_path: Path
+) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        await store_recording(connection, blobs, tmp_path / "a", "walk")
+        asked = FitCycloidInput(recording_id="walk", steps="all", latency=0.01)
+        return await staging.stage_fit_cycloid(connection, blobs, asked, folder)
+
+    task = FitCycloidTask.model_validate(within(database_url, act))
+    assert (task.input.steps, task.input.latency) == ("all", 0.01)
+    assert (folder / task.recording.file).read_bytes() == b"walk"
+
+
+def test_a_stored_scenario_becomes_part_of_the_task(database_url: str, blobs: BlobStore, folder: Path) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        await connection.execute(insert(scenario).values(id="s1", body=short_walk().model_dump(mode="json")))
+        return await staging.stage_plan_motion(
+            connection, blobs, PlanMotionInput(scenario_id="s1", replay=True), folder
+        )
+
+    task = PlanMotionTask.model_validate(within(database_url, act))
+    assert task.scenario == short_walk()
+    assert task.input.replay
+
+
+def test_a_scenario_in_the_input_needs_no_row(database_url: str, blobs: BlobStore, folder: Path) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        return await staging.stage_plan_motion(connection, blobs, PlanMotionInput(scenario=short_walk()), folder)
+
+    assert PlanMotionTask.model_validate(within(database_url, act)).scenario == short_walk()
+
+
+def test_a_scenario_deleted_meanwhile_is_named(database_url: str, blobs: BlobStore, folder: Path) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        return await staging.stage_plan_motion(connection, blobs, PlanMotionInput(scenario_id="gone"), folder)
+
+    with pytest.raises(NotFound) as refusal:
+        within(database_url, act)
+    assert refusal.value.code == "scenario-not-found"
+    assert [fault.where for fault in refusal.value.faults] == ["scenario_id"]
+
+
+def test_a_receding_horizon_takes_the_scenario_as_it_is_now(database_url: str, blobs: BlobStore, folder: Path) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        return await staging.stage_plan_receding(connection, blobs, PlanRecedingInput(scenario=short_walk()), folder)
+
+    assert PlanRecedingTask.model_validate(within(database_url, act)).scenario == short_walk()
+
+
+def test_planning_contacts_stages_nothing(database_url: str, blobs: BlobStore, folder: Path) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        asked = PlanContactsInput(robot="talos", terrain=ONE_STEP["terrain"], start=STANDING, goal=STANDING_AHEAD)
+        return await staging.stage_input(connection, blobs, asked, folder)
+
+    assert PlanContactsTask.model_validate(within(database_url, act)).input.goal.contacts[0].position_m[0] == 0.5
+    assert list(folder.iterdir()) == []
+
+
+def test_learning_stages_nothing(database_url: str, blobs: BlobStore, folder: Path) -> None:
+    async def act(connection: AsyncConnection) -> Any:
+        asked = LearnReachabilityInput(robot="talos", samples=500)
+        return await staging.stage_input(connection, blobs, asked, folder)
+
+    assert LearnReachabilityTask.model_validate(within(database_url, act)).input.samples == 500
+    assert list(folder.iterdir()) == []
+
+
+def test_the_recordings_own_statement_wins_over_the_linked_subject() -> None:
+    stated = staging.stated_subject({"sex": "male", "height_m": None}, {"height_m": 1.8, "sex": "female"})
+    assert stated == SubjectFields(sex="male", height_m=1.8)
+    assert staging.stated_subject({}, None) == SubjectFields()

@@ -1,0 +1,89 @@
+"""One process per item: what crashes, hangs or refuses costs itself alone."""
+
+import os
+import time
+
+import psutil
+import pytest
+
+from stridelab.errors import NotEstimable, StridelabError
+from stridelab.service.processes.isolated_map import each_apart
+from support.service.isolated_work import behave
+
+
+def done(*hows: str, timeout_s: float = 30.0) -> dict[int, object]:
+    items = [{"how": how, "n": n} for n, how in enumerate(hows)]
+    return dict(each_apart(behave, items, preload=["support.service.isolated_work"], timeout_s=timeout_s))
+
+
+def test_every_item_has_a_process_of_its_own() -> None:
+    found = done("work", "work", "work", "work", "work")
+    answers = [found[n] for n in range(5)]
+    assert [a["twice"] for a in answers if isinstance(a, dict)] == [0, 2, 4, 6, 8]
+    pids = {a["pid"] for a in answers if isinstance(a, dict)}
+    assert len(pids) == 5
+    assert os.getpid() not in pids
+
+
+def test_what_goes_wrong_costs_its_item_alone() -> None:
+    found = done("crash", "work", "exit", "hang", "refuse", "break", "large", timeout_s=3.0)
+    assert len(found) == 7
+    codes = {n: e.code for n, e in found.items() if isinstance(e, StridelabError)}
+    assert codes == {
+        0: "computation-crashed",
+        2: "computation-crashed",
+        3: "computation-timed-out",
+        4: "no-step",
+        5: "computation-crashed",
+    }
+    refusal = found[4]
+    assert isinstance(refusal, NotEstimable)
+    assert refusal.faults[0].where == "walk.c3d"
+    large = found[6]
+    assert isinstance(large, dict)
+    assert len(large["text"]) == 3_000_000
+
+
+def test_whoever_stops_listening_leaves_no_process_behind() -> None:
+    answers = each_apart(
+        behave, [{"how": h, "n": 1} for h in ("work", "hang", "hang")], preload=["support.service.isolated_work"]
+    )
+    next(answers)
+    answers.close()  # type: ignore[attr-defined]
+    until = time.monotonic() + 10
+    while sleeping() and time.monotonic() < until:
+        time.sleep(0.05)
+    assert sleeping() == 0
+
+
+def sleeping() -> int:
+    """Processes forked by the server of ``each_apart``; others of this run have children of their own."""
+    servers = [
+        child for child in psutil.Process().children() if "multiprocessing.forkserver" in " ".join(child.cmdline())
+    ]
+    assert servers
+    return sum(len(server.children()) for server in servers)
+
+
+def test_no_items_give_no_answers() -> None:
+    assert done() == {}
+
+
+@pytest.mark.parametrize("processes", [1, 3])
+def test_any_number_at_a_time(processes: int) -> None:
+    items = [{"how": "work", "n": n} for n in range(4)]
+    found = dict(each_apart(behave, items, preload=["support.service.isolated_work"], processes=processes))
+    assert sorted(found) == [0, 1, 2, 3]
+
+
+def test_no_more_at_a_time_than_cores_that_may_be_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A machine of 64 cores, two of them ours: of six processes that are asked for, two run at a time."""
+    monkeypatch.setattr(os, "cpu_count", lambda: 64)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _pid: {0, 1})
+    items = [{"how": "interval", "n": n} for n in range(6)]
+    answers = [
+        answer for _, answer in each_apart(behave, items, preload=["support.service.isolated_work"], processes=6)
+    ]
+    intervals_s = [answer["interval_s"] for answer in answers if isinstance(answer, dict)]
+    assert len(intervals_s) == 6
+    assert max(sum(a <= began <= b for a, b in intervals_s) for began, _ in intervals_s) <= 2

@@ -1,0 +1,43 @@
+"""How computations yield: to other processes of their session, and as a session to others."""
+
+import subprocess
+import sys
+from pathlib import Path
+from unittest import mock
+
+from stridelab.service.processes import priority
+
+ASK = """
+import os
+from stridelab.service.processes.priority import yield_processor
+yield_processor()
+print(os.nice(0))
+"""
+
+
+def test_a_process_and_its_session_are_nicer() -> None:
+    group = Path("/proc/self/autogroup")
+    shown = f"{ASK}print(open({str(group)!r}).read())" if group.exists() else ASK
+    asked = subprocess.run(
+        [sys.executable, "-c", f"import os; os.nice(-os.nice(0)) if os.geteuid() == 0 else None\n{shown}"],
+        start_new_session=True,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    nice, *session = asked.stdout.split("\n", 1)
+    assert int(nice) >= priority.NICENESS
+    assert not group.exists() or f"nice {priority.NICENESS}" in session[0]
+
+
+def test_a_kernel_that_is_asked_too_often_is_asked_again_and_then_no_more() -> None:
+    group, refused = mock.Mock(spec=Path), BlockingIOError()
+    with mock.patch.object(priority.time, "sleep") as slept:
+        group.write_text.side_effect = [refused, refused, 2]
+        priority.yield_session(group=group)
+        assert [call.args[0] for call in slept.call_args_list] == [0.05, 0.1]
+        group.write_text.side_effect = refused
+        priority.yield_session(group=group)
+        group.write_text.side_effect = FileNotFoundError()
+        priority.yield_session(group=group)
+    assert group.write_text.call_count == 3 + 4 + 1

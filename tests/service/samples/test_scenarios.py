@@ -1,0 +1,122 @@
+"""The scenarios that come with the program get into a service once, follow their files, and leave users' ones alone."""
+
+import asyncio
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from sqlalchemy import insert, select, update
+from sqlalchemy.ext.asyncio import AsyncEngine
+
+from stridelab.service.api.app import create_app
+from stridelab.service.api.scenarios.examples import ONE_STEP
+from stridelab.service.samples import scenarios
+from stridelab.service.settings import Settings
+from stridelab.service.storage.tables import scenario
+from support.service.database import within
+
+
+async def rows(engine: AsyncEngine) -> dict[str, dict[str, Any]]:
+    async with engine.connect() as connection:
+        found = (await connection.execute(select(scenario))).mappings().all()
+    return {row["id"]: dict(row) for row in found}
+
+
+def write(folder: Path, stem: str, **changes: Any) -> None:
+    (folder / f"{stem}.json").write_text(json.dumps({**ONE_STEP, **changes}), encoding="utf-8")
+
+
+def test_seeding_at_once_and_again_leaves_every_file_once(database_url: str) -> None:
+    async def act(engine: AsyncEngine) -> Any:
+        at_once = await asyncio.gather(*(scenarios.seed(engine) for _ in range(4)))
+        first = await rows(engine)
+        return at_once, first, await scenarios.seed(engine), await rows(engine)
+
+    at_once, first, again, second = within(database_url, act)
+    assert sorted(at_once) == [False, False, False, True]
+    assert again is False
+    assert first == second
+    files = {file.stem for file in scenarios.scenarios_folder().glob("*.json")}
+    assert first.keys() == files
+    assert scenarios.EXAMPLE_ID in files
+    assert all(row["bundled"] and row["owner"] is None for row in first.values())
+
+
+def test_a_service_has_them_from_the_start(database_url: str, tmp_path: Path) -> None:
+    app = create_app(Settings(database_url=database_url, data_dir=tmp_path), with_sample=True)
+
+    async def act(engine: AsyncEngine) -> Any:
+        async with app.router.lifespan_context(app):
+            return await rows(engine)
+
+    assert within(database_url, act).keys() == scenarios.shipped().keys()
+
+
+def test_rows_follow_their_files(database_url: str, tmp_path: Path) -> None:
+    write(tmp_path, "stays")
+    write(tmp_path, "changes", name="before")
+    write(tmp_path, "goes")
+
+    async def act(engine: AsyncEngine) -> Any:
+        assert await scenarios.seed(engine, tmp_path)
+        before = await rows(engine)
+        write(tmp_path, "changes", name="after")
+        write(tmp_path, "comes")
+        (tmp_path / "goes.json").unlink()
+        assert await scenarios.seed(engine, tmp_path)
+        return before, await rows(engine)
+
+    before, after = within(database_url, act)
+    assert after.keys() == {"stays", "changes", "comes"}
+    assert after["stays"] == before["stays"]
+    assert after["changes"]["body"]["name"] == "after"
+    assert after["changes"]["created_at"] == before["changes"]["created_at"]
+    assert after["changes"]["updated_at"] > before["changes"]["updated_at"]
+
+
+def test_a_damaged_row_is_repaired_and_users_scenarios_stay(database_url: str, tmp_path: Path) -> None:
+    write(tmp_path, "walk")
+    users = scenarios.new_id()
+
+    async def act(engine: AsyncEngine) -> Any:
+        await scenarios.seed(engine, tmp_path)
+        async with engine.begin() as connection:
+            await connection.execute(update(scenario).values(body={"name": "nonsense"}))
+            await connection.execute(insert(scenario).values(id=users, body=ONE_STEP))
+        assert await scenarios.seed(engine, tmp_path)
+        (tmp_path / "walk.json").unlink()
+        kept = await rows(engine)
+        assert await scenarios.seed(engine, tmp_path)
+        return kept, await rows(engine)
+
+    kept, left = within(database_url, act)
+    assert kept["walk"]["body"]["name"] == ONE_STEP["name"]
+    assert left == {users: kept[users]}
+    assert left[users]["bundled"] is False
+
+
+@pytest.mark.parametrize("stem", ["0" * 32, "Walk", "a b", "a_b", "a.b", "-a", "x" * 65, "schön"])
+def test_no_file_can_take_the_id_of_a_users_scenario(tmp_path: Path, stem: str) -> None:
+    write(tmp_path, stem)
+    with pytest.raises(ValueError, match="cannot be the name"):
+        scenarios.shipped(tmp_path)
+
+
+def test_a_users_id_is_never_that_of_a_file() -> None:
+    ids = {scenarios.new_id() for _ in range(100)}
+    assert len(ids) == 100
+    assert all(len(each) == 32 and set(each) <= set("0123456789abcdef") for each in ids)
+
+
+def test_a_damaged_file_is_not_seeded(database_url: str, tmp_path: Path) -> None:
+    (tmp_path / "walk.json").write_text('{"name": "x"}', encoding="utf-8")
+    with pytest.raises(ValueError, match="robot"):
+        within(database_url, lambda engine: scenarios.seed(engine, tmp_path))
+    assert within(database_url, rows) == {}
+
+
+def test_the_robot_of_most_scenarios_comes_first() -> None:
+    named = [body["robot"] for body in scenarios.shipped().values()]
+    assert scenarios.robots()[0] == max(set(named), key=named.count)
+    assert set(scenarios.robots()) == set(named)

@@ -1,0 +1,30 @@
+"""What people may see of the settings: every one of them, and no secret in any."""
+
+from pathlib import Path
+
+from pydantic import SecretStr
+
+from stridelab.service.settings import Settings, shown
+
+
+def test_every_setting_is_there_with_its_meaning() -> None:
+    found = {item.name: item for item in shown(Settings(port=8123, parse_timeout_s=12.5))}
+    assert set(found) == {f"STRIDELAB_{name.upper()}" for name in Settings.model_fields}
+    assert all(item.meaning for item in found.values())
+    assert (found["STRIDELAB_PORT"].value, found["STRIDELAB_PORT"].changed) == ("8123", True)
+    assert found["STRIDELAB_PARSE_TIMEOUT_S"].value == "12.5"
+    assert found["STRIDELAB_MAX_UPLOAD_MB"].changed is False
+
+
+def test_no_secret_and_no_place_of_one_is_shown() -> None:
+    secret = "correct-horse"
+    given = Settings(
+        api_token=SecretStr(secret),
+        api_token_file=Path(f"/etc/{secret}"),
+        database_url=f"postgresql://lab:{secret}@host/name",
+        database_password_file=Path(f"/etc/{secret}"),
+        blob_url=f"s3://{secret}@bucket",
+    )
+    found = shown(given)
+    assert secret not in repr(found)
+    assert sum(item.value == "set, not shown" for item in found) == 5

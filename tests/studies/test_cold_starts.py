@@ -1,0 +1,80 @@
+"""The C++ solver held against a conic solver that knows the constraints alone, which is held against free fall."""
+
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from stridelab.centroidal.native.availability import Missing, availability
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.sequence import ContactPhase
+from stridelab.dynamics.spatial import Placement
+from stridelab.studies.cold_starts import attempt, carried, drawn, hastened, hasty, mirrored, moved, summary
+from support.oracles.conic_feasibility import exists
+from support.robots.centroidal_problems import bundled
+
+needs_native = pytest.mark.skipif(isinstance(availability(), Missing), reason=str(availability()))
+
+
+def test_the_oracle_knows_free_fall() -> None:
+    """Who begins in the air can land; nothing holds a body up in the air at the end."""
+    problem = bundled("flat-walk")
+    assert exists(problem) == "feasible"
+    only_flight = (ContactPhase(0.4, {}), problem.sequence.phases[0])
+    airborne = replace(problem, sequence=replace(problem.sequence, phases=only_flight), com_end_m=problem.com_start_m)
+    assert exists(airborne) == "feasible"
+    end_in_flight = replace(airborne, sequence=replace(airborne.sequence, phases=only_flight[::-1]))
+    assert exists(end_in_flight) == "infeasible"
+
+
+def test_the_oracle_knows_what_friction_allows() -> None:
+    """Cones bound how soon a CoM can be elsewhere."""
+    problem = bundled("long-stride")
+    assert exists(hastened(problem, 2.0)) == "feasible"
+    assert exists(hastened(problem, 20.0)) == "infeasible"
+
+
+def test_twice_mirrored_is_as_before() -> None:
+    sequence = bundled("stairs-with-rail").sequence
+    once, twice = mirrored(sequence), mirrored(mirrored(sequence))
+    assert "right_hand" in sequence.effectors
+    assert "left_hand" in once.effectors
+    for before, after in zip(sequence.phases, twice.phases, strict=True):
+        for name, contact in before.contacts.items():
+            np.testing.assert_allclose(after.contacts[name].placement.rotation, contact.placement.rotation, atol=1e-15)
+            np.testing.assert_allclose(after.contacts[name].placement.position_m, contact.placement.position_m)
+    for phase in once.phases:
+        assert all(np.linalg.det(c.placement.rotation) > 0.0 for c in phase.contacts.values())
+
+
+@needs_native
+def test_cold_starts_end_as_the_oracle_says() -> None:
+    kinds = {"drawn": drawn(6), "hasty": islice(hasty(24), 0, 24, 4), "moved": moved(1)}
+    found = [attempt(kind, name, problem, exists) for kind, of in kinds.items() for name, problem in of]
+    assert [c for c in found if not c.agrees and c.kind != "hasty"] == []
+    assert [c for c in found if c.exists == "unknown"] == []
+    assert all(of["wrong"] == 0 for of in summary(found).values())
+
+
+@needs_native
+def test_what_is_infeasible_is_proved() -> None:
+    found = attempt("hasty", "20 times as fast", hastened(bundled("long-stride"), 20.0), exists)
+    assert (found.exists, found.proved, found.converged) == ("infeasible", True, False)
+    assert found.agrees
+
+
+@needs_native
+def test_a_motion_does_not_know_where_it_is() -> None:
+    """Turned by a right angle and 100 m away the optimum costs the same, to what single contacts' places round to."""
+    problem = hastened(bundled("long-stride"), 1.0)
+    place = Placement.of((60.0, -80.0, 3.0), (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
+    there = replace(
+        problem,
+        sequence=carried(problem.sequence, place),
+        com_start_m=place.act(problem.com_start_m[None])[0],
+        com_end_m=place.act(problem.com_end_m[None])[0],
+    )
+    here_plan, there_plan = solve(problem, "native"), solve(there, "native")
+    assert there_plan.objective == pytest.approx(here_plan.objective, rel=1e-7)
+    np.testing.assert_allclose(there_plan.com_m, place.act(here_plan.com_m), atol=1e-6)

@@ -1,0 +1,73 @@
+"""Figures 4.6 and 4.7, and what is measured on random contact sets."""
+
+import numpy as np
+import pytest
+
+from stridelab.contacts.wrench_cones.support_region import area_m2
+from stridelab.contacts.wrench_cones.wrench_cone import LinearCone
+from stridelab.reproduction.chapter4 import fig_4_6, fig_4_7
+from stridelab.reproduction.registry import ITEMS, reproduce
+from stridelab.studies.cone_validation import check_cones, summary, thesis_cone
+from stridelab.studies.random_contact_sets import stair_sets
+
+
+@pytest.fixture(scope="module")
+def sets():
+    return stair_sets("hrp2")
+
+
+def test_sections_of_smaller_cones_lie_in_those_of_larger_ones(sets) -> None:
+    """Smaller alphas lie in larger ones; all of ours in the pyramids; areas are those of the ellipses."""
+    for contacts in sets.values():
+        found = fig_4_7.sections(contacts)
+        areas = [area_m2(found[f"alpha {alpha:g}"]) for alpha in (1.0, 0.5, 0.3, 0.2)]
+        assert areas == sorted(areas, reverse=True)
+        assert area_m2(found["alpha 0.3"]) < area_m2(found["largest"]) < area_m2(found["4 rays"]) * 1.1
+        assert fig_4_7._share_inside(found["largest"], found["circular"]) == 1.0
+        assert fig_4_7._share_inside(found["4 rays"], found["circular"]) > 0.5
+
+
+def test_a_sole_on_the_floor_accelerates_as_far_as_its_edge(sets) -> None:
+    """Two feet far apart below a low CoM are limited by friction: |c''| <= mu g; the section's corners show it."""
+    circular = fig_4_7.sections(sets["2 contacts"])["circular"]
+    assert np.hypot(*circular.T).max() <= 0.5 * 9.81 * 1.01
+
+
+def test_the_table_of_alphas(sets) -> None:
+    rows = [fig_4_6.measured(name, contacts) for name, contacts in sets.items()]
+    for row in rows:
+        assert 0.2 < row.alpha_max < 0.45
+        assert row.kept_02 < row.kept_03 < row.kept_ours < 1.0
+        assert row.kept_03 == pytest.approx(row.kept_02 * 1.5**5, rel=0.3)
+        assert row.excess_of_true > 0.0
+        assert 0.0 < row.true_rays_outside < 1.0
+        assert row.kept_ours > 2.5 * row.kept_03
+    columns = fig_4_6.table(rows)
+    assert list(columns["contacts"]) == ["2 contacts", "3 contacts", "4 contacts"]
+
+
+@pytest.mark.parametrize(("robot", "alphas"), [("hrp2", (0.319, 0.280, 0.296)), ("talos", (0.316, 0.283, 0.278))])
+def test_which_alpha_is_safe_on_the_stair(robot: str, alphas: tuple[float, ...]) -> None:
+    """As docs/theory/wrench-cones.md says: a fifth is, 0.3 for two feet only."""
+    found = [LinearCone.of(c, 4).alpha_max(thesis_cone(c)) for c in stair_sets(robot).values()]
+    assert found == pytest.approx(list(alphas), abs=0.001)
+
+
+def test_promises_on_random_sets() -> None:
+    found = summary(check_cones(12, 6, seed=1))
+    assert found["sets"] == 12
+    assert found["facets_violated"] == found["points_outside"] == 0
+    assert found["largest_change"] < 1e-6
+    assert found["median_kept_over_thesis"] > 2.0
+    assert found["least_alpha_max"] < 0.2
+
+
+def test_figure_4_7_is_an_item_with_claims_that_are_checked() -> None:
+    told: list[float] = []
+    found = reproduce("fig-4.7", 1, lambda fraction, _: told.append(fraction))
+    assert told[-1] == 1.0
+    verdicts = {claim.key: claim.verdict for claim in found.claims}
+    assert verdicts["alpha_03"] == "met"
+    assert verdicts["largest_inside"] == verdicts["largest_area"] == "beaten"
+    assert found.drawing.startswith("<svg")
+    assert "fig-4.6" in ITEMS

@@ -1,0 +1,160 @@
+"""The pages of the book and the papers beside it: their code blocks, inline code, links and headings.
+
+Shell lines of the book taken apart into simple commands; nothing is run.
+"""
+
+import re
+import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+from markdown_it import MarkdownIt
+from markdown_it.token import Token
+
+ROOT = Path(__file__).parents[3]
+DOCS = ROOT / "docs"
+PAPERS = [ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")]
+PAGES = [*PAPERS, *sorted(DOCS.rglob("*.md"))]
+READER = MarkdownIt("commonmark").enable("table")
+
+
+@dataclass(frozen=True)
+class Block:
+    """A code block: ``language`` is empty where it is only indented; ``line`` is that of its text, from 1."""
+
+    page: Path
+    line: int
+    language: str
+    text: str
+
+    @property
+    def place(self) -> str:
+        """How a failure names it."""
+        return f"{self.page.relative_to(ROOT)}:{self.line}"
+
+
+@cache
+def tokens(page: Path) -> tuple[Token, ...]:
+    """The page as CommonMark sees it."""
+    return tuple(READER.parse(page.read_text(encoding="utf-8")))
+
+
+def _all(page: Path) -> Iterator[Token]:
+    for token in tokens(page):
+        yield token
+        yield from token.children or ()
+
+
+def blocks(page: Path) -> list[Block]:
+    """All code blocks, fenced or indented."""
+    found = [t for t in tokens(page) if t.type in {"fence", "code_block"}]
+    return [Block(page, (t.map or [0])[0] + (2 if t.type == "fence" else 1), t.info.strip(), t.content) for t in found]
+
+
+def inline_code(page: Path) -> list[str]:
+    """Everything between single backticks."""
+    return [t.content for t in _all(page) if t.type == "code_inline"]
+
+
+def links(page: Path) -> list[str]:
+    """Targets of all links and pictures."""
+    return [
+        str(t.attrs["href" if t.type == "link_open" else "src"]) for t in _all(page) if t.type in {"link_open", "image"}
+    ]
+
+
+def slug(heading: str) -> str:
+    """How mkdocs names the anchor of a heading."""
+    kept = re.sub(r"[^\w\s-]", "", heading.lower()).strip()
+    return re.sub(r"[-\s]+", "-", kept)
+
+
+def anchors(page: Path) -> set[str]:
+    """Anchors of a page's headings; the second of one name has ``_1``, as mkdocs has it."""
+    found: set[str] = set()
+    for opening, inside in pairwise(tokens(page)):
+        if opening.type == "heading_open":
+            name = slug("".join(t.content for t in inside.children or () if t.type in {"text", "code_inline"}))
+            again = (f"{name}_{k}" for k in range(1, 100))
+            found.add(name if name not in found else next(n for n in again if n not in found))
+    return found
+
+
+ASSIGNMENT = re.compile(r"([A-Za-z_]\w*)=(.*)", re.DOTALL)
+SEPARATORS = {"|", "||", "&&", ";", "&"}
+GRAMMAR = {"if", "then", "else", "fi", "while", "until", "do", "done", "!"}
+"""Words of the shell itself, before a command."""
+
+
+@dataclass(frozen=True)
+class Command:
+    """``program`` with its arguments, what is assigned before it, and the command whose output it reads.
+
+    What ``$(...)`` stands for reads ``$VALUE``.
+    """
+
+    program: str
+    arguments: tuple[str, ...]
+    assigned: dict[str, str]
+    fed_by: "Command | None" = None
+
+
+def commands(text: str) -> list[Command]:
+    """All simple commands of a script, those inside of ``$(...)`` first; open quotes are a ``ValueError``."""
+    joined = re.sub(r"\\\n\s*", " ", text)
+    joined = re.sub(r"(\||&&)[ \t]*(?:#[^\n]*)?\n\s*", r"\1 ", joined)
+    return [command for line in joined.splitlines() for command in _of_line(line)]
+
+
+def _of_line(line: str) -> Iterator[Command]:
+    outer, inner = _substituted(line)
+    for part in inner:
+        yield from _of_line(part)
+    reader = shlex.shlex(outer, posix=True, punctuation_chars="|&;<>")
+    reader.whitespace_split = True
+    words: list[str] = []
+    before: Command | None = None
+    for word in [*reader, ";"]:
+        if word in SEPARATORS:
+            if words:
+                before = _command(words, before)
+                yield before
+            before = before if word == "|" else None
+            words = []
+        elif words or word not in GRAMMAR:
+            words.append(word)
+
+
+def _substituted(line: str) -> tuple[str, list[str]]:
+    """The line with ``$VALUE`` for every ``$(...)``, and what stood in them."""
+    inner = []
+    while (start := line.find("$(")) >= 0:
+        depth, end = 1, start + 2
+        while depth:
+            if end >= len(line):
+                raise ValueError(f"$( is never closed: {line}")
+            depth += {"(": 1, ")": -1}.get(line[end], 0)
+            end += 1
+        inner.append(line[start + 2 : end - 1])
+        line = line[:start] + "$VALUE" + line[end:]
+    return line, inner
+
+
+def _command(words: list[str], fed_by: Command | None) -> Command:
+    kept: list[str] = []
+    place = iter(words)
+    for word in place:
+        if set(word) <= set("<>&"):
+            next(place, None)  # where it is read from or written to
+        else:
+            kept.append(word)
+    assigned = {}
+    while kept and (found := ASSIGNMENT.fullmatch(kept[0])):
+        assigned[found[1]] = found[2]
+        kept.pop(0)
+    if kept and kept[0] == "export":
+        assigned |= {m[1]: m[2] for word in kept[1:] if (m := ASSIGNMENT.fullmatch(word))}
+    return Command(kept[0] if kept else "", tuple(kept[1:]), assigned, fed_by)

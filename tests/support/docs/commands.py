@@ -1,0 +1,136 @@
+"""Commands that the book shows, held against the program, the Makefile, the scripts and the interface; none is run."""
+
+import re
+from itertools import pairwise
+from typing import Any
+
+import typer
+from typer.main import get_command
+
+from stridelab.cli.app import app
+from stridelab.service.settings import Settings
+from support.docs import http_contract
+from support.docs.book import ROOT, Command
+
+MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
+FOREIGN = {
+    "cat", "cd", "cp", "echo", "export", "git", "install", "mkdir", "openssl", "printf", "python", "sleep", "tee",
+}  # fmt: skip
+"""Of other programs only the files are checked that lie in this tree."""
+CURL_VALUES = {"-X", "-H", "-F", "-o", "-d", "-u", "--json", "--request", "--header", "--form", "--output", "--data"}
+USAGE_ERROR = typer.BadParameter.__mro__[1]
+"""What the command line raises where it cannot read its arguments; typer gives it no public name."""
+ADDRESS = re.compile(r"^(?:\$\w+|https?://(?:127\.0\.0\.1|localhost|lab)(?::\d+)?/api/v1)(?=/)")
+
+
+def resolved(arguments: tuple[str, ...]) -> tuple[Any, str, list[str]]:
+    """The sub-command that arguments name, its name, and what is left of them; None where there is no such command."""
+    found, rest, name = get_command(app), list(arguments), "stridelab"
+    while (inner := getattr(found, "commands", None)) and rest and not (rest[0].startswith("-") or rest[0].isupper()):
+        name, found = f"{name} {rest[0]}", inner.get(rest.pop(0))
+    return found, name, rest
+
+
+def check_stridelab(command: Command) -> list[str]:
+    """Sub-command, options and values, as the program itself reads them."""
+    found, name, rest = resolved(command.arguments)
+    if found is None:
+        return [f"there is no {name}"]
+    try:
+        found.make_context(name, rest)
+    except typer.Exit:
+        return []
+    except USAGE_ERROR as error:
+        return [f"{name}: {error}"]
+    return []
+
+
+def check_synopsis(command: Command) -> list[str]:
+    """Sub-command and names of options."""
+    found, name, rest = resolved(command.arguments)
+    if found is None:
+        return [f"there is no {name}"]
+    known = {flag for p in found.params for flag in (*p.opts, *p.secondary_opts)} | {"--help"}
+    return [f"{name} has no {word}" for word in rest if word.startswith("--") and word not in known]
+
+
+def call_of(command: Command) -> http_contract.Call | str:
+    """The call that a curl makes, or what is not understood of it."""
+    method, body, fields, address = "GET", None, [], ""
+    words = iter(command.arguments)
+    for word in words:
+        if not word.startswith("-"):
+            address = word
+        elif word in CURL_VALUES:
+            value = next(words)
+            if word in {"-X", "--request"}:
+                method = value
+            elif word in {"--json", "-d", "--data"}:
+                body, method = value, "POST" if method == "GET" else method
+            elif word in {"-F", "--form"}:
+                fields.append(value.partition("=")[0])
+                method = "POST"
+        elif not re.fullmatch(r"-[sSNOfiLk]+|--(?:silent|fail|no-buffer)", word):
+            return f"curl {word} is not known to this test"
+    if not ADDRESS.match(address):
+        return f"curl {address} is no address of the service"
+    return http_contract.Call(method, http_contract.API + ADDRESS.sub("", address), body, tuple(fields))
+
+
+def check_curl(command: Command) -> list[str]:
+    """Path, method, query, fields and body, held against the description of the interface."""
+    call = call_of(command)
+    return [call] if isinstance(call, str) else http_contract.complaints(call)
+
+
+def check_jq(command: Command) -> list[str]:
+    """What is picked from the answer of a call is in it."""
+    picked = [word for word in command.arguments if re.fullmatch(r"(?:\.[a-z_]\w*)+", word)]
+    call = call_of(command.fed_by) if command.fed_by and command.fed_by.program == "curl" else ""
+    if isinstance(call, str):
+        return []
+    return [f"{call.url} answers no {path}" for path in picked if not http_contract.answers(call, path[1:].split("."))]
+
+
+def check_make(command: Command) -> list[str]:
+    """The target exists."""
+    targets = [word for word in command.arguments if "=" not in word]
+    return [f"make {t}" for t in targets if not re.search(rf"^{re.escape(t)}:", MAKEFILE, re.MULTILINE)]
+
+
+def check_file(name: str) -> list[str]:
+    """The file exists, wherever below the checkout one stands."""
+    path = re.sub(r"^(\.\./|\./)+", "", name.partition("::")[0])
+    return [] if (ROOT / path).exists() else [f"{name} does not exist"]
+
+
+def check_docker(command: Command) -> list[str]:
+    """The compose files exist."""
+    return [wrong for flag, name in pairwise(command.arguments) if flag == "-f" for wrong in check_file(name)]
+
+
+CHECKS = {"stridelab": check_stridelab, "curl": check_curl, "jq": check_jq, "make": check_make, "docker": check_docker}
+
+
+def check_command(command: Command) -> list[str]:
+    """What is wrong with one command of a shell."""
+    wrong = [f"{name} is no setting" for name in command.assigned if not known_variable(name)]
+    program = re.sub(r"^(?:\.\./)*\.venv/bin/", "", command.program)
+    if program in CHECKS:
+        wrong += CHECKS[program](command)
+    elif "scripts/" in program:
+        wrong += check_file(program)
+    elif program and program not in FOREIGN:
+        wrong.append(f"{program} is not known to this test")
+    kept = [
+        word for word in command.arguments if re.match(r"(?:\.\./)*(?:models|docs|deploy|scripts|tests)/[^*]*$", word)
+    ]
+    return wrong + [complaint for name in kept for complaint in check_file(name)]
+
+
+def known_variable(name: str) -> bool:
+    """A shell's own variable, a setting, or what a script or a compose file reads."""
+    if name.islower() or name.removeprefix("STRIDELAB_").lower() in Settings.model_fields:
+        return True
+    readers = [*(ROOT / "scripts").glob("*"), *ROOT.glob("*compose*.yml"), ROOT / "Makefile"]
+    return any(re.search(rf"\b{name}\b", path.read_text(encoding="utf-8")) for path in readers if path.is_file())

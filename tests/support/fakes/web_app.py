@@ -1,0 +1,41 @@
+"""The web app on the fake interface, called without a network."""
+
+import asyncio
+from dataclasses import dataclass
+from typing import Any
+
+import httpx
+from starlette.types import ASGIApp, Scope
+
+from stridelab_web.app import create_web
+from stridelab_web.config import NO_KEY_NEEDED, ScenarioRight, WebConfig
+from support.fakes.service import FakeService
+
+
+def anybody(scope: Scope, scenario_id: str, owner: str | None) -> ScenarioRight:
+    """A service without a token: everybody changes everything."""
+    return ScenarioRight(NO_KEY_NEEDED)
+
+
+@dataclass(frozen=True)
+class Caller:
+    """Calls an ASGI app, one event loop per call; redirects are answers."""
+
+    app: ASGIApp
+
+    def request(self, method: str, address: str, **options: Any) -> httpx.Response:
+        async def call() -> httpx.Response:
+            transport = httpx.ASGITransport(app=self.app)
+            async with httpx.AsyncClient(transport=transport, base_url="http://127.0.0.1") as client:
+                return await client.request(method, address, **options)
+
+        return asyncio.run(call())
+
+    def get(self, address: str, **options: Any) -> httpx.Response:
+        return self.request("GET", address, **options)
+
+
+def make_client(fake: FakeService, **config: Any) -> Caller:
+    """A caller of the web app over ``fake``."""
+    given: dict[str, Any] = {"scenario_right": anybody, "transport": httpx.ASGITransport(app=fake.app()), **config}
+    return Caller(create_web(WebConfig("http://127.0.0.1", "0.1.0", **given)))

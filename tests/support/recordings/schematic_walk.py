@@ -1,0 +1,177 @@
+"""A walk with exact contacts, made of formulas: feet that stand, swing and land at known instants, plates under some.
+
+The vertical force is body weight at all times (a walker on wheels); what matters here is where it is measured.
+
+A body whose vertical motion and force are known exactly: a sit-to-stand, a drop jump, a stand, on one plate.
+"""
+
+import itertools
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from stridelab.conventions import GRAVITY_M_S2, Points, Series
+from stridelab.recordings.recording import Plate, Recording, Subject
+
+STEP_M, STEP_S, STANCE_S = 0.6, 0.5, 0.6
+"""Step length and time of one foot after the other; each foot stands for 0.6 s of every 1.0 s."""
+WEIGHT_N = 700.0
+LANDMARKS = {f"{side}_{name}": f"{side}_{name}" for side in "lr" for name in ("heel", "mt1", "mt5")}
+FOOT = {"heel": (0.0, 0.0, 0.03), "mt1": (0.18, 0.04, 0.03), "mt5": (0.15, -0.04, 0.03)}
+
+
+@dataclass(frozen=True)
+class Contact:
+    """One stance: from ``start_s`` to ``end_s`` with the heel at ``heel_m``."""
+
+    side: str
+    start_s: float
+    end_s: float
+    heel_m: np.ndarray
+
+
+def contacts(n_steps: int) -> list[Contact]:
+    """Stance k of alternating feet: it starts at k times 0.5 s - 0.3 s, 0.6 m further each time."""
+    found = []
+    for k in range(n_steps):
+        side = "lr"[k % 2]
+        y = 0.1 if side == "l" else -0.1
+        found.append(Contact(side, STEP_S * k - 0.3, STEP_S * k - 0.3 + STANCE_S, np.array([STEP_M * k, y, 0.0])))
+    return found
+
+
+def foot_position(stances: list[Contact], time_s: np.ndarray) -> np.ndarray:
+    """Heel of one foot: still while it stands, at constant speed on an arc between stances."""
+    x = np.zeros((len(time_s), 3))
+    for a, b in itertools.pairwise(stances):
+        swing = (time_s >= a.end_s) & (time_s < b.start_s)
+        share = (time_s[swing] - a.end_s) / (b.start_s - a.end_s)
+        rise = np.outer(np.sin(np.pi * share), [0.0, 0.0, 0.12])
+        x[swing] = a.heel_m + share[:, None] * (b.heel_m - a.heel_m) + rise
+    for stance in stances:
+        x[(time_s >= stance.start_s) & (time_s < stance.end_s)] = stance.heel_m
+    return x
+
+
+def corners(centre_m: Sequence[float], size_m: tuple[float, float] = (0.58, 0.5)) -> np.ndarray:
+    x, y, z = centre_m
+    a, b = size_m[0] / 2, size_m[1] / 2
+    return np.array([[x - a, y + b, z], [x + a, y + b, z], [x + a, y - b, z], [x - a, y - b, z]])
+
+
+def walk(
+    plates_under: Sequence[int], *, n_steps: int = 7, rate_hz: float = 100.0, force_rate_hz: float = 1000.0
+) -> Recording:
+    """A walk of ``n_steps`` stances with a plate under each stance whose number is in ``plates_under``."""
+    duration_s = STEP_S * (n_steps - 1)
+    time_s = np.arange(round(duration_s * rate_hz)) / rate_hz
+    force_time_s = np.arange(round(duration_s * force_rate_hz)) / force_rate_hz
+    stances = contacts(n_steps + 2)
+    markers = {}
+    for side in "lr":
+        heel = foot_position([c for c in stances if c.side == side], time_s)
+        for name, offset in FOOT.items():
+            markers[f"{side}_{name}"] = heel + offset
+    pelvis = np.column_stack([STEP_M / STEP_S * time_s, 0 * time_s, 0.95 + 0 * time_s])
+    markers |= {f"pelvis_{k}": pelvis + np.array([0.0, 0.1 * k - 0.2, 0.02 * k]) for k in range(5)}
+    plates = []
+    for index, k in enumerate(plates_under, start=1):
+        c = stances[k]
+        force = np.zeros((len(force_time_s), 3))
+        force[:, 2] = WEIGHT_N * share_of_weight(c, stances, force_time_s)
+        cop = c.heel_m + np.array([0.09, 0.0, 0.0])
+        plates.append(
+            Plate(index, 2, corners(c.heel_m * [1, 0, 1] + [0.09, 0, 0]), force, np.cross(cop, force), np.zeros(3))
+        )
+    return Recording(markers, rate_hz, force_rate_hz, tuple(plates), Subject(), (), "+z", np.array([1.0, 0.0, 0.0]))
+
+
+def share_of_weight(contact: Contact, stances: list[Contact], time_s: np.ndarray) -> np.ndarray:
+    """1 in single support, shared linearly in double support; all shares add to 1."""
+    double_s = STANCE_S - STEP_S
+    rise = np.clip((time_s - contact.start_s) / double_s, 0.0, 1.0)
+    fall = np.clip((contact.end_s - time_s) / double_s, 0.0, 1.0)
+    return np.minimum(rise, fall)
+
+
+MASS_KG = 64.0
+RATE_HZ, FORCE_RATE_HZ = 100.0, 1000.0
+
+
+@dataclass(frozen=True)
+class MovingBody:
+    """The recording, its centre of mass (frames x 3), and the share of body weight that something else carries."""
+
+    recording: Recording
+    com_m: Points
+    beside: Series
+
+
+def moving_body(
+    height_m: Callable[[Series], Series], beside: Callable[[Series], Series], duration_s: float
+) -> MovingBody:
+    """Both feet rest on one plate, and the centre of mass is at ``height_m`` of the time.
+
+    The plate measures m (g + z'') less the share ``beside`` of the body weight that a chair or a box carries.
+    """
+    force_s = np.arange(round(duration_s * FORCE_RATE_HZ)) / FORCE_RATE_HZ
+    time_s = np.arange(round(duration_s * RATE_HZ)) / RATE_HZ
+    lift = np.gradient(np.gradient(height_m(force_s))) * FORCE_RATE_HZ**2
+    force = np.zeros((len(force_s), 3))
+    force[:, 2] = np.maximum(MASS_KG * (GRAVITY_M_S2 * (1.0 - beside(force_s)) + lift), 0.0)
+    markers = {
+        f"{side}_{name}": np.tile(np.add(offset, [0.0, y, 0.0]), (len(time_s), 1))
+        for side, y in (("l", 0.1), ("r", -0.1))
+        for name, offset in FOOT.items()
+    }
+    com = np.column_stack([0.05 + 0 * time_s, 0 * time_s, height_m(time_s)])
+    markers |= {"pelvis": com.copy()}
+    plate = Plate(1, 2, corners((0.1, 0.0, 0.0), (0.6, 0.6)), force, np.cross([0.05, 0.0, 0.0], force), np.zeros(3))
+    recording = Recording(markers, RATE_HZ, FORCE_RATE_HZ, (plate,), Subject(), (), "+z", None)
+    return MovingBody(recording, com, beside(time_s))
+
+
+def smooth(time_s: Series, start_s: float, end_s: float) -> Series:
+    """From 0 to 1 with no velocity and no acceleration at either end."""
+    x = np.clip((time_s - start_s) / (end_s - start_s), 0.0, 1.0)
+    return np.asarray(x**3 * (10.0 - 15.0 * x + 6.0 * x**2))
+
+
+def sit_to_stand() -> MovingBody:
+    """Sits until 1.5 s (nine tenths on a chair beside the plate), has left the chair at 1.9 s, stands from 2.8 s on."""
+    return moving_body(
+        lambda t: 0.62 + 0.35 * smooth(t, 1.4, 2.8), lambda t: 0.9 * (1.0 - smooth(t, 1.5, 1.9)), duration_s=4.5
+    )
+
+
+def stand() -> MovingBody:
+    """Stands still, with a sway of 1 mm."""
+    return moving_body(lambda t: 0.95 + 0.001 * np.sin(2.0 * t), np.zeros_like, duration_s=3.0)
+
+
+DROP_S, LANDED_S, STOOD_S = 0.6, 0.9, 1.5
+"""The jumper leaves a box, reaches the plate, and has come to rest."""
+
+
+def drop_jump() -> MovingBody:
+    """Stands on a box until 0.6 s, falls for 0.3 s beside nothing, and is stopped within 0.6 s on the plate."""
+    speed_m_s = GRAVITY_M_S2 * (LANDED_S - DROP_S)
+
+    def height_m(t: Series) -> Series:
+        fallen = 0.5 * GRAVITY_M_S2 * np.clip(t - DROP_S, 0.0, LANDED_S - DROP_S) ** 2
+        x = np.clip((t - LANDED_S) / (STOOD_S - LANDED_S), 0.0, 1.0)
+        braked = speed_m_s * (STOOD_S - LANDED_S) * (x - x**3 + 0.5 * x**4)
+        return np.asarray(1.6 - fallen - braked)
+
+    body = moving_body(height_m, lambda t: (t < DROP_S).astype(float), duration_s=3.0)
+    on_box = body.recording.time_s < DROP_S
+    falling = np.clip(body.recording.time_s - DROP_S, 0.0, LANDED_S - DROP_S)
+    above_m = 0.5 * GRAVITY_M_S2 * ((LANDED_S - DROP_S) ** 2 - falling**2)
+    markers = {
+        label: track
+        if label == "pelvis"
+        else track + np.outer(above_m, [0.0, 0.0, 1.0]) - np.outer(on_box, [0.8, 0, 0])
+        for label, track in body.recording.markers_m.items()
+    }
+    return replace(body, recording=replace(body.recording, markers_m=markers))

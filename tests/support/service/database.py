@@ -1,0 +1,129 @@
+"""A private PostgreSQL for tests, and a migrated database of its own for each test that asks.
+
+Databases of earlier versions.
+"""
+
+import asyncio
+import json
+import os
+import shutil
+import tempfile
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from itertools import count
+from pathlib import Path
+from typing import Any
+
+import psycopg
+import sqlalchemy
+from alembic.autogenerate import compare_metadata
+from alembic.runtime.migration import MigrationContext
+from sqlalchemy.ext.asyncio import AsyncEngine
+
+from stridelab.service.postgres.embedded import EmbeddedPostgres
+from stridelab.service.storage.database import make_engine, parse_url
+from stridelab.service.storage.migrate import engine_of, migrate, upgrade_on
+from stridelab.service.storage.tables import metadata
+
+_numbers = count()
+
+
+@contextmanager
+def public_folder() -> Iterator[Path]:
+    """A folder that an unprivileged account can reach, so that root's server lies in it; removed at the end."""
+    folder = Path(tempfile.mkdtemp(prefix="stridelab-test-"))
+    folder.chmod(0o755)
+    try:
+        yield folder
+    finally:
+        for pointer in folder.rglob("postgres.json"):  # a killed service leaves the folder of its socket behind
+            shutil.rmtree(json.loads(pointer.read_text(encoding="utf-8"))["socket"], ignore_errors=True)
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def within(url: str, act: Callable[[AsyncEngine], Awaitable[Any]]) -> Any:
+    """What ``act`` returns of an engine on ``url``, in a loop of its own."""
+
+    async def inside() -> Any:
+        engine = make_engine(url)
+        try:
+            return await act(engine)
+        finally:
+            await engine.dispose()
+
+    return asyncio.run(inside())
+
+
+@dataclass(frozen=True)
+class TestDatabases:
+    """Databases on one server, copied from a migrated template."""
+
+    __test__ = False
+    admin_url: str
+    template: str
+
+    @contextmanager
+    def fresh(self, *, migrated: bool = True) -> Iterator[str]:
+        """URL of a new database; dropped at the end, whoever still holds a connection."""
+        name = f"stridelab_test_{os.getpid()}_{next(_numbers)}"
+        template = self.template if migrated else "template1"
+        with psycopg.connect(self.admin_url, autocommit=True) as admin:
+            admin.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"')
+        try:
+            yield self._url(name)
+        finally:
+            with psycopg.connect(self.admin_url, autocommit=True) as admin:
+                admin.execute(f'DROP DATABASE "{name}" WITH (FORCE)')
+
+    def _url(self, name: str) -> str:
+        return parse_url(self.admin_url).set(database=name).render_as_string(hide_password=False)
+
+
+@contextmanager
+def _server() -> Iterator[str]:
+    """URL of the server under test: STRIDELAB_TEST_DATABASE_URL (a superuser's), or an embedded one."""
+    given = os.environ.get("STRIDELAB_TEST_DATABASE_URL")
+    if given:
+        yield given
+        return
+    with public_folder() as folder:
+        server = EmbeddedPostgres(folder)
+        try:
+            yield server.start()
+        finally:
+            server.stop()
+
+
+@contextmanager
+def databases() -> Iterator[TestDatabases]:
+    """One server for a whole test session."""
+    with _server() as url:
+        template = f"stridelab_template_{os.getpid()}_{next(_numbers)}"
+        made = TestDatabases(url, template)
+        with psycopg.connect(url, autocommit=True) as admin:
+            admin.execute(f'CREATE DATABASE "{template}"')
+        try:
+            migrate(made._url(template))
+            yield made
+        finally:
+            with psycopg.connect(url, autocommit=True) as admin:
+                admin.execute(f'DROP DATABASE "{template}" WITH (FORCE)')
+
+
+def migrate_to(url: str, revision: str) -> None:
+    """Bring an empty database to ``revision``."""
+    engine = engine_of(url)
+    with engine.begin() as connection:
+        upgrade_on(connection, revision)
+    engine.dispose()
+
+
+def differences(connection: sqlalchemy.Connection) -> list[Any]:
+    """In what the tables differ from the declared ones."""
+
+    def ours(_object: object, name: str, type_: str, _reflected: bool, _other: object) -> bool:
+        return not (type_ == "table" and name.startswith("procrastinate_"))
+
+    context = MigrationContext.configure(connection, opts={"include_object": ours, "compare_server_default": True})
+    return list(compare_metadata(context, metadata))

@@ -1,0 +1,55 @@
+"""Job kinds for tests; they stage nothing and run ``support.service.computations``."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from pydantic import ConfigDict
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from stridelab.schemas.base import Contract
+from stridelab.service.kinds.base import Blobs, JobKind
+
+
+class AnyInput(Contract):
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+
+async def stage(_connection: AsyncConnection, _blobs: Blobs, asked: Contract, _folder: Path) -> dict[str, Any]:
+    return asked.model_dump()
+
+
+def kind(name: str, function: str, **limits: Any) -> JobKind:
+    """A kind whose computation may note outside of its folder what it did, for the test to read."""
+    return JobKind(
+        name=name,
+        input_model=AnyInput,
+        summary_model=AnyInput,
+        run=f"support.service.computations:{function}",
+        stage=stage,
+        sandbox=None,
+        **limits,
+    )
+
+
+KINDS: Mapping[str, JobKind] = {
+    made.name: made
+    for made in (
+        kind("work", "write_outcome", lane="short"),
+        kind("long-work", "write_outcome", lane="long"),
+        kind("refuse", "refuse"),
+        kind("stop-half-way", "stop_half_way"),
+        kind("stumble", "stumble"),
+        kind("segfault", "segfault"),
+        kind("abort", "abort"),
+        kind("hog", "reserve", memory_mb=300),
+        kind("hang", "hang", timeout_s=1.0),
+        kind("hang-in-a-stage", "hang_in_a_stage", timeout_s=1.0),
+        kind("stumble-in-a-stage", "stumble_in_a_stage"),
+        kind("spin", "spin", lane="long"),
+        kind("crunch", "crunch", lane="long"),
+        kind("mark", "mark"),
+        kind("echo", "echo", lane="long"),
+        kind("reproduce", "write_outcome", lane="long"),  # a name that the web server takes
+    )
+}

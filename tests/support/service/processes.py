@@ -1,0 +1,200 @@
+"""Real processes for tests: the whole service, or workers alone, and the jobs they are given."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from stridelab.service.jobs.store import JobRecord, JobStore
+from support.service.database import public_folder, within
+from support.service.job_kinds import KINDS
+
+TESTS = Path(__file__).parents[2]
+SERVE = ("stridelab.cli", "serve")
+"""What ``make serve`` runs, with the real kinds of job."""
+BRISK = {"STRIDELAB_HEARTBEAT_S": "0.4", "STRIDELAB_STALL_S": "3", "STRIDELAB_WORKER_SLOTS": "1"}
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def environment(**settings: str) -> dict[str, str]:
+    kept = {key: value for key, value in os.environ.items() if not key.startswith("STRIDELAB_")}
+    return {**kept, "PYTHONPATH": str(TESTS), **BRISK, **settings}
+
+
+def ended(process: psutil.Process) -> bool:
+    try:
+        return process.status() == psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return True
+
+
+def wait_until(true: Callable[[], bool], timeout_s: float, what: str) -> None:
+    deadline = time.monotonic() + timeout_s
+    while not true():
+        assert time.monotonic() < deadline, f"not within {timeout_s} s: {what}"
+        time.sleep(0.05)
+
+
+@dataclass
+class Jobs:
+    """The jobs of one database, for tests that wait by looking."""
+
+    url: str
+
+    def ask(self, act: Callable[[JobStore], Awaitable[Any]]) -> Any:
+        return within(self.url, lambda engine: act(JobStore(engine, KINDS)))
+
+    def submit(self, kind: str, **task: Any) -> str:
+        return str(self.ask(lambda store: store.submit(kind, task)).job_id)
+
+    def get(self, job_id: str) -> JobRecord:
+        record = self.ask(lambda store: store.get(job_id))
+        assert isinstance(record, JobRecord)
+        return record
+
+    def states(self, job_id: str) -> list[str]:
+        return [event.state for event in self.ask(lambda store: store.events_after(job_id))]
+
+    def until(self, job_id: str, wanted: Callable[[JobRecord], bool], timeout_s: float = 60.0) -> JobRecord:
+        deadline = time.monotonic() + timeout_s
+        while True:
+            try:
+                record = self.get(job_id)
+                if wanted(record):
+                    return record
+                seen = f"{record.state}, attempt {record.attempt}"
+            except OSError as error:
+                seen = repr(error)
+            except Exception as error:
+                if "connection" not in str(error):
+                    raise
+                seen = "the database is away"
+            assert time.monotonic() < deadline, f"not within {timeout_s} s: {seen}"
+            time.sleep(0.1)
+
+    def until_running(self, job_id: str) -> JobRecord:
+        return self.until(job_id, lambda record: record.state == "running" and record.message.startswith("step"))
+
+    def until_final(self, job_id: str, timeout_s: float = 60.0) -> JobRecord:
+        return self.until(job_id, lambda record: record.is_final, timeout_s)
+
+
+@dataclass
+class Service:
+    """``supervisor_entry``, or the module and arguments of ``command``, on a data folder of its own."""
+
+    folder: Path
+    port: int = field(default_factory=free_port)
+    command: tuple[str, ...] = ("support.service.supervisor_entry",)
+    process: subprocess.Popen[str] | None = None
+
+    def start(self, **settings: str) -> float:
+        """Start and wait for the address; returns how many seconds that took."""
+        began = time.monotonic()
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", *self.command],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            env=environment(STRIDELAB_DATA_DIR=str(self.folder), STRIDELAB_PORT=str(self.port), **settings),
+        )
+        said = []
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            said.append(line)
+            if "is running on" in line:
+                return time.monotonic() - began
+        raise AssertionError("".join(said) or "it ended without a word")
+
+    @property
+    def url(self) -> str:
+        record = json.loads((self.folder / "postgres.json").read_text(encoding="utf-8"))
+        return f"postgresql://postgres@/postgres?host={record['socket']}"
+
+    @property
+    def jobs(self) -> Jobs:
+        return Jobs(self.url)
+
+    def members(self) -> list[psutil.Process]:
+        """Every process that the supervisor started, itself first."""
+        assert self.process is not None
+        supervisor = psutil.Process(self.process.pid)
+        return [supervisor, *supervisor.children(recursive=True)]
+
+    def member(self, words: str, timeout_s: float = 60.0) -> psutil.Process:
+        """The direct child whose command line holds ``words``, as soon as it is there."""
+        assert self.process is not None
+        deadline = time.monotonic() + timeout_s
+        while True:
+            for child in psutil.Process(self.process.pid).children():
+                try:
+                    line = child.cmdline()
+                except psutil.NoSuchProcess:
+                    continue
+                if words in line or any(part.endswith(f"/{words}") for part in line[:1]):
+                    return child
+            assert time.monotonic() < deadline, f"no {words} within {timeout_s} s"
+            time.sleep(0.05)
+
+    def healthy(self) -> bool:
+        try:
+            with urllib.request.urlopen(f"http://127.0.0.1:{self.port}/api/v1/health", timeout=2) as answer:
+                return bool(answer.status == 200)
+        except OSError:
+            return False
+
+    def stop(self, signum: int = signal.SIGTERM) -> float:
+        """End it; returns how many seconds that took."""
+        assert self.process is not None
+        began = time.monotonic()
+        self.process.send_signal(signum)
+        self.process.wait(60)
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+        return time.monotonic() - began
+
+
+@contextmanager
+def running_service(*command: str, **settings: str) -> Iterator[Service]:
+    """A service on a folder of its own until the end of the block; ``command`` as ``Service`` has it."""
+    with public_folder() as folder:
+        made = Service(folder / "data", command=command) if command else Service(folder / "data")
+        made.start(**settings)
+        try:
+            yield made
+        finally:
+            made.stop()
+
+
+@contextmanager
+def worker(url: str, folder: Path, *, on: tuple[str, ...] = (), **settings: str) -> Iterator[subprocess.Popen[bytes]]:
+    """A worker of its own on an existing database; ``on`` goes before its command line."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / f"worker-{time.monotonic_ns()}.log").open("wb") as log:
+        process = subprocess.Popen(
+            [*on, sys.executable, "-m", "support.service.worker_entry"],
+            stdout=log,
+            stderr=log,
+            env=environment(**{"STRIDELAB_DATABASE_URL": url, "STRIDELAB_DATA_DIR": str(folder), **settings}),
+        )
+        try:
+            yield process
+        finally:
+            process.kill()
+            process.wait()

@@ -1,0 +1,100 @@
+"""A client whose service is a script: what it is told is noted, what it answers is fixed."""
+
+import json
+import shutil
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Self
+
+from stridelab.client import Client
+from stridelab.schemas.base import FaultItem, Problem
+from stridelab.schemas.jobs import Job, JobEvent, JobResult, Progress
+from stridelab.schemas.recordings import Recording, RecordingPatch
+from support.command_line import SAMPLE
+
+INDEX = json.loads((SAMPLE / "sample.json").read_text())
+DONE = INDEX["jobs"]["sample-walk-com"]
+NOW = datetime(2024, 1, 1, tzinfo=UTC)
+
+
+def problem(status: int, code: str) -> Problem:
+    return Problem(
+        title="t", status=status, code=code, detail="A sentence.", errors=[FaultItem(where="w", message="m")]
+    )
+
+
+class ScriptedService(Client):
+    """``refuse`` makes one call fail; ``ends`` is the job's fate, ``done`` its result with one ``artifact``."""
+
+    def __init__(self) -> None:
+        self.calls: list[tuple[str, Any]] = []
+        self.refuse: dict[str, BaseException] = {}
+        self.ends: tuple[str, Problem | None] = ("succeeded", None)
+        self.artifact = "com.csv"
+        self.done: dict[str, Any] = DONE
+        self.files = SAMPLE
+
+    def __call__(self, server: str, token: str | None) -> "ScriptedService":
+        self.calls.append(("client", (server, token)))
+        return self
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.calls.append(("close", None))
+
+    def _note(self, call: str, value: Any) -> None:
+        self.calls.append((call, value))
+        if call in self.refuse:
+            raise self.refuse[call]
+
+    def upload(self, path: Path, subject: Any = None, *, progress: Any = None) -> Recording:
+        self._note("upload", (path.name, subject))
+        if progress is not None:
+            progress(10, 10)
+        facts = {**INDEX["facts"], "subject": {}}
+        fixed = {"sha256": "0", "filename": path.name, "bytes": 1, "created_at": NOW, "marker_map": {}}
+        return Recording.model_validate({**facts, **fixed, "id": f"id-of-{path.name}"})
+
+    def patch_recording(self, recording_id: str, patch: RecordingPatch) -> None:
+        self._note("patch", (recording_id, patch))
+
+    def submit(self, kind: str, asked: Any, *, idempotency_key: str) -> Job:
+        self._note("submit", (kind, asked, bool(idempotency_key)))
+        return self._job("queued", None)
+
+    def events(self, job_id: str) -> Iterator[JobEvent]:
+        self._note("events", job_id)
+        yield JobEvent(seq=1, at=NOW, state="running", attempt=1, progress=Progress(fraction=0.5, message="half"))
+
+    def wait(self, job_id: str) -> Job:
+        self._note("wait", job_id)
+        return self._job(*self.ends)
+
+    def cancel(self, job_id: str) -> None:
+        self._note("cancel", job_id)
+
+    def result(self, job_id: str) -> JobResult:
+        self._note("result", job_id)
+        artifacts = [{"name": self.artifact, "media_type": "text/csv", "bytes": 1}]
+        return JobResult.model_validate(
+            {"kind": self.done["kind"], "input": self.done["input"], **self.done["result"], "artifacts": artifacts}
+        )
+
+    def download_artifact(self, job_id: str, name: str, target: Path) -> None:
+        self._note("download", name)
+        shutil.copyfile(self.files / name, target)
+
+    def _job(self, state: Any, error: Problem | None) -> Job:
+        return Job(
+            id="j",
+            kind="estimate-com",
+            state=state,
+            priority=0,
+            progress=Progress(),
+            attempt=1,
+            created_at=NOW,
+            error=error,
+        )

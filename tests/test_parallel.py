@@ -1,0 +1,100 @@
+"""Several processes answer as one does, in order; nothing of them is left however it ends."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import closing
+from pathlib import Path
+
+import psutil
+import pytest
+
+from stridelab.cores import usable_cores
+from stridelab.errors import NotEstimable
+from stridelab.parallel import PROCESSES_MAX, in_order, worthwhile
+from support.robots import pieces
+
+WAIT_S = 30.0
+
+
+def workers() -> list[psutil.Process]:
+    return [p for p in psutil.Process().children(recursive=True) if "spawn_main" in " ".join(p.cmdline())]
+
+
+def until(true: Callable[[], bool]) -> bool:
+    end = time.monotonic() + WAIT_S
+    while not true() and time.monotonic() < end:
+        time.sleep(0.05)
+    return true()
+
+
+@pytest.mark.parametrize("processes", [1, 2, 3])
+def test_answers_come_in_order_whoever_computes_them(processes: int) -> None:
+    answers = list(in_order(pieces.square, 5, processes))
+    assert [square for square, _ in answers] == [0, 1, 4, 9, 16]
+    by = {pid for _, pid in answers}
+    assert by == {os.getpid()} if processes == 1 else len(by) == processes and os.getpid() not in by
+    assert workers() == []
+
+
+def test_no_more_processes_than_pieces_and_none_for_nothing() -> None:
+    ((_, pid),) = in_order(pieces.square, 1, 4)
+    assert pid == os.getpid()
+    assert list(in_order(pieces.square, 0, 4)) == []
+
+
+@pytest.mark.parametrize("processes", [1, 2])
+def test_libraries_keep_to_one_thread(processes: int) -> None:
+    """With more, sums may depend on how many there are."""
+    for found in in_order(pieces.threads, 2, processes):
+        assert found
+        assert set(found) == {1}
+
+
+def test_an_error_comes_over_as_it_is() -> None:
+    answers = in_order(pieces.refuse, 4, 2)
+    assert [next(answers), next(answers)] == [0, 1]
+    with pytest.raises(NotEstimable) as refusal:
+        next(answers)
+    assert (refusal.value.code, refusal.value.faults[0].where) == ("no-posture", "robot")
+    assert workers() == []
+
+
+def test_a_process_without_memory_is_told_as_such() -> None:
+    """So that a job says that it needed more memory than its limit."""
+    with pytest.raises(MemoryError):
+        list(in_order(pieces.hog, 2, 2))
+
+
+def test_a_process_that_vanishes_is_noticed() -> None:
+    with pytest.raises(NotEstimable) as refusal:
+        list(in_order(pieces.vanish, 2, 2))
+    assert refusal.value.code == "process-ended"
+
+
+def test_who_stops_listening_leaves_no_process() -> None:
+    with closing(in_order(pieces.hang, 4, 2)) as answers:
+        assert len({next(answers), next(answers)}) == 2
+        assert len(workers()) == 2
+    assert workers() == []
+
+
+def test_they_end_with_a_parent_that_is_killed(tmp_path: Path) -> None:
+    environment = {**os.environ, "NOTED": str(tmp_path), "PYTHONPATH": str(Path(__file__).parents[0])}
+    parent = subprocess.Popen([sys.executable, "-m", "support.robots.pieces"], env=environment)
+    try:
+        assert until(lambda: len(list(tmp_path.iterdir())) == 2)
+        children = [int(path.name) for path in tmp_path.iterdir()]
+        assert all(psutil.pid_exists(pid) for pid in children)
+    finally:
+        parent.send_signal(signal.SIGKILL)
+        parent.wait()
+    assert until(lambda: not any(psutil.pid_exists(pid) for pid in children))
+
+
+def test_as_many_as_pay_and_as_there_is_room_for() -> None:
+    assert worthwhile(0) == worthwhile(1) == 1
+    assert worthwhile(1000) == min(usable_cores(), PROCESSES_MAX)

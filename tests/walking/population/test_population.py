@@ -1,0 +1,207 @@
+"""Populations of made-up people with known laws: who is counted, with whom, and what is said about it."""
+
+import numpy as np
+import pytest
+
+from stridelab.walking.population.population import (
+    AGAINST,
+    PARAMETERS,
+    Pair,
+    Person,
+    Population,
+    StepRow,
+    group_of,
+    study,
+    subject_means,
+)
+
+
+def lab(
+    n: int, *, seed: int = 0, group: str = "adults", steps: int = 4, height: float = 1.72, recordings: int = 2
+) -> tuple[list[Person], list[StepRow]]:
+    """R goes with the step length, z0 with the height, omega with the speed; r with nothing."""
+    rng = np.random.default_rng(seed)
+    people, rows = [], []
+    for i in range(n):
+        name, height_m = f"{group}-{i:02d}", float(rng.normal(height, 0.08))
+        people.append(Person(name=name, group=group, height_m=height_m, leg_m=0.5 * height_m + rng.normal(0, 0.01)))
+        length, speed = rng.normal(0.65, 0.05), rng.normal(1.2, 0.15)
+        for k in range(steps):
+            own_length, own_speed = length + rng.normal(0, 0.01), speed + rng.normal(0, 0.03)
+            values = {
+                "R_m": own_length / (2 * np.pi) + rng.normal(0, 0.002),
+                "r_m": 0.014 + rng.normal(0, 0.002),
+                "z0_m": 0.545 * height_m + rng.normal(0, 0.002),
+                "omega_rad_s": 10.0 * own_speed + rng.normal(0, 0.2),
+                "speed_m_s": own_speed,
+                "step_length_m": own_length,
+            }
+            rows.append(StepRow(name, f"{name}-{k % recordings}", values))
+    return people, rows
+
+
+def pair(found: Population, parameter: str, against: str, group: str = "adults") -> Pair:
+    (one,) = [p for p in found.pairs if (p.group, p.parameter, p.against) == (group, parameter, against)]
+    return one
+
+
+def codes(found: Population) -> list[str]:
+    return [remark.code for remark in found.remarks]
+
+
+def test_steps_of_all_recordings_of_a_person_are_pooled() -> None:
+    rows = [
+        StepRow("a", "one", {"R_m": 0.10, "speed_m_s": 1.0}),
+        StepRow("a", "one", {"R_m": 0.12, "speed_m_s": np.nan}),
+        StepRow("a", "two", {"R_m": 0.11, "speed_m_s": 1.4}),
+        StepRow("b", "three", {"R_m": 0.09, "speed_m_s": 1.0}),
+    ]
+    a, b = subject_means([Person(name="a", group="g"), Person(name="b", group="g"), Person(name="c", group="g")], rows)
+    assert (a.n_steps, a.n_recordings) == (3, 2)
+    assert a.mean["R_m"] == pytest.approx(0.11)
+    assert a.sd["R_m"] == pytest.approx(0.01)
+    assert a.mean["speed_m_s"] == pytest.approx(1.2)
+    assert b.mean["R_m"] == 0.09
+    assert np.isnan(b.sd["R_m"])
+
+
+def test_the_laws_that_the_people_were_made_with_are_found() -> None:
+    found = study(*lab(40))
+    assert {(p.parameter, p.against) for p in found.pairs} == {(p, a) for p in PARAMETERS for a in AGAINST}
+    assert pair(found, "z0_m", "height_m").pearson.r > 0.99
+    assert pair(found, "R_m", "step_length_m").pearson.r > 0.95
+    assert pair(found, "omega_rad_s", "speed_m_s").pearson.r > 0.95
+    through_leg = pair(found, "z0_m", "leg_m")
+    assert through_leg.pearson.r > 0.9
+    assert abs(through_leg.partial_on["height_m"].r) < 0.5
+    nothing = pair(found, "r_m", "height_m")
+    assert nothing.pearson.ci95 is not None
+    assert nothing.pearson.ci95[0] < 0.0 < nothing.pearson.ci95[1]
+    assert nothing.p_holm >= nothing.pearson.p
+    assert nothing.pearson.bootstrap_ci95 is not None
+    assert set(nothing.partial_on) == {"leg_m", "speed_m_s", "step_length_m"}
+
+
+def test_the_mixed_models_tell_people_from_steps() -> None:
+    found = study(*lab(30, steps=6))
+    z0 = found.models["adults", "z0_m"]
+    assert z0.effect("height_m").ci95[0] < 0.545 < z0.effect("height_m").ci95[1]
+    omega = found.models["adults", "omega_rad_s"]
+    assert omega.effect("speed_m_s").ci95[0] < 10.0 < omega.effect("speed_m_s").ci95[1]
+    assert found.spreads["adults", "z0_m"].icc > 0.99
+    assert found.spreads["adults", "r_m"].icc < 0.2
+    assert found.spreads["adults", "r_m"].step_sd == pytest.approx(0.002, rel=0.15)
+
+
+def test_without_repeats_there_is_no_mixed_model() -> None:
+    found = study(*lab(11, steps=1))
+    assert found.models == {}
+    assert found.spreads == {}
+    assert len(found.pairs) == len(PARAMETERS) * len(AGAINST)
+
+
+def test_children_and_adults_are_apart_and_that_is_said() -> None:
+    grown, small = lab(12, seed=1), lab(8, seed=2, group="children", height=1.35)
+    found = study([*grown[0], *small[0]], [*grown[1], *small[1]])
+    assert {p.group for p in found.pairs} == {"adults", "children"}
+    assert pair(found, "R_m", "height_m").pearson.n == 12
+    assert pair(found, "R_m", "height_m", "children").pearson.n == 8
+    assert codes(found) == ["groups-apart"]
+    assert "adults (12), children (8)" in found.remarks[0].message
+
+
+def test_everybody_together_only_when_asked_and_said() -> None:
+    grown, small = lab(12, seed=1), lab(8, seed=2, group="children", height=1.35)
+    found = study([*grown[0], *small[0]], [*grown[1], *small[1]], pooled=True)
+    assert pair(found, "z0_m", "height_m", "all").pearson.n == 20
+    assert pair(found, "z0_m", "height_m").pearson.n == 12
+    assert codes(found) == ["groups-pooled"]
+    assert study(*lab(8), pooled=True).remarks == ()
+
+
+def test_who_has_no_height_drops_out_of_what_needs_it_and_is_named() -> None:
+    people, rows = lab(8)
+    people[3] = Person(name=people[3].name, group="adults", leg_m=0.9)
+    found = study(people, rows)
+    against_height = pair(found, "R_m", "height_m")
+    assert against_height.pearson.n == 7
+    assert against_height.left_out == (people[3].name,)
+    assert pair(found, "R_m", "speed_m_s").pearson.n == 8
+    assert pair(found, "R_m", "speed_m_s").partial_on["height_m"].n == 7
+    assert codes(found) == ["height-missing"]
+    assert people[3].name in found.remarks[0].message
+    assert found.models["adults", "R_m"].n_people == 7
+
+
+@pytest.mark.parametrize("n", [1, 2, 3])
+def test_too_few_people_have_means_but_no_correlations(n: int) -> None:
+    found = study(*lab(n))
+    assert len(found.subjects) == n
+    assert found.pairs == ()
+    assert codes(found) == ["too-few-subjects"]
+
+
+def test_a_study_of_nobody_is_empty() -> None:
+    found = study([], [])
+    assert found.subjects == ()
+    assert found.pairs == ()
+
+
+def test_four_people_are_enough_for_an_answer_and_too_few_for_some_intervals() -> None:
+    found = study(*lab(4))
+    one = pair(found, "R_m", "speed_m_s")
+    assert one.pearson.ci95 is not None
+    assert one.partial_on["step_length_m"].ci95 is None
+
+
+def test_nobody_knows_a_height() -> None:
+    people, rows = lab(6)
+    found = study([Person(name=p.name, group="adults") for p in people], rows)
+    assert {p.against for p in found.pairs} == {"speed_m_s", "step_length_m"}
+    assert found.models == {}
+    assert found.spreads["adults", "R_m"].n_people == 6
+
+
+def test_a_parameter_that_is_the_same_for_all_has_no_correlation() -> None:
+    people, rows = lab(6)
+    flat = [StepRow(s.person, s.recording, {**s.values, "r_m": 0.01}) for s in rows]
+    assert "r_m" not in {p.parameter for p in study(people, flat).pairs}
+
+
+def test_the_order_of_the_people_does_not_matter_but_for_the_draws() -> None:
+    people, rows = lab(9)
+    forth, back = study(people, rows), study(people[::-1], rows[::-1])
+    for p in forth.pairs:
+        other = pair(back, p.parameter, p.against)
+        assert other.pearson.r == pytest.approx(p.pearson.r)
+        assert other.p_holm == pytest.approx(p.p_holm)
+    for key, model in forth.models.items():
+        assert back.models[key].subject_sd == pytest.approx(model.subject_sd, rel=1e-4, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("stated", "age", "height", "expected"),
+    [
+        ("patients", 30.0, 1.7, ("patients", "stated")),
+        (None, 17.9, 1.9, ("children", "age")),
+        ("", 18.0, 1.3, ("adults", "age")),
+        (None, None, 1.3, ("children", "height")),
+        (None, None, 1.58, ("unknown", "unknown")),
+        (None, None, None, ("unknown", "unknown")),
+    ],
+)
+def test_a_group_is_what_is_stated_else_by_age_else_by_height(
+    stated: str | None, age: float | None, height: float | None, expected: tuple[str, str]
+) -> None:
+    assert group_of(stated, age, height) == expected
+
+
+def test_guessed_groups_are_said() -> None:
+    people, rows = lab(4)
+    guessed = [
+        Person(name=p.name, group="children", height_m=1.3 + i / 50, group_source="height")
+        for i, p in enumerate(people)
+    ]
+    assert codes(study(guessed, rows)) == ["group-from-height"]
+    unknown = [Person(name=p.name, group="unknown", height_m=p.height_m, group_source="unknown") for p in people]
+    assert codes(study(unknown, rows)) == ["group-unknown"]

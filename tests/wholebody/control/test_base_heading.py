@@ -1,0 +1,45 @@
+"""The base turns with the feet, smoothly."""
+
+import numpy as np
+import pytest
+
+from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
+from stridelab.contacts.terrain import Terrain
+from stridelab.dynamics.spatial import Placement
+from stridelab.wholebody.control.base_heading import Heading
+
+FEET = ("left_foot", "right_foot")
+
+
+def turned(name: str, yaw: float) -> Contact:
+    return Contact(name, Placement.of([0.0, 0.0, 0.0], (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2))), "ground", 0.5)
+
+
+def turning() -> Heading:
+    """The right foot, then the left one, turn by 0.4 rad from 3 rad on, past the seam at pi."""
+    start = {name: turned(name, 3.0) for name in FEET}
+    right = {**start, "right_foot": turned("right_foot", 3.4)}
+    end = {**right, "left_foot": turned("left_foot", 3.4)}
+    air = [{"left_foot": start["left_foot"]}, {"right_foot": right["right_foot"]}]
+    phases = tuple(ContactPhase(0.5, contacts) for contacts in (start, air[0], right, air[1], end))
+    return Heading.of(ContactSequence("turn", "talos", 0.5, Terrain.of([]), phases))
+
+
+def test_it_follows_the_mean_of_the_feet_without_a_jump() -> None:
+    assert np.allclose(turning().yaw_rad, [3.0, 3.0, 3.2, 3.2, 3.4, 3.4])
+
+
+@pytest.mark.parametrize("time_s", [0.6, 0.75, 0.9, 1.7])
+def test_its_rates_are_derivatives(time_s: float) -> None:
+    heading, h = turning(), 1e-5
+    phase = heading.sequence.phase_at(time_s)
+
+    def yaw(t: float) -> float:
+        R, _, _ = heading.at(phase, t)
+        return float(np.arctan2(R[1, 0], R[0, 0]))
+
+    R, w, w_rate = heading.at(phase, time_s)
+    assert np.allclose(R @ R.T, np.eye(3))
+    assert w[2] == pytest.approx((yaw(time_s + h) - yaw(time_s - h)) / (2 * h), abs=1e-6)
+    assert w_rate[2] == pytest.approx((yaw(time_s + h) - 2 * yaw(time_s) + yaw(time_s - h)) / h**2, abs=1e-3)
+    assert np.all(w[:2] == 0.0)

@@ -1,0 +1,98 @@
+"""The body keeps off itself and off the steps: rows against finite differences, a motion with and without them."""
+
+from dataclasses import replace
+
+import coal
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.contacts.terrain import Box, Terrain
+from stridelab.dynamics.spatial import Placement
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.control.collision_avoidance import Avoid, Avoidance
+from stridelab.wholebody.control.rigid_body import RigidBody
+from stridelab.wholebody.motion import WholeBodyMotion
+
+EVER = Avoid(apart_m=0.4, acts_m=0.5, near_m=0.6, every=1, most=12, shrunk=10.0)
+"""Acts wherever it looks."""
+WALL = Box("wall", Placement.of([0.6, 0.0, 0.3]), np.array([0.4, 1.0, 0.6]))
+NOWHERE = Terrain.of([])
+
+
+def at_random(robot: Robot, seed: int) -> tuple[RigidBody, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    q = pin.integrate(robot.model, robot.q_reference, 0.1 * rng.normal(size=robot.model.nv))
+    v = rng.normal(size=robot.model.nv)
+    body = RigidBody(robot)
+    body.update(q, v)
+    return body, q, v
+
+
+def of_arms(robot: Robot) -> np.ndarray:
+    """Which of the velocity's coordinates are those of arms."""
+    return np.array([False] * 6 + [robot.group[joint] == "arm" for joint in robot.joint_names])
+
+
+def distances(robot: Robot, q: np.ndarray) -> np.ndarray:
+    """Of all pairs of the robot, and of its shapes from the wall ahead."""
+    geometry, data = pin.GeometryModel(robot.collision), robot.model.createData()
+    shapes = len(robot.collision.geometryObjects)
+    at = pin.SE3(WALL.placement.rotation, WALL.placement.position_m)
+    wall = geometry.addGeometryObject(pin.GeometryObject("wall", 0, 0, at, coal.Box(*WALL.size_m.tolist())))
+    for k in range(shapes):
+        geometry.addCollisionPair(pin.CollisionPair(k, wall))
+    results = geometry.createData()
+    pin.computeDistances(robot.model, data, geometry, results, q)
+    return np.array([result.min_distance for result in results.distanceResults])
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("moving", ["arms", "all"])
+def test_rows_are_the_rate_of_the_distances(talos: Robot, seed: int, moving: str) -> None:
+    """Of pairs with an arm as far as arms move, of the others as far as anything does."""
+    body, q, v = at_random(talos, seed)
+    arms = of_arms(talos)
+    rows, weights = Avoidance(talos, Terrain.of([WALL]), EVER).rows(body)
+    arm_alone = ~rows.A[:, ~arms].any(axis=1)
+    chosen = arm_alone if moving == "arms" else ~arm_alone
+    assert len(weights) == len(rows.b)
+    assert chosen.sum() > 3
+    if moving == "arms":
+        v[~arms] = 0.0
+    h = 1e-5
+    ahead, behind = (distances(talos, pin.integrate(talos.model, q, s * h * v)) for s in (1.0, -1.0))
+    rates = (ahead - behind) / (2.0 * h)
+    for rate in rows.A[chosen] @ v:
+        assert np.abs(rates - rate).min() < 5e-3
+
+
+def test_shins_are_kept_off_what_stands_before_them(talos: Robot) -> None:
+    body, _, _ = at_random(talos, 0)
+    by = Avoid(apart_m=0.2, acts_m=0.4, near_m=0.5, every=1)
+    without, with_wall = (Avoidance(talos, Terrain.of(boxes), by).rows(body)[0] for boxes in ((), (WALL,)))
+    assert len(without.b) < len(with_wall.b) <= len(without.b) + by.most
+    assert with_wall.A[len(without.b) :, 0].max() < 0.0  # away from it is backwards
+
+
+def test_what_is_far_is_left_alone_and_weights_do_not_jump(talos: Robot) -> None:
+    body, q, _ = at_random(talos, 1)
+    far = Avoid(apart_m=1e-4, acts_m=2e-4)
+    rows, weights = Avoidance(talos, NOWHERE, far).rows(body)
+    assert rows.A.shape == (0, talos.model.nv)
+    assert len(weights) == 0
+    d = distances(talos, q).min()
+    for acts_m, bar in ((1.02, 0.01), (1.002, 1e-4)):
+        _, weights = Avoidance(talos, NOWHERE, Avoid(apart_m=0.5 * d, acts_m=acts_m * d, shrunk=100.0)).rows(body)
+        assert weights.max(initial=0.0) <= 4.0 * bar
+
+
+def test_arms_in_peace_move_as_they_did(talos: Robot, swaying: tuple[CentroidalPlan, WholeBodyMotion]) -> None:
+    """Where nothing is near, nothing changes."""
+    from stridelab.wholebody.control.controller import WholeBodyController
+    from stridelab.wholebody.control.task_stack import Settings
+
+    plan, motion = swaying
+    without = WholeBodyController(settings=replace(Settings(), avoid=None)).run(talos, plan.sequence, plan)
+    assert np.abs(without.q - motion.q).max() < 1e-9

@@ -1,0 +1,286 @@
+"""Physics as the judge: free fall, standing, falling, slipping, and what the log says of each."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
+from stridelab.contacts.terrain import Box, Rail, Terrain
+from stridelab.conventions import GRAVITY_M_S2
+from stridelab.dynamics.spatial import Placement
+from stridelab.errors import InvalidInput
+from stridelab.robots.loader import load_robot
+from stridelab.robots.robot import Robot
+from stridelab.wholebody.motion import WholeBodyMotion
+from stridelab.wholebody.replay.dcm_feedback import CapturePoint, Sole, ankle_torques_nm, ankles_of
+from stridelab.wholebody.replay.disturbances import Disturbances, Push, SensorNoise
+from stridelab.wholebody.replay.mujoco_model import build_simulation
+from stridelab.wholebody.replay.replay import PhysicsReplay, Replay
+from stridelab.wholebody.replay.sensors import Seen, Sensors
+from stridelab.wholebody.replay.simulation import Simulation
+
+RATE_HZ = 250.0
+FEET = ("left_foot", "right_foot")
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot("talos")
+
+
+def ground(slope_rad: float = 0.0) -> Terrain:
+    turn = Placement.of([0.0, 0.0, 0.0], [np.cos(slope_rad / 2), 0.0, np.sin(slope_rad / 2), 0.0])
+    return Terrain((Box("ground", turn @ Placement.of([0.0, 0.0, -0.5]), np.array([4.0, 4.0, 1.0])),))
+
+
+def sole(robot: Robot, name: str, q: np.ndarray) -> Placement:
+    data = robot.model.createData()
+    pin.framesForwardKinematics(robot.model, data, q)
+    frame = data.oMf[robot.model.getFrameId(robot.effectors[name].frame)]
+    return Placement(frame.translation.copy(), frame.rotation.copy()) @ robot.effectors[name].T_frame_contact
+
+
+def standing_still(robot: Robot, duration_s: float, friction: float = 0.7) -> WholeBodyMotion:
+    """The reference posture with the torques of statics, the weight shared by both soles."""
+    q, n = robot.q_reference, round(duration_s * RATE_HZ) + 1
+    model, data = robot.model, robot.model.createData()
+    feet = {name: Contact(name, sole(robot, name, q), "ground", friction) for name in FEET}
+    sequence = ContactSequence("stand", "talos", friction, ground(), (ContactPhase(duration_s, feet),))
+    tau = pin.computeGeneralizedGravity(model, data, q).copy()
+    com_m = pin.centerOfMass(model, data, q).copy()
+    share = (com_m[1] - feet["right_foot"].placement.position_m[1]) / 0.17
+    for name, part in (("left_foot", share), ("right_foot", 1 - share)):
+        J = pin.computeFrameJacobian(model, data, q, model.getFrameId(robot.effectors[name].frame), pin.LOCAL)
+        pressed = feet[name].placement.inverse().act(com_m[None])[0]
+        f_z = part * robot.mass_kg * GRAVITY_M_S2
+        tau -= J.T @ [0.0, 0.0, f_z, 0.0, -pressed[0] * f_z, 0.0]
+    still = np.zeros((n, model.nv))
+    return WholeBodyMotion(
+        sequence=sequence, rate_hz=RATE_HZ, time_s=np.arange(n) / RATE_HZ, q=np.tile(q, (n, 1)), v=still, a=still,
+        tau_nm=np.tile(tau[6:], (n, 1)), forces_n={}, points_m={}, com_m=np.tile(com_m, (n, 1)),
+        com_v_m_s=np.zeros((n, 3)), l_nms=np.zeros((n, 3)), com_reference_m=np.tile(com_m, (n, 1)),
+        com_v_reference_m_s=np.zeros((n, 3)), l_reference_nms=np.zeros((n, 3)), failures=(), solve_time_s=0.0,
+    )  # fmt: skip
+
+
+def quiet(_fraction: float, _message: str) -> None:
+    pass
+
+
+def played(robot: Robot, motion: WholeBodyMotion, physics: PhysicsReplay | None = None) -> Replay:
+    return (physics or PhysicsReplay()).run(robot, motion.sequence, motion, quiet)
+
+
+def test_the_simulated_robot_is_the_robot(robot: Robot) -> None:
+    rail = Rail("rail", np.array([0.0, -0.6, 0.8]), np.array([1.0, -0.6, 0.8]), 0.02)
+    built = build_simulation(robot, Terrain((*ground().boxes, rail)), 0.3, (*FEET, "right_hand"))
+    rng = np.random.default_rng(3)
+    for _ in range(5):
+        q = pin.integrate(robot.model, robot.q_reference, 0.2 * rng.normal(size=robot.model.nv))
+        simulation = Simulation(built, q)
+        data = robot.model.createData()
+        assert simulation.mass_kg == pytest.approx(robot.mass_kg, abs=1e-6)
+        assert np.allclose(simulation.com()[0], pin.centerOfMass(robot.model, data, q), atol=1e-6)
+        for name in (*FEET, "right_hand"):
+            expected, found = sole(robot, name, q), simulation.contact(name)
+            assert np.allclose(found.position_m, expected.position_m, atol=1e-6)
+            assert np.allclose(found.rotation, expected.rotation, atol=1e-6)
+        again, v = simulation.coordinates()
+        assert np.allclose(again, q, atol=1e-12)
+        assert not v.any()
+
+
+def test_without_contact_the_robot_falls_as_everything_does(robot: Robot) -> None:
+    built = build_simulation(robot, ground(), 0.3, FEET)
+    q = robot.q_reference.copy()
+    q[2] += 2.0
+    simulation = Simulation(built, q)
+    start_m, _ = simulation.com()
+    for _ in range(300):
+        simulation.step(np.zeros(len(robot.joint_names)), np.zeros(len(robot.locked)))
+    simulation.refresh()
+    com_m, com_v_m_s = simulation.com()
+    # implicit steps of 1 ms fall g t dt / 2 farther than the parabola
+    assert com_m[2] - start_m[2] == pytest.approx(-0.5 * GRAVITY_M_S2 * 0.3**2, abs=2e-3)
+    assert com_v_m_s[2] == pytest.approx(-GRAVITY_M_S2 * 0.3, rel=1e-6)
+    assert np.allclose(com_m[:2], start_m[:2], atol=1e-6)
+    assert all(np.linalg.norm(force) == 0.0 for force in simulation.forces_n().values())
+
+
+def test_standing_still_stands_still_and_carries_the_weight(robot: Robot) -> None:
+    found = played(robot, standing_still(robot, 1.5))
+    assert found.completed
+    assert found.fall_time_s is None
+    assert found.com_error_max_m < 0.005
+    assert found.foot_slip_max_m < 0.002
+    assert found.landing_error_max_m < 0.002
+    assert found.hand_force_mean_n is None
+    weight = robot.mass_kg * GRAVITY_M_S2
+    carried = sum(force[-1] for force in found.forces_n.values())
+    assert carried[2] == pytest.approx(weight, rel=0.01)
+    assert found.time_s[-1] == pytest.approx(1.5 + 1.0), "the last posture is held for a second"
+    assert found.q.shape == (len(found.time_s), robot.model.nq)
+
+
+def test_a_robot_without_torques_falls_and_the_replay_says_when(robot: Robot) -> None:
+    motion = standing_still(robot, 3.0)
+    limp = PhysicsReplay(stiffness=0.0, damping=0.0, stabiliser=None)
+    found = played(robot, replace(motion, tau_nm=np.zeros_like(motion.tau_nm)), limp)
+    assert not found.completed
+    assert found.fall_time_s is not None
+    assert 0.1 < found.fall_time_s < 1.5
+    assert found.com_error_max_m >= 0.25
+    assert len(found.time_s) < len(motion.time_s)
+
+
+def test_feet_slip_on_a_slope_steeper_than_the_friction_cone(robot: Robot) -> None:
+    motion = standing_still(robot, 1.0)
+    slope = 0.04
+    tilt = Placement.of([0.0, 0.0, 0.0], [np.cos(slope / 2), 0.0, np.sin(slope / 2), 0.0])
+    q = motion.q.copy()
+    q[:, :3] = tilt.act(q[:, :3])
+    base = tilt @ Placement.of([0.0, 0.0, 0.0], [q[0, 6], *q[0, 3:6]])
+    w, x, y, z = base.wxyz
+    q[:, 3:7] = [x, y, z, w]
+    leaning = replace(motion, q=q, com_reference_m=tilt.act(motion.com_reference_m))
+    slips = {}
+    for mu in (0.01, 0.5):
+        phases = tuple(
+            replace(p, contacts={n: replace(c, placement=tilt @ c.placement) for n, c in p.contacts.items()})
+            for p in motion.sequence.phases
+        )
+        sequence = replace(motion.sequence, friction=mu, terrain=ground(slope), phases=phases)
+        slips[mu] = PhysicsReplay().run(robot, sequence, replace(leaning, sequence=sequence), quiet).foot_slip_max_m
+    # g (sin a - mu cos a) t^2 / 2 is 0.15 m after one second, and another one follows
+    assert slips[0.01] > 0.1
+    assert slips[0.5] < 0.01
+
+
+def test_the_stabiliser_acts_on_what_it_is_told_of_the_state(robot: Robot) -> None:
+    def blind(seen: Seen) -> Seen:
+        """A state estimate that is wrong by 4 cm to the left."""
+        return replace(seen, com_m=seen.com_m + np.array([0.0, 0.04, 0.0]))
+
+    motion = standing_still(robot, 1.0)
+    physics = PhysicsReplay()
+    true = physics.run(robot, motion.sequence, motion, quiet)
+    wrong = physics.run(robot, motion.sequence, motion, quiet, observe=blind)
+    assert wrong.com_m[-1, 1] < true.com_m[-1, 1] - 0.002, "who is told to be too far left leans right"
+
+
+def test_ankle_torques_move_the_centre_of_pressure_where_they_are_told(robot: Robot) -> None:
+    """A sole pressed with f at d ahead is in balance under the ankle torques that the stabiliser adds for d."""
+    ankles = ankles_of(robot)
+    assert set(ankles) == set(FEET)
+    for d in ([0.03, 0.0, 0.0], [0.0, 0.02, 0.0], [0.02, -0.01, 0.0]):
+        tau = ankle_torques_nm(ankles["left_foot"], np.array(d[:2]), 900.0)
+        data = robot.model.createData()
+        q = robot.q_reference
+        frame = robot.model.getFrameId(robot.effectors["left_foot"].frame)
+        J = pin.computeFrameJacobian(robot.model, data, q, frame, pin.LOCAL)
+        moment = np.cross(d, [0.0, 0.0, 900.0])
+        balance = -(J[3:].T @ moment)[6:]
+        assert np.allclose(tau, balance[list(ankles["left_foot"].joints)], atol=1e-6)
+
+
+HALF_M = {"left_foot": (0.10, 0.06), "right_foot": (0.10, 0.06)}
+
+
+def soles(load_left_n: float, load_right_n: float, pressure_y_m: float = 0.0) -> dict[str, Sole]:
+    pressure = np.array([0.0, pressure_y_m])
+    return {
+        "left_foot": Sole(np.array([0.0, 0.1, 0.0]), np.eye(3), load_left_n, pressure),
+        "right_foot": Sole(np.array([0.0, -0.1, 0.0]), np.eye(3), load_right_n, pressure),
+    }
+
+
+def test_the_pressure_stays_inside_the_sole_wherever_it_was_planned() -> None:
+    capture = CapturePoint(edge_m=0.005)
+    for planned_m in (0.0, 0.03, -0.05):
+        for y in (5.0, -5.0):
+            shifts, _ = capture.spread(np.array([9.0, y]), soles(900.0, 1.0, planned_m), HALF_M)
+            assert planned_m + shifts["left_foot"][1] == pytest.approx(np.sign(y) * 0.055)
+            assert shifts["left_foot"][0] == pytest.approx(0.095)
+
+
+def test_what_two_soles_cannot_do_is_done_by_shifting_load() -> None:
+    """Pressure and load together move the common centre of pressure by what was asked for."""
+    capture, both = CapturePoint(), soles(400.0, 500.0)
+    for y in (0.02, 0.075, -0.08):
+        shifts, gained = capture.spread(np.array([0.0, y]), both, HALF_M)
+        assert gained["left_foot"] == pytest.approx(-gained["right_foot"])
+        own = sum(sole.load_n * shifts[name][1] for name, sole in both.items()) / 900.0
+        assert own + gained["left_foot"] * 0.2 / 900.0 == pytest.approx(y, abs=5e-4)
+    gained = capture.spread(np.array([0.0, 9.0]), both, HALF_M)[1]
+    assert gained["right_foot"] == pytest.approx(45.0 - 500.0), "a twentieth of the weight stays on either sole"
+
+
+def test_a_push_and_a_load_are_survived_and_noticed(robot: Robot) -> None:
+    motion = standing_still(robot, 1.5)
+    calm = played(robot, motion)
+    for disturbed in (
+        Disturbances(push=Push(0.3, (0.0, 15.0, 0.0))),
+        Disturbances(trunk_mass_kg=5.0),
+        Disturbances(delay_s=0.008, sensor_noise=SensorNoise(), torque_noise=0.05),
+    ):
+        found = PhysicsReplay().run(robot, motion.sequence, motion, quiet, disturbed=disturbed)
+        assert found.completed
+        assert found.com_error_max_m > calm.com_error_max_m + 1e-5, disturbed
+
+
+@pytest.mark.parametrize("delay_ms", [0, 1, 4, 5, 7, 8, 48, 50])
+def test_sensors_are_exactly_as_late_as_they_are_said_to_be(robot: Robot, delay_ms: int) -> None:
+    """What is seen of a body that falls freely is where it was ``delay_ms`` before."""
+    q = robot.q_reference.copy()
+    q[2] += 2.0
+    simulation = Simulation(build_simulation(robot, ground(), 0.3, FEET), q)
+    sensors = Sensors(simulation, Disturbances(delay_s=1e-3 * delay_ms), substeps=4)
+    heights_m, none = [simulation.com()[0][2]], (np.zeros(len(robot.joint_names)), np.zeros(len(robot.locked)))
+    for k in range(20):
+        seen = sensors.read(4e-3 * k)
+        age = min(delay_ms, 4 * k)
+        assert seen.time_s == pytest.approx(1e-3 * (4 * k - age), abs=1e-12)
+        assert seen.com_m[2] == pytest.approx(heights_m[4 * k - age], abs=1e-12)
+        for j in range(1, 5):
+            simulation.step(*none)
+            sensors.step(j, 1e-3 * (4 * k + j))
+            simulation.refresh()
+            heights_m.append(simulation.com()[0][2])
+
+
+def test_a_push_gives_off_its_impulse() -> None:
+    push = Push(1.0, (3.0, -20.0, 0.0), duration_s=0.2)
+    force = np.array([push.force_n(t) for t in np.arange(0.0, 2.0, 0.001)])
+    assert np.allclose(force.sum(axis=0) * 0.001, [3.0, -20.0, 0.0])
+    assert not push.force_n(0.99).any()
+
+
+def test_a_foot_that_lands_on_higher_ground_is_lived_with(
+    robot: Robot, two_steps: tuple[ContactSequence, object, WholeBodyMotion]
+) -> None:
+    sequence, _, motion = two_steps
+    place = sequence.phases[-1].contacts["left_foot"].placement.position_m
+    ahead = Placement.of([place[0] + 0.1, 0.0, -0.001])
+    tread = Box("tread", ahead, np.array([0.36, 1.0, 0.02]))  # 9 mm high, from just before the first toes
+    onto = replace(sequence, terrain=Terrain.of([*sequence.terrain.surfaces, tread]))
+    found = PhysicsReplay().run(robot, onto, motion, quiet)
+    assert found.completed
+    assert found.com_error_max_m < 0.02
+    assert 0.007 < found.landing_error_max_m < 0.03
+
+
+@pytest.mark.parametrize(("field", "value"), [("friction", 0.0), ("torque_noise", -0.1), ("delay_s", -1.0)])
+def test_what_cannot_be_is_refused(field: str, value: float) -> None:
+    with pytest.raises(InvalidInput) as refusal:
+        Disturbances(**{field: value})
+    assert refusal.value.code == "disturbance-out-of-range"
+    assert [fault.where for fault in refusal.value.faults] == [field]
+
+
+def test_a_rate_that_does_not_fit_the_steps_is_refused(robot: Robot) -> None:
+    motion = standing_still(robot, 0.1)
+    with pytest.raises(InvalidInput) as refusal:
+        played(robot, replace(motion, rate_hz=300.0))
+    assert refusal.value.code == "replay-rate"

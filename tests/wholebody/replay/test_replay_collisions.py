@@ -1,0 +1,186 @@
+"""What the replay says of motions in which the body touches what it is not planned to touch."""
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from stridelab.centroidal.solver import solve
+from stridelab.contacts.effector_geometry import effector_shapes
+from stridelab.contacts.scenario_io import sequence_of
+from stridelab.contacts.scenarios.parts import Scenario
+from stridelab.contacts.sequence import Contact, ContactPhase, ContactSequence
+from stridelab.contacts.terrain import Box, Terrain
+from stridelab.dynamics.spatial import Placement
+from stridelab.reachability.store import load_proxies
+from stridelab.robots.loader import load_robot
+from stridelab.studies.execution import posed, replayed
+from stridelab.wholebody.certificate.certificate import Certificate
+from stridelab.wholebody.certificate.certify import certify
+from stridelab.wholebody.control.controller import WholeBodyController
+from stridelab.wholebody.effector_contact import OwnSurfaces
+from stridelab.wholebody.replay.assessment import Collision, Missed, missed
+from stridelab.wholebody.replay.log import Replay
+from stridelab.wholebody.replay.mujoco_model import build_simulation
+from stridelab.wholebody.replay.simulation import Simulation
+from support.robots.scenarios import both_hands_on_a_table, narrow_beam
+
+FAR_BELOW = Terrain((Box("ground", Placement.of([0.0, 0.0, -10.0]), np.array([1.0, 1.0, 1.0])),))
+UNSURE_M = 5e-4
+"""Two libraries may disagree about shapes that are nearer than this to just touching."""
+
+
+@dataclass(frozen=True, eq=False)
+class Harsh:
+    certificate: Certificate
+    replay: Replay
+
+    def failed(self) -> set[str]:
+        return {check.name for check in self.certificate.checks if not check.passed}
+
+    def codes(self) -> set[str]:
+        return {remark.code for remark in self.replay.remarks}
+
+    def message(self, code: str) -> str:
+        return next(remark.message for remark in self.replay.remarks if remark.code == code)
+
+
+@cache
+def carried_out(name: str) -> Harsh:
+    scenario: Scenario = {"beam": narrow_beam, "table": both_hands_on_a_table}[name]()
+    robot, proxies = load_robot(scenario["robot"]), load_proxies(scenario["robot"])
+    sequence = sequence_of(scenario, effector_shapes(robot.name))
+    plan = solve(posed(robot, sequence, proxies))
+    motion = WholeBodyController().run(robot, sequence, plan)
+    return Harsh(certify(robot, sequence, plan, proxies, motion), replayed(robot.name, motion))
+
+
+@pytest.mark.parametrize("name", ["talos", "hrp2", "g1"])
+def test_the_simulated_body_touches_itself_where_the_certificate_says_it_does(name: str) -> None:
+    """MuJoCo's contacts against the distances of coal, in random postures."""
+    robot = load_robot(name)
+    built = build_simulation(robot, FAR_BELOW, 0.3, ("left_foot", "right_foot"))
+    geometry, results = robot.collision, robot.collision.createData()
+    links = [str(robot.model.frames[part.parentFrame].name) for part in geometry.geometryObjects]
+    data, rng, met = robot.model.createData(), np.random.default_rng(11), 0
+    for _ in range(12):
+        q = pin.integrate(robot.model, robot.q_reference, 0.5 * rng.normal(size=robot.model.nv))
+        q[7:] = np.clip(q[7:], robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:])
+        pin.computeDistances(robot.model, data, geometry, results, q)
+        deep: set[frozenset[str]] = set()
+        possible: set[frozenset[str]] = set()
+        for pair, result in zip(geometry.collisionPairs, results.distanceResults, strict=True):
+            both = frozenset((links[pair.first], links[pair.second]))
+            if result.min_distance < -UNSURE_M:
+                deep.add(both)
+            if result.min_distance < UNSURE_M:
+                possible.add(both)
+        simulation = Simulation(built, q)
+        simulation.step(np.zeros(len(robot.joint_names)), np.zeros(len(robot.locked)))
+        touched = {frozenset((built.link[touch.first], built.link[touch.second])) for touch in simulation.body_touches}
+        assert deep <= touched <= possible
+        met += len(deep)
+    assert met > 5, "the postures are wild enough to show something"
+
+
+def test_legs_that_cross_on_a_beam_meet_and_the_robot_falls() -> None:
+    """A replay in which legs could not touch each other came to its end with a CoM error of 0.9 mm."""
+    found = carried_out("beam")
+    check = next(check for check in found.certificate.checks if check.name == "self_collision_pairs")
+    assert check.value > 10
+    assert found.replay.fell
+    assert not found.replay.completed
+    assert {"replay-fell", "replay-collided"} <= found.codes()
+    first = found.replay.collided[0]
+    assert first.first.startswith(("LLEG", "RLEG"))
+    assert first.second.startswith(("LLEG", "RLEG"))
+    assert first.first[0] != first.second[0]
+    assert found.replay.fall_time_s is not None
+    assert first.time_s < found.replay.fall_time_s
+    assert f"after {found.replay.fall_time_s:.1f} s" in found.message("replay-fell")
+
+
+def test_hands_that_hook_a_table_are_neither_certified_nor_completed() -> None:
+    """Both passed: the robot stays on its feet, with 30 mm of slip and 9 times the torque."""
+    found = carried_out("table")
+    assert found.failed() & {"arm_terrain_distance_min", "terrain_distance_min"}
+    replay = found.replay
+    assert not replay.fell
+    assert not replay.completed
+    assert {"replay-collided", "replay-slipped", "replay-torque", "replay-hand-off"} <= found.codes()
+    assert ("left_hand", "table") in {(one.first, one.second) for one in replay.collided}
+    assert replay.slip_max_m > 0.02
+    assert f"{1e3 * replay.slip_max_m:.0f} mm" in found.message("replay-slipped")
+    assert f"{replay.torque_ratio_max:.1f} times" in found.message("replay-torque")
+    assert replay.collisions == len(replay.collided) > 0
+    assert min(replay.hand_in_place_shares.values()) < 0.95
+
+
+GOOD = {
+    "fall_time_s": None, "collided": (), "slip_max_m": 0.02, "torque_ratio_max": 1.2,
+    "hand_in_place_shares": {"left_hand": 0.95},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("what", "value", "expected"),
+    [
+        ("fall_time_s", 3.25, Missed("replay-fell", "The robot falls after 3.2 s.")),
+        (
+            "collided",
+            (Collision("a", "b", 1.5, 30.2),),
+            Missed("replay-collided", "1 pair touches without being planned to: a and b from 1.50 s, 30 N at most."),
+        ),
+        (
+            "slip_max_m",
+            0.0212,
+            Missed("replay-slipped", "A loaded foot slips by 21 mm; at most 20 mm are allowed."),
+        ),
+        (
+            "torque_ratio_max",
+            1.31,
+            Missed("replay-torque", "A joint is asked for 1.3 times its torque limit; 1.2 is allowed."),
+        ),
+        (
+            "hand_in_place_shares",
+            {"left_hand": 0.94, "right_hand": 1.0},
+            Missed("replay-hand-off", "left_hand is in place for 94% of its contact; 95% is wanted."),
+        ),
+    ],
+)
+def test_each_condition_that_is_missed_is_a_remark_of_its_own(what: str, value: object, expected: Missed) -> None:
+    assert missed(**GOOD) == ()  # type: ignore[arg-type]
+    assert missed(**(GOOD | {what: value})) == (expected,)  # type: ignore[arg-type]
+
+
+def test_many_collisions_are_counted_and_some_named() -> None:
+    many = tuple(Collision("a", f"b{k}", 0.1 * k, 1.0) for k in range(6))
+    (found,) = missed(**(GOOD | {"collided": many}))  # type: ignore[arg-type]
+    assert found.message.startswith("6 pairs touch")
+    assert found.message.endswith("b3 from 0.30 s, 1 N at most; and 2 more.")
+
+
+def test_an_effector_is_near_its_own_surfaces_in_the_first_and_last_eighth_of_a_swing() -> None:
+    robot = load_robot("talos")
+    boxes = [
+        Box(name, Placement.of([x, 0.0, -0.5]), np.array([1.0, 4.0, 1.0]))
+        for name, x in (("here", 0.0), ("level", 1.0), ("there", 3.0))
+    ]
+    at = {"here": 0.0, "edge": 0.5, "there": 3.0}
+    foot = {name: Contact("left_foot", Placement.of([x, 0.1, 0.0]), "here", 0.5) for name, x in at.items()}
+    there = Contact("left_foot", foot["there"].placement, "there", 0.5)
+    phases = (
+        ContactPhase(1.0, {"left_foot": foot["here"]}),
+        ContactPhase(0.8, {}),
+        ContactPhase(1.0, {"left_foot": there}),
+        ContactPhase(1.0, {"left_foot": foot["edge"]}),
+    )
+    own = OwnSurfaces(ContactSequence("x", "talos", 0.5, Terrain.of(boxes), phases), robot.effectors)
+    assert own.touched("left_foot", 0) == {"here"}
+    assert own.touched("left_foot", 1) == set()
+    assert own.touched("left_foot", 3) == {"here", "level"}, "the sole stands across the edge of two level boxes"
+    for time_s, expected in ((1.09, {"here"}), (1.11, set()), (1.69, set()), (1.71, {"there"})):
+        assert own.near("left_foot", 1, time_s) == expected
+    assert own.near("left_foot", 0, 0.5) == set()
