@@ -75,7 +75,8 @@ def test_a_broken_card_is_refused_by_name(tmp_path: Path, monkeypatch: pytest.Mo
 def test_nothing_heavy_is_loaded() -> None:
     """The service asks in its own process."""
     code = (
-        "import sys, stridelab.contacts.validation.validate as v, stridelab.contacts.effector_geometry as s; s.effector_shapes('talos');"
+        "import sys, stridelab.contacts.validation.validate as v, stridelab.contacts.effector_geometry as s;"
+        "s.effector_shapes('talos');"
         "print(sorted({'pinocchio', 'casadi', 'sklearn', 'mujoco'} & set(sys.modules)))"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from stridelab.errors import InvalidInput, NotEstimable
+from stridelab.pipelines.estimate_com import estimator
 from stridelab.pipelines.requirements import require_marker_set, require_method, require_windows
 from stridelab.pipelines.trial import Trial
 from stridelab.recordings.marker_sets import identify
 from stridelab.recordings.recording import Plate, Recording, Subject, Window
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.methods import METHODS, Method
-from stridelab.service.kinds.estimate_com.run import estimator
 
 CORNERS = np.array([[0.3, 0.2, 0.0], [-0.3, 0.2, 0.0], [-0.3, -0.2, 0.0], [0.3, -0.2, 0.0]])
 

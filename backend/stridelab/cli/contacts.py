@@ -104,7 +104,8 @@ OPTION: Final = "--out-file"
 def export_contacts(typed: str, *, out_file: Path | None, force: bool) -> None:
     """Write a scenario's contact sequence with the field names of multicontact-api.
 
-    Raises ``InvalidInput`` (``scenario-invalid``) where the robot cannot do it, and as ``cli.scenario_files.read_scenario``.
+    Raises ``InvalidInput`` (``scenario-invalid``) where the robot cannot do it, and as
+    ``cli.scenario_files.read_scenario``.
     """
     from stridelab.contacts.effector_geometry import effector_shapes
     from stridelab.contacts.multicontact_api import to_multicontact

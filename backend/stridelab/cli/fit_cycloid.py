@@ -1,5 +1,4 @@
-"""``stridelab fit-cycloid``: the wheel of every step of a recording, the same run as in the service, into a folder.
-"""
+"""``stridelab fit-cycloid``: the wheel of every step of a recording, the same run as in the service, into a folder."""
 
 from pathlib import Path
 from typing import Final

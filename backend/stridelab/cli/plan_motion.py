@@ -1,4 +1,4 @@
-"""The commands of the robot wing, and ``stridelab plan``: the same run as in the service, into a folder, or remotely."""
+"""The commands of the robot wing; ``stridelab plan`` does the same as the service, into a folder, or asks a service."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -57,7 +57,6 @@ def stream(
     """Replay a recording in real time to a service that estimates its centre of mass online."""
     from stridelab.cli.recording_request import EstimateRequest
 
-
     request = EstimateRequest(walk, estimation=Estimation(latency=latency, cutoffs=cutoffs), preparation=preparation)
     replay = Replay(method=method, ahead=ahead, speed=speed, block=block, packed=packed, csv=csv)
     stream_samples(request, replay, as_json=as_json, server=server, token=token)

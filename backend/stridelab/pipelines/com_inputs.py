@@ -18,6 +18,7 @@ from stridelab.errors import NotEstimable
 from stridelab.estimation.time_span import SHORTEST_WINDOW_S
 from stridelab.pipelines.body_mass import BodyMass, body_mass, session_masses, standing_masses
 from stridelab.pipelines.latency_policy import LatencyChoice, choose_latency
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.requirements import require_marker_set, require_windows
 from stridelab.pipelines.static_trial import named_static, read_static
 from stridelab.pipelines.trial import Trial, examine
@@ -27,7 +28,6 @@ from stridelab.recordings.total_wrench import wrench_track
 from stridelab.schemas.recordings import SubjectFields
 from stridelab.schemas.sessions import SessionValues
 from stridelab.schemas.tasks import EstimateComTask
-from stridelab.service.kinds.base import ProgressCallback
 
 
 @dataclass(frozen=True)

@@ -16,14 +16,14 @@ from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.estimation.walk_frame import walk_frame
 from stridelab.pipelines.com_inputs import Prepared, prepare
 from stridelab.pipelines.cycloid_summary import summary_of
+from stridelab.pipelines.estimate_com import fused, method_asked
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.quality import quality_of
 from stridelab.pipelines.trial import examine
 from stridelab.recordings.foot_contact import find_feet, ground_velocity_m_s
 from stridelab.recordings.recording import Remark, Window
 from stridelab.schemas.cycloid import FitCycloidSummary
 from stridelab.schemas.tasks import FitCycloidTask
-from stridelab.service.kinds.base import ProgressCallback
-from stridelab.service.kinds.estimate_com.run import fused, method_asked
 from stridelab.walking.gait_events import find_contacts
 from stridelab.walking.preconditions import require_steps, require_walk
 from stridelab.walking.step_fit import StepFit, fit_steps

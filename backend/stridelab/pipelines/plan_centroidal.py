@@ -10,9 +10,9 @@ from stridelab.centroidal.problem import CentroidalProblem
 from stridelab.centroidal.solver import solve
 from stridelab.errors import Fault, NotEstimable
 from stridelab.pipelines.plan_problem import iterations_to, limits_of, require_time, solver_of
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import PlanMotionInput
-from stridelab.service.kinds.base import ProgressCallback
 
 FIRST: Final = 0.3
 """Share of the first of two solves."""

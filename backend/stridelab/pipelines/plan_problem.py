@@ -21,6 +21,7 @@ from stridelab.contacts.sequence import ContactSequence
 from stridelab.contacts.validation.parse import DURATION_S
 from stridelab.contacts.validation.validate import judge, outline
 from stridelab.errors import Fault, InvalidInput, NotEstimable
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.card import Measure
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.store import load_card, load_proxies, require_same_robot
@@ -29,7 +30,6 @@ from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import Formulation, PhaseDuration, PlanMotionInput
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.sweeps import SweepInput
-from stridelab.service.kinds.base import ProgressCallback
 
 
 def freedom(request: PlanMotionInput, sequence: ContactSequence) -> FreeDurations | None:

@@ -1,11 +1,13 @@
 """Stages of a long run: each has its share of the progress bar, its time, and its name on whatever goes wrong in it."""
 
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 from stridelab.errors import Fault, StridelabError
-from stridelab.service.kinds.base import ProgressCallback
+
+ProgressCallback = Callable[[float, str], None]
+"""Called with a fraction from 0 to 1 and a short message."""
 
 
 class Stages:

@@ -1,11 +1,11 @@
 """When each foot is on the ground: from the plates where they see it, from the markers where they miss it.
 
-``recordings.foot_contact`` answers a cautious question (may this foot touch the ground?) and errs to the side of contact. Here
-the instants themselves are wanted, without bias. With v the speed of the pelvis, a foot has left the ground when its
-forefoot moves at 0.9 v over the floor, and has landed when its heel (or its forefoot, whichever is first) is slower
-than 0.45 v. Both limits are where the plates see it, with force and markers on one clock, in 11 adults at two speeds, 7
-children and on a treadmill: the medians of these sets lie from -2 to +9 ms at lift-off (sd 8) and from -12 to +13 ms at
-the strike (sd 9), and none is beyond 25 ms. At 0.35 m/s one lift-off was 93 ms late.
+``recordings.foot_contact`` answers a cautious question (may this foot touch the ground?) and errs to the side of
+contact. Here the instants themselves are wanted, without bias. With v the speed of the pelvis, a foot has left the
+ground when its forefoot moves at 0.9 v over the floor, and has landed when its heel (or its forefoot, whichever is
+first) is slower than 0.45 v. Both limits are where the plates see it, with force and markers on one clock, in 11 adults
+at two speeds, 7 children and on a treadmill: the medians of these sets lie from -2 to +9 ms at lift-off (sd 8) and from
+-12 to +13 ms at the strike (sd 9), and none is beyond 25 ms. At 0.35 m/s one lift-off was 93 ms late.
 
 When the load on a plate begins and ends.
 

@@ -1,12 +1,12 @@
 """What the page shapes in a scenario's scene: the CoM's way as it would be planned now, and after a push.
 
-The page gives the tubes their places whenever the service has answered (static/js/editor/live_preview_view.js); until then they are
-points.
+The page gives the tubes their places whenever the service has answered (static/js/editor/live_preview_view.js); until
+then they are points.
 
 What the page shapes in a scenario's scene: where contacts hold the robot at rest, and the best place for its CoM.
 
-The page gives the region its corners and puts the rest where the judge says (static/js/editor/support_overlay.js); until then
-there is a small circle.
+The page gives the region its corners and puts the rest where the judge says (static/js/editor/support_overlay.js);
+until then there is a small circle.
 """
 
 import numpy as np

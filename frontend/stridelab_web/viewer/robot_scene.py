@@ -1,6 +1,7 @@
 """The scene of a robot: its reference posture, and where its centre of mass can be, seen from each effector.
 
-Everything that the page may show is there from the start; the page shows what is chosen (static/js/viewer/robot_view.js).
+Everything that the page may show is there from the start; the page shows what is chosen
+(static/js/viewer/robot_view.js).
 """
 
 from collections.abc import Mapping, Sequence

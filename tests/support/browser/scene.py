@@ -12,7 +12,8 @@ from playwright.sync_api import Page
 from support.browser.page import Tab
 
 START = """async (base) => {
-    const [{ Scene }, { unpack }] = await Promise.all([import("/static/js/viewer/scene.js"), import("/static/js/viewer/frame_decoder.js")]);
+    const { Scene } = await import("/static/js/viewer/scene.js");
+    const { unpack } = await import("/static/js/viewer/frame_decoder.js");
     const [layout, values] = unpack(await fetch(`${base}/frames.bin`).then((answer) => answer.arrayBuffer()));
     window.ownScene = new Scene(document.querySelector("iframe"), layout, values);
     return { links: layout.bodies, time_s: layout.time_s };

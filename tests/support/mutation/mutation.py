@@ -1,8 +1,9 @@
-"""What the tests of a package do not notice: ``python -m support.mutation.mutation contacts --sample 300`` (``make mutants``).
+"""Mutation testing: ``python -m support.mutation.mutation contacts --sample 300`` (``make mutants``).
 
 mutmut changes the package's code in one place at a time and runs those of its own tests that reach the place, the
-shortest first, ten seconds of them (``support.mutation.session``). Prints how many there are, were tried and noticed, and
-every change that was not; ``--named`` tries those again, ``--within`` with more time. docs/tests.md keeps the record.
+shortest first, ten seconds of them (``support.mutation.session``). Prints how many there are, were tried and noticed,
+and every change that was not; ``--named`` tries those again, ``--within`` with more time. docs/tests.md keeps the
+record.
 """
 
 import argparse

@@ -1,8 +1,8 @@
 """A plain mutational fuzzer of the readers: seeded, each input in a child with limits of time and memory.
 
-``python -m support.recordings.fuzzing`` (``make fuzz``) runs every reader for ten minutes. A reader may read an input or refuse it
-with an error of the project; anything else is a finding, and its number makes the same input again. Coverage does not
-guide it: seeds are small files of every shape, mutations know of the formats' block and number sizes.
+``python -m support.recordings.fuzzing`` (``make fuzz``) runs every reader for ten minutes. A reader may read an input
+or refuse it with an error of the project; anything else is a finding, and its number makes the same input again.
+Coverage does not guide it: seeds are small files of every shape, mutations know of the formats' block and number sizes.
 """
 
 import argparse

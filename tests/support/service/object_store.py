@@ -1,4 +1,4 @@
-"""An object store for tests, as far as this project speaks to one: ``python -m support.service.object_store PORT FOLDER``.
+"""An S3 object store for tests: ``python -m support.service.object_store PORT FOLDER``.
 
 Objects are files ``FOLDER/BUCKET/KEY``; parts of uploads that are not complete yet lie in ``FOLDER/.parts``. Requests
 must be signed, but signatures are not checked. A real store answered the same tests in the same way (docs/chaos.md).

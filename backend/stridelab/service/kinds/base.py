@@ -17,8 +17,6 @@ from stridelab.service.processes.sandbox import STRICT, Sandbox
 
 Json = dict[str, Any]
 """A JSON object."""
-ProgressCallback = Callable[[float, str], None]
-"""Called with a fraction from 0 to 1 and a short message."""
 
 
 @runtime_checkable

@@ -19,6 +19,8 @@ from stridelab.estimation.evaluation.comparison import Assessment, Comparison, D
 from stridelab.estimation.evaluation.truth_errors import TruthError
 from stridelab.estimation.markers_only import GeometryOnly
 from stridelab.pipelines.com_inputs import Prepared, prepare
+from stridelab.pipelines.estimate_com import estimator
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.quality import as_contract, quality_of
 from stridelab.pipelines.requirements import require_method
 from stridelab.recordings.recording import Recording
@@ -34,8 +36,7 @@ from stridelab.schemas.comparison import (
 )
 from stridelab.schemas.methods import METHODS
 from stridelab.schemas.tasks import CompareEstimatorsTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
-from stridelab.service.kinds.estimate_com.run import estimator
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.result_tables import write_table
 from stridelab.service.kinds.simulate_recording.truth_table import known_motion
 

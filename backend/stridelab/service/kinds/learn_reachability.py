@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Final
 
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.card import EffectorCard, ReachabilityCard
 from stridelab.reachability.learning.fit import Learned, learn
 from stridelab.reachability.store import save, save_cloud, text
@@ -19,7 +20,7 @@ from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import LearnedEffector, LearnReachabilitySummary
 from stridelab.schemas.tasks import LearnReachabilityTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.result_tables import atomically, write_table
 from stridelab.service.kinds.robots.reachability import reachability
 

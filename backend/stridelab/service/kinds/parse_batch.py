@@ -10,11 +10,12 @@ from pathlib import Path
 from typing import Any, Final
 
 from stridelab.errors import Fault, InvalidInput, StridelabError, TooLarge
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.recordings.files.batch_zip import BatchLimits, is_batch, unpack_batch
 from stridelab.schemas.population import MAX_RECORDINGS
 from stridelab.schemas.tasks import ParseBatchTask, ParseUploadTask, RecordingSource
 from stridelab.service.kinds import parse_upload
-from stridelab.service.kinds.base import Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import Json, Outcome
 from stridelab.service.kinds.batch_staging import ReadUpload
 from stridelab.service.processes.child import limit_memory
 from stridelab.service.processes.isolated_map import each_apart

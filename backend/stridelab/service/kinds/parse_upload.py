@@ -8,6 +8,7 @@ from datetime import date
 from pathlib import Path
 
 from stridelab.conventions import Mask, Series
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import Trial, examine, subject_fields
 from stridelab.pipelines.trial_clock import clock_of, weight_of
 from stridelab.recordings.foot_on_plate import centre_of_pressure_m
@@ -18,7 +19,7 @@ from stridelab.recordings.total_wrench import wrench_track
 from stridelab.schemas.base import Remark
 from stridelab.schemas.recordings import PlateInfo, RecordingFacts
 from stridelab.schemas.tasks import ParseUploadTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.result_tables import write_table
 
 

@@ -9,12 +9,13 @@ from typing import Final
 from stridelab.contacts.effector_geometry import effector_shapes
 from stridelab.contacts.planner.planner import ContactPlanner
 from stridelab.contacts.validation.validate import check
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.planner_limits import planner_limits
 from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import PlanContactsSummary
 from stridelab.schemas.scenarios import Scenario
 from stridelab.schemas.tasks import PlanContactsTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.result_tables import atomically
 
 SCENARIO_FILE: Final = "scenario.json"

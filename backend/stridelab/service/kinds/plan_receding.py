@@ -18,13 +18,14 @@ from stridelab.centroidal.receding_horizon import Disturb, Receding, RecedingHor
 from stridelab.centroidal.rest_to_rest import from_rest_to_rest
 from stridelab.contacts.sequence import ContactSequence
 from stridelab.pipelines.plan_problem import CONTROLS, checked, densities, taken
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
 from stridelab.schemas.base import Remark
 from stridelab.schemas.receding import PlanRecedingSummary, Push
 from stridelab.schemas.tasks import PlanRecedingTask
-from stridelab.service.kinds.base import Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import Json, Outcome
 from stridelab.service.kinds.plan_motion.files import write_json
 from stridelab.service.kinds.plan_motion.tables import Columns, track_columns
 from stridelab.service.kinds.result_tables import write_table

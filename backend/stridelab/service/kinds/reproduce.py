@@ -4,10 +4,11 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Final
 
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reproduction.registry import ITEMS, reproduce
 from stridelab.schemas.reproduction import ClaimResult, ReproduceSummary
 from stridelab.schemas.tasks import ReproduceTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.result_tables import atomically, write_table
 
 SVG: Final = "image/svg+xml"

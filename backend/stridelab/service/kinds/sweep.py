@@ -36,6 +36,7 @@ from stridelab.pipelines.plan_problem import (
     require_solver,
     solver_of,
 )
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.card import robot_card
@@ -45,7 +46,7 @@ from stridelab.schemas.base import Remark
 from stridelab.schemas.plans import PlanMotionInput
 from stridelab.schemas.sweeps import SweepAxis, SweepField, SweepInput, SweepOutcome, SweepSummary
 from stridelab.schemas.tasks import SweepTask
-from stridelab.service.kinds.base import Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import Json, Outcome
 from stridelab.service.kinds.result_tables import write_table
 from stridelab.service.processes.isolated_map import each_apart
 from stridelab.wholebody.certificate.certify import certify

@@ -1,7 +1,7 @@
 """The process that has imported what computations need and forks a child for each of them.
 
-``python -m stridelab.service.processes.fork_server PARENT MODULES``; ``nursery`` is its parent's end. Its standard input is a
-socket on which it is asked, and answers, in records:
+``python -m stridelab.service.processes.fork_server PARENT MODULES``; ``nursery`` is its parent's end. Its standard
+input is a socket on which it is asked, and answers, in records:
 
     FORK, serial, niceness, and two files
                                    fork a child that converses on the one and prints into the other

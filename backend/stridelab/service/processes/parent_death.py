@@ -1,4 +1,6 @@
-"""Start a program that ends with its parent: ``python -m stridelab.service.processes.parent_death PID SIGNAL [--user NAME] -- ARGV``.
+"""Start a program that ends with its parent.
+
+``python -m stridelab.service.processes.parent_death PID SIGNAL [--user NAME] -- ARGV``
 
 A service that is killed with ``kill -9`` cannot tell its children to stop; the kernel does (``PR_SET_PDEATHSIG``,
 prctl(2)). The setting survives ``execve`` but not a change of user, so it is made here, after that change and right

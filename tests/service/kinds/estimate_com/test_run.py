@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from stridelab.errors import InvalidInput, NotEstimable, StridelabError
 from stridelab.estimation.smoother.priors import MAY_BE_ZERO
+from stridelab.pipelines.estimate_com import smoother
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary, SmootherOptions, StatedErrors
 from stridelab.schemas.recordings import PlateSwitch, SubjectFields
 from stridelab.schemas.tasks import RecordingSource
@@ -289,7 +290,7 @@ def test_every_error_that_can_be_stated_is_one_of_the_smoother(name: str) -> Non
     least = {"momentum_m_s": (1e-9, 1e-9), "step_hz": 0.1} | dict.fromkeys(MAY_BE_ZERO, 0.0)
     low = least.get(name, 1e-9)
     stated = StatedErrors.model_validate({name: low})
-    assert getattr(estimate_com.smoother(SmootherOptions(priors=stated)).priors, name) == low
+    assert getattr(smoother(SmootherOptions(priors=stated)).priors, name) == low
 
 
 def test_a_table_can_be_chosen(tmp_path: Path) -> None:

@@ -1,41 +1,20 @@
-"""``estimate-com``: from a recording to the trajectory of the centre of mass (chapter 2).
-
-    file -> Recording -> landmarks -> GeometricCom -> WrenchTrack -> latency -> ComEstimate -> quality -> artifacts
+"""``estimate-com``: the job kind that writes the centre of mass of a recording into files (chapter 2).
 
 ``com.parquet`` / ``com.csv`` cover the whole recording at the marker instants. The geometry is given wherever the
 markers allow it; the fused position, velocity, acceleration, standard deviation and the force are NaN outside the
 window in which all contact force is measured.
 """
 
-import math
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
-from stridelab.errors import Fault, InvalidInput, NotEstimable
-from stridelab.estimation.complementary.filter import ComplementaryFilter
-from stridelab.estimation.estimator import ComEstimate, ComEstimator
-from stridelab.estimation.evaluation.physics_residuals import bias_m, force_residual_n
-from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
-from stridelab.estimation.markers_only import GeometryOnly
-from stridelab.estimation.observability import observability
-from stridelab.estimation.smoother import Smoother, SmootherPriors
-from stridelab.pipelines.com_inputs import Prepared, prepare
-from stridelab.pipelines.quality import as_contract, quality_of
-from stridelab.pipelines.requirements import require_method
-from stridelab.recordings.recording import Remark
-from stridelab.schemas import base
-from stridelab.schemas.jobs import ComparedMass, EstimateComInput, EstimateComSummary, SmootherOptions
+from stridelab.pipelines.estimate_com import estimate_com
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import EstimateComTask
-from stridelab.service.kinds.base import Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import Json, Outcome
 from stridelab.service.kinds.estimate_com.files import write_com
-
-BEST_METHOD: Final = Smoother.name
-"""What ``method: null`` takes: the best estimator of this version."""
-STAND_IN: Final = ComplementaryFilter.name
-"""What ``method: null`` takes where the best one refuses the recording."""
 
 
 def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
@@ -46,128 +25,14 @@ def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
 def run(task: EstimateComTask, folder: Path, progress: ProgressCallback) -> Outcome:
     """Estimate the CoM of ``task.recording`` in ``folder``; the summary is an ``EstimateComSummary``.
 
-    Raises ``UnreadableFile`` or ``InvalidInput`` for a file or value that makes no sense, ``NotEstimable`` where the
-    data do not allow an estimate; code and faults say what is missing.
+    Raises as ``stridelab.pipelines.estimate_com.estimate_com`` does.
     """
-    request = task.input
-    method = method_asked(request)
-    prepared = prepare(task, folder, progress, needs_force=method != GeometryOnly.name)
-    trial, windows, geometric, wrench = prepared.trial, prepared.windows, prepared.geometric, prepared.wrench
-    mass, latency = prepared.mass, prepared.latency
-
-    progress(0.7, "fusing markers and force" if method != GeometryOnly.name else "smoothing the geometry")
-    estimate = fused(method, request, prepared)
-
+    result = estimate_com(task, folder, progress)
     progress(0.85, "writing the result")
-    quality = quality_of(prepared, estimate)
-    remarks = (*quality.remarks, *prepared.remarks, *estimate.remarks)
-    summary = EstimateComSummary(
-        window_s=(estimate.window.start_s, estimate.window.end_s),
-        rate_hz=trial.recording.marker_rate_hz,
-        method=estimate.method,
-        segment_table=geometric.table,
-        mass_kg=mass.known_kg,
-        mass_source=mass.source,
-        mass_sd_kg=mass.known_sd_kg,
-        mass_from_force_kg=trial.force_mass_kg,
-        masses=[ComparedMass.model_validate(asdict(known)) for known in mass.compared],
-        latency_s=latency.latency_s,
-        latency_sd_s=latency.sd_s,
-        latency_applied_s=latency.applied_s,
-        latency_source=latency.source,
-        latency_n_trials=latency.n_trials,
-        latency_trial_s=latency.found.latency_s if latency.found else None,
-        latency_trial_sd_s=latency.found.sd_s if latency.found else None,
-        session=prepared.session,
-        latency_along_s=latency.found.along.lag_s if latency.found else None,
-        latency_lateral_s=latency.found.lateral.lag_s if latency.found else None,
-        latency_vertical_s=latency.found.vertical.lag_s if latency.found else None,
-        rms_force_residual_n=force_residual_n(estimate, wrench, mass.mass_kg).tolist() if windows else [],
-        bias_m=bias_m(estimate, geometric).tolist(),
-        observability=asdict(observability(estimate)) if windows else {},
-        diagnostics={name: value for name, value in estimate.diagnostics.items() if math.isfinite(value)},
-        quality=as_contract(quality),
-        warnings=[base.Remark(code=r.code, message=r.message) for r in dict.fromkeys(remarks)],
+    prepared, wrench = result.prepared, result.prepared.wrench
+    shown = wrench if prepared.windows else replace(wrench, complete=np.zeros_like(wrench.complete))
+    artifacts = write_com(
+        folder, task.recording, prepared.trial, prepared.geometric, shown, result.estimate, result.summary
     )
-    shown = wrench if windows else replace(wrench, complete=np.zeros_like(wrench.complete))
-    artifacts = write_com(folder, task.recording, trial, geometric, shown, estimate, summary)
     progress(1.0, "done")
-    references = (*geometric.references, *estimate.references, *latency.references)
-    return Outcome(summary.model_dump(mode="json"), tuple(dict.fromkeys(references)), artifacts)
-
-
-def method_asked(request: EstimateComInput) -> str | None:
-    """The method that is named, or that alone has the stated cut-offs or options; None where the best is asked for.
-
-    Raises ``InvalidInput`` (``cutoffs-not-used``) for cut-offs that would have no effect.
-    """
-    named = None if request.method is None else require_method(request.method)
-    if request.smoother is not None:
-        named = Smoother.name
-    if request.cutoffs == "auto":
-        return named
-    if named in (GeometryOnly.name, Smoother.name):
-        raise _no_cutoffs(named)
-    return named or ComplementaryFilter.name
-
-
-def fused(
-    method: str | None, request: EstimateComInput, prepared: Prepared, *, beyond_window: bool = False
-) -> ComEstimate:
-    """The estimate by ``method``; without one by the best, or with a remark by its stand-in where the best refuses.
-
-    ``beyond_window`` lets the smoother answer for all of the gap-free geometry around the window.
-    Raises ``NotEstimable`` where nothing can do it.
-    """
-    inputs = prepared.geometric, prepared.wrench, prepared.mass.mass_kg
-    try:
-        chosen = estimator(method or BEST_METHOD, request)
-        if beyond_window and isinstance(chosen, Smoother):
-            chosen = replace(chosen, beyond_window=True)
-        return chosen.estimate(*inputs)
-    except NotEstimable as refusal:
-        if method is not None:
-            raise
-        estimate = estimator(STAND_IN, request).estimate(*inputs)
-        message = f"The {BEST_METHOD} refuses this recording and the {STAND_IN} filter stands in: {refusal.message}"
-        return replace(estimate, remarks=(Remark("best-method-refused", message), *estimate.remarks))
-
-
-def estimator(method: str, request: EstimateComInput) -> ComEstimator:
-    """The estimator with the parameters asked for.
-
-    Raises ``InvalidInput`` (``cutoffs-not-used``) for cut-offs of a method that has none.
-    """
-    thesis = request.cutoffs == "thesis"
-    if isinstance(request.cutoffs, tuple):
-        if method != ComplementaryFilter.name:
-            raise _no_cutoffs(method)
-        low_hz, high_hz = request.cutoffs
-        return ComplementaryFilter(low_hz=low_hz, high_hz=high_hz)
-    if method == GeometryOnly.name:
-        return GeometryOnly()
-    if request.cutoffs == "spectra" and method != ComplementaryFilter.name:
-        raise _no_cutoffs(method)
-    if method == KalmanFilter.name:
-        return KalmanFilter() if thesis else KalmanFilter.tuned()
-    if method == RtsSmoother.name:
-        return RtsSmoother() if thesis else RtsSmoother.tuned()
-    if method == Smoother.name:
-        return smoother(request.smoother or SmootherOptions())
-    if thesis:
-        return ComplementaryFilter.thesis()
-    return ComplementaryFilter(from_spectra=request.cutoffs == "spectra")
-
-
-def smoother(options: SmootherOptions) -> Smoother:
-    """The smoother that is told what was stated; the rest takes its usual size."""
-    priors = SmootherPriors(**options.priors.model_dump(exclude_none=True))
-    return Smoother(priors=priors, learn=options.learn, segment_momentum=options.segment_momentum)
-
-
-def _no_cutoffs(method: str) -> InvalidInput:
-    return InvalidInput(
-        "cutoffs-not-used",
-        f"The {method} estimator has no cut-off frequencies; only the complementary filter has.",
-        [Fault("cutoffs", "not used by this method")],
-    )
+    return Outcome(result.summary.model_dump(mode="json"), result.references, artifacts)

@@ -3,8 +3,9 @@
 from pathlib import Path
 
 from stridelab.pipelines.fit_cycloid import cycloid_of
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import FitCycloidTask
-from stridelab.service.kinds.base import Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import Json, Outcome
 from stridelab.service.kinds.fit_cycloid.files import write_cycloid
 
 

@@ -8,10 +8,11 @@ import numpy as np
 from pydantic import BaseModel
 
 from stridelab.centroidal.plan import CentroidalPlan
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.robots.robot import Robot
 from stridelab.robots.visuals import link_meshes, link_names
 from stridelab.schemas.plans import Film
-from stridelab.service.kinds.base import ArtifactFile, ProgressCallback
+from stridelab.service.kinds.base import ArtifactFile
 from stridelab.service.kinds.plan_motion.display_tracks import (
     HTML,
     JSON,

@@ -26,14 +26,14 @@ from stridelab.pipelines.plan_problem import (
     require_durations,
     require_solver,
 )
-from stridelab.pipelines.progress import Stages
+from stridelab.pipelines.progress import ProgressCallback, Stages
 from stridelab.reachability.store import DEFAULT_MEASURE
 from stridelab.robots.card import robot_card
 from stridelab.robots.loader import load_robot
 from stridelab.robots.robot import Robot
 from stridelab.schemas.plans import PLAN_STAGES, AgreementPass, PlanMotionInput
 from stridelab.schemas.tasks import PlanMotionTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.plan_motion.files import write_json, write_motion, write_plan, write_replay
 from stridelab.service.kinds.plan_motion.summary import certificate_of, remarks, replay_of, stopped_of, summary
 from stridelab.service.kinds.plan_motion.video import require_film

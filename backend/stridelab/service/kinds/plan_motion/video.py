@@ -19,9 +19,10 @@ from scipy.spatial.transform import Rotation
 from stridelab.contacts.terrain import Box, Rail, Terrain
 from stridelab.conventions import Points, Vector3
 from stridelab.errors import Fault, NotEstimable
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.robots.visuals import LinkMesh
 from stridelab.schemas.plans import Film
-from stridelab.service.kinds.base import ArtifactFile, ProgressCallback
+from stridelab.service.kinds.base import ArtifactFile
 
 MEDIA: Final = {"gif": "image/gif", "mp4": "video/mp4"}
 SIZE: Final = (640, 480)

@@ -9,6 +9,7 @@ from typing import get_args
 import pinocchio as pin
 
 from stridelab.errors import NotFound
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.card import Measure, ReachabilityCard
 from stridelab.reachability.store import DEFAULT_MEASURE, load_card
 from stridelab.robots.loader import load_robot
@@ -16,7 +17,7 @@ from stridelab.robots.robot import Effector, Robot
 from stridelab.robots.visuals import link_names, link_poses
 from stridelab.schemas.base import Contract
 from stridelab.schemas.robots import JointLimits, ProxyCard, ProxySize, RobotEffector, RobotFacts
-from stridelab.service.kinds.base import Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import Json, Outcome
 
 
 class RobotTask(Contract):

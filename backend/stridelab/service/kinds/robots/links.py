@@ -6,9 +6,10 @@ Runs in a killable child of the web server: at the first start of a service, or 
 from pathlib import Path
 from typing import Final
 
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.robots.loader import load_robot
 from stridelab.robots.visuals import glb, link_meshes
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.result_tables import atomically
 from stridelab.service.kinds.robots.description import RobotTask
 

@@ -13,6 +13,7 @@ import pinocchio as pin
 from jaxtyping import Float
 
 from stridelab.conventions import Points
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.reachability.card import EffectorCard, Measure, ReachabilityCard
 from stridelab.reachability.learning.kde import KernelDensity
 from stridelab.reachability.proxy.level_sets import LevelSet, level_sets
@@ -24,7 +25,7 @@ from stridelab.robots.robot import Robot
 from stridelab.schemas.base import Contract
 from stridelab.schemas.reachability import Axis, EffectorReach, LevelSurface, Projection, RobotReachability
 from stridelab.schemas.robots import LinkPose, Triple
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.result_tables import atomically
 from stridelab.service.kinds.robots.description import proxy_card
 

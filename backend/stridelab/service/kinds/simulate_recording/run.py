@@ -7,12 +7,13 @@ simulated body travels in it (table "carried" of ``estimate-com``). ``truth`` ho
 from pathlib import Path
 from typing import Final
 
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.trial import examine
 from stridelab.recordings.files.c3d_writer import write_c3d
 from stridelab.schemas import base
 from stridelab.schemas.jobs import SimulateRecordingInput, SimulateRecordingSummary
 from stridelab.schemas.tasks import RecordingSource, SimulateRecordingTask
-from stridelab.service.kinds.base import ArtifactFile, Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import ArtifactFile, Json, Outcome
 from stridelab.service.kinds.parse_upload import facts, write_tracks
 from stridelab.service.kinds.result_tables import C3D, atomically, write_table
 from stridelab.service.kinds.simulate_recording.truth_table import truth_columns

@@ -18,6 +18,7 @@ from stridelab.body.geometric_com import GeometricCom
 from stridelab.conventions import Points
 from stridelab.errors import Fault, NotEstimable, StridelabError
 from stridelab.estimation.quality.checks import CONTRADICTED, DOUBTFUL
+from stridelab.pipelines.progress import ProgressCallback
 from stridelab.pipelines.quality import of_all
 from stridelab.recordings.recording import Remark
 from stridelab.schemas import base
@@ -25,7 +26,7 @@ from stridelab.schemas.cycloid import FittedStep
 from stridelab.schemas.population import LeftOut, PersonFields, StudyPopulationSummary
 from stridelab.schemas.quality import Quality, TrialQuality
 from stridelab.schemas.tasks import FitCycloidTask, StudyPopulationTask
-from stridelab.service.kinds.base import Json, Outcome, ProgressCallback
+from stridelab.service.kinds.base import Json, Outcome
 from stridelab.service.kinds.study_population.files import write_population
 from stridelab.service.kinds.study_population.subjects import FIELDS, Sheet, people_of
 from stridelab.service.kinds.study_population.summary import correlation_results, mixed_results, subject_results
