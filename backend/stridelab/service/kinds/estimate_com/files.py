@@ -1,5 +1,6 @@
 """The files of ``estimate-com``: ``com.parquet``, ``com.csv`` and ``com.c3d``."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from stridelab.dynamics.central_axis import central_axis
 from stridelab.dynamics.wrench import Wrench
 from stridelab.estimation.estimator import ComEstimate
 from stridelab.estimation.observability import observability_track
+from stridelab.pipelines.estimate_com import ComResult
 from stridelab.pipelines.trial import Trial
 from stridelab.recordings.files.c3d_writer import add_points_to_c3d, write_c3d
 from stridelab.recordings.reader import is_c3d
@@ -23,6 +25,14 @@ from stridelab.service.kinds.result_tables import C3D, atomically, write_table
 AXES = "xyz"
 COM_POINT, GEOMETRY_POINT = "COM", "COM_GEOMETRY"
 """Names of the points added to ``com.c3d``."""
+
+
+def write_com_result(folder: Path, source: RecordingSource, result: ComResult) -> tuple[ArtifactFile, ...]:
+    """Write all files of ``result`` into ``folder``, which holds the recording's own file."""
+    prepared, wrench = result.prepared, result.prepared.wrench
+    if not prepared.windows:  # the stand-in for a missing wrench is no measurement
+        wrench = replace(wrench, complete=np.zeros_like(wrench.complete))
+    return write_com(folder, source, prepared.trial, prepared.geometric, wrench, result.estimate, result.summary)
 
 
 def write_com(

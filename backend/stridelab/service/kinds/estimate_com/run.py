@@ -5,16 +5,13 @@ markers allow it; the fused position, velocity, acceleration, standard deviation
 window in which all contact force is measured.
 """
 
-from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
 
 from stridelab.pipelines.estimate_com import estimate_com
 from stridelab.pipelines.progress import ProgressCallback
 from stridelab.schemas.tasks import EstimateComTask
 from stridelab.service.kinds.base import Json, Outcome
-from stridelab.service.kinds.estimate_com.files import write_com
+from stridelab.service.kinds.estimate_com.files import write_com_result
 
 
 def run_in_child(task: Json, folder: Path, progress: ProgressCallback) -> Json:
@@ -29,10 +26,6 @@ def run(task: EstimateComTask, folder: Path, progress: ProgressCallback) -> Outc
     """
     result = estimate_com(task, folder, progress)
     progress(0.85, "writing the result")
-    prepared, wrench = result.prepared, result.prepared.wrench
-    shown = wrench if prepared.windows else replace(wrench, complete=np.zeros_like(wrench.complete))
-    artifacts = write_com(
-        folder, task.recording, prepared.trial, prepared.geometric, shown, result.estimate, result.summary
-    )
+    artifacts = write_com_result(folder, task.recording, result)
     progress(1.0, "done")
     return Outcome(result.summary.model_dump(mode="json"), result.references, artifacts)

@@ -1,0 +1,450 @@
+"""The public front of the library: ``import stridelab as sl``.
+
+Three lines give the first result::
+
+    import stridelab as sl
+
+    com = sl.estimate_com("walk.c3d", mass_kg=60.0)
+    print(com.summary.window_s, com.sd_m.max())
+
+Each function does what the job of the service and the command line do, because it calls the same pipeline.
+"""
+
+import shutil
+import tempfile
+import weakref
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
+
+import numpy as np
+from jaxtyping import Float
+from pydantic import ValidationError
+
+from stridelab.conventions import Points, Series
+from stridelab.errors import Fault, InvalidInput, StridelabError, Unavailable, UnreadableFile
+from stridelab.pipelines.estimate_com import ComResult
+from stridelab.pipelines.estimate_com import estimate_com as _estimate_com
+from stridelab.pipelines.fit_cycloid import CycloidResult, cycloid_of
+from stridelab.pipelines.trial import read as _read
+from stridelab.recordings.recording import Recording
+from stridelab.robots.loader import load_robot
+from stridelab.schemas.base import Contract
+from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary
+from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary
+from stridelab.schemas.recordings import SubjectFields
+from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.tasks import EstimateComTask, FitCycloidTask, PlanMotionTask, RecordingSource
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+
+__all__ = [
+    "CentreOfMass",
+    "CycloidFit",
+    "LoadedRecording",
+    "PlannedMotion",
+    "estimate_com",
+    "fit_cycloid",
+    "load_robot",
+    "plan_motion",
+    "read",
+]
+
+Progress = Callable[[float, str], None]
+AXES = "xyz"
+Model = TypeVar("Model", bound=Contract)
+
+
+@dataclass(frozen=True)
+class LoadedRecording:
+    """A recording that has been read, and what was stated about it.
+
+    ``recording`` holds markers (metres, z up), plates and events; ``subject`` and ``marker_map`` are used by
+    ``estimate_com`` and ``fit_cycloid``. ``static`` is the path of a static trial of the same person.
+    """
+
+    path: Path
+    recording: Recording
+    subject: SubjectFields = field(default_factory=SubjectFields)
+    marker_map: Mapping[str, str] = field(default_factory=dict)
+    static: Path | None = None
+
+    @property
+    def source(self) -> RecordingSource:
+        """The file as the pipelines take it."""
+        return RecordingSource(
+            file=self.path.name, filename=self.path.name, subject=self.subject, marker_map=dict(self.marker_map)
+        )
+
+
+def read(
+    path: str | Path,
+    *,
+    height_m: float | None = None,
+    mass_kg: float | None = None,
+    sex: Literal["female", "male"] | None = None,
+    age_years: float | None = None,
+    marker_map: Mapping[str, str] | None = None,
+    static: str | Path | None = None,
+) -> LoadedRecording:
+    """Read a gait recording: a C3D file, a TRC file, or a zip of TRC and force files.
+
+    Args:
+        path: The file.
+        height_m: Height of the person; values that are stated win over those in the file.
+        mass_kg: Body mass.
+        sex: "female" or "male".
+        age_years: Age.
+        marker_map: Landmark to marker label, for marker sets that are not recognised.
+        static: A static trial of the same person.
+
+    Raises:
+        UnreadableFile: The file is damaged or of an unknown format; the error names the file and the place.
+        InvalidInput: A stated value makes no sense.
+    """
+    path = Path(path)
+    _require_file(path)
+    if static is not None:
+        _require_file(Path(static))
+    stated = {"height_m": height_m, "mass_kg": mass_kg, "sex": sex, "age_years": age_years}
+    subject = _checked(SubjectFields, stated)
+    source = RecordingSource(file=path.name, filename=path.name, subject=subject, marker_map=dict(marker_map or {}))
+    recording = _read(source, path.parent)
+    return LoadedRecording(path, recording, subject, dict(marker_map or {}), None if static is None else Path(static))
+
+
+@dataclass(frozen=True)
+class CentreOfMass:
+    """The centre of mass of a recording, from ``estimate_com``.
+
+    ``summary`` is that of the job ``estimate-com``: window, method, masses, latency, ``quality`` and remarks.
+    """
+
+    loaded: LoadedRecording
+    request: EstimateComInput
+    result: ComResult
+
+    @property
+    def summary(self) -> EstimateComSummary:
+        """The summary of the result."""
+        return self.result.summary
+
+    @property
+    def time_s(self) -> Series:
+        """Instants of the window, shape (n,)."""
+        return self.result.estimate.time_s
+
+    @property
+    def com_m(self) -> Points:
+        """Position in the world frame, z up, shape (n, 3)."""
+        return self.result.estimate.com_m
+
+    @property
+    def velocity_m_s(self) -> Points:
+        """Velocity, shape (n, 3)."""
+        return self.result.estimate.velocity_m_s
+
+    @property
+    def sd_m(self) -> Points:
+        """Standard deviation of the position, shape (n, 3)."""
+        return self.result.estimate.sd_m
+
+    def to_dataframe(self) -> Any:
+        """The track as a data frame of pandas, or of polars where only that is installed.
+
+        Raises:
+            Unavailable: ``dataframe-unavailable`` where neither is installed.
+        """
+        columns: dict[str, Float[np.ndarray, " n"]] = {"time_s": self.time_s}
+        for name, track in (("{}_m", self.com_m), ("v{}_m_s", self.velocity_m_s), ("sd_{}_m", self.sd_m)):
+            columns |= {name.format(axis): track[:, k] for k, axis in enumerate(AXES)}
+        return _dataframe(columns)
+
+    def plot(self) -> "go.Figure":
+        """The position over time with its 95 % band, one panel per axis."""
+        from plotly.subplots import make_subplots
+
+        figure = make_subplots(rows=3, cols=1, shared_xaxes=True)
+        for k, axis in enumerate(AXES):
+            middle_m, half_m = self.com_m[:, k], 1.96 * self.sd_m[:, k]
+            band = np.concatenate([middle_m + half_m, (middle_m - half_m)[::-1]])
+            there_and_back_s = np.concatenate([self.time_s, self.time_s[::-1]])
+            filled = {"fill": "toself", "line": {"width": 0}, "opacity": 0.3, "hoverinfo": "skip"}
+            figure.add_scatter(x=there_and_back_s, y=band, name=f"{axis}, 95 %", row=k + 1, col=1, **filled)
+            figure.add_scatter(x=self.time_s, y=middle_m, name=axis, row=k + 1, col=1)
+            figure.update_yaxes(title_text=f"{axis} (m)", row=k + 1, col=1)
+        figure.update_xaxes(title_text="time (s)", row=3, col=1)
+        return figure
+
+    def save(self, folder: str | Path, *, replace: bool = False) -> Path:
+        """Write the files of the job into a folder: ``com.csv``, ``com.parquet``, ``com.c3d``, ``result.json``.
+
+        Raises:
+            Conflict: ``output-exists`` where the folder exists; ``replace`` allows it for an earlier result.
+        """
+        from stridelab.cli.results import result_folder, write_result
+        from stridelab.service.kinds.base import Outcome
+        from stridelab.service.kinds.estimate_com.files import write_com_result
+
+        source, copy = self.loaded.source, self.loaded.path.name
+        with result_folder(Path(folder), force=replace) as made:
+            shutil.copyfile(self.loaded.path, made / copy)
+            artifacts = write_com_result(made, source, self.result)
+            (made / copy).unlink()
+            outcome = Outcome(self.summary.model_dump(mode="json"), self.result.references, artifacts)
+            write_result(made, "estimate-com", self.request, outcome)
+        return Path(folder)
+
+
+def estimate_com(
+    recording: LoadedRecording | str | Path,
+    *,
+    method: str | None = None,
+    latency: Literal["report", "apply"] | float = "apply",
+    segment_table: str = "auto",
+    cutoffs: Literal["auto", "thesis", "spectra"] | tuple[float, float] = "auto",
+    window_s: tuple[float, float] | None = None,
+    progress: Progress | None = None,
+    **stated: Any,
+) -> CentreOfMass:
+    """Estimate the centre of mass of a recording (chapter 2 of the thesis).
+
+    Args:
+        recording: What ``read`` returned, or a path; ``stated`` are then options of ``read``, such as ``mass_kg``.
+        method: An estimator by name; None takes the best one.
+        latency: "apply" takes the delay of the force out, "report" only estimates it; a number is a delay in seconds.
+        segment_table: "auto" or a table of segment masses by name.
+        cutoffs: Cut-off frequencies of the complementary filter, Hz, or how they are chosen.
+        window_s: Begin and end of the interval to estimate, seconds; None takes all that is measured.
+        progress: Called with a fraction from 0 to 1 and a message.
+
+    Returns:
+        The track with its standard deviation; look at ``summary.quality`` before the numbers.
+
+    Raises:
+        InvalidInput: An option makes no sense; the error names it.
+        NotEstimable: The data do not allow an estimate; code and message say what is missing.
+    """
+    loaded = _loaded(recording, stated)
+    fields = {"method": method, "latency": latency, "segment_table": segment_table, "cutoffs": cutoffs}
+    request = _checked(EstimateComInput, {"recording_id": loaded.path.name, "window_s": window_s, **fields})
+    with _staged(loaded) as (folder, recorded, static):
+        task = EstimateComTask(recording=recorded, static=static, input=request)
+        return CentreOfMass(loaded, request, _estimate_com(task, folder, progress or _silent))
+
+
+@dataclass(frozen=True)
+class CycloidFit:
+    """The rolling wheel of every step of a recording, from ``fit_cycloid``."""
+
+    loaded: LoadedRecording
+    request: FitCycloidInput
+    result: CycloidResult
+
+    @property
+    def summary(self) -> FitCycloidSummary:
+        """The summary of the job ``fit-cycloid``; ``summary.steps`` has one entry per fitted step."""
+        return self.result.summary
+
+    def to_dataframe(self) -> Any:
+        """One row per step: radius, tracing point, hub height, angular speed, errors, timing.
+
+        Raises:
+            Unavailable: ``dataframe-unavailable`` where neither pandas nor polars is installed.
+        """
+        from stridelab.service.kinds.fit_cycloid.files import step_columns
+
+        return _dataframe(step_columns(self.summary))
+
+    def plot(self) -> "go.Figure":
+        """Measured and modelled path of every step in the sagittal plane."""
+        import plotly.graph_objects as go
+
+        figure = go.Figure()
+        for fit in self.result.fits:
+            model = fit.path.wheel.position_m(fit.path.theta_rad)
+            name = f"{fit.step.side} {fit.step.start_s:.2f} s"
+            figure.add_scatter(x=fit.path_m[:, 0], y=fit.path_m[:, 1], mode="markers", name=name)
+            figure.add_scatter(x=model[:, 0], y=model[:, 1], mode="lines", name=f"{name}, cycloid")
+        figure.update_xaxes(title_text="ahead (m)")
+        figure.update_yaxes(title_text="height (m)", scaleanchor="x")
+        return figure
+
+    def save(self, folder: str | Path, *, replace: bool = False) -> Path:
+        """Write the files of the job into a folder: ``steps`` and ``wheel`` as CSV and Parquet, ``result.json``.
+
+        Raises:
+            Conflict: ``output-exists`` where the folder exists; ``replace`` allows it for an earlier result.
+        """
+        from stridelab.cli.results import result_folder, write_result
+        from stridelab.service.kinds.base import Outcome
+        from stridelab.service.kinds.fit_cycloid.files import write_cycloid
+
+        with result_folder(Path(folder), force=replace) as made:
+            artifacts = write_cycloid(made, self.loaded.source, self.result)
+            outcome = Outcome(self.summary.model_dump(mode="json"), self.result.references, artifacts)
+            write_result(made, "fit-cycloid", self.request, outcome)
+        return Path(folder)
+
+
+def fit_cycloid(
+    recording: LoadedRecording | str | Path,
+    *,
+    steps: Literal["measured", "all"] = "measured",
+    method: str | None = None,
+    progress: Progress | None = None,
+    **stated: Any,
+) -> CycloidFit:
+    """Fit the rolling wheel (curtate cycloid) to every step of a walk (chapter 3 of the thesis).
+
+    Args:
+        recording: What ``read`` returned, or a path; ``stated`` are then options of ``read``.
+        steps: "measured" fits steps with all force on plates, "all" also those known from the markers alone.
+        method: An estimator of the centre of mass by name; None takes the best one.
+        progress: Called with a fraction from 0 to 1 and a message.
+
+    Raises:
+        NotEstimable: The recording is not a walk, or no step is measured; code and message say what is missing.
+    """
+    loaded = _loaded(recording, stated)
+    request = _checked(FitCycloidInput, {"recording_id": loaded.path.name, "steps": steps, "method": method})
+    with _staged(loaded) as (folder, recorded, static):
+        task = FitCycloidTask(recording=recorded, static=static, input=request)
+        return CycloidFit(loaded, request, cycloid_of(task, folder, progress or _silent))
+
+
+@dataclass(frozen=True)
+class PlannedMotion:
+    """A motion of a robot, from ``plan_motion``: the summary of the job and the folder with its files.
+
+    The folder is temporary and goes with this object; ``save`` keeps it. ``failure`` says why the motion is not whole.
+    """
+
+    summary: PlanMotionSummary
+    folder: Path
+    failure: StridelabError | None = None
+
+    def save(self, folder: str | Path, *, replace: bool = False) -> Path:
+        """Copy the files of the job into a folder.
+
+        Raises:
+            Conflict: ``output-exists`` where the folder exists; ``replace`` allows it for an earlier result.
+        """
+        from stridelab.cli.results import result_folder
+
+        with result_folder(Path(folder), force=replace) as made:
+            shutil.copytree(self.folder, made, dirs_exist_ok=True)
+        return Path(folder)
+
+    def to_dataframe(self) -> Any:
+        """The planned centre of mass, momentum and forces over time (``centroidal.parquet``).
+
+        Raises:
+            Unavailable: ``dataframe-unavailable`` where neither pandas nor polars is installed.
+        """
+        import pyarrow.parquet as pq
+
+        table = pq.read_table(self.folder / "centroidal.parquet")  # type: ignore[no-untyped-call]
+        return _dataframe({name: table.column(name).to_numpy() for name in table.column_names})
+
+
+def plan_motion(
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    *,
+    robot: str | None = None,
+    whole_body: bool = True,
+    replay: bool = False,
+    progress: Progress | None = None,
+    **options: Any,
+) -> PlannedMotion:
+    """Plan a multi-contact motion of a humanoid (chapter 4 of the thesis).
+
+    Args:
+        scenario: A scenario, its JSON file, or the name of a bundled one such as "long-stride".
+        robot: Name of the robot, in place of that of the scenario.
+        whole_body: Compute the motion of all joints and its certificate.
+        replay: Replay the motion in physics as well.
+        progress: Called with a fraction from 0 to 1 and a message.
+        options: Other fields of the job's input, such as ``formulation`` or ``free_durations``.
+
+    Raises:
+        InvalidInput: ``scenario-invalid``; the faults name every field that is wrong.
+        NotEstimable: The solver found no motion; the error says at which stage.
+    """
+    from stridelab.cli.results import write_result
+    from stridelab.cli.scenario_files import read_scenario
+    from stridelab.service.kinds.plan_motion import run as job
+
+    given = read_scenario(str(scenario)) if isinstance(scenario, str | Path) else _checked(Scenario, scenario)
+    if robot is not None:
+        given = given.model_copy(update={"robot": robot})
+    request = _checked(PlanMotionInput, {"scenario": given, "whole_body": whole_body, "replay": replay, **options})
+    folder = Path(tempfile.mkdtemp(prefix="stridelab-plan-"))
+    try:
+        outcome = job.run(PlanMotionTask(scenario=given, input=request), folder, progress or _silent)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    write_result(folder, "plan-motion", request, outcome)
+    motion = PlannedMotion(PlanMotionSummary.model_validate(outcome.summary), folder, outcome.failure)
+    weakref.finalize(motion, shutil.rmtree, folder, ignore_errors=True)
+    return motion
+
+
+def _silent(_fraction: float, _message: str) -> None:
+    pass
+
+
+def _loaded(recording: LoadedRecording | str | Path, stated: dict[str, Any]) -> LoadedRecording:
+    if not isinstance(recording, LoadedRecording):
+        return read(recording, **stated)
+    if stated:
+        names = ", ".join(stated)
+        raise InvalidInput("option-invalid", f"State {names} in read(), where the recording is read.")
+    return recording
+
+
+@contextmanager
+def _staged(loaded: LoadedRecording) -> Iterator[tuple[Path, RecordingSource, RecordingSource | None]]:
+    """The folder of the recording with its sources; a static trial of another folder is copied beside a copy of it."""
+    if loaded.static is None or loaded.static.parent == loaded.path.parent:
+        static = None if loaded.static is None else _source(loaded.static)
+        yield loaded.path.parent, loaded.source, static
+        return
+    with tempfile.TemporaryDirectory(prefix="stridelab-") as name:
+        folder = Path(name)
+        shutil.copyfile(loaded.path, folder / loaded.path.name)
+        copy = folder / f"static-{loaded.static.name}"
+        shutil.copyfile(loaded.static, copy)
+        yield folder, loaded.source, RecordingSource(file=copy.name, filename=loaded.static.name)
+
+
+def _source(path: Path) -> RecordingSource:
+    return RecordingSource(file=path.name, filename=path.name)
+
+
+def _require_file(path: Path) -> None:
+    if not path.is_file():
+        raise UnreadableFile("file-not-readable", f"There is no file {path}.", [Fault(str(path), "not a file")])
+
+
+def _checked(model: type[Model], fields: Any) -> Model:
+    """A contract with these fields. Raises ``InvalidInput`` (``option-invalid``) naming each that is wrong."""
+    try:
+        return model.model_validate(fields)
+    except ValidationError as error:
+        faults = [Fault(".".join(str(part) for part in e["loc"]), e["msg"]) for e in error.errors()]
+        raise InvalidInput("option-invalid", "; ".join(f"{f.where}: {f.message}" for f in faults), faults) from error
+
+
+def _dataframe(columns: Mapping[str, Any]) -> Any:
+    for name in ("pandas", "polars"):
+        if find_spec(name) is not None:
+            return import_module(name).DataFrame(dict(columns))
+    raise Unavailable("dataframe-unavailable", "Install pandas or polars for data frames.")
