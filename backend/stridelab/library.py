@@ -32,7 +32,6 @@ from stridelab.pipelines.estimate_com import estimate_com as _estimate_com
 from stridelab.pipelines.fit_cycloid import CycloidResult, cycloid_of
 from stridelab.pipelines.trial import read as _read
 from stridelab.recordings.recording import Recording
-from stridelab.robots.loader import load_robot
 from stridelab.schemas.base import Contract
 from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary
@@ -51,7 +50,6 @@ __all__ = [
     "PlannedMotion",
     "estimate_com",
     "fit_cycloid",
-    "load_robot",
     "plan_motion",
     "read",
 ]
@@ -350,7 +348,7 @@ class PlannedMotion:
         """
         import pyarrow.parquet as pq
 
-        table = pq.read_table(self.folder / "centroidal.parquet")  # type: ignore[no-untyped-call]
+        table = pq.read_table(self.folder / "centroidal.parquet")
         return _dataframe({name: table.column(name).to_numpy() for name in table.column_names})
 
 

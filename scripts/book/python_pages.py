@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 PACKAGES = {
+    "library": "the front, `import stridelab as sl`",
     "dynamics": "forces, moments, axes",
     "recordings": "files of a gait laboratory",
     "body": "segments and the geometric centre of mass",
@@ -15,6 +16,7 @@ PACKAGES = {
     "reachability": "where the centre of mass can be",
     "centroidal": "the motion of the centre of mass",
     "wholebody": "joints, torques, certificate, replay",
+    "simulation": "people and robots with known ground truth",
 }
 
 
@@ -56,26 +58,52 @@ def members(class_: ast.ClassDef) -> Iterator[str]:
             yield from ["```python", signature(node, method=True), "```", "", *docstring(node)]
 
 
-def module_lines(name: str, tree: ast.Module) -> list[str]:
-    """One module: its idea, then what is public in it."""
-    lines = [f"## {name}", "", *docstring(tree)]
-    for node in tree.body:
-        if isinstance(node, ast.ClassDef) and public(node.name):
-            bases = f"({', '.join(ast.unparse(b) for b in node.bases)})" if node.bases else ""
-            shown = [f"class {node.name}{bases}", *(f"    {field}" for field in fields(node))]
-            lines += [f"### {node.name}", "", "```python", *shown, "```", "", *docstring(node), *members(node)]
-        elif isinstance(node, ast.FunctionDef) and public(node.name):
-            lines += [f"### {node.name}", "", "```python", signature(node, method=False), "```", "", *docstring(node)]
-    return lines
+def definitions(stub: Path) -> dict[str, tuple[Path, ast.stmt, str]]:
+    """Names that a package exports by its stub: their module, their statement, and the docstring of a constant."""
+    exported = {}
+    for line in ast.parse(stub.read_text(encoding="utf-8")).body:
+        if isinstance(line, ast.ImportFrom) and line.level == 1 and line.module:
+            base = stub.parent.joinpath(*line.module.split("."))
+            path = base.with_suffix(".py") if base.with_suffix(".py").is_file() else base / "__init__.py"
+            wanted = {alias.name for alias in line.names}
+            body = ast.parse(path.read_text(encoding="utf-8")).body
+            for node, after in zip(body, [*body[1:], None], strict=True):
+                names = {node.name} if isinstance(node, ast.ClassDef | ast.FunctionDef) else assigned(node)
+                for name in names & wanted:
+                    exported[name] = (path, node, constant_docstring(after))
+    return exported
+
+
+def assigned(node: ast.stmt) -> set[str]:
+    """Names that an assignment binds."""
+    targets = node.targets if isinstance(node, ast.Assign) else [node.target] if isinstance(node, ast.AnnAssign) else []
+    return {target.id for target in targets if isinstance(target, ast.Name)}
+
+
+def constant_docstring(after: ast.stmt | None) -> str:
+    """The string below an assignment."""
+    if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
+        return after.value.value.replace("``", "`")
+    return ""
+
+
+def definition_lines(name: str, node: ast.stmt, constant: str) -> list[str]:
+    """One public name: its signature and what its docstring says."""
+    if isinstance(node, ast.ClassDef):
+        bases = f"({', '.join(ast.unparse(b) for b in node.bases)})" if node.bases else ""
+        shown = [f"class {name}{bases}", *(f"    {field}" for field in fields(node))]
+        return [f"## {name}", "", "```python", *shown, "```", "", *docstring(node), *members(node)]
+    if isinstance(node, ast.FunctionDef):
+        return [f"## {name}", "", "```python", signature(node, method=False), "```", "", *docstring(node)]
+    return [f"## {name}", "", "```python", ast.unparse(node), "```", "", constant, ""]
 
 
 def package_page(root: Path, package: str) -> str:
-    """All modules of a package."""
-    folder = root / "backend" / "stridelab" / package
-    lines = [f"# {package}: {PACKAGES[package]}", "", f"Public names of `stridelab.{package}`, from the source.", ""]
-    for path in sorted(folder.rglob("*.py")):
-        tree = ast.parse(path.read_text(encoding="utf-8"))
-        if public(path.stem) and path.stem != "__init__":
-            name = ".".join(path.relative_to(folder.parent).with_suffix("").parts)
-            lines += module_lines(name, tree)
+    """Exactly the names that a package exports; ``library`` is the package ``stridelab`` itself."""
+    folder = root / "backend" / "stridelab"
+    folder = folder if package == "library" else folder / package
+    module = "stridelab" if package == "library" else f"stridelab.{package}"
+    lines = [f"# {package}: {PACKAGES[package]}", "", f"`from {module} import ...`; modules behind it may move.", ""]
+    for name, (_, node, constant) in sorted(definitions(folder / "__init__.pyi").items()):
+        lines += definition_lines(name, node, constant)
     return "\n".join(lines)

@@ -1,1 +1,5 @@
-"""Sections 4.2 and 4.5: motion of the centre of mass over a contact sequence by optimal control."""
+"""Optimal control of the centre of mass and the angular momentum."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,1 +1,5 @@
-"""Where and when a robot touches its surroundings: terrain, contact phases, their check, swing curves."""
+"""Scenarios, contact sequences, friction cones, the contact planner."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,5 @@
+"""Forces, moments and axes of a body in contact."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,5 @@
+"""The centre of mass from markers and force: estimators, their errors, their checks."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,0 +1,5 @@
+"""Files of a gait laboratory: markers, force plates, windows of complete force."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

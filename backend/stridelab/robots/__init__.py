@@ -1,1 +1,5 @@
-"""Humanoids as data: model, effectors, position-level inverse kinematics, configuration sampling."""
+"""Humanoid robots: cards, models, collisions, inverse kinematics."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

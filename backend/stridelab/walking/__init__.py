@@ -1,0 +1,5 @@
+"""Steps, the rolling wheel (curtate cycloid), and studies of many people."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,1 +1,5 @@
-"""From the centroidal plan to joint motion and torques, with a certificate and a replay in physics."""
+"""Motions of all joints: controller, certificate, replay in physics."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
