@@ -56,7 +56,7 @@ def test_the_wheel_of_a_loaded_recording() -> None:
 
 
 def test_data_frames_need_a_library(com: sl.CentreOfMass, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("stridelab.library.find_spec", lambda _name: None)
+    monkeypatch.setattr("stridelab.library.options.find_spec", lambda _name: None)
     with pytest.raises(Unavailable) as caught:
         com.to_dataframe()
     assert caught.value.code == "dataframe-unavailable"

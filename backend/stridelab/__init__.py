@@ -1,6 +1,6 @@
 """Centre of mass and rolling-wheel analysis of human gait; multi-contact motion planning for humanoids.
 
-``import stridelab as sl`` gives the functions of ``stridelab.library``, imported when they are first used.
+``import stridelab as sl`` gives the names of ``stridelab.library``, imported when they are first used.
 """
 
 from importlib.metadata import version

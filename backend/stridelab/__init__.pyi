@@ -1,11 +1,11 @@
-from .library import CentreOfMass as CentreOfMass
-from .library import CycloidFit as CycloidFit
-from .library import LoadedRecording as LoadedRecording
-from .library import PlannedMotion as PlannedMotion
-from .library import estimate_com as estimate_com
-from .library import fit_cycloid as fit_cycloid
-from .library import plan_motion as plan_motion
-from .library import read as read
+from .library.plans import PlannedMotion as PlannedMotion
+from .library.plans import plan_motion as plan_motion
+from .library.recordings import CentreOfMass as CentreOfMass
+from .library.recordings import CycloidFit as CycloidFit
+from .library.recordings import LoadedRecording as LoadedRecording
+from .library.recordings import estimate_com as estimate_com
+from .library.recordings import fit_cycloid as fit_cycloid
+from .library.recordings import read as read
 from .robots.loader import load_robot as load_robot
 
 __all__ = [

@@ -33,13 +33,13 @@ def moment(value: datetime) -> str:
 
 
 def when(value: datetime) -> Markup:
-    """A ``<time>`` element: in UTC, until ``static/js/shared/local_times.js`` puts the local time with its zone in its place."""
+    """A ``<time>`` element in UTC; ``static/js/shared/local_times.js`` replaces it by the local time with its zone."""
     text = moment(value)
     return Markup('<time datetime="{}" title="{}">{}</time>').format(value.astimezone(UTC).isoformat(), text, text)
 
 
 def counted(number: int, noun: str, plural: str = "") -> str:
-    """``1 frame``, ``2 frames``; the same as in static/js/shared/plurals.js. ``plural`` where it is not ``noun`` with an s."""
+    """``1 frame``, ``2 frames``, as static/js/shared/plurals.js; ``plural`` where it is not ``noun`` with an s."""
     return f"{number} {noun if number == 1 else plural or noun + 's'}"
 
 

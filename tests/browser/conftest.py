@@ -78,7 +78,7 @@ def service() -> Iterator[Service]:
             "STRIDELAB_PARSE_TIMEOUT_S": "60",  # the machine may be busy with other things
             "STRIDELAB_JOB_NICENESS": "0",  # and jobs must get on beside them
         }
-        command = [sys.executable, "-c", "from stridelab.cli import main; main()", "serve"]
+        command = [sys.executable, "-c", "from stridelab.cli.app import main; main()", "serve"]
         process = subprocess.Popen(command, env=environment, stdout=log, stderr=log, start_new_session=True)
         url = f"http://127.0.0.1:{port}"
         try:

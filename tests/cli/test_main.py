@@ -20,7 +20,7 @@ def test_version_is_that_of_the_package(run: Run) -> None:
 def test_help_names_every_command_and_imports_no_numeric_package() -> None:
     code = (
         "import sys; sys.argv = ['stridelab', '--help']\n"
-        "from stridelab.cli import main\n"
+        "from stridelab.cli.app import main\n"
         "try: main()\n"
         "except SystemExit: pass\n"
         "heavy = {'numpy', 'scipy', 'ezc3d', 'pinocchio', 'pyarrow', 'sqlalchemy', 'httpx'}\n"

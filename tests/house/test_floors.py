@@ -22,7 +22,7 @@ ALLOWED["client"] = {"schemas", "client"}
 ALLOWED["pipelines"] = NUMERIC | {"schemas", "pipelines"}
 ALLOWED["service"] = NUMERIC | {"schemas", "client", "heartbeat", "pipelines", "service"}
 ALLOWED["cli"] = NUMERIC | {"schemas", "client", "pipelines", "service", "cli"}
-ALLOWED["library"] = ALLOWED["cli"]
+ALLOWED["library"] = ALLOWED["cli"] | {"library"}
 
 WEB = {
     "fastapi",

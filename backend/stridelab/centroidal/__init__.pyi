@@ -13,7 +13,7 @@ from .receding_horizon import RecedingHorizon as RecedingHorizon
 from .receding_horizon import Replan as Replan
 from .receding_horizon import State as State
 from .rest_to_rest import from_rest_to_rest as from_rest_to_rest
-from .solve import solve as solve
+from .solver import solve as solve
 from .special_cases.preview_control import PreviewControl as PreviewControl
 
 __all__ = [

@@ -10,7 +10,7 @@ import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, Final, TypeVar
+from typing import TYPE_CHECKING, Any, Final, TypeVar
 
 import typer
 from pydantic import ValidationError
@@ -22,9 +22,11 @@ from stridelab.schemas.base import Contract, Remark
 from stridelab.schemas.jobs import Artifact, JobResult
 from stridelab.schemas.quality import Quality
 from stridelab.service.jobs.verdict import verdict_of
-from stridelab.service.kinds.base import Outcome
 from stridelab.service.kinds.provenance import bibliography
 from stridelab.service.kinds.provenance import versions as local_versions
+
+if TYPE_CHECKING:
+    from stridelab.service.kinds.base import Outcome
 
 RESULT_FILE = "result.json"
 REFERENCES_FILE = "references.bib"
@@ -160,7 +162,7 @@ def validated(model: type[T], fields: Mapping[str, Any]) -> T:
 
 
 def write_result(
-    folder: Path, kind: str, input_: Contract, outcome: Outcome, *, versions: Mapping[str, str] | None = None
+    folder: Path, kind: str, input_: Contract, outcome: "Outcome", *, versions: Mapping[str, str] | None = None
 ) -> JobResult:
     """Write ``result.json`` and ``references.bib`` beside the artifacts; ``versions`` are those of this machine."""
     result = JobResult(

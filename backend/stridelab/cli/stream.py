@@ -29,9 +29,7 @@ from stridelab.cli.options import (
     with_groups,
 )
 from stridelab.cli.recording_request import EstimateRequest, numbers
-from stridelab.cli.remote import translated
 from stridelab.cli.results import validated
-from stridelab.client import Client
 from stridelab.errors import Fault, InvalidInput
 from stridelab.schemas.jobs import EstimateComInput
 from stridelab.schemas.streams import StreamConfiguration, StreamEstimate, StreamSample
@@ -113,6 +111,9 @@ class Played:
 
 def stream_samples(request: EstimateRequest, replay: Replay, *, as_json: bool, server: str, token: str | None) -> None:
     """Place the body's segments here, replay geometry and wrench to ``server``, and show what came back."""
+    from stridelab.cli.remote import translated
+    from stridelab.client import Client
+
     require_file(request.file)
     configuration, samples = prepared(request, replay)
     with translated(server), Client(server, token) as lab, lab.stream_com(configuration) as opened:

@@ -210,7 +210,7 @@ def test_a_proxy_stands_for_many_clients() -> None:
 
 def test_the_limit_of_open_files_is_raised() -> None:
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
-    code = "import resource; from stridelab.service import open_files; print(open_files.raise_limit(), "
+    code = "import resource; from stridelab.service.processes import open_files; print(open_files.raise_limit(), "
     code += "resource.getrlimit(resource.RLIMIT_NOFILE)[0])"
 
     def lower() -> None:

@@ -30,7 +30,7 @@ PutBack = Callable[..., Taken]
 SLOW_RESTORE = """
 import sys, time
 from pathlib import Path
-from stridelab.service.backup import restoring
+from stridelab.service.backup import restore as restoring
 from stridelab.service.backup.archive import open_archive
 from stridelab.service.backup.locations import Place
 put = restoring.Files.put

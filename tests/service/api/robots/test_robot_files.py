@@ -19,7 +19,7 @@ def test_the_libraries_leave_memory_when_nothing_is_made(tmp_path: Path, monkeyp
 
     async def work() -> tuple[list[bool], str]:
         pool = IsolatedPool()
-        children = RobotChildren(pool, tmp_path, 500, rest_s=0.4)
+        children = RobotChildren(pool, tmp_path, 500, sandbox=None, rest_s=0.4)
         alive = []
 
         async def describe() -> str:

@@ -154,8 +154,8 @@ def test_children_answer_like_the_functions_that_they_run(tmp_path: Path, facts:
                 f"{KINDS}.{target}:run_in_child", {"robot": robot}, tmp_path, timeout_s=60.0, memory_mb=2048
             )
 
-    described = asyncio.run(ask("robot_description", "talos"))
+    described = asyncio.run(ask("robots.description", "talos"))
     assert described.state == "ok", described.log_tail
     assert RobotFacts.model_validate(described.value["summary"]) == facts
-    refused = asyncio.run(ask("robot_links", "hal"))
+    refused = asyncio.run(ask("robots.links", "hal"))
     assert (refused.state, refused.as_error().code) == ("error", "robot-not-found")

@@ -1,4 +1,4 @@
-"""The public front of the library: ``import stridelab as sl``.
+"""``sl.read``, ``sl.estimate_com`` and ``sl.fit_cycloid``: recordings of people.
 
 Three lines give the first result::
 
@@ -12,51 +12,32 @@ Each function does what the job of the service and the command line do, because 
 
 import shutil
 import tempfile
-import weakref
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from jaxtyping import Float
-from pydantic import ValidationError
 
 from stridelab.conventions import Points, Series
-from stridelab.errors import Fault, InvalidInput, StridelabError, Unavailable, UnreadableFile
+from stridelab.errors import Fault, InvalidInput, UnreadableFile
+from stridelab.library.options import Progress, checked, data_frame, silent
 from stridelab.pipelines.estimate_com import ComResult
 from stridelab.pipelines.estimate_com import estimate_com as _estimate_com
 from stridelab.pipelines.fit_cycloid import CycloidResult, cycloid_of
 from stridelab.pipelines.trial import read as _read
 from stridelab.recordings.recording import Recording
-from stridelab.schemas.base import Contract
 from stridelab.schemas.cycloid import FitCycloidInput, FitCycloidSummary
 from stridelab.schemas.jobs import EstimateComInput, EstimateComSummary
-from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary
 from stridelab.schemas.recordings import SubjectFields
-from stridelab.schemas.scenarios import Scenario
-from stridelab.schemas.tasks import EstimateComTask, FitCycloidTask, PlanMotionTask, RecordingSource
+from stridelab.schemas.tasks import EstimateComTask, FitCycloidTask, RecordingSource
 
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
-__all__ = [
-    "CentreOfMass",
-    "CycloidFit",
-    "LoadedRecording",
-    "PlannedMotion",
-    "estimate_com",
-    "fit_cycloid",
-    "plan_motion",
-    "read",
-]
-
-Progress = Callable[[float, str], None]
 AXES = "xyz"
-Model = TypeVar("Model", bound=Contract)
 
 
 @dataclass(frozen=True)
@@ -111,7 +92,7 @@ def read(
     if static is not None:
         _require_file(Path(static))
     stated = {"height_m": height_m, "mass_kg": mass_kg, "sex": sex, "age_years": age_years}
-    subject = _checked(SubjectFields, stated)
+    subject = checked(SubjectFields, stated)
     source = RecordingSource(file=path.name, filename=path.name, subject=subject, marker_map=dict(marker_map or {}))
     recording = _read(source, path.parent)
     return LoadedRecording(path, recording, subject, dict(marker_map or {}), None if static is None else Path(static))
@@ -162,7 +143,7 @@ class CentreOfMass:
         columns: dict[str, Float[np.ndarray, " n"]] = {"time_s": self.time_s}
         for name, track in (("{}_m", self.com_m), ("v{}_m_s", self.velocity_m_s), ("sd_{}_m", self.sd_m)):
             columns |= {name.format(axis): track[:, k] for k, axis in enumerate(AXES)}
-        return _dataframe(columns)
+        return data_frame(columns)
 
     def plot(self) -> "go.Figure":
         """The position over time with its 95 % band, one panel per axis."""
@@ -231,10 +212,10 @@ def estimate_com(
     """
     loaded = _loaded(recording, stated)
     fields = {"method": method, "latency": latency, "segment_table": segment_table, "cutoffs": cutoffs}
-    request = _checked(EstimateComInput, {"recording_id": loaded.path.name, "window_s": window_s, **fields})
+    request = checked(EstimateComInput, {"recording_id": loaded.path.name, "window_s": window_s, **fields})
     with _staged(loaded) as (folder, recorded, static):
         task = EstimateComTask(recording=recorded, static=static, input=request)
-        return CentreOfMass(loaded, request, _estimate_com(task, folder, progress or _silent))
+        return CentreOfMass(loaded, request, _estimate_com(task, folder, progress or silent))
 
 
 @dataclass(frozen=True)
@@ -258,7 +239,7 @@ class CycloidFit:
         """
         from stridelab.service.kinds.fit_cycloid.files import step_columns
 
-        return _dataframe(step_columns(self.summary))
+        return data_frame(step_columns(self.summary))
 
     def plot(self) -> "go.Figure":
         """Measured and modelled path of every step in the sagittal plane."""
@@ -311,92 +292,10 @@ def fit_cycloid(
         NotEstimable: The recording is not a walk, or no step is measured; code and message say what is missing.
     """
     loaded = _loaded(recording, stated)
-    request = _checked(FitCycloidInput, {"recording_id": loaded.path.name, "steps": steps, "method": method})
+    request = checked(FitCycloidInput, {"recording_id": loaded.path.name, "steps": steps, "method": method})
     with _staged(loaded) as (folder, recorded, static):
         task = FitCycloidTask(recording=recorded, static=static, input=request)
-        return CycloidFit(loaded, request, cycloid_of(task, folder, progress or _silent))
-
-
-@dataclass(frozen=True)
-class PlannedMotion:
-    """A motion of a robot, from ``plan_motion``: the summary of the job and the folder with its files.
-
-    The folder is temporary and goes with this object; ``save`` keeps it. ``failure`` says why the motion is not whole.
-    """
-
-    summary: PlanMotionSummary
-    folder: Path
-    failure: StridelabError | None = None
-
-    def save(self, folder: str | Path, *, replace: bool = False) -> Path:
-        """Copy the files of the job into a folder.
-
-        Raises:
-            Conflict: ``output-exists`` where the folder exists; ``replace`` allows it for an earlier result.
-        """
-        from stridelab.cli.results import result_folder
-
-        with result_folder(Path(folder), force=replace) as made:
-            shutil.copytree(self.folder, made, dirs_exist_ok=True)
-        return Path(folder)
-
-    def to_dataframe(self) -> Any:
-        """The planned centre of mass, momentum and forces over time (``centroidal.parquet``).
-
-        Raises:
-            Unavailable: ``dataframe-unavailable`` where neither pandas nor polars is installed.
-        """
-        import pyarrow.parquet as pq
-
-        table = pq.read_table(self.folder / "centroidal.parquet")
-        return _dataframe({name: table.column(name).to_numpy() for name in table.column_names})
-
-
-def plan_motion(
-    scenario: str | Path | Mapping[str, Any] | Scenario,
-    *,
-    robot: str | None = None,
-    whole_body: bool = True,
-    replay: bool = False,
-    progress: Progress | None = None,
-    **options: Any,
-) -> PlannedMotion:
-    """Plan a multi-contact motion of a humanoid (chapter 4 of the thesis).
-
-    Args:
-        scenario: A scenario, its JSON file, or the name of a bundled one such as "long-stride".
-        robot: Name of the robot, in place of that of the scenario.
-        whole_body: Compute the motion of all joints and its certificate.
-        replay: Replay the motion in physics as well.
-        progress: Called with a fraction from 0 to 1 and a message.
-        options: Other fields of the job's input, such as ``formulation`` or ``free_durations``.
-
-    Raises:
-        InvalidInput: ``scenario-invalid``; the faults name every field that is wrong.
-        NotEstimable: The solver found no motion; the error says at which stage.
-    """
-    from stridelab.cli.results import write_result
-    from stridelab.cli.scenario_files import read_scenario
-    from stridelab.service.kinds.plan_motion import run as job
-
-    given = read_scenario(str(scenario)) if isinstance(scenario, str | Path) else _checked(Scenario, scenario)
-    if robot is not None:
-        given = given.model_copy(update={"robot": robot})
-    request = _checked(PlanMotionInput, {"scenario": given, "whole_body": whole_body, "replay": replay, **options})
-    folder = Path(tempfile.mkdtemp(prefix="stridelab-plan-"))
-    try:
-        outcome = job.run(PlanMotionTask(scenario=given, input=request), folder, progress or _silent)
-    except BaseException:
-        shutil.rmtree(folder, ignore_errors=True)
-        raise
-    write_result(folder, "plan-motion", request, outcome)
-    motion = PlannedMotion(PlanMotionSummary.model_validate(outcome.summary), folder, outcome.failure)
-    weakref.finalize(motion, shutil.rmtree, folder, ignore_errors=True)
-    return motion
-
-
-def _silent(_fraction: float, _message: str) -> None:
-    pass
+        return CycloidFit(loaded, request, cycloid_of(task, folder, progress or silent))
 
 
 def _loaded(recording: LoadedRecording | str | Path, stated: dict[str, Any]) -> LoadedRecording:
@@ -430,19 +329,3 @@ def _source(path: Path) -> RecordingSource:
 def _require_file(path: Path) -> None:
     if not path.is_file():
         raise UnreadableFile("file-not-readable", f"There is no file {path}.", [Fault(str(path), "not a file")])
-
-
-def _checked(model: type[Model], fields: Any) -> Model:
-    """A contract with these fields. Raises ``InvalidInput`` (``option-invalid``) naming each that is wrong."""
-    try:
-        return model.model_validate(fields)
-    except ValidationError as error:
-        faults = [Fault(".".join(str(part) for part in e["loc"]), e["msg"]) for e in error.errors()]
-        raise InvalidInput("option-invalid", "; ".join(f"{f.where}: {f.message}" for f in faults), faults) from error
-
-
-def _dataframe(columns: Mapping[str, Any]) -> Any:
-    for name in ("pandas", "polars"):
-        if find_spec(name) is not None:
-            return import_module(name).DataFrame(dict(columns))
-    raise Unavailable("dataframe-unavailable", "Install pandas or polars for data frames.")

@@ -1,0 +1,93 @@
+"""``sl.plan_motion``: motions of humanoids."""
+
+import shutil
+import tempfile
+import weakref
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from stridelab.errors import StridelabError
+from stridelab.library.options import Progress, checked, data_frame, silent
+from stridelab.schemas.plans import PlanMotionInput, PlanMotionSummary
+from stridelab.schemas.scenarios import Scenario
+from stridelab.schemas.tasks import PlanMotionTask
+
+
+@dataclass(frozen=True)
+class PlannedMotion:
+    """A motion of a robot, from ``plan_motion``: the summary of the job and the folder with its files.
+
+    The folder is temporary and goes with this object; ``save`` keeps it. ``failure`` says why the motion is not whole.
+    """
+
+    summary: PlanMotionSummary
+    folder: Path
+    failure: StridelabError | None = None
+
+    def save(self, folder: str | Path, *, replace: bool = False) -> Path:
+        """Copy the files of the job into a folder.
+
+        Raises:
+            Conflict: ``output-exists`` where the folder exists; ``replace`` allows it for an earlier result.
+        """
+        from stridelab.cli.results import result_folder
+
+        with result_folder(Path(folder), force=replace) as made:
+            shutil.copytree(self.folder, made, dirs_exist_ok=True)
+        return Path(folder)
+
+    def to_dataframe(self) -> Any:
+        """The planned centre of mass, momentum and forces over time (``centroidal.parquet``).
+
+        Raises:
+            Unavailable: ``dataframe-unavailable`` where neither pandas nor polars is installed.
+        """
+        import pyarrow.parquet as pq
+
+        table = pq.read_table(self.folder / "centroidal.parquet")
+        return data_frame({name: table.column(name).to_numpy() for name in table.column_names})
+
+
+def plan_motion(
+    scenario: str | Path | Mapping[str, Any] | Scenario,
+    *,
+    robot: str | None = None,
+    whole_body: bool = True,
+    replay: bool = False,
+    progress: Progress | None = None,
+    **options: Any,
+) -> PlannedMotion:
+    """Plan a multi-contact motion of a humanoid (chapter 4 of the thesis).
+
+    Args:
+        scenario: A scenario, its JSON file, or the name of a bundled one such as "long-stride".
+        robot: Name of the robot, in place of that of the scenario.
+        whole_body: Compute the motion of all joints and its certificate.
+        replay: Replay the motion in physics as well.
+        progress: Called with a fraction from 0 to 1 and a message.
+        options: Other fields of the job's input, such as ``formulation`` or ``free_durations``.
+
+    Raises:
+        InvalidInput: ``scenario-invalid``; the faults name every field that is wrong.
+        NotEstimable: The solver found no motion; the error says at which stage.
+    """
+    from stridelab.cli.results import write_result
+    from stridelab.cli.scenario_files import read_scenario
+    from stridelab.service.kinds.plan_motion import run as job
+
+    given = read_scenario(str(scenario)) if isinstance(scenario, str | Path) else checked(Scenario, scenario)
+    if robot is not None:
+        given = given.model_copy(update={"robot": robot})
+    request = checked(PlanMotionInput, {"scenario": given, "whole_body": whole_body, "replay": replay, **options})
+    folder = Path(tempfile.mkdtemp(prefix="stridelab-plan-"))
+    try:
+        outcome = job.run(PlanMotionTask(scenario=given, input=request), folder, progress or silent)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    write_result(folder, "plan-motion", request, outcome)
+    motion = PlannedMotion(PlanMotionSummary.model_validate(outcome.summary), folder, outcome.failure)
+    weakref.finalize(motion, shutil.rmtree, folder, ignore_errors=True)
+    return motion
