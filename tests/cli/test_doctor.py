@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from stridelab.cli import doctor
-from stridelab.cli.doctor import Check
+from stridelab.cli.doctor import machine as doctor
+from stridelab.cli.doctor.checks import Check
 from stridelab.service.settings import Settings
 
 

@@ -10,8 +10,8 @@ import psycopg
 import pytest
 from typer.testing import CliRunner
 
-from stridelab.cli import doctor_service as parts
 from stridelab.cli.app import app
+from stridelab.cli.doctor import service as parts
 from stridelab.service.jobs.work_folder import BEAT_FILE
 from stridelab.service.postgres.embedded import EmbeddedPostgres
 from stridelab.service.settings import Settings

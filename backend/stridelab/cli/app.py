@@ -243,7 +243,7 @@ def doctor(
     ] = False,
 ) -> None:
     """Check this machine for what the service needs; prints a fix for each failed check."""
-    from stridelab.cli.doctor import ask, ask_worker, check_machine
+    from stridelab.cli.doctor.machine import ask, ask_worker, check_machine
 
     if files:
         from stridelab.cli.backup import verify_files

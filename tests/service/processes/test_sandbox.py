@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from structlog.testing import capture_logs
 
-from stridelab.cli.doctor_service import sandbox as doctor_says
+from stridelab.cli.doctor.service import sandbox as doctor_says
 from stridelab.errors import InvalidInput, Unavailable, UnreadableFile
 from stridelab.service.filenames import left_file
 from stridelab.service.kinds.registry import KINDS

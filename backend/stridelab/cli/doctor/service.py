@@ -10,7 +10,7 @@ from typing import Any, Final
 import psutil
 import psycopg
 
-from stridelab.cli.checks import Check
+from stridelab.cli.doctor.checks import Check
 from stridelab.cores import default_slots
 from stridelab.errors import InvalidInput, StridelabError
 from stridelab.service.jobs.work_folder import BEAT_FILE

@@ -13,8 +13,8 @@ from pathlib import Path
 import httpx
 from pydantic import ValidationError
 
-from stridelab.cli import doctor_service as parts
-from stridelab.cli.checks import Check, nearest, show
+from stridelab.cli.doctor import service as parts
+from stridelab.cli.doctor.checks import Check, nearest, show
 from stridelab.errors import InvalidInput
 from stridelab.resources import models_dir
 from stridelab.service.postgres.paths import ESCAPE, MAJOR

@@ -1,0 +1,1 @@
+"""``stridelab doctor``: what the service needs, and what a running one lacks."""
