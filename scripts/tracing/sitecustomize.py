@@ -1,7 +1,7 @@
 """Note which files of the project run any function: imported at the start of every Python process of a traced run.
 
-``STRIDELAB_TRACE`` is a folder; each process writes the file names and functions that it meets first into a file of its
-own there, at once, because processes may end without notice. Nothing is noted before a file named ``on`` is in the folder.
+``STRIDELAB_TRACE`` is a folder; each process writes the functions that it calls first into a file of its own there, at
+once, because processes may end without notice. Nothing is noted before a file named ``on`` is in the folder.
 """
 
 import inspect

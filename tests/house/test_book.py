@@ -15,6 +15,7 @@ import yaml
 
 from stridelab.service.kinds.provenance import known_references
 from support.docs.book import DOCS, PAGES, ROOT, inline_code
+from support.docs.each import each_of
 from support.docs.http_contract import description
 
 BOOK = ROOT / "scripts" / "book"
@@ -118,7 +119,7 @@ def test_all_literature_is_there_without_tex_and_is_cited() -> None:
     assert "Raphaël Dumas, Laurence Chèze" in unicodedata.normalize("NFC", page)
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+@each_of(PAGES)
 def test_keys_that_a_page_cites_are_known(page: Path) -> None:
     cited = {code for code in inline_code(page) if re.fullmatch(r"[a-z]{3,}(?:19|20)\d\d[a-z]*", code)}
     assert cited <= known_references()
@@ -136,7 +137,7 @@ def test_formulas_become_mathml() -> None:
         formulas.mathml("\\nonsense")
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+@each_of(PAGES)
 def test_every_formula_of_a_page_is_understood(page: Path) -> None:
     for inline, block in re.findall(r"\\\((.+?)\\\)|\\\[(.+?)\\\]", page.read_text(encoding="utf-8"), re.DOTALL):
         assert "<math" in formulas.mathml(inline or block)

@@ -14,8 +14,9 @@ import yaml
 
 from stridelab.robots.card import parse
 from support.docs import http_contract
-from support.docs.book import PAGES, ROOT, Block, blocks, commands, inline_code
+from support.docs.book import PAGES, Block, blocks, commands, inline_code
 from support.docs.commands import check_command, check_synopsis, resolved
+from support.docs.each import each_of
 
 BLOCKS = [block for page in PAGES for block in blocks(page)]
 
@@ -83,7 +84,7 @@ def test_a_block_is_true(block: Block) -> None:
     assert CHECKS[block.language](block) == []
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+@each_of(PAGES)
 def test_commands_inside_of_sentences_are_true(page: Path) -> None:
     """`make serve`, `scripts/native`, and commands of stridelab; of a synopsis the options."""
     wrong = []
@@ -99,7 +100,7 @@ def test_commands_inside_of_sentences_are_true(page: Path) -> None:
 CALL = re.compile(r"`(POST|PUT|PATCH) (/[^`\s]*)` with `(\{[^`]*\})`")
 
 
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
+@each_of(PAGES)
 def test_bodies_inside_of_sentences_are_true(page: Path) -> None:
     """`POST /x` with `{...}`: the body is one that the call takes."""
     calls = [c for c in CALL.findall(page.read_text(encoding="utf-8")) if "..." not in c[2]]

@@ -4,9 +4,8 @@ import re
 from pathlib import Path
 from urllib.parse import unquote
 
-import pytest
-
 from support.docs.book import DOCS, PAGES, PAPERS, ROOT, anchors, inline_code, links
+from support.docs.each import each_of
 
 BACKEND = ROOT / "backend" / "stridelab"
 PACKAGES = {p.name for p in BACKEND.iterdir() if (p / "__init__.py").is_file()}
@@ -35,7 +34,7 @@ def broken(page: Path) -> list[str]:
     return wrong
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
+@each_of(PAGES)
 def test_links_lead_to_a_file_and_a_heading(page: Path) -> None:
     assert broken(page) == []
 
@@ -46,7 +45,7 @@ def test_a_link_that_leads_nowhere_is_found(tmp_path: Path) -> None:
     assert broken(page) == ["#two", "none.md", "none.png"]
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
+@each_of(PAGES)
 def test_files_and_tests_that_a_page_names_exist(page: Path) -> None:
     for code in inline_code(page):
         if (found := NAMED.fullmatch(code)) and not re.search(INVENTED, code):
@@ -55,7 +54,7 @@ def test_files_and_tests_that_a_page_names_exist(page: Path) -> None:
             assert found[2] is None or f"def {found[2]}(" in path.read_text(encoding="utf-8"), code
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
+@each_of(PAGES)
 def test_modules_and_functions_that_a_page_names_exist(page: Path) -> None:
     """``dynamics.zmp.zmp_of_motion``: a module below backend/stridelab, and a name that it defines."""
     for code in inline_code(page):

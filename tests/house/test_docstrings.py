@@ -11,8 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import NamedTuple
 
-import pytest
-
+from support.docs.each import each_of
 from support.docs.floors import BACKEND, numeric_modules
 
 RAISES = re.compile(r"\b[Rr]aises?\b")
@@ -119,7 +118,7 @@ def annotations(part: Part) -> Iterator[ast.AST | None]:
         yield part.node.returns
 
 
-@pytest.mark.parametrize("path", numeric_modules(), ids=lambda p: str(p.relative_to(BACKEND)))
+@each_of(numeric_modules())
 def test_public_parts_say_what_they_are_and_what_they_raise(path: Path) -> None:
     found = {
         part.name: unsaid(part, error_classes()) for part in parts(ast.parse(path.read_text(encoding="utf-8")).body)
@@ -127,7 +126,7 @@ def test_public_parts_say_what_they_are_and_what_they_raise(path: Path) -> None:
     assert {name: lacking for name, lacking in found.items() if lacking} == {}
 
 
-@pytest.mark.parametrize("path", numeric_modules(), ids=lambda p: str(p.relative_to(BACKEND)))
+@each_of(numeric_modules())
 def test_arrays_of_public_parts_have_their_shape_in_the_type(path: Path) -> None:
     found = parts(ast.parse(path.read_text(encoding="utf-8")).body)
     assert [part.name for part in found if any(map(shapeless, annotations(part)))] == []

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from support.docs.each import each_of
 from support.docs.floors import BACKEND, FRONTEND, GROUND, NUMERIC, ROBOT_WING, ROOT, SCIENCE, STUDIES, WINGS, room_of
 
 ALLOWED: dict[str, set[str]] = {room: set() for room in GROUND} | {"parallel": GROUND}
@@ -51,7 +52,7 @@ def imports(path: Path) -> list[str]:
     return names
 
 
-@pytest.mark.parametrize("path", sorted(BACKEND.rglob("*.py")), ids=lambda p: str(p.relative_to(BACKEND)))
+@each_of(sorted(BACKEND.rglob("*.py")))
 def test_imports_of_the_backend_go_down_the_floors(path: Path) -> None:
     room = room_of(path)
     if room == "__init__":
@@ -70,7 +71,7 @@ def test_imports_of_the_backend_go_down_the_floors(path: Path) -> None:
             assert top not in NUMERICS, f"{room} knows no numerics, but imports {name}"
 
 
-@pytest.mark.parametrize("path", sorted(FRONTEND.rglob("*.py")), ids=lambda p: str(p.relative_to(FRONTEND)))
+@each_of(sorted(FRONTEND.rglob("*.py")))
 def test_the_frontend_knows_the_backend_by_http_only(path: Path) -> None:
     for name in imports(path):
         top, _, rest = name.partition(".")

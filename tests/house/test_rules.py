@@ -4,8 +4,7 @@ import ast
 import subprocess
 from pathlib import Path
 
-import pytest
-
+from support.docs.each import each_of
 from support.docs.floors import ROOT, numeric_modules
 
 
@@ -26,7 +25,7 @@ def test_no_tracked_file_is_over_a_megabyte() -> None:
     assert [path for path in tracked() if path.stat().st_size > 1_000_000] == []
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda p: str(p.relative_to(ROOT)))
+@each_of(SOURCES)
 def test_modules_stay_readable(path: Path) -> None:
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
 
