@@ -1,7 +1,9 @@
 """Every kind of job does its work in the sandbox that the registry gives it, in a real child of the worker's pool."""
 
 import asyncio
+import json
 import stat
+import zipfile
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -48,6 +50,14 @@ def studied(folder: Path) -> Any:
     return StudyPopulationTask(members=members)
 
 
+def received(folder: Path) -> dict[str, Any]:
+    with zipfile.ZipFile(folder / "upload-0000", "w") as archive:
+        archive.write(TRIAL, "walk.c3d")
+    limits = {"file_bytes": 10**8, "total_bytes": 10**8, "timeout_s": 60.0, "memory_mb": 1024}
+    files = [{"file": "upload-0000", "filename": "lab.zip"}]
+    return {"task": json.dumps({"files": files, **limits})}
+
+
 def swept(_folder: Path) -> Any:
     scenario, vary = short_walk(), {"stride": (0.5, 0.6, 2)}
     asked = SweepInput(scenario=scenario, vary=vary, solver="ipopt", node_rate_hz=5.0)
@@ -67,6 +77,7 @@ STAGED: dict[str, Callable[[Path], Any]] = {
     "plan-contacts": lambda _: {"input": contacts([box("floor", (-1.0, 2.0), 0.0)], 0.8, 0.0)},
     "plan-motion": lambda _: plan_task(film="gif"),
     "plan-receding": receding,
+    "read-batch": received,
     "sweep": swept,
     "learn-reachability": lambda _: {"input": {"robot": "talos", "samples": 8000, "effectors": ["left_foot"]}},
 }
@@ -100,10 +111,13 @@ def test_it_does_its_work_confined(name: str, tmp_path: Path, monkeypatch: pytes
     assert outcome.state == "ok", (outcome.problem, outcome.log_tail)
     assert "problem" not in outcome.value, outcome.value["problem"]
     artifacts = [item["name"] for item in outcome.value["artifacts"]]
-    assert artifacts
+    assert artifacts or name == "read-batch"
     assert all((folder / item).stat().st_size > 0 for item in artifacts)
     if name == "plan-motion":
         assert {"motion.gif", "motion.viser"} <= set(artifacts)
+    if name == "read-batch":
+        (read,) = outcome.value["read"]["files"]
+        assert (folder / read["tracks"]).stat().st_size > 0
 
 
 def test_every_kind_but_that_without_a_sandbox_is_looked_at() -> None:
