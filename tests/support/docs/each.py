@@ -19,7 +19,7 @@ def each_of(paths: Iterable[Path]) -> Callable[[Callable[[Path], None]], Callabl
                     check(path)
                 except AssertionError as error:
                     failures[str(path.relative_to(ROOT))] = str(error)
-            assert not failures
+            assert not failures, "\n".join(f"{path}: {why}" for path, why in failures.items())
 
         test.__name__, test.__qualname__, test.__doc__ = check.__name__, check.__qualname__, check.__doc__
         test.__module__ = check.__module__
