@@ -6,6 +6,7 @@ their docstrings, the literature of models/references.bib.
 
 import re
 from collections.abc import Callable, Iterable
+from functools import partial
 from pathlib import Path
 from posixpath import relpath
 
@@ -23,7 +24,7 @@ MADE: dict[str, Callable[[], str]] = {
     "reference/endpoints.md": endpoints_page,
     "reference/models.md": models_page,
     "reference/literature.md": lambda: bibliography_page(ROOT),
-    **{f"reference/{name}.md": lambda name=name: package_page(ROOT, name) for name in PACKAGES},
+    **{f"reference/{name}.md": partial(package_page, ROOT, name) for name in PACKAGES},
 }
 WIDE = {"thesis-to-code.md"}
 

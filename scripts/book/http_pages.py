@@ -127,11 +127,11 @@ def operation_lines(method: str, path: str, operation: dict[str, Any]) -> list[s
         lines += fields_table(target, "models.md")
     lines += ["| answer | when | what |", "| --- | --- | --- |"]
     for status, answer in sorted(operation["responses"].items()):
-        what = [f"{kind(c.get('schema', {}), 'models.md')}" for c in answer.get("content", {}).values()]
+        kinds = [f"{kind(c.get('schema', {}), 'models.md')}" for c in answer.get("content", {}).values()]
         media = ", ".join(
             f"`{m}`" for m in answer.get("content", {}) if m not in {"application/json", "application/problem+json"}
         )
-        lines.append(f"| {status} | {cell(answer['description'])} | {cell('; '.join(what))} {media} |")
+        lines.append(f"| {status} | {cell(answer['description'])} | {cell('; '.join(kinds))} {media} |")
     return [*lines, ""]
 
 

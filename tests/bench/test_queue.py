@@ -6,7 +6,7 @@ processor being free below 300 ms.
 
 import asyncio
 import time
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncGenerator, AsyncIterator, Iterator
 from contextlib import AsyncExitStack
 from pathlib import Path
 from typing import Any
@@ -103,6 +103,7 @@ def test_progress_to_listener(benchmark: Any, desk: Desk, tmp_path: Path) -> Non
     mark.touch()
     desk.until_running(job_id)
     stream = desk.board.follow(desk.store, job_id)
+    assert isinstance(stream, AsyncGenerator)
 
     async def next_event(events: AsyncIterator[tuple[JobEvent, ...]], message: str) -> None:
         async for batch in events:

@@ -17,8 +17,10 @@ from support.oracles.center_of_mass import whole_body_com_m
 
 TABLES = ("dumas2007", "deleva1996")
 CHILDREN = ("HC002D", "HC030A", "HC032A", "HC036A", "HC038A", "HC040A", "HC055A")
-ADULTS = ("2014001", "2014015", "2014019", "2014022", "2014025", "2014029", "2014030", "2014031", "2014050", "2015026")
-ADULTS += ("2015035",)
+ADULTS = (
+    "2014001", "2014015", "2014019", "2014022", "2014025", "2014029", "2014030", "2014031", "2014050",
+    "2015026", "2015035",
+)  # fmt: skip
 
 
 def one(folder: Path, pattern: str) -> Path:

@@ -146,6 +146,7 @@ def test_a_checks_worst_moment_is_one_choice_or_one_click_away(tab: Tab, lab: La
     expect(clock).to_contain_text("2.500 s")
     page.locator("rect.check.bad").click()
     expect(clock).to_contain_text(re.compile(r"1\.2[46]0 s"))
+    assert page.viewport_size is not None
     assert page.evaluate("document.documentElement.scrollWidth") <= page.viewport_size["width"]
 
 

@@ -151,7 +151,9 @@ def test_what_is_seen_can_be_kept_as_a_picture(tab: Tab, lab: Lab) -> None:
 def test_a_picture_of_a_dark_room_is_dark(open_tab: Callable[..., Tab], lab: Lab) -> None:
     tab = open_tab(900, 640, color_scheme="dark")
     page = opened(tab, f"/view/?plan={lab.fake.add_plan().id}&t=1")
-    red, green, blue = picture(page, 2, transparent=False).convert("RGB").getpixel((1, 1))
+    pixel = picture(page, 2, transparent=False).convert("RGB").getpixel((1, 1))
+    assert isinstance(pixel, tuple)
+    red, green, blue = pixel
     assert max(red, green, blue) < 60
 
 

@@ -90,7 +90,11 @@ def test_the_wheel_rolls_where_the_file_says_and_can_be_hidden(
         page.get_by_role("slider", name="Time").fill(str(frame))
         expect(page.locator("[data-time]")).to_contain_text(step_at(steps, time_s[frame]))
         hub = np.array([wheel[key][row] for key in ("hub_world_x_m", "hub_world_y_m", "hub_z_m")])
-        until(page, lambda hub=hub: np.abs(np.array(nodes(page, WHEEL[1])[WHEEL[1]]["position"]) - hub).max() < NEAR_M)
+
+        def at_the_hub(hub: np.ndarray = hub) -> bool:
+            return bool(np.abs(np.array(nodes(page, WHEEL[1])[WHEEL[1]]["position"]) - hub).max() < NEAR_M)
+
+        until(page, at_the_hub)
         seen: dict[str, Any] = nodes(page, *WHEEL)
         assert seen["/wheel/rim"]["scale"] == pytest.approx([steps[number]["R_m"]] * 3, rel=1e-5)
         assert seen["/wheel/rim"]["position"] == pytest.approx(hub, abs=NEAR_M)

@@ -105,7 +105,8 @@ def test_senseless_options_are_refused(options: dict[str, float]) -> None:
 
 
 def test_the_quantile_of_the_answers_is_never_beyond_the_longest_answer() -> None:
-    last = StreamEstimate.model_construct()
+    nowhere = (0.0, 0.0, 0.0)
+    last = StreamEstimate(time_s=0.0, com_m=nowhere, velocity_m_s=nowhere, sd_m=nowhere)
     for took_s in ([0.2], [0.1, 0.2], [0.01, 0.02, 0.2]):
         figures = Played("complementary", [last], took_s, 1.0).figures()
         assert figures["answer_median_ms"] <= figures["answer_95_percent_ms"] <= figures["answer_max_ms"]

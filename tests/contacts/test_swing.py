@@ -171,12 +171,14 @@ def test_a_sole_passes_over_what_lies_between_its_places(
 ) -> None:
     """Half-way, all of it is clear of every box below its way by the margin; it never enters what lies between."""
     start, end = stone("start", 0.0, z_start, lean_start), stone("end", 0.8, z_end, lean_end)
-    places = [Placement(b.placement.act(np.array([[0.0, 0.0, 0.05]]))[0], b.placement.rotation) for b in (start, end)]
+    first, last = (
+        Placement(b.placement.act(np.array([[0.0, 0.0, 0.05]]))[0], b.placement.rotation) for b in (start, end)
+    )
     between = Box("between", Placement.of([0.4, 0.0, z_between / 2]), np.array([width, 0.4, z_between + 1e-3]))
     terrain = Terrain.of([start, between, end])
-    rises = rise_m(*places, SOLE, terrain)
+    rises = rise_m(first, last, SOLE, terrain)
     assert rises >= FOOT_CLEARANCE_M
-    curve = SwingCurve(*places, 1.0, "surface", rise_m=rises)
+    curve = SwingCurve(first, last, 1.0, "surface", rise_m=rises)
     apex = curve.at(0.5).placement.act(SOLE)
     tops = [float(np.nanmax(vertical_span_m(box, apex)[1], initial=-np.inf)) for box in terrain.boxes]
     assert apex[:, 2].min() >= max(tops) + MARGIN_M - 1e-9

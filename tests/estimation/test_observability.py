@@ -68,7 +68,8 @@ def moment(state: np.ndarray, jerk: np.ndarray, t: float) -> np.ndarray:
 def test_the_matrices_are_the_derivatives_of_the_moment(jerk: np.ndarray) -> None:
     """Independent truth: finite differences of the moment in time and in the state: (2.19) of (2.17), (2.15)."""
     state = np.random.default_rng(4).normal(size=9)
-    matrix = constant_jerk_matrix(*state.reshape(3, 3), jerk) * GRAVITY_M_S2
+    com, velocity, acceleration = state.reshape(3, 3)
+    matrix = constant_jerk_matrix(com, velocity, acceleration, jerk) * GRAVITY_M_S2
     t = np.linspace(-1.0, 1.0, 9)
     gradient = np.array(
         [[(moment(state + e, jerk, s) - moment(state - e, jerk, s)) / 2e-5 for s in t] for e in 1e-5 * np.eye(9)]

@@ -140,6 +140,6 @@ def test_standing_still_is_the_truth_for_the_bias_found_while_walking(gait, chil
         misses.append((-trial.bias(AUTO) - table_error)[:2])
         bands.append(trial.estimate(AUTO).sd_m[:, :2].mean(axis=0))
         assert np.abs(trial.bias(THESIS, aligned=False)[0] + table_error[0]) > np.abs(misses[-1][0])
-    misses, bands = np.array(misses), np.array(bands)
-    assert (np.sqrt(np.mean(misses**2, axis=0)) < [0.0075, 0.005]).all()  # 6.0 and 3.7 mm
-    assert (np.abs(misses) < 1.96 * bands).mean() >= 0.85
+    missed, band = np.array(misses), np.array(bands)
+    assert (np.sqrt(np.mean(missed**2, axis=0)) < [0.0075, 0.005]).all()  # 6.0 and 3.7 mm
+    assert (np.abs(missed) < 1.96 * band).mean() >= 0.85

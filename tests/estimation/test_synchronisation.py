@@ -238,7 +238,7 @@ def test_which_latencies_are_taken_out(adults, children) -> None:  # type: ignor
 
 def test_what_the_force_changes_grows_with_the_speed_until_the_clocks_agree(adults) -> None:  # type: ignore[no-untyped-def]
     """An independent sign: an offset proportional to speed is a time, an error of the table is not."""
-    change = {"raw": [], "aligned": []}
+    change: dict[str, list[float]] = {"raw": [], "aligned": []}
     faster = []
     for own, fast in adults.values():
         change["raw"].append(own.forward_offset_m(0.0) - fast.forward_offset_m(0.0))

@@ -7,13 +7,14 @@ import pytest
 
 from stridelab.errors import InvalidInput, NotEstimable
 from stridelab.estimation.complementary.filter import ComplementaryFilter
+from stridelab.estimation.estimator import ComEstimator
 from stridelab.estimation.kalman.filter import KalmanFilter, RtsSmoother
 from stridelab.estimation.time_span import window_span
 from stridelab.recordings.recording import Window
 from support.recordings.analytic_motions import walk
 
 T = np.arange(200) / 100.0
-ESTIMATORS = [ComplementaryFilter(), KalmanFilter(), RtsSmoother()]
+ESTIMATORS: list[ComEstimator] = [ComplementaryFilter(), KalmanFilter(), RtsSmoother()]
 
 
 def test_the_window_is_that_of_the_measured_frames() -> None:

@@ -92,7 +92,7 @@ def test_the_job_kind_weighs_the_sample(tmp_path: Path, monkeypatch: pytest.Monk
     registered = of_file(registry, kind, schemas)["WEIGH_RECORDING"]
     assert registered.name not in registry.KINDS
     assert registered.run == f"{made['__name__']}:{made['run_in_child'].__name__}"
-    names = {
+    names: dict[str, Any] = {
         "shutil": shutil,
         "models_dir": models_dir,
         "pytest": pytest,

@@ -31,8 +31,8 @@ def test_the_client_of_viser_is_unpacked() -> None:
     client = viser_client.installed()
     kinds = {client.media_types[name]: content for name, content in client.files.items()}
     assert set(kinds) == {"text/css", "text/javascript", "application/wasm"}
-    for name in (b"nodePoseData", b"nodeRefFromName", b"poseUpdateState", b"requestRender", b"__viserZstdWasm"):
-        assert name in kinds["text/javascript"], "static/js takes hold of it by this name"
+    for word in (b"nodePoseData", b"nodeRefFromName", b"poseUpdateState", b"requestRender", b"__viserZstdWasm"):
+        assert word in kinds["text/javascript"], "static/js takes hold of it by this name"
     assert kinds["application/wasm"].startswith(b"\0asm")
     assert b"mantine" in kinds["text/css"]
     for name in client.files:

@@ -48,9 +48,7 @@ def test_the_list_is_whole_and_in_order() -> None:
 
 
 @pytest.mark.parametrize("equation", LISTED, ids=ORDER)
-def test_an_equation_has_a_module_and_a_test_or_a_reason(
-    equation: "themap.Equation", computed: Any, tested: Any
-) -> None:
+def test_an_equation_has_a_module_and_a_test_or_a_reason(equation: Any, computed: Any, tested: Any) -> None:
     if equation.unused:
         assert equation.unused.endswith(".")
     else:

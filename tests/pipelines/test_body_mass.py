@@ -60,7 +60,7 @@ def test_the_standard_deviation_is_of_the_mass_that_is_used() -> None:
 def test_a_movement_may_hide_missing_force_a_scale_may_not() -> None:
     """Less force than the stated weight needs may be a part of a foot beside the plate; more force may not."""
 
-    def source(measured: tuple[MassEstimate, ...]) -> str:
+    def source(measured: tuple[MassEstimate, ...]) -> str | None:
         return body_mass(66.5, None, measured).source
 
     assert source(impulse(62.0)) == "stated"

@@ -101,6 +101,7 @@ def test_the_session_knows_its_clock_better_than_its_worst_trial(session: Made) 
 
 def test_the_session_weighs_the_person(session: Made) -> None:
     values = session.values("walk0.c3d")
+    assert values.mass_kg is not None
     assert values.mass_kg == pytest.approx(MASS_KG, rel=0.02)
     assert values.mass_sd_kg is not None
     assert abs(values.mass_kg - MASS_KG) < 3 * values.mass_sd_kg

@@ -16,7 +16,9 @@ CHOSEN = (
 
 
 def test_lost_and_late_commits_lose_nothing(postgres: TestDatabases, tmp_path: Path) -> None:
-    by_name = {(each.kind, each.transaction, each.fault, each.signal): n for n, each in enumerate(SCHEDULES)}
+    by_name: dict[tuple[str, str, str, str], int] = {
+        (each.kind, each.transaction, each.fault, each.signal): n for n, each in enumerate(SCHEDULES)
+    }
     said: list[str] = []
     failed = run_all([by_name[each] for each in CHOSEN], postgres, tmp_path, at_once=len(CHOSEN), say=said.append)
     assert not failed, "\n".join(said)

@@ -6,6 +6,7 @@ import time
 from contextlib import ExitStack
 from pathlib import Path
 
+from stridelab.service.jobs.store import JobRecord
 from support.service.job_ledger import assert_sound
 from support.service.processes import Jobs, worker
 
@@ -45,7 +46,11 @@ def test_job_that_kills_its_workers_fails_in_the_end(database_url: str, tmp_path
     job_id = jobs.submit("spin")
     for attempt in (1, 2):
         with worker(database_url, tmp_path / "a", STRIDELAB_JOB_MAX_ATTEMPTS="2") as victim:
-            jobs.until(job_id, lambda record, n=attempt: record.state == "running" and record.attempt == n)
+
+            def runs(record: JobRecord, n: int = attempt) -> bool:
+                return record.state == "running" and record.attempt == n
+
+            jobs.until(job_id, runs)
             victim.kill()
     with worker(database_url, tmp_path / "a", STRIDELAB_JOB_MAX_ATTEMPTS="2"):
         record = jobs.until_final(job_id)

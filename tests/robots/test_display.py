@@ -43,7 +43,9 @@ def meshes(talos: Robot) -> tuple[LinkMesh, ...]:
 
 @pytest.fixture(scope="module")
 def read_back(meshes: tuple[LinkMesh, ...]) -> trimesh.Scene:
-    return trimesh.load(io.BytesIO(glb(meshes)), file_type="glb", process=False)
+    scene = trimesh.load(io.BytesIO(glb(meshes)), file_type="glb", process=False)
+    assert isinstance(scene, trimesh.Scene)
+    return scene
 
 
 def original(robot: Robot, link: str) -> trimesh.Trimesh:

@@ -64,8 +64,10 @@ def test_it_stands_on_the_same_places_in_the_reference_posture(usual: Robot, tur
     for name in there:
         np.testing.assert_allclose(here[name].position_m, there[name].position_m, atol=1e-9)
         np.testing.assert_allclose(here[name].rotation, there[name].rotation, atol=1e-9)
-    com_m = [pin.centerOfMass(r.model, r.model.createData(), r.q_reference).copy() for r in (usual, turned)]
-    np.testing.assert_allclose(*com_m, atol=1e-9)
+    com_m, turned_com_m = (
+        pin.centerOfMass(r.model, r.model.createData(), r.q_reference).copy() for r in (usual, turned)
+    )
+    np.testing.assert_allclose(com_m, turned_com_m, atol=1e-9)
 
 
 @pytest.mark.parametrize("measure", ["uniform", "conditioned"])

@@ -167,9 +167,9 @@ def test_double_support_on_plates_is_that_of_the_files_events(walks: list[Timed]
     off = []
     for one in walks:
         strikes = {c.strike_s: c for c in one.plates if c.strike_source == "plates" and c.strike_s is not None}
-        lifts = [c for c in one.plates if c.lift_off_source == "plates" and c.lift_off_s is not None]
+        lifts = [(c, c.lift_off_s) for c in one.plates if c.lift_off_source == "plates" and c.lift_off_s is not None]
         (pair,) = [
-            (s, c.lift_off_s) for s, struck in strikes.items() for c in lifts
+            (s, lift_off_s) for s, struck in strikes.items() for c, lift_off_s in lifts
             if c.side != struck.side and 0.0 < c.end_s - s < 0.3
         ]  # fmt: skip
         stored = [

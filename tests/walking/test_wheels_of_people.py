@@ -110,7 +110,9 @@ def test_two_harmonics_describe_the_path_better_and_the_even_wheel_is_never_best
         aic = {c.model: c.aic for c in fit.time_rivals}
         assert min(aic, key=lambda model: aic[model]) == "two-harmonics"
         assert aic["wheel-reversed"] < aic["wheel"]  # the sign of the thesis is the worse one in every step
-    c4 = {space: {c.model: [] for c in getattr(both[0], space)} for space in ("path_rivals", "time_rivals")}
+    c4: dict[str, dict[str, list[float]]] = {
+        space: {c.model: [] for c in getattr(both[0], space)} for space in ("path_rivals", "time_rivals")
+    }
     for fit in both:
         for space, models in c4.items():
             rivals = {c.model: c for c in getattr(fit, space)}
@@ -126,7 +128,7 @@ def test_two_harmonics_describe_the_path_better_and_the_even_wheel_is_never_best
 
 
 def test_held_out_blocks_say_the_same_as_aic(people):
-    held = {c.model: [] for c in people["C4"][0].step.path_rivals}
+    held: dict[str, list[float]] = {c.model: [] for c in people["C4"][0].step.path_rivals}
     for f in people["C4"]:
         for c in f.step.path_rivals:
             held[c.model].append(1e3 * c.held_out_rms_m)

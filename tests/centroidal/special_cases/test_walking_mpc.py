@@ -68,6 +68,7 @@ def test_without_limits_that_bind_it_is_least_squares() -> None:
 def test_the_zero_moment_point_stays_where_it_must_and_the_steps_follow_the_speed() -> None:
     programme = ZmpProgramme(height_m=HEIGHT_M, dt_s=0.1, weights=ZmpWeights(1e-6, 0.0, 1.0, 0.1))
     walk, plan = walking(6, 8, 0.3, programme)
+    assert walk.previous_m is not None
     for support, z in zip(walk.supports, plan.cart.zmp_m[1:], strict=True):
         place = np.zeros(2) if support.step is None else plan.steps_m[support.step]
         normals, offsets = support.edges()

@@ -2,6 +2,7 @@
 
 import math
 from copy import deepcopy
+from functools import partial
 
 import numpy as np
 import pytest
@@ -37,10 +38,8 @@ def test_a_foot_inside_its_stair() -> None:
 
 def test_a_few_millimetres_do_not_matter() -> None:
     for height in (0.104, 0.096):
-        place = [0.3, -0.09, height]
-        assert judged(
-            six_stairs(), lambda s, p=place: everywhere(s, "right_foot", (0.3, -0.09, 0.1), position_m=p)
-        ).valid
+        lift = partial(everywhere, effector="right_foot", place=(0.3, -0.09, 0.1), position_m=[0.3, -0.09, height])
+        assert judged(six_stairs(), lift).valid
 
 
 def test_a_foot_on_the_ground_under_a_stair() -> None:
@@ -111,10 +110,8 @@ def test_two_boxes_side_by_side_carry_one_sole() -> None:
 
 def test_a_tilted_sole() -> None:
     for degrees, valid in ((4.0, False), (2.0, True)):
-        report = judged(
-            six_stairs(),
-            lambda s, d=degrees: everywhere(s, "right_foot", (0.3, -0.09, 0.1), orientation_wxyz=tilted(d)),
-        )
+        tilt = partial(everywhere, effector="right_foot", place=(0.3, -0.09, 0.1), orientation_wxyz=tilted(degrees))
+        report = judged(six_stairs(), tilt)
         assert report.valid is valid
     report = judged(
         six_stairs(), lambda s: everywhere(s, "right_foot", (0.3, -0.09, 0.1), orientation_wxyz=tilted(4.0))

@@ -97,8 +97,8 @@ def test_moving_everything_moves_the_region() -> None:
     # by their support functions: a vertex between two others in line may be left out of either
     turns = np.linspace(0.0, 2.0 * np.pi, 64, endpoint=False)
     directions = np.array([np.cos(turns), np.sin(turns)])
-    reached = [(polygon @ directions).max(axis=0) for polygon in (far - shift[:2], near)]
-    np.testing.assert_allclose(*reached, atol=1e-6)
+    reached_far, reached_near = ((polygon @ directions).max(axis=0) for polygon in (far - shift[:2], near))
+    np.testing.assert_allclose(reached_far, reached_near, atol=1e-6)
 
 
 def test_what_cannot_stand_has_no_region() -> None:

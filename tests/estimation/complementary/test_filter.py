@@ -31,7 +31,7 @@ def exact_inputs(motion, t):
 
 @pytest.mark.parametrize("rate_hz", RATES_HZ)
 @pytest.mark.parametrize("cutoffs", [(0.4, 4.0), (0.2, 1.0)])
-def test_uniform_motion_passes_unchanged_from_the_first_sample_on(rate_hz, cutoffs):
+def test_uniform_motion_passes_unchanged_from_the_first_sample_on(rate_hz: float, cutoffs: tuple[float, float]) -> None:
     t = np.arange(int(3 * rate_hz)) / rate_hz
     inputs = exact_inputs(uniform(), t)
     filters = complementary_filters(*cutoffs, rate_hz)
@@ -69,7 +69,7 @@ def test_over_many_seconds_it_does_not_matter_how_the_passes_begin():
 
 
 @pytest.mark.parametrize("cutoffs", [(0.4, 4.0), (0.2, 1.0)])
-def test_one_hertz_passes_to_two_parts_in_a_hundred_thousand(cutoffs):
+def test_one_hertz_passes_to_two_parts_in_a_hundred_thousand(cutoffs: tuple[float, float]) -> None:
     t = np.arange(600) / 200.0
     motion = sinusoid(1.0)
     filters = complementary_filters(*cutoffs, 200.0)

@@ -15,7 +15,9 @@ THESIS = (0.4, 4.0)
 @pytest.mark.parametrize("rate_hz", RATES_HZ)
 @pytest.mark.parametrize("cutoffs", [THESIS, (0.2, 1.0), (0.1, 20.0)])
 @pytest.mark.parametrize("order", [2, 3])
-def test_the_three_filters_add_up_to_one_at_every_frequency(rate_hz, cutoffs, order):
+def test_the_three_filters_add_up_to_one_at_every_frequency(
+    rate_hz: float, cutoffs: tuple[float, float], order: int
+) -> None:
     """(2.27)."""
     f = np.geomspace(1e-3, 0.4999 * rate_hz, 1000)
     filters = complementary_filters(*cutoffs, rate_hz, order)
@@ -85,7 +87,7 @@ def test_taps_and_roots_describe_the_same_filter(name):
 @pytest.mark.parametrize(
     "cutoffs", [(0.0, 4.0), (4.0, 0.4), (1.0, 1.0), (0.4, 50.0), (0.4, 60.0), (-1.0, 4.0), (float("nan"), 4.0)]
 )
-def test_cutoffs_that_make_no_filter_are_refused(cutoffs):
+def test_cutoffs_that_make_no_filter_are_refused(cutoffs: tuple[float, float]) -> None:
     with pytest.raises(InvalidInput) as error:
         complementary_filters(*cutoffs, 100.0)
     assert error.value.code == "cutoffs-out-of-range"

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 import pytest
@@ -197,9 +197,8 @@ def test_more_than_five_centimetres_from_the_geometry_are_never_without_an_error
     """The filter follows the centre of pressure: its position moves with the plates, across the limit."""
     values = []
     for shift_m in (0.05, 0.10, 0.14, 0.17):
-        found = judge(
-            with_plates(lambda plate, by=shift_m: moved(plate, np.array([0.0, by, 0.0]))), method=ComplementaryFilter()
-        )
+        shift = partial(moved, by_m=np.array([0.0, shift_m, 0.0]))
+        found = judge(with_plates(shift), method=ComplementaryFilter())
         check = found.check("horizontal_bias")
         values.append(check.value)
         assert (check.value > 0.05) == check.contradicts

@@ -27,7 +27,7 @@ def test_they_are_the_com_in_the_contact_frame(talos: Robot) -> None:
     cloud = sample_com(talos, names, 30, seed=3)
     stream = uniform_configurations(talos, generator(3))
     model, data = talos.model, talos.model.createData()
-    origins = []
+    origins: list[list[np.ndarray]] = []
     for a, q in enumerate(islice(stream, 30)):
         pin.framesForwardKinematics(model, data, q)
         masses = np.array([body.mass for body in model.inertias])

@@ -117,7 +117,14 @@ def test_lists_that_do_not_fit(backup: Path, tmp_path: Path) -> None:
     }
     for lie in lies.values():
         refused(write(tmp_path / "x", with_manifest(members, members=lie), honest=False))
-    for odd in ({"kind": "else"}, {"revision": "1; DROP TABLE job"}, {"extra": 1}, {"tables": {}}, {"members": "x"}):
+    oddities: tuple[dict[str, Any], ...] = (
+        {"kind": "else"},
+        {"revision": "1; DROP TABLE job"},
+        {"extra": 1},
+        {"tables": {}},
+        {"members": "x"},
+    )
+    for odd in oddities:
         refused(write(tmp_path / "x", with_manifest(members, **odd), honest="members" not in odd))
     for raw in (b"", b"[]", b"\xff", b"[" * 100_000):
         with zipfile.ZipFile(tmp_path / "x", "w") as archive:

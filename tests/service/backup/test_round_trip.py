@@ -71,7 +71,9 @@ def test_restored_jobs_run_in_their_old_order_and_new_ones_after_them(
     assert min(behind_s) > -0.1
     with psycopg.connect(empty) as connection:
         assert last is not None
-        assert connection.execute("SELECT min(seq) FROM job_event WHERE job_id = %s", (new,)).fetchone() > last
+        first = connection.execute("SELECT min(seq) FROM job_event WHERE job_id = %s", (new,)).fetchone()
+        assert first is not None
+        assert first > last
 
 
 def test_a_backup_of_the_first_schema_is_brought_up_to_date(

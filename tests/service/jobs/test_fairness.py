@@ -19,7 +19,7 @@ from stridelab.service.storage.database import make_engine
 from support.service.database import TestDatabases
 from support.service.job_kinds import KINDS
 
-OUTCOME = {"summary": {}, "references": [], "artifacts": []}
+OUTCOME: dict[str, Any] = {"summary": {}, "references": [], "artifacts": []}
 OWNERS = ("anna", "ben", "carla", None)
 
 

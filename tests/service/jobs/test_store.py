@@ -1,6 +1,6 @@
 import asyncio
 from collections.abc import Awaitable, Callable
-from typing import Any
+from typing import Any, Protocol
 
 import psycopg
 import pytest
@@ -10,7 +10,9 @@ from stridelab.service.jobs.store import JobStore
 from support.service.database import within
 from support.service.job_kinds import KINDS
 
-Use = Callable[[Callable[[JobStore], Awaitable[Any]]], Any]
+
+class Use(Protocol):
+    def __call__(self, act: Callable[[JobStore], Awaitable[Any]], **options: Any) -> Any: ...
 
 
 @pytest.fixture

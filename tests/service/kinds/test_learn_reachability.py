@@ -8,6 +8,7 @@ import time
 from collections.abc import Iterator
 from datetime import date
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
@@ -29,7 +30,7 @@ from stridelab.service.kinds.result_tables import read_about
 from stridelab.service.processes.pool import IsolatedOutcome, IsolatedPool
 
 SCRIPT = Path(__file__).parents[3] / "scripts" / "make_reachability.py"
-REQUEST = {"robot": "talos", "effectors": ["left_foot", "right_hand"], "samples": 500, "seed": 4}
+REQUEST: dict[str, Any] = {"robot": "talos", "effectors": ["left_foot", "right_hand"], "samples": 500, "seed": 4}
 
 
 @pytest.fixture(scope="module", autouse=True)

@@ -232,6 +232,8 @@ def test_every_task_has_a_child_of_its_own(with_pool: Any, tmp_path: Path) -> No
 
 
 def test_nothing_is_left_of_the_children(with_pool: Any, tmp_path: Path) -> None:
+    before = 0
+
     async def act(pool: IsolatedPool) -> None:
         ask = {"timeout_s": 30.0, "memory_mb": 500}
         for function in ("add", "segfault", "leave"):
@@ -249,7 +251,6 @@ def test_nothing_is_left_of_the_children(with_pool: Any, tmp_path: Path) -> None
         before = psutil.Process(pool._nursery.pid).num_fds()
         await act(pool)
 
-    before = 0
     with_pool(counted)
 
 

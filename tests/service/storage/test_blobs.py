@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from obstore.store import S3Store
 
 from stridelab.errors import InvalidInput, NotFound, Unavailable
 from stridelab.service.settings import Settings
@@ -147,8 +148,9 @@ def test_address_and_keys_of_the_object_store_come_from_a_file(tmp_path: Path) -
     file.write_text("# of the lab\nendpoint = http://objects:8333\naccess_key_id=lab\n\nsecret_access_key=a=b\n")
     settings = Settings(blob_url="s3://bucket/prefix", blob_credentials_file=file)
     store = BlobStore.from_url(settings.blob_address, settings.blob_options)
-    assert store.backend.config["endpoint"] == "http://objects:8333"  # type: ignore[union-attr]
-    assert store.backend.config["secret_access_key"] == "a=b"  # type: ignore[union-attr]
+    assert isinstance(store.backend, S3Store)
+    assert store.backend.config["endpoint"] == "http://objects:8333"
+    assert store.backend.config["secret_access_key"] == "a=b"
     file.write_text("colour=blue\nsecret_access_key=hidden\n")
     with pytest.raises(InvalidInput, match="colour") as caught:
         BlobStore.from_url(settings.blob_address, settings.blob_options)

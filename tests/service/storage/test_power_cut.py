@@ -110,7 +110,9 @@ def test_uploads_and_changes_are_on_the_disk_when_they_are_committed(
         assert http.patch(f"/api/v1/recordings/{first}", json={"plates": {"1": {"use": False}}}).status_code == 200
     assert len(cuts.disks) == 3
     with psycopg.connect(database_url) as connection:
-        rows = dict(connection.execute("SELECT id, tracks_key FROM recording WHERE NOT bundled").fetchall())
+        rows: dict[str, str] = dict(
+            connection.execute("SELECT id, tracks_key FROM recording WHERE NOT bundled").fetchall()
+        )
     blob = f"uploads/{hashlib.sha256(content).hexdigest()}"
     for disk in cuts.disks:
         assert disk[blob] == content

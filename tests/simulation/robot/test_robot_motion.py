@@ -207,7 +207,7 @@ def test_seeds_vary_the_walk_and_repeat_it() -> None:
     lengths = np.array([[s.x_m for s in plan.stances] for plan in (first, other)])
     assert np.abs(lengths[0] - lengths[1]).max() > 1e-3
     times = [[s.strike_s for s in plan.stances[2:]] for plan in (first, other)]
-    assert np.abs(np.subtract(*times)).max() > 1e-3
+    assert np.abs(np.subtract(times[0], times[1])).max() > 1e-3
 
 
 def test_same_seed_same_walk_and_another_seed_another_one() -> None:

@@ -18,7 +18,7 @@ FOREIGN = {
 }  # fmt: skip
 """Of other programs only the files are checked that lie in this tree."""
 CURL_VALUES = {"-X", "-H", "-F", "-o", "-d", "-u", "--json", "--request", "--header", "--form", "--output", "--data"}
-USAGE_ERROR = typer.BadParameter.__mro__[1]
+USAGE_ERROR: Any = typer.BadParameter.__mro__[1]
 """What the command line raises where it cannot read its arguments; typer gives it no public name."""
 ADDRESS = re.compile(r"^(?:\$\w+|https?://(?:127\.0\.0\.1|localhost|lab)(?::\d+)?/api/v1)(?=/)")
 

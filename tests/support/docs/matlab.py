@@ -113,7 +113,8 @@ def _block(lines: Iterator[str], reader: Reader, given: Mapping[str, Any], *, ac
 
 def _body(lines: Iterator[str]) -> list[str]:
     """Lines up to the ``end`` of a loop or a condition."""
-    body, depth = [], 1
+    body: list[str] = []
+    depth = 1
     for line in lines:
         word = line.split()[0]
         depth += (word in ("while", "if")) - (word == "end")

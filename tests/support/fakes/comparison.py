@@ -55,11 +55,11 @@ def tables(*, with_truth: bool) -> dict[str, bytes]:
         column = name.replace("-", "_")
         over_time |= _named(f"{column}_{{}}_m", truth + np.array(offset))
         spectra |= _named(f"{column}_{{}}_m_rthz", np.abs(offset) / np.maximum(f, 0.5)[:, None])
-    shares = {"time_s": t}
+    shares: dict[str, Any] = {"time_s": t}
     for name, share in (("geometry", 0.2), ("force", 0.3), ("axis", 0.5), ("total", 1.0)):
         shares |= _named(f"{name}_{{}}_m", share * truth)
     lines = np.geomspace(0.01, 40, 30)
-    bode = {"frequency_hz": lines}
+    bode: dict[str, Any] = {"frequency_hz": lines}
     for k, name in enumerate(("geometry", "force", "axis")):
         bode |= {f"{name}_gain_db": -20.0 * k - 400 * (lines > 30), f"{name}_phase_rad": 0.1 * k + 0 * lines}
     made = {"comparison": over_time, "spectra": spectra, "contributions": shares, "bode": bode}

@@ -155,8 +155,8 @@ class _Connection:
         """The statements that ``message`` makes final if the server gets it; None where it is no commit point."""
         kind, body = message[:1], message[5:]
         if kind == b"P":
-            name, text, _ = body.split(b"\0", 2)
-            self.prepared[name] = text.decode()
+            name, statement, _ = body.split(b"\0", 2)
+            self.prepared[name] = statement.decode()
         elif kind == b"B":
             self._portal = self.prepared.get(body.split(b"\0", 2)[1], "")
         elif kind == b"E":

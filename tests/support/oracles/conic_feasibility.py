@@ -57,7 +57,9 @@ def exists(problem: CentroidalProblem) -> Answer:
 
     def put(matrix, at_row, at_column):
         r, c = np.nonzero(matrix)
-        rows.append(r + at_row), columns.append(c + at_column), values.append(matrix[r, c])
+        rows.append(r + at_row)
+        columns.append(c + at_column)
+        values.append(matrix[r, c])
 
     intervals = len(grid.phase)
     column = STATE * (intervals + 1)

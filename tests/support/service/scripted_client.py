@@ -50,31 +50,44 @@ class ScriptedService(Client):
         if call in self.refuse:
             raise self.refuse[call]
 
-    def upload(self, path: Path, subject: Any = None, *, progress: Any = None) -> Recording:
+    def upload(
+        self,
+        path: Path,
+        subject: Any = None,
+        *,
+        filename: str | None = None,
+        session_id: str | None = None,
+        progress: Any = None,
+    ) -> Recording:
+        assert (filename, session_id) == (None, None), "no command states them"
         self._note("upload", (path.name, subject))
         if progress is not None:
             progress(10, 10)
-        facts = {**INDEX["facts"], "subject": {}}
-        fixed = {"sha256": "0", "filename": path.name, "bytes": 1, "created_at": NOW, "marker_map": {}}
-        return Recording.model_validate({**facts, **fixed, "id": f"id-of-{path.name}"})
+        return self._recording(f"id-of-{path.name}", path.name)
 
-    def patch_recording(self, recording_id: str, patch: RecordingPatch) -> None:
+    def patch_recording(self, recording_id: str, patch: RecordingPatch) -> Recording:
         self._note("patch", (recording_id, patch))
+        return self._recording(recording_id, recording_id.removeprefix("id-of-"))
 
-    def submit(self, kind: str, asked: Any, *, idempotency_key: str) -> Job:
-        self._note("submit", (kind, asked, bool(idempotency_key)))
+    def submit(self, kind: str, request: Any, *, priority: int = 0, idempotency_key: str | None = None) -> Job:
+        assert priority == 0, "no command states it"
+        assert idempotency_key is not None, "every command states it"
+        self._note("submit", (kind, request, bool(idempotency_key)))
         return self._job("queued", None)
 
-    def events(self, job_id: str) -> Iterator[JobEvent]:
+    def events(self, job_id: str, last_event_id: int | None = None) -> Iterator[JobEvent]:
+        assert last_event_id is None, "no command states it"
         self._note("events", job_id)
         yield JobEvent(seq=1, at=NOW, state="running", attempt=1, progress=Progress(fraction=0.5, message="half"))
 
-    def wait(self, job_id: str) -> Job:
+    def wait(self, job_id: str, timeout_s: float | None = None) -> Job:
+        assert timeout_s is None, "no command states it"
         self._note("wait", job_id)
         return self._job(*self.ends)
 
-    def cancel(self, job_id: str) -> None:
+    def cancel(self, job_id: str) -> Job:
         self._note("cancel", job_id)
+        return self._job("cancelled", None)
 
     def result(self, job_id: str) -> JobResult:
         self._note("result", job_id)
@@ -83,9 +96,14 @@ class ScriptedService(Client):
             {"kind": self.done["kind"], "input": self.done["input"], **self.done["result"], "artifacts": artifacts}
         )
 
-    def download_artifact(self, job_id: str, name: str, target: Path) -> None:
+    def download_artifact(self, job_id: str, name: str, target: Path) -> Path:
         self._note("download", name)
-        shutil.copyfile(self.files / name, target)
+        return shutil.copyfile(self.files / name, target)
+
+    def _recording(self, recording_id: str, filename: str) -> Recording:
+        facts = {**INDEX["facts"], "subject": {}}
+        fixed = {"sha256": "0", "filename": filename, "bytes": 1, "created_at": NOW, "marker_map": {}}
+        return Recording.model_validate({**facts, **fixed, "id": recording_id})
 
     def _job(self, state: Any, error: Problem | None) -> Job:
         return Job(

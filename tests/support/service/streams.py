@@ -37,9 +37,8 @@ def packed(start_s: float, *rows: tuple[float, ...]) -> bytes:
 @contextmanager
 def socket_of(service: Served, **headers: str) -> Iterator[ClientConnection]:
     address = service.base_url.replace("http", "ws") + "/api/v1/stream/com"
-    with connect(
-        address, additional_headers=headers, proxy=None, compression=None, max_size=None, close_timeout=1
-    ) as socket:
+    socket = connect(address, additional_headers=headers, proxy=None, compression=None, max_size=None, close_timeout=1)
+    with socket:
         yield socket
 
 

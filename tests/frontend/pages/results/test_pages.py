@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Callable
-from typing import get_args
+from typing import Any, get_args
 
 import httpx
 import pytest
@@ -94,7 +94,12 @@ def test_recording_page_offers_every_method_and_the_latency_that_the_interface_w
 def test_the_sentence_on_the_clocks_says_what_was_found_and_done(
     found_s: float, sd_s: float | None, applied_s: float, said: str
 ) -> None:
-    summary = {"latency_s": found_s, "latency_sd_s": sd_s, "latency_applied_s": applied_s, "observability": {}}
+    summary: dict[str, Any] = {
+        "latency_s": found_s,
+        "latency_sd_s": sd_s,
+        "latency_applied_s": applied_s,
+        "observability": {},
+    }
     result = JobResult(kind="estimate-com", input={}, versions={}, references=[], summary=summary, artifacts=[])
     assert sentences_of(result) == [said]
 

@@ -92,7 +92,9 @@ def test_a_large_upload_is_read_by_a_job(service: Served, http: httpx.Client, fi
     assert time.monotonic() - began_s < 30.0
     assert len(batches(service)) == len(files) + 2  # the table, and what is to be done
     with psycopg.connect(plain(str(service.parts.settings.database_url))) as connection:
-        (asked,) = connection.execute("SELECT input::text FROM job WHERE id = %s", (answer.json()["id"],)).fetchone()
+        row = connection.execute("SELECT input::text FROM job WHERE id = %s", (answer.json()["id"],)).fetchone()
+    assert row is not None
+    (asked,) = row
     assert "walk" not in asked
     with working(service):
         job = waited_for(http, answer)

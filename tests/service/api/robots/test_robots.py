@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import httpx
 import pytest
@@ -335,7 +336,8 @@ def test_a_damaged_file_is_not_served(
 
 
 def test_the_preparation_is_told_while_it_goes_on(http: httpx.Client, stubbed: Served, diary: Path) -> None:
-    path, seen = f"{ROBOTS}/talos/preparation", []
+    path = f"{ROBOTS}/talos/preparation"
+    seen: list[dict[str, Any]] = []
     while not seen or seen[-1]["state"] == "preparing":
         began = time.monotonic()
         seen.append(http.get(path).json())

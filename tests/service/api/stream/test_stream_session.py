@@ -223,7 +223,8 @@ def test_huge_numbers_are_no_crash(field: str, method: str) -> None:
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("extreme", [1e-9, 1000.0])
 def test_the_largest_and_smallest_errors_that_can_be_stated_give_a_finite_band(extreme: float, method: str) -> None:
-    stated = dict.fromkeys(("marker_m", "moment_nm", "clock_s"), extreme) | {"step_hz": max(0.1, min(extreme, 10))}
+    stated: dict[str, Any] = dict.fromkeys(("marker_m", "moment_nm", "clock_s"), extreme)
+    stated["step_hz"] = max(0.1, min(extreme, 10))
     stated |= {"geometry_m": (extreme,) * 3, "acceleration_m_s2": (extreme,) * 3, "momentum_rate_nm_kg": (extreme,) * 2}
     samples = [sample.model_dump() for sample in walk_samples(1.0)]
     told = json.loads(session(method=method, priors=stated).answer(text(samples)).content)["samples"]

@@ -245,6 +245,7 @@ def test_what_is_stated_to_the_smoother_is_used_and_what_it_found_is_told(tmp_pa
     told = summary_of(tmp_path / "b", smoother={"learn": False, "priors": stated}).diagnostics
     assert told["marker_mm"] == pytest.approx(3.0)
     assert told["step_hz"] == 1.6
+    assert usual.mass_kg is not None
     weight_n = 9.81 * usual.mass_kg
     assert told["momentum_about_walk_nms"] == pytest.approx(0.001 * weight_n, rel=0.01)
     assert told["momentum_about_side_nms"] == pytest.approx(0.004 * weight_n, rel=0.01)

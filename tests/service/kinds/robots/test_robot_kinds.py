@@ -123,6 +123,7 @@ def test_links_come_as_one_named_node_each(tmp_path: Path, facts: RobotFacts) ->
     assert value["artifacts"] == [{"name": "links.glb", "media_type": "model/gltf-binary"}]
     assert [path.name for path in tmp_path.iterdir()] == ["links.glb"]
     scene = trimesh.load(tmp_path / "links.glb", process=False)
+    assert isinstance(scene, trimesh.Scene)
     assert sorted(scene.graph.nodes_geometry) == sorted(facts.links)
 
 
