@@ -6,7 +6,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 from rich.markup import escape
@@ -26,7 +26,6 @@ from stridelab.cli.results import (
     validated,
     write_result,
 )
-from stridelab.client import Client
 from stridelab.errors import Fault, InvalidInput, UnreadableFile
 from stridelab.recordings.files.batch_zip import BatchLimits, is_batch, unpack_batch
 from stridelab.recordings.files.recording_files import recordings_in
@@ -41,8 +40,10 @@ from stridelab.schemas.population import (
 )
 from stridelab.schemas.recordings import RecordingPatch, SubjectFields
 from stridelab.schemas.tasks import FitCycloidTask, RecordingSource, StudyPopulationTask
-from stridelab.service.kinds.study_population.staging import member
 from stridelab.service.subject_table import Matched, TableRow, match, read_subject_table
+
+if TYPE_CHECKING:
+    from stridelab.client import Client
 
 LIMITS: Final = BatchLimits(files=MAX_RECORDINGS, file_bytes=2_000_000_000, total_bytes=20_000_000_000)
 LETTERS: Final = {"R_m": "R", "r_m": "r", "z0_m": "z0", "omega_rad_s": "omega"}
@@ -157,7 +158,7 @@ def study_there(given: Given, options: Mapping[str, Any], folder: Path, server: 
     """Upload everything, run the job on ``server`` and download its files; files that it refuses are named."""
     from stridelab.cli.remote import AFTER_UPLOAD, run_remotely
 
-    def prepare(client: Client, bar: Bar) -> StudyPopulationInput:
+    def prepare(client: "Client", bar: Bar) -> StudyPopulationInput:
         def tell(sent: int, total: int) -> None:
             bar(AFTER_UPLOAD * sent / max(total, 1), "uploading")
 
@@ -188,6 +189,8 @@ def request_of(given: Given, ids: Mapping[int, str], options: Mapping[str, Any])
 
 
 def _member(given: Given, one: Matched, recording_id: str, request: StudyPopulationInput, work: Path) -> Any:
+    from stridelab.service.kinds.study_population.staging import member
+
     (work / recording_id).mkdir()
     filename, path = given.files[one.place]
     shutil.copyfile(path, work / recording_id / "trial")
