@@ -2,6 +2,7 @@
 
 import ast
 import subprocess
+from collections import Counter
 from pathlib import Path
 
 from support.docs.each import each_of
@@ -18,6 +19,8 @@ def tracked() -> list[Path]:
     ]
 
 
+PRODUCT = {"backend", "frontend"}
+MOST_MODULES = 24
 SOURCES = [path for path in tracked() if path.suffix in {".py", ".js", ".html", ".css"}]
 
 
@@ -28,6 +31,12 @@ def test_no_tracked_file_is_over_a_megabyte() -> None:
 @each_of(SOURCES)
 def test_modules_stay_readable(path: Path) -> None:
     assert len(path.read_text(encoding="utf-8").splitlines()) <= 400
+
+
+def test_no_folder_of_the_product_holds_more_than_24_modules() -> None:
+    modules = [path for path in SOURCES if path.suffix in {".py", ".js"} and path.relative_to(ROOT).parts[0] in PRODUCT]
+    counts = Counter(str(path.parent.relative_to(ROOT)) for path in modules)
+    assert {folder: number for folder, number in counts.items() if number > MOST_MODULES} == {}
 
 
 def test_numeric_code_does_not_print() -> None:
