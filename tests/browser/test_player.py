@@ -195,7 +195,7 @@ def test_a_small_recording_goes_up_from_within_the_viewer(tab: Tab, lab: Lab, tm
     with large.open("wb") as file:
         file.truncate(31_000_000)
     page = opened(tab, f"/view/?recording={shown.id}")
-    page.route("**/api/v1/recordings", answer)
+    page.route("**/api/v1/recordings?*", answer)
     said = page.locator("[data-said-upload]")
     page.set_input_files("[data-upload-file]", wrong)
     expect(said).to_have_text("<b>holiday.c3d: This is no C3D file.")

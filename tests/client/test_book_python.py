@@ -24,11 +24,12 @@ def laboratory() -> Iterator[tuple[float, list[float], list[float], list[float]]
 def test_a_block_runs(
     block: Block, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """In a folder with ``walk.c3d``."""
+    """In a folder with the sample walk as ``walk.c3d`` and ``trial.c3d``."""
     text = block.text
     if ADDRESS in text:
         text = text.replace(ADDRESS, request.getfixturevalue("service_url"))
     monkeypatch.chdir(tmp_path)
-    shutil.copyfile(models_dir() / "recordings" / "sample-walk" / "recording.c3d", tmp_path / "walk.c3d")
+    for name in ("walk.c3d", "trial.c3d"):
+        shutil.copyfile(models_dir() / "recordings" / "sample-walk" / "recording.c3d", tmp_path / name)
     (tmp_path / "block.py").write_text(text, encoding="utf-8")
     runpy.run_path("block.py", {"laboratory": laboratory}, "__main__")
