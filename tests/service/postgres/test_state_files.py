@@ -27,7 +27,7 @@ DAMAGED = {
     "garbage": bytes(range(256)),
     "cut off": b'{\n "cluster": "/var/li',
     "of another form": b'[1, "two"]',
-    "without the folder": b'{"socket": "/tmp/x"}',
+    "without the folder": b'{"socket": "/somewhere"}',
 }
 
 

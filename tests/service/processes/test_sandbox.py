@@ -7,6 +7,7 @@ import socket
 import struct
 import subprocess
 import sys
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -43,7 +44,7 @@ def others(tmp_path: Path) -> Iterator[dict[str, Any]]:
     folder.mkdir(parents=True)
     (folder / "secret").write_text("secret")
     (folder / "spare").write_text("secret")
-    path = f"/tmp/stridelab-test-{os.getpid()}"
+    path = str(Path(tempfile.gettempdir(), f"stridelab-test-{os.getpid()}"))  # short: a socket's path has 108 bytes
     with socket.create_server(("127.0.0.1", 0)) as server, socket.socket(socket.AF_UNIX) as local:
         local.bind(path)
         local.listen()

@@ -1,6 +1,6 @@
 """The HTTP interface as the pages see it, answered from memory: schemas are the real ones, numbers are synthetic.
 
-The walk is that of ``fake_walk``.
+The walk is that of ``support.fakes.walk``.
 """
 
 import asyncio
