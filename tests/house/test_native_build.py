@@ -1,10 +1,13 @@
 """The C++ solver is built where it can be, and nothing stops where it cannot."""
 
+import importlib.util
 import os
 import shutil
 import subprocess
 import sysconfig
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -53,6 +56,52 @@ class TestScript:
     def test_a_folder_that_is_named_is_taken(self, tmp_path: Path) -> None:
         done = native(tmp_path, STRIDELAB_NATIVE_PATH="/opt/some folder")
         assert (done.returncode, done.stdout, done.stderr) == (0, "/opt/some folder\n", "")
+
+
+class TestWheel:
+    """The build hook alone: ``scripts/release`` builds, installs and runs whole wheels."""
+
+    @staticmethod
+    def built(root: Path, version: str = "standard") -> tuple[dict[str, Any], list[str]]:
+        """The build data after the hook, and its warnings."""
+        spec = importlib.util.spec_from_file_location("build_hook", ROOT / "backend" / "build_hook.py")
+        assert spec is not None
+        assert spec.loader is not None
+        module = importlib.util.module_from_spec(spec)
+        spec.loader.exec_module(module)
+        warnings: list[str] = []
+        app = SimpleNamespace(display_warning=warnings.append)
+        hook = module.NativeSolverHook(str(root), {}, None, None, str(root), "wheel", app)
+        data: dict[str, Any] = {"force_include": {}}
+        hook.initialize(version, data)
+        return data, warnings
+
+    def test_is_pure_when_switched_off(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("STRIDELAB_NATIVE", "off")
+        data, warnings = self.built(ROOT)
+        assert data == {"force_include": {}}
+        assert warnings == ["The wheel has no C++ solver: STRIDELAB_NATIVE is off."]
+
+    def test_is_pure_without_a_compiler(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        monkeypatch.delenv("STRIDELAB_NATIVE", raising=False)
+        monkeypatch.delenv("CXX", raising=False)
+        monkeypatch.setenv("PATH", str(tmp_path))
+        assert self.built(ROOT) == (
+            {"force_include": {}},
+            ["The wheel has no C++ solver: no C++ compiler was found."],
+        )
+
+    def test_is_pure_where_the_build_fails(self, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+        """Sources that do not build: one warning with the compiler's last lines, no half-filled wheel."""
+        monkeypatch.delenv("STRIDELAB_NATIVE", raising=False)
+        monkeypatch.setenv("CXX", "true")
+        (tmp_path / "backend" / "native").mkdir(parents=True)
+        data, warnings = self.built(tmp_path)
+        assert data == {"force_include": {}}
+        assert [warning.splitlines()[0] for warning in warnings] == ["The wheel has no C++ solver: its build failed."]
+
+    def test_leaves_editable_installations_alone(self) -> None:
+        assert self.built(ROOT, "editable") == ({"force_include": {}}, [])
 
 
 def test_it_was_built_where_a_compiler_is() -> None:
