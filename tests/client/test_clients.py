@@ -2,6 +2,8 @@
 
 import inspect
 import json
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -30,6 +32,11 @@ def test_both_clients_have_the_same_methods() -> None:
         }
 
     assert methods(Client) == methods(AsyncClient)
+
+
+def test_the_synchronous_client_is_written_from_the_asynchronous_one() -> None:
+    script = Path(__file__).parents[2] / "scripts" / "make_sync_client.py"
+    assert subprocess.run([sys.executable, script, "--check"], check=False).returncode == 0
 
 
 def test_a_running_service_is_healthy(lab: Client) -> None:
