@@ -1,7 +1,7 @@
 """Write the synchronous client from the asynchronous one: ``client/synchronous.py`` from ``client/asynchronous.py``.
 
-Usage: scripts/make_sync_client.py [--check]. With ``--check`` nothing is written, and the exit status is 1 where the file
-on disk differs. The asynchronous client is the one to edit.
+Usage: scripts/make_sync_client.py [--check]. With ``--check`` nothing is written, and the exit status is 1 where the
+file on disk differs. The asynchronous client is the one to edit.
 """
 
 import argparse

@@ -139,8 +139,9 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
     lines = [
         "# Recordings of other laboratories",
         "",
-        "Written by `scripts/strangers`: public recordings, read and estimated with default options. They are not part of",
-        "the project. Evidence: measured on people; no truth is known for them, only whether a result contradicts itself.",
+        "Written by `scripts/strangers`: public recordings, read and estimated with default options. They are not",
+        "part of the project. Evidence: measured on people; no truth is known for them, only whether a result",
+        "contradicts itself.",
         "",
         "| source | recordings | fused | geometry only | contradicted | refused |",
         "| --- | --- | --- | --- | --- | --- |",
@@ -157,8 +158,7 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
     silent = [row for row in wrong if row["verdict"] != "contradicted"]
     lines += [
         "",
-        f"Results more than {TOLERATED_MM:.0f} mm from the geometry: {len(wrong)}, of which without an error remark: "
-        f"{len(silent)}.",
+        f"Results more than {TOLERATED_MM:.0f} mm from the geometry: {len(wrong)}; without an error remark: {len(silent)}.",
         "",
         "| refused with | recordings | for example |",
         "| --- | --- | --- |",
