@@ -158,7 +158,7 @@ def page(rows: Sequence[dict[str, Any]]) -> str:
     silent = [row for row in wrong if row["verdict"] != "contradicted"]
     lines += [
         "",
-        f"Results more than {TOLERATED_MM:.0f} mm from the geometry: {len(wrong)}; without an error remark: {len(silent)}.",
+        f"Results more than {TOLERATED_MM:.0f} mm from the geometry: {len(wrong)}; silently: {len(silent)}.",
         "",
         "| refused with | recordings | for example |",
         "| --- | --- | --- |",
