@@ -6,8 +6,8 @@ other units are converted once, where a file is read or written. Forces act *on 
 ``T_world_foot`` maps foot coordinates to world coordinates. Time axes start at 0, the first frame of the
 recording.
 
-Gravity points down, as in (4.2) of the thesis: standing still means ``f = -m g``. Chapter 2 of the thesis writes
-it pointing up (2.3); it is written over to this one sign in ``dynamics``.
+Gravity points down, as in (4.2) of the thesis: standing still means ``f = -m g``. Chapter 2 of the thesis uses the
+opposite sign (2.3); ``dynamics`` converts its equations to this convention.
 """
 
 from collections.abc import Callable
@@ -43,4 +43,4 @@ Configurations = Float[np.ndarray, "n nq"]
 """One configuration of a robot per sample."""
 
 Progress = Callable[[float, str], None]
-"""Called with the share that is done, from 0 to 1, and what is being done."""
+"""Progress callback: called with the completed fraction (0 to 1) and the name of the current stage."""

@@ -1,9 +1,9 @@
-"""How many processor cores the processes of this program may use, from what the system and the worker give.
+"""Number of processor cores that the processes of this program may use.
 
-    cores = min(affinity, quota of the control groups), and of these the share of one job of the worker
+    cores = min(affinity, quota of the control groups), divided among the jobs of a worker
 
-The processors of the machine (``os.cpu_count``) are no measure: a container, a systemd unit or an allocation of a
-cluster has fewer of them.
+``os.cpu_count`` is not used where a better source exists: a container, a systemd unit or a cluster allocation
+provides fewer cores than the machine has.
 """
 
 import math
@@ -29,17 +29,17 @@ def usable_cores(groups: Path = _GROUPS, own: Path = _OWN) -> int:
 
 
 def default_slots() -> int:
-    """Jobs that a worker runs at a time unless it is told how many: one core is left to everything else."""
+    """Default number of concurrent jobs of a worker: all usable cores but one."""
     return max(1, usable_cores() - 1)
 
 
 def cores_per_slot(slots: int) -> int:
-    """Share of the cores that each of ``slots`` jobs may use: at least one."""
+    """Number of cores that each of ``slots`` concurrent jobs may use: at least one."""
     return max(1, usable_cores() // slots)
 
 
 def limit_cores(cores: int | None) -> None:
-    """From now on this process, and what it forks, uses at most so many cores; None for no limit of its own."""
+    """Limit this process and its forked children to ``cores`` cores; None removes the limit."""
     global _limit
     _limit = cores
 
@@ -62,13 +62,13 @@ def _quota(groups: Path, own: Path) -> float:
 
 
 def _with_parents(hierarchy: Path, name: str) -> list[Path]:
-    """The folder of a group and those above it, the strictest of which counts."""
+    """Folder of a control group and of all its parents."""
     parts = [part for part in name.split("/") if part not in {"", ".."}]
     return [hierarchy.joinpath(*parts[:depth]) for depth in range(len(parts) + 1)]
 
 
 def _ratio(*words: str) -> float:
-    """``quota / period``; infinite where there is none (``max``, -1, or no file)."""
+    """``quota / period``; infinite without a quota (``max``, -1, or no file)."""
     try:
         quota, period = (int(word) for word in words)
     except ValueError:

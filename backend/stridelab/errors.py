@@ -1,8 +1,8 @@
-"""One exception tree. Every failure that a user can cause or must know of is a ``StridelabError``.
+"""Exceptions of the project: every failure that a user can cause or must know about is a ``StridelabError``.
 
-An error carries a stable ``code`` (kebab case; part of the HTTP contract), a sentence a lab member understands and,
-where it applies, the places in the input that caused it. The web layer maps the *class* to a status, the command
-line maps it to an exit code; nothing below them knows of either.
+An error carries a stable ``code`` (kebab case; part of the HTTP contract), a message for the user and, where it
+applies, the places in the input that caused it. The web layer maps the *class* to an HTTP status and the command
+line maps it to an exit code; the layers below depend on neither.
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Fault:
-    """One place in the input and what is wrong there; ``where`` names a file, marker, plate, phase or field."""
+    """One invalid place in the input: ``where`` names a file, marker, plate, phase or field."""
 
     where: str
     message: str
@@ -32,7 +32,7 @@ class UnreadableFile(StridelabError):
 
 
 class InvalidInput(StridelabError):
-    """The input was read, but a value in it makes no sense."""
+    """The input was read, but contains an invalid value."""
 
 
 class NotEstimable(StridelabError):
@@ -48,11 +48,11 @@ class Conflict(StridelabError):
 
 
 class TooLarge(StridelabError):
-    """Over a limit of the settings."""
+    """The request exceeds a configured limit."""
 
 
 class Busy(StridelabError):
-    """The queue is full; ``retry_after_s`` says when to come back."""
+    """The queue is full; ``retry_after_s`` is the time to wait before the next attempt."""
 
     def __init__(self, code: str, message: str, retry_after_s: float) -> None:
         super().__init__(code, message)
@@ -68,7 +68,7 @@ class Unavailable(StridelabError):
 
 
 class StorageFull(Unavailable):
-    """No room is left for what was sent."""
+    """Not enough storage is left for the upload."""
 
 
 class Unauthenticated(Forbidden):

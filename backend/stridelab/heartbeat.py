@@ -1,4 +1,4 @@
-"""Heartbeats: a program tells whoever started it that its event loop turns, with a byte in a pipe twice a second."""
+"""Heartbeats: a process signals its parent that its event loop is running, with one byte in a pipe twice a second."""
 
 import asyncio
 import os
@@ -10,7 +10,7 @@ PERIOD_S: Final = 0.5
 
 
 async def beat() -> None:
-    """Write heartbeats until the task is cancelled; return at once where nobody reads them."""
+    """Write heartbeats until the task is cancelled; return at once if ``VARIABLE`` is not set."""
     number = os.environ.pop(VARIABLE, "")
     if not number.isdecimal():
         return
@@ -21,7 +21,7 @@ async def beat() -> None:
         try:
             os.write(pipe, b".")
         except BlockingIOError:
-            pass  # a full pipe holds heartbeats enough
+            pass  # the pipe is full of unread heartbeats
         except OSError:
             return  # the reader has ended
         await asyncio.sleep(PERIOD_S)

@@ -1,9 +1,8 @@
-"""Independent pieces of work on several processes, answered in order.
+"""Runs independent pieces of work in several processes and yields their results in order.
 
-What comes out is what one process would compute, piece after piece: nothing here knows of random numbers, and every
-process keeps its libraries to one thread. The processes are spawned, so that they hold only what the work needs. They
-stay in the session of their parent, under its limits; they end with it however it ends, and where nobody wants the
-rest of the answers.
+The results equal those of a single process: no random state is shared, and each process limits its libraries to one
+thread. The processes are spawned, so they load only what the work needs. They stay in the session and under the limits
+of their parent, and end when the parent ends or when the generator is closed.
 """
 
 import multiprocessing
@@ -21,22 +20,22 @@ from stridelab.cores import usable_cores
 from stridelab.errors import NotEstimable, StridelabError
 
 PROCESSES_MAX: Final = 6
-"""One holds about 220 MB with a robot and scikit-learn: so many stay below 2 GB with their parent."""
+"""Each process uses about 220 MB with a robot and scikit-learn; this number stays below 2 GB with the parent."""
 
 Answer = TypeVar("Answer")
 
 
 def worthwhile(seconds: int) -> int:
-    """How many processes pay for so many seconds of work: starting one takes a second."""
+    """Number of processes to start for ``seconds`` of work: starting one takes about a second."""
     return max(1, min(usable_cores(), PROCESSES_MAX, seconds))
 
 
 def in_order(work: Callable[[int], Answer], pieces: int, processes: int) -> Generator[Answer, None, None]:
-    """``work(0)`` to ``work(pieces - 1)``, in this order, computed by ``processes`` processes (1: by this one).
+    """Yield ``work(0)`` to ``work(pieces - 1)`` in this order, computed by ``processes`` processes (1: in this one).
 
-    ``work`` must be picklable. Close the generator where its answers are not read to the end. Raises what ``work``
-    raises of this project's errors, ``MemoryError`` where a process ran out of memory, and ``NotEstimable``
-    (``process-ended``) where one ended without an answer.
+    ``work`` must be picklable. Close the generator unless it is exhausted. Raises the project's errors that ``work``
+    raises, ``MemoryError`` if a process runs out of memory, and ``NotEstimable`` (``process-ended``) if a process
+    ends without a result.
     """
     processes = min(processes, pieces)
     if processes <= 1:
@@ -53,7 +52,7 @@ def in_order(work: Callable[[int], Answer], pieces: int, processes: int) -> Gene
             pipes.append(mine)
             process.start()
             started.append(process)
-            theirs.close()  # so that the end of the process is the end of the pipe
+            theirs.close()  # so that the pipe ends when the process ends
         for piece in range(pieces):
             yield _received(pipes[piece % processes])
     finally:
@@ -70,7 +69,7 @@ def _received(pipe: Any) -> Any:
     try:
         answer, failure = pipe.recv()
     except EOFError as error:
-        message = "A process that computed a part of this ended without an answer."
+        message = "A process that computed a part of the result ended unexpectedly."
         raise NotEstimable("process-ended", message) from error
     if failure is None:
         return answer
@@ -79,7 +78,7 @@ def _received(pipe: Any) -> Any:
 
 
 def _serve(pipe: Any, work: Callable[[int], Any], pieces: Iterable[int]) -> None:
-    """Life of one process."""
+    """Entry point of a worker process: compute ``pieces`` and send each result or the first error."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole group; the parent decides
     threading.Thread(target=end_with_parent, daemon=True).start()
     try:
@@ -91,11 +90,11 @@ def _serve(pipe: Any, work: Callable[[int], Any], pieces: Iterable[int]) -> None
     except MemoryError:
         pipe.send((None, (MemoryError, ())))
     except BrokenPipeError:
-        return  # nobody listens any more
+        return  # the parent has closed the pipe
 
 
 def end_with_parent() -> None:
-    """Wait for the end of the parent, which the kernel tells even where it was killed, and end too."""
+    """Wait until the parent process ends, for whatever reason, and exit."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         wait([parent.sentinel])

@@ -1,4 +1,4 @@
-"""Where the data files of ``models/`` lie: in the checkout, or inside the installed package."""
+"""Location of the data files of ``models/``: in the checkout, or inside the installed package."""
 
 from functools import cache
 from pathlib import Path

@@ -21,9 +21,9 @@ AXIS_THRESHOLD_N = 100.0
 
 @dataclass(frozen=True)
 class CentralAxis:
-    """The axis per sample: its point closest to the origin, its direction, the smallest moment.
+    """Central axis per sample: its point closest to the origin, its direction and the moment along it.
 
-    Where the force is below the threshold there is no axis: ``defined`` is False and the numbers are NaN.
+    Where the force is below the threshold the axis is undefined: ``defined`` is False and the values are NaN.
     ``pitch_moment_nm`` is nu . n, the moment along the axis.
     """
 
@@ -33,7 +33,7 @@ class CentralAxis:
     defined: Mask
 
     def project(self, point_m: Points) -> Points:
-        """Orthogonal projection (2.12) of a point onto the axis; NaN where there is none."""
+        """Orthogonal projection (2.12) of a point onto the axis; NaN where the axis is undefined."""
         n = self.direction
         return np.asarray(self.point_m + _dot(point_m, n)[:, None] * n)
 

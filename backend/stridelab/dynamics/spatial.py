@@ -1,6 +1,4 @@
-"""The product of two single vectors, for what is asked thousands of times per second of motion.
-
-Rigid placements, elements of SE(3).
+"""Rigid placements (elements of SE(3)), and a fast cross product of two vectors.
 
 A placement ``T_world_foot = (R, p)`` maps coordinates in the foot's frame to world coordinates: ``x -> R x + p``.
 """
@@ -16,7 +14,7 @@ from stridelab.conventions import Points, Rotation, Vector3
 
 
 def cross(a: Vector3, b: Vector3) -> Vector3:
-    """``np.cross`` of two vectors in a twentieth of its time."""
+    """Cross product of two vectors; about 20 times faster than ``np.cross``."""
     (ax, ay, az), (bx, by, bz) = a.tolist(), b.tolist()
     return np.array([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx])
 
@@ -30,12 +28,12 @@ class Placement:
 
     @staticmethod
     def identity() -> "Placement":
-        """The placement that changes nothing."""
+        """Identity: zero translation, no rotation."""
         return Placement(np.zeros(3), np.eye(3))
 
     @staticmethod
     def of(position_m: Sequence[float], wxyz: Sequence[float] = (1.0, 0.0, 0.0, 0.0)) -> "Placement":
-        """From a position and a quaternion (w, x, y, z) of any positive norm.
+        """Placement from a position in metres and a quaternion (w, x, y, z) of any positive norm.
 
         Raises ``ValueError`` for a zero quaternion.
         """
@@ -50,11 +48,11 @@ class Placement:
         return np.array([w, x, y, z])
 
     def act(self, points_m: Points) -> Points:
-        """Coordinates of ``points_m`` ``(n, 3)``, given in this frame, in the frame it is placed in."""
+        """Transform ``points_m`` ``(n, 3)`` from this frame to the parent frame."""
         return np.asarray(points_m @ self.rotation.T + self.position_m)
 
     def inverse(self) -> "Placement":
-        """``T_foot_world``."""
+        """Inverse placement: ``T_foot_world`` of ``T_world_foot``."""
         return Placement(-self.rotation.T @ self.position_m, self.rotation.T.copy())
 
     def __matmul__(self, other: "Placement") -> "Placement":

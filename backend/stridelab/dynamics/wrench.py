@@ -1,4 +1,4 @@
-"""The total contact wrench (2.5): forces on the body, moments about a stated point, g down.
+"""Total contact wrench (2.5): force and moment on the body about a given point, with gravity pointing down.
 
 Standing still the contact force is ``f = -m g = (0, 0, +9.81 m)``: the ground pushes the body up.
 """
@@ -25,8 +25,8 @@ class Wrench:
 def total_wrench(position_m: ContactPoints, force_n: ContactPoints, moment_nm: ContactPoints) -> Wrench:
     """Sum of any number of contacts (2.5): ``f_c = sum f_i``, ``nu_c = sum p_i x f_i + nu_i``.
 
-    ``moment_nm[i]`` is the moment that contact i exerts about its own point ``position_m[i]``. No contact at all
-    (shape ``(0, n, 3)``) is the zero wrench of flight.
+    ``moment_nm[i]`` is the moment that contact i exerts about its own point ``position_m[i]``. Without contacts
+    (shape ``(0, n, 3)``, flight) the wrench is zero.
     """
     return Wrench(
         force_n=force_n.sum(axis=0),
@@ -35,9 +35,9 @@ def total_wrench(position_m: ContactPoints, force_n: ContactPoints, moment_nm: C
 
 
 def transport(wrench: Wrench, displacement_m: Points | Vector3) -> Wrench:
-    """The same wrench about a point that lies ``displacement_m`` away: ``nu_P = nu_O - OP x f``.
+    """Express the wrench about a point displaced by ``displacement_m``: ``nu_P = nu_O - OP x f``.
 
-    A group action: transporting by p and then by q is transporting by p + q.
+    Transporting by p and then by q equals transporting by p + q.
     """
     return Wrench(
         force_n=wrench.force_n,

@@ -1,6 +1,6 @@
 """Zero-moment point: from the wrench (2.7) for any contact plane, from the motion in full (2.8) and linearised (2.9).
 
-(2.8) is printed with ``L_c'^z`` in its second row; it is ``L_c'^x`` (derived in ``docs/theory/misprints.md``).
+The thesis prints ``L_c'^z`` in the second row of (2.8); ``L_c'^x`` is correct (see ``docs/theory/misprints.md``).
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ PlanePoints = Float[np.ndarray, "n 2"]
 
 
 def zmp(wrench: Wrench, plane_point_m: Vector3, normal: Vector3, threshold_n: float = 20.0) -> Points:
-    """Point z of a contact plane (2.7) where the moment is along the normal (2.13), in world coordinates.
+    """Point z of a contact plane (2.7) about which the moment is along the normal (2.13), in world coordinates.
 
     With q a point of the plane and n its unit normal: ``z = q + n x nu_q / (f . n)``; on the flat floor through the
     origin this is ``(-nu_y, nu_x, 0) / f_z``. NaN where the force along the normal is below ``threshold_n``.

@@ -4,15 +4,15 @@ Over an interval of length T in which all contact force is measured, f_z = m (g 
 
     int f_z dt = m (g T + v(T) - v(0)),
 
-with v = z' the upward velocity of the centre of mass as the markers see it. This holds for any movement. For somebody
-who stands still v is zero, and the plate is a scale. Both sides are weighted by a taper w that falls to zero over an
-eighth of the interval at each end, and the right side is integrated by parts,
+with v = z' the upward velocity of the centre of mass measured by the markers. This holds for any movement. In quiet
+stance v is zero, and the plate acts as a scale. Both sides are weighted by a taper w that falls to zero over an eighth
+of the interval at each end, and the right side is integrated by parts,
 
     m = int w f_z dt / (g int w dt - int w' v dt),
 
-because a late force and a wrong velocity cost most at the ends of an interval: among walks of the same adult the spread
-falls from 0.44 to 0.36 %. The standard deviation follows from that of the velocity, which grows with the movement;
-errors of the plates' calibration come on top of it and are common to the trials of a laboratory.
+because a force latency and a velocity error have their largest effect at the ends of an interval: the spread among
+walks of one adult falls from 0.44 to 0.36 %. The standard deviation follows from that of the velocity, which grows with
+the movement; calibration errors of the plates add to it and are common to the trials of a laboratory.
 """
 
 from collections.abc import Sequence
@@ -31,12 +31,12 @@ from stridelab.recordings.vertical_motion import VerticalMotion
 MassKind = Literal["standing", "impulse", "whole_steps", "session"]
 
 CALIBRATION_SHARE = 0.01
-"""Standard deviation of a plate's gain, as a share of it."""
+"""Relative standard deviation of a plate's gain."""
 _STILL_M_S, _VELOCITY_SHARE, _PELVIS_SHARE = 0.003, 0.2, 0.4
 """Error of the velocity: in quiet stance, and as a share of the root mean square of the velocity."""
 _TAPERED_SHARE = 0.25
 ZERO_SD_KG = 0.1
-"""What an error of 1 N in the zero of the plates weighs."""
+"""Mass that corresponds to a zero offset of 1 N of the plates."""
 _QUIET_M_S, _QUIET_N, _QUIET_S = 0.03, 0.05, 0.4
 """Quiet stance: limits of the velocity and of the force's deviation from its mean, and the shortest duration."""
 _WHOLE_STEPS_SHARE = 0.03
@@ -45,10 +45,10 @@ _LEAST_S = 0.25
 
 @dataclass(frozen=True)
 class MassEstimate:
-    """A mass with the standard deviation of its own errors; ``total_sd_kg`` adds the calibration of the plates.
+    """Body mass with its standard deviation; ``total_sd_kg`` adds the calibration error of the plates.
 
-    ``kind`` is how it was found: on somebody who stands still, by the impulse of a movement, or over whole steps that
-    are taken for periodic; or pooled over the trials of a session. ``duration_s`` is how long force was measured.
+    ``kind`` is the method: quiet stance, impulse of a movement, whole steps that are assumed periodic, or pooled over
+    the trials of a session. ``duration_s`` is the time over which force was measured.
     """
 
     mass_kg: float
@@ -58,17 +58,18 @@ class MassEstimate:
 
     @property
     def total_sd_kg(self) -> float:
-        """Standard deviation with that of the plates' calibration."""
+        """Standard deviation including the calibration error of the plates."""
         return float(np.hypot(self.sd_kg, CALIBRATION_SHARE * self.mass_kg))
 
 
 def weigh(
     recording: Recording, windows: Sequence[Window], motion: VerticalMotion | None = None
 ) -> tuple[MassEstimate, ...]:
-    """Masses that follow from the force in the ``windows``, at most one of each kind; empty where none does.
+    """Estimate the body mass from the force in the ``windows``: at most one estimate of each kind, possibly none.
 
-    ``windows`` are those of ``find_windows``, ``motion`` is ``vertical_motion``. Without a motion, whole steps of a
-    walk are taken for periodic (right within 3 % at a person's own speed), and quiet stance is read as a scale.
+    ``windows`` are those of ``find_windows``, ``motion`` is the result of ``vertical_motion``. Without a motion, whole
+    steps of a walk are assumed periodic (accurate to 3 % at self-selected speed), and in quiet stance the plate is read
+    as a scale.
     """
     if not any(plate.use for plate in recording.plates) or not windows:
         return ()
@@ -83,14 +84,14 @@ def weigh(
 
 
 def best_mass(estimates: Sequence[MassEstimate]) -> MassEstimate | None:
-    """The estimate of one trial that has the smallest standard deviation: the others share its force."""
+    """Estimate of one trial with the smallest standard deviation; the others use the same force and add nothing."""
     return min(estimates, key=lambda estimate: estimate.sd_kg, default=None)
 
 
 def combined_mass(estimates: Sequence[MassEstimate]) -> MassEstimate | None:
     """Mean of *independent* estimates (one per trial), weighted by 1 / sd^2.
 
-    Where they differ by more than their standard deviations explain, sd is scaled up by sqrt(chi^2 / dof).
+    If they differ by more than their standard deviations explain, sd is scaled up by sqrt(chi^2 / dof).
     """
     if len(estimates) < 2:
         return next(iter(estimates), None)
@@ -107,7 +108,7 @@ def combined_mass(estimates: Sequence[MassEstimate]) -> MassEstimate | None:
 def _by_impulse(
     recording: Recording, spans: Sequence[Window], motion: VerticalMotion | None, kind: MassKind
 ) -> MassEstimate | None:
-    """The impulses of all spans over what they need per kilogram; sd by v(T) - v(0) with an error at either end."""
+    """Impulse of all spans over the required impulse per kilogram; sd from velocity errors at both ends."""
     up_n, rate_hz = vertical_force_n(recording), recording.force_rate_hz
     impulse_ns, needed_m_s, duration_s, variance = 0.0, 0.0, 0.0, 0.0
     for span in _known(recording, spans, motion):
@@ -129,7 +130,7 @@ def _by_impulse(
 
 
 def _velocity_m_s(recording: Recording, time_s: Series, motion: VerticalMotion | None) -> Series:
-    """Upward velocity at the force's instants; zero without a motion (quiet stance, and the mean over a whole step)."""
+    """Upward velocity at the force samples; zero without a motion (quiet stance, or the mean over a whole step)."""
     if motion is None:
         return np.zeros_like(time_s)
     known = motion.known
@@ -149,7 +150,7 @@ def _known(recording: Recording, spans: Sequence[Window], motion: VerticalMotion
 
 
 def _quiet_spans(recording: Recording, window: Window, motion: VerticalMotion | None) -> list[Window]:
-    """Where somebody stands still: a steady force and, where it is known, hardly any vertical velocity."""
+    """Intervals of quiet stance: steady force and, if the motion is known, almost no vertical velocity."""
     rate_hz = recording.marker_rate_hz
     up_n = vertical_force_n(recording)
     force_s = np.arange(len(up_n)) / recording.force_rate_hz

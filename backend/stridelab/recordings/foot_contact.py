@@ -1,9 +1,9 @@
-"""When a foot may be on the ground, from its markers alone.
+"""Detects when a foot may be on the ground, from its markers alone.
 
-A marker on a standing foot is slow, on a swinging one fast; the limits scale with the speed v of walking. A foot in
-the air counts as landed when any of its markers falls below 0.4 v, and as lifted when all of them exceed 1.3 v: at the
-instants of contact on force plates the slowest forefoot marker moves at 1.28 v (median of 84 lift-offs) and the heel at
-0.35 v (110 strikes) in adults at 0.3 to 2.2 m/s. Both limits err to the side of contact.
+A marker of a standing foot is slow, that of a swinging foot fast; the limits scale with the walking speed v. A swinging
+foot lands when any of its markers falls below 0.4 v, and lifts off when all of them exceed 1.3 v: at the instants of
+contact on force plates the slowest forefoot marker moves at 1.28 v (median of 84 lift-offs) and the heel at 0.35 v (110
+strikes) in adults at 0.3 to 2.2 m/s. Both limits favour contact.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from stridelab.recordings.recording import Recording, Side
 
 LANDING, LIFTING = 0.4, 1.3
 _PEAK_PER_SPEED = 3.5
-"""A foot's fastest instant is about 3.5 times the walking speed: how to scale where the body stays in place."""
+"""Peak foot speed over walking speed; gives the reference speed when the body stays in place."""
 _LEAST_SPEED_M_S = 0.3
 _HALF_SPAN_S = 0.01
 FOOT_LANDMARKS = ("heel", "toe", "mt1", "mt2", "mt5")
@@ -28,8 +28,8 @@ FOOT_LANDMARKS = ("heel", "toe", "mt1", "mt2", "mt5")
 class Foot:
     """Markers of one foot (frames x markers x 3) and, per frame, whether it may touch the ground.
 
-    ``resting`` tells, per frame and marker, whether this marker is seen and slow enough to carry load. In ``unseen``
-    frames the heel or the whole forefoot is hidden, so that ``contact`` cannot be trusted.
+    ``resting`` marks, per frame and marker, whether the marker is visible and slow enough to carry load. In ``unseen``
+    frames the heel or the whole forefoot is hidden, so ``contact`` is unreliable.
     """
 
     side: Side
@@ -40,7 +40,7 @@ class Foot:
 
 
 def find_feet(recording: Recording, landmarks: Mapping[str, str]) -> tuple[Foot, ...]:
-    """Both feet, or nothing when one of them has no marker at the heel or none at the forefoot."""
+    """Both feet; empty if either foot has no heel marker or no forefoot marker."""
     sides: tuple[tuple[Side, str], ...] = (("left", "l_"), ("right", "r_"))
     tracks = {side: _foot_tracks(recording, landmarks, prefix) for side, prefix in sides}
     if any(len(heel) == 0 or len(fore) == 0 for heel, fore in tracks.values()):
@@ -64,7 +64,7 @@ def find_feet(recording: Recording, landmarks: Mapping[str, str]) -> tuple[Foot,
 
 
 def _foot_tracks(recording: Recording, landmarks: Mapping[str, str], prefix: str) -> tuple[list[Points], list[Points]]:
-    """Tracks at the heel and at the forefoot (two labels of one landmark never occur)."""
+    """Tracks at the heel and at the forefoot; each landmark has one label."""
     tracks: dict[str, Points] = {}
     for name in (*FOOT_LANDMARKS, "ankle_lateral"):
         label = landmarks.get(prefix + name)
@@ -80,7 +80,7 @@ def _high_percentile(speed: Series) -> float:
 
 
 def _reference_speed(recording: Recording, fastest_m_s: float) -> float:
-    """Walking speed: travel over time, or on a belt and in place a share of the feet's fastest instant."""
+    """Walking speed: travel over time; on a treadmill or in place, a fraction of the peak foot speed."""
     cloud = np.stack(list(recording.markers_m.values()), axis=1)
     travel = travel_m(cloud, recording.marker_rate_hz)
     speed = 0.0 if travel is None else float(np.linalg.norm(travel)) / recording.duration_s
@@ -90,12 +90,12 @@ def _reference_speed(recording: Recording, fastest_m_s: float) -> float:
 
 
 def is_treadmill(recording: Recording) -> bool:
-    """Whether the reader found that the feet swing while the body stays in place."""
+    """Whether the reader detected a treadmill: the feet swing while the body stays in place."""
     return any(remark.code == "treadmill" for remark in recording.remarks)
 
 
 def ground_velocity_m_s(recording: Recording, tracks: list[Points]) -> Float[np.ndarray, "3"]:
-    """Velocity of what the feet stand on: zero, or on a treadmill that of the low foot markers."""
+    """Velocity of the ground: zero, or on a treadmill the velocity of the low foot markers."""
     if not is_treadmill(recording):
         return np.zeros(3)
     low = []
@@ -119,7 +119,7 @@ def speed_m_s(track: Points, rate_hz: float, ground_m_s: Float[np.ndarray, "3"])
 
 
 def contact_states(speeds: Float[np.ndarray, "n markers"], reference_m_s: float) -> Mask:
-    """Hysteresis over the slowest seen marker; unseen frames keep the state before them."""
+    """Contact per frame, by hysteresis over the slowest visible marker; frames without any keep the previous state."""
     unseen = np.isnan(speeds).all(axis=1)
     slowest = np.where(unseen, np.nan, np.nanmin(np.where(unseen[:, None], 0.0, speeds), axis=1))
     contact = np.zeros(len(speeds), dtype=bool)

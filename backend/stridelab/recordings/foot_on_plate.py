@@ -1,4 +1,4 @@
-"""On which plate a foot stands, frame by frame, from its markers and the plate's corners."""
+"""Determines on which plate a foot stands, frame by frame, from its markers and the plate's corners."""
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
@@ -13,23 +13,23 @@ from stridelab.recordings.plate_contacts import loaded_intervals
 from stridelab.recordings.recording import Plate, Recording
 
 STAIR_M = 0.05
-"""Plates that differ by more than this in height are steps of a stair."""
+"""Height difference above which plates are treated as steps of a stair."""
 SLACK_S = 0.1
-"""Landing and lifting are seen in markers and in load at slightly different instants."""
+"""Tolerance between landing or lift-off in the markers and in the load."""
 _EDGE_M = 0.03
-"""A marker sits on the skin: it may lie this far outside a plate on which the foot stands."""
+"""Distance by which a marker of a foot on a plate may lie outside the plate: markers sit on the skin."""
 _OUTLINE_EDGE_M = 0.02
-"""The outline of a foot may lie this far outside: its error is about 1 cm, and the last centimetre carries little."""
+"""Tolerance of the foot outline: its error is about 1 cm, and its outermost centimetre carries little load."""
 _BRIEF_S = 0.05
 _BELOW_M, _SOLE_M = 0.06, 0.12
-"""The lowest marker of a standing foot lies in this range about its plate's height; else it stands elsewhere."""
+"""Range of the lowest marker of a standing foot below and above the plate's surface."""
 _OVERHANG_M = 0.12
-"""What may stick out over the edge of a step."""
+"""Length of a foot that may protrude over the edge of a step."""
 _COP_REACH_M = 0.15
 
 
 def loaded_frames(recording: Recording, plate: Plate) -> Mask:
-    """Frames at which the plate is loaded, widened by the slack on both sides."""
+    """Frames at which the plate is loaded, widened by ``SLACK_S`` on both sides."""
     loaded = np.zeros(recording.n_frames, dtype=bool)
     time_s = recording.time_s
     for start_s, end_s in loaded_intervals(plate, recording.force_rate_hz):
@@ -38,9 +38,9 @@ def loaded_frames(recording: Recording, plate: Plate) -> Mask:
 
 
 def on_plate(recording: Recording, plate: Plate, foot: Foot) -> Bool[np.ndarray, "n markers"]:
-    """Per frame and marker of the foot: above the surface of this plate, which works (it is loaded at some time).
+    """Per frame and marker: whether the marker is above this plate; False for a plate that is never loaded.
 
-    A contact without a plate has no surface; there the foot must be at its centre of pressure while it is loaded.
+    A contact without a plate has no surface; the foot must then be at its centre of pressure while it is loaded.
     """
     loaded = loaded_frames(recording, plate)
     if not loaded.any():
@@ -51,10 +51,10 @@ def on_plate(recording: Recording, plate: Plate, foot: Foot) -> Bool[np.ndarray,
 
 
 def outline_beside(recording: Recording, plates: list[Plate], foot: Foot, outline_m: Outline) -> Mask:
-    """Frames in which a part of the foot that may carry load lies beyond the edges of the plates that work.
+    """Frames in which a part of the foot that may carry load lies outside all plates that are loaded at some time.
 
-    ``outline_m`` is ``foot_outline``. The contacts of a force file have no edges, so that nothing is beside them.
-    Excursions of less than 50 ms are the foot as it lands or leaves.
+    ``outline_m`` is the result of ``foot_outline``. The contacts of a force file have no edges; the mask is then False.
+    Excursions of less than 50 ms (landing and lift-off) are ignored.
     """
     if any(plate.type == CONTACT_TYPE for plate in plates):
         return np.zeros(len(foot.contact), dtype=bool)
@@ -70,15 +70,15 @@ def outline_beside(recording: Recording, plates: list[Plate], foot: Foot, outlin
 
 
 def main_plate(under: Bool[np.ndarray, "plates n markers"], foot: Foot) -> Int[np.ndarray, " n"]:
-    """Index of the plate under most of the foot's resting markers; -1 for none."""
+    """Index of the plate under most of the foot's resting markers; -1 if there is none."""
     count = (under & foot.resting).sum(axis=2)
     return np.asarray(np.where(count.max(axis=0) > 0, np.argmax(count, axis=0), -1))
 
 
 def held_by_step(plates: list[Plate], foot: Foot) -> Mask:
-    """On stairs: contacts in which the foot stands on one step, its end sticking out over the edge and tilting freely.
+    """Contacts on stairs in which the foot stands on one step, with one end protruding over the edge.
 
-    Nothing is under the overhang at that height, so a contact that is on a step in most of its frames is on it in all.
+    The overhang cannot carry load, so a contact that is on a step in most of its frames counts as on it in all frames.
     """
     held = np.zeros(len(foot.contact), dtype=bool)
     for plate in plates:
@@ -113,10 +113,10 @@ def _at_height(plate: Plate, foot: Foot) -> Mask:
 
 
 def _stands_at_cop(recording: Recording, plate: Plate, foot: Foot) -> Mask:
-    """Frames of the stances that this contact measures: while it is loaded, its centre of pressure is at the foot.
+    """Frames of the stances whose centre of pressure, while the contact is loaded, lies at the foot.
 
-    The distance, weighted by the load, decides for a stance as a whole. Where the load is small, so in double support,
-    the centre of pressure is noise, and single frames would leave holes in the stance.
+    The load-weighted share of close frames decides for a stance as a whole. At small loads, as in double support, the
+    centre of pressure is noise, and a decision per frame would leave holes in the stance.
     """
     loaded = loaded_frames(recording, plate)
     near = _near_cop(recording, plate, foot)
@@ -139,7 +139,7 @@ def _near_cop(recording: Recording, plate: Plate, foot: Foot) -> Mask:
 
 
 def _cop_at_frames(recording: Recording, plate: Plate) -> Float[np.ndarray, "n 2"]:
-    """Centre of pressure on the contact's own height at the frames; the nearest loaded one while unloaded."""
+    """Centre of pressure at the contact's height per frame; unloaded frames take the nearest loaded sample."""
     f, nu = plate.force_n, plate.moment_nm
     loaded = plate.loaded & (np.abs(f[:, 2]) > plate.threshold_n)
     if not loaded.any():
@@ -156,7 +156,7 @@ def _cop_at_frames(recording: Recording, plate: Plate) -> Float[np.ndarray, "n 2
 
 
 def mean_seen(points: Float[np.ndarray, "n markers axes"]) -> Float[np.ndarray, "n axes"]:
-    """Mean over the markers that are seen; NaN where none is."""
+    """Mean over the visible markers; NaN where none is visible."""
     seen = ~np.isnan(points)
     count = seen.sum(axis=1)
     total = np.where(seen, points, 0.0).sum(axis=1)

@@ -1,11 +1,11 @@
-"""The outline of a foot on the floor, from its markers: where it carries load beyond them.
+"""Outline of a foot on the floor from its markers, including the parts that carry load beyond the markers.
 
-A marker on the metatarsal heads has the toes in front of it (6 to 8 cm in adults), and a marker on the midline has half
-of the foot's breadth beside it. With d the distance from the heel marker to the ball of the foot, the foot's length is
+The toes extend 6 to 8 cm (adults) in front of a marker on the metatarsal heads, and half of the foot's breadth lies
+beside a marker on the midline. With d the distance from the heel marker to the ball of the foot, the foot's length is
 L = d / 0.72 (0.68 for the middle of the first and fifth metatarsal heads, 0.63 for the fifth alone, 0.97 for a marker
-on the toe), and not more than 0.175 H with H the stature where it is known (a foot of 0.152 H in a shoe). The breadth
-at the ball is 0.36 L, which is the ratio of 0.055 H to 0.152 H, and at the heel 0.24 L. The heel, which is round,
-touches the floor 0.06 L (1.5 cm) in front of its marker.
+on the toe), and at most 0.175 H with H the stature if known (a foot of 0.152 H in a shoe). The breadth at the ball is
+0.36 L, the ratio of 0.055 H to 0.152 H, and at the heel 0.24 L. The round heel touches the floor 0.06 L (1.5 cm) in
+front of its marker.
 """
 
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ _SHOE = 0.175
 _HALF_BREADTH, _HALF_HEEL = 0.18, 0.12
 _HEEL_INSET = 0.06
 _ANKLE = 0.25
-"""How far the lateral ankle, which stands in for a heel that is not marked, lies in front of it, of the length."""
+"""Distance of the lateral ankle, used if the heel is not marked, in front of the heel, per foot length."""
 
 Outline = Float[np.ndarray, "n 5 3"]
 
@@ -64,7 +64,7 @@ def foot_outline(recording: Recording, landmarks: Mapping[str, str], foot: Foot)
 
 
 def resting_outline(foot: Foot) -> Bool[np.ndarray, "n 5"]:
-    """Per frame and point of the outline: its part of the foot is slow enough to carry load."""
+    """Per frame and outline point: whether its part of the foot is slow enough to carry load."""
     heel, fore = foot.resting[:, :1], foot.resting[:, 1:].any(axis=1, keepdims=True)
     return np.concatenate([heel, heel, fore, fore, fore], axis=1)
 

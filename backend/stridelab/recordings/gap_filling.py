@@ -1,4 +1,4 @@
-"""Missing samples: three ways to write them, one meaning (NaN), and short gaps filled."""
+"""Missing samples: converts the encodings of missing values to NaN and fills short gaps."""
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -7,11 +7,11 @@ from stridelab.conventions import Mask, Points
 from stridelab.recordings.files.raw import LARGEST, Cloud
 
 MAX_GAP_S = 0.1
-"""Longest gap that is interpolated: about 4 cm of a foot's swing, and below a fifth of a step's duration."""
+"""Longest gap that is interpolated: about 4 cm of a foot's swing, less than a fifth of a step's duration."""
 
 
 def mark_missing(points_m: Cloud) -> Cloud:
-    """Write every missing sample as NaN: NaN, infinity and what no laboratory measures, and exactly (0, 0, 0)."""
+    """Replace missing samples by NaN: NaN, infinity, magnitudes above ``LARGEST``, and exactly (0, 0, 0)."""
     missing = ~(np.abs(points_m) <= LARGEST).all(axis=2) | (points_m == 0.0).all(axis=2)
     return np.where(missing[:, :, None], np.nan, points_m)
 
@@ -23,10 +23,10 @@ def runs(mask: Mask) -> list[tuple[int, int]]:
 
 
 def fill_short_gaps(track_m: Points, rate_hz: float, max_gap_s: float = MAX_GAP_S) -> tuple[Points, Mask]:
-    """Interpolate gaps of at most ``max_gap_s`` that are seen on both sides, by a cubic spline.
+    """Interpolate interior gaps of at most ``max_gap_s`` by a cubic spline.
 
-    Returns the track and the mask of the frames that were filled. Gaps at the ends are never extrapolated. A foot that
-    swings by 5 cm at 2 Hz comes back within 1 mm over the longest gap; 1 mm of marker noise becomes about 2 mm there.
+    Returns the track and the mask of the filled frames. Gaps at the ends are not extrapolated. Over the longest gap, a
+    foot that swings by 5 cm at 2 Hz is reconstructed within 1 mm, and 1 mm of marker noise becomes about 2 mm.
     """
     missing = np.isnan(track_m).any(axis=1)
     filled = np.zeros(len(track_m), dtype=bool)

@@ -1,11 +1,11 @@
-"""Force that the plates do not measure, found by mechanics: they carry less than the motion of the body needs.
+"""Detects contact force that the plates do not measure: they carry less than the motion of the body requires.
 
 With m the mass, z the height of the markers' centre of mass and f_z the sum of the plates, both low-passed at 4 Hz,
 
     D(t) = min over |s| <= 30 ms of (g + z''(t + s)) / g - f_z(t) / (m g)
 
-is the share of body weight that is missing: a chair, a rail, a stick or the floor beside the plate carries it. In free
-fall z'' = -g, and no force is missing. The minimum over 30 ms allows for the latency between force and markers.
+is the missing share of body weight, carried by a chair, a rail, a stick or the floor beside the plate. In free fall
+z'' = -g, and no force is missing. The minimum over 30 ms allows for the latency between force and markers.
 """
 
 from collections.abc import Sequence
@@ -23,10 +23,10 @@ from stridelab.recordings.vertical_motion import VerticalMotion, low_band
 MISSING, MISSING_BY_PELVIS = 0.2, 0.4
 """Share of body weight above which force is missing. The largest D in windows without a fault is 0.12 (fast walks)."""
 _CLEAR = 0.5
-"""An interval of missing force reaches to where less than this share of the limit is missing."""
+"""An interval of missing force extends until the missing share falls below this fraction of the limit."""
 _LATENCY_S = 0.03
 _LIFTED_M_S2 = 4.0
-"""Frames with a smaller g + z'' say little of the mass."""
+"""Frames with a smaller g + z'' are not used to estimate the mass."""
 _LEVEL_PERCENTILE = 75.0
 _LIGHT, _ABSURD, _STEADY = 1.1, 1.5, 0.3
 
@@ -34,7 +34,7 @@ _LIGHT, _ABSURD, _STEADY = 1.1, 1.5, 0.3
 def force_missing(
     recording: Recording, windows: Sequence[Window], motion: VerticalMotion, stated_kg: float | None
 ) -> Mask:
-    """Frames of the candidate ``windows`` in which force is missing; False where the motion is not known."""
+    """Frames of the candidate ``windows`` in which force is missing; False where the motion is unknown."""
     missing = np.zeros(recording.n_frames, dtype=bool)
     rate_hz = recording.marker_rate_hz
     up_n = _force_at_frames(recording)
@@ -63,10 +63,10 @@ def _level_kg(
     motion: VerticalMotion,
     stated_kg: float | None,
 ) -> float | None:
-    """Mass that the plates carry when nothing is missing: the upper quartile of f_z / (g + z'').
+    """Mass that the plates carry when no force is missing: the upper quartile of f_z / (g + z'').
 
-    A stated mass that is larger by a tenth counts instead, unless the plates carry their level steadily over a whole
-    step or while the person stands, or it is larger by half: then the statement is wrong, as choosing the mass says.
+    A given mass that is larger by 10 % is used instead, unless the plates carry their level steadily over a whole step
+    or in quiet stance, or the given mass is larger by 50 %: then the given mass is considered wrong.
     """
     ratios = []
     for (i, j), carried_n in force_n.items():
@@ -85,7 +85,7 @@ def _level_kg(
 
 
 def _force_at_frames(recording: Recording) -> Series:
-    """Upward force of the plates in use at the marker instants, without the ringing of the plates."""
+    """Upward force of the plates in use at the marker instants, low-passed to remove plate ringing."""
     up_n = vertical_force_n(recording)
     smooth = low_pass(np.column_stack([np.zeros_like(up_n), np.zeros_like(up_n), up_n]), recording.force_rate_hz)[:, 2]
     return np.asarray(np.interp(recording.time_s, np.arange(len(smooth)) / recording.force_rate_hz, smooth))
