@@ -1,4 +1,4 @@
-"""Regressions of joint centres and mean proportions of the body (``models/anthropometry.toml``)."""
+"""Joint-centre regressions and mean proportions of the body (``models/anthropometry.toml``)."""
 
 import tomllib
 from collections.abc import Mapping
@@ -26,8 +26,8 @@ class Anthropometry:
     """Joint-centre regressions and mean lengths of one sex, or the mean of both.
 
     ``lumbar`` and ``hip`` (right side) are in the pelvis frame from mid-ASIS, per distance between the ASIS.
-    ``proportions`` are joint widths and lengths per length of the shank; the places are explained in the data file.
-    ``height_m`` is the stature of the person, where it is known.
+    ``proportions`` are joint widths and lengths per length of the shank; the positions are explained in the data file.
+    ``height_m`` is the stature of the subject, None if unknown.
     """
 
     lumbar: Vector3
@@ -47,7 +47,7 @@ class Anthropometry:
 
 @cache
 def anthropometry(sex: Sex | None) -> Anthropometry:
-    """Regressions for one sex; without a sex, the mean of both."""
+    """Load the regressions for one sex; without a sex, the mean of both."""
     data = _file()
     columns = [data[s] for s in (("female", "male") if sex is None else (sex,))]
 

@@ -1,4 +1,4 @@
-"""Result of the segment model: the CoM as the markers and a segment table see it (input (i) of section 2.4.1)."""
+"""Result of the segment model: the CoM from markers and a segment table (input (i) of section 2.4.1)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -19,8 +19,8 @@ class SegmentTrack:
 class GeometricCom:
     """CoM of the segment model at the marker instants (NaN where it cannot be formed).
 
-    ``sd_m`` is the prior standard deviation per axis of the whole-body position (table error plus what missing or
-    substituted segments cost). ``joint_centres_m`` is for drawing the skeleton. ``references`` are citation keys.
+    ``sd_m`` is the prior standard deviation per axis of the whole-body position (table error plus the errors of missing
+    or substituted segments). ``joint_centres_m`` is for drawing the skeleton. ``references`` are citation keys.
     """
 
     time_s: Series
@@ -33,7 +33,7 @@ class GeometricCom:
     references: tuple[str, ...] = ()
 
     def turned(self, R: Rotation) -> "GeometricCom":
-        """The same body in other axes, the rows of ``R``; ``sd_m`` stays as it is, per axis."""
+        """Rotate all positions into the axes given by the rows of ``R``; ``sd_m`` is unchanged."""
         return replace(
             self,
             com_m=self.com_m @ R.T,

@@ -1,11 +1,9 @@
-"""Joint centres of the whole body from skin landmarks, region by region.
+"""Joint centres of the whole body from skin landmarks.
 
-Joint centres of pelvis and legs. Hips and lumbar joint by regression (Dumas and Wojtusch 2018), the rest midway.
-
-Joint centres of trunk, arms and head.
-
-With C7 and the jugular notch, cervical joint and shoulders lie in the median plane of the thorax at regressed angles
-and distances (Dumas and Wojtusch 2018). With less, they are placed by mean proportions of 11 adults.
+Hips and lumbar joint follow from regressions (Dumas and Wojtusch 2018); knees, ankles, elbows and wrists lie midway
+between their landmarks. With C7 and the jugular notch, cervical joint and shoulders lie in the median plane of the
+thorax at regressed angles and distances (Dumas and Wojtusch 2018); otherwise they are placed by mean proportions of 11
+adults.
 """
 
 from collections.abc import Mapping
@@ -23,8 +21,8 @@ from stridelab.errors import Fault, NotEstimable
 def joint_centres(p: Tracks, body: Anthropometry, widths_m: Mapping[str, float]) -> Joints:
     """Centres of all joints from the landmark tracks ``p`` (world frame, z up).
 
-    ``widths_m`` holds measured joint widths (``l_knee``, ...), marker centre to marker centre. A centre that the file
-    names itself (landmark ``l_hip_centre``, ...) is taken as it is. Raises ``NotEstimable`` without pelvis or knees.
+    ``widths_m`` holds measured joint widths (``l_knee``, ...), marker centre to marker centre. A centre given in the
+    file (landmark ``l_hip_centre``, ...) is used unchanged. Raises ``NotEstimable`` without pelvis or knees.
     """
     joints = pelvis(p, body)
     for s in "lr":
@@ -79,8 +77,8 @@ def pelvis(p: Tracks, body: Anthropometry) -> Joints:
 def leg(p: Tracks, s: str, joints: Joints, body: Anthropometry, widths_m: Mapping[str, float]) -> Joints:
     """Knee, ankle and middle of the forefoot of side ``s``.
 
-    Raises ``NotEstimable`` where the knee is not marked (``knee-markers-missing``), or neither the ankle nor heel and
-    forefoot (``ankle-markers-missing``).
+    Raises ``NotEstimable`` if the knee is not marked (``knee-markers-missing``), or neither the ankle nor heel and
+    fifth metatarsal (``ankle-markers-missing``).
     """
     Z = joints.rightward["pelvis"]
     knee = hinge(p, f"{s}_knee", joints.centres[f"{s}_hip"], Z, body, widths_m)
@@ -115,7 +113,7 @@ def _ankle_from_foot(p: Tracks, s: str, knee: Points, Z: Points, body: Anthropom
 
 
 def _forefoot(p: Tracks, s: str) -> Joints:
-    """Middle of the metatarsal heads; a foot that lacks it, or the heel, is completed in ``frames``."""
+    """Middle of the metatarsal heads; without it, or without the heel, ``segment_frames`` simplifies the foot."""
     name, incomplete = f"{s}_forefoot", frozenset({"foot-simplified"})
     if has(p, f"{s}_mt1", f"{s}_mt5"):
         outwards = p[f"{s}_mt5"] - p[f"{s}_mt1"]
@@ -127,7 +125,7 @@ def _forefoot(p: Tracks, s: str) -> Joints:
 
 
 def trunk(p: Tracks, joints: Joints, body: Anthropometry) -> Joints:
-    """Cervical joint and shoulders, by the best of three ways that the landmarks allow."""
+    """Cervical joint and shoulders, by the most accurate of three methods that the landmarks allow."""
     notch = _jugular_notch(p)
     if notch is not None and has(p, "c7"):
         return _regressed_trunk(p, p["c7"], notch, joints.centres["lumbar"], body)
@@ -179,7 +177,7 @@ def _jugular_notch(p: Tracks) -> Points | None:
 
 
 def _regressed_trunk(p: Tracks, c7: Points, notch: Points, lumbar: Points, body: Anthropometry) -> Joints:
-    """With x from C7 to the notch, z normal to the plane of both and the lumbar joint, w = |C7 - notch|."""
+    """Trunk by regression: x from C7 to the notch, z normal to their plane with the lumbar joint, w = |C7 - notch|."""
     x = unit(notch - c7)
     z = unit(np.cross(x, c7 - lumbar))
     y = np.cross(z, x)
@@ -195,7 +193,7 @@ def _regressed_trunk(p: Tracks, c7: Points, notch: Points, lumbar: Points, body:
 
 
 def _trunk_from_acromia(p: Tracks, lumbar: Points, body: Anthropometry) -> Joints:
-    """With z along the acromia, y up from the lumbar joint, w = distance of the acromia; mean proportions."""
+    """Trunk by mean proportions: z along the acromia, y up from the lumbar joint, w the distance of the acromia."""
     middle = (p["l_acromion"] + p["r_acromion"]) / 2
     z = unit(p["r_acromion"] - p["l_acromion"])
     y = across(middle - lumbar, z)
@@ -212,7 +210,7 @@ def _trunk_from_acromia(p: Tracks, lumbar: Points, body: Anthropometry) -> Joint
 
 
 def _upright_trunk(p: Tracks, joints: Joints, body: Anthropometry) -> Joints:
-    """Straight up from the lumbar joint, as long as stature or shank suggest, facing where the pelvis faces."""
+    """Vertical trunk above the lumbar joint, with the orientation of the pelvis; length from stature or shank."""
     lumbar = joints.centres["lumbar"]
     up = np.broadcast_to(np.array([0.0, 0.0, 1.0]), lumbar.shape)
     cervical = lumbar + _torso_length_m(p, joints, body) * up
@@ -230,7 +228,7 @@ def _torso_length_m(p: Tracks, joints: Joints, body: Anthropometry) -> float:
 def _with_shoulders(
     p: Tracks, cervical: Points, shoulders: Tracks, lumbar: Points, z: Points, body: Anthropometry
 ) -> Joints:
-    """Centres of the file first, then ``shoulders``, then the mean place of a shoulder in the trunk."""
+    """Shoulder centres of the file if given, else ``shoulders``, else the mean position of a shoulder in the trunk."""
     y = unit(cervical - lumbar)
     x, length = np.cross(y, z), distance_m(cervical, lumbar)
     kx, ky, kz = body.shoulder_in_torso * length

@@ -1,6 +1,6 @@
-"""Joint centres, and the directions in which the segments between them face.
+"""Joint centres with the orientation of the adjacent segments, and the centre of a hinge joint.
 
-Centre of a hinge joint (knee, ankle, elbow) from its outer and inner landmark, or from the outer one alone.
+The centre of a hinge joint (knee, ankle, elbow) follows from its outer and inner landmark, or the outer one alone.
 """
 
 from collections.abc import Mapping
@@ -22,7 +22,7 @@ SIGN: Final = {"l": -1.0, "r": 1.0}
 class Joints:
     """Joint centres (``l_hip``, ``lumbar``, ...) and, per segment, a vector that points roughly to its right.
 
-    ``substitutes`` holds the codes of the substitutes that were used.
+    ``substitutes`` holds the codes of the substitutes in use.
     """
 
     centres: Tracks
@@ -38,7 +38,7 @@ class Joints:
 
 
 def has(p: Tracks, *names: str) -> bool:
-    """Whether all of these landmarks are there."""
+    """Whether all of these landmarks are present."""
     return set(names) <= p.keys()
 
 
@@ -48,16 +48,17 @@ _SHANKS: Final = (
     ("knee_lateral", "ankle_centre", 1.0),
     ("knee_lateral", "heel", 0.874),
 )
-"""Ends between which the shank can be measured, and its share of that distance (0.874, sd 0.008 in ten adults)."""
+"""Landmark pairs that measure the shank, with its length per distance (0.874, sd 0.008 in ten adults)."""
 
 
 def hinge(
     p: Tracks, name: str, proximal: Points, Z: Points, body: Anthropometry, widths_m: Mapping[str, float]
 ) -> Joints | None:
-    """Joint ``name`` (``l_knee``, ...), or None where neither its outer landmark nor its centre is marked.
+    """Joint ``name`` (``l_knee``, ...), or None if neither its outer landmark nor its centre is marked.
 
-    Midway between both landmarks where both are marked. With the outer one o alone, the centre c lies half the joint
-    width w/2 inwards, at a right angle to the segment above, whose upper end is h (as in the conventional gait model):
+    If both landmarks are marked, the centre is midway between them. With the outer one o alone, the centre c lies half
+    the joint width w/2 inwards, perpendicular to the segment above with upper end h (as in the conventional gait
+    model):
 
         c = o + w/2 (cos a i + sin a u),   u = (h - o) / |h - o|,   sin a = w / (2 |h - o|)
 
@@ -83,9 +84,9 @@ def hinge(
 
 
 def shank_length_m(p: Tracks) -> float:
-    """Typical length of the shank between outer markers: the yardstick of the proportions; NaN where none allows it.
+    """Length of the shank between outer markers, the unit of the proportions; NaN without suitable landmarks.
 
-    Without ankles, the distance from knee to heel marker stands in, which changes little with the ankle's angle.
+    Without ankles, the distance from knee to heel marker is used, which changes little with the ankle's angle.
     """
     for upper, lower, share in _SHANKS:
         sides = [s for s in "lr" if has(p, f"{s}_{upper}", f"{s}_{lower}")]

@@ -1,6 +1,4 @@
-"""What missing landmarks cost: remarks for the user and the standard deviation of the CoM they add.
-
-Markers that are hidden, or marked only in the static trial, rebuilt from their rigid neighbours.
+"""Missing landmarks: the error they add to the CoM, and their reconstruction from rigid neighbours.
 
 For a cluster of markers a_k (one frame of the static trial) seen as b_k in a frame of the walk, the rigid motion
 
@@ -8,7 +6,7 @@ For a cluster of markers a_k (one frame of the static trial) seen as b_k in a fr
 
 is the weighted orthogonal Procrustes solution: with the singular value decomposition U S V^T of
 sum_k w_k (b_k - b)(a_k - a)^T, R = U diag(1, 1, det(U V^T)) V^T and t = b - R a (Kabsch 1976).
-A marker of the cluster that is missing is then R a + t.
+A missing marker of the cluster is then R a + t.
 """
 
 from collections.abc import Iterable, Mapping
@@ -30,14 +28,14 @@ SEX_UNKNOWN: Final = Substitute(
 
 
 def used(codes: Iterable[str]) -> tuple[Substitute, ...]:
-    """The substitutes with these codes; a larger gap hides the smaller ones inside it."""
+    """The substitutes with these codes; a larger gap replaces the smaller ones in it."""
     codes = frozenset(codes)
     known = substitutes()
     return tuple(known[code] for code in known if code in codes and not codes & set(known[code].hidden_by))
 
 
 def widened(sd_m: tuple[float, float, float], gaps: Iterable[Substitute]) -> tuple[float, float, float]:
-    """Table error and costs added in quadrature, per world axis."""
+    """Table error and the errors of the substitutes added in quadrature, per world axis."""
     gaps = tuple(gaps)
     horizontal = sum((gap.horizontal_mm / 1e3) ** 2 for gap in gaps)
     vertical = sum((gap.vertical_mm / 1e3) ** 2 for gap in gaps)
@@ -60,10 +58,10 @@ CLUSTERS: Final = (
     ("l_head_front", "r_head_front", "l_head_back", "r_head_back", "l_head_side", "r_head_side", "head_top"),
     *(tuple(f"{side}_{name}" for name in names) for names in _SIDED.values() for side in "lr"),
 )
-"""Landmarks that move as one body, in the order in which they are tried."""
+"""Groups of landmarks that move as a rigid body, in order of use."""
 
 _FLATNESS: Final = 3e-3
-"""Least ratio of the second to the first singular value: below it (width under 5 % of length) a cluster is a line."""
+"""Minimum ratio of the second to the first singular value; below it (width under 5 % of length) markers are collinear."""
 
 
 Shapes = Mapping[str, Float[np.ndarray, "m 3"]]
@@ -71,9 +69,9 @@ Shapes = Mapping[str, Float[np.ndarray, "m 3"]]
 
 
 def rebuild(tracks: Mapping[str, Points], shapes: Shapes) -> tuple[dict[str, Points], frozenset[str]]:
-    """Fill the gaps of ``tracks``, and add landmarks that only ``shapes`` has, where a cluster allows it.
+    """Fill the gaps of ``tracks``, and add landmarks that only ``shapes`` has, if their cluster is visible enough.
 
-    ``shapes`` is a trial in which more is visible (the static trial, or the trial itself). Returns the tracks and the
+    ``shapes`` is a trial with more visible markers (the static trial, or the trial itself). Returns the tracks and the
     names of those that changed.
     """
     filled = dict(tracks)
@@ -97,9 +95,9 @@ def rebuild(tracks: Mapping[str, Points], shapes: Shapes) -> tuple[dict[str, Poi
 
 
 def rigid_motion(a: Float[np.ndarray, "k 3"], b: Float[np.ndarray, "n k 3"]) -> tuple[Rotations, Points]:
-    """Rotation and translation that carry the shape ``a`` onto ``b`` in every frame.
+    """Rotation and translation that map the shape ``a`` onto ``b`` in every frame, in the least-squares sense.
 
-    Hidden markers (NaN) have weight zero. NaN where fewer than three are visible or those lie on a line.
+    Hidden markers (NaN) have weight zero. NaN if fewer than three are visible or they are collinear.
     """
     seen: Bool[np.ndarray, "n k"] = np.isfinite(b).all(axis=2)
     w = seen / np.maximum(seen.sum(axis=1, keepdims=True), 1)

@@ -1,8 +1,8 @@
-"""Segment frames: origin, axes (X forwards, Y upwards, Z rightwards) and length; the anchors of a segment table.
+"""Segment frames: origin, axes (X forwards, Y upwards, Z rightwards) and length, to which a segment table refers.
 
 A limb's frame lies at its upper joint P with the lower joint D:
 
-    Y = (P - D) / |P - D|,   X = Y x z / |Y x z|,   Z = X x Y,   length = typical |P - D|
+    Y = (P - D) / |P - D|,   X = Y x z / |Y x z|,   Z = X x Y,   length = median |P - D|
 
 where z points roughly to the right (from the inner and outer landmark of the lower joint, else from pelvis or trunk).
 Frames: pelvis (origin lumbar joint), torso (cervical joint), head (cervical joint), ``*_upper_arm``, ``*_forearm``,
@@ -77,7 +77,7 @@ def _upward(base: Points, top: Points, rightward: Points) -> Frame:
 
 
 def _hand(s: str, joints: Joints, forearm: Frame, body: Anthropometry) -> Frame:
-    """Wrist to knuckles; unmarked, it continues the forearm in proportion."""
+    """Hand from wrist to knuckles; without knuckles it continues the forearm with a proportional length."""
     c, wrist = joints.centres, joints.centres[f"{s}_wrist"]
     if has(c, f"{s}_knuckles"):
         return limb(wrist, c[f"{s}_knuckles"], joints.rightward.get(f"{s}_hand", forearm.Z))
@@ -86,7 +86,7 @@ def _hand(s: str, joints: Joints, forearm: Frame, body: Anthropometry) -> Frame:
 
 
 def _foot(p: Tracks, s: str, joints: Joints, shank: Frame, body: Anthropometry) -> Frame:
-    """X from heel to forefoot (or toe, or 5th metatarsal); without them the foot stays square to the shank."""
+    """Foot with X from heel to forefoot (or toe, or 5th metatarsal); without them it is perpendicular to the shank."""
     c, ankle = joints.centres, joints.centres[f"{s}_ankle"]
     tip = c.get(f"{s}_forefoot", p.get(f"{s}_toe", p.get(f"{s}_mt5")))
     length = shank.length_m * body.length_m["foot"] / body.length_m["shank"]
@@ -99,7 +99,7 @@ def _foot(p: Tracks, s: str, joints: Joints, shank: Frame, body: Anthropometry) 
 
 
 def _whole_foot(p: Tracks, s: str, foot: Frame, shank: Frame, body: Anthropometry) -> Frame:
-    """Heel to toe tip: the tip is never marked, the length is a mean proportion of the shank."""
+    """Foot from heel to toe tip; the tip is not marked, so the length is a mean proportion of the shank."""
     length = shank.length_m * body.length_m["whole_foot"] / body.length_m["shank"]
     heel = p.get(f"{s}_heel", foot.origin_m - 0.25 * length * foot.X)
     return Frame(heel, foot.X, foot.Y, foot.Z, length)

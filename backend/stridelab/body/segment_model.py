@@ -1,4 +1,4 @@
-"""The segment model: input (i) of section 2.4.1 of the thesis, c = sum_s m_s p_s."""
+"""Segment model of the CoM, c = sum_s m_s p_s: input (i) of section 2.4.1 of the thesis."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -22,10 +22,10 @@ from stridelab.recordings.recording import Recording, Remark, Sex, Subject
 TableName = Literal["auto", "dumas2007", "deleva1996", "carried"]
 
 _LEAST_VISIBLE: Final = 0.5
-"""A landmark seen in a smaller share of the frames that show the pelvis counts as not marked."""
+"""A landmark visible in a smaller share of the frames with a visible pelvis counts as not marked."""
 
 MARKER_RADIUS_M: Final = 0.007
-"""Added on both sides to a joint width measured with a calliper: a marker's centre lies off the skin."""
+"""Added on both sides to a joint width measured with a calliper: the marker centres lie off the skin."""
 
 CARRIED: Final = "carried"
 
@@ -34,7 +34,7 @@ CARRIED: Final = "carried"
 class SegmentModel:
     """CoM from markers and a segment table.
 
-    ``table`` "auto" takes the table that a simulated recording carries, else Dumas 2007.
+    ``table`` "auto" uses the table embedded in a simulated recording ("carried"), else Dumas 2007.
     """
 
     table: TableName = "auto"
@@ -51,9 +51,9 @@ class SegmentModel:
         """CoM at the marker instants of ``recording``; NaN where a segment cannot be formed.
 
         ``landmarks`` maps landmark to label (``recordings.marker_sets.identify``). A ``static`` trial of the same
-        person gives joint widths and rebuilds markers that the trial lacks; ``static_landmarks`` are its own, found by
-        its marker set where they are not given. Raises ``NotEstimable`` where pelvis or
-        legs cannot be located, ``InvalidInput`` for a table that is not there.
+        subject gives joint widths and is used to rebuild missing markers; ``static_landmarks`` are its landmarks, by
+        default identified from its labels. Raises ``NotEstimable`` if pelvis or legs cannot be located,
+        ``InvalidInput`` for a table that does not exist.
         """
         shapes = {} if static is None else _static_tracks(static, landmarks, static_landmarks)
         p, rebuilt = _completed(_tracks(recording, landmarks), shapes)
@@ -85,7 +85,7 @@ class SegmentModel:
     def _table(self, recording: Recording, sex: Sex | None) -> SegmentTable:
         carried = recording.carried.get("segment_table")
         if self.table == "carried" and carried is None:
-            raise InvalidInput("segment-table-not-carried", "This recording carries no segment table of its own.")
+            raise InvalidInput("segment-table-not-carried", "This recording contains no segment table of its own.")
         if carried is not None and self.table in ("auto", "carried"):
             return replace(segment_tables.from_json(carried), name=CARRIED)
         return segment_tables.load("dumas2007" if self.table == "auto" else self.table, sex)
@@ -98,16 +98,16 @@ def _tracks(recording: Recording, landmarks: Mapping[str, str]) -> dict[str, Poi
 def _static_tracks(
     static: Recording, landmarks: Mapping[str, str], named: Mapping[str, str] | None
 ) -> dict[str, Points]:
-    """Landmarks of the static trial: as its own set names them, overruled by the labels of the walking trial."""
+    """Landmarks of the static trial by its own set, overridden by the labels of the walking trial."""
     own = identify(list(static.markers_m)).landmarks if named is None else named
     shared = {name: label for name, label in landmarks.items() if label in static.markers_m}
     return _tracks(static, {**own, **shared})
 
 
 def _completed(tracks: Tracks, shapes: missing_markers.Shapes) -> tuple[dict[str, Points], tuple[str, ...]]:
-    """Tracks with gaps filled by rigid clusters, first as in the static trial, then as seen in the trial itself.
+    """Tracks with gaps filled by rigid clusters, first shaped as in the static trial, then as in the trial itself.
 
-    What is still visible in less than half of the frames that show the pelvis counts as not marked.
+    Landmarks visible in less than half of the frames with a visible pelvis are removed.
     """
     p, from_static = missing_markers.rebuild(tracks, shapes)
     p, from_itself = missing_markers.rebuild(p, p)
@@ -120,7 +120,7 @@ def _completed(tracks: Tracks, shapes: missing_markers.Shapes) -> tuple[dict[str
 
 
 def _widths_m(recording: Recording, shapes: missing_markers.Shapes) -> dict[str, float]:
-    """Joint widths between marker centres: measured with a calliper, else as seen in the static trial."""
+    """Joint widths between marker centres: measured with a calliper, else from the static trial."""
     seen = {
         f"{s}_{joint}": distance_m(shapes[f"{s}_{joint}_lateral"], shapes[f"{s}_{joint}_medial"])
         for s in "lr"

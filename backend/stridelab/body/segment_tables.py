@@ -1,4 +1,4 @@
-"""Segment tables: which share of the body mass a segment carries, and where its centre of mass lies in its frame.
+"""Segment tables: mass fraction of each segment and position of its centre of mass in the segment's frame.
 
     c = sum_s m_s p_s,   p_s = o_s + L_s R_s k_s,   sum_s m_s = 1
 
@@ -24,7 +24,7 @@ from stridelab.recordings.recording import Sex
 from stridelab.resources import models_dir
 
 PAIRED: Final = ("upper_arm", "forearm", "hand", "thigh", "shank", "foot", "whole_foot")
-"""Segments that exist on both sides; every other segment lies in the middle."""
+"""Segments that exist on both sides; all others lie in the median plane."""
 
 DEFAULT_SD_M: Final = (0.008, 0.008, 0.020)
 """Prior error of a table that does not state its own (x, y, z of the world frame)."""
@@ -32,7 +32,7 @@ DEFAULT_SD_M: Final = (0.008, 0.008, 0.020)
 
 @dataclass(frozen=True)
 class SegmentRow:
-    """Share of the body mass and CoM in the segment's frame (forwards, upwards, rightwards) per segment length."""
+    """Mass fraction and CoM in the segment's frame (forwards, upwards, rightwards) per segment length."""
 
     mass_fraction: float
     com: tuple[float, float, float]
@@ -45,7 +45,7 @@ class SegmentRow:
 
 @dataclass(frozen=True)
 class SegmentTable:
-    """One body: rows keyed by frame name, mass fractions summing to one, and the table's own error per world axis."""
+    """Table of one body: rows by frame name, mass fractions summing to one, and the table's error per world axis."""
 
     name: str
     segments: Mapping[str, SegmentRow]
@@ -73,7 +73,7 @@ def load(name: str, sex: Sex | None) -> SegmentTable:
 def parse(data: Mapping[str, Any]) -> SegmentTable:
     """Validate the plain form ``{"name", "segments": {segment: {"mass_fraction", "com"}}, "sd_m"?, "references"?}``.
 
-    Raises ``InvalidInput`` (``segment-table-invalid``) naming the segment whose numbers make no sense.
+    Raises ``InvalidInput`` (``segment-table-invalid``) naming the segment with invalid numbers.
     """
     try:
         rows = dict(_rows(data["segments"]))
@@ -86,23 +86,23 @@ def parse(data: Mapping[str, Any]) -> SegmentTable:
         raise InvalidInput(
             "segment-table-invalid", f"The mass fractions of table {name!r} sum to {total:.3f} instead of 1."
         )
-    if math.isclose(total, 1.0, rel_tol=1e-12):  # so that writing and reading back changes nothing
+    if math.isclose(total, 1.0, rel_tol=1e-12):  # so that a round trip through JSON is exact
         total = 1.0
     normalised = {segment: SegmentRow(row.mass_fraction / total, row.com) for segment, row in rows.items()}
     return SegmentTable(name, normalised, sd, references)
 
 
 def from_json(text: str) -> SegmentTable:
-    """Table that a recording carries (``Recording.carried["segment_table"]``).
+    """Parse the table embedded in a recording (``Recording.carried["segment_table"]``).
 
-    Raises ``InvalidInput`` (``segment-table-invalid``) when the text is not such a table.
+    Raises ``InvalidInput`` (``segment-table-invalid``) if the text is not such a table.
     """
     try:
         data = json.loads(text)
     except ValueError as error:
-        raise InvalidInput("segment-table-invalid", "The carried segment table is not JSON.") from error
+        raise InvalidInput("segment-table-invalid", "The segment table of the recording is not JSON.") from error
     if not isinstance(data, dict):
-        raise InvalidInput("segment-table-invalid", "The carried segment table is not a JSON object.")
+        raise InvalidInput("segment-table-invalid", "The segment table of the recording is not a JSON object.")
     return parse(data)
 
 
@@ -118,7 +118,7 @@ def _file(name: str) -> Mapping[str, Any]:
     shipped = {path.stem: path for path in (models_dir() / "segment_tables").glob("*.toml")}
     if name not in shipped:
         known = ", ".join(sorted(shipped))
-        raise InvalidInput("segment-table-unknown", f"There is no segment table {name!r}; known are {known}.")
+        raise InvalidInput("segment-table-unknown", f"There is no segment table {name!r}; available are {known}.")
     return tomllib.loads(shipped[name].read_text(encoding="utf-8"))
 
 

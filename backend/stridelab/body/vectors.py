@@ -1,4 +1,4 @@
-"""Small vector algebra on tracks of points: row i is the vector at frame i, NaN spreads."""
+"""Vector algebra on tracks of points: row i is the vector at frame i; NaN propagates."""
 
 import warnings
 
@@ -19,22 +19,22 @@ def dot(a: Points, b: Points) -> Series:
 
 
 def along(v: Points, axis: Points) -> Points:
-    """Part of ``v`` along the unit vectors ``axis``."""
+    """Component of ``v`` along the unit vectors ``axis``."""
     return np.asarray(dot(v, axis)[:, None] * axis)
 
 
 def across(v: Points, axis: Points) -> Points:
-    """Unit vectors of the part of ``v`` perpendicular to the unit vectors ``axis``."""
+    """Unit vectors of the component of ``v`` perpendicular to the unit vectors ``axis``."""
     return unit(v - along(v, axis))
 
 
 def typical(values: Series) -> float:
-    """Median over the frames that have a value, NaN where none has."""
+    """Median over the finite values; NaN without any."""
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="All-NaN slice", category=RuntimeWarning)
         return float(np.nanmedian(values)) if len(values) else float("nan")
 
 
 def distance_m(a: Points, b: Points) -> float:
-    """Typical distance between two tracks in metres; a bone does not change its length."""
+    """Median distance between two tracks in metres, such as the length of a bone."""
     return typical(np.linalg.norm(a - b, axis=1))

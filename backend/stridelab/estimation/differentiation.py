@@ -1,4 +1,4 @@
-"""Smoothed derivatives of a trajectory: zero phase, exact for uniform motion."""
+"""Zero-phase smoothed derivatives of a trajectory, exact for uniform motion."""
 
 from functools import lru_cache
 
@@ -9,13 +9,13 @@ from scipy import interpolate, signal
 from stridelab.conventions import Points
 
 BAND_HZ = 8.0
-"""Band of the derivatives and of the force residual: above it a marker trajectory is noise."""
+"""Band of the derivatives and of the force residual: above it noise dominates a marker trajectory."""
 
 
 def low_pass(x: Points, rate_hz: float, band_hz: float = BAND_HZ) -> Points:
-    """Second-order Butterworth, forward and backward (so -6 dB at ``band_hz``), continued oddly beyond the ends.
+    """Second-order Butterworth, forward and backward (so -6 dB at ``band_hz``), with odd extension beyond the ends.
 
-    A signal sampled too slowly to contain the band is returned as it is.
+    A signal sampled too slowly to contain the band is returned unchanged.
     """
     if band_hz >= 0.45 * rate_hz:
         return x
@@ -32,7 +32,7 @@ def _butterworth(rate_hz: float, band_hz: float) -> Float[np.ndarray, "sections 
 def derivatives(x: Points, rate_hz: float, band_hz: float = BAND_HZ) -> tuple[Points, Points]:
     """Velocity and acceleration of the low-passed trajectory, from a quintic spline through its samples.
 
-    Needs at least 6 samples. At 1 Hz the low-pass takes 2.4e-4 of the amplitude.
+    Needs at least 6 samples. At 1 Hz the low-pass reduces the amplitude by 2.4e-4.
     """
     t = np.arange(len(x)) / rate_hz
     spline = interpolate.make_interp_spline(t, low_pass(x, rate_hz, band_hz), k=5)

@@ -1,20 +1,20 @@
-"""Standard deviation of a fused CoM: stated errors of the inputs, sent through the very filters that fuse them.
+"""Standard deviation of a fused CoM: prior errors of the inputs, propagated through the filters that fuse them.
 
 The fusion is linear in its three signals, so the error of the result is the fusion of the errors. Each source below is
 independent of the others; its signals (delta g, delta a, delta p) go through ``forward_backward``, initial states
 included, and the squares add up:
 
-- the segment table: a constant offset of g per axis. Its projection on the axis keeps only the part along the force,
-  delta p = (n . delta) n, so the force removes it horizontally and can never remove it along the force: the band of z
-  is the prior of the table.
+- the segment table: a constant offset of g per axis. Its projection on the axis has only the component along the force,
+  delta p = (n . delta) n, so the force removes the offset horizontally but not along the force: the band of z is the
+  prior of the table.
 - angular momentum: L' displaces the axis by f x L' / f^2 (``central_axis``); a line at the step frequency about the
   lateral axis and one at the stride frequency about the walking axis, of unknown phase.
 - plates: a constant error of the acceleration (offset of a plate, wrong mass) and a constant error of the moment.
 - clocks: force and moment are known up to ``clock_s``, which shifts p by velocity times that and a by jerk times that.
 - marker and force noise: white, through the energy of the filters' impulse response in mid-record.
 
-The numbers are priors, not findings; the defaults are of the size that real recordings show
-(docs/theory/complementary-filter.md). A bias that no prior declares is not in the band.
+The values are priors, not estimates; the defaults have the size of the errors in real recordings
+(docs/theory/complementary-filter.md). The band does not contain a bias that is missing from the priors.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -36,13 +36,13 @@ WindowPoints = Float[np.ndarray, "window 3"]
 
 
 def geometry_sd_m(table_sd_m: SdPerAxis, samples: int, priors: ErrorPriors) -> Points:
-    """Band of the geometry alone: table and marker noise."""
+    """Standard deviation of the geometry alone: table error and marker noise."""
     return np.tile(np.hypot(np.asarray(table_sd_m), priors.marker_m), (samples, 1))
 
 
 @dataclass(frozen=True)
 class FusedStretch:
-    """What was fused: ``wrench`` over the window, ``velocity_m_s`` of the geometry over the whole filtered stretch.
+    """Filtered stretch: ``wrench`` over the window, ``velocity_m_s`` of the geometry over the whole stretch.
 
     ``within`` is the window in samples of the stretch.
     """
@@ -59,7 +59,7 @@ class FusedStretch:
         return np.zeros_like(self.velocity_m_s)
 
     def inside(self, signal: WindowPoints) -> Points:
-        """A signal of the window, zero elsewhere."""
+        """Extend a signal of the window to the stretch with zeros."""
         whole = self.silence
         whole[self.within] = signal
         return whole
@@ -73,7 +73,7 @@ def stated_sd_m(
 ) -> WindowPoints:
     """Standard deviation per axis at the samples of the window, for any fusion that is linear in its inputs.
 
-    ``fuse`` takes several error signals at once and returns what each does to the fused position.
+    ``fuse`` takes several error signals at once and returns the effect of each on the fused position.
     """
     errors = list(_errors(stretch, table_sd_m, priors))
     *fused, geometry, force = fuse([*errors, *_pulses(stretch)])
@@ -86,7 +86,7 @@ def stated_sd_m(
 
 
 def _errors(stretch: FusedStretch, table_sd_m: SdPerAxis, priors: ErrorPriors) -> Iterator[FilterInputs]:
-    """One error signal of one standard deviation per independent source."""
+    """Yield one error signal of one standard deviation per independent source."""
     silence, inside = stretch.silence, stretch.inside
     f = stretch.wrench.force_n
     norm = np.linalg.norm(f, axis=1, keepdims=True)
@@ -120,9 +120,9 @@ def _errors(stretch: FusedStretch, table_sd_m: SdPerAxis, priors: ErrorPriors) -
 
 
 def _pulses(stretch: FusedStretch) -> tuple[FilterInputs, FilterInputs]:
-    """One sample of marker noise, which moves g (and p along the force only), and one of force noise, which moves a.
+    """Unit pulses of marker noise (in g, and in p along the force only) and of force noise (in a).
 
-    In the middle of the window: the energy of what comes out is the gain for white noise.
+    They lie in the middle of the window; the energy of the response is the gain for white noise.
     """
     silence, pulse = stretch.silence, stretch.silence
     pulse[(stretch.within.start + stretch.within.stop) // 2] = 1.0

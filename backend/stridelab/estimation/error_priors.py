@@ -1,4 +1,4 @@
-"""What can be wrong with the inputs of an estimator, as standard deviations that the user states."""
+"""Prior errors of the inputs of an estimator, as standard deviations given by the user."""
 
 from dataclasses import asdict, dataclass
 from typing import Final
@@ -8,7 +8,7 @@ import numpy as np
 from stridelab.errors import Fault, InvalidInput
 
 NEVER_ZERO: Final = frozenset({"marker_m", "force_n", "step_hz"})
-"""Every sensor has noise; the other errors may be absent."""
+"""Fields that must be positive: every sensor has noise; the other errors may be zero."""
 
 SdPerAxis = tuple[float, float, float]
 """One standard deviation each for x, y and z."""
@@ -16,14 +16,13 @@ SdPerAxis = tuple[float, float, float]
 
 @dataclass(frozen=True, kw_only=True)
 class ErrorPriors:
-    """Standard deviations of what can be wrong with the inputs; the table's own is in ``GeometricCom.sd_m``.
+    """Standard deviations of the input errors; that of the segment table is in ``GeometricCom.sd_m``.
 
     ``marker_m``: white noise of the CoM from marker noise. ``force_n``: white noise per axis. ``acceleration_m_s2``:
     constant error per axis (0.15 m/s^2 vertically is 1.5 % of body weight). ``moment_nm``: constant error of each
     horizontal moment at the body. ``momentum_rate_nm_kg``: RMS of L' per kilogram of body mass, about the walking axis
-    (at ``step_hz`` / 2) and the lateral axis (at ``step_hz``). ``clock_s``: rest of the latency between force and
-    markers after whatever was applied. Raises ``InvalidInput`` (``prior-out-of-range``) that names the field of a value
-    that no standard deviation can have.
+    (at ``step_hz`` / 2) and the lateral axis (at ``step_hz``). ``clock_s``: residual latency between force and markers
+    after correction. Raises ``InvalidInput`` (``prior-out-of-range``) naming the fields with invalid values.
     """
 
     marker_m: float = 0.001
@@ -35,13 +34,13 @@ class ErrorPriors:
     clock_s: float = 0.005
 
     def __post_init__(self) -> None:
-        """Raise unless every number can be the size of an error."""
+        """Raise unless every value is a valid standard deviation."""
         faults = []
         for name, value in asdict(self).items():
             numbers = np.atleast_1d(np.asarray(value, dtype=float))
             possible = np.isfinite(numbers) & (numbers > 0.0 if name in NEVER_ZERO else numbers >= 0.0)
             if not possible.all():
-                faults.append(Fault(f"priors.{name}", f"{value} is no size of an error"))
+                faults.append(Fault(f"priors.{name}", f"{value} is not a valid standard deviation"))
         if faults:
             raise InvalidInput(
                 "prior-out-of-range",

@@ -1,4 +1,4 @@
-"""The contract that all CoM estimators share: parameters in the constructor, one action, a frozen result.
+"""Interface of all CoM estimators: parameters in the constructor, one method, an immutable result.
 
 An estimator is a frozen dataclass with keyword-only parameters, a class attribute ``name`` and one method::
 
@@ -18,7 +18,7 @@ from stridelab.recordings.recording import Remark, Window, WrenchTrack
 class ComEstimate:
     """CoM, velocity and acceleration over one window, with a standard deviation per axis of the position.
 
-    ``references`` are citation keys of the methods used; ``diagnostics`` are scalars worth showing.
+    ``references`` are citation keys of the methods used; ``diagnostics`` are scalars for display.
     """
 
     method: str
@@ -35,13 +35,13 @@ class ComEstimate:
 
 @runtime_checkable
 class ComEstimator(Protocol):
-    """What every estimator offers."""
+    """Protocol of the offline estimators."""
 
     name: ClassVar[str]
 
     def estimate(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> ComEstimate:
         """Fuse the three inputs of section 2.4.1 over the first (or longest) window.
 
-        Raises ``NotEstimable`` when the window or the geometry does not allow it.
+        Raises ``NotEstimable`` if the window or the geometry does not allow it.
         """
         ...

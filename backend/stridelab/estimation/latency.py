@@ -1,16 +1,17 @@
-"""How late the force is against the markers, from the motion that both of them see.
+"""Estimates the delay of the force relative to the markers from the motion that both measure.
 
-Force and markers of real recordings run on clocks that differ by 8 to 20 ms. At 1.2 m/s that is 1 to 2.5 cm of apparent
-error of the segment table, so it is estimated before anything is fused, and reported: the likeliest delay of the path
-that the force makes of the body (``clock_likelihood``), searched within 50 ms and again, finer, around what was found.
+The clocks of force and markers in real recordings differ by 8 to 20 ms. At 1.2 m/s that is 1 to 2.5 cm of apparent
+error of the segment table, so the delay is estimated before the fusion, and reported: the maximum-likelihood delay
+between the path integrated from the force and the geometric path (``clock_likelihood``), searched within 50 ms and then
+refined.
 
-Beside it stand the signs of the axes alone, which know nothing of the table. With ``F(t) = m (c'' - g)`` from the
+The lags of the single axes are computed independently of the table's errors. With ``F(t) = m (c'' - g)`` from the
 geometry and f the measured force, both in an 8 Hz band, rho(tau) is the correlation of F(t - tau) with f(t), and
 ``-n/2 log(1 - rho(tau)^2)`` the profile log-likelihood of a lag for an unknown gain, offset and noise; n counts about
-12 independent samples per second. F is cut to the window and filtered there exactly as f is, so that the filter's edges
-are the same on both sides.
+12 independent samples per second. F is cut to the window and filtered exactly as f, so that edge effects are the same
+on both sides.
 
-What the method reaches, and how other signs compare with it, is in ``docs/theory/synchronisation.md``.
+The accuracy and a comparison with other methods are in ``docs/theory/synchronisation.md``.
 """
 
 from collections.abc import Callable
@@ -34,36 +35,37 @@ PerLag = Float[np.ndarray, "lags 3"]
 Lags = Float[np.ndarray, "lags"]
 INDEPENDENT_PER_S: Final = 12.0
 SIGNIFICANT_SD: Final = 1.0
-"""A lag beyond this many standard deviations is taken out: from one on, that leaves a smaller error than leaving it."""
+"""Lags beyond this many standard deviations are corrected: from one on, correction leaves the smaller error."""
 REPEATS: Final = 1.4
-"""Repeated trials of one session scatter by this many times the width of the likelihood: its noise is no white one.
+"""Ratio of the scatter of repeated trials to the width of the likelihood, whose noise is not white.
 
 Calibrated on 6 adults (18 trials) and tested on 12 others: ``docs/theory/sessions.md``.
 """
 LEAST_S: Final = 0.002
-"""A lag below this is left alone: 2.4 mm at walking speed, and as large as the method's own worst error."""
+"""Smaller lags are not corrected: 2.4 mm at walking speed, as large as the method's largest error."""
 LARGEST_S: Final = 0.1
-"""No clocks differ by more; what seems to is a resemblance by chance."""
+"""Largest plausible lag; larger ones are chance correlations."""
 LEAST_FORCE: Final = 0.01
-"""Standard deviation of the force over the body's weight that is needed to tell a lag, ahead and vertically.
+"""Minimum standard deviation of the force over body weight, ahead and vertically, for estimating a lag.
 
-In the real recordings persons who stand have 0.05 to 0.5 %, walks 3 % at least.
+In real recordings quiet stance has 0.05 to 0.5 %, walks have at least 3 %.
 """
 LEAST_CORRELATION: Final = 0.8
-"""Of the two paths. Walks have 0.93 and more; the force of another walk has less, or a lag at the search's edge."""
+"""Minimum correlation of the two paths. Walks have at least 0.93; the force of another walk has less, or a lag at the
+edge of the search range."""
 WORST_SD_S: Final = 0.01
-"""Less certain than this is nothing found: a lag lies within 25 ms anyway."""
+"""Largest standard deviation of a useful estimate: lags lie within 25 ms anyway."""
 _SEARCH_S, _NEAR_S, _STEP_S = 0.05, 0.006, 0.001
 _ITERATIONS = 8
 _WALKING_M_S = 0.3
 _EDGE = 0.3
-"""Part of a period of the band that is left out at either end of the window."""
+"""Part of a period of the band that is excluded at either end of the window."""
 _VERTICAL = 2
 
 
 @dataclass(frozen=True)
 class AxisLag:
-    """What one axis says by itself; ``correlation`` is the best that its accelerations reach over all lags."""
+    """Lag estimated from one axis alone; ``correlation`` is the largest of its accelerations over all lags."""
 
     lag_s: float
     sd_s: float
@@ -74,8 +76,8 @@ class AxisLag:
 class Latency:
     """``latency_s`` > 0 means the force is late; ``sd_s`` is ``REPEATS`` times the width of its likelihood.
 
-    ``along``, ``lateral`` and ``vertical`` are the accelerations of each axis alone (along and across the walk), for
-    which a wrong table is a lag; ``correlation`` is that of the two paths at the latency.
+    ``along``, ``lateral`` and ``vertical`` are estimated from the accelerations of one axis each (along and across the
+    walk) and are biased by table errors; ``correlation`` is that of the two paths at the latency.
     """
 
     latency_s: float
@@ -87,12 +89,12 @@ class Latency:
 
     @property
     def significant(self) -> bool:
-        """Whether taking this lag out is better than leaving it in."""
+        """Whether correcting this lag reduces the error."""
         return is_significant(self.latency_s, self.sd_s)
 
 
 def is_significant(latency_s: float, sd_s: float) -> bool:
-    """Whether taking a lag with this standard deviation out is better than leaving it in."""
+    """Whether correcting a lag with this standard deviation reduces the error."""
     return abs(latency_s) > max(SIGNIFICANT_SD * sd_s, LEAST_S)
 
 
@@ -100,9 +102,9 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
     """Lag between force and markers over the longest window.
 
     ``wrench_at(latency_s)`` returns the force read that much later. Raises as ``window_span`` does, and
-    ``NotEstimable`` with ``latency-unclear`` when the force hardly varies (standing still), when the two motions do not
-    resemble each other (wrong plates), when the likeliest lag lies at the edge of the search or adds up to more than
-    ``LARGEST_S``, and when its likelihood is wider than ``WORST_SD_S``.
+    ``NotEstimable`` with ``latency-unclear`` if the force hardly varies (standing still), the two motions are not
+    correlated (wrong plates), the likeliest lag lies at the edge of the search range or adds up to more than
+    ``LARGEST_S``, or its standard deviation exceeds ``WORST_SD_S``.
     """
     require_mass(mass_kg)
     latency_s, everywhere = 0.0, True
@@ -127,13 +129,13 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
     if found.correlation < LEAST_CORRELATION:
         raise NotEstimable(
             "latency-unclear",
-            "The motions seen by the markers and by the plates do not resemble each other "
-            f"(correlation {found.correlation:.2f}), so their delay cannot be told.",
+            "The motions measured by the markers and by the plates do not resemble each other "
+            f"(correlation {found.correlation:.2f}), so their delay cannot be determined.",
         )
     if sd_s > WORST_SD_S:
         raise NotEstimable(
             "latency-unclear",
-            f"The delay between force and markers is uncertain by {1e3 * sd_s:.0f} ms: too little motion is seen.",
+            f"The delay between force and markers is uncertain by {1e3 * sd_s:.0f} ms: there is too little motion.",
         )
     wrench = wrench_at(0.0)
     along, lateral, vertical = _axis_lags(geometric, wrench, window_span(geometric, wrench), mass_kg, R)
@@ -143,8 +145,8 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
 def _beyond(searched_s: float) -> NotEstimable:
     return NotEstimable(
         "latency-unclear",
-        "The motions seen by the markers and by the plates agree best when one is moved by "
-        f"{1e3 * searched_s:.0f} ms or more: no clocks differ by that much, so their delay cannot be told.",
+        "The motions measured by the markers and by the plates agree best when one is shifted by "
+        f"{1e3 * searched_s:.0f} ms or more: clocks do not differ by that much, so their delay cannot be determined.",
     )
 
 
@@ -153,26 +155,26 @@ def _grid(reach_s: float) -> Lags:
 
 
 def _require_motion(wrench: WrenchTrack, span: Span, mass_kg: float) -> None:
-    """Raise unless the force, along where it is largest and upwards, varies as that of somebody who moves."""
+    """Raise unless the force varies enough, vertically and in its main horizontal direction."""
     f = low_pass(wrench.force_n[span.inside], span.rate_hz) / (mass_kg * GRAVITY_M_S2)
     ahead = np.linalg.norm(f[:, :2] - f[:, :2].mean(axis=0), 2) / np.sqrt(len(f))
     varies = float(min(ahead, f[:, _VERTICAL].std()))
     if varies < LEAST_FORCE:
         raise NotEstimable(
             "latency-unclear",
-            f"The force varies by {varies:.1%} of the body's weight only, as of a person who stands: the delay between "
-            "the clocks of force and markers cannot be told.",
+            f"The force varies by only {varies:.1%} of the body weight, as in quiet stance: the delay between the "
+            "clocks of force and markers cannot be determined.",
         )
 
 
 def _axis_lags(
     geometric: GeometricCom, wrench: WrenchTrack, span: Span, mass_kg: float, R: Rotation
 ) -> tuple[AxisLag, AxisLag, AxisLag]:
-    """The lag as the accelerations along, across and upwards see it, each alone."""
+    """Lags estimated from the accelerations along, across and upwards, each alone."""
     rate_hz, lags = span.rate_hz, _grid(_SEARCH_S)
     acceleration = derivatives(geometric.com_m[span.around], rate_hz)[1]
     F = interpolate.CubicSpline(np.arange(len(acceleration)) / rate_hz, contact_force(acceleration, mass_kg) @ R.T)
-    # The geometry's own ends have no good acceleration, and no lag may read beyond them.
+    # The acceleration is inaccurate at the ends of the geometry, and no lag may read beyond them.
     spare = int(np.ceil((_SEARCH_S + 2 * _EDGE / BAND_HZ) * rate_hz))
     first = max(span.within.start, spare)
     last = max(first + 1, min(span.within.stop, len(acceleration) - spare))
@@ -181,7 +183,7 @@ def _axis_lags(
     if len(t) <= 3 * edge:
         raise NotEstimable(
             "latency-unclear",
-            "The markers end together with the measured force: too little is left to compare their clocks.",
+            "The markers end together with the measured force: too few samples are left to compare their clocks.",
         )
     f = low_pass(wrench.force_n[span.around][first:last] @ R.T, rate_hz)[edge:-edge]
     rho: PerLag = np.array([_correlation(low_pass(np.asarray(F(t - tau)), rate_hz)[edge:-edge], f) for tau in lags])
@@ -192,7 +194,7 @@ def _axis_lags(
 
 
 def _walking_axes(velocity: Points, acceleration: Points) -> Rotation:
-    """Rows: along the walk, across it, up. Of a body that stays, "along" is where it accelerates most."""
+    """Rows: along the walk, across it, up. For a body that stays in place, "along" is its main acceleration."""
     mean = velocity.mean(axis=0) * [1.0, 1.0, 0.0]
     if np.linalg.norm(mean) < _WALKING_M_S:
         mean = np.append(np.linalg.svd(acceleration[:, :2] - acceleration[:, :2].mean(axis=0))[2][0], 0.0)

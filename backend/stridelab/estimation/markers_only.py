@@ -1,4 +1,4 @@
-"""The geometric CoM as an estimator of its own: what everybody did before forces were used."""
+"""Estimator that returns the geometric CoM without using forces."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -16,7 +16,7 @@ from stridelab.recordings.recording import WrenchTrack
 class GeometryOnly:
     """Input (i) unchanged, with derivatives smoothed to ``band_hz``; ``sd_m`` is its prior.
 
-    It answers for the same window as the other estimators, so that all can be compared sample by sample.
+    The result covers the same window as those of the other estimators, so that they can be compared sample by sample.
     """
 
     name: ClassVar[str] = "geometry"

@@ -1,13 +1,13 @@
-"""The contract that all online estimators share: one sample in, one estimate out, at a cost that never grows.
+"""Interface of all online estimators: one sample in, one estimate out, at constant cost.
 
-A robot or a live laboratory cannot wait for the end of a recording. An online estimator is causal and keeps a state of
-fixed size; each estimator of ``estimate`` that has a causal form makes one with its method ``causal``::
+A robot or a live measurement cannot wait for the end of a recording. An online estimator is causal and has a state of
+fixed size; an offline estimator with a causal form creates one with its method ``causal``::
 
     online = ComplementaryFilter().causal(mass_kg=70.0, table_sd_m=(0.009, 0.009, 0.02))
     sample = online.step(time_s, geometry_m, force_n, moment_nm)
 
-What is missing at an instant is None: markers hidden (``geometry_m``), or not all contact force measured (``force_n``
-and ``moment_nm``, together). No force at all, as in flight, is a measured force of zero.
+Missing inputs are None: ``geometry_m`` if markers are hidden, ``force_n`` and ``moment_nm`` (both) if not all contact
+force is measured. In flight the force is measured and zero.
 """
 
 import math
@@ -17,7 +17,7 @@ from stridelab.conventions import Vector3
 from stridelab.errors import Fault, InvalidInput
 
 LONGEST_STEP_S = 1.0
-"""A longer time between two samples is not bridged: the clock has jumped, or the motion is another one."""
+"""Longest accepted time between two samples; a longer one is a jump of the clock or a different motion."""
 
 
 class OnlineSample(NamedTuple):
@@ -30,7 +30,7 @@ class OnlineSample(NamedTuple):
 
 @runtime_checkable
 class OnlineEstimator(Protocol):
-    """What every online estimator offers."""
+    """Protocol of the online estimators."""
 
     def step(
         self, time_s: float, geometry_m: Vector3 | None, force_n: Vector3 | None, moment_nm: Vector3 | None
@@ -38,16 +38,16 @@ class OnlineEstimator(Protocol):
         """Estimate at ``time_s`` from the geometric CoM and the total contact wrench about the same origin.
 
         Raises ``InvalidInput`` with code ``not-finite``, ``time-not-increasing``, ``time-jump`` or
-        ``force-without-moment``, and ``NotEstimable`` (``geometry-missing``) as long as no sample had a geometry. After
-        an error the estimator must not be used any more.
+        ``force-without-moment``, and ``NotEstimable`` (``geometry-missing``) until the first sample with a geometry.
+        After an error the estimator must not be used any more.
         """
         ...
 
 
 def step_s(before_s: float | None, now_s: float) -> float:
-    """Time since the sample before; zero for the first.
+    """Time since the previous sample; zero for the first.
 
-    Raises ``InvalidInput`` (``not-finite``, ``time-not-increasing``, ``time-jump``) unless a clock can have moved so.
+    Raises ``InvalidInput`` (``not-finite``, ``time-not-increasing``, ``time-jump``) for an invalid time.
     """
     if not math.isfinite(now_s):
         raise InvalidInput("not-finite", "The time of a sample is not a number.", [Fault("time_s", "not finite")])
@@ -71,9 +71,9 @@ def step_s(before_s: float | None, now_s: float) -> float:
 
 
 def require_together(force_n: Vector3 | None, moment_nm: Vector3 | None) -> None:
-    """Raise ``InvalidInput`` (``force-without-moment``) where only half of the wrench is given."""
+    """Raise ``InvalidInput`` (``force-without-moment``) if only one of force and moment is given."""
     if (force_n is None) != (moment_nm is None):
         lacking = "moment_nm" if moment_nm is None else "force_n"
         raise InvalidInput(
-            "force-without-moment", "Force and moment of a sample come together.", [Fault(lacking, "missing")]
+            "force-without-moment", "A sample needs both force and moment, or neither.", [Fault(lacking, "missing")]
         )

@@ -1,13 +1,12 @@
-"""From the channels of a force plate to the wrench on the body at the origin of the file (types 1 to 4).
+"""Computes the wrench on the body at the file's origin from the channels of a force plate (types 1 to 4).
 
 In the plate's axes the channels give F and the moment about the sensor M_s. With o the vector from the sensor to the
 centre of the surface and R the plate's axes, taken from its corners,
 
     M_c = M_s - o x F,    f = s R F,    nu = s R M_c + c x f,
 
-c the centre of the corners and s = +1, or -1 where that is what makes the plate push the body upwards.
-
-What a plate reads while nothing stands on it.
+c the centre of the corners and s = +1, or -1 if the channels must be reversed for the plate to push the body upwards.
+The offset of the unloaded plate (tare) is subtracted first.
 """
 
 from dataclasses import dataclass
@@ -26,9 +25,9 @@ CHANNELS = {1: 6, 2: 6, 3: 8, 4: 6}
 _LOADED_N = 50.0
 _PULL_N = 100.0
 NEVER_ON_PLATE = 0.01
-"""A plate with a smaller share of its loaded centre of pressure inside its corners is left out."""
+"""A plate is excluded if a smaller share of its loaded centre of pressure lies inside its corners."""
 _MIN_LOADED = 20
-"""Loaded samples below which the share says nothing."""
+"""Minimum number of loaded samples for a meaningful share."""
 COP_NEVER_ON_PLATE = "cop-never-on-plate"
 _MIN_SIDE_M, _MAX_SIDE_M = 0.1, 10.0
 
@@ -48,7 +47,7 @@ def sensor_wrench(
 
     Channels per type, in the plate's axes: 1: Fx Fy Fz Px Py Mz (centre of pressure and free moment); 2: Fx Fy Fz Mx
     My Mz; 3: Fx12 Fx34 Fy14 Fy23 Fz1 Fz2 Fz3 Fz4 (Kistler, sensors at (+-a, +-b)); 4: type 2 behind a calibration
-    matrix. ``moment_scale`` and ``length_scale`` turn the file's moments and lengths into Nm and m.
+    matrix. ``moment_scale`` and ``length_scale`` convert the file's moments and lengths to Nm and m.
     """
     if kind == 4 and calibration is not None:
         channels = channels @ calibration.T
@@ -78,14 +77,14 @@ def plate_axes(corners_m: Corners) -> Rotation:
 
 
 def corners_fault(corners_m: Corners) -> str | None:
-    """Why these corners are no plate, or None: four finite points, sides of 0.1 to 10 m, nearly a rectangle."""
+    """Reason why the corners are invalid, or None for four finite points, sides of 0.1 to 10 m, nearly a rectangle."""
     if not np.isfinite(corners_m).all():
         return "its corners are not numbers"
     sides = np.linalg.norm(np.roll(corners_m, -1, axis=0) - corners_m, axis=1)
     if sides.min() < _MIN_SIDE_M or sides.max() > _MAX_SIDE_M:
         return f"its sides are {sides.min():.3g} to {sides.max():.3g} m long"
     if np.linalg.norm(corners_m[0] - corners_m[1] + corners_m[2] - corners_m[3]) > 0.1 * sides.max():
-        return "its corners are no rectangle"
+        return "its corners do not form a rectangle"
     return None
 
 
@@ -104,11 +103,11 @@ def inside_fraction(force_n: Points, moment_nm: Points, origin_m: Vector3, corne
 def repair_origin(
     signals: PlateSignals, force_n: Points, moment_nm: Points, up: Vector3
 ) -> tuple[Vector3, float, bool]:
-    """The ORIGIN repair rule: (origin, share of the loaded COP on the plate, whether x and y were negated).
+    """Correct the sign of ORIGIN; returns the origin, the share of the loaded COP on the plate, whether x, y changed.
 
-    The surface lies above the sensor, which fixes the sign of z; where z has the wrong sign the whole vector has
-    (Vicon writes the vector from the surface to the sensor). Then try x and y both ways and keep the one whose loaded
-    COP is inside the plate's own corners; the file's own sign wins a tie.
+    The surface lies above the sensor, which fixes the sign of z; if z has the wrong sign, the whole vector is negated
+    (Vicon writes the vector from the surface to the sensor). Of both signs of x and y, the one that puts the loaded COP
+    inside the plate's corners is used; the file's sign is preferred in a tie.
     """
     o = signals.origin_m
     rises = float((plate_axes(signals.corners_m) @ np.array([0.0, 0.0, o[2]])) @ up)
@@ -121,7 +120,7 @@ def repair_origin(
 
 
 def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[Remark, ...]]:
-    """Tare, repair and turn one plate into the wrench on the body about the file's origin, in the file's axes."""
+    """Tare and repair one plate, and compute the wrench on the body about the file's origin, in the file's axes."""
     where = f"Plate {signals.index}"
     remarks: list[Remark] = []
     R = plate_axes(signals.corners_m)
@@ -135,7 +134,7 @@ def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[R
     force_n, moment_nm = signals.force_n - tare.force_n, signals.moment_nm - tare.moment_nm
     if tare.refused:
         remarks.append(
-            Remark("tare-refused", f"{where} is never seen unloaded for long, so its zero could not be checked.")
+            Remark("tare-refused", f"{where} is never unloaded for long enough, so its zero could not be checked.")
         )
     elif abs(s * (R @ tare.force_n) @ up) > 2.0:
         offset_n = float(s * (R @ tare.force_n) @ up)
@@ -169,10 +168,10 @@ def plate_wrench(signals: PlateSignals, up: Vector3) -> tuple[FilePlate, tuple[R
 
 
 def upward_sign(signals: PlateSignals, up: Vector3) -> float:
-    """+1 when the channels as they are push the body upwards (ezc3d's reading), -1 when they pull it down.
+    """+1 if the channels push the body upwards (the convention of ezc3d), -1 if they pull it down.
 
-    Only a lasting pull counts (2 % of the samples beyond 100 N), and not one that is an offset: where the file names
-    the samples at which the plate was empty, the pull must remain after subtracting them.
+    Only a lasting pull counts (2 % of the samples beyond 100 N) that is not an offset: if the file names the samples at
+    which the plate was empty, the pull must remain after subtracting them.
     """
     upward = signals.force_n @ (plate_axes(signals.corners_m).T @ up)
     readings = [upward]
@@ -183,7 +182,7 @@ def upward_sign(signals: PlateSignals, up: Vector3) -> float:
 
 
 def rough_total_force(plates: tuple[PlateSignals, ...]) -> Vector3 | None:
-    """Sum over the loaded samples in the file's axes; None unless somebody stands there (2 % of the samples)."""
+    """Sum over the loaded samples in the file's axes; None unless a plate is loaded (in 2 % of the samples)."""
     total = np.zeros(3)
     for signals in plates:
         force = signals.force_n @ plate_axes(signals.corners_m).T
@@ -194,12 +193,12 @@ def rough_total_force(plates: tuple[PlateSignals, ...]) -> Vector3 | None:
 
 
 def rough_normal(plates: tuple[PlateSignals, ...]) -> Vector3 | None:
-    """Normal of the first plate, of either sign: the vertical of a file in which nobody stands on the plates."""
+    """Normal of the first plate, of either sign: the vertical axis of a file with unloaded plates."""
     return plate_axes(plates[0].corners_m)[:, 2] if plates else None
 
 
 MAX_TARE_N = 60.0
-"""A steady upward reading above this, with no word from the file, is somebody standing there."""
+"""A steady upward reading above this is a standing subject, unless the file marks these samples as unloaded."""
 _BAND_N = 6.0
 _LOAD_N = 100.0
 _MIN_STRETCH = 40
@@ -208,7 +207,7 @@ _SMOOTH = 21
 
 @dataclass(frozen=True)
 class Tare:
-    """Offset in the plate's axes (sensor moment); ``refused`` when the plate is never unloaded."""
+    """Offset in the plate's axes (moment about the sensor); ``refused`` if the plate is never unloaded."""
 
     force_n: Vector3
     moment_nm: Vector3
@@ -216,7 +215,7 @@ class Tare:
 
 
 def find_tare(force_n: Points, moment_nm: Points, upward_n: Series, zero_samples: tuple[int, int] | None) -> Tare:
-    """Median of the unloaded stretches, after the frames that FORCE_PLATFORM:ZERO names if these are unloaded.
+    """Median of the unloaded samples: those of FORCE_PLATFORM:ZERO if they are unloaded, else detected ones.
 
     ``upward_n`` is the plate's upward force. A load only adds to it, so the unloaded level is its lowest steady level
     (5th percentile of the smoothed signal); stretches of at least 40 samples within 6 N of it count as unloaded.
@@ -241,9 +240,10 @@ def find_tare(force_n: Points, moment_nm: Points, upward_n: Series, zero_samples
 
 
 def _named_unloaded(smooth: Series, floor_n: float, zero_samples: tuple[int, int] | None) -> Mask | None:
-    """The samples that the file says to average, if they are as low as the signal ever is.
+    """Mask of the samples that FORCE_PLATFORM:ZERO names, if they are at the lowest level of the signal, else None.
 
-    Above ``MAX_TARE_N`` they are believed only where a load comes on top: else somebody stands there all along.
+    Above ``MAX_TARE_N`` they are accepted only if a load is added later; otherwise a subject stands on the plate
+    throughout.
     """
     if zero_samples is None:
         return None

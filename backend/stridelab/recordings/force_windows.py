@@ -1,8 +1,8 @@
 """Windows: the intervals in which *all* contact force is measured.
 
-A frame is complete when every foot that may be on the ground stands, with all of its outline, on plates in use that
-are loaded. On overground walks over two plates this is from the trailing foot's lift-off to the leading foot's second
-strike. Where the motion of the body is known, frames in which the plates carry less than it needs are left out, too: a
+A frame is complete if the whole outline of every foot that may be on the ground lies on loaded plates in use. On
+overground walks over two plates this holds from the trailing foot's lift-off to the leading foot's second strike. If
+the motion of the body is known, frames in which the plates carry less than the motion requires are excluded as well: a
 chair, a rail or the floor beside a plate carries the rest (``missing_force``). The events in a file are not used.
 """
 
@@ -33,7 +33,7 @@ _SHARED_S = 0.05
 
 @dataclass(frozen=True)
 class WindowSearch:
-    """The windows in order of time, and what limits trust in them."""
+    """The windows in order of time, and remarks about their reliability."""
 
     windows: tuple[Window, ...]
     remarks: tuple[Remark, ...]
@@ -42,7 +42,7 @@ class WindowSearch:
 def measured_windows(
     recording: Recording, landmarks: Mapping[str, str], motion: VerticalMotion | None = None
 ) -> tuple[Window, ...]:
-    """Windows in order of time; ``landmarks`` maps landmark names to labels, ``motion`` is ``vertical_motion``."""
+    """Windows in order of time; ``landmarks`` maps landmarks to labels, ``motion`` is that of ``vertical_motion``."""
     return find_windows(recording, landmarks, motion).windows
 
 
@@ -55,8 +55,8 @@ def find_windows(
 ) -> WindowSearch:
     """Windows with remarks: windows-from-load, force-missing, one-step-window, no-whole-step, two-feet-on-one-plate.
 
-    Without ``motion`` (``vertical_motion``) the feet alone decide. ``stated_kg`` is a mass that the user or the file
-    states.
+    Without ``motion`` (``vertical_motion``) only the feet are checked. ``stated_kg`` is the mass given by the user or
+    the file.
     """
     plates = [plate for plate in recording.plates if plate.use]
     if not plates or recording.n_frames < 2:
@@ -65,7 +65,7 @@ def find_windows(
     if not feet:
         remark = Remark(
             "windows-from-load",
-            "The feet are not marked, so it is not known when one of them stood beside the plates; the measured "
+            "The feet are not marked, so it is unknown when one of them stood beside the plates; the measured "
             "interval was estimated from the load on the plates and a symmetric walk.",
         )
         windows, missing = _explained(recording, _from_load(recording, plates), motion, stated_kg)
@@ -85,7 +85,7 @@ def find_windows(
 def _by_feet(
     recording: Recording, landmarks: Mapping[str, str], plates: list[Plate], feet: tuple[Foot, ...]
 ) -> tuple[Mask, Mask]:
-    """Frames in which no foot may stand beside the plates, and frames in which both feet stand on one plate."""
+    """Masks of the frames without a foot beside the plates, and of the frames with both feet on one plate."""
     heights = [float(plate.corners_m[:, 2].mean()) for plate in plates]
     stairs = max(heights) - min(heights) > STAIR_M
     complete = np.ones(recording.n_frames, dtype=bool)
@@ -105,7 +105,7 @@ def _by_feet(
 def _explained(
     recording: Recording, windows: tuple[Window, ...], motion: VerticalMotion | None, stated_kg: float | None
 ) -> tuple[tuple[Window, ...], tuple[Remark, ...]]:
-    """The windows without the frames in which force is missing, and a remark that says where it is missing."""
+    """Remove the frames with missing force from the windows; the remark lists their times."""
     if motion is None or not windows:
         return windows, ()
     missing = force_missing(recording, windows, motion, stated_kg)
@@ -126,7 +126,7 @@ def _explained(
 
 
 def _trust(recording: Recording, windows: tuple[Window, ...]) -> tuple[Remark, ...]:
-    """What to say of a walk whose windows hold less than a step from strike to strike and one from lift to lift."""
+    """Remark if no window of a walk contains a step from strike to strike and one from lift-off to lift-off."""
     if not windows or recording.walking_direction is None:
         return ()
     spans = max(len(whole_steps(recording, window)) for window in windows)
@@ -144,14 +144,14 @@ def require_windows(
     *,
     stated_kg: float | None = None,
 ) -> tuple[Window, ...]:
-    """The windows of ``find_windows``, of which there is one at least.
+    """The windows of ``find_windows``: at least one.
 
-    Raises ``NotEstimable`` with the reason why there is none: ``single-frame``, ``no-plates``, ``recording-too-short``,
-    ``cop-off-all-plates``, ``plates-switched-off``, ``plates-unloaded``, ``forces-and-markers-apart``,
-    ``no-measured-window``.
+    Raises ``NotEstimable`` without a window; the code is the reason: ``single-frame``, ``no-plates``,
+    ``recording-too-short``, ``cop-off-all-plates``, ``plates-switched-off``, ``plates-unloaded``,
+    ``forces-and-markers-apart``, ``no-measured-window``.
     """
     if recording.n_frames < 2:
-        raise NotEstimable("single-frame", "The recording has one frame only: it can serve as a static trial.")
+        raise NotEstimable("single-frame", "The recording has only one frame: it can serve as a static trial.")
     if not recording.plates:
         message = (
             "The recording has no force plate, so no force can be fused with the markers. "
@@ -174,7 +174,7 @@ def require_windows(
         raise NotEstimable("plates-switched-off", "All force plates of this recording are switched off.")
     if not any(loaded_intervals(plate, recording.force_rate_hz) for plate in used):
         faults = [Fault(f"plate {plate.index}", f"never above {plate.threshold_n:g} N") for plate in used]
-        raise NotEstimable("plates-unloaded", "Nobody stands on the force plates in this recording.", faults)
+        raise NotEstimable("plates-unloaded", "The force plates of this recording are never loaded.", faults)
     _require_overlap(recording, used)
     search = find_windows(recording, landmarks, motion, stated_kg=stated_kg)
     if not search.windows:
@@ -202,7 +202,7 @@ def _require_overlap(recording: Recording, used: list[Plate]) -> None:
 
 
 def _as_windows(complete: Mask, rate_hz: float) -> list[Window]:
-    """Runs of complete frames that are long enough; a hole of one frame does not end a window."""
+    """Runs of complete frames of at least ``MIN_WINDOW_S``; gaps of one frame are bridged."""
     bridged = complete.copy()
     for i, j in runs(~complete):
         if j - i == 1 and i > 0 and j < len(complete):
@@ -212,22 +212,22 @@ def _as_windows(complete: Mask, rate_hz: float) -> list[Window]:
 
 
 def _carries(recording: Recording, plates: list[Plate], window: Window) -> bool:
-    """Whether somebody stands on the plates in half of the window at least."""
+    """Whether the plates are loaded in more than half of the window."""
     total_n = vertical_force_n(recording)
     i, j = int(window.start_s * recording.force_rate_hz), int(window.end_s * recording.force_rate_hz) + 1
     return float(np.mean(total_n[i:j] > 2.0 * plates[0].threshold_n)) > 0.5
 
 
 def _alternates(feet: tuple[Foot, ...]) -> bool:
-    """Whether this is a walk (each foot lifts at some time), not standing."""
+    """Whether each foot lifts off at some time (walking, not standing)."""
     return all(not foot.contact.all() for foot in feet)
 
 
 def _from_load(recording: Recording, plates: list[Plate]) -> tuple[Window, ...]:
-    """From two overlapping contacts A, B of a symmetric walk.
+    """Windows from pairs of overlapping contacts A, B, assuming a symmetric walk.
 
-    The double support A-B lasts d = end(A) - start(B). The foot before A lifts d after A's start, the foot after B
-    strikes d before B's end, so all force is measured in [start(A) + d, end(B) - d]; a tenth of d is given away.
+    The double support A-B lasts d = end(A) - start(B). The foot before A lifts off d after A's start, the foot after B
+    strikes d before B's end, so all force is measured in [start(A) + d, end(B) - d]; d is enlarged by 10 % as a margin.
     """
     contacts = sorted(interval for plate in plates for interval in loaded_intervals(plate, recording.force_rate_hz))
     if not contacts:

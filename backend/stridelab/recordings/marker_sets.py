@@ -1,10 +1,10 @@
-"""Marker sets: from the labels a laboratory uses to the landmarks this project uses.
+"""Marker sets: map the marker labels of a laboratory to the landmarks of this project.
 
-A set is a file in ``models/marker_sets/`` that lists, for each landmark, the labels it may carry; ``{s}`` stands for
-the side letter. Labels match regardless of case, spaces, dots, underscores and hyphens, and without a prefix up to the
-last colon (``Subject:LASI``). Of the sets whose ``required`` landmarks are all found, the one that explains the most
-markers wins. A user's ``marker_map`` (landmark to label) overrules and completes a set; when less than half of a set
-is recognised by its labels, a map that names pelvis and legs stands for itself ("custom").
+A set is a file in ``models/marker_sets/`` that lists the possible labels of each landmark; ``{s}`` stands for the side
+letter. Labels match regardless of case, spaces, dots, underscores and hyphens, and without a prefix up to the last
+colon (``Subject:LASI``). Among the sets whose ``required`` landmarks are all present, the one that matches the most
+markers is chosen. A user's ``marker_map`` (landmark to label) overrides and completes a set; if less than half of a set
+matches, a map that names pelvis and legs is used on its own ("custom").
 
 Landmarks are named ``asis``, ``knee_lateral``, ...; paired ones carry ``l_`` or ``r_``. Technical markers of a rigid
 cluster are ``<segment>_t1``, ``<segment>_t2``, ...
@@ -35,16 +35,16 @@ UNPAIRED: Final = ("sacrum", "c7", "t8", "t10", "t12", "jugular_notch", "xiphoid
 """Landmarks in the median plane."""
 
 LANDMARKS: Final = frozenset({*UNPAIRED, *(f"{side}_{name}" for side in "lr" for name in PAIRED)})
-"""Every anatomical landmark a set, or a user's map, may name."""
+"""All anatomical landmarks that a set or a user's map may name."""
 
 _TECHNICAL: Final = re.compile(r"([lr]_)?(head|trunk|pelvis|upper_arm|forearm|thigh|shank|foot)_t\d")
 _LOCOMOTION: Final = (
     *("l_asis", "r_asis", "l_psis|sacrum", "r_psis|sacrum", "l_knee_lateral|l_knee_centre"),
     *("r_knee_lateral|r_knee_centre", "l_ankle_lateral|l_ankle_centre", "r_ankle_lateral|r_ankle_centre"),
 )
-"""What a user's own map must name before it counts as a set of its own."""
+"""Landmarks that a user's map must name to be used as a set of its own."""
 KNEES: Final = ("l_knee_lateral|l_knee_centre", "r_knee_lateral|r_knee_centre")
-"""Nothing can stand in for a knee but a static trial in which it is marked."""
+"""Knee landmarks; without them a static trial that marks the knees is required."""
 
 STATIC_TRIAL_NEEDED: Final = Remark(
     "static-trial-needed",
@@ -54,9 +54,9 @@ STATIC_TRIAL_NEEDED: Final = Remark(
 
 @dataclass(frozen=True)
 class MarkerSet:
-    """One set: landmark to the labels it may carry, and the landmarks without which it is not this set.
+    """One marker set: the possible labels of each landmark, and the landmarks that must be present.
 
-    An entry of ``required`` may offer alternatives separated by ``|``.
+    An entry of ``required`` may list alternatives separated by ``|``.
     """
 
     name: str
@@ -67,9 +67,9 @@ class MarkerSet:
 
 @dataclass(frozen=True)
 class Substitute:
-    """What stands in for landmarks that a recording lacks, and what that costs the whole-body CoM in millimetres.
+    """Substitute for missing landmarks, with the error it adds to the whole-body CoM in millimetres.
 
-    The gap exists on a file when none of the alternatives of an entry of ``landmarks`` is there.
+    It applies to a recording that has none of the alternatives of an entry of ``landmarks``.
     """
 
     code: str
@@ -81,18 +81,18 @@ class Substitute:
 
     @property
     def remark(self) -> Remark:
-        """The sentence for the user, cost included."""
+        """Remark for the user, including the added error."""
         cost = f"costs about {self.horizontal_mm:g} mm horizontally and {self.vertical_mm:g} mm vertically"
         return Remark(self.code, f"{self.message} ({cost}).")
 
 
 @dataclass(frozen=True)
 class MarkerSetMatch:
-    """What ``identify`` found.
+    """Result of ``identify``.
 
-    ``landmarks`` maps a landmark to the label of the file, ``missing`` lists landmarks of a complete full-body set that
-    are not there, ``nearest`` (only when no set fits) names the closest sets with the share of their required
-    landmarks found, ``degraded`` says what stands in for the missing ones and what it costs.
+    ``landmarks`` maps a landmark to its label in the file. ``missing`` lists absent landmarks of a complete full-body
+    set. ``nearest``, if no set matches, names the closest sets with the share of their required landmarks that are
+    present; ``needed`` lists their absent required landmarks. ``degraded`` describes the substitutes and their errors.
     """
 
     name: str | None
@@ -104,11 +104,10 @@ class MarkerSetMatch:
 
 
 def identify(labels: Sequence[str], marker_map: Mapping[str, str] | None = None) -> MarkerSetMatch:
-    """Find the marker set that explains ``labels``; ``marker_map`` (landmark to label) overrules it.
+    """Find the marker set that matches ``labels``; ``marker_map`` (landmark to label) overrides it.
 
-    ``needed`` of the result lists, for each nearest set, the required landmarks that were not found.
-    Raises ``InvalidInput`` (``marker-map-invalid``) when the map names an unknown landmark or a label that is not in
-    the file.
+    Raises ``InvalidInput`` (``marker-map-invalid``) if the map names an unknown landmark or a label that is not in the
+    file.
     """
     present: dict[str, str] = {}
     for label in labels:
@@ -139,12 +138,12 @@ def identify(labels: Sequence[str], marker_map: Mapping[str, str] | None = None)
 
 
 def normalised(label: str) -> str:
-    """The form in which labels are compared."""
+    """Normal form of a label for comparison: no prefix, no separators, lower case."""
     return re.sub(r"[\s._\-]", "", label.rsplit(":", 1)[-1]).lower()
 
 
 def substitutes_for(landmarks: Iterable[str]) -> tuple[Substitute, ...]:
-    """Substitutes that a recording with only these landmarks needs; a larger gap hides the smaller ones inside it."""
+    """Substitutes that a recording with only these landmarks needs; a larger gap replaces the smaller ones in it."""
     there = frozenset(landmarks)
     needed = [s for s in substitutes().values() if _absent(s.landmarks, there)]
     codes = {s.code for s in needed}
@@ -161,7 +160,7 @@ def marker_sets() -> Mapping[str, MarkerSet]:
 
 @cache
 def substitutes() -> Mapping[str, Substitute]:
-    """All stated substitutes by code."""
+    """All shipped substitutes by code."""
     path = models_dir() / "marker_sets" / "substitutes.toml"
     entries = tomllib.loads(path.read_text(encoding="utf-8"))["substitutes"]
     return {
@@ -178,7 +177,7 @@ def substitutes() -> Mapping[str, Substitute]:
 
 
 def parse(data: Mapping[str, Any]) -> MarkerSet:
-    """Validate one set file. Raises ``InvalidInput`` (``marker-set-invalid``) naming the entry that is wrong."""
+    """Validate the content of one set file; raises ``InvalidInput`` (``marker-set-invalid``) for an invalid entry."""
     labels: dict[str, tuple[str, ...]] = {}
     for landmark, patterns in {**data.get("unpaired", {}), **data.get("paired", {})}.items():
         sides = ("l", "r") if landmark in data.get("paired", {}) else ("",)
@@ -216,7 +215,7 @@ def _full_body() -> tuple[str, ...]:
 
 
 def _both_sides(entries: Iterable[str]) -> tuple[str, ...]:
-    """Spell out ``*_name`` for both sides."""
+    """Expand ``*_name`` to both sides."""
     return tuple(entry.replace("*", side) for entry in entries for side in ("lr" if "*" in entry else "l"))
 
 

@@ -1,9 +1,9 @@
-"""Whether the moments of the plates are in the unit that the file states; the centre of pressure decides.
+"""Checks the stated unit of the plates' moments by the centre of pressure.
 
 In the plate's axes the centre of pressure is (-M_y, M_x) / F_z about the surface. A unit that is 1000 times too large
-puts it hundreds of metres beside the plate; one that is 1000 times too small nails it to within a millimetre of the
+puts it hundreds of metres beside the plate; one that is 1000 times too small keeps it within a millimetre of the
 sensor's axis. The true unit is the largest one under which the centre of pressure lies inside the plate's corners.
-Files of several vendors state Nm and hold N mm.
+Files of several vendors state Nm but contain N mm.
 """
 
 from collections.abc import Sequence
@@ -19,14 +19,14 @@ from stridelab.recordings.force_plates import find_tare, plate_axes, repair_orig
 from stridelab.recordings.recording import Remark
 
 AS_STATED, THOUSANDTH, THOUSANDFOLD = 1.0, 1e-3, 1e3
-"""Factors on the stated unit: metres and millimetres are what laboratories confuse."""
+"""Factors on the stated unit: files confuse metres and millimetres."""
 REFUTED: Final = 0.5
-"""Share inside the corners below which the stated unit is refuted, if a smaller one has more than that."""
+"""Share inside the corners below which the stated unit is rejected, if a smaller unit exceeds it."""
 PROVEN: Final = 0.9
 """Share inside the corners above which the larger of two possible units is taken."""
 _LOADED_N = 50.0
 _MOVES_M = 0.005
-"""Median distance of the centre of pressure from its mean: below it the signal tells no unit."""
+"""Median distance of the centre of pressure from its mean below which the unit cannot be determined."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class _Loaded:
         return repair_origin(self.signals, self.force_n, factor * self.moment_nm, up)[1]
 
     def moves(self, factor: float) -> bool:
-        """Whether the centre of pressure wanders as under a foot."""
+        """Whether the centre of pressure moves as under a foot."""
         loaded = np.abs(self.force_n[:, 2]) > _LOADED_N
         force_z = self.force_n[loaded, 2]
         p = factor * self.moment_nm[loaded, :2] / force_z[:, None]
@@ -53,10 +53,10 @@ class _Loaded:
 def with_true_moment_units(
     plates: Sequence[PlateSignals], up: Vector3
 ) -> tuple[tuple[PlateSignals, ...], tuple[Remark, ...]]:
-    """The plates with moments in Nm, and a remark where the stated unit was not believed.
+    """The plates with moments in Nm, and a remark for each corrected unit.
 
-    Plates with the same stated unit are judged together, so that a plate on which nobody steps gets the unit of the
-    others. Where no unit puts the centre of pressure on the plates, the stated one stays.
+    Plates with the same stated unit are checked together, so that an unloaded plate gets the unit of the others. If no
+    unit puts the centre of pressure on the plates, the stated one is used.
     """
     answer = {signals.index: signals for signals in plates}
     remarks = []
@@ -72,7 +72,7 @@ def with_true_moment_units(
 
 
 def _factor(group: Sequence[_Loaded], up: Vector3) -> tuple[float, dict[float, float]]:
-    """Factor on the stated unit, and the share of the loaded centre of pressure on the plates under each."""
+    """Factor on the stated unit, and the share of the loaded centre of pressure on the plates under each factor."""
     loaded = [one for one in group if one.n]
     total = sum(one.n for one in loaded)
     if total == 0:

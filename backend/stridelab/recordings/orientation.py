@@ -1,4 +1,4 @@
-"""Which way is up in a file, and where the person walks."""
+"""Determines the vertical axis of a file and the direction of walking."""
 
 from collections.abc import Sequence
 
@@ -9,13 +9,13 @@ from stridelab.recordings.files.raw import Cloud
 
 _AXES = {"+x": (0, 1.0), "-x": (0, -1.0), "+y": (1, 1.0), "-y": (1, -1.0), "+z": (2, 1.0), "-z": (2, -1.0)}
 _SNAP_COS = float(np.cos(np.deg2rad(20.0)))
-"""A mean force further than this from an axis says nothing about the vertical."""
+"""Largest angle between the mean force and an axis for the axis to count as vertical."""
 _TRAVEL_M = 0.4
-"""Less travel than this in a whole recording is not overground walking."""
+"""Minimum travel of overground walking over a whole recording."""
 
 
 def axis_vector(name: str) -> Vector3:
-    """``"+y"`` -> (0, 1, 0)."""
+    """Unit vector of a named axis: ``"+y"`` -> (0, 1, 0)."""
     i, sign = _AXES[name]
     vector = np.zeros(3)
     vector[i] = sign
@@ -32,7 +32,7 @@ def nearest_axis(vector: Vector3) -> str | None:
 
 
 def rotation_to_z_up(up: str) -> Rotation:
-    """Rotation R with R up = +z: the identity for "+z", and about one axis by 90 degrees where that does it."""
+    """Rotation R with R up = +z: the identity for "+z", else by 90 or 180 degrees about one axis."""
     fixed: dict[str, list[list[float]]] = {
         "+z": [[1, 0, 0], [0, 1, 0], [0, 0, 1]],
         "-z": [[1, 0, 0], [0, -1, 0], [0, 0, -1]],
@@ -49,9 +49,9 @@ def find_up_axis(
 ) -> str:
     """Axis of the file that points up.
 
-    The line of the mean total force gives the axis (of the plates' normal where they are empty); the markers lie on
-    the upper side of the plates. Without plates: the file's hint, else the longest side of the marker cloud in the
-    frame that shows most of it (people are taller than wide), from the floor upwards.
+    The mean total force (the plates' normal if they are unloaded) gives the axis; its sign follows from the markers,
+    which lie above the plates. Without plates: the file's hint, else the longest side of the marker cloud in the frame
+    with the most markers, from the floor upwards.
     """
     seen = points_m[~np.isnan(points_m).any(axis=2)]
     centre = seen.mean(axis=0) if len(seen) else np.full(3, np.nan)
@@ -77,9 +77,9 @@ def _opposite(axis: str) -> str:
 
 
 def travel_m(points_m: Cloud, rate_hz: float) -> Vector3 | None:
-    """Displacement of the body over the recording: median over the labels of their mean velocity, times the duration.
+    """Displacement of the body over the recording: median of the labels' mean velocities, times the duration.
 
-    None without two frames in which a label is seen. The median makes gaps harmless: no centroid that jumps.
+    None if no label is visible in three frames. Unlike a centroid, the median does not jump at gaps.
     """
     time_s = np.arange(len(points_m)) / rate_hz
     velocities = []
@@ -95,7 +95,7 @@ def travel_m(points_m: Cloud, rate_hz: float) -> Vector3 | None:
 
 
 def walking_direction(points_m: Cloud, rate_hz: float) -> Vector3 | None:
-    """Horizontal unit vector of travel (z up), or None when the body stays where it is (standing, treadmill)."""
+    """Horizontal unit vector of travel (z up), or None if the body stays in place (standing, treadmill)."""
     travel = travel_m(points_m, rate_hz)
     if travel is None:
         return None
@@ -107,7 +107,7 @@ def walking_direction(points_m: Cloud, rate_hz: float) -> Vector3 | None:
 def belt_direction(feet_m: Sequence[Points], rate_hz: float) -> Vector3 | None:
     """Walking direction on a treadmill: feet swing forward faster than the belt carries them back.
 
-    ``feet_m`` are tracks of low markers. None when they hardly move (standing).
+    ``feet_m`` are tracks of low markers. None if they hardly move (standing).
     """
     velocities = [np.diff(track[:, :2], axis=0) * rate_hz for track in feet_m if len(track) > 2]
     v = np.concatenate(velocities) if velocities else np.zeros((0, 2))

@@ -1,4 +1,4 @@
-"""Instants of contact on the plates, and the whole steps they bound."""
+"""Contact intervals on the plates, and the whole steps between them."""
 
 import numpy as np
 
@@ -13,7 +13,7 @@ _MIN_STEP_S = 0.25
 
 
 def loaded_intervals(plate: Plate, rate_hz: float) -> list[tuple[float, float]]:
-    """Start and end of each contact in seconds: brief dips are bridged, ringing and brushes are left out."""
+    """Start and end of each contact in seconds; brief dips are bridged, ringing and brief touches are ignored."""
     loaded = plate.loaded
     for i, j in runs(~loaded):
         if i > 0 and j < len(loaded) and (j - i) < _MERGE_S * rate_hz:
@@ -27,7 +27,7 @@ def loaded_intervals(plate: Plate, rate_hz: float) -> list[tuple[float, float]]:
 
 
 def whole_steps(recording: Recording, window: Window) -> list[tuple[float, float]]:
-    """Longest intervals of the window that hold a whole number of steps: strike to strike, and lift-off to lift-off.
+    """Longest intervals of the window with a whole number of steps: strike to strike, and lift-off to lift-off.
 
     Strikes and lift-offs are those of the plates; the window's start is a lift-off and its end a strike (of a foot
     beside the plates) unless the recording itself starts or ends there.
@@ -52,7 +52,7 @@ def whole_steps(recording: Recording, window: Window) -> list[tuple[float, float
 
 
 def fore_aft_remarks(plates: tuple[Plate, ...], direction: Vector3 | None, rate_hz: float) -> list[Remark]:
-    """A walker brakes in the first half of a contact and pushes in the second; plates that say otherwise are turned."""
+    """Remark on plates that may be turned: they show propulsion before braking in every contact."""
     if direction is None:
         return []
     turned = []

@@ -1,4 +1,4 @@
-"""One door for every file a lab uploads: by content, not by name, into the world frame."""
+"""Reads recordings of all supported formats, detected by content, and converts them to the world frame."""
 
 import zipfile
 from collections.abc import Mapping
@@ -34,10 +34,10 @@ def read_recording(
 ) -> Recording:
     """Read a C3D file, a TRC file, or a zip of one TRC and one MOT or STO file.
 
-    A TRC file alone gives markers and no plates. ``name`` is what errors call the file, its own name by default.
-    ``marker_map`` maps landmark names to labels of this file; ``plate_switches`` maps a plate's index to what the user
-    set. Raises ``InvalidInput`` (``unknown-marker``) for unknown labels, and ``UnreadableFile``: ``no-markers``,
-    ``all-missing``, ``unknown-format``, and as ``read_c3d``, ``read_trc`` and ``read_trc_mot``.
+    A TRC file alone gives markers and no plates. ``name`` is the file name in error messages, by default that of
+    ``path``. ``marker_map`` maps landmark names to labels of this file; ``plate_switches`` maps a plate's index to the
+    user's settings. Raises ``InvalidInput`` (``unknown-marker``) for unknown labels, and ``UnreadableFile``:
+    ``no-markers``, ``all-missing``, ``unknown-format``, and as ``read_c3d``, ``read_trc`` and ``read_trc_mot``.
     """
     raw = _read_raw(path, name or path.name)
     if np.isnan(raw.points_m).all():
@@ -82,7 +82,7 @@ def _read_raw(path: Path, name: str) -> RawTrial:
 
 
 def to_world(raw: RawTrial, switches: Mapping[int, PlateSwitches]) -> Recording:
-    """Turn the file's axes into the world frame (z up), tare and repair the plates, fill short gaps."""
+    """Rotate the trial into the world frame (z up), tare and repair the plates, fill short gaps."""
     remarks = list(raw.remarks)
     up = up_axis_of(raw)
     R = orientation.rotation_to_z_up(up)
@@ -163,7 +163,7 @@ def _plates(
 
 
 def _tracks(raw: RawTrial, points: np.ndarray) -> tuple[dict[str, Points], dict[str, Points], dict[str, Mask]]:
-    """Markers, model points and the masks of filled frames, by label; labels that are never seen are left out."""
+    """Markers, model points and the masks of filled frames, by label; labels that are never visible are omitted."""
     markers: dict[str, Points] = {}
     outputs: dict[str, Points] = {}
     filled: dict[str, Mask] = {}
@@ -182,7 +182,7 @@ def _tracks(raw: RawTrial, points: np.ndarray) -> tuple[dict[str, Points], dict[
 
 
 def _belt_direction(tracks: list[Points], rate_hz: float) -> Vector3 | None:
-    """Direction of walking on a belt, from the lowest quarter of the markers."""
+    """Direction of walking on a treadmill, from the lowest quarter of the markers."""
     heights = [float(np.nanmedian(track[:, 2])) for track in tracks]
     low = np.argsort(heights)[: max(2, len(tracks) // 4)]
     return orientation.belt_direction([tracks[int(i)] for i in low], rate_hz)

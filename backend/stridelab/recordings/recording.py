@@ -15,7 +15,7 @@ EventKind = Literal["foot_strike", "foot_off"]
 
 @dataclass(frozen=True)
 class Remark:
-    """Something the reader of a recording should know; ``code`` is stable, ``message`` is a sentence."""
+    """Note on a recording or a result for the user; ``code`` is stable, ``message`` is a sentence."""
 
     code: str
     message: str
@@ -23,7 +23,7 @@ class Remark:
 
 @dataclass(frozen=True)
 class Subject:
-    """What is known of the person. ``name`` stays inside the file: the service never echoes it."""
+    """Known properties of the subject, None if unknown. The name in the file is never read."""
 
     height_m: float | None = None
     mass_kg: float | None = None
@@ -42,7 +42,7 @@ class Event:
 
 @dataclass(frozen=True)
 class Plate:
-    """A force plate and what it measured.
+    """A force plate and its measured wrench.
 
     ``index`` counts from 1 as labs do. ``force_n`` and ``moment_nm`` (at the world origin) act on the body and have
     the force rate's samples, tare removed. ``use`` and ``threshold_n`` are the switches a user can set.
@@ -66,7 +66,7 @@ class Plate:
 
 @dataclass(frozen=True)
 class PlateSwitches:
-    """What a user may set per plate: leave it out of every sum, or move its loading threshold."""
+    """User settings of a plate: exclude it from all sums, or change its loading threshold; None keeps the default."""
 
     use: bool | None = None
     threshold_n: float | None = None
@@ -81,7 +81,7 @@ class Window:
 
     @property
     def duration_s(self) -> float:
-        """From its start to its end."""
+        """Length in seconds."""
         return self.end_s - self.start_s
 
 
@@ -91,11 +91,11 @@ class Recording:
 
     ``markers_m`` maps a label (prefix stripped) to its track at ``marker_rate_hz``. ``plates`` may be empty.
     ``up_axis`` is the axis of the *file* that points up ("+z", "+y", ...); data here are already z up.
-    ``walking_direction`` is a horizontal unit vector, or None where nobody walks. ``carried`` holds metadata that a
-    simulated recording carries (its own segment table), else it is empty. ``model_points_m`` are positions in the file
-    that a gait model computed (joint centres, a CoM): never taken for markers. ``filled`` marks, per label, the frames
+    ``walking_direction`` is a horizontal unit vector, or None without walking. ``carried`` holds metadata embedded in a
+    simulated recording (its own segment table), else it is empty. ``model_points_m`` are positions in the file that a
+    gait model computed (joint centres, a CoM); they are not used as markers. ``filled`` marks, per label, the frames
     whose position was interpolated over a short gap. ``joint_widths_m`` are calliper widths by "l_knee", "r_ankle" ...
-    ``recorded_on`` is the day of the recording as YYYY-MM-DD, empty where the file does not state it.
+    ``recorded_on`` is the day of the recording as YYYY-MM-DD, empty if the file does not contain it.
     """
 
     markers_m: Mapping[str, Points]
@@ -115,7 +115,7 @@ class Recording:
 
     @property
     def n_frames(self) -> int:
-        """Samples of every marker; 0 without markers."""
+        """Number of marker frames; 0 without markers."""
         return 0 if not self.markers_m else len(next(iter(self.markers_m.values())))
 
     @property
@@ -125,7 +125,7 @@ class Recording:
 
     @property
     def duration_s(self) -> float:
-        """Frames over their rate: the last frame lasts, too."""
+        """Number of frames over their rate."""
         return self.n_frames / self.marker_rate_hz
 
 
@@ -134,9 +134,9 @@ class WrenchTrack:
     """Total contact wrench (2.5) at the marker instants, at the world origin.
 
     ``complete`` marks the samples inside a window, where the sum over the plates is the whole contact wrench;
-    elsewhere the numbers must not be used. ``latency_applied_s`` > 0 means that a late force was read that much later.
-    ``withheld`` marks samples whose wrench an estimator must not use although all contact is on the plates: they are to
-    be predicted. What stands there is a stand-in from the geometry.
+    elsewhere the values must not be used. ``latency_applied_s`` > 0 means that the force was read that much later.
+    ``withheld`` marks samples whose wrench an estimator must predict instead of using it, although all contact is on
+    the plates; their values are placeholders computed from the geometry.
     """
 
     time_s: Series

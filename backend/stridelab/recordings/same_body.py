@@ -1,8 +1,8 @@
-"""Whether two recordings show the same body with the same markers: distances within the pelvis and the shanks.
+"""Checks whether two recordings show the same body, by marker distances within the pelvis and the shanks.
 
-Markers of one segment keep their distance, but for the skin that moves under them. Between the static trial and the
-walks of one person (18 people, 36 walks) the medians of these distances differ by 8 mm at most; between two people of
-one laboratory they differ by more than 20 mm in 95 % of 328 pairs.
+Markers of one segment keep their distance except for skin motion. Between the static trial and the walks of one subject
+(18 subjects, 36 walks) the medians of these distances differ by at most 8 mm; between two subjects of one laboratory
+they differ by more than 20 mm in 95 % of 328 pairs.
 """
 
 from collections.abc import Mapping
@@ -15,14 +15,14 @@ import numpy as np
 from stridelab.recordings.recording import Recording
 
 SAME_BODY_M: Final = 0.02
-"""Largest difference of a distance that is taken for the same body."""
+"""Largest difference of a distance between recordings of the same body."""
 _PELVIS: Final = ("l_asis", "r_asis", "l_psis", "r_psis", "sacrum")
 _RIGID: Final = (*combinations(_PELVIS, 2), *((f"{s}_knee_lateral", f"{s}_ankle_lateral") for s in "lr"))
 
 
 @dataclass(frozen=True)
 class BodyDifference:
-    """The distance between two landmarks that differs most: in the one recording, and in the other."""
+    """The distance between two landmarks that differs most between two recordings, in metres."""
 
     landmarks: tuple[str, str]
     one_m: float
@@ -30,24 +30,24 @@ class BodyDifference:
 
     @property
     def difference_m(self) -> float:
-        """How much it differs."""
+        """Absolute difference of the two distances."""
         return abs(self.one_m - self.other_m)
 
 
 def body_difference(
     one: Recording, one_landmarks: Mapping[str, str], other: Recording, other_landmarks: Mapping[str, str]
 ) -> BodyDifference | None:
-    """The largest difference of the distances that both recordings show; None where they share none.
+    """Largest difference among the distances present in both recordings; None if they share none.
 
-    The landmarks map landmark to label, each in its own recording.
+    ``one_landmarks`` and ``other_landmarks`` map landmark to label of the respective recording.
     """
     ones, others = _distances_m(one, one_landmarks), _distances_m(other, other_landmarks)
     shared = [BodyDifference(pair, ones[pair], others[pair]) for pair in ones if pair in others]
-    return max(shared, key=lambda found: found.difference_m, default=None)
+    return max(shared, key=lambda pair: pair.difference_m, default=None)
 
 
 def _distances_m(recording: Recording, landmarks: Mapping[str, str]) -> dict[tuple[str, str], float]:
-    """Medians over the frames that show both landmarks."""
+    """Median distance of each landmark pair over the frames in which both are visible."""
     tracks = {name: recording.markers_m[label] for name, label in landmarks.items() if label in recording.markers_m}
     found = {}
     for a, b in _RIGID:

@@ -1,8 +1,8 @@
-"""Whether a trial is a static trial: the person stands still while the markers are seen.
+"""Detects static trials: the subject stands still while the markers are visible.
 
-A marker's excursion is the distance from its median position that it keeps within for 95 % of the frames. In a static
-trial it is at most 34 mm (a restless child; 7 mm is usual), in the slowest walk at 0.2 m/s more than 450 mm, on a
-treadmill more than 100 mm.
+A marker's excursion is the 95th percentile of the distance from its median position. In a static trial it is at most
+34 mm (a restless child; 7 mm is usual), in the slowest walk at 0.2 m/s more than 450 mm, on a treadmill more than
+100 mm.
 """
 
 from typing import Final
@@ -12,14 +12,14 @@ import numpy as np
 from stridelab.recordings.recording import Recording
 
 STILL_M: Final = 0.05
-"""Largest excursion of a marker of a person who stands."""
+"""Largest excursion of a marker of a standing subject."""
 MARKERS: Final = 0.95
-"""Share of the markers that have to be still: some are mislabelled for a while."""
+"""Share of the markers that must be still: some may be mislabelled temporarily."""
 FRAMES: Final = 0.95
 
 
 def stands_still(recording: Recording) -> bool:
-    """Whether the markers stay where they are; a recording of one frame is a static trial."""
+    """Whether the markers stay in place; a recording of one frame counts as a static trial."""
     excursions = []
     for track in recording.markers_m.values():
         seen = track[np.isfinite(track).all(axis=1)]

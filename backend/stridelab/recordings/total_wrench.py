@@ -1,4 +1,4 @@
-"""Total contact wrench at the marker instants (2.5): low-passed without phase, read at the frames."""
+"""Total contact wrench (2.5) at the marker instants: zero-phase low-pass, then interpolation."""
 
 import numpy as np
 from scipy.signal import butter, sosfiltfilt
@@ -7,15 +7,15 @@ from stridelab.conventions import Points
 from stridelab.recordings.recording import Recording, Window, WrenchTrack
 
 LOW_PASS_HZ = 50.0
-"""Second order, forward and backward; it keeps gait (below 20 Hz) and removes plate ringing."""
+"""Second order, forward and backward; passes gait (below 20 Hz) and removes plate ringing."""
 
 
 def wrench_track(recording: Recording, windows: tuple[Window, ...], *, latency_s: float = 0.0) -> WrenchTrack:
     """Sum of the plates in use, sampled *at* the marker instants.
 
-    ``latency_s`` > 0 means that the force is late by that much: it is read that much later. ``complete`` marks the
-    frames inside a window; with a latency, frames whose reading lies beyond the recorded force are not complete.
-    Block means would shift the force by half a block (4.7 ms at 1500 to 100 Hz), hence filter and interpolate.
+    ``latency_s`` > 0 is the delay of the force, which is then read that much later. ``complete`` marks the frames
+    inside a window; with a latency, frames read beyond the recorded force are not complete. Filtering and interpolation
+    are used because block means would shift the force by half a block (4.7 ms at 1500 to 100 Hz).
     """
     time_s = recording.time_s
     complete = np.zeros(len(time_s), dtype=bool)
@@ -40,7 +40,7 @@ def wrench_track(recording: Recording, windows: tuple[Window, ...], *, latency_s
 
 
 def low_pass(track: Points, rate_hz: float) -> Points:
-    """Zero-phase Butterworth of ``LOW_PASS_HZ``; a track too short or too slow for it is returned as it is."""
+    """Zero-phase Butterworth low-pass at ``LOW_PASS_HZ``; too short or too slowly sampled tracks are unchanged."""
     if rate_hz <= 2.5 * LOW_PASS_HZ or len(track) <= 16:
         return track
     return np.asarray(sosfiltfilt(butter(2, LOW_PASS_HZ, fs=rate_hz, output="sos"), track, axis=0))

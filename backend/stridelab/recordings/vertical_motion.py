@@ -1,7 +1,7 @@
-"""How the body moves up and down, from its markers: what the vertical force of all contacts must explain.
+"""Vertical motion of the body from its markers, to be compared with the vertical force of all contacts.
 
-The height of the centre of mass comes from the segment model. Where the model cannot be placed (a marker of the legs
-is missing), the mean height of the pelvis markers stands in, with a larger error.
+The height of the centre of mass comes from the segment model. If the model cannot be placed (a marker of the legs is
+missing), the mean height of the pelvis markers is used instead, with a larger error.
 """
 
 from collections.abc import Mapping
@@ -15,9 +15,9 @@ from stridelab.recordings.gap_filling import runs
 from stridelab.recordings.recording import Recording
 
 BAND_HZ = 4.0
-"""Of accelerations: steps and jumps lie below it; above it, soft tissue and marker noise dominate."""
+"""Low-pass of accelerations: steps and jumps lie below it; above it, soft tissue and marker noise dominate."""
 VELOCITY_BAND_HZ = 10.0
-"""Of velocities: 4 Hz would take 6 % of those of a walk with 2 steps per second."""
+"""Low-pass of velocities: 4 Hz would remove 6 % of those of a walk with 2 steps per second."""
 PELVIS = ("l_asis", "r_asis", "l_psis", "r_psis", "sacrum")
 _MIN_RUN_S = 0.25
 
@@ -26,8 +26,8 @@ _MIN_RUN_S = 0.25
 class VerticalMotion:
     """Upward velocity and acceleration of the centre of mass at the marker instants, low-passed; NaN where unknown.
 
-    The acceleration holds what lies below ``BAND_HZ``, the velocity what lies below ``VELOCITY_BAND_HZ``.
-    ``from_pelvis`` is true where the pelvis stands in for the centre of mass.
+    The acceleration is low-passed at ``BAND_HZ``, the velocity at ``VELOCITY_BAND_HZ``. ``from_pelvis`` is true if the
+    pelvis is used instead of the centre of mass.
     """
 
     velocity_m_s: Series
@@ -43,7 +43,7 @@ class VerticalMotion:
 def vertical_motion(
     recording: Recording, landmarks: Mapping[str, str], com_m: Points | None = None
 ) -> VerticalMotion | None:
-    """Motion from ``com_m`` (frames x 3, the markers' centre of mass), else from the pelvis; None without both."""
+    """Motion of ``com_m`` (frames x 3, the geometric centre of mass), else of the pelvis; None without either."""
     if com_m is not None:
         return _differentiated(com_m[:, 2], recording.marker_rate_hz, from_pelvis=False)
     labels = [landmarks[name] for name in PELVIS if landmarks.get(name) in recording.markers_m]
@@ -54,7 +54,7 @@ def vertical_motion(
 
 
 def low_band(track: Series, rate_hz: float, band_hz: float = BAND_HZ) -> Series:
-    """Zero-phase Butterworth low-pass of second order; a track too slow for it is returned as it is."""
+    """Zero-phase Butterworth low-pass of second order; too slowly sampled tracks are returned unchanged."""
     if rate_hz <= 2.5 * band_hz or len(track) < 3:
         return track
     pad = min(len(track) - 1, round(rate_hz / band_hz))

@@ -1,7 +1,7 @@
-"""The zip of many recordings: unpacked into files of our own names, without trusting any of its names or numbers.
+"""Unpacks a zip of many recordings into files with generated names; names and sizes in the zip are not trusted.
 
-Members are ``.c3d`` files, ``.trc`` files, ``.zip`` files of one TRC and one force file each (looked into when they are
-read, and no deeper), and at most one ``.csv``: the subject table.
+Members are ``.c3d`` files, ``.trc`` files, ``.zip`` files of one TRC and one force file each (opened later by the
+reader, without further nesting), and at most one ``.csv``: the subject table.
 """
 
 import zipfile
@@ -23,7 +23,7 @@ HEAD_BYTES: Final = 20_000
 
 @dataclass(frozen=True)
 class BatchLimits:
-    """Most recordings, largest recording, and all of them together once unpacked."""
+    """Limits on the number of recordings, the size of one and their total size, both unpacked."""
 
     files: int
     file_bytes: int
@@ -32,16 +32,16 @@ class BatchLimits:
 
 @dataclass(frozen=True)
 class Unpacked:
-    """Members by their path inside the zip, with where they lie now; and the subject table where there is one."""
+    """Unpacked members as (path inside the zip, unpacked file), and the content of the subject table or None."""
 
     files: tuple[tuple[str, Path], ...]
     table: bytes | None
 
 
 def is_batch(path: Path) -> bool:
-    """Whether a file is a zip with recordings in it, and not one recording as a zip of TRC and MOT.
+    """Whether a file is a zip of recordings, and not one recording as a zip of TRC and MOT.
 
-    Several TRC files are several recordings, one TRC file is one with or without a force file beside it.
+    Several TRC files are several recordings; one TRC file is one recording, with or without a force file.
     """
     if not zipfile.is_zipfile(path):
         return False
@@ -54,11 +54,11 @@ def is_batch(path: Path) -> bool:
 
 
 def unpack_batch(path: Path, folder: Path, limits: BatchLimits) -> Unpacked:
-    """Unpack the recordings of a zip into ``folder`` as ``member-0000`` ..
+    """Unpack the recordings of a zip into ``folder`` as ``member-0000`` ...
 
-    Reading stops at the limits whatever the zip's directory states. Raises ``UnreadableFile`` (``zip-damaged``,
-    ``zip-bomb``, ``zip-too-many-files``, ``zip-name-twice``, ``zip-several-tables``, and ``zip-several-trials`` where
-    it is not said which of its force files belongs to which TRC file).
+    Reading stops at the limits regardless of the sizes in the zip's directory. Raises ``UnreadableFile``
+    (``zip-damaged``, ``zip-bomb``, ``zip-too-many-files``, ``zip-name-twice``, ``zip-several-tables``, and
+    ``zip-several-trials`` if force files cannot be assigned to TRC files).
     """
     try:
         with zipfile.ZipFile(path) as archive:
@@ -96,7 +96,7 @@ def _refuse(name: str, recordings: list[zipfile.ZipInfo], tables: list[zipfile.Z
 def _refuse_loose_forces(
     archive: zipfile.ZipFile, members: list[zipfile.ZipInfo], recordings: list[zipfile.ZipInfo]
 ) -> None:
-    """Raise where TRC files would be read without the ground forces that lie beside them."""
+    """Raise if TRC files would be read without the force files beside them."""
     trials = [_plain(member) for member in recordings if _suffix(member) == TRC]
     if not trials:
         return
@@ -155,7 +155,7 @@ def _recordings(members: list[zipfile.ZipInfo]) -> list[zipfile.ZipInfo]:
 
 
 def _plain(member: zipfile.ZipInfo) -> str:
-    """A member's name for messages and for the table; never a path of ours."""
+    """Name of a member inside the zip, with forward slashes."""
     return member.filename.replace("\\", "/").removeprefix("./")
 
 

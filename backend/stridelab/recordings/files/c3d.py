@@ -1,4 +1,4 @@
-"""C3D files, read by ezc3d; plate signals are put together here from their channels."""
+"""Reads C3D files with ezc3d and assembles the plate signals from their channels."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ from stridelab.recordings.gap_filling import mark_missing
 from stridelab.recordings.recording import Event, Remark
 
 CARRIED_GROUP = "STRIDELAB"
-"""Group in which a simulated recording carries its own metadata."""
+"""Parameter group with the embedded metadata of a simulated recording."""
 _SCREEN = {"+X": "+x", "-X": "+x", "+Y": "+y", "-Y": "+y", "+Z": "+z", "-Z": "+z"}
 _OUTPUT_LISTS = ("ANGLES", "POWERS", "FORCES", "MOMENTS", "SCALARS")
 
@@ -36,7 +36,7 @@ class Parameters:
         }
 
     def names(self, group: str) -> list[str]:
-        """Names of a group's parameters, in capitals."""
+        """Names of a group's parameters, in upper case."""
         return list(self._tree.get(group, {}))
 
     def _value(self, group: str, name: str) -> Any:
@@ -50,12 +50,12 @@ class Parameters:
             return np.zeros(0)
 
     def number(self, group: str, name: str, default: float) -> float:
-        """The first value; ``default`` where there is none that is a number."""
+        """The first value; ``default`` if absent or not numeric."""
         values = self.numbers(group, name).ravel()
         return float(values[0]) if len(values) else default
 
     def texts(self, group: str, name: str) -> list[str]:
-        """The values without the blanks around them; empty where absent."""
+        """The values without surrounding blanks; empty where absent."""
         value = self._value(group, name)
         return [str(text).strip() for text in value] if isinstance(value, list) else []
 
@@ -76,7 +76,7 @@ def read_c3d(path: Path) -> RawTrial:
         raise UnreadableFile(
             "c3d-unreadable",
             "The file has the header of a C3D file, but its parameters contradict each other or its data.",
-            [Fault(path.name, "the C3D reader cannot make sense of its parameters")],
+            [Fault(path.name, "the C3D reader cannot interpret its parameters")],
         ) from error
     P = Parameters(content["parameters"])
     points = np.asarray(content["data"]["points"][:3], dtype=np.float64).transpose(2, 1, 0)
@@ -122,7 +122,7 @@ def _choose_labels(P: Parameters, cloud: Cloud) -> names.LabelChoice:
 
 
 def _continued(P: Parameters, name: str) -> list[str]:
-    """A list of the POINT group that goes on in NAME2, NAME3 ... after 255 entries."""
+    """A list of the POINT group that continues in NAME2, NAME3 ... after 255 entries."""
     values, k = P.texts("POINT", name), 2
     while more := P.texts("POINT", f"{name}{k}"):
         values, k = values + more, k + 1
@@ -130,13 +130,13 @@ def _continued(P: Parameters, name: str) -> list[str]:
 
 
 def _carried(P: Parameters) -> dict[str, str]:
-    """Texts of our own group, put together again from their pieces."""
+    """Texts of ``CARRIED_GROUP``, joined from their pieces."""
     pieces = {name.lower(): P.texts(CARRIED_GROUP, name) for name in P.names(CARRIED_GROUP)}
     return {name: "".join(texts) for name, texts in pieces.items() if texts}
 
 
 def _stated_subject(P: Parameters) -> dict[str, float]:
-    """Numbers about the person: group SUBJECT (labels and values) or PROCESSING (one parameter each)."""
+    """Numbers about the subject: group SUBJECT (labels and values) or PROCESSING (one parameter each)."""
     values = P.numbers("SUBJECT", "VALUES").ravel()
     stated = {name: float(value) for name, value in zip(P.texts("SUBJECT", "LABELS"), values, strict=False)}
     for group in ("PROCESSING", "SUBJECT", CARRIED_GROUP):
@@ -148,7 +148,7 @@ def _stated_subject(P: Parameters) -> dict[str, float]:
 
 
 def _events(P: Parameters, first_frame: int, rate_hz: float) -> tuple[Event, ...]:
-    """TIMES is 2 x n: minutes and seconds."""
+    """Events of the file; EVENT:TIMES is 2 x n, minutes and seconds."""
     times = P.numbers("EVENT", "TIMES")
     if times.size == 0:
         return ()
@@ -184,7 +184,7 @@ def _plates(P: Parameters, analogs: np.ndarray, scale: float) -> tuple[tuple[Pla
             continue
         used = [int(i) - 1 for i in channel[: CHANNELS[kind], k]]
         if np.isnan(analogs[:, used]).all(axis=0).any():
-            remarks.append(Remark("plate-unusable", f"Plate {k + 1} was left out: a channel of it has no scale."))
+            remarks.append(Remark("plate-unusable", f"Plate {k + 1} was left out: one of its channels has no scale."))
             continue
         unit = _moment_unit(P, used[-1])
         matrix = calibration.reshape(6, 6, -1)[:, :, k] if kind == 4 and calibration.size >= 36 * (k + 1) else None
@@ -206,7 +206,7 @@ def _plates(P: Parameters, analogs: np.ndarray, scale: float) -> tuple[tuple[Pla
 def _layout_fault(
     kind: int, k: int, channel: np.ndarray, corners: np.ndarray, origin: np.ndarray, n_channels: int
 ) -> str | None:
-    """Why the parameters do not describe plate ``k``, or None."""
+    """Reason why the parameters do not describe plate ``k``, or None."""
     if kind not in CHANNELS:
         return f"plate type {kind} is not one of 1 to 4"
     if channel.shape[0] < CHANNELS[kind] or channel.shape[1] <= k:
@@ -220,6 +220,6 @@ def _layout_fault(
 
 
 def _moment_unit(P: Parameters, channel: int) -> str:
-    """What the file says of a moment channel's unit; empty where it says nothing."""
+    """Unit of a moment channel as in the file; empty if absent."""
     units: Sequence[str] = P.texts("ANALOG", "UNITS")
     return units[channel] if channel < len(units) else ""

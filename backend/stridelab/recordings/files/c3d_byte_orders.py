@@ -1,7 +1,7 @@
-"""C3D files rewritten with Intel floats: the same recording whatever machine and number format wrote it.
+"""Converts C3D files of any processor type and number format to Intel floats.
 
 Points of an integer file are multiplied by POINT:SCALE; analog samples keep their raw counts, as the C3D user manual
-has it for float files. A negative scale, in POINT:SCALE and in the header, marks a float file.
+specifies for float files. A negative scale, in POINT:SCALE and in the header, marks a float file.
 """
 
 import struct
@@ -32,18 +32,18 @@ PointValues = Float32[np.ndarray, "frames point_values"]
 AnalogValues = Float32[np.ndarray, "frames analog_values"]
 _EVENT_TIMES = slice(304, 376)
 _TYPES = {("ANALOG", "OFFSET"): 2, ("ANALOG", "SCALE"): 4, ("ANALOG", "GEN_SCALE"): 4, ("ANALOG", "RATE"): 4}
-"""Types that the C3D user manual gives to parameters: 2 for integers, 4 for floats. Other readers rely on them."""
+"""Parameter types of the C3D user manual: 2 for integers, 4 for floats. Other readers rely on them."""
 _MOST_ENTRIES = 255
-"""Entries of one list of parameters; more go to NAME2, NAME3 ..."""
+"""Maximum number of entries of a parameter list; further entries go to NAME2, NAME3 ..."""
 
 
 @dataclass(frozen=True)
 class C3dContent:
-    """A whole file in Intel's numbers.
+    """A whole file in Intel's number format.
 
-    ``points`` are four values per point (x, y, z in the file's unit; the residual and cameras, below zero where the
-    point is missing), ``analogs`` raw counts, ``scale`` the size of POINT:SCALE, ``tail`` what a ROTATION group adds
-    behind the frames, in whole blocks.
+    ``points`` are four values per point (x, y, z in the file's unit; residual and cameras, negative for a missing
+    point), ``analogs`` raw counts, ``scale`` the magnitude of POINT:SCALE, ``tail`` the data of a ROTATION group after
+    the frames, in whole blocks.
     """
 
     head: bytes
@@ -56,7 +56,7 @@ class C3dContent:
 
 
 def read_content(path: Path, checked: CheckedC3d) -> C3dContent:
-    """Read a whole file that ``check_c3d`` has let pass."""
+    """Read a whole file that has passed ``check_c3d``."""
     content = path.read_bytes()
     header, records, layout = checked.header, checked.records, checked.layout
     processor = header.processor
@@ -84,10 +84,9 @@ def read_content(path: Path, checked: CheckedC3d) -> C3dContent:
 
 
 def write_content(file: C3dContent, *, padded: bool = True) -> bytes:
-    """The bytes of the file; USED, SCALE and DATA_START of POINT, and the header, state what is written.
+    """Serialise the file; updates USED, SCALE and DATA_START of POINT, and the header.
 
-    Numbers of ANALOG get the type that the manual gives them, where that changes no value. ``padded`` fills the last
-    block.
+    Numbers of ANALOG get the types of the manual if that changes no value. ``padded`` fills the last block.
     """
     layout = file.layout
     records: Sequence[Record] = _with_types(file.records)
@@ -113,13 +112,13 @@ def write_content(file: C3dContent, *, padded: bool = True) -> bytes:
 
 
 def is_unsigned(records: Sequence[Record]) -> bool:
-    """Whether the file says that its analog counts run from 0 to 65535."""
+    """Whether ANALOG:FORMAT states unsigned analog counts (0 to 65535)."""
     record = parameter(records, "ANALOG", "FORMAT")
     return record is not None and "".join(record.texts()[:1]).strip().upper() == "UNSIGNED"
 
 
 def word(value: int) -> Int[np.ndarray, " one"]:
-    """A count of 16 bits as a list of one; above 32767 it reads as negative, as in all C3D files."""
+    """A 16-bit count as a list of one; values above 32767 are stored as negative, as in all C3D files."""
     return np.array([value % 65536], dtype="<u2").view("<i2")
 
 
@@ -145,7 +144,7 @@ def with_texts(records: Sequence[Record], group: str, name: str, texts: Sequence
 def with_record(
     records: Sequence[Record], group: str, name: str, kind: int, shape: tuple[int, ...], raw: bytes
 ) -> tuple[Record, ...]:
-    """The records with the last parameter ``group:name`` replaced, or added where there is none."""
+    """The records with the last parameter ``group:name`` replaced, or added if absent."""
     found = list(records)
     old = parameter(found, group, name)
     if old is not None:
@@ -160,7 +159,7 @@ def with_record(
 
 
 def packed(record: Record) -> bytes:
-    """A record of Intel's numbers as it stands in a file."""
+    """Bytes of a record in Intel's number format."""
     name = record.name.encode("latin-1")
     rest = b""
     if record.group > 0:
@@ -171,7 +170,7 @@ def packed(record: Record) -> bytes:
 
 
 def _with_types(records: Sequence[Record]) -> tuple[Record, ...]:
-    """The records of Intel's numbers with ``_TYPES``; offsets that are no integers of 16 bits stay floats."""
+    """The records with the types of ``_TYPES``; offsets that do not fit 16-bit integers stay floats."""
     found = list(records)
     for (group, name), kind in _TYPES.items():
         for record in continued(records, group, name):
@@ -201,7 +200,7 @@ def _values(raw: bytes, processor: int, layout: Layout) -> Raw:
 
 
 def _intel_head(head: bytes, processor: int) -> bytes:
-    """The header with its counts, rate and event times in Intel's numbers."""
+    """The header with its counts, rate and event times in Intel's number format."""
     made = bytearray(head)
     order = BYTE_ORDER[processor]
     for at in (*range(2, 12, 2), 16, 18, *range(294, 302, 2)):
@@ -212,9 +211,9 @@ def _intel_head(head: bytes, processor: int) -> bytes:
 
 
 def with_points(file: C3dContent, labels: Sequence[str], tracks: Float[np.ndarray, "frames labels 3"]) -> C3dContent:
-    """The file with points added behind its own, and named after them; positions in its unit, NaN where missing.
+    """The file with points appended; ``tracks`` are positions in its unit, NaN where missing.
 
-    POINT:DESCRIPTIONS grows where it names every point.
+    POINT:DESCRIPTIONS is extended if it describes every point.
     """
     n = file.layout.n_points
     records: Sequence[Record] = file.records

@@ -1,9 +1,9 @@
-"""C3D files as ezc3d 1.7.2 reads them right.
+"""Prepares C3D files so that ezc3d 1.7.2 reads them correctly.
 
-ezc3d reads no SGI file, takes frames, points and channels from the parameters, cuts the quotient of the rates to whole
-samples per frame, reads every integer as signed, takes the amount of every analog offset and needs an integer offset
-and a scale for each channel. A file that this misreads is rewritten beside it: Intel floats, one statement of each
-count, offsets subtracted.
+ezc3d does not read SGI files, takes the counts of frames, points and channels from the parameters, truncates the
+quotient of the rates to whole samples per frame, reads every integer as signed, uses the absolute value of every analog
+offset and needs an integer offset and a scale for each channel. Files that it would misread are first rewritten as a
+temporary file: Intel floats, consistent counts, offsets subtracted.
 """
 
 import contextlib
@@ -30,23 +30,23 @@ from stridelab.recordings.files.c3d_records import INTEL, Record, Values, contin
 from stridelab.recordings.files.c3d_validation import CheckedC3d, check_c3d
 
 EZC3D_ERRORS: Final = (OSError, RuntimeError, ValueError, IndexError, KeyError, MemoryError, TypeError)
-"""What ezc3d raises for a file that it cannot read."""
+"""Exceptions of ezc3d for a file that it cannot read."""
 _MOST_ENTRIES = 255
 _MOST_FRAMES = 65535
-"""ezc3d reads no more frames of a file; a longer one is read in pieces."""
+"""Maximum number of frames that ezc3d reads; longer files are read in pieces."""
 _LEAST_PIECE = 1000
 _LONGEST_DESCRIPTION = 127
-"""ezc3d reads a longer length as negative, and then memory without end."""
+"""Longest description that ezc3d reads; it takes a longer length as negative and reads beyond the buffer."""
 _NAMES_IT_READS = ("POINT", "ANALOG", "FORCE_PLATFORM")
 _HALF_RANGE = -32768.0
-"""An offset of 32768 counts in 16 bits; ezc3d takes its amount and so reads it right."""
+"""An offset of 32768 counts in 16 bits; ezc3d uses its absolute value and thus reads it correctly."""
 
 
 def open_c3d(path: Path) -> Any:
-    """ezc3d's reading of a file. Raises ``UnreadableFile`` as ``check_c3d``, and whatever ezc3d raises."""
+    """Content of a file as read by ezc3d; raises ``UnreadableFile`` as ``check_c3d``, and ``EZC3D_ERRORS``."""
     checked = check_c3d(path)
     if not misread(checked):
-        with contextlib.suppress(*EZC3D_ERRORS):  # the rewritten file is in order where this one is not
+        with contextlib.suppress(*EZC3D_ERRORS):  # the rewritten file may be readable
             return ezc3d.c3d(str(path))
     read = [_rewritten(piece) for piece in _pieces(read_content(path, checked), checked.header.n_frames)]
     for name in ("points", "analogs") if len(read) > 1 else ():
@@ -62,9 +62,9 @@ def _rewritten(file: C3dContent) -> Any:
 
 
 def _pieces(file: C3dContent, n_in_header: int) -> Iterator[C3dContent]:
-    """The file cut into pieces that ezc3d reads as a whole; the first has as many frames as the header counts.
+    """The file split into pieces that ezc3d can read; the first has as many frames as the header states.
 
-    The number of its first frame, from which events are counted, then stays what it is.
+    This preserves the number of the first frame, from which event times are counted.
     """
     n = file.layout.n_frames
     if n <= _MOST_FRAMES:
@@ -79,7 +79,7 @@ def _pieces(file: C3dContent, n_in_header: int) -> Iterator[C3dContent]:
 
 
 def misread(checked: CheckedC3d) -> bool:
-    """Whether ezc3d reads something else than the file says."""
+    """Whether ezc3d would misread the file."""
     header, records, layout = checked.header, checked.records, checked.layout
     if header.processor != INTEL or layout.width == 2 or header.scale >= 0.0:
         return True
@@ -113,7 +113,7 @@ def misread(checked: CheckedC3d) -> bool:
 
 
 def in_order(file: C3dContent) -> C3dContent:
-    """The file with one statement of each count, analog offsets subtracted; a channel without a scale reads as NaN."""
+    """The file with consistent counts and analog offsets subtracted; a channel without a scale reads as NaN."""
     layout = file.layout
     header = read_header(file.head, INTEL)
     records: Sequence[Record] = [replace(r, name=r.name.upper(), description=b"") for r in file.records]
@@ -140,7 +140,7 @@ def in_order(file: C3dContent) -> C3dContent:
 
 
 def _multiple(ratio: int, rate_hz: float) -> float:
-    """The smallest single ``ratio`` x ``rate_hz`` whose quotient ezc3d does not cut to one sample less."""
+    """Smallest single-precision ``ratio`` x ``rate_hz`` whose quotient ezc3d does not truncate to one sample less."""
     single = np.float32(rate_hz)
     product = np.float32(ratio * rate_hz)
     while single and int(float(product) / float(single)) < ratio:
@@ -149,13 +149,13 @@ def _multiple(ratio: int, rate_hz: float) -> float:
 
 
 def _listed(records: Sequence[Record], name: str, n: int, absent: float) -> Values:
-    """A number per channel out of NAME, NAME2 ..., ``absent`` where the file has none."""
+    """One number per channel from NAME, NAME2 ...; ``absent`` if the file has none."""
     stated = np.concatenate([np.zeros(0), *(numbers(record, INTEL) for record in continued(records, "ANALOG", name))])
     return np.concatenate([stated[:n], np.full(max(0, n - len(stated)), absent)])
 
 
 def _offsets(records: Sequence[Record], n: int) -> Values:
-    """Offsets in counts; those of unsigned samples run to 65535, and none is 32768 below zero."""
+    """Offsets in counts; those of unsigned samples range up to 65535, and -32768 is read as +32768."""
     offsets = _listed(records, "OFFSET", n, 0.0)
     unsigned = (offsets < 0.0) if is_unsigned(records) else (offsets == _HALF_RANGE)
     return np.where(unsigned, offsets + 65536.0, offsets)

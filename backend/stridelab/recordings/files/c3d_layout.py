@@ -1,8 +1,8 @@
-"""Where a C3D file's frames lie and how its numbers are written, where header, parameters and file size disagree.
+"""Determines the data layout of a C3D file whose header, parameters and size may disagree.
 
-The header and the parameters state the same counts twice, and old programs keep only one of them right. The file's own
-arithmetic decides: start of the data + frames x values per frame x bytes per value must fit into the file, and of two
-statements that fit the one that leaves less behind it is right.
+The header and the parameters both state the counts, and some programs keep only one of them correct. The counts must
+satisfy: start of the data + frames x values per frame x bytes per value fits into the file; of two candidates that fit,
+the one that leaves less data unread is used.
 """
 
 from collections.abc import Sequence
@@ -13,12 +13,12 @@ import numpy as np
 from stridelab.recordings.files.c3d_records import BLOCK, Header, Record, numbers, parameter
 
 _SATURATED = 0xFFFF
-"""Last frame that a header can hold; longer recordings state their frames in the parameters only."""
+"""Largest frame number in a header; longer recordings state their frames in the parameters only."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Counts of a file that agree with its size; ``width`` is 4 bytes per value for floats, 2 for integers.
+    """Counts of a file that are consistent with its size; ``width`` is 4 bytes per value for floats, 2 for integers.
 
     ``n_channels`` x ``ratio`` analog samples follow the points of a frame.
     """
@@ -32,27 +32,27 @@ class Layout:
 
     @property
     def values_per_frame(self) -> int:
-        """Values of all points and analog samples of a frame."""
+        """Number of values of all points and analog samples of a frame."""
         return 4 * self.n_points + self.n_channels * self.ratio
 
     @property
     def end(self) -> int:
-        """Offset behind the last value in bytes."""
+        """Offset after the last value in bytes."""
         return self.data_start + self.n_frames * self.values_per_frame * self.width
 
 
 def first_number(header: Header, records: Sequence[Record], group: str, name: str) -> float | None:
-    """The first value of a numeric parameter; None where there is none."""
+    """First value of a numeric parameter; None if absent."""
     record = parameter(records, group, name)
     values = np.zeros(0) if record is None else numbers(record, header.processor)
     return float(values[0]) if len(values) else None
 
 
 def find_layout(header: Header, records: Sequence[Record], size: int) -> Layout:
-    """The layout of a file of ``size`` bytes: the header's, unless the parameters' fits the size and the header's not.
+    """Layout of a file of ``size`` bytes: that of the header, unless only that of the parameters fits the size.
 
-    A header that leaves more than padding behind its frames is compared with the parameters; of what fits, the longest
-    is taken. The layout returned may not fit (the file is cut off then).
+    If the header's layout leaves more than padding after the frames, the layouts of the parameters are candidates, too,
+    and the longest that fits is used. The returned layout may not fit if the file is truncated.
     """
     used = first_number(header, records, "ANALOG", "USED")
     points = first_number(header, records, "POINT", "USED")
@@ -81,7 +81,7 @@ def find_layout(header: Header, records: Sequence[Record], size: int) -> Layout:
 
 
 def _frames(header: Header, records: Sequence[Record]) -> int:
-    """Frames of the header; beyond what it can hold, of TRIAL:ACTUAL_START_FIELD and _END_FIELD or POINT:FRAMES."""
+    """Frames of the header; if saturated, of TRIAL:ACTUAL_START_FIELD and _END_FIELD or POINT:FRAMES."""
     if header.last_frame != _SATURATED:
         return max(0, header.n_frames)
     fields = [parameter(records, "TRIAL", f"ACTUAL_{end}_FIELD") for end in ("START", "END")]

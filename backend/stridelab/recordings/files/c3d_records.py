@@ -20,14 +20,14 @@ INTEL: Final = 84
 DEC: Final = 85
 MIPS: Final = 86
 BYTE_ORDER: Final = {INTEL: "<", DEC: "<", MIPS: ">"}
-"""Order of the bytes of an integer by processor type."""
+"""Byte order of an integer by processor type."""
 
 Values = Float[np.ndarray, " values"]
 
 
 @dataclass(frozen=True)
 class Header:
-    """The fields of the header that say where the data are and how many there are.
+    """Header fields with the position and the counts of the data.
 
     ``n_analog`` counts the analog samples per frame over all channels, ``ratio`` those of one channel.
     ``first_frame`` and ``last_frame`` are as written, ``data_block`` counts blocks from 1.
@@ -58,8 +58,8 @@ class Header:
 class Record:
     """One group or parameter.
 
-    A group's own record has its number below zero and ``kind`` 0. Names are as written: ezc3d knows capitals only.
-    ``kind`` is -1 for text and else the bytes per number; ``raw`` holds the values in the file's number format.
+    The record of a group has a negative number and ``kind`` 0. Names are as in the file; ezc3d reads upper case only.
+    ``kind`` is -1 for text, otherwise the bytes per number; ``raw`` holds the values in the file's number format.
     """
 
     group: int
@@ -77,18 +77,18 @@ class Record:
 
     @property
     def n_values(self) -> int:
-        """How many values it holds; a text counts as one."""
+        """Number of values; a text counts as one."""
         return 0 if self.kind == 0 else math.prod(self.shape[1:] if self.is_text else self.shape)
 
     def texts(self) -> list[str]:
-        """The texts, without the blanks behind them."""
+        """The texts without trailing blanks."""
         width = self.shape[0] if self.shape else 0
         pieces = [self.raw[i * width : (i + 1) * width] for i in range(self.n_values)] if width else []
         return [piece.decode("latin-1").rstrip(" \0") for piece in pieces]
 
 
 def read_header(head: bytes, processor: int) -> Header:
-    """The header's fields; ``head`` holds its 512 bytes."""
+    """Parse the 512 bytes ``head`` of a header."""
     order = BYTE_ORDER[processor]
     n_points, n_analog, first, last = struct.unpack_from(order + "4H", head, 2)
     data_block, ratio = struct.unpack_from(order + "2H", head, 16)
@@ -97,7 +97,7 @@ def read_header(head: bytes, processor: int) -> Header:
 
 
 def floats(raw: bytes, processor: int) -> Values:
-    """Four-byte floats; DEC exchanges the halves and has an exponent that is two higher."""
+    """Decode four-byte floats; DEC swaps the halves and its exponent is larger by two."""
     if processor != DEC:
         return np.frombuffer(raw, BYTE_ORDER[processor] + "f4").astype(np.float64)
     halves = np.frombuffer(raw, "<u2").reshape(-1, 2)[:, ::-1]
@@ -114,12 +114,12 @@ def numbers(record: Record, processor: int) -> Values:
 
 
 def group_numbers(records: Sequence[Record]) -> dict[str, int]:
-    """Numbers of the groups by name in capitals."""
+    """Numbers of the groups by name in upper case."""
     return {record.name.upper(): -record.group for record in records if record.group < 0}
 
 
 def parameter(records: Sequence[Record], group: str, name: str) -> Record | None:
-    """The last parameter ``group:name`` (in capitals), in whatever case the file has it; None where there is none."""
+    """Last parameter ``group:name`` (given in upper case, matched in any case); None if absent."""
     number = group_numbers(records).get(group)
     found = [record for record in records if record.group == number and record.name.upper() == name]
     return found[-1] if found else None
@@ -134,12 +134,12 @@ def continued(records: Sequence[Record], group: str, name: str) -> list[Record]:
 
 
 def read_records(section: bytes, processor: int, file_name: str) -> list[Record]:
-    """All records of a parameter section, whose first four bytes are the section's own.
+    """Parse all records of a parameter section, which begins with four bytes of its own.
 
     A record is: length of the name (negative where locked), group number (negative for a group itself), name, offset to
     the next record, then for a parameter its type, number of dimensions, dimensions and values, then the description
-    with its length. Raises ``UnreadableFile`` (``c3d-parameters-broken``, ``truncated-file``) unless each record is
-    whole and sane, and all of them fit into the section.
+    with its length. Raises ``UnreadableFile`` (``c3d-parameters-broken``, ``truncated-file``) for an incomplete or
+    invalid record, or one that exceeds the section.
     """
     at, records, order = 4, [], BYTE_ORDER[processor]
     try:
@@ -164,7 +164,7 @@ def read_records(section: bytes, processor: int, file_name: str) -> list[Record]
             if end > link + step:
                 raise broken(file_name, f"the record {title} overlaps the next one")
             if link + step > len(section) and not section[end:].strip(b"\0"):
-                break  # the last record's offset leads nowhere
+                break  # the offset of the last record points beyond the section
             at = link + step
     except (struct.error, IndexError) as error:
         raise truncated(file_name, "the parameter section") from error
@@ -172,13 +172,13 @@ def read_records(section: bytes, processor: int, file_name: str) -> list[Record]
 
 
 def _values(section: bytes, at: int, name: str, file_name: str) -> tuple[int, tuple[int, ...], bytes, int]:
-    """Type, dimensions and values of a parameter, and where they end."""
+    """Type, dimensions and values of a parameter, and the offset of their end."""
     (kind,) = struct.unpack_from("b", section, at)
     n_dimensions = section[at + 1]
     if kind not in (-1, 1, 2, 4) or n_dimensions > 7:
         raise broken(file_name, f"a parameter of type {kind} with {n_dimensions} dimensions")
     if kind == -1 and n_dimensions == 0:
-        raise broken(file_name, f"{name} is text without a length")  # ezc3d's process ends on it
+        raise broken(file_name, f"{name} is text without a length")  # ezc3d crashes on it
     start = at + 2 + n_dimensions
     shape = tuple(section[at + 2 : start])
     end = start + abs(kind) * math.prod(shape)
@@ -186,14 +186,14 @@ def _values(section: bytes, at: int, name: str, file_name: str) -> tuple[int, tu
 
 
 def truncated(file_name: str, what: str) -> UnreadableFile:
-    """The refusal of a file that ends too early (``truncated-file``)."""
+    """Error for a file that ends too early (``truncated-file``)."""
     return UnreadableFile(
         "truncated-file", f"The C3D file ends in the middle of {what}.", [Fault(file_name, "truncated")]
     )
 
 
 def broken(file_name: str, what: str) -> UnreadableFile:
-    """The refusal of a damaged parameter section (``c3d-parameters-broken``)."""
+    """Error for a damaged parameter section (``c3d-parameters-broken``)."""
     return UnreadableFile(
         "c3d-parameters-broken", "The C3D file's parameter section is damaged.", [Fault(file_name, what)]
     )

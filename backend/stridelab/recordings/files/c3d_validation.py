@@ -1,8 +1,8 @@
-"""Checks of a C3D file's header and parameter records, before a C library gets to see them.
+"""Validates the header and parameter records of a C3D file before ezc3d reads it.
 
 Layout after the C3D user manual (c3d.org): 512-byte header; parameter records, each a chain of groups and
-parameters linked by 16-bit offsets; then frames of points and analog samples. ezc3d 1.7.2 trusts all of it: a damaged
-byte in the wrong place is a crash or an endless loop there, and a refusal with a name here.
+parameters linked by 16-bit offsets; then frames of points and analog samples. ezc3d 1.7.2 does not validate them: a
+damaged byte can crash it or cause an endless loop. Here it raises an error with a specific code.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ from stridelab.recordings.files.c3d_records import (
 )
 
 _LAST_PARAMETER_BLOCK = 20
-"""The parameters follow the header (block 2); some programs leave a little room. "%PDF" would be block 37."""
+"""Last block at which the parameters may start: usually 2; some programs leave a gap. "%PDF" would be block 37."""
 _MAX_POINTS = 2000
 _MAX_ANALOG_PER_FRAME = 40000
 _MAX_VALUES = 200_000_000
@@ -34,13 +34,13 @@ _NUMBERS = {
     "FORCE_PLATFORM": {"USED", "TYPE", "ZERO", "CORNERS", "ORIGIN", "CHANNEL", "CAL_MATRIX"},
     "ROTATION": {"USED", "DATA_START", "RATE", "RATIO"},
 }
-"""Parameters that ezc3d takes for numbers, and the first of them for the only one, without a look at their type."""
+"""Parameters that ezc3d reads as numbers without checking their type."""
 _SINGLE = {"USED", "RATE", "DATA_START", "FRAMES", "GEN_SCALE", "RATIO"}
 
 
 @dataclass(frozen=True)
 class CheckedC3d:
-    """What a file's header and parameters say, and where its frames lie."""
+    """Validated header, parameters and data layout of a file."""
 
     header: Header
     records: tuple[Record, ...]
@@ -48,11 +48,11 @@ class CheckedC3d:
 
 
 def check_c3d(path: Path) -> CheckedC3d:
-    """Header, parameters and layout of a file.
+    """Read and validate header, parameters and layout of a file.
 
-    The parameter section is followed up to the data, where it states fewer blocks than it has. Raises
-    ``UnreadableFile`` (``empty-file``, ``not-c3d``, ``truncated-file``, ``c3d-parameters-broken``,
-    ``absurd-c3d-header``) unless header, parameter section and data fit into the file.
+    The parameter section is read up to the data, even if it states fewer blocks. Raises ``UnreadableFile``
+    (``empty-file``, ``not-c3d``, ``truncated-file``, ``c3d-parameters-broken``, ``absurd-c3d-header``) unless header,
+    parameter section and data are valid and fit into the file.
     """
     size = path.stat().st_size
     with path.open("rb") as file:
@@ -72,7 +72,7 @@ def check_c3d(path: Path) -> CheckedC3d:
         section = start + file.read(max(start[2] * BLOCK, header.data_start - begin) - 4)
     records = tuple(read_records(section, header.processor, path.name))
     if not records:
-        raise broken(path.name, f"it holds no parameters; it says that it is {start[2]} blocks long")
+        raise broken(path.name, f"it holds no parameters; its stated length is {start[2]} blocks")
     _check_counts(path, header)
     layout = find_layout(header, records, size)
     if layout.values_per_frame and (header.data_block < 2 or layout.end > size):
@@ -84,7 +84,7 @@ def check_c3d(path: Path) -> CheckedC3d:
 
 
 def _check_counts(path: Path, header: Header) -> None:
-    """Counts of the header that no recording has."""
+    """Raise ``absurd-c3d-header`` for counts that are implausible for a recording."""
     what = None
     n_points, n_analog = header.n_points, header.n_analog
     if n_points > _MAX_POINTS or n_analog > _MAX_ANALOG_PER_FRAME:
@@ -95,12 +95,12 @@ def _check_counts(path: Path, header: Header) -> None:
         what = "more data than any recording has"
     if what is not None:
         raise UnreadableFile(
-            "absurd-c3d-header", f"The C3D header promises {what}; that is no recording.", [Fault(path.name, what)]
+            "absurd-c3d-header", f"The C3D header states {what}; this is implausible.", [Fault(path.name, what)]
         )
 
 
 def _check_numbers(path: Path, records: Sequence[Record]) -> None:
-    """Parameters that are read as numbers must be numbers, and there where one is needed."""
+    """Raise unless the parameters that ezc3d reads as numbers are numeric and not empty."""
     groups = {number: name for name, number in group_numbers(records).items()}
     for record in records:
         group, name = groups.get(record.group, ""), record.name.upper()
@@ -113,7 +113,7 @@ def _check_numbers(path: Path, records: Sequence[Record]) -> None:
 
 
 def _check_rates(path: Path, header: Header, records: Sequence[Record]) -> None:
-    """ezc3d reads as many samples per frame as the rates say, whatever the header says."""
+    """Raise if the rates imply too many samples: ezc3d computes the samples per frame from the rates."""
     used, rate_hz = (first_number(header, records, "ANALOG", name) or 0.0 for name in ("USED", "RATE"))
     frames_hz = first_number(header, records, "POINT", "RATE") or 0.0
     if frames_hz == 0.0:

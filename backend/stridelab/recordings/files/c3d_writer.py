@@ -1,4 +1,4 @@
-"""C3D files out: a recording as a whole, or an uploaded file with points added."""
+"""Writes C3D files: a whole recording, or a copy of an uploaded file with points added."""
 
 import shutil
 import tempfile
@@ -23,16 +23,17 @@ from stridelab.recordings.recording import Plate, Recording
 
 _TEXT_CHUNK = 100
 _MOST_FRAMES = 65535
-"""What the header of a C3D file can count; more are counted by TRIAL."""
+"""Maximum number of frames in the header of a C3D file; larger counts go to the TRIAL group."""
 _KIND = {"foot_strike": "Foot Strike", "foot_off": "Foot Off"}
 
 
 def write_c3d(path: Path, recording: Recording, *, extra_points: Mapping[str, Points] = {}) -> None:
-    """Write a recording: markers in mm, plates as type 2 with channels in N and Nmm, events, subject, what it carries.
+    """Write a recording: markers in mm, plates as type 2 with channels in N and Nmm, events, subject, metadata.
 
-    ``extra_points`` (metres, world frame) are added after the markers. World axes are kept (z up). Reading the file
-    back gives the same wrench to single precision; where the force rate is no multiple of the marker rate the channels
-    are interpolated to the next higher one. The person's height and mass go to PROCESSING, never a name.
+    ``extra_points`` (metres, world frame) are added after the markers. The axes of the file are those of the world (z
+    up). Reading the file back gives the same wrench to single precision; if the force rate is not a multiple of the
+    marker rate, the channels are interpolated to the next higher multiple. The subject's height and mass go to
+    PROCESSING; no name is written.
     """
     points = {**recording.markers_m, **recording.model_points_m, **extra_points}
     content = ezc3d.c3d()
@@ -66,12 +67,12 @@ def write_c3d(path: Path, recording: Recording, *, extra_points: Mapping[str, Po
 
 
 def add_points_to_c3d(source: Path, target: Path, points: Mapping[str, Points]) -> None:
-    """Copy a C3D file with points added; every point, analog sample and parameter of it stays as it was.
+    """Copy a C3D file with points added; its points, analog samples and parameters are preserved.
 
-    The copy has Intel floats, whatever the file has, and the scale of its header is that of POINT:SCALE. ``points`` are
-    in metres in the world frame, one row per frame of the file, and are turned back into the file's own axes and unit.
-    A label that the file already has is replaced by ``<label>_stridelab``. Raises ``InvalidInput``
-    (``wrong-frame-count``), and ``UnreadableFile`` as ``read_c3d``.
+    The copy uses Intel floats, and the scale of its header is that of POINT:SCALE. ``points`` are in metres in the
+    world frame, one row per frame of the file; they are converted to the file's axes and unit. A label that the file
+    already has is replaced by ``<label>_stridelab``. Raises ``InvalidInput`` (``wrong-frame-count``), and
+    ``UnreadableFile`` as ``read_c3d``.
     """
     raw = read_c3d(source)
     R = rotation_to_z_up(up_axis_of(raw))
@@ -93,13 +94,13 @@ def add_points_to_c3d(source: Path, target: Path, points: Mapping[str, Points]) 
 
 
 def homogeneous(cloud: Float[np.ndarray, "frames points 3"]) -> Float[np.ndarray, "4 points frames"]:
-    """ezc3d's layout: x, y, z, 1 by point by frame."""
+    """Points in the array layout of ezc3d: (x, y, z, 1) by point by frame."""
     ones = np.ones((*cloud.shape[:2], 1))
     return np.ascontiguousarray(np.concatenate([cloud, ones], axis=2).transpose(2, 1, 0))
 
 
 def chunks(text: str) -> list[str]:
-    """Cut a text into C3D strings, never beside a blank (blanks at the ends of C3D strings are lost)."""
+    """Split a text into C3D strings, never next to a blank: blanks at the ends of C3D strings are lost."""
     parts: list[str] = []
     while text:
         n = min(_TEXT_CHUNK, len(text))
@@ -111,7 +112,7 @@ def chunks(text: str) -> list[str]:
 
 
 def _add_frame_count(content: Any, n_frames: int) -> None:
-    """First and last frame in two words of 16 bits each, the lower one first."""
+    """Write the first and last frame as two 16-bit words each, the lower one first."""
     for name, frame in (("ACTUAL_START_FIELD", 1), ("ACTUAL_END_FIELD", n_frames)):
         low, high = frame % 65536, frame // 65536
         content.add_parameter("TRIAL", name, [float(low - 65536 if low > 32767 else low), float(high)])
@@ -149,13 +150,13 @@ def _add_plates(content: Any, recording: Recording) -> None:
 
 
 def _add_integers(content: Any, group: str, name: str, values: Any) -> None:
-    """ezc3d stores every number as a float unless told; programs expect counts and channels to be integers."""
+    """Add a parameter as integers: ezc3d stores floats by default, but programs expect counts to be integers."""
     content.add_parameter(group, name, np.asarray(values, dtype=np.float64))
     content["parameters"][group][name]["type"] = ezc3d.ezc3d.INT
 
 
 def _plate_signals(plate: Plate) -> tuple[Points, Points]:
-    """Force and moment about the centre of the corners, in the plate's axes: what a sensor at the surface reads."""
+    """Force and moment about the centre of the corners, in the plate's axes: signals of a sensor at the surface."""
     R = plate_axes(plate.corners_m)
     c = plate.corners_m.mean(axis=0)
     return plate.force_n @ R, (plate.moment_nm - np.cross(c, plate.force_n)) @ R
@@ -178,7 +179,7 @@ def _add_events(content: Any, recording: Recording) -> None:
 
 
 def _write(content: Any, path: Path) -> None:
-    """ezc3d insists on the suffix .c3d; write beside the target and move it there whole."""
+    """Write to a temporary .c3d file (ezc3d requires the suffix) and move it to ``path`` atomically."""
     with tempfile.TemporaryDirectory(dir=path.parent, prefix=".c3d-") as folder:
         written = Path(folder) / "out.c3d"
         content.write(str(written))

@@ -1,4 +1,4 @@
-"""Which of a file's points are markers: prefixes, unlabelled points, duplicates and the outputs of gait models."""
+"""Selects the markers among a file's points: handles prefixes, unlabelled points, duplicates and model outputs."""
 
 import re
 from collections import defaultdict
@@ -17,7 +17,7 @@ _FRAME_SUFFIXES = ("O", "A", "L", "P")
 
 @dataclass(frozen=True)
 class LabelChoice:
-    """``column`` maps each kept label to its column in the file; ``outputs`` of them are computed positions."""
+    """``column`` maps each selected label to its column in the file; ``outputs`` are those of computed positions."""
 
     column: dict[str, int]
     outputs: frozenset[str]
@@ -25,7 +25,7 @@ class LabelChoice:
 
 
 def without_prefix(label: str) -> str:
-    """``Subject:LASI`` -> ``LASI``; the prefix is often a person's name and is never kept."""
+    """``Subject:LASI`` -> ``LASI``; the prefix is often a person's name and is never stored."""
     return label.rsplit(":", 1)[-1].strip()
 
 
@@ -40,11 +40,11 @@ def model_frames(labels: Iterable[str]) -> frozenset[str]:
 def choose(
     labels: Sequence[str], visible: Sequence[int], not_positions: Iterable[str], modelled: Iterable[str]
 ) -> LabelChoice:
-    """Pick one column per marker.
+    """Select one column per marker.
 
-    ``visible`` counts the frames in which each point is seen; ``not_positions`` are the names that the file lists as
-    angles, powers, forces, moments or scalars, ``modelled`` those that it lists as modelled markers. Of two subjects
-    in one file the better seen is kept, and of two columns of one name likewise.
+    ``visible`` counts the frames in which each point is visible; ``not_positions`` are the names that the file lists as
+    angles, powers, forces, moments or scalars, ``modelled`` those that it lists as modelled markers. Of several
+    subjects in one file, and of several columns of one name, the one visible in the most frames is used.
     """
     remarks: list[Remark] = []
     listed = {without_prefix(name).lower() for name in not_positions}
@@ -58,7 +58,7 @@ def choose(
         remarks.append(
             Remark(
                 "several-subjects",
-                f"The file holds markers of more than one subject; the best seen was kept, {len(other)} were left out.",
+                f"The file has markers of several subjects; the most visible one is used, {len(other)} were left out.",
             )
         )
     column: dict[str, int] = {}
@@ -74,7 +74,7 @@ def choose(
         column[name] = i
     if doubled:
         names = ", ".join(sorted(doubled))
-        remarks.append(Remark("duplicate-labels", f"These labels occur twice; the better seen was kept: {names}."))
+        remarks.append(Remark("duplicate-labels", f"These labels occur twice; the more visible is used: {names}."))
     computed = {without_prefix(name) for name in modelled} | model_frames(column)
     if {"LHDF0", "RHDF0"} & set(column):
         computed |= {name for name in column if _OXFORD_FOOT.match(name)}
@@ -83,7 +83,7 @@ def choose(
 
 
 def _other_subjects(labels: Sequence[str], visible: Sequence[int], dropped: set[int]) -> set[int]:
-    """Columns of all prefixes but the best seen one, if two prefixes share a marker name."""
+    """Columns of all prefixes except the most visible one, if they share a marker name with it."""
     columns: dict[str, list[int]] = defaultdict(list)
     names: dict[str, set[str]] = defaultdict(set)
     for i, label in enumerate(labels):

@@ -1,6 +1,7 @@
-"""Gait events stored in a file: dialects of their names, contexts, and times counted from the original recording.
+"""Parses the gait events and the subject data of a file.
 
-What a file says of the person. Names are never read; fillers and absurd values are dropped with a remark.
+Event names vary between programs, and their times count from the start of the original recording. The subject's name
+is never read; placeholder and implausible values are dropped with a remark.
 """
 
 import math
@@ -38,10 +39,10 @@ def event_side(label: str, context: str) -> Side | None:
 def read_events(
     labels: Sequence[str], contexts: Sequence[str], times_s: Sequence[float], first_frame: int, rate_hz: float
 ) -> tuple[Event, ...]:
-    """Foot strikes and foot offs in order of time.
+    """Foot strikes and foot offs in order of time; other events are ignored.
 
     ``times_s`` count from the start of the original recording, of which frame ``first_frame`` (from 0) is this file's
-    first; other events are left out.
+    first.
     """
     offset_s = first_frame / rate_hz
     events: list[Event] = []
@@ -58,13 +59,13 @@ MASS_RANGE_KG = (2.0, 400.0)
 WIDTH_RANGE_M = (0.03, 0.25)
 WIDTH_JOINTS = ("knee", "ankle", "elbow")
 AGE_RANGE_YEARS = (0.5, 98.0)
-"""99 years is what several programs write where the age is not known."""
+"""Several programs write 99 years for an unknown age."""
 
 
 def read_subject(stated: Mapping[str, float]) -> tuple[Subject, tuple[Remark, ...]]:
-    """Subject from ``stated`` values: height, mass (or weight, bodymass), age, gender; any case, any unit of length.
+    """Subject from the file's values: height, mass (or weight, bodymass), age, gender; any case, any unit of length.
 
-    Heights above 3 are taken for centimetres (below 300) or millimetres. ``gender`` is 0 for a woman, 1 for a man.
+    Heights above 3 are read as centimetres (below 300) or millimetres. ``gender`` is 0 for a woman, 1 for a man.
     """
     values = {key.lower().replace(" ", "").replace("_", ""): value for key, value in stated.items()}
     remarks: list[Remark] = []
@@ -94,7 +95,7 @@ def read_subject(stated: Mapping[str, float]) -> tuple[Subject, tuple[Remark, ..
 
 
 def read_joint_widths_m(stated: Mapping[str, float]) -> dict[str, float]:
-    """Calliper widths of a Plug-in Gait file ("LKneeWidth" in mm) as {"l_knee": metres}; absurd ones are left out."""
+    """Calliper widths of a Plug-in Gait file ("LKneeWidth" in mm) as {"l_knee": metres}, without implausible ones."""
     values = {key.lower(): value for key, value in stated.items()}
     found = {
         f"{side}_{joint}": values.get(f"{side}{joint}width", math.nan) / 1000.0

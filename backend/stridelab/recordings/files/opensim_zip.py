@@ -1,4 +1,4 @@
-"""The zip of an OpenSim trial: which members are the markers and the forces, without trusting any of its numbers."""
+"""Opens the zip of an OpenSim trial and identifies its marker and force files; sizes in the zip are not trusted."""
 
 import zipfile
 import zlib
@@ -10,7 +10,7 @@ from stridelab.errors import Fault, UnreadableFile
 
 MAX_MEMBERS = 64
 MAX_MEMBER_BYTES = 64 * 1024 * 1024
-"""Largest text that is unpacked; ten minutes of full-body markers are about 40 MB."""
+"""Maximum unpacked size of a member; ten minutes of full-body markers are about 40 MB."""
 MAX_TOTAL_BYTES = 2 * MAX_MEMBER_BYTES
 ZIP_ERRORS: Final = (
     zipfile.BadZipFile,
@@ -21,12 +21,12 @@ ZIP_ERRORS: Final = (
     RuntimeError,
     ValueError,
 )
-"""What reading a zip raises that is damaged, encrypted or packed in an unknown way."""
+"""Exceptions from reading a damaged, encrypted or unsupported zip."""
 
 
 @dataclass(frozen=True)
 class TrialTexts:
-    """Contents of one TRC file and, where there is one, one force file; with the names of the members."""
+    """Contents and names of one TRC file and of the force file, if there is one."""
 
     trc: str
     trc_name: str
@@ -35,7 +35,7 @@ class TrialTexts:
 
 
 def damaged(path: Path, error: Exception) -> UnreadableFile:
-    """What is told of such a zip (``zip-damaged``)."""
+    """Error for an unreadable zip (``zip-damaged``)."""
     return UnreadableFile(
         "zip-damaged",
         "The zip file is damaged, encrypted or of an unknown kind.",
@@ -44,9 +44,9 @@ def damaged(path: Path, error: Exception) -> UnreadableFile:
 
 
 def _cause(error: Exception) -> str:
-    """The error of the zip library in words, which words its own for programmers; special cases first."""
+    """Explanation of an exception of the zip library for users; subclasses come first."""
     causes: tuple[tuple[type[Exception], str], ...] = (
-        (zipfile.BadZipFile, "it is no whole zip file: its directory or a checksum does not fit its contents"),
+        (zipfile.BadZipFile, "it is not a complete zip file: its directory or a checksum does not match its contents"),
         (zipfile.LargeZipFile, "it needs the extension for large zip files and does not use it"),
         (zlib.error, "compressed data in it are damaged"),
         (EOFError, "it ends early"),
@@ -58,7 +58,7 @@ def _cause(error: Exception) -> str:
 
 
 def open_trial(path: Path) -> TrialTexts:
-    """Unpack exactly one TRC and at most one MOT or STO file with ground forces, told apart by content.
+    """Unpack exactly one TRC and at most one MOT or STO file with ground forces, identified by content.
 
     Raises ``UnreadableFile`` (``zip-damaged``, ``zip-bomb``, ``zip-too-many-files``, ``zip-without-trc``,
     ``zip-several-trials``).
@@ -93,12 +93,12 @@ def open_trial(path: Path) -> TrialTexts:
 
 
 def is_trc(text: str) -> bool:
-    """Whether a text begins as a TRC file does; blank lines and spaces in front of it do not matter."""
+    """Whether a text begins like a TRC file; leading blank lines and spaces are ignored."""
     return text[:2000].lstrip("\ufeff \t\r\n").startswith("PathFileType")
 
 
 def has_ground_forces(text: str) -> bool:
-    """Whether a text is a MOT or STO file with ground reaction forces (others hold joint angles)."""
+    """Whether a text is a MOT or STO file with ground reaction forces (other such files contain joint angles)."""
     head = text[:20000]
     return "endheader" in head and "ground_force" in head.lower()
 
@@ -108,7 +108,7 @@ def _is_litter(name: str) -> bool:
 
 
 def _unpack_all(archive: zipfile.ZipFile, members: list[zipfile.ZipInfo]) -> dict[str, str]:
-    """Texts of all members, as long as they fit into the limit together."""
+    """Texts of all members; raises ``zip-bomb`` if they exceed ``MAX_TOTAL_BYTES`` together."""
     texts: dict[str, str] = {}
     left = MAX_TOTAL_BYTES
     for member in members:
@@ -118,7 +118,7 @@ def _unpack_all(archive: zipfile.ZipFile, members: list[zipfile.ZipInfo]) -> dic
 
 
 def _unpack(archive: zipfile.ZipFile, member: zipfile.ZipInfo, limit: int) -> str:
-    """Text of a member; stops reading at the limit whatever size the zip's directory states."""
+    """Text of a member; reading stops at the limit regardless of the size in the zip's directory."""
     with archive.open(member) as file:
         content = file.read(limit + 1)
     if len(content) > limit:

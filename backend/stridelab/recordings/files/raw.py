@@ -1,4 +1,4 @@
-"""What a file holds before it is interpreted: points and plate signals in the file's own axes, SI units."""
+"""Raw content of a recording file: points and plate signals in the file's own axes, in SI units."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ Cloud = Float[np.ndarray, "frames labels 3"]
 """Positions of all labels at all frames."""
 
 LARGEST = 1e9
-"""No laboratory measures more, in whatever unit: larger numbers are damage, and overflow in what follows."""
+"""Largest plausible magnitude in any unit; larger numbers come from damaged files and would overflow later."""
 
 NO_FORCE_FILE = "no-force-file"
 """Code of the remark that a TRC file came without a force file."""
@@ -24,11 +24,11 @@ CONTACT_TYPE = 0
 
 @dataclass(frozen=True)
 class PlateSignals:
-    """One plate as its sensor saw it, in the plate's own axes (x, y along the corners, z = x cross y).
+    """Signals of one plate in its own axes (x, y along the corners, z = x cross y).
 
     ``moment_nm`` is about the sensor; ``origin_m`` is the vector from the sensor to the centre of the surface;
-    ``zero_samples`` are the first and last analog sample (from 1) that FORCE_PLATFORM:ZERO says to average.
-    ``moment_unit`` is the text by which the moments were scaled, None where no text decides (types 1 and 3).
+    ``zero_samples`` are the first and last analog sample (from 1) to average, as in FORCE_PLATFORM:ZERO.
+    ``moment_unit`` is the unit text by which the moments were scaled, None if the unit is fixed (types 1 and 3).
     """
 
     index: int
@@ -45,7 +45,7 @@ class PlateSignals:
 class FilePlate:
     """One plate in the file's axes: wrench on the body about the file's origin, tare removed.
 
-    ``usable`` is False where the loaded centre of pressure is never on the plate: no sum may contain its wrench.
+    ``usable`` is False if the loaded centre of pressure is never on the plate; its wrench is then excluded from sums.
     """
 
     index: int
@@ -59,12 +59,12 @@ class FilePlate:
 
 @dataclass(frozen=True)
 class RawTrial:
-    """Everything read from one file (or pair), still in the file's axes.
+    """Content of one file (or pair of files) in the file's axes.
 
-    ``labels`` are unique and cleaned; ``outputs`` of them are positions computed by a model. ``plates`` holds raw
-    signals of C3D plates, ``contacts`` the finished contacts of a MOT file. ``up_hint`` is what the file says about
-    its vertical axis, if anything. ``metres_per_unit`` is the factor by which its lengths were multiplied.
-    ``recorded_on`` is the day of the recording as YYYY-MM-DD, empty where the file does not state it.
+    ``labels`` are unique and cleaned; ``outputs`` are those of positions computed by a model. ``plates`` holds raw
+    signals of C3D plates, ``contacts`` the contacts of a MOT file. ``up_hint`` is the vertical axis according to the
+    file, if given. ``metres_per_unit`` is the factor by which its lengths were multiplied. ``recorded_on`` is the day
+    of the recording as YYYY-MM-DD, empty if the file does not contain it.
     """
 
     labels: tuple[str, ...]

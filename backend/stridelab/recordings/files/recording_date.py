@@ -1,6 +1,6 @@
-"""The day on which a C3D file was recorded, where its writer says so: TRIAL:DATE, or a DATE of the manufacturer.
+"""Recording date of a C3D file, from TRIAL:DATE or a DATE of the manufacturer.
 
-BTS writes TRIAL:DATE as year, month and day. Texts are read in the ISO 8601 order alone: 05/06/2019 is two days.
+BTS writes TRIAL:DATE as year, month and day. Texts are read in ISO 8601 order only: 05/06/2019 is ambiguous.
 """
 
 import re
@@ -15,15 +15,15 @@ PLACES: Final = (
     ("MANUFACTURER", "DATE"),
     ("MANUFACTURER", "RECORDING_DATE"),
 )
-"""Group and parameter, in the order in which they are asked."""
+"""Groups and parameters in order of preference."""
 FIRST_YEAR: Final = 1970
 _ISO = re.compile(r"^(\d{4})[-/.]?(\d{2})[-/.]?(\d{2})(?!\d)")
 
 
 def recorded_on(texts: Callable[[str, str], Sequence[str]], numbers: Callable[[str, str], Sequence[float]]) -> str:
-    """The day as ``YYYY-MM-DD``; empty where the file does not say it. Fillers (year 0, month 13) are no day.
+    """Recording date as ``YYYY-MM-DD``; empty if absent or a placeholder (year 0, month 13).
 
-    ``texts`` and ``numbers`` give the values of a parameter by its group and name, empty where it has none of the kind.
+    ``texts`` and ``numbers`` return the values of a parameter by its group and name, empty if it has none of the kind.
     """
     for group, name in PLACES:
         for year, month, day in (*_stated(texts(group, name)), *_counted(numbers(group, name))):

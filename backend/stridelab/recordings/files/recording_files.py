@@ -1,4 +1,4 @@
-"""Which files of a folder or of a zip are recordings, by their names."""
+"""Selects the recordings among the files of a folder or a zip by their names."""
 
 from collections.abc import Iterable
 from pathlib import Path, PurePath
@@ -13,8 +13,7 @@ _P = TypeVar("_P", bound=PurePath)
 def recordings_among(paths: Iterable[_P]) -> list[_P]:
     """The recordings among files, in order.
 
-    A TRC file beside a C3D file or a zip of the same name is an export of that trial, which may hold forces as well: it
-    is left out.
+    A TRC file beside a C3D file or a zip of the same name is an export of that trial and is omitted.
     """
     found = [path for path in paths if path.suffix.lower() in SUFFIXES]
     whole = {path.with_suffix("") for path in found if path.suffix.lower() in _WITH_FORCES}
@@ -22,5 +21,5 @@ def recordings_among(paths: Iterable[_P]) -> list[_P]:
 
 
 def recordings_in(folder: Path) -> list[Path]:
-    """The recordings of a folder and of the folders in it, sorted, as ``recordings_among``."""
+    """The recordings of a folder and its subfolders, sorted, as in ``recordings_among``."""
     return recordings_among(sorted(path for path in folder.rglob("*") if path.is_file()))

@@ -1,4 +1,4 @@
-"""Tables in text files: rows of numbers between tabs or blanks, every fault named by line and column."""
+"""Parses tables of numbers separated by tabs or blanks; errors name the line and column."""
 
 import numpy as np
 from jaxtyping import Float
@@ -10,23 +10,23 @@ Table = Float[np.ndarray, "rows columns"]
 
 
 class BrokenLineError(ValueError):
-    """What is wrong with a text file and in which line, as the part of a sentence that users read."""
+    """Syntax error in a text file; the message names the line and completes a sentence for users."""
 
 
 def numbered(lines: list[str], start: int) -> list[tuple[int, str]]:
-    """The lines from index ``start`` that are not blank, each with its number in the file, counted from one."""
+    """The non-blank lines from index ``start``, each with its line number, counted from one."""
     return [(i + 1, line) for i, line in enumerate(lines) if i >= start and line.strip()]
 
 
 def cells_of(row: str) -> list[str]:
-    """The cells of a row: between tabs, or between blanks where it has no tabs."""
+    """The cells of a row, separated by tabs, or by blanks if it has no tabs."""
     return row.rstrip("\r\n").split("\t") if "\t" in row else row.split()
 
 
 def table_of(rows: list[tuple[int, str]], width: int) -> Table:
     """Numbers of tab (or blank) separated rows; empty cells are NaN.
 
-    Raises ``BrokenLineError`` on a short row, a cell that is no number, or a number that no laboratory measures.
+    Raises ``BrokenLineError`` for a short row, a cell that is not a number, or a magnitude above ``LARGEST``.
     """
     values = []
     for line, row in rows:
@@ -44,15 +44,15 @@ def _value(cell: str, line: int, column: int) -> float:
         value = float(cell) if cell.strip() else np.nan
     except ValueError as error:
         raise BrokenLineError(
-            f"line {line}, column {column} holds {cell.strip()[:40]!r}, which is no number"
+            f"line {line}, column {column} holds {cell.strip()[:40]!r}, which is not a number"
         ) from error
     if LARGEST < abs(value) < np.inf:
-        raise BrokenLineError(f"line {line}, column {column} holds {value:.3g}, which no laboratory measures")
+        raise BrokenLineError(f"line {line}, column {column} holds {value:.3g}, which is implausibly large")
     return value
 
 
 def sampling_rate_hz(time_s: Series) -> float:
-    """Rate of a time column whose entries are rounded: the mean over the whole column, not one step."""
+    """Sampling rate of a time column with rounded entries: the mean over the whole column."""
     rate_hz = float((len(time_s) - 1) / (time_s[-1] - time_s[0]))
     nearest = round(rate_hz)
     return float(nearest) if nearest and abs(rate_hz - nearest) < 1e-3 * nearest else rate_hz

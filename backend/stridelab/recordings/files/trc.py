@@ -11,7 +11,7 @@ from stridelab.recordings.files.text_table import BrokenLineError, Table, cells_
 def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, str]:
     """Labels, times in seconds, points (file's unit), rate in Hz and unit of length of a TRC file.
 
-    The rate is the header's unless the times say otherwise. Raises ``UnreadableFile`` (``trc-broken``, ``no-frames``).
+    The rate is the header's unless the times contradict it. Raises ``UnreadableFile`` (``trc-broken``, ``no-frames``).
     """
     lines = text.splitlines()
     try:
@@ -35,12 +35,12 @@ def parse_trc(text: str, name: str) -> tuple[list[str], Series, Cloud, float, st
 
 
 def trc_broken(name: str, why: str) -> UnreadableFile:
-    """``trc-broken``: what is wrong with the TRC file ``name``."""
+    """Error for an invalid TRC file ``name`` (``trc-broken``); ``why`` is the reason."""
     return UnreadableFile("trc-broken", f"The TRC file {name} is broken: {why}.", [Fault(name, why)])
 
 
 def header_fields(lines: list[str]) -> dict[str, str]:
-    """Fields of lines 2 and 3 that have a value: by blanks where both lines have as many, else by tabs."""
+    """Fields of lines 2 and 3 with a value; separated by blanks if both lines have as many, else by tabs."""
     keys, values = lines[1].split(), lines[2].split()
     if len(keys) != len(values) and len(lines[1].split("\t")) == len(lines[2].split("\t")) > 1:
         keys, values = ([cell.strip() for cell in line.split("\t")] for line in lines[1:3])
@@ -68,15 +68,14 @@ def _header_number(head: dict[str, str], key: str) -> float:
     try:
         return float(head[key])
     except ValueError as error:
-        raise BrokenLineError(f"line 3 states {head[key][:40]!r} as {key}, which is no number") from error
+        raise BrokenLineError(f"line 3 states {head[key][:40]!r} as {key}, which is not a number") from error
 
 
 def _coordinates(rows: list[tuple[int, str]], labels: list[str]) -> Table:
     """Frame, time and three coordinates per marker.
 
-    Raises ``BrokenLineError`` as ``table_of``, and where a row has more cells than markers, or has lost a tab.
-
-    A lost tab shifts all that follows, and shows in the last marker: it then has one or two of its three coordinates.
+    Raises ``BrokenLineError`` as ``table_of``, and for a row with more cells than markers, or with a missing tab. A
+    missing tab shifts all following cells, so that the last marker has only one or two of its three coordinates.
     """
     width = 2 + 3 * len(labels)
     for line, row in rows:

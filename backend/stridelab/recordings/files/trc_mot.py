@@ -1,8 +1,8 @@
-"""OpenSim trials: markers from TRC, ground forces from MOT or STO; or the markers alone.
+"""Reads OpenSim trials: markers from TRC, ground forces from MOT or STO; or the markers alone.
 
 A MOT file gives per contact the force f on the body, the centre of pressure p and the free moment T; the wrench at
-the file's origin is (f, p x f + T). Where |f| is small p is noise divided by nearly nothing (hundreds of metres) and
-is replaced by the nearest meaningful one.
+the file's origin is (f, p x f + T). Where |f| is small, p is dominated by noise (hundreds of metres) and is replaced by
+the nearest value of a loaded sample.
 """
 
 import re
@@ -31,12 +31,12 @@ _MARGIN_M = 0.1
 
 
 def read_trc(path: Path, name: str) -> RawTrial:
-    """Read a TRC file without forces; ``name`` is what errors call it.
+    """Read a TRC file without forces; ``name`` is its name in error messages.
 
     Raises ``UnreadableFile`` (``trc-too-large``, and as ``parse_trc``).
     """
     if path.stat().st_size > MAX_MEMBER_BYTES:
-        message = f"The TRC file {name} is larger than {MAX_MEMBER_BYTES // 2**20} MB, the most that is read."
+        message = f"The TRC file {name} exceeds the maximum size of {MAX_MEMBER_BYTES // 2**20} MB."
         raise UnreadableFile("trc-too-large", message, [Fault(name, f"{path.stat().st_size} bytes")])
     text = path.read_bytes().decode("utf-8-sig", errors="replace")
     return _trial(TrialTexts(text, name, None, ""), "The TRC file")
@@ -51,7 +51,7 @@ def read_trc_mot(path: Path) -> RawTrial:
 
 
 def _trial(texts: TrialTexts, source: str) -> RawTrial:
-    """The trial of one TRC and at most one force file; ``source`` is the uploaded file in a sentence."""
+    """Trial of one TRC and at most one force file; ``source`` names the uploaded file in messages."""
     labels, time_s, points, rate_hz, unit = parse_trc(texts.trc, texts.trc_name)
     cloud = mark_missing(points)
     scale, remarks = _length_scale(unit, cloud, texts.trc_name)
@@ -104,15 +104,15 @@ def _trial(texts: TrialTexts, source: str) -> RawTrial:
 def parse_mot(text: str, name: str) -> tuple[Series, dict[str, dict[str, Points]]]:
     """Times, and per contact the arrays "v" (force), "p" (centre of pressure) and "t" (free moment).
 
-    Both header dialects (``nRows=``, ``datarows``) end in ``endheader``; contacts are told apart by what is left of
-    the column name (``ground_force_vx``, ``1_ground_force_vx``, ``ground_force_r_vx``). Raises ``UnreadableFile``
-    (``mot-broken``, ``mot-without-forces``).
+    Both header dialects (``nRows=``, ``datarows``) end in ``endheader``; contacts are distinguished by the prefix or
+    suffix of the column name (``ground_force_vx``, ``1_ground_force_vx``, ``ground_force_r_vx``). Raises
+    ``UnreadableFile`` (``mot-broken``, ``mot-without-forces``).
     """
     lines = text.splitlines()
     try:
         ends = [i for i, line in enumerate(lines) if line.strip().lower() == "endheader"]
         if not ends:
-            raise BrokenLineError("no line says endheader")
+            raise BrokenLineError("it has no line endheader")
         rows = numbered(lines, ends[0] + 1)
         if not rows:
             raise BrokenLineError(
@@ -144,9 +144,9 @@ def parse_mot(text: str, name: str) -> tuple[Series, dict[str, dict[str, Points]
 
 
 def even_times_s(time_s: Series, zero_s: float) -> Series:
-    """Times counted from ``zero_s`` without their rounding: even steps, a whole step from zero where nearly so.
+    """Times from ``zero_s`` with even steps instead of rounded entries, and whole steps from zero if nearly so.
 
-    A column that is not evenly sampled (off by half a step) is left as it is.
+    A column that is not evenly sampled (off by half a step) is only shifted.
     """
     rate_hz = sampling_rate_hz(time_s)
     first = (time_s[0] - zero_s) * rate_hz
@@ -156,22 +156,22 @@ def even_times_s(time_s: Series, zero_s: float) -> Series:
 
 
 def _length_scale(unit: str, cloud: Cloud, name: str) -> tuple[float, tuple[Remark, ...]]:
-    """Factor to metres. A unit that is missing or unknown follows from the size of the body, and a remark says so.
+    """Factor to metres; a missing or unknown unit is inferred from the size of the body, with a remark.
 
-    Raises ``UnreadableFile`` (``trc-broken``) where the markers span no body either.
+    Raises ``UnreadableFile`` (``trc-broken``) if the size of the body fits no unit.
     """
     if unit.strip().lower() in LENGTH_SCALE:
         return length_scale(unit, cloud)
-    stated = f"states {unit[:40]!r} as Units, which is no unit of length" if unit else "states no Units"
+    stated = f"states {unit[:40]!r} as Units, which is not a unit of length" if unit else "states no Units"
     seen = unit_of_body(cloud)
     if seen is None:
         raise trc_broken(name, f"line 3 {stated}, and the markers span no body in mm, cm or m")
-    message = f"Line 3 of {name} {stated}. The lengths are taken for {seen}, in which the markers span a body."
+    message = f"Line 3 of {name} {stated}. The lengths are read in {seen}, in which the markers span a body."
     return LENGTH_SCALE[seen], (Remark("unit-assumed", message),)
 
 
 def _frames_stated(texts: TrialTexts, n_frames: int) -> tuple[Remark, ...]:
-    """A remark where the header states another number of frames than there are."""
+    """Remark if the header states a different number of frames than the file contains."""
     try:
         stated = float(header_fields(texts.trc.splitlines())["NumFrames"])
     except (KeyError, ValueError):
@@ -202,7 +202,7 @@ def _contacts(
         T = _resample(contact["t"], time_s, grid) if "t" in contact else np.zeros_like(f)
         corners = bounding_rectangle(contact["p"][loaded], up)
         found.append(FilePlate(k, CONTACT_TYPE, corners, f, np.cross(kept, f) + T, np.zeros(3)))
-    message = "The force file names contacts, not plates; the plates drawn here bound their centres of pressure."
+    message = "The force file names contacts, not plates; the plates shown here bound their centres of pressure."
     return tuple(found), (Remark("plates-from-cop", message),)
 
 

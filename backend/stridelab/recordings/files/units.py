@@ -1,4 +1,4 @@
-"""Units of length and moment in files, and a check that the stated unit of length is true.
+"""Units of length and moment in files, and a plausibility check of the stated unit of length.
 
 ``moment_units`` checks the stated unit of moment.
 """
@@ -28,10 +28,10 @@ _BODY_M = (0.3, 3.0)
 
 
 def length_scale(stated: str, cloud: Cloud) -> tuple[float, tuple[Remark, ...]]:
-    """Factor to metres, and a remark where the stated unit cannot be true.
+    """Factor to metres, and a remark if the stated unit is implausible.
 
-    A marker set spans 0.3 to 3 m of the body. If it does not under the stated unit (mm where nothing is stated) but
-    does under another, that one is taken.
+    A marker set spans 0.3 to 3 m of the body. If it does not in the stated unit (mm if none is stated) but does in
+    another, the other one is used.
     """
     unit = stated.strip().lower()
     scale = LENGTH_SCALE.get(unit, 1e-3)
@@ -46,9 +46,9 @@ def length_scale(stated: str, cloud: Cloud) -> tuple[float, tuple[Remark, ...]]:
 
 
 def unit_of_body(cloud: Cloud) -> str | None:
-    """The one of mm, m and cm in which the markers span 0.3 to 3 m; None where there is none, or fewer than 4 markers.
+    """Unit among mm, m and cm in which the markers span 0.3 to 3 m; None if there is none, or fewer than 4 markers.
 
-    The three ranges touch each other at their limits and do not overlap.
+    The three ranges do not overlap.
     """
     extent = _body_extent(cloud)
     fits = [unit for unit in ("mm", "m", "cm") if _BODY_M[0] <= extent * LENGTH_SCALE[unit] <= _BODY_M[1]]
@@ -56,12 +56,12 @@ def unit_of_body(cloud: Cloud) -> str | None:
 
 
 def moment_scale(stated: str, metres_per_unit: float) -> float:
-    """Factor to Nm from the stated unit of moment; where that is unknown, newtons times the file's unit of length."""
+    """Factor to Nm from the stated unit of moment; if it is unknown, newtons times the file's unit of length."""
     return MOMENT_SCALE.get(stated.lower().replace(".", "").replace("*", "").replace(" ", ""), metres_per_unit)
 
 
 def _body_extent(cloud: Cloud) -> float:
-    """Median over the frames of the longest side of the marker cloud; NaN when nothing is seen."""
+    """Median over the frames of the longest side of the marker cloud; NaN without frames with at least 4 markers."""
     seen = (~np.isnan(cloud[:, :, 0])).sum(axis=1) >= 4
     if not seen.any():
         return float("nan")
