@@ -1,15 +1,16 @@
-"""How likely each delay of the force is, from the path that the force would make of the body.
+"""Likelihood of each delay of the force, from the path of the CoM integrated from the force.
 
 With D the double integral of f / m over the window, read tau later, and c_g the path of the segment model,
 
     c_g(t) - D(t; tau) = slow part + errors of the segment table + gain D + noise        in walking axes
 
 is a linear regression at every tau. The slow part (start, speed, offsets of the plates: everything below 0.7 Hz) is
-free and projected out. The rest has priors: each segment's mass is wrong by 20 % (which moves the CoM by the mass
-fraction times r_s - c), so are its lever's parts along the segment and across it, and the mass that divides f by 2 %.
-This is what makes the delay right under a wrong table, which changes the *phase* of the path that the markers show. The
-path is used and not the acceleration because the markers' noise is white there. Its size, and which of ``_NOISES`` it
-is, are the likeliest at every tau. In cosine space (DCT) up to 8 Hz all of it is a few hundred numbers against some 45.
+unconstrained and projected out. The other errors have priors: 20 % on each segment's mass (which moves the CoM by the
+mass fraction times r_s - c) and on its lever along and across the segment, and 2 % on the mass that divides f. This
+keeps the delay unbiased under table errors, which change the *phase* of the geometric path. The path is used instead of
+the acceleration because its marker noise is white. The size and type (``_NOISES``) of the noise are those of the
+highest likelihood at every tau. In cosine space (DCT) up to 8 Hz these are a few hundred equations for about 45
+unknowns.
 """
 
 from collections.abc import Mapping
@@ -28,15 +29,15 @@ from stridelab.estimation.time_span import Span
 from stridelab.recordings.recording import WrenchTrack
 
 SLOW_HZ: Final = 0.7
-"""Below this nothing is compared: drift of the plates and of the double integral live there, steps do not."""
+"""Lower end of the band: below it lie the drift of the plates and of the double integral, but no steps."""
 TABLE_ERROR: Final = 0.2
 GAIN_ERROR: Final = 0.02
 _TABLE_HZ = 4.0
-"""What the table's errors do above is less than the markers' noise, and faded out."""
+"""Above this the effect of table errors is smaller than the marker noise; it is faded out."""
 _NOISE_HZ = (10.0, 20.0)
-"""A segment does not move here: what is seen is the noise of its track, taken for white."""
+"""Band without segment motion; the power of a track in it is its white noise."""
 _SIGMAS_M = np.geomspace(3e-4, 3e-2, 30)
-"""Sizes of the path's noise per sample; no markers give a CoM that is better than 0.3 mm."""
+"""Candidate standard deviations of the path's noise per sample; markers do not give a CoM better than 0.3 mm."""
 _FLAT_BELOW_HZ = 0.5
 _ENDS: Final[Mapping[str, tuple[str, str]]] = {
     "thigh": ("hip", "knee"),
@@ -60,10 +61,10 @@ Band = Bool[np.ndarray, "n"]
 
 @dataclass(frozen=True)
 class PathNoise:
-    """Noise whose standard deviation goes with frequency^``colour``, ``lateral`` times as large across the walk.
+    """Noise with a standard deviation proportional to frequency^``colour``, ``lateral`` times larger across the walk.
 
-    ``least_m`` is its smallest size; ``doubt`` is taken off the log-likelihood, against noises that only few numbers
-    speak for.
+    ``least_m`` is its smallest size; ``doubt`` is a penalty on the log-likelihood (a log prior) against noise models
+    with weak support.
     """
 
     colour: float = 0.0
@@ -79,7 +80,7 @@ _NOISES: Final = (
     PathNoise(colour=1.0, least_m=2e-3, doubt=6.0),
     PathNoise(colour=2.0, least_m=2e-3, doubt=6.0),
 )
-"""White; loose across the walk, where real tables and plates are worst; large and above the gait's frequencies."""
+"""White; larger across the walk, where real tables and plates have the largest errors; large at high frequencies."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +99,7 @@ class ClockLikelihood:
 def clock_likelihood(
     geometric: GeometricCom, wrench: WrenchTrack, span: Span, mass_kg: float, R: Rotation, lag_s: Lags
 ) -> ClockLikelihood:
-    """Likelihood of each lag, from the samples of the span whose force can be read at all of them.
+    """Likelihood of each lag, from the samples of the span whose force can be read at all lags.
 
     ``R`` has the walking axes as rows: along, across, up.
     """
@@ -135,12 +136,12 @@ def _spectrum(x: Float[np.ndarray, "n *axes"]) -> Float[np.ndarray, "n *axes"]:
 def _left(
     keep: Float[np.ndarray, "kept rows"], x: Float[np.ndarray, "rows 3 n"], axes: Weights
 ) -> Float[np.ndarray, "left n"]:
-    """All that is left of each path without its slow part, in units of the noise."""
+    """Each path without its slow part, in units of the noise."""
     return np.asarray((np.tensordot(keep, x, axes=1) * axes[:, None]).reshape(-1, x.shape[-1]))
 
 
 def _evidence(y: Paths, errors: Columns, least_m: float) -> Lags:
-    """Log p(y) of each column for ``errors`` with standard normal factors and white noise, at its likeliest size."""
+    """Log p(y) of each column for ``errors`` with standard normal factors and white noise of the likeliest size."""
     U, s, _ = np.linalg.svd(errors, full_matrices=False)
     inside = (U.T @ y) ** 2
     outside = np.maximum((y**2).sum(axis=0) - inside.sum(axis=0), 0.0)
@@ -154,7 +155,7 @@ def _evidence(y: Paths, errors: Columns, least_m: float) -> Lags:
 
 
 def _table_errors(geometric: GeometricCom, core: slice) -> list[Points]:
-    """What the CoM would move by if one segment's mass, or a part of its lever, were twice what the table says."""
+    """Displacements of the CoM if one segment's mass, or a component of its lever, were doubled."""
     c = geometric.com_m[core]
     moved = []
     for name, segment in geometric.segments.items():
@@ -170,7 +171,7 @@ def _table_errors(geometric: GeometricCom, core: slice) -> list[Points]:
 
 
 def _ends(geometric: GeometricCom, name: str, core: slice) -> tuple[Points, Points] | None:
-    """Proximal and distal joint of a segment of the human model; None where they are not known."""
+    """Proximal and distal joint of a segment of the human model; None if unknown."""
     joints = geometric.joint_centres_m
     if name == "pelvis" and {"lumbar", "l_hip", "r_hip"} <= set(joints):
         return joints["lumbar"][core], (joints["l_hip"][core] + joints["r_hip"][core]) / 2
@@ -182,9 +183,9 @@ def _ends(geometric: GeometricCom, name: str, core: slice) -> tuple[Points, Poin
 
 
 def _without_noise(x: Points, hz: Series, seen: Band) -> Float[np.ndarray, "rows 3"]:
-    """Spectrum of a regressor, each line shrunk by the part of it that is noise.
+    """Spectrum of a regressor, each line shrunk by its share of noise (Wiener filter).
 
-    A noisy regressor would explain the noise that it shares with the CoM, and move the delay.
+    A noisy regressor would explain the noise that it shares with the CoM, and bias the delay.
     """
     spectrum = _spectrum(x)
     power, beyond = spectrum[seen] ** 2, (hz > _NOISE_HZ[0]) & (hz < _NOISE_HZ[1])
@@ -202,7 +203,7 @@ def _slow(n: int, rate_hz: float) -> Columns:
 
 
 def _complement(columns: Columns) -> Float[np.ndarray, "rows others"]:
-    """Orthonormal basis of everything that the columns cannot make."""
+    """Orthonormal basis of the orthogonal complement of the columns."""
     U, s, _ = np.linalg.svd(columns, full_matrices=True)
     return np.asarray(U[:, int(np.sum(s > 1e-9 * s[0])) :])
 

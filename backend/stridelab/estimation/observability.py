@@ -1,12 +1,12 @@
-"""What force and moment can say of the CoM, and what they cannot (section 2.3.1).
+"""Observability of the CoM from force and moment (section 2.3.1).
 
 The wrench of a body without a rate of angular momentum, (f, c x f) with f = m (c'' - g) (2.17), does not change when
-the CoM moves along the contact force (2.18), so that direction is known from the geometry alone. (2.19) is the
-observability matrix of (c, c', c''), driven by the jerk u (2.15), from the wrench; (2.23) that of (c, c', c'', b) with
-the geometry c + b (2.20) added and a bias that stays as it is (2.21), (2.22). Both are for u = 0, g points down.
+the CoM moves along the contact force (2.18), so only the geometry determines the position in that direction. (2.19) is
+the observability matrix of (c, c', c''), driven by the jerk u (2.15), from the wrench; (2.23) that of (c, c', c'', b)
+with the geometry c + b (2.20) added and a constant bias (2.21), (2.22). Both are for u = 0, g points down.
 
-A measured force is never exactly zero. Below a tenth of the body's weight it has no usable axis (2.6.2); there it is
-taken for zero, so that flight is recognised as what it is: the wrench knows the acceleration and nothing else.
+A measured force is never exactly zero. Below a tenth of the body weight it has no usable axis (2.6.2) and is treated as
+zero, so that flight is detected: there the wrench determines the acceleration only.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from stridelab.conventions import GRAVITY_M_S2, Mask, Points, Vector3, g
 from stridelab.estimation.estimator import ComEstimate
 
 FLIGHT: Final = 0.1
-"""Force over body weight below which there is no contact."""
+"""Force over body weight below which the body counts as in flight."""
 STATES: Final = 9
 STATES_WITH_BIAS: Final = 12
 _TOLERANCE = 1e-9
@@ -34,7 +34,7 @@ Ranks = Int[np.ndarray, "n"]
 
 @dataclass(frozen=True)
 class ObservabilityTrack:
-    """Sample by sample over an estimate: ranks of (2.19) and (2.23), and the unit vector that no wrench can see.
+    """Per sample of an estimate: ranks of (2.19) and (2.23), and the direction that is unobservable from the wrench.
 
     ``direction`` is NaN in flight, where every direction is unobservable.
     """
@@ -47,13 +47,12 @@ class ObservabilityTrack:
 
 @dataclass(frozen=True)
 class Observability:
-    """Smallest ranks over the window, the unobservable direction, and what it means in a sentence.
+    """Smallest ranks over the window, the unobservable direction, and a sentence that explains them.
 
-    ``rank_force`` is that of (2.19) out of 9 (7 when there is a contact force), ``rank_with_geometry`` that of (2.23)
-    out of 12 (11). ``unobservable`` is the mean unit vector of the contact force (None without any); ``tilt_rad`` the
-    largest angle
-    between the force and the vertical, ``turn_rad`` the largest angle between the force and its own mean.
-    ``flight_s`` is the time without contact, which the angles leave out.
+    ``rank_force`` is that of (2.19) out of 9 (7 with a contact force), ``rank_with_geometry`` that of (2.23) out of 12
+    (11). ``unobservable`` is the mean unit vector of the contact force (None without any); ``tilt_rad`` the largest
+    angle between the force and the vertical, ``turn_rad`` the largest angle between the force and its mean.
+    ``flight_s`` is the time without contact, which the angles exclude.
     """
 
     rank_force: int
@@ -82,7 +81,7 @@ def observability_track(estimate: ComEstimate) -> ObservabilityTrack:
 
 
 def observability(estimate: ComEstimate) -> Observability:
-    """Observability along an estimate, in a handful of numbers and a sentence."""
+    """Summarise the observability along an estimate."""
     track = observability_track(estimate)
     time_s = estimate.time_s
     step_s = float((time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1))
@@ -90,8 +89,8 @@ def observability(estimate: ComEstimate) -> Observability:
     ranks = int(track.rank_force.min()), int(track.rank_with_geometry.min())
     if track.flight.all():
         said = (
-            f"Nobody touches the ground (free fall): the force shows {ranks[0]} of {STATES} numbers of the motion, its "
-            "acceleration; position and velocity come from the markers alone."
+            f"There is no ground contact (free fall): the force shows {ranks[0]} of {STATES} numbers of the motion, "
+            "its acceleration; position and velocity come from the markers alone."
         )
         return Observability(*ranks, None, 0.0, 0.0, flight_s, said)
     n = track.direction[~track.flight]
@@ -108,7 +107,7 @@ def observability(estimate: ComEstimate) -> Observability:
 
 
 def _sentence(track: ObservabilityTrack, mean: Vector3, tilt_rad: float, flight_s: float) -> str:
-    """What a lab should know before it reads a height off the result."""
+    """Explanation of the ranks and of the unobservable direction for users."""
     held = ~track.flight
     rank, with_geometry = int(track.rank_force[held].min()), int(track.rank_with_geometry[held].min())
     tilt_deg = round(float(np.degrees(tilt_rad)))
@@ -122,7 +121,7 @@ def _sentence(track: ObservabilityTrack, mean: Vector3, tilt_rad: float, flight_
         f"along the contact force (here {where}) changes nothing on the plates."
     )
     if flight_s > 0.0:
-        said += f" For {flight_s:.2f} s nobody touches the ground; there the force shows the acceleration only."
+        said += f" For {flight_s:.2f} s there is no ground contact; there the force shows the acceleration only."
     return said
 
 
@@ -153,11 +152,11 @@ def force_and_geometry_matrix(c: Vectors, velocity: Vectors, acceleration: Vecto
 def constant_jerk_matrix(
     c: Vectors, velocity: Vectors, acceleration: Vectors, jerk: Vectors
 ) -> Float[np.ndarray, "*n 15 9"]:
-    """Observability matrix of (c, c', c'') from the wrench when a constant jerk u is known, scaled as ``force_matrix``.
+    """Observability matrix of (c, c', c'') from the wrench for a known constant jerk u, scaled as ``force_matrix``.
 
     With ``A = c'' - g`` the moment c x A and its derivatives are ``c x A``, ``c' x A + c x u``,
-    ``2 c' x u + c'' x A`` and ``3 c'' x u + u x A``. Rank 8: (c, c') moved by (lambda A, lambda u) stays invisible, so
-    2.3.1's remark that some motions make everything observable needs a jerk that changes.
+    ``2 c' x u + c'' x A`` and ``3 c'' x u + u x A``. Rank 8: a change of (c, c') by (lambda A, lambda u) is
+    unobservable, so full observability for some motions, as stated in 2.3.1, needs a varying jerk.
     """
     O, E = np.zeros((3, 3)), np.eye(3)
     f, u = skew(acceleration - g), skew(jerk)

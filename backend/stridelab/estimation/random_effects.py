@@ -1,19 +1,19 @@
-"""One quantity measured several times with stated errors, which may be too small and of which one may be an outlier.
+"""Robust random-effects mean of repeated measurements whose stated errors may be too small, with outliers.
 
-Random-effects model: x_i = mu + b_i + e_i with e_i ~ N(0, v_i) as stated and b_i ~ N(0, tau^2) of unknown size. With
+Random-effects model: x_i = mu + b_i + e_i with stated e_i ~ N(0, v_i) and b_i ~ N(0, tau^2) with unknown tau. With
 w_i = 1 / (v_i + tau^2) and z_i = sqrt(w_i) (x_i - mu), the mean is Huber's
 M-estimate (`huber1964`),
 
     sum_i sqrt(w_i) psi(z_i) = 0,    psi(z) = max(-C, min(C, z)),
 
-and the excess variance tau^2 >= 0 the one at which the residuals are as large as they should be (`paule1982` with
-Huber's Proposal 2),
+and the excess variance tau^2 >= 0 is the one at which the residuals have their expected size (`paule1982` with Huber's
+Proposal 2),
 
     sum_i psi(z_i)^2 = (n - 1) E[psi(Z)^2],    Z ~ N(0, 1),
 
-or 0 where they are smaller than that already. An outlier counts as one of C standard deviations, whatever its size.
-The variance of mu is 1 / sum_i h_i w_i with h_i = min(1, C / |z_i|). Every sum is exact (``math.fsum``), so that the
-result does not depend on the order of the measurements. No numeric package is needed.
+or 0 if they are smaller already. An outlier counts as one of C standard deviations, regardless of its size. The
+variance of mu is 1 / sum_i h_i w_i with h_i = min(1, C / |z_i|). Sums are exact (``math.fsum``), so that the result
+does not depend on the order of the measurements.
 """
 
 import math
@@ -24,7 +24,7 @@ from typing import Final
 from stridelab.errors import InvalidInput
 
 C: Final = 1.345
-"""Residuals beyond this many standard deviations count as if they were there: 95 % efficient for normal errors."""
+"""Residuals are clipped to this many standard deviations: 95 % efficiency for normal errors."""
 _EXPECTED: Final = (
     math.erf(C / math.sqrt(2.0)) * (1.0 - C**2)
     - C * math.sqrt(2.0 / math.pi) * math.exp(-(C**2) / 2.0)
@@ -32,15 +32,15 @@ _EXPECTED: Final = (
 )  # fmt: skip
 """E[psi(Z)^2] of a standard normal Z."""
 _STEPS: Final = 60
-"""Most steps of an iteration; a bisection then has all the bits of a double."""
+"""Maximum number of iterations; a bisection then reaches double precision."""
 
 
 @dataclass(frozen=True)
 class Pooled:
     """Mean of ``n`` measurements with its standard deviation.
 
-    ``excess_sd`` is tau, what the measurements scatter by beyond their stated errors; ``chi_squared`` is
-    sum (x_i - mu)^2 / v_i with the stated errors, to be compared with n - 1; ``weights`` add up to 1.
+    ``excess_sd`` is tau, the scatter beyond the stated errors; ``chi_squared`` is sum (x_i - mu)^2 / v_i with the
+    stated errors, to be compared with n - 1; ``weights`` add up to 1.
     """
 
     mean: float
@@ -51,15 +51,15 @@ class Pooled:
 
     @property
     def n(self) -> int:
-        """How many measurements there are."""
+        """Number of measurements."""
         return len(self.weights)
 
 
 def pool(values: Sequence[float], sds: Sequence[float]) -> Pooled:
     """Random-effects mean of ``values`` with standard deviations ``sds``, in the unit of both.
 
-    Raises ``InvalidInput`` (``nothing-to-pool``) without a value, where the two differ in number, or where a standard
-    deviation is not positive.
+    Raises ``InvalidInput`` (``nothing-to-pool``) without values, for different lengths, or if a standard deviation is
+    not positive.
     """
     if not values or len(values) != len(sds) or not all(sd > 0.0 for sd in sds):
         raise InvalidInput("nothing-to-pool", "Each of the values to combine needs a positive standard deviation.")
@@ -84,14 +84,14 @@ def pool(values: Sequence[float], sds: Sequence[float]) -> Pooled:
 
 
 def _residuals(values: Sequence[float], v: Sequence[float], tau2: float) -> float:
-    """Sum of psi(z_i)^2 less what it should be; falls with ``tau2``."""
+    """Sum of psi(z_i)^2 minus its expectation; decreases with ``tau2``."""
     mu = _mean(values, v, tau2)
     psi = (_psi((x - mu) / math.sqrt(own + tau2)) for x, own in zip(values, v, strict=True))
     return math.fsum(one**2 for one in psi) - (len(values) - 1) * _EXPECTED
 
 
 def _mean(values: Sequence[float], v: Sequence[float], tau2: float) -> float:
-    """Root of the estimating equation, piecewise linear and falling in mu: Newton's steps, kept inside a bracket."""
+    """Root of the estimating equation, which is piecewise linear and decreasing in mu, by bracketed Newton steps."""
     sds = [math.sqrt(own + tau2) for own in v]
     low, high = min(values), max(values)
     mu = math.fsum(x / sd**2 for x, sd in zip(values, sds, strict=True)) / math.fsum(1.0 / sd**2 for sd in sds)

@@ -1,16 +1,16 @@
-"""Which samples an estimator may use: the window it answers for, and the geometry around it."""
+"""Samples that an estimator may use: the window of its result, and the geometry around it."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from stridelab.body.geometric_com import GeometricCom
-from stridelab.conventions import Mask
 from stridelab.errors import Fault, InvalidInput, NotEstimable
+from stridelab.recordings.gap_filling import runs
 from stridelab.recordings.recording import Window, WrenchTrack
 
 SHORTEST_WINDOW_S = 0.4
-"""Below this no estimator here is better than the geometry alone."""
+"""Shortest window in which the estimators are better than the geometry alone."""
 
 
 @dataclass(frozen=True)
@@ -29,18 +29,17 @@ class Span:
 
 
 def window_span(geometric: GeometricCom, wrench: WrenchTrack) -> Span:
-    """Longest window in which the whole force is measured, as sample indices.
+    """Longest window in which all contact force is measured, as sample indices.
 
-    The window of the result reaches from its first sample to its last: frames at the edge that have no force (a
-    latency reads beyond the recorded end) are not in it.
-    Raises ``NotEstimable`` with code ``no-window``, ``window-too-short`` or ``geometry-gaps``, and ``InvalidInput``
-    with ``clock-mismatch`` when geometry and force do not share their instants.
+    Frames at the edges without force (a latency reads beyond the recorded end) are excluded. Raises ``NotEstimable``
+    with code ``no-window``, ``window-too-short`` or ``geometry-gaps``, and ``InvalidInput`` with ``clock-mismatch`` if
+    geometry and force have different instants.
     """
     rate_hz = common_rate_hz(geometric, wrench)
     t = wrench.time_s
     measured = np.isfinite(wrench.force_n).all(axis=1) & np.isfinite(wrench.moment_nm).all(axis=1) & wrench.complete
     candidates = [
-        run for w in wrench.windows for run in _runs(measured & (t >= w.start_s - 1e-9) & (t <= w.end_s + 1e-9))
+        run for w in wrench.windows for run in runs(measured & (t >= w.start_s - 1e-9) & (t <= w.end_s + 1e-9))
     ]
     if not candidates:
         raise NotEstimable(
@@ -64,15 +63,15 @@ def window_span(geometric: GeometricCom, wrench: WrenchTrack) -> Span:
             "The segment model has no centre of mass for part of the window: markers are missing there.",
             [
                 Fault("markers", f"missing from {t[inside[a]]:.2f} s to {t[inside[b - 1]]:.2f} s")
-                for a, b in _runs(~seen[inside])
+                for a, b in runs(~seen[inside])
             ],
         )
-    around = next(slice(a, b) for a, b in _runs(seen) if a <= first < b)
+    around = next(slice(a, b) for a, b in runs(seen) if a <= first < b)
     return Span(window, slice(first, stop), around, rate_hz)
 
 
 def common_rate_hz(geometric: GeometricCom, wrench: WrenchTrack) -> float:
-    """Rate of the shared time axis; raises ``InvalidInput`` (``clock-mismatch``) where there is none."""
+    """Rate of the shared time axis; raises ``InvalidInput`` (``clock-mismatch``) if the axes differ."""
     t = geometric.time_s
     if len(t) < 2 or t.shape != wrench.time_s.shape or np.abs(t - wrench.time_s).max() > 1e-6:
         apart = ", ".join(
@@ -86,14 +85,8 @@ def common_rate_hz(geometric: GeometricCom, wrench: WrenchTrack) -> float:
 
 
 def require_mass(mass_kg: float) -> None:
-    """Raise ``InvalidInput`` (``mass-out-of-range``) unless the mass can be that of a body."""
+    """Raise ``InvalidInput`` (``mass-out-of-range``) unless the mass is plausible for a body."""
     if not 1.0 < mass_kg < 1000.0:
         raise InvalidInput(
-            "mass-out-of-range", f"A body mass of {mass_kg:g} kg makes no sense.", [Fault("mass_kg", f"{mass_kg:g} kg")]
+            "mass-out-of-range", f"A body mass of {mass_kg:g} kg is impossible.", [Fault("mass_kg", f"{mass_kg:g} kg")]
         )
-
-
-def _runs(mask: Mask) -> list[tuple[int, int]]:
-    """Half-open index ranges in which the mask is True."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))

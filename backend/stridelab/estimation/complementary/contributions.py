@@ -1,7 +1,7 @@
-"""What each input contributes to a fused CoM (figure 2.7), and how the filters share the frequencies (figure 2.5).
+"""Contribution of each input to a fused CoM (figure 2.7), and frequency responses of the filters (figure 2.5).
 
-The fusion is linear once the geometry is projected, initial states included. So the parts are the fusion of one input
-with the two others silent, and their sum is the fused trajectory to rounding:
+After the projection of the geometry the fusion is linear, initial states included. Each contribution is the fusion of
+one input with the two others set to zero, and their sum is the fused trajectory to rounding:
 
     c = H1 g + H2 a + H3 p
 """
@@ -18,7 +18,7 @@ from stridelab.estimation.complementary.transfer_functions import ComplementaryF
 
 @dataclass(frozen=True)
 class Contributions:
-    """Parts of the CoM in metres, forward and backward passes averaged."""
+    """Contributions to the CoM in metres, forward and backward passes averaged."""
 
     geometry_m: Points
     force_m: Points
@@ -31,7 +31,7 @@ class Contributions:
 
 
 def contributions(filters: ComplementaryFilters, inputs: FilterInputs) -> Contributions:
-    """Split ``forward_backward(filters, inputs)`` by input. Near the ends the split shows the filters' starts."""
+    """Split ``forward_backward(filters, inputs)`` by input. Near the ends the split shows filter transients."""
     silence = np.zeros_like(inputs.geometry_m)
     return Contributions(
         geometry_m=forward_backward(filters, FilterInputs(inputs.geometry_m, silence, silence)),
@@ -49,7 +49,7 @@ class Bode:
 
     @property
     def gain_db(self) -> Float[np.ndarray, "n 3"]:
-        """20 log10 of the gain; -400 dB stands for nothing at all."""
+        """20 log10 of the gain, at least -400 dB."""
         return np.asarray(20.0 * np.log10(np.maximum(np.abs(self.response), 1e-20)))
 
     @property

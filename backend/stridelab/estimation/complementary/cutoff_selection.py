@@ -1,13 +1,14 @@
-"""Cut-off frequencies from the recording's own spectra: where each of the three inputs errs least (2.5.2, 2.5.3).
+"""Selects cut-off frequencies from the recording's spectra: where each of the inputs errs least (2.5.2, 2.5.3).
 
-Nobody knows the errors of geometry g, doubly integrated force and axis point p, but their differences are seen. If the
-errors are independent, the spectra of the three differences tell all three ("three-cornered hat", Gray & Allan 1974):
+The errors of geometry g, doubly integrated force and axis point p are unknown, but their differences are measured. If
+the errors are independent, the spectra of the three differences determine all three ("three-cornered hat", Gray & Allan
+1974):
 
-    S_g = (S_{g-p} + S_{g-a} - S_{p-a}) / 2,   and so on around.
+    S_g = (S_{g-p} + S_{g-a} - S_{p-a}) / 2,   and cyclically.
 
-The force is compared as a *position*, integrated twice and freed of the line that integration leaves open; as an
-acceleration, noise of high frequency would leak into the low lines of 1 / w^4. The cut-offs are those of a grid for
-which the error of the sum, the integral of H1^2 S_g + (s^2 H2)^2 S_a + H3^2 S_p, is smallest horizontally.
+The force is compared as a *position*, integrated twice and detrended; as an acceleration, high-frequency noise would
+leak into the low lines of 1 / w^4. The cut-offs are those of a grid that minimise the horizontal error of the sum, the
+integral of H1^2 S_g + (s^2 H2)^2 S_a + H3^2 S_p.
 """
 
 from typing import Final
@@ -27,7 +28,7 @@ Density = Float[np.ndarray, "lines 2"]
 
 
 def cutoffs_from_spectra(inputs: FilterInputs, rate_hz: float, order: int = 2) -> tuple[float, float]:
-    """f_2 and f_1 in Hz for inputs that are all measured. A cut-off at the edge of the grid is an answer."""
+    """f_2 and f_1 in Hz for inputs that are all measured; a cut-off at the edge of the grid is valid."""
     g, a, p = (x[:, :2] for x in (inputs.geometry_m, inputs.acceleration_m_s2, inputs.axis_point_m))
     x = _integrated(_integrated(a, rate_hz), rate_hz)
     g_p, g_a, p_a = (_density(d, rate_hz) for d in (g - p, g - x, p - x))
@@ -52,7 +53,7 @@ def _integrated(x: Float[np.ndarray, "n 2"], rate_hz: float) -> Float[np.ndarray
 
 
 def _density(difference: Float[np.ndarray, "n 2"], rate_hz: float) -> Density:
-    """Welch's spectrum without the line at zero: a constant of g is a table's, of x an open integration."""
+    """Welch's spectrum without the line at zero: table errors and the integration leave constants undetermined."""
     n = min(len(difference), round(SEGMENT_S * rate_hz))
     free = signal.detrend(difference, axis=0)
     return np.asarray(signal.welch(free, rate_hz, "hann", nperseg=n, detrend="linear", axis=0)[1][1:])

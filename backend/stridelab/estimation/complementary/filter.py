@@ -36,13 +36,12 @@ from stridelab.recordings.recording import WrenchTrack
 class ComplementaryFilter:
     """``low_hz`` = f_2 for the central axis, ``high_hz`` = f_1 for the force; forward and backward, averaged.
 
-    ``beyond_window`` says what stands in for the force outside the window: "geometry" filters the whole gap-free
-    recording with p and a taken from the geometry there (the trick of 2.6.2), "cut" uses the window alone, as the
-    thesis does. The defaults are "auto": what measurements on windows of one or two steps justify (see
-    docs/theory/complementary-filter.md). ``from_spectra`` takes the cut-offs from the window's own spectra instead of
-    ``low_hz`` and ``high_hz``. ``order`` 3 has steeper skirts, offline only. ``start`` is how the filter states begin:
-    "solved" one pass at a time, "joined" so that both passes meet (2.6.3). ``priors`` are the stated errors behind
-    ``sd_m``.
+    ``beyond_window`` is the replacement of the force outside the window: "geometry" filters the whole gap-free
+    recording with p and a computed from the geometry there (as in 2.6.2), "cut" uses the window alone, as the thesis
+    does. The default cut-offs suit windows of one or two steps (see docs/theory/complementary-filter.md).
+    ``from_spectra`` selects the cut-offs from the window's spectra instead of ``low_hz`` and ``high_hz``. ``order`` 3
+    has steeper skirts, offline only. ``start`` initialises the filter states: "solved" for each pass alone, "joined" so
+    that both passes agree (2.6.3). ``priors`` are the input errors behind ``sd_m``.
     """
 
     name: ClassVar[str] = "complementary"
@@ -57,22 +56,23 @@ class ComplementaryFilter:
 
     @classmethod
     def thesis(cls) -> "ComplementaryFilter":
-        """The filter exactly as in the thesis: 0.4 and 4 Hz, on the window alone."""
+        """Filter of the thesis: 0.4 and 4 Hz, on the window alone."""
         return cls(low_hz=THESIS_LOW_HZ, high_hz=THESIS_HIGH_HZ, beyond_window="cut")
 
     def causal(
         self, mass_kg: float, table_sd_m: SdPerAxis, velocity_m_s: Vector3 | None = None
     ) -> OnlineComplementaryFilter:
-        """The same filter sample by sample: one forward pass over what has come so far.
+        """Online form of the filter: one forward pass, sample by sample.
 
-        ``table_sd_m`` is the error of the segment model per axis, as ``GeometricCom.sd_m``; ``velocity_m_s`` that of
-        the first sample, where it is known. Raises ``InvalidInput`` (``order-out-of-range``, ``cutoffs-not-online``).
+        ``table_sd_m`` is the error of the segment model per axis, as ``GeometricCom.sd_m``; ``velocity_m_s`` the
+        velocity of the first sample, if known. Raises ``InvalidInput`` (``order-out-of-range``,
+        ``cutoffs-not-online``).
         """
         if self.order != 2:
-            message = "Sample by sample the complementary filter has the thesis' order, 2."
+            message = "The online complementary filter supports order 2 only."
             raise InvalidInput("order-out-of-range", message, [Fault("order", message)])
         if self.from_spectra:
-            message = "Sample by sample there is no recording whose spectra could be known: state the cut-offs."
+            message = "An online filter cannot select its cut-offs from the spectra of a recording: state the cut-offs."
             raise InvalidInput("cutoffs-not-online", message, [Fault("cutoffs", message)])
         return OnlineComplementaryFilter(
             low_hz=self.low_hz,
@@ -112,7 +112,7 @@ class ComplementaryFilter:
         )
 
     def signals(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> "FilteredSignals":
-        """What ``estimate`` fuses, before it is fused; raises as it does."""
+        """Filters and input signals of ``estimate``; raises as it does."""
         require_mass(mass_kg)
         span = window_span(geometric, wrench)
         used = span.around if self.beyond_window == "geometry" else span.inside

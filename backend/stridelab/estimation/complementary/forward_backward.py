@@ -5,10 +5,10 @@ central axis. With the filters of ``filters`` the forward pass is
 
     c = g - (s^2 H2) g + H2 a + H3 (p - g)          which is H1 g + H2 a + H3 p, since H1 = 1 - s^2 H2 - H3.
 
-Offline, forward and backward passes are averaged (2.6.3). The thesis looks for the initial states that bring the two
-passes together (``joined_passes``); on the short windows of real recordings that makes things worse
-(docs/theory/complementary-filter.md), so the states are solved for one pass at a time, see ``initial_state``.
-Everything after the projection is linear in (g, a, p): ``error_band`` sends errors through the same functions.
+Offline, forward and backward passes are averaged (2.6.3). The thesis searches the initial states that minimise the
+difference of the passes (``joined_passes``); on the short windows of real recordings this increases the error
+(docs/theory/complementary-filter.md), so the states are solved for each pass separately, see ``initial_state``.
+After the projection everything is linear in (g, a, p): ``error_band`` propagates errors by the same functions.
 """
 
 from dataclasses import dataclass, replace
@@ -36,13 +36,13 @@ class FilterInputs:
     axis_point_m: Points
 
     def reversed(self) -> "FilterInputs":
-        """The same motion told backwards: the equations of dynamics are symmetric in time (2.6.3)."""
+        """Time-reversed signals: the equations of dynamics are symmetric in time (2.6.3)."""
         return FilterInputs(self.geometry_m[::-1], self.acceleration_m_s2[::-1], self.axis_point_m[::-1])
 
 
 @dataclass(frozen=True)
 class FilterState:
-    """Memory of H2, s^2 H2 and H3 (transposed direct form), one column per axis."""
+    """Delay states of H2, s^2 H2 and H3 (transposed direct form), one column per axis."""
 
     h2: State
     s2_h2: State
@@ -59,9 +59,8 @@ def filter_inputs(geometry_m: Points, wrench: Wrench, mass_kg: float) -> FilterI
 def initial_state(filters: ComplementaryFilters, inputs: FilterInputs) -> FilterState:
     """State from which the forward pass has no transient.
 
-    The high-frequency correction ``H2 (a - s^2 g)`` is zero whenever acceleration and geometry agree, in any motion;
-    its unknowns per axis, as many as the order, are the least-squares solution that makes it smallest over the first
-    10 tau_1.
+    The high-frequency correction ``H2 (a - s^2 g)`` is zero for any motion in which acceleration and geometry agree;
+    its unknowns per axis, as many as the order, minimise it over the first 10 tau_1 in the least-squares sense.
     ``H3 (p - g)`` starts at rest at the mean offset of the first 5 tau_2 (its settling time).
     """
     g, a, p = inputs.geometry_m, inputs.acceleration_m_s2, inputs.axis_point_m
@@ -97,10 +96,10 @@ def forward_backward(filters: ComplementaryFilters, inputs: FilterInputs) -> Poi
 
 
 def joined_passes(filters: ComplementaryFilters, inputs: FilterInputs) -> Points:
-    """Mean of both passes from the initial states that make their difference smallest, as 2.6.3 proposes, in metres.
+    """Mean of both passes from the initial states that minimise their difference, as in 2.6.3, in metres.
 
-    Sought are changes of the solved states, in least squares with a ridge: over many seconds both passes forget their
-    states, and the difference says nothing about them. On short windows this is worse than ``forward_backward``.
+    Solves for changes of the states of ``initial_state`` by ridge regression: over many seconds both passes forget
+    their states, and the difference does not determine them. On short windows ``forward_backward`` is more accurate.
     """
     inputs = replace(inputs, acceleration_m_s2=_bilinear_acceleration(inputs.acceleration_m_s2))
     mirror = inputs.reversed()
@@ -116,11 +115,11 @@ def joined_passes(filters: ComplementaryFilters, inputs: FilterInputs) -> Points
 
 
 def _bilinear_acceleration(a: Points) -> Points:
-    """The acceleration that the bilinear s^2 of the trajectory would have been.
+    """Acceleration corrected for the frequency warping of the bilinear s^2.
 
-    The rule takes ``(2/T) tan(wT/2)`` for ``w``, so its s^2 is larger than -w^2 by ``1 + (wT)^2 / 6``. ``a - d2 a / 6``
-    with d2 the second difference is larger by as much; what is left is of order ``(wT)^4``. It needs the next sample,
-    so the online step goes without.
+    The rule replaces ``w`` by ``(2/T) tan(wT/2)``, so its s^2 exceeds -w^2 by the factor ``1 + (wT)^2 / 6``.
+    ``a - d2 a / 6`` with d2 the second difference has the same factor, with an error of order ``(wT)^4``. It needs the
+    next sample, so the online filter omits it.
     """
     if len(a) < 3:
         return a

@@ -1,13 +1,13 @@
-"""Standard deviation of the online complementary filter: the stated errors of ``error_band``, sample by sample.
+"""Standard deviation of the online complementary filter: the input errors of ``error_band``, sample by sample.
 
-Every source goes through the recursion that the estimate went through, so the band knows of the start, of hidden
-markers and of missing force. With s the answer of H3 to "there was an axis" (0 at the start, 1 once settled):
+Every source goes through the recursion of the estimate, so the band accounts for the start, hidden markers and missing
+force. With s the response of H3 to the presence of an axis (0 at the start, 1 once settled):
 
-- table: 1 - s of its offset is left horizontally, all of it along the force, which is taken for vertical here.
+- table: 1 - s of its offset remains horizontally, all of it along the force, which is assumed vertical here.
 - moment and clocks: s times the offset of the axis that they cause, moment / m g and velocity times delay.
-- angular momentum: the answer of H3 to a line at the step (forward) and the stride frequency (sideways), any phase.
-- acceleration: a constant error moves x by 1 / k_2, and without geometry by more with every instant; without force it
-  is the acceleration of the body that is unknown.
+- angular momentum: the response of H3 to a line at the step (forward) and the stride frequency (sideways), any phase.
+- acceleration: a constant error moves x by 1 / k_2, and by a growing amount without geometry; without force the
+  acceleration of the body itself is unknown.
 - marker noise: its share k_1 dt per sample, all of it at first.
 """
 
@@ -20,16 +20,16 @@ from stridelab.estimation.complementary.online_recursions import LowPass, Online
 from stridelab.estimation.error_priors import ErrorPriors, SdPerAxis
 
 UNKNOWN_ACCELERATION_M_S2: Final = 2.5
-"""Standard deviation of the acceleration of a body that walks."""
+"""Standard deviation of the acceleration of a walking body."""
 UNKNOWN_VELOCITY_M_S: Final = 1.0
 """Standard deviation of the velocity after a single sample."""
 SLOWEST_M_S: Final = 0.05
-"""Below this speed a body has no direction; forward is then x."""
+"""Speed below which the direction is undefined; forward is then x."""
 _UNKNOWN: Final = (UNKNOWN_ACCELERATION_M_S2**2,) * 3
 
 
 class OnlineBand:
-    """The band's own state: the answers of H3 to errors of size one, constant or in time with stride and step."""
+    """State of the band: responses of H3 to errors of size one, constant or at stride and step frequency."""
 
     def __init__(self, low_hz: float, mass_kg: float, table_sd_m: SdPerAxis, priors: ErrorPriors) -> None:
         self._answers = LowPass(low_hz, 0j)

@@ -1,14 +1,14 @@
-"""The complementary filter sample by sample (section 2.4), as a robot or a live laboratory needs it.
+"""Online complementary filter (section 2.4), for robots and live measurements.
 
-The filters of (2.24)-(2.27) have a small state each. With x = (1 - s^2 H2) g + H2 a, the fusion of geometry and force,
-and l = H3 (c_p - g), the offset that the central axis asks for,
+Each filter of (2.24)-(2.27) has a small state. With x = (1 - s^2 H2) g + H2 a, the fusion of geometry and force, and
+l = H3 (c_p - g), the offset from the central axis,
 
     x' = v + k_1 (g - x)      v' = a + k_2 (g - x)      k_1 = 2 / tau_1,  k_2 = 1 / tau_1^2       c  = x + l
     tau_2^2 l'' + 2 tau_2 l' + l = c_p - g                                                        c' = v + l'
 
-v is a velocity without the marker noise that k_1 lets into x'. ``recursions`` steps them by the bilinear rule, so the
-positions are those of ``passes.forward`` to rounding; no constant rate is needed. ``online_track`` says how x begins
-and what it does where markers or force are missing; without an axis c_p = g, as in 2.6.2.
+v is a velocity without the marker noise that k_1 adds to x'. ``online_recursions`` integrates them by the bilinear
+rule, so the positions equal those of the forward pass of ``forward_backward`` to rounding; no constant rate is needed.
+``OnlineTrack`` handles the start and missing markers or force; without an axis c_p = g, as in 2.6.2.
 """
 
 import math
@@ -27,7 +27,7 @@ from stridelab.estimation.time_span import require_mass
 
 
 class OnlineComplementaryFilter:
-    """One causal step per sample. ``velocity_m_s`` at the first sample may be stated; otherwise the first two tell it.
+    """One causal step per sample; ``velocity_m_s`` at the first sample is estimated from the first two if not given.
 
     Raises ``InvalidInput`` with ``cutoffs-out-of-range`` unless 0 < low < high, or with ``mass-out-of-range``.
     """
@@ -60,7 +60,7 @@ class OnlineComplementaryFilter:
     def step(
         self, time_s: float, geometry_m: Vector3 | None, force_n: Vector3 | None, moment_nm: Vector3 | None
     ) -> OnlineSample:
-        """CoM at ``time_s``; below 100 N the geometry stands in for the axis (2.6.2).
+        """CoM at ``time_s``; below 100 N the geometry replaces the axis point (2.6.2).
 
         Raises ``InvalidInput`` (``not-finite``) and otherwise as ``OnlineEstimator.step``.
         """
@@ -71,7 +71,7 @@ class OnlineComplementaryFilter:
         nu = None if moment_nm is None else moment_nm.tolist()
         g = None if geometry_m is None else geometry_m.tolist()
         if not math.isfinite(sum(f or ()) + sum(nu or ()) + sum(g or ())):
-            raise InvalidInput("not-finite", "A sample holds a number that is not finite; leave out what is missing.")
+            raise InvalidInput("not-finite", "A sample contains a number that is not finite; omit missing values.")
         if g is not None and self._track.is_lost:
             self._begin()
 
@@ -91,7 +91,7 @@ class OnlineComplementaryFilter:
 
 
 def _to_axis(c: Sequence[float], f: Sequence[float], nu: Sequence[float]) -> tuple[float, float, float] | None:
-    """``c_p - c`` of (2.12), written out: np.cross costs more than the rest of the step. None where no axis is."""
+    """``c_p - c`` of (2.12) in scalars, because np.cross costs more than the rest of the step; None without an axis."""
     (c0, c1, c2), (f0, f1, f2), (n0, n1, n2) = c, f, nu
     squared = f0 * f0 + f1 * f1 + f2 * f2
     if squared <= AXIS_THRESHOLD_N**2:

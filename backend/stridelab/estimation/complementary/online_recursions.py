@@ -1,16 +1,16 @@
-"""Geometry and acceleration fused online: ``x = (1 - s^2 H2) g + H2 a`` with its start, hidden markers, missing force.
+"""Online fusion of geometry and acceleration, ``x = (1 - s^2 H2) g + H2 a``, with start-up and missing inputs.
 
-- start: the least-squares line through the samples so far (k_1 = 4 / t, k_2 = 6 / t^2) until these gains have fallen
-  to the filter's own; what has no acceleration, or a measured one, passes unchanged from the first sample on.
-- no force measured: the acceleration is unknown, so the line goes through the last 80 ms only; with the force the
+- start: the least-squares line through the samples so far (k_1 = 4 / t, k_2 = 6 / t^2) until these gains fall below
+  those of the filter; motions with zero or measured acceleration pass unchanged from the first sample on.
+- without force the acceleration is unknown, so the line goes through the last 80 ms only; when the force returns, the
   memory grows again.
-- no geometry: on by the force alone, without force straight on; after more than a second of that, a new start.
+- without geometry the force alone is integrated, or the velocity is held; after more than a second, the filter
+  restarts.
 
-Scalar recursions of the online filters: the trapezoidal rule, whose first half is explicit and second half implicit.
-
-For ``X' = F(X, u)`` a step of length 2h is ``X_1 = X_0 + h F(X_0, u_0) + h F(X_1, u_1)``. On linear systems this is the
-bilinear rule of ``filters``, but every step may have its own length and gains. One axis each and plain floats: at this
-size an array costs more than its arithmetic.
+The scalar recursions use the trapezoidal rule. For ``X' = F(X, u)`` a step of length 2h is ``X_1 = X_0 + h F(X_0, u_0)
++ h F(X_1, u_1)``: an explicit and an implicit half step. On linear systems this is the bilinear rule of
+``transfer_functions``, but every step may have its own length and gains. Plain floats are used because arrays of this
+size cost more than the arithmetic.
 """
 
 import math
@@ -22,17 +22,17 @@ import numpy as np
 from stridelab.errors import NotEstimable
 
 MEMORY_WITHOUT_FORCE_S: Final = 0.08
-"""A walking body leaves a straight line by 2 mm in this time; that is the lag behind it."""
+"""Memory without force: a walking body deviates from a straight line by 2 mm in this time."""
 LONGEST_BLIND_S: Final = 1.0
-"""Without geometry for longer than this, nothing of the past is worth keeping."""
+"""Longest time without geometry; after it the filter restarts."""
 _ZERO: Final = (0.0, 0.0, 0.0)
 
 
 class OnlineTrack:
-    """Position and velocity of the three axes, with the gains ``k1`` and ``k2`` that were used last.
+    """Position and velocity of the three axes, with the gains ``k1`` and ``k2`` of the last step.
 
-    ``blind_s`` is the time since the last geometry; ``knows_velocity`` is False until a second one has come, unless the
-    velocity of the start was stated.
+    ``blind_s`` is the time since the last geometry; ``knows_velocity`` is False until the second geometry, unless the
+    initial velocity is given.
     """
 
     def __init__(self, high_hz: float, velocity_m_s: Sequence[float] | None) -> None:
@@ -47,13 +47,13 @@ class OnlineTrack:
 
     @property
     def is_lost(self) -> bool:
-        """Whether the geometry has been missing for so long that its return is a new start."""
+        """Whether the geometry has been missing for longer than ``LONGEST_BLIND_S``, so that the filter restarts."""
         return self.blind_s > LONGEST_BLIND_S
 
     def step(self, h: float, a: Sequence[float] | None, g: Sequence[float] | None) -> Sequence[float]:
-        """Advance by 2h; returns the geometry, or x in its place.
+        """Advance by 2h; returns the geometry, or x if it is missing.
 
-        Raises ``NotEstimable`` (``geometry-missing``) without any geometry to begin with.
+        Raises ``NotEstimable`` (``geometry-missing``) if the first sample has no geometry.
         """
         x, y, z = self.axes
         ax, ay, az = a or _ZERO
@@ -82,7 +82,7 @@ class OnlineTrack:
         return g
 
     def _learn_velocity(self, since_s: float, h: float, a: Sequence[float], g: Sequence[float]) -> None:
-        """First sample: the stated velocity, or none. Second sample: the one that has led here."""
+        """Initialise the velocity: on the first sample the given one or zero, on the second the finite difference."""
         for axis, (observer, a_i, g_i) in enumerate(zip(self.axes, a, g, strict=True)):
             if self._begun:
                 observer.coast(h, a_i)
@@ -97,7 +97,7 @@ Number = TypeVar("Number", float, complex)
 
 
 class Observer:
-    """Position and velocity, ``x' = v + k_1 (g - x)``, ``v' = a + k_2 (g - x)``, from acceleration and position."""
+    """Observer of position and velocity: ``x' = v + k_1 (g - x)``, ``v' = a + k_2 (g - x)``."""
 
     __slots__ = ("_v_rate", "_x_rate", "v", "x")
 
@@ -105,7 +105,7 @@ class Observer:
         self.x = self.v = self._x_rate = self._v_rate = 0.0
 
     def begin(self, x: float, v: float, a: float) -> None:
-        """Be at ``x`` with velocity ``v``, whatever came before."""
+        """Reset the state to position ``x``, velocity ``v`` and acceleration ``a``."""
         self.x, self.v, self._x_rate, self._v_rate = x, v, v, a
 
     def step(self, h: float, a: float, g: float, k1: float, k2: float) -> None:
@@ -125,9 +125,9 @@ class Observer:
 
 
 class LowPass(Generic[Number]):
-    """``tau^2 l'' + 2 tau l' + l = u``, which is H3 of (2.26), of three signals; starts at zero. ``rates`` are l'.
+    """H3 of (2.26), ``tau^2 l'' + 2 tau l' + l = u``, for three signals; starts at zero. ``rates`` are l'.
 
-    Three at a time, because they share their coefficients and a call costs as much as the arithmetic.
+    The three signals share their coefficients, and one call for all saves overhead.
     """
 
     __slots__ = ("_accelerations", "_k1", "_k2", "rates", "values")

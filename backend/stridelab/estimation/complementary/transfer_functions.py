@@ -1,22 +1,21 @@
-"""Cut-off frequencies of the complementary filter: f_2 of the central axis (low) and f_1 of the force (high), in Hz.
+"""The three filters of the complementary filter (2.24)-(2.27), and their discrete versions.
 
-The three filters of the complementary filter (2.24)-(2.27) and their discrete versions.
+The cut-off frequencies are f_2 of the central axis (low) and f_1 of the force (high), in Hz. With
+``tau_i = 1 / (2 pi f_i)``:
 
-With ``tau_i = 1 / (2 pi f_i)``, f_1 the high and f_2 the low cutoff:
-
-    s^2 H2 = (s tau_1)^2 / (1 + s tau_1)^2          high-pass: where the force speaks           (2.24)
+    s^2 H2 = (s tau_1)^2 / (1 + s tau_1)^2          high-pass: band of the force                (2.24)
     H2     = tau_1^2 / (1 + s tau_1)^2              applied to the acceleration                 (2.25)
-    H3     = 1 / (1 + s tau_2)^2                    low-pass: where the central axis speaks     (2.26)
-    H1     = 1 - s^2 H2 - H3                        what is left to the geometry                (2.27)
+    H3     = 1 / (1 + s tau_2)^2                    low-pass: band of the central axis          (2.26)
+    H1     = 1 - s^2 H2 - H3                        band of the geometry                        (2.27)
 
 These have skirts of first order: far outside its band H1 falls with the first power of the frequency. The split of
-third order, with ``H3 = (1 + 3 s tau_2) / (1 + s tau_2)^3`` and its like in tau_1, has skirts of second order:
+third order, with ``H3 = (1 + 3 s tau_2) / (1 + s tau_2)^3`` and the same in tau_1, has skirts of second order:
 
     s^2 H2 = 1 - (1 + 3 s tau_1) / (1 + s tau_1)^3 = (s tau_1)^2 (3 + s tau_1) / (1 + s tau_1)^3 .
 
-All are discretised by the bilinear rule ``s = 2 f_s (1 - z^-1) / (1 + z^-1)``. It is a substitution, so identities
-between the filters survive it: the discrete sum is one at every frequency, and -6 dB stays -6 dB (at the cutoff up to
-the rule's own warping). Figures in ``docs/theory/complementary-filter.md``.
+All are discretised by the bilinear rule ``s = 2 f_s (1 - z^-1) / (1 + z^-1)``. As a substitution it preserves
+identities between the filters: the discrete sum is one at every frequency, and -6 dB stays -6 dB (at the cutoff up to
+frequency warping). Figures are in ``docs/theory/complementary-filter.md``.
 """
 
 from dataclasses import dataclass
@@ -33,7 +32,7 @@ THESIS_LOW_HZ: Final = 0.4
 THESIS_HIGH_HZ: Final = 4.0
 AUTO_LOW_HZ: Final = 0.2
 AUTO_HIGH_HZ: Final = 1.0
-"""What measurements on windows of one or two steps justify (docs/theory/complementary-filter.md)."""
+"""Default cut-offs for windows of one or two steps (docs/theory/complementary-filter.md)."""
 
 
 def require_cutoffs(low_hz: float, high_hz: float, rate_hz: float) -> None:
@@ -81,7 +80,7 @@ class DigitalFilter:
 
 @dataclass(frozen=True)
 class ComplementaryFilters:
-    """H1, H2, s^2 H2 and H3 at one rate; ``s2_h2`` is written as one filter because it acts on positions."""
+    """H1, H2, s^2 H2 and H3 at one rate; ``s2_h2`` is one filter because it acts on positions."""
 
     h1: DigitalFilter
     h2: DigitalFilter
@@ -92,14 +91,14 @@ class ComplementaryFilters:
 def complementary_filters(low_hz: float, high_hz: float, rate_hz: float, order: int = 2) -> ComplementaryFilters:
     """Discrete filters (2.24)-(2.27) for the cutoffs f_2 = ``low_hz`` and f_1 = ``high_hz``, of order 2 or 3.
 
-    (2.27) over a common denominator, with which H1 is built here instead of by subtraction:
+    H1 is built from (2.27) over a common denominator instead of by subtraction:
     ``H1 = s (2 tau_1 tau_2^2 s^2 + (tau_2^2 + 4 tau_1 tau_2 - tau_1^2) s + 2 tau_2) / ((1 + s tau_1)(1 + s tau_2))^2``.
     Raises ``InvalidInput`` (``cutoffs-out-of-range``) unless 0 < low < high < half the rate, and
     ``order-out-of-range``.
     """
     require_cutoffs(low_hz, high_hz, rate_hz)
     if order not in ORDERS:
-        message = f"The complementary filter has order 2 (the thesis') or 3, not {order}."
+        message = f"The complementary filter has order 2 (as in the thesis) or 3, not {order}."
         raise InvalidInput("order-out-of-range", message, [Fault("order", message)])
     tau_1, tau_2 = 1 / (2 * np.pi * high_hz), 1 / (2 * np.pi * low_hz)
     return _second(tau_1, tau_2, rate_hz) if order == 2 else _third(tau_1, tau_2, rate_hz)
@@ -119,7 +118,7 @@ def _second(tau_1: float, tau_2: float, rate_hz: float) -> ComplementaryFilters:
 
 
 def _third(tau_1: float, tau_2: float, rate_hz: float) -> ComplementaryFilters:
-    """H1 over the common denominator: the numerator has no powers of s below the second."""
+    """Filters of order 3; the numerator of H1 over the common denominator has no powers of s below the second."""
     bracket = np.array(
         [
             3 * tau_1 * tau_2 * (tau_2**2 - tau_1**2),

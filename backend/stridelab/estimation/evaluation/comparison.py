@@ -1,7 +1,7 @@
-"""All estimators on the same data: against the truth where it is known, else against physics.
+"""Compares estimators on the same data: with the truth if it is known, else with physics.
 
-Nothing here knows which estimators there are. Every figure is given along the walk, lateral and vertical, or horizontal
-and vertical; never in one number for all axes.
+Works with any estimators. Figures are given along the walk, lateral and vertical, or horizontal and vertical; never as
+one number for all axes.
 """
 
 from collections.abc import Mapping
@@ -44,7 +44,7 @@ class KnownMotion:
 
 @dataclass(frozen=True)
 class Data:
-    """What all estimators get, and the truth where there is one. ``floor_height_m`` is that of the plates."""
+    """Input of all estimators, and the truth if it is known. ``floor_height_m`` is the height of the plates."""
 
     geometric: GeometricCom
     wrench: WrenchTrack
@@ -55,10 +55,11 @@ class Data:
 
 @dataclass(frozen=True)
 class Assessment:
-    """One estimate and all that can be said of it; ``None`` where a check does not apply.
+    """One estimate with its error figures; ``None`` where a check does not apply.
 
-    ``offset_m`` is estimate minus geometry, mean over the window. It, ``residual_n`` and ``held_back_n`` are along the
-    walk, lateral, vertical. ``spectrum`` is that of the error, without a truth that of estimate minus geometry.
+    ``offset_m`` is estimate minus geometry, mean over the window. ``offset_m``, ``residual_n`` and ``held_back_n`` are
+    along the walk, lateral, vertical. ``spectrum`` is that of the error; without a truth, that of estimate minus
+    geometry.
     """
 
     estimate: ComEstimate
@@ -74,11 +75,11 @@ class Assessment:
 
 @dataclass(frozen=True)
 class Comparison:
-    """Assessments by the names given, what refused and why, and the spectra of the three inputs.
+    """Assessments by estimator name, errors of the estimators that failed, and the spectra of the three inputs.
 
-    ``inputs`` has "geometry" (m), "force" (m/s^2) and "axis" (m): errors where the truth is known; without one,
-    "force" is the acceleration from the force minus that of the geometry, "axis" is the projection minus the geometry,
-    and there is no "geometry".
+    ``inputs`` has "geometry" (m), "force" (m/s^2) and "axis" (m): errors if the truth is known; otherwise "force" is
+    the acceleration from the force minus that of the geometry, "axis" is the projection minus the geometry, and there
+    is no "geometry".
     """
 
     assessments: Mapping[str, Assessment]
@@ -89,7 +90,7 @@ class Comparison:
 def compare(estimators: Mapping[str, ComEstimator], data: Data) -> Comparison:
     """Run all estimators on ``data`` and assess each.
 
-    An estimator that cannot is listed with its refusal; where none can, the first refusal is raised.
+    An estimator that fails is listed with its error; if all fail, the first error is raised.
     """
     done: dict[str, Assessment] = {}
     refused: dict[str, StridelabError] = {}
@@ -104,7 +105,7 @@ def compare(estimators: Mapping[str, ComEstimator], data: Data) -> Comparison:
 
 
 def assess(estimator: ComEstimator, data: Data) -> Assessment:
-    """One estimator on ``data``; raises as the estimator does."""
+    """Run and assess one estimator on ``data``; raises as the estimator does."""
     geometric, wrench, mass_kg, truth = data.geometric, data.wrench, data.mass_kg, data.truth
     estimate = estimator.estimate(geometric, wrench, mass_kg)
     span = window_span(geometric, wrench)
@@ -129,7 +130,7 @@ def assess(estimator: ComEstimator, data: Data) -> Assessment:
 
 
 def input_spectra(data: Data) -> Mapping[str, ErrorSpectrum]:
-    """Spectra of the errors of the three inputs over the window (figure 2.6); without a truth, of their differences."""
+    """Spectra of the input errors over the window (figure 2.6); without a truth, of the input differences."""
     span = window_span(data.geometric, data.wrench)
     total = Wrench(data.wrench.force_n[span.inside], data.wrench.moment_nm[span.inside])
     inputs = filter_inputs(data.geometric.com_m[span.inside], total, data.mass_kg)
@@ -145,7 +146,7 @@ def input_spectra(data: Data) -> Mapping[str, ErrorSpectrum]:
 
 
 def _held_back(estimator: ComEstimator, data: Data) -> PerAxis | None:
-    """None where half of the force is too little for this estimator, although the whole is enough."""
+    """Residual at withheld force; None if the estimator fails with half of the force."""
     try:
         return held_back_residual_n(estimator, data.geometric, data.wrench, data.mass_kg)
     except NotEstimable:

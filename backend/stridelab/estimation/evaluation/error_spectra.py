@@ -1,8 +1,8 @@
-"""Spectra of errors (section 2.5.2, figure 2.6): at which frequencies which signal can be believed.
+"""Spectra of errors (section 2.5.2, figure 2.6): accuracy of each signal by frequency.
 
-Welch's estimate of the one-sided power spectral density, Hann windows with half overlap. Nothing is subtracted from a
-window, because a constant error is what the low frequencies are about: it shows in the lowest line. The integral over
-all frequencies is the mean square of the windowed error, so a square root of a part of it is an error in metres.
+Welch's estimate of the one-sided power spectral density, Hann windows with half overlap. The windows are not detrended,
+so that a constant error appears in the lowest line. The integral over all frequencies is the mean square of the
+windowed error, so the square root of the integral over a band is an error in metres.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from stridelab.conventions import Points
 from stridelab.errors import Fault, InvalidInput
 
 SEGMENT_S = 2.56
-"""Length of Welch's windows: lines 0.39 Hz apart, the finest that tells f_2 = 0.4 Hz from a constant."""
+"""Length of Welch's windows: lines 0.39 Hz apart, which separates f_2 = 0.4 Hz from a constant."""
 
 Density = Float[np.ndarray, "lines 3"]
 Lines = Float[np.ndarray, "lines"]
@@ -40,12 +40,12 @@ class ErrorSpectrum:
 
     @property
     def resolution_hz(self) -> float:
-        """Distance of two lines."""
+        """Distance between two lines."""
         return float(self.frequency_hz[1] - self.frequency_hz[0])
 
 
 def error_spectrum(error: Points, rate_hz: float, segment_s: float = SEGMENT_S) -> ErrorSpectrum:
-    """Welch's spectrum of an error given at ``rate_hz``; a record shorter than a window is one window.
+    """Welch's spectrum of an error sampled at ``rate_hz``; a record shorter than a window is one window.
 
     Raises ``InvalidInput`` (``spectrum-needs-samples``) for fewer than 8 samples or values that are not finite.
     """
@@ -58,7 +58,7 @@ def error_spectrum(error: Points, rate_hz: float, segment_s: float = SEGMENT_S) 
 
 
 def crossing_hz(first: ErrorSpectrum, second: ErrorSpectrum, axis: int) -> float:
-    """Lowest frequency at which the first signal errs more than the second; NaN where it never does.
+    """Lowest frequency at which the error of the first signal exceeds that of the second; NaN if it never does.
 
     Both spectra must have the same lines.
     """

@@ -1,15 +1,15 @@
-"""Held-back force: an estimator sees half of the force samples, and must predict the other half.
+"""Cross-validation with withheld force: an estimator uses half of the force samples and predicts the other half.
 
-A small residual against the force that was fused proves nothing. Here the window is cut into blocks; in a first pass
-every other block of the force is withheld, in a second pass the others. What counts is ``m (c'' - g) - f`` at the
-withheld samples, in an 8 Hz band.
+A small residual against the fused force does not prove accuracy. Here the window is cut into blocks; a first pass
+withholds every other block of the force, a second pass the others. The result is the residual ``m (c'' - g) - f`` at
+the withheld samples, in an 8 Hz band.
 
-The Kalman filter, its smoother and ours really do without: they take no measurement of force or moment there
-(``WrenchTrack.withheld``). The complementary filter cannot, because its filters run over gap-free signals: it gets the
-trick of 2.6.2 in its place, ``p = g`` and ``a = g''``. Nobody sees the measured force there.
+The Kalman filter, the RTS smoother and ``Smoother`` skip the measurements of force and moment there
+(``WrenchTrack.withheld``). The complementary filter needs gap-free signals: it uses the substitution of 2.6.2,
+``p = g`` and ``a = g''``. No estimator has access to the withheld force.
 
-Between the blocks all that is known is the geometry, so nobody can be much better than the geometry; one that is worse
-has fitted noise, or believes less of the geometry than is true.
+In the withheld blocks only the geometry is measured, so no estimator can be much better than the geometry; one that is
+worse has fitted noise, or gives the geometry too little weight.
 """
 
 from dataclasses import replace
@@ -28,7 +28,7 @@ from stridelab.estimation.walk_frame import walk_frame
 from stridelab.recordings.recording import WrenchTrack
 
 BLOCK_S = 0.15
-"""Twice the length over which the 8 Hz band mixes neighbours."""
+"""Twice the correlation length of a signal in the 8 Hz band."""
 
 
 def held_back_residual_n(

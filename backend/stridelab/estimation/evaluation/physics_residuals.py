@@ -1,14 +1,13 @@
-"""Agreement of an estimate with physics, where nobody knows the truth.
+"""Agreement of an estimate with physics, for recordings without a known truth.
 
-- In flight there is no force, so the CoM accelerates with g: the parabola through its height during a flight has that
-  curvature, whatever filter made it.
+- In flight there is no force, so the CoM accelerates with g: the parabola through its height during a flight must have
+  that curvature.
 - Standing still on plates, the mean centre of pressure lies below the mean CoM: ``z = c - h/g c''`` (2.9), and the mean
-  of c'' over a time in which the body ends as it began is nothing.
+  of c'' vanishes over an interval in which the velocity does not change.
 - The rate of the angular momentum that the plates imply, ``L' = nu - c x f`` (2.4), against that of the segments,
-  ``d/dt sum m_i (c_i - c) x (c_i' - c')``. A CoM that is wrong by b along the walk is wrong by b f_z in L' about the
+  ``d/dt sum m_i (c_i - c) x (c_i' - c')``. An error b of the CoM along the walk causes an error b f_z in L' about the
   lateral axis.
-
-How well an estimate agrees with the force, and how far it is from the geometry.
+- The force required by the estimated acceleration, against the measured force.
 """
 
 from dataclasses import dataclass
@@ -28,13 +27,13 @@ from stridelab.recordings.gap_filling import runs
 from stridelab.recordings.recording import WrenchTrack
 
 FLIGHT_N = 20.0
-"""Less force than this is none."""
+"""Force below which the body counts as in flight."""
 SHORTEST_FLIGHT = 6
-"""Samples of a flight; the first and the last of them belong to the steps."""
+"""Minimum samples of a flight; its first and last samples are excluded."""
 STILL_M_S = 0.05
-"""RMS velocity of quiet standing is below 0.02 m/s in healthy adults; walking at 0.3 m/s is above this."""
+"""RMS velocity below which the body stands: 0.02 m/s in healthy adults, more than 0.05 m/s at a walk of 0.3 m/s."""
 MOMENTUM_BAND_HZ = 6.0
-"""Above it two derivatives of marker positions are noise."""
+"""Band of the angular momentum rate: above it noise dominates second derivatives of marker positions."""
 
 
 @dataclass(frozen=True)
@@ -63,13 +62,13 @@ class MomentumAgreement:
 
 
 def flight(estimate: ComEstimate, wrench: WrenchTrack) -> Flight | None:
-    """Mean acceleration over all flights inside the window; None where the body never leaves the ground."""
+    """Mean acceleration over all flights inside the window; None without flights."""
     rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
     aloft = np.linalg.norm(inside(estimate, wrench.time_s, wrench.force_n), axis=1) < FLIGHT_N
     found = [(i + 1, j - 1) for i, j in runs(aloft) if j - i >= SHORTEST_FLIGHT and i > 0 and j < len(aloft)]
     if not found:
         return None
-    # A long flight tells its curvature better: the variance of a parabola's curvature falls with the fifth power.
+    # The variance of a parabola's curvature falls with the fifth power of the flight's duration.
     weight = np.array([float(j - i) ** 5 for i, j in found])
     curvature = np.array([_curvature(estimate.com_m[i:j], rate_hz) for i, j in found])
     a = weight @ curvature / weight.sum()
@@ -79,7 +78,7 @@ def flight(estimate: ComEstimate, wrench: WrenchTrack) -> Flight | None:
 def standing(
     estimate: ComEstimate, geometric: GeometricCom, wrench: WrenchTrack, floor_height_m: float = 0.0
 ) -> Standing | None:
-    """CoM against centre of pressure over the window; None unless the person stands still there."""
+    """CoM against centre of pressure over the window; None unless the subject stands still."""
     rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
     g = inside(estimate, geometric.time_s, geometric.com_m)
     if np.sqrt(np.mean(np.sum(derivatives(g, rate_hz)[0] ** 2, axis=1))) > STILL_M_S:
@@ -93,7 +92,7 @@ def standing(
 def momentum_agreement(
     estimate: ComEstimate, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float
 ) -> MomentumAgreement | None:
-    """Implied against segment L' in a 6 Hz band; None where the segments are not known (a track without segments)."""
+    """L' implied by the plates against that of the segments in a 6 Hz band; None without segments."""
     segments = segment_momentum_rate(geometric, mass_kg)
     if segments is None:
         return None
@@ -110,8 +109,8 @@ def momentum_agreement(
 def segment_momentum_rate(geometric: GeometricCom, mass_kg: float) -> Points | None:
     """d/dt of the angular momentum of the segments' point masses about the CoM, NaN outside the gap-free stretch.
 
-    The segments' own spin is left out: it needs inertia tensors that the tables give for few segments, and is small
-    beside the transport of the limbs.
+    The rotation of each segment about its own CoM is neglected: it needs inertia tensors that the tables give for few
+    segments, and is small compared with the motion of the segments' CoM.
     """
     if not geometric.segments:
         return None
@@ -135,7 +134,7 @@ def segment_momentum_rate(geometric: GeometricCom, mass_kg: float) -> Points | N
 
 
 def _correlation(x: Points, y: Points) -> PerAxis:
-    """Per axis; NaN where one of the two does not vary."""
+    """Correlation per axis; NaN where one of the two is constant."""
     x, y = x - x.mean(axis=0), y - y.mean(axis=0)
     norm = np.sqrt((x**2).sum(axis=0) * (y**2).sum(axis=0))
     return np.asarray(np.where(norm > 0.0, (x * y).sum(axis=0) / np.where(norm > 0.0, norm, 1.0), np.nan))
@@ -150,9 +149,9 @@ def _curvature(track: Points, rate_hz: float) -> PerAxis:
 def force_residual_n(estimate: ComEstimate, wrench: WrenchTrack, mass_kg: float, band_hz: float = BAND_HZ) -> Vector3:
     """RMS of ``m (c'' - g) - f`` per axis over the window, both sides low-passed to ``band_hz`` (zero phase).
 
-    c'' is the second derivative of the estimated *position*. The first and last ``0.6 / band_hz`` seconds, where the
-    filters see beyond the window, do not count. A small residual is consistency, not proof: an estimator that
-    integrates the force agrees with it by construction.
+    c'' is the second derivative of the estimated *position*. The first and last ``0.6 / band_hz`` seconds, affected by
+    filter transients, are excluded. A small residual does not prove accuracy: an estimator that integrates the force
+    agrees with it by construction.
     """
     r = force_residual_track_n(estimate, wrench, mass_kg, band_hz)
     return np.asarray(np.sqrt(np.nanmean(r**2, axis=0)))
@@ -161,7 +160,7 @@ def force_residual_n(estimate: ComEstimate, wrench: WrenchTrack, mass_kg: float,
 def force_residual_track_n(
     estimate: ComEstimate, wrench: WrenchTrack, mass_kg: float, band_hz: float = BAND_HZ
 ) -> Points:
-    """``m (c'' - g) - f`` at the estimate's samples, as ``force_residual_n`` takes it; NaN near the ends."""
+    """``m (c'' - g) - f`` at the estimate's samples, as in ``force_residual_n``; NaN near the ends."""
     rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
     first = int(np.argmin(np.abs(wrench.time_s - estimate.time_s[0])))
     f = low_pass(wrench.force_n[first : first + len(estimate.time_s)], rate_hz, band_hz)
@@ -173,7 +172,7 @@ def force_residual_track_n(
 
 
 def bias_m(estimate: ComEstimate, geometric: GeometricCom) -> Vector3:
-    """Estimate minus geometry, mean over the window, per axis: what the force changed in the table's CoM."""
+    """Estimate minus geometry, mean over the window, per axis: correction of the geometric CoM by the force."""
     first = int(np.argmin(np.abs(geometric.time_s - estimate.time_s[0])))
     g = geometric.com_m[first : first + len(estimate.time_s)]
     return np.asarray(np.mean(estimate.com_m - g, axis=0))

@@ -1,7 +1,7 @@
-"""Errors of an estimate where the truth is known: horizontal and vertical apart, because a 3D figure hides both.
+"""Errors of an estimate with a known truth, horizontal and vertical separately.
 
-The height along the force is nobody's to find (section 2.3.1), so one number for all axes shows the segment table's
-vertical error and little else.
+The position along the force is unobservable (section 2.3.1), so a single 3D error would mainly show the vertical error
+of the segment table.
 """
 
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ WindowPoints = Float[np.ndarray, "window 3"]
 """A track at an estimate's own samples."""
 BAND_95 = 1.96
 _SWAY_M_S = 0.01
-"""Less varying velocity than this shows no lag."""
+"""RMS variation of the velocity below which the lag is undefined."""
 _LAG_ROUNDS = 4
 
 
@@ -28,8 +28,8 @@ class TruthError:
     """Error of one estimate; arrays are along the walk, lateral, vertical.
 
     ``horizontal_m`` is the RMS of the horizontal distance, ``horizontal_95_m`` its 95th percentile. ``mean_m`` is the
-    constant part. ``coverage`` is the share of samples inside the stated 95 % band, ``sd_m`` the RMS of the stated
-    standard deviation. ``lag_s`` > 0 means that the estimate is late; NaN along an axis that does not sway.
+    constant part. ``coverage`` is the share of samples inside the reported 95 % band, ``sd_m`` the RMS of the reported
+    standard deviation. ``lag_s`` > 0 means that the estimate is late; NaN along an axis with uniform motion.
     """
 
     horizontal_m: float
@@ -53,7 +53,7 @@ def truth_error(estimate: ComEstimate, time_s: Series, truth_com_m: Points) -> T
     rate_hz = (len(true) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
     turn = walk_frame(derivatives(true, rate_hz)[0])
     error = (estimate.com_m - true) @ turn.T
-    # The bands are per world axis; their variances turn with the squares of the direction cosines.
+    # The bands are per world axis; their variances transform with the squares of the direction cosines.
     sd = np.sqrt(estimate.sd_m**2 @ (turn**2).T)
     distance = np.hypot(error[:, 0], error[:, 1])
     return TruthError(
@@ -69,9 +69,9 @@ def truth_error(estimate: ComEstimate, time_s: Series, truth_com_m: Points) -> T
 
 
 def lag_s(estimated: Series, true: Series, rate_hz: float) -> float:
-    """How late a signal is: the tau that makes ``estimated(t) - true(t - tau)`` closest to a straight line.
+    """Delay tau of a signal for which ``estimated(t) - true(t - tau)`` is closest to a straight line.
 
-    Gauss-Newton on tau; the line takes out bias and drift, which are no lag. NaN where the truth only moves uniformly.
+    Gauss-Newton on tau; the line absorbs bias and drift. NaN if the truth moves uniformly.
     """
     t = np.arange(len(true)) / rate_hz
     spline = interpolate.CubicSpline(t, true)
@@ -91,6 +91,6 @@ def lag_s(estimated: Series, true: Series, rate_hz: float) -> float:
 
 
 def inside(estimate: ComEstimate, time_s: Series, track: Points) -> WindowPoints:
-    """Part of a track that lies at the estimate's samples."""
+    """Part of a track at the estimate's samples."""
     first = int(np.argmin(np.abs(time_s - estimate.time_s[0])))
     return track[first : first + len(estimate.time_s)]

@@ -1,7 +1,4 @@
-"""The Kalman filter of section 2.5.3, against which the thesis holds its complementary filter.
-
-The smoother of Rauch, Tung and Striebel on the model of section 2.5.3.
-"""
+"""Kalman filter of section 2.5.3, which the thesis compares with its complementary filter, and its RTS smoother."""
 
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
@@ -35,18 +32,18 @@ TUNED_SIGMA_JERK_M_S3 = 20.0
 class KalmanFilter:
     """White jerk of ``sigma_jerk_m_s3`` drives the CoM; geometry, force and axis point measure it (``jerk_model``).
 
-    The defaults are those of the thesis, with (2.29) and (2.30) repaired. ``noise`` is R; None takes the stated errors
-    of ``priors`` and of the segment table as if they were white (``InputNoise.stated``). ``start_sd`` is what is known
-    of position (m, about the first geometry), velocity (m/s) and acceleration (m/s^2) before the first sample.
-    ``printed`` takes A_d as (2.29) is printed.
+    The defaults are those of the thesis, with (2.29) and (2.30) corrected. ``noise`` is R; None uses the errors of
+    ``priors`` and of the segment table as if they were white (``InputNoise.stated``). ``start_sd`` is the initial
+    standard deviation of position (m, about the first geometry), velocity (m/s) and acceleration (m/s^2). ``printed``
+    uses A_d as printed in (2.29).
 
-    The filter runs over the whole gap-free geometry; the force counts inside the window, the axis point where there is
-    an axis. ``sd_m`` is not the filter's own covariance, which takes every error for white and is far too narrow (its
-    mean is in ``diagnostics``), but the stated errors of ``priors`` sent through the filter, and its own lag.
+    The filter runs over the whole gap-free geometry; the force is used inside the window, the axis point where the axis
+    is defined. ``sd_m`` is not the covariance of the filter, which treats all errors as white and is far too narrow
+    (its mean is in ``diagnostics``), but follows from the errors of ``priors`` propagated through the filter, and from
+    its lag. Walking has an rms jerk of 4 (across) to 24 m/s^3 (up) in an 8 Hz band.
 
-    Raises ``InvalidInput`` that names the field where a standard deviation is not positive (``prior-not-positive``) or
-    makes no sense (``prior-out-of-range``). Walking has a jerk of 4 (across) to 24 m/s^3 (up), rms
-    in an 8 Hz band.
+    Raises ``InvalidInput`` naming the field if a standard deviation is not positive (``prior-not-positive``) or
+    implausible (``prior-out-of-range``).
     """
 
     name: ClassVar[str] = "kalman"
@@ -63,19 +60,19 @@ class KalmanFilter:
 
     @classmethod
     def as_printed(cls) -> "KalmanFilter":
-        """With A_d of (2.29) as printed, for the record: it forgets the position at every step."""
+        """Filter with A_d of (2.29) as printed, for reference: it loses the position at every step."""
         return cls(printed=True)
 
     @classmethod
     def tuned(cls) -> "KalmanFilter":
-        """The same model with a jerk of the size that walking has, and R from the stated errors."""
+        """Filter with the jerk of walking, and R from ``priors``."""
         return cls(sigma_jerk_m_s3=TUNED_SIGMA_JERK_M_S3, noise=None)
 
     def estimate(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> ComEstimate:
         """Filter forward; the result lies at the window's samples.
 
-        ``lag_*_s`` in the diagnostics is the delay of the filter itself at the stride frequency of ``priors``. Raises
-        as ``window_span`` does, and ``InvalidInput`` with ``mass-out-of-range``.
+        ``lag_*_s`` in the diagnostics is the delay of the filter at the stride frequency of ``priors``. Raises as
+        ``window_span`` does, and ``InvalidInput`` with ``mass-out-of-range``.
         """
         record = self.record(geometric, wrench, mass_kg)
         estimate = record.estimate(Axis.filtered, self.name, ("carpentier2017thesis", "kalman1960", "lainiotis1976"))
@@ -84,7 +81,7 @@ class KalmanFilter:
         return replace(estimate, diagnostics={**estimate.diagnostics, **lags_s})
 
     def record(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> JerkRecord:
-        """The record as this model reads it; raises as ``estimate`` does."""
+        """Inputs and models of the three axes; raises as ``estimate`` does."""
         require_mass(mass_kg)
         span = window_span(geometric, wrench)
         g, within, inside = geometric.com_m[span.around], span.within, span.inside
@@ -107,9 +104,9 @@ class KalmanFilter:
 
 @dataclass(frozen=True, kw_only=True)
 class RtsSmoother:
-    """The state from all measurements, earlier and later, under the model of ``kalman``: no lag is left.
+    """Rauch-Tung-Striebel smoother for the model of ``kalman``: uses all measurements and has no lag.
 
-    The default model has the thesis' R and a jerk of the size that walking has.
+    The default model has the thesis' R and the jerk of walking.
     """
 
     name: ClassVar[str] = "rts"
@@ -118,7 +115,7 @@ class RtsSmoother:
 
     @classmethod
     def tuned(cls) -> "RtsSmoother":
-        """On the tuned Kalman filter, with R from the stated errors."""
+        """Smoother of the tuned Kalman filter, with R from its priors."""
         return cls(kalman=KalmanFilter.tuned())
 
     def estimate(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> ComEstimate:

@@ -1,4 +1,4 @@
-"""The model behind the Kalman filter of section 2.5.3: CoM driven by white jerk, three inputs taken for white noise.
+"""Model of the Kalman filter of section 2.5.3: CoM driven by white jerk, measured by three inputs with white noise.
 
     x_{k+1} = A_d x_k + B_d w_k,   x = (c, c', c''),   w ~ (0, sigma_jerk^2)                    (2.28)
     y_k     = C_d x_k + mu_k,      y = (geometry, acceleration from the force, axis point)      (2.30)
@@ -7,12 +7,12 @@
     A_d = | 0   1  dt     |   B_d = | dt^2/2 |   C_d = | 0  0  1 |                              (2.29), (2.31)
           | 0   0  1      |         | dt     |         | 1  0  0 |
 
-per axis, exactly what the integrators ``x' = A x + B u`` (2.15), (2.16) become over dt with a constant jerk u. The axes
-share no noise, so they are three filters. The thesis prints A_d without its diagonal and y without
-the acceleration (docs/theory/misprints.md).
+per axis: the exact discretisation of ``x' = A x + B u`` (2.15), (2.16) over dt with a constant jerk u. The axes share
+no noise, so they are three separate filters. The thesis prints A_d without its diagonal and y without the acceleration
+(docs/theory/misprints.md).
 
-A row of C_d counts where it is measured: the acceleration where all contact force is, the axis point where there is
-enough force for an axis (in flight there is none). A record is a sequence of *stretches* with constant rows.
+A row of C_d is used where it is measured: the acceleration where all contact force is measured, the axis point where
+the force is large enough for an axis (not in flight). A record is a sequence of *stretches* with constant rows.
 """
 
 from collections.abc import Sequence
@@ -31,10 +31,10 @@ from stridelab.estimation.kalman.riccati import Square, SteadyModel
 from stridelab.estimation.walk_frame import walk_frame
 
 Measured = Bool[np.ndarray, "n 3"]
-"""Which of the three inputs count at each sample."""
+"""Whether each of the three inputs is measured, per sample."""
 
 LENGTH_RANGE_M, FORCE_RANGE_N, SIGMA_JERK_RANGE_M_S3 = (1e-4, 1.0), (0.1, 1000.0), (0.01, 1000.0)
-"""What a standard deviation may be: further out, double precision does not solve the Riccati equation to 0.1 mm."""
+"""Valid standard deviations: beyond them, double precision does not solve the Riccati equation to 0.1 mm."""
 
 C = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """(2.31) for one axis."""
@@ -43,10 +43,10 @@ C.flags.writeable = False
 
 @dataclass(frozen=True, kw_only=True)
 class InputNoise:
-    """Standard deviation per axis of the three inputs, which the filter takes for white: the diagonal of R.
+    """Standard deviation per axis of the three inputs, modelled as white: the diagonal of R.
 
-    The defaults are the noise of section 2.5.1 as it arrives at the inputs for a humanoid of 90 kg: 0.05 pi in every
-    joint, 10 N, and 10 Nm at a plate that lies 0.83 m below the CoM.
+    The defaults are the noise of section 2.5.1 propagated to the inputs for a humanoid of 90 kg: 0.05 pi in every
+    joint, 10 N, and 10 Nm at a plate 0.83 m below the CoM.
     """
 
     geometry_m: SdPerAxis = (0.0137, 0.0126, 0.0053)
@@ -60,7 +60,7 @@ class InputNoise:
 
     @classmethod
     def stated(cls, table_sd_m: SdPerAxis, priors: ErrorPriors, velocity_m_s: Points, mass_kg: float) -> "InputNoise":
-        """The variances of all stated errors, coloured or constant, as if they were white.
+        """Noise with the variances of all errors in ``priors``, coloured or constant, treated as white.
 
         Along the force the axis point repeats the geometry, so each of the two gets half of its information.
         """
@@ -90,7 +90,7 @@ def _three(sd: Vector3) -> SdPerAxis:
 
 
 def require_sd(field: str, values: Sequence[float], allowed: tuple[float, float]) -> None:
-    """Raise ``InvalidInput`` that names the field: ``prior-not-positive``, or ``prior-out-of-range`` of ``allowed``."""
+    """Raise ``InvalidInput`` naming the field: ``prior-not-positive``, or ``prior-out-of-range`` of ``allowed``."""
     low, high = allowed
     shown = ", ".join(f"{v:g}" for v in values)
     if not all(np.isfinite(v) and v > 0 for v in values):
@@ -112,7 +112,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class JerkModel:
-    """A_d and B_d for one step of time; ``printed`` leaves out the diagonal of A_d, as (2.29) is printed."""
+    """A_d and B_d for one time step; ``printed`` omits the diagonal of A_d, as printed in (2.29)."""
 
     dt_s: float
     sigma_jerk_m_s3: float
@@ -127,14 +127,14 @@ class JerkModel:
 
     @property
     def B(self) -> Float[np.ndarray, "3 1"]:
-        """B_d (2.29): what a jerk of 1 m/s^3, constant over the step, adds."""
+        """B_d (2.29): effect of a jerk of 1 m/s^3, constant over the step."""
         dt = self.dt_s
         return np.array([[dt**3 / 6], [dt**2 / 2], [dt]])
 
 
 @lru_cache(maxsize=64)
 def forward_model(model: JerkModel, variance: tuple[float, ...], rows: tuple[int, ...]) -> SteadyModel:
-    """The model (2.28)-(2.31) with only these rows measured; ``variance`` is the axis' diagonal of R."""
+    """Model (2.28)-(2.31) with only these rows measured; ``variance`` is the axis' diagonal of R."""
     r = np.array(variance)[list(rows)]
     W = model.B @ model.B.T * model.sigma_jerk_m_s3**2
     return SteadyModel(F=model.A, H=C[list(rows)], W=W, R=np.diag(r))
@@ -142,13 +142,13 @@ def forward_model(model: JerkModel, variance: tuple[float, ...], rows: tuple[int
 
 @lru_cache(maxsize=64)
 def backward_model(model: JerkModel, variance: tuple[float, ...], rows: tuple[int, ...]) -> SteadyModel:
-    """The dual model, whose predictions are what the *later* measurements say.
+    """Dual model, whose predictions are the information from the *later* measurements.
 
-    Their information matrix J about x_k, the measurement k included, obeys
+    Their information matrix J about x_k, including measurement k, obeys
 
         J_k = A' (J_{k+1}^-1 + sigma^2 B B')^-1 A + C' R^-1 C,
 
-    which is the Riccati recursion of the model with A', B' and C' in place of A, C and B.
+    the Riccati recursion of the model with A', B' and C' in place of A, C and B.
     """
     c, r = C[list(rows)], np.array(variance)[list(rows)]
     return SteadyModel(F=model.A.T, H=model.B.T, W=c.T / r @ c, R=np.array([[model.sigma_jerk_m_s3**-2]]))
@@ -164,7 +164,7 @@ def measured_inputs(n: int, window: slice, force_n: Float[np.ndarray, "window 3"
 
 
 def stretches(measured: Measured) -> list[Stretch]:
-    """The record cut where the measured rows change."""
+    """Split the record where the measured rows change."""
     cuts = 1 + np.flatnonzero((np.diff(measured, axis=0) != 0).any(axis=1))
     edges = [0, *cuts.tolist(), len(measured)]
     return [Stretch(a, b, tuple(np.flatnonzero(measured[a]).tolist())) for a, b in pairwise(edges)]

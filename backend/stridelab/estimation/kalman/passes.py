@@ -1,15 +1,12 @@
-"""One record made ready for the model of section 2.5.3, and what a pass over it gives.
+"""Forward and backward passes over a record: prediction, filter (2.28)-(2.31) and smoother.
 
-Forward and backward passes over one axis of a record: prediction, filter (2.28)-(2.31) and smoother.
-
-The filter joins each prediction with its own measurement. The smoother of Rauch, Tung and Striebel gives the state from
-all measurements, earlier and later. It is computed here from the prediction (x, P) and from what the later measurements
-say, as information (h, J):
+The filter combines each prediction with its measurement. The smoother of Rauch, Tung and Striebel gives the state from
+all measurements. It is computed here from the prediction (x, P) and the information (h, J) of the later measurements:
 
     P_s = (P^-1 + J)^-1 = (1 + P J)^-1 P,        x_s = x + P_s (h - J x),
 
-which is the same state and covariance as their backward recursion. Several sets of signals go through the same gains:
-the record and, next to it, each error whose effect is asked for.
+the same state and covariance as the backward recursion. Several sets of signals use the same gains: the record, and
+each error signal to be propagated.
 """
 
 from collections.abc import Callable, Sequence
@@ -29,12 +26,12 @@ from stridelab.estimation.kalman.riccati import Square, Squares, Starts, States
 from stridelab.estimation.time_span import Span
 
 Inputs = Float[np.ndarray, "sets n 3"]
-"""(2.30) for one axis: geometry, acceleration, axis point; what is not measured is never read."""
+"""(2.30) for one axis: geometry, acceleration, axis point; unmeasured values are not used."""
 
 
 @dataclass(frozen=True)
 class Track:
-    """Mean of each set and the covariance that all sets share, per sample."""
+    """Mean of each set and the common covariance of all sets, per sample."""
 
     mean: States
     covariance: Squares
@@ -42,7 +39,7 @@ class Track:
 
 @dataclass(frozen=True)
 class Axis:
-    """One axis of a record: the model, its row of R, where what is measured, and what is known before the start."""
+    """One axis of a record: model, row of R, measured stretches and initial covariance."""
 
     model: JerkModel
     variance: tuple[float, ...]
@@ -50,7 +47,7 @@ class Axis:
     start_covariance: Square
 
     def predicted(self, y: Inputs, start: Starts) -> Track:
-        """State at each sample, given the measurements before it."""
+        """Predict the state at each sample from the measurements before it."""
         mean, covariance = start, self.start_covariance
         means, covariances = np.empty_like(y), np.empty((y.shape[1], 3, 3))
         for s in self.stretches:
@@ -61,7 +58,7 @@ class Axis:
         return Track(means, covariances)
 
     def filtered(self, y: Inputs, start: Starts) -> Track:
-        """State at each sample, given the measurements up to it: the Kalman filter."""
+        """Filter: state at each sample from the measurements up to it."""
         predicted = self.predicted(y, start)
         means, covariances = predicted.mean.copy(), predicted.covariance.copy()
         for s in self.stretches:
@@ -76,7 +73,7 @@ class Axis:
         return Track(means, covariances)
 
     def smoothed(self, y: Inputs, start: Starts) -> Track:
-        """State at each sample, given all measurements: the Rauch-Tung-Striebel smoother."""
+        """Smooth: state at each sample from all measurements (Rauch-Tung-Striebel)."""
         predicted, later = self.predicted(y, start), self._later(y)
         P, J = predicted.covariance, later.covariance
         covariance = np.linalg.solve(np.eye(3) + P @ J, P)
@@ -84,7 +81,7 @@ class Axis:
         return Track(predicted.mean + np.einsum("kij,skj->ski", covariance, unexpected), covariance)
 
     def lag_s(self, frequency_hz: float) -> float:
-        """Delay of the filter after a long time, for a motion of this frequency on which all three inputs agree."""
+        """Steady-state delay of the filter for a motion of this frequency on which all three inputs agree."""
         steady = forward_model(self.model, self.variance, (0, 1, 2))
         w = 2 * np.pi * frequency_hz
         z = np.exp(1j * w * self.model.dt_s)
@@ -95,7 +92,7 @@ class Axis:
         return float(-np.angle(c) / w)
 
     def _later(self, y: Inputs) -> Track:
-        """Information h and J about the state at each sample in the measurements at it and after it."""
+        """Information h and J about the state at each sample from this and all later measurements."""
         h, J = np.zeros((len(y), 3)), np.zeros((3, 3))
         means, covariances = np.empty_like(y), np.empty((y.shape[1], 3, 3))
         for s in reversed(self.stretches):
@@ -116,7 +113,7 @@ Pass = Callable[[Axis, Inputs, Starts], Track]
 class JerkRecord:
     """The three inputs over the gap-free geometry and an ``Axis`` for each of x, y, z.
 
-    Outside the window only the geometry of ``inputs`` is read.
+    Outside the window only the geometry of ``inputs`` is used.
     """
 
     geometric: GeometricCom
@@ -127,11 +124,11 @@ class JerkRecord:
     priors: ErrorPriors
 
     def estimate(self, passed: Pass, method: str, references: tuple[str, ...]) -> ComEstimate:
-        """The fused window.
+        """Estimate over the window.
 
-        ``sd_m`` joins the stated errors, sent through the pass, and what the pass does to a motion on which all inputs
-        agree: a smooth copy of the geometry stands for the true motion. ``model_sd_*_m`` in the diagnostics is what
-        the model itself believes.
+        ``sd_m`` combines the input errors, propagated through the pass, and the distortion of a motion on which all
+        inputs agree, with the low-passed geometry as the true motion. ``model_sd_*_m`` in the diagnostics is the
+        standard deviation of the model itself.
         """
         within, rate_hz = self.stretch.within, self.span.rate_hz
         motion = low_pass(self.inputs.geometry_m, rate_hz)
@@ -159,7 +156,7 @@ class JerkRecord:
         )
 
     def _run(self, passed: Pass, inputs: Sequence[FilterInputs]) -> list[Track]:
-        """One pass of every axis over several sets of inputs; each starts at its first geometry, at rest."""
+        """Run one pass of every axis over several sets of inputs; each starts at its first geometry, at rest."""
         tracks = []
         for j, axis in enumerate(self.axes):
             y = np.array([[i.geometry_m[:, j], i.acceleration_m_s2[:, j], i.axis_point_m[:, j]] for i in inputs])

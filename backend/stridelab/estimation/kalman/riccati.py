@@ -1,4 +1,4 @@
-"""Optimal prediction for a linear model that does not change in time: exact, and without a loop over the samples.
+"""Exact optimal prediction for a linear time-invariant model, without a loop over the samples.
 
     x_{k+1} = F x_k + u_k + w_k,   y_k = H x_k + mu_k,   w ~ (0, W), mu ~ (0, R)
 
@@ -8,15 +8,15 @@ equation (DARE)
     P = Phi P F' + W,   L = F P H' S^-1,   S = H P H' + R,   Phi = F - L H .
 
 With it the *nominal* filter ``n_{k+1} = Phi n_k + L y_k + u_k`` is a fixed linear recursion, optimal for a start of
-covariance P. The true start has P_0 = P + Delta, as if one more error r ~ (0, Delta) had been added to it. The nominal
-innovations ``e_k = y_k - H n_k`` see that error as ``H Phi^k r`` in white noise S, so it can be estimated from them:
+covariance P. The true start has P_0 = P + Delta, an additional error r ~ (0, Delta). The nominal innovations
+``e_k = y_k - H n_k`` contain that error as ``H Phi^k r`` in white noise S, so it can be estimated from them:
 
     O_k = sum_{j<k} Phi'^j H' S^-1 H Phi^j,   theta_k = sum_{j<k} Phi'^j H' S^-1 e_j,   M_k = (1 + Delta O_k)^-1 Delta,
 
     x_k = n_k + Phi^k M_k theta_k,            P_k = P + Phi^k M_k Phi'^k .
 
-This is Lainiotis' partitioning. Sums are cumulative and end where Phi^k has died out, from where on x_k = n_k. Nothing
-is approximated: the result is that of the textbook recursion with its changing gain.
+This is Lainiotis' partitioning. Sums are cumulative and end where Phi^k has decayed; from there on x_k = n_k. The
+result equals that of the textbook recursion with its time-varying gain.
 """
 
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ States = Float[np.ndarray, "sets n 3"]
 Signals = Float[np.ndarray, "sets n m"]
 
 _DEAD = 1e-20
-"""A power of Phi below this changes no digit of the result."""
+"""Powers of Phi below this are negligible in double precision."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,9 @@ class SteadyModel:
 
     @cached_property
     def P(self) -> Square:
-        """Covariance of the prediction after a long time: the stabilising solution of the DARE.
+        """Steady-state covariance of the prediction: the stabilising solution of the DARE.
 
-        Raises ``InvalidInput`` (``filter-not-solvable``) where double precision knows none.
+        Raises ``InvalidInput`` (``filter-not-solvable``) if there is none in double precision.
         """
         try:
             P = linalg.solve_discrete_are(self.F.T, self.H.T, self.W, self.R)
@@ -64,21 +64,21 @@ class SteadyModel:
 
     @cached_property
     def S(self) -> Float[np.ndarray, "m m"]:
-        """Covariance of the innovations after a long time."""
+        """Steady-state covariance of the innovations."""
         return np.asarray(self.R + self.H @ self.P @ self.H.T)
 
     @cached_property
     def L(self) -> Float[np.ndarray, "3 m"]:
-        """The predictor's gain after a long time."""
+        """Steady-state gain of the predictor."""
         return np.asarray(linalg.solve(self.S, self.H @ self.P @ self.F.T, assume_a="pos").T)
 
     @cached_property
     def Phi(self) -> Square:
-        """What the nominal filter does to its own error in one step."""
+        """Error transition of the nominal filter over one step."""
         return np.asarray(self.F - self.L @ self.H)
 
     def predictor(self, covariance: Square, n: int) -> "Predictor":
-        """The optimal predictor over n measurements from a start with this covariance."""
+        """Optimal predictor over n measurements from an initial state with this covariance."""
         P = self.P
         powers = _living_powers(self.Phi, n + 1)
         seen = self.H @ powers[:-1]
@@ -96,7 +96,7 @@ class SteadyModel:
 class Predictor:
     """Gains of one stretch; ``covariance`` holds P_0, ..., P_n.
 
-    ``weighted`` is S^-1 H Phi^k and ``moved`` is Phi^k M_k, both for as long as Phi^k lives.
+    ``weighted`` is S^-1 H Phi^k and ``moved`` is Phi^k M_k, both until Phi^k has decayed.
     """
 
     model: SteadyModel
@@ -105,9 +105,9 @@ class Predictor:
     covariance: Squares
 
     def mean(self, start: Starts, y: Signals, u: States | None = None) -> Float[np.ndarray, "sets _ 3"]:
-        """x_0, ..., x_n, each given the measurements before it, for several sets of signals at once.
+        """Predicted means x_0, ..., x_n, each from the measurements before it, for several sets of signals.
 
-        ``u`` is a known input; None means none.
+        ``u`` is a known input, None for zero.
         """
         drive = y @ self.model.L.T if u is None else y @ self.model.L.T + u
         n = linear_recursion(self.model.Phi, np.concatenate([start[:, None], drive], axis=1))
@@ -119,7 +119,7 @@ class Predictor:
 
 
 def linear_recursion(Phi: Square, v: States) -> States:
-    """``x_k = Phi x_{k-1} + v_k`` with ``x_{-1} = 0``, in log2(n) sums of the whole array with itself, shifted."""
+    """``x_k = Phi x_{k-1} + v_k`` with ``x_{-1} = 0``, by log2(n) sums of the array with its shifted self."""
     x, power, shift = v.copy(), Phi, 1
     while shift < x.shape[1] and np.abs(power).max() > _DEAD:
         x[:, shift:] += x[:, :-shift] @ power.T
@@ -128,7 +128,7 @@ def linear_recursion(Phi: Square, v: States) -> States:
 
 
 def _living_powers(Phi: Square, n: int) -> Squares:
-    """``Phi^0, Phi^1, ...`` until they have died out, at most n of them."""
+    """``Phi^0, Phi^1, ...`` until they are negligible, at most n of them."""
     powers, last = np.eye(3)[None], Phi
     while len(powers) < n and np.abs(last).max() > _DEAD:
         powers = np.concatenate([powers, powers @ last])
@@ -137,5 +137,5 @@ def _living_powers(Phi: Square, n: int) -> Squares:
 
 
 def _sums_before(terms: Squares) -> Float[np.ndarray, "_ 3 3"]:
-    """Sum of all earlier terms: one more than there are terms, the first is zero."""
+    """Exclusive cumulative sums: one more than there are terms; the first is zero."""
     return np.concatenate([np.zeros((1, 3, 3)), np.cumsum(terms, axis=0)])

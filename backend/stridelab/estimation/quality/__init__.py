@@ -1,4 +1,4 @@
-"""Whether the sensors of a recording contradict each other: checks, limits and a verdict (docs/theory/quality.md)."""
+"""Checks the sensors of a recording for contradictions: checks, limits and a verdict (docs/theory/quality.md)."""
 
 from stridelab.estimation.quality.assessment import assess_quality
 from stridelab.estimation.quality.checks import Check, Quality, worst

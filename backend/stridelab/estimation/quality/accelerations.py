@@ -1,7 +1,7 @@
-"""The force that the markers alone predict, against the plates': m (g'' - gravity) - f without any fusion.
+"""Compares the force predicted from the markers alone with that of the plates: m (g'' - gravity) - f without fusion.
 
-A fused estimate follows the force, and a smoother that learns its own noise calls a channel of the wrong sign noise of
-the markers. The geometric centre of mass has not seen the force, so that its acceleration judges it, axis by axis.
+A fused estimate follows the force, and a smoother with learned noise levels may attribute a reversed force channel to
+marker noise. The geometric centre of mass does not depend on the force, so its acceleration validates it per axis.
 """
 
 from typing import Final
@@ -19,15 +19,15 @@ from stridelab.recordings.recording import WrenchTrack
 
 AXES: Final = ("along the walk", "across the walk", "vertically")
 EDGE: Final = 0.6
-"""Periods of the band that are left out at either end, where its filters see nothing beyond the window."""
+"""Periods of the band that are excluded at either end because of filter transients."""
 _LEAST_SAMPLES = 10
 
 
 def acceleration_difference(geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> tuple[str, float] | None:
     """The axis on which markers and force differ most, and the standard deviation of that difference over the weight.
 
-    Both are low-passed to 6 Hz. A constant difference is left out: an error of the mass or of a plate's zero has other
-    checks. The stretch is the longest in which both are known; None where it is too short.
+    Both are low-passed to 6 Hz. A constant difference is excluded: errors of the mass or of a plate's zero have other
+    checks. The longest stretch with both signals is used; None if it is too short.
     """
     known = wrench.complete & np.isfinite(wrench.force_n).all(axis=1) & np.isfinite(geometric.com_m).all(axis=1)
     if not known.any():

@@ -1,4 +1,4 @@
-"""From the measures of an estimate to its checks: each says which sensors it holds together."""
+"""Builds the checks of an estimate from its measures; each check names the sensors that it compares."""
 
 import math
 from collections.abc import Iterator
@@ -18,7 +18,7 @@ OF_MARKERS: Final = ("outside_body", "leg_length_change")
 
 
 def assess_quality(recorded: Recorded, estimate: ComEstimate) -> Quality:
-    """Every check that ``recorded`` allows on ``estimate``; the others with the reason why they were not possible."""
+    """Run all checks that ``recorded`` allows on ``estimate``; the others are listed with the reason."""
     found = measure(recorded, estimate)
     return judged(found, recorded.mass_to_check_kg, recorded.geometric.sd_m, with_force=recorded.with_force)
 
@@ -43,7 +43,7 @@ def judged(
 
 @dataclass(frozen=True)
 class _Row:
-    """What was found, the sensors it holds together, and why there is no value where it is NaN."""
+    """Value of one check with its message parts: finding, compared sensors, and the reason for a missing value."""
 
     name: str
     value: float
@@ -150,7 +150,7 @@ def _of_body(found: Measures, *, with_force: bool) -> Iterator[_Row]:
 
 
 def _worst(found: Measures, name: str) -> PlatePressure:
-    """The plate with the largest value; one of NaN where there is none."""
+    """Plate with the largest value of the attribute ``name``; a plate of NaN if all values are NaN."""
     known = [plate for plate in found.plates if not math.isnan(getattr(plate, name))]
     nothing = PlatePressure(0, math.nan, math.nan)
     return max(known, key=lambda plate: float(getattr(plate, name)), default=nothing)

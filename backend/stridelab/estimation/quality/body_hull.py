@@ -1,7 +1,7 @@
-"""How far a centre of mass lies outside the body: beyond the convex hull of its markers and joint centres.
+"""Distance of a centre of mass outside the body: beyond the convex hull of its markers and joint centres.
 
 A convex combination of points of a body lies in the convex hull of the body. The markers are on the skin, so their
-hull is that of the body less what has no marker.
+hull covers the body except for its unmarked parts.
 """
 
 from typing import Final
@@ -13,17 +13,17 @@ from scipy.spatial import ConvexHull, QhullError
 from stridelab.conventions import Points
 
 MOST_FRAMES: Final = 60
-"""Frames that are looked at: a body moves by 3 cm between them in a walk of 2 s."""
+"""Maximum number of evaluated frames: a body moves by 3 cm between them in a walk of 2 s."""
 
 Clouds = Float[np.ndarray, "frames points 3"]
 
 
 def distance_outside_m(com_m: Points, body_m: Clouds) -> Float[np.ndarray, " looked"]:
-    """Distance of ``com_m`` (n x 3) outside the convex hull of ``body_m`` (n x points x 3, NaN where unseen).
+    """Distance of ``com_m`` (n x 3) outside the convex hull of ``body_m`` (n x points x 3, NaN where hidden).
 
-    It is the distance from the plane of the hull's nearest face that the point is beyond, 0 inside and a lower bound
-    near an edge. NaN where fewer than four points are seen or all lie in a plane. Of long recordings ``MOST_FRAMES``
-    evenly spread frames are looked at and returned.
+    It is the largest distance beyond the plane of a face of the hull: 0 inside, and a lower bound near an edge. NaN if
+    fewer than four points are visible or all are coplanar. Of long recordings ``MOST_FRAMES`` evenly spread frames are
+    evaluated and returned.
     """
     frames = np.unique(np.linspace(0, len(com_m) - 1, min(MOST_FRAMES, len(com_m))).round().astype(int))
     return np.array([_outside(com_m[i], body_m[i]) for i in frames])

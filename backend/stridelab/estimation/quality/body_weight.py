@@ -1,10 +1,10 @@
-"""The body mass that force and markers imply together, in any movement.
+"""Body mass from force and markers together, in any movement.
 
-    m (c'' - g) = f   twice integrated:   z(t) + g t^2 / 2 = z_0 + v_0 t + (1/m) int int f_z
+    m (c'' - g) = f   integrated twice:   z(t) + g t^2 / 2 = z_0 + v_0 t + (1/m) int int f_z
 
-is linear in z_0, v_0 and 1/m, so that least squares weighs a person who walks, jumps or stands up; nothing has to be
-periodic. Over T seconds the column of 1/m differs from a straight line by 0.037 g T^2 RMS: 0.13 m in 0.6 s, against
-millimetres of error in the height of the geometric centre of mass.
+is linear in z_0, v_0 and 1/m, so least squares gives the mass of a subject who walks, jumps or stands up, without
+periodicity. Over T seconds the column of 1/m differs from a straight line by 0.037 g T^2 RMS: 0.13 m in 0.6 s, compared
+with millimetres of error in the height of the geometric centre of mass.
 """
 
 import numpy as np
@@ -14,9 +14,9 @@ from stridelab.conventions import GRAVITY_M_S2, Series
 
 
 def dynamic_mass_kg(time_s: Series, height_m: Series, vertical_force_n: Series) -> float:
-    """Mass under which the vertical force moves the body as the height of its geometric centre of mass says.
+    """Mass for which the vertical force explains the height of the geometric centre of mass.
 
-    All three are gap-free and of one length. NaN where the force carries nobody.
+    All three are gap-free and of equal length. NaN if the fitted mass is not positive.
     """
     t = time_s - time_s[0]
     velocity = cumulative_trapezoid(vertical_force_n, t, initial=0.0)

@@ -1,4 +1,4 @@
-"""A check, and the verdict of all checks."""
+"""Result of one check, and the overall verdict of all checks."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -15,9 +15,9 @@ DOUBTFUL: Final = "doubtful"
 
 @dataclass(frozen=True)
 class Check:
-    """One number against its limit: above ``limit`` it does not pass, from ``contradicted_above`` on it contradicts.
+    """One value with its limits: it passes up to ``limit`` and contradicts above ``contradicted_above``.
 
-    ``unit`` is "1" for a ratio. ``message`` is a sentence that names the sensors that the check holds together.
+    ``unit`` is "1" for a ratio. ``message`` is a sentence that names the compared sensors.
     """
 
     name: str
@@ -34,27 +34,27 @@ class Check:
 
     @property
     def contradicts(self) -> bool:
-        """Whether the sensors cannot both be right."""
+        """Whether the compared sensors contradict each other."""
         return self.value > self.contradicted_above
 
 
 @dataclass(frozen=True)
 class Quality:
-    """All checks that were possible, and why the others were not, by name."""
+    """Results of all possible checks, and by name the reasons why others were not possible."""
 
     checks: tuple[Check, ...]
     not_checked: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def verdict(self) -> Verdict:
-        """Contradicted where one check contradicts, doubtful where one does not pass or none was possible."""
+        """Contradicted if a check contradicts, doubtful if a check does not pass or none was possible, else good."""
         if any(check.contradicts for check in self.checks):
             return "contradicted"
         return "good" if self.checks and all(check.passed for check in self.checks) else "doubtful"
 
     @property
     def remarks(self) -> tuple[Remark, ...]:
-        """One remark for the verdict, to be shown before all others; none where it is good."""
+        """One remark for the verdict, to be shown before all others; empty for a good verdict."""
         if self.verdict == "good":
             return ()
         wrong = [c for c in self.checks if (c.contradicts if self.verdict == CONTRADICTED else not c.passed)]
@@ -65,5 +65,5 @@ class Quality:
 
 
 def worst(verdicts: Iterable[Verdict]) -> Verdict:
-    """The worst of some verdicts; good where there is none."""
+    """Worst of the verdicts; good if there are none."""
     return max(verdicts, key=ORDER.index, default="good")

@@ -1,4 +1,4 @@
-"""Whether thigh and shank keep their lengths: the one check that markers alone allow."""
+"""Checks that thigh and shank have constant length; needs markers only."""
 
 import itertools
 from collections.abc import Mapping
@@ -13,11 +13,11 @@ _LEAST_FRAMES = 10
 
 
 def length_change(joint_centres_m: Mapping[str, Points]) -> tuple[str, float] | None:
-    """The thigh or shank whose length changes most: its name, and the middle 90 % of its lengths over their median.
+    """The thigh or shank whose length changes most: its name, and its 5 to 95 % length range over the median.
 
-    None where no segment of the legs has both of its joints in ten frames.
+    None if no segment of the legs has both of its joints in ten frames.
     """
-    found: list[tuple[float, str]] = []
+    changes: list[tuple[float, str]] = []
     for side, (upper, lower) in itertools.product("lr", itertools.pairwise(LEG)):
         one, other = joint_centres_m.get(f"{side}_{upper}"), joint_centres_m.get(f"{side}_{lower}")
         if one is None or other is None:
@@ -28,8 +28,8 @@ def length_change(joint_centres_m: Mapping[str, Points]) -> tuple[str, float] | 
             continue
         low, high = np.percentile(lengths, (5.0, 95.0))
         name = f"{'left' if side == 'l' else 'right'} {'thigh' if upper == 'hip' else 'shank'}"
-        found.append((float((high - low) / np.median(lengths)), name))
-    if not found:
+        changes.append((float((high - low) / np.median(lengths)), name))
+    if not changes:
         return None
-    change, name = max(found)
+    change, name = max(changes)
     return name, change

@@ -1,7 +1,7 @@
-"""The limits of the checks; docs/theory/quality.md derives each and says on which recordings.
+"""Limits of the checks; docs/theory/quality.md derives each and names the recordings.
 
-``passes`` is the largest value of a good recording: where the recordings decide, the 1e-4 quantile of a log-normal
-distribution (median and median absolute deviation) over the walks of eight of the shared people, rounded up.
+``passes`` is the largest value of a good recording: if derived from recordings, the 1e-4 quantile of a log-normal
+distribution (median and median absolute deviation) over the walks of eight subjects of the shared data, rounded up.
 ``contradicts`` follows from physics or from the model, never from recordings.
 """
 
@@ -12,14 +12,14 @@ from types import MappingProxyType
 from typing import Final
 
 CIRCLE: Final = math.sqrt(-2.0 * math.log(0.05))
-"""Radius, in standard deviations per axis, of the circle that holds 95 % of a normal error in the plane."""
+"""Radius, in standard deviations per axis, of the circle that contains 95 % of a normal error in the plane."""
 BAND: Final = 1.96
 """The same for one axis."""
 
 
 @dataclass(frozen=True)
 class Limit:
-    """Up to ``passes`` a check passes; above ``contradicts`` the sensors cannot both be right."""
+    """A check passes up to ``passes``; above ``contradicts`` the compared sensors contradict each other."""
 
     passes: float
     contradicts: float
@@ -28,11 +28,11 @@ class Limit:
 
 LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
     {
-        # 1 is the expectation where all errors are as stated; 2.05 the 1e-4 quantile of chi-squared with 40 degrees of
-        # freedom over 40, fewer than the shortest window has.
+        # 1 is the expectation if all errors are as stated; 2.05 the 1e-4 quantile of chi-squared with 40 degrees of
+        # freedom over 40, fewer than in the shortest window.
         "normalised_innovations": Limit(1.0, 2.0),
         # 15 % of the weight is the standard deviation of the vertical force in a walk, 8 % that of the fore-aft force:
-        # what differs by as much explains nothing of it. The residual contains the error of the mass and its own.
+        # a difference of that size explains none of the force. The residual includes the error of the mass.
         "force_residual": Limit(0.05, 0.15),
         "acceleration_difference": Limit(0.08, 0.15),
         "mass_from_motion": Limit(0.04, 0.15),
@@ -40,9 +40,9 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
         # ``passes`` is replaced by the 95 % circle, or band, of the geometry's own standard deviation.
         "horizontal_bias": Limit(0.05, 0.05, "m"),
         "vertical_bias": Limit(0.08, 0.08, "m"),
-        # No convex combination lies outside; 2 cm of tissue and 10 cm of unmarked head and hands.
+        # Allows for 2 cm of tissue (passes) and 10 cm of unmarked head and hands (contradicts).
         "outside_body": Limit(0.02, 0.10, "m"),
-        # A sole reaches 6 cm beyond the markers of a foot; 15 cm is more than half a foot.
+        # The sole extends 6 cm beyond the markers of a foot; 15 cm is more than half a foot.
         "pressure_from_feet": Limit(0.06, 0.15, "m"),
         "pressure_off_plate": Limit(0.1, 0.5),
         "leg_length_change": Limit(0.15, 0.5),
@@ -51,7 +51,7 @@ LIMITS: Final[Mapping[str, Limit]] = MappingProxyType(
 
 
 def limit_of(name: str, geometry_sd_m: tuple[float, float, float]) -> Limit:
-    """Limit of the check ``name`` where the geometric centre of mass has this standard deviation per axis."""
+    """Limit of the check ``name`` for a geometric centre of mass with this standard deviation per axis."""
     limit = LIMITS[name]
     if name == "horizontal_bias":
         return replace(limit, passes=min(limit.contradicts, CIRCLE * max(geometry_sd_m[:2])))

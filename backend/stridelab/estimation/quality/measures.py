@@ -1,4 +1,4 @@
-"""The numbers that the checks of a recording compare with their limits."""
+"""Computes the values that the checks of a recording compare with their limits."""
 
 import math
 from collections.abc import Mapping
@@ -23,11 +23,11 @@ NAN = math.nan
 
 @dataclass(frozen=True)
 class Recorded:
-    """What an estimate was made from.
+    """Inputs of an estimate.
 
-    ``with_force`` is False where the wrench is a stand-in without force. ``standing_mass_kg`` is what the plates weigh
-    in the static trial of the same person, None without one. ``stated_mass_kg`` is what the user or the file states,
-    which need not be the mass that was used.
+    ``with_force`` is False if the wrench is a placeholder without force. ``standing_mass_kg`` is the mass measured by
+    the plates in the static trial of the same subject, None without one. ``stated_mass_kg`` is the mass given by the
+    user or the file, which may differ from the mass in use.
     """
 
     recording: Recording
@@ -41,13 +41,13 @@ class Recorded:
 
     @property
     def mass_to_check_kg(self) -> float:
-        """The mass that the plates are held against: the stated one, since the used one may come from the plates."""
+        """Mass to compare with the plates: the stated one, since the mass in use may come from the plates."""
         return self.mass_kg if self.stated_mass_kg is None else self.stated_mass_kg
 
 
 @dataclass(frozen=True)
 class Measures:
-    """One number per check; NaN where it cannot be had.
+    """One value per check; NaN if it cannot be computed.
 
     ``axis`` is that of ``acceleration_difference``, ``leg`` the segment of ``leg_length_change``.
     """
@@ -67,7 +67,7 @@ class Measures:
 
 
 def measure(recorded: Recorded, estimate: ComEstimate) -> Measures:
-    """All numbers of one estimate; those of the force are NaN where none was used."""
+    """Compute the values of one estimate; those that need force are NaN if no force was used."""
     geometric, wrench = recorded.geometric, recorded.wrench
     first = int(np.argmin(np.abs(geometric.time_s - estimate.time_s[0])))
     used = slice(first, first + len(estimate.time_s))
@@ -104,7 +104,7 @@ def measure(recorded: Recorded, estimate: ComEstimate) -> Measures:
 
 
 def _body(recorded: Recorded, used: slice) -> np.ndarray:
-    """Markers that stand for landmarks, joint centres and segments' centres of mass: frames x points x 3."""
+    """Landmark markers, joint centres and segments' centres of mass: frames x points x 3."""
     markers, geometric = recorded.recording.markers_m, recorded.geometric
     labels = dict.fromkeys(recorded.landmarks.values())
     tracks = [markers[label] for label in labels if label in markers]
@@ -127,7 +127,7 @@ def _residual(recorded: Recorded, estimate: ComEstimate, complete: Mask) -> floa
 
 
 def _motion_mass_kg(recorded: Recorded) -> float:
-    """Mass from force and motion over the longest stretch in which both are known."""
+    """Mass from force and motion over the longest stretch with both."""
     geometric, wrench = recorded.geometric, recorded.wrench
     known = wrench.complete & np.isfinite(geometric.com_m).all(axis=1) & np.isfinite(wrench.force_n).all(axis=1)
     if not known.any():

@@ -1,4 +1,4 @@
-"""Whether the centre of pressure of each plate lies under a foot that stands, and inside the plate's corners."""
+"""Checks that the centre of pressure of each plate lies under a standing foot and inside the plate's corners."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from stridelab.recordings.recording import Plate, Recording
 from stridelab.recordings.total_wrench import low_pass
 
 LOADED_N: Final = 100.0
-"""Below this the centre of pressure is the ratio of two small numbers."""
+"""Minimum load for an accurate centre of pressure."""
 EDGE_M: Final = 0.02
 _LEAST_FRAMES = 5
 
@@ -24,8 +24,8 @@ _LEAST_FRAMES = 5
 class PlatePressure:
     """Centre of pressure of plate ``index`` while it is loaded.
 
-    ``from_feet_m`` is the median horizontal distance from the standing feet's markers, NaN where the feet are not
-    marked; ``off_plate`` the share of the time outside the corners, NaN for a contact without corners of its own.
+    ``from_feet_m`` is the median horizontal distance from the standing feet's markers, NaN if the feet are not marked;
+    ``off_plate`` the share of the time outside the corners, NaN for a contact without a plate.
     """
 
     index: int
@@ -36,9 +36,9 @@ class PlatePressure:
 def plate_pressures(
     recording: Recording, landmarks: Mapping[str, str], during: Mask, latency_s: float
 ) -> tuple[PlatePressure, ...]:
-    """Every plate in use that is loaded in the frames ``during``; the force is read ``latency_s`` later."""
+    """Evaluate every plate in use that is loaded in the frames ``during``; the force is read ``latency_s`` later."""
     feet = find_feet(recording, landmarks)
-    found = []
+    pressures = []
     for plate in recording.plates:
         if not plate.use:
             continue
@@ -48,12 +48,12 @@ def plate_pressures(
             continue
         apart = np.array([_from_feet(feet, pressure_m[i], int(i)) for i in np.flatnonzero(loaded)])
         from_feet_m = float(np.nanmedian(apart)) if np.isfinite(apart).any() else float("nan")
-        found.append(PlatePressure(plate.index, from_feet_m, _off_plate(plate, pressure_m[loaded])))
-    return tuple(found)
+        pressures.append(PlatePressure(plate.index, from_feet_m, _off_plate(plate, pressure_m[loaded])))
+    return tuple(pressures)
 
 
 def _at_frames(recording: Recording, plate: Plate, latency_s: float) -> tuple[Points, Mask]:
-    """Centre of pressure on the plate's surface at the marker instants, and where the plate is loaded."""
+    """Centre of pressure on the plate's surface at the marker instants, and the mask of loaded frames."""
     read_at_s = recording.time_s + latency_s
     force_time_s = np.arange(len(plate.force_n)) / recording.force_rate_hz
     f, nu = (
@@ -72,7 +72,7 @@ def _at_frames(recording: Recording, plate: Plate, latency_s: float) -> tuple[Po
 
 
 def _from_feet(feet: Sequence[Foot], pressure_m: Series, frame: int) -> float:
-    """Horizontal distance from the convex hull of the markers of all feet that may carry load; NaN without one."""
+    """Horizontal distance from the convex hull of the markers of all feet in contact; NaN without any."""
     standing = [foot.markers_m[frame, :, :2] for foot in feet if foot.contact[frame]]
     hulls = [points[np.isfinite(points).all(axis=1)] for points in standing]
     hulls = [points for points in hulls if len(points)]
@@ -82,7 +82,7 @@ def _from_feet(feet: Sequence[Foot], pressure_m: Series, frame: int) -> float:
 
 
 def _from_polygon(point: Series, corners: np.ndarray) -> float:
-    """Distance of a point from the convex hull of some points of the plane."""
+    """Distance of a point from the convex hull of ``corners`` in the plane."""
     ring = corners
     if len(corners) > 2:
         try:
