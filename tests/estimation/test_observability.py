@@ -129,7 +129,7 @@ def test_flight_inside_a_recording_is_seen_sample_by_sample() -> None:
     assert track.direction[~track.flight] == pytest.approx(np.tile([0.0, 0.0, 1.0], (70, 1)))
     found = observability(estimate(a))
     assert (found.rank_force, found.flight_s) == (3, pytest.approx(0.30))
-    assert "0.30 s nobody touches the ground" in found.sentence
+    assert "0.30 s there is no ground contact" in found.sentence
     assert "7 of 9" in found.sentence
 
 

@@ -58,7 +58,7 @@ def test_a_damping_that_does_not_swing_is_refused():
     with pytest.raises(InvalidInput) as refused:
         SmootherPriors(damping=1.0)
     (fault,) = refused.value.faults
-    assert (fault.where, fault.message) == ("priors.damping", "a damping ratio of 1 or more does not swing")
+    assert (fault.where, fault.message) == ("priors.damping", "a damping ratio of 1 or more does not oscillate")
 
 
 def test_a_force_of_a_third_of_a_second_is_refused():

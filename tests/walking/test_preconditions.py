@@ -132,7 +132,7 @@ def test_one_plate_cannot_measure_a_step() -> None:
 def test_plates_apart_measure_no_step() -> None:
     error = not_enough(walk([1, 4]))
     assert error.code == "no-measured-step"
-    assert "5 whole steps are seen" in error.message
+    assert "There are 5 whole steps" in error.message
 
 
 def test_a_recording_shorter_than_a_step() -> None:

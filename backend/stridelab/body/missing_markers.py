@@ -61,7 +61,7 @@ CLUSTERS: Final = (
 """Groups of landmarks that move as a rigid body, in order of use."""
 
 _FLATNESS: Final = 3e-3
-"""Minimum ratio of the second to the first singular value; below it (width under 5 % of length) markers are collinear."""
+"""Minimum ratio of the second to the first singular value: smaller clusters (width under 5 % of length) are lines."""
 
 
 Shapes = Mapping[str, Float[np.ndarray, "m 3"]]

@@ -114,10 +114,10 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
         span = window_span(geometric, wrench)
         _require_motion(wrench, span, mass_kg)
         R = _walking_axes(*(x[span.within] for x in derivatives(geometric.com_m[span.around], span.rate_hz)))
-        found = clock_likelihood(geometric, wrench, span, mass_kg, R, lags)
-        if everywhere and np.argmax(found.log_likelihood) in (0, len(lags) - 1):
+        likelihood = clock_likelihood(geometric, wrench, span, mass_kg, R, lags)
+        if everywhere and np.argmax(likelihood.log_likelihood) in (0, len(lags) - 1):
             raise _beyond(_SEARCH_S)
-        rest_s, sd_s = _peak(lags, found.log_likelihood)
+        rest_s, sd_s = _peak(lags, likelihood.log_likelihood)
         latency_s += rest_s
         if abs(latency_s) > LARGEST_S:
             raise _beyond(LARGEST_S)
@@ -126,11 +126,11 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
         everywhere = False
     if abs(rest_s) > _NEAR_S / 2:
         raise _beyond(abs(latency_s))
-    if found.correlation < LEAST_CORRELATION:
+    if likelihood.correlation < LEAST_CORRELATION:
         raise NotEstimable(
             "latency-unclear",
             "The motions measured by the markers and by the plates do not resemble each other "
-            f"(correlation {found.correlation:.2f}), so their delay cannot be determined.",
+            f"(correlation {likelihood.correlation:.2f}), so their delay cannot be determined.",
         )
     if sd_s > WORST_SD_S:
         raise NotEstimable(
@@ -139,7 +139,7 @@ def estimate_latency(geometric: GeometricCom, wrench_at: Callable[[float], Wrenc
         )
     wrench = wrench_at(0.0)
     along, lateral, vertical = _axis_lags(geometric, wrench, window_span(geometric, wrench), mass_kg, R)
-    return Latency(latency_s, REPEATS * sd_s, along, lateral, vertical, found.correlation)
+    return Latency(latency_s, REPEATS * sd_s, along, lateral, vertical, likelihood.correlation)
 
 
 def _beyond(searched_s: float) -> NotEstimable:

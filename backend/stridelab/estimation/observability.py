@@ -88,11 +88,11 @@ def observability(estimate: ComEstimate) -> Observability:
     flight_s = float(track.flight.sum()) * step_s
     ranks = int(track.rank_force.min()), int(track.rank_with_geometry.min())
     if track.flight.all():
-        said = (
+        sentence = (
             f"There is no ground contact (free fall): the force shows {ranks[0]} of {STATES} numbers of the motion, "
             "its acceleration; position and velocity come from the markers alone."
         )
-        return Observability(*ranks, None, 0.0, 0.0, flight_s, said)
+        return Observability(*ranks, None, 0.0, 0.0, flight_s, sentence)
     n = track.direction[~track.flight]
     mean = n.mean(axis=0) / np.linalg.norm(n.mean(axis=0))
     tilt_rad, turn_rad = _largest_angle(n, np.array([0.0, 0.0, 1.0])), _largest_angle(n, mean)
@@ -108,21 +108,21 @@ def observability(estimate: ComEstimate) -> Observability:
 
 def _sentence(track: ObservabilityTrack, mean: Vector3, tilt_rad: float, flight_s: float) -> str:
     """Explanation of the ranks and of the unobservable direction for users."""
-    held = ~track.flight
-    rank, with_geometry = int(track.rank_force[held].min()), int(track.rank_with_geometry[held].min())
+    grounded = ~track.flight
+    rank, with_geometry = int(track.rank_force[grounded].min()), int(track.rank_with_geometry[grounded].min())
     tilt_deg = round(float(np.degrees(tilt_rad)))
     where = "upright" if not tilt_deg else f"up to {tilt_deg} degree{'s'[: tilt_deg - 1]} off the vertical"
     upright = abs(float(mean[2])) > np.cos(np.radians(25.0))
     hidden = "the height" if upright else f"the position along ({mean[0]:.2f}, {mean[1]:.2f}, {mean[2]:.2f})"
-    said = (
+    sentence = (
         f"The force shows {rank} of {STATES} numbers of the motion (position, velocity and acceleration along three "
         f"axes), force and markers together {with_geometry} of {STATES_WITH_BIAS} (with the table's offset): {hidden} "
         "comes from the markers and the segment table alone, because moving the body "
         f"along the contact force (here {where}) changes nothing on the plates."
     )
     if flight_s > 0.0:
-        said += f" For {flight_s:.2f} s there is no ground contact; there the force shows the acceleration only."
-    return said
+        sentence += f" For {flight_s:.2f} s there is no ground contact; there the force shows the acceleration only."
+    return sentence
 
 
 def force_matrix(c: Vectors, velocity: Vectors, acceleration: Vectors) -> Float[np.ndarray, "*n 15 9"]:

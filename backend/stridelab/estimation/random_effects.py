@@ -111,11 +111,11 @@ def _mean(values: Sequence[float], v: Sequence[float], tau2: float) -> float:
 
 def _weights(values: Sequence[float], v: Sequence[float], tau2: float, mu: float) -> list[float]:
     """h_i w_i of each measurement."""
-    found = []
+    weights = []
     for x, own in zip(values, v, strict=True):
         z = abs(x - mu) / math.sqrt(own + tau2)
-        found.append((C / z if z > C else 1.0) / (own + tau2))
-    return found
+        weights.append((C / z if z > C else 1.0) / (own + tau2))
+    return weights
 
 
 def _psi(z: float) -> float:

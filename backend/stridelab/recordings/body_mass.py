@@ -142,11 +142,11 @@ def _known(recording: Recording, spans: Sequence[Window], motion: VerticalMotion
     if motion is None:
         return list(spans)
     rate_hz = recording.marker_rate_hz
-    found = []
+    parts = []
     for span in spans:
         i, j = round(span.start_s * rate_hz), round(span.end_s * rate_hz) + 1
-        found += [Window((i + a) / rate_hz, (i + b - 1) / rate_hz) for a, b in runs(motion.known[i:j])]
-    return found
+        parts += [Window((i + a) / rate_hz, (i + b - 1) / rate_hz) for a, b in runs(motion.known[i:j])]
+    return parts
 
 
 def _quiet_spans(recording: Recording, window: Window, motion: VerticalMotion | None) -> list[Window]:
@@ -160,9 +160,9 @@ def _quiet_spans(recording: Recording, window: Window, motion: VerticalMotion | 
         still = np.full(len(at_frames), recording.walking_direction is None)
     else:
         still = np.abs(np.nan_to_num(motion.velocity_m_s[i:j], nan=np.inf)) < _QUIET_M_S
-    found = []
+    quiet = []
     for a, b in runs(still):
         steady = float(np.std(at_frames[a:b])) < _QUIET_N * float(np.mean(at_frames[a:b]))
         if (b - a - 1) / rate_hz >= _QUIET_S and steady:
-            found.append(Window((i + a) / rate_hz, (i + b - 1) / rate_hz))
-    return found
+            quiet.append(Window((i + a) / rate_hz, (i + b - 1) / rate_hz))
+    return quiet

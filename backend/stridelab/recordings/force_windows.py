@@ -112,17 +112,17 @@ def _explained(
     if not missing.any():
         return windows, ()
     rate_hz = recording.marker_rate_hz
-    kept: list[Window] = []
+    measured: list[Window] = []
     for window in windows:
         i, j = round(window.start_s * rate_hz), round(window.end_s * rate_hz) + 1
         spans = [Window((i + a) / rate_hz, (i + b - 1) / rate_hz) for a, b in runs(~missing[i:j])]
-        kept += [span for span in spans if span.duration_s >= MIN_WINDOW_S]
+        measured += [span for span in spans if span.duration_s >= MIN_WINDOW_S]
     when = ", ".join(f"{i / rate_hz:.2f} to {(j - 1) / rate_hz:.2f} s" for i, j in runs(missing))
     message = (
         f"The plates carry less than the motion of the body needs at {when}: something beside them carries the rest "
         "(a part of a foot, a chair, a rail), or the stated mass is too large. These times are not used."
     )
-    return tuple(kept), (Remark("force-missing", message),)
+    return tuple(measured), (Remark("force-missing", message),)
 
 
 def _trust(recording: Recording, windows: tuple[Window, ...]) -> tuple[Remark, ...]:
@@ -151,7 +151,7 @@ def require_windows(
     ``forces-and-markers-apart``, ``no-measured-window``.
     """
     if recording.n_frames < 2:
-        raise NotEstimable("single-frame", "The recording has only one frame: it can serve as a static trial.")
+        raise NotEstimable("single-frame", "The recording has one frame only: it can serve as a static trial.")
     if not recording.plates:
         message = (
             "The recording has no force plate, so no force can be fused with the markers. "
@@ -234,14 +234,14 @@ def _from_load(recording: Recording, plates: list[Plate]) -> tuple[Window, ...]:
         return ()
     if len(contacts) == 1 and contacts[0][1] - contacts[0][0] > 0.98 * recording.duration_s:
         return (Window(contacts[0][0], min(contacts[0][1], recording.duration_s)),)
-    found: list[tuple[float, float]] = []
+    spans: list[tuple[float, float]] = []
     for (a0, a1), (b0, b1) in itertools.pairwise(contacts):
         d = 1.1 * (a1 - b0)
         if d <= 0.0 or b1 - d - (a0 + d) < MIN_WINDOW_S:
             continue
         start_s, end_s = a0 + d, b1 - d
-        if found and start_s <= found[-1][1]:
-            found[-1] = (found[-1][0], max(end_s, found[-1][1]))
+        if spans and start_s <= spans[-1][1]:
+            spans[-1] = (spans[-1][0], max(end_s, spans[-1][1]))
         else:
-            found.append((start_s, end_s))
-    return tuple(Window(start_s, end_s) for start_s, end_s in found)
+            spans.append((start_s, end_s))
+    return tuple(Window(start_s, end_s) for start_s, end_s in spans)

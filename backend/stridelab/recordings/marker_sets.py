@@ -113,21 +113,22 @@ def identify(labels: Sequence[str], marker_map: Mapping[str, str] | None = None)
     for label in labels:
         present.setdefault(normalised(label), label)
     own = _checked_map(marker_map or {}, labels, present)
-    by_label = {known.name: _matched(known, present) for known in marker_sets().values()}
-    found = {name: landmarks | own for name, landmarks in by_label.items()}
+    labelled = {known.name: _matched(known, present) for known in marker_sets().values()}
+    matched = {name: landmarks | own for name, landmarks in labelled.items()}
     fitting = [
         s
         for s in marker_sets().values()
-        if not _absent(s.required, found[s.name]) and 2 * len(_absent(s.required, by_label[s.name])) <= len(s.required)
+        if not _absent(s.required, matched[s.name])
+        and 2 * len(_absent(s.required, labelled[s.name])) <= len(s.required)
     ]
     if fitting:
-        best = max(fitting, key=lambda s: (len(found[s.name]), -len(s.labels)))
-        return _match(best.name, found[best.name])
+        best = max(fitting, key=lambda s: (len(matched[s.name]), -len(s.labels)))
+        return _match(best.name, matched[best.name])
     if not _absent(_LOCOMOTION, own):
         return _match("custom", own)
-    lacking = {s.name: _absent(s.required, found[s.name]) for s in marker_sets().values()}
+    lacking = {s.name: _absent(s.required, matched[s.name]) for s in marker_sets().values()}
     scores = {s.name: 1.0 - len(lacking[s.name]) / len(s.required) for s in marker_sets().values()}
-    nearest = sorted(scores, key=lambda name: (scores[name], len(found[name])), reverse=True)[:3]
+    nearest = sorted(scores, key=lambda name: (scores[name], len(matched[name])), reverse=True)[:3]
     return MarkerSetMatch(
         name=None,
         landmarks=own,

@@ -58,7 +58,7 @@ def with_true_moment_units(
     Plates with the same stated unit are checked together, so that an unloaded plate gets the unit of the others. If no
     unit puts the centre of pressure on the plates, the stated one is used.
     """
-    answer = {signals.index: signals for signals in plates}
+    converted = {signals.index: signals for signals in plates}
     remarks = []
     for unit in dict.fromkeys(signals.moment_unit for signals in plates if signals.moment_unit is not None):
         group = [signals for signals in plates if signals.moment_unit == unit]
@@ -66,9 +66,9 @@ def with_true_moment_units(
         if factor == AS_STATED:
             continue
         for signals in group:
-            answer[signals.index] = replace(signals, moment_nm=factor * signals.moment_nm)
+            converted[signals.index] = replace(signals, moment_nm=factor * signals.moment_nm)
         remarks.append(Remark("moment-unit-corrected", _message(unit, factor, shares)))
-    return tuple(answer.values()), tuple(remarks)
+    return tuple(converted.values()), tuple(remarks)
 
 
 def _factor(group: Sequence[_Loaded], up: Vector3) -> tuple[float, dict[float, float]]:

@@ -136,16 +136,16 @@ def up_axis_of(raw: RawTrial) -> str:
 def _plates(
     raw: RawTrial, up: Vector3, R: Rotation, switches: Mapping[int, PlateSwitches]
 ) -> tuple[tuple[Plate, ...], list[Remark]]:
-    found: list[FilePlate] = list(raw.contacts)
+    file_plates: list[FilePlate] = list(raw.contacts)
     remarks: list[Remark] = []
     all_signals, unit_remarks = with_true_moment_units(raw.plates, up)
     remarks += unit_remarks
     for signals in all_signals:
         plate, more = plate_wrench(signals, up)
-        found.append(plate)
+        file_plates.append(plate)
         remarks += more
     plates = []
-    for plate in found:
+    for plate in file_plates:
         switch = switches.get(plate.index, PlateSwitches())
         plates.append(
             Plate(

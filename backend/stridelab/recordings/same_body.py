@@ -49,10 +49,10 @@ def body_difference(
 def _distances_m(recording: Recording, landmarks: Mapping[str, str]) -> dict[tuple[str, str], float]:
     """Median distance of each landmark pair over the frames in which both are visible."""
     tracks = {name: recording.markers_m[label] for name, label in landmarks.items() if label in recording.markers_m}
-    found = {}
+    medians_m = {}
     for a, b in _RIGID:
         if a in tracks and b in tracks:
-            apart = np.linalg.norm(tracks[a] - tracks[b], axis=1)
-            if np.isfinite(apart).any():
-                found[a, b] = float(np.nanmedian(apart))
-    return found
+            distance_m = np.linalg.norm(tracks[a] - tracks[b], axis=1)
+            if np.isfinite(distance_m).any():
+                medians_m[a, b] = float(np.nanmedian(distance_m))
+    return medians_m

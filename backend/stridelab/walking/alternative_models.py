@@ -1,10 +1,10 @@
-"""Simpler curves beside the wheel, in path and in time, with the same data and honest counts.
+"""Alternative models of the CoM path and motion, compared with the wheel on the same data.
 
 Path, z as a function of x:  sinusoid, two harmonics, inverted-pendulum arcs with a parabola between, and the wheel.
-Time, x and z as functions of t:  one harmonic (an ellipse that moves), two harmonics, and the wheel that turns evenly.
+Time, x and z as functions of t:  one harmonic (a moving ellipse), two harmonics, and the wheel with constant speed.
 
-Residuals of a step are smooth: a sample at 200 Hz is no new information. AIC counts ``EFFECTIVE_HZ`` samples
-per second as independent, and the held-out error leaves out whole blocks of that length, not samples.
+Residuals of a step are smooth, so samples at 200 Hz are not independent. AIC counts ``EFFECTIVE_HZ`` samples per second
+as independent, and cross-validation holds out whole blocks of that length instead of samples.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,22 +21,22 @@ from stridelab.walking.timed_fit import fit_in_time
 
 EFFECTIVE_HZ: Final = 12.0
 FREQUENCY_RANGE: Final = np.linspace(0.75, 1.25, 41)
-"""Of one wave per step: where the sinusoids look for theirs."""
+"""Search grid of the sinusoids, relative to one wave per step."""
 FOLDS: Final = 4
 
 NO_ERROR_M2: Final = 1e-18
-"""Mean square that counts as none: a nanometre."""
+"""Floor of the mean square in the likelihood: one nanometre squared."""
 
 Phases = Float[np.ndarray, "k n"]
 """One row per frequency."""
 Rows = Float[np.ndarray, "k n p"]
 Predict = Callable[[Mask], Plane]
-"""Fit on the samples of the mask, and say the errors (ahead, up) at all samples."""
+"""Fits a model to the samples of the mask and returns its errors (ahead, up) at all samples."""
 
 
 @dataclass(frozen=True)
 class Step:
-    """One step to be described: the path, its instants, the step period, and which samples are double support."""
+    """Data of one step: the path, its instants, the step period, and the mask of double support."""
 
     time_s: Series
     path_m: Plane
@@ -45,13 +45,13 @@ class Step:
 
     @property
     def effective_samples(self) -> float:
-        """Independent samples in the sense of ``EFFECTIVE_HZ``: about seven in a step."""
+        """Number of independent samples at ``EFFECTIVE_HZ``: about seven in a step."""
         return float(EFFECTIVE_HZ * (self.time_s[-1] - self.time_s[0]))
 
 
 @dataclass(frozen=True)
 class Contest:
-    """How one model did: RMS of its error in metres, the same at held-out blocks, AIC, and its parameters."""
+    """Score of one model: number of parameters, RMS error and cross-validated RMS error in metres, AIC."""
 
     model: str
     parameters: int
@@ -61,7 +61,7 @@ class Contest:
 
 
 def path_contest(step: Step) -> tuple[Contest, ...]:
-    """Sinusoid, two harmonics, arcs, and both branches of the wheel as functions z(x); vertical errors only."""
+    """Compare sinusoid, two harmonics, arcs, and both branches of the wheel as functions z(x); vertical errors only."""
     models: Sequence[tuple[str, int, Predict]] = (
         ("sinusoid", 4, lambda seen: _waves_of_x(step, seen, 1)),
         ("two-harmonics", 6, lambda seen: _waves_of_x(step, seen, 2)),
@@ -73,7 +73,7 @@ def path_contest(step: Step) -> tuple[Contest, ...]:
 
 
 def time_contest(step: Step) -> tuple[Contest, ...]:
-    """One and two harmonics, and both branches of the wheel that turns evenly; errors ahead and up."""
+    """Compare one and two harmonics, and both branches of the wheel with constant speed; errors ahead and up."""
     models: Sequence[tuple[str, int, Predict]] = (
         ("one-harmonic", 8, lambda seen: _waves_of_t(step, seen, 1)),
         ("two-harmonics", 12, lambda seen: _waves_of_t(step, seen, 2)),
@@ -86,16 +86,16 @@ def time_contest(step: Step) -> tuple[Contest, ...]:
 def _contest(step: Step, model: str, parameters: int, predict: Predict, *, channels: int) -> Contest:
     everything = np.ones(len(step.time_s), dtype=np.bool_)
     error = predict(everything)[:, -channels:]
-    held = np.empty_like(error)
+    held_out = np.empty_like(error)
     for block in _blocks(step):
-        held[block] = predict(~block)[block, -channels:]
+        held_out[block] = predict(~block)[block, -channels:]
     mean_squares = np.mean(error**2, axis=0) + NO_ERROR_M2
     aic = step.effective_samples * float(np.log(mean_squares).sum()) + 2 * parameters
-    return Contest(model, parameters, _rms(error), _rms(held), aic)
+    return Contest(model, parameters, _rms(error), _rms(held_out), aic)
 
 
 def _blocks(step: Step) -> list[Mask]:
-    """Every ``FOLDS``-th block of one independent sample's length is held out together, the ends of the step too."""
+    """Masks of the folds: every ``FOLDS``-th block of one independent sample's length, including the step's ends."""
     number = np.floor((step.time_s - step.time_s[0]) * EFFECTIVE_HZ).astype(int)
     return [number % FOLDS == fold for fold in range(FOLDS)]
 
@@ -110,14 +110,14 @@ def _waves(phase: Phases, harmonics: int) -> Rows:
 
 
 def _left_over(rows: Rows, y: Series, seen: Mask) -> Phases:
-    """Errors of the least squares on the samples of the mask, one frequency per row."""
+    """Errors of the least-squares fit to the samples of the mask, one frequency per row."""
     q, r = np.linalg.qr(rows[:, seen])
     coefficients = np.linalg.solve(r, np.swapaxes(q, 1, 2) @ y[seen][:, None])
     return np.asarray((rows @ coefficients)[..., 0] - y)
 
 
 def _waves_of_x(step: Step, seen: Mask, harmonics: int) -> Plane:
-    """Height a0 + sum of waves of k x; k is sought on a grid around one wave per step length."""
+    """Height a0 + sum of waves of k x; k is searched on a grid around one wave per step length."""
     x, z = step.path_m[:, 0] - step.path_m[0, 0], step.path_m[:, 1]
     length = np.polyfit(step.time_s, x, 1)[0] * step.period_s
     error = _left_over(_waves(np.outer(FullTurn / length * FREQUENCY_RANGE, x), harmonics), z, seen)
@@ -126,7 +126,7 @@ def _waves_of_x(step: Step, seen: Mask, harmonics: int) -> Plane:
 
 
 def _waves_of_t(step: Step, seen: Mask, harmonics: int) -> Plane:
-    """Ahead a line + waves of t, up a constant + waves of t, one frequency for both."""
+    """Ahead: a line + waves of t; up: a constant + waves of t; one frequency for both."""
     t = step.time_s - step.time_s[0]
     waves = _waves(np.outer(FullTurn / step.period_s * FREQUENCY_RANGE, t), harmonics)
     line = np.broadcast_to(t[:, None], (*waves.shape[:2], 1))
@@ -138,12 +138,12 @@ def _waves_of_t(step: Step, seen: Mask, harmonics: int) -> Plane:
 
 
 def _parts(step: Step) -> list[Int[np.ndarray, "_"]]:
-    """Samples of every support phase."""
+    """Sample indices of every support phase."""
     return np.split(np.arange(len(step.time_s)), np.flatnonzero(np.diff(step.double_support)) + 1)
 
 
 def _arcs(step: Step, seen: Mask) -> Plane:
-    """A parabola per support phase: arcs of an inverted pendulum, and what joins them in double support."""
+    """One parabola per support phase: arcs of an inverted pendulum, joined by those of double support."""
     x, z = step.path_m[:, 0] - step.path_m[0, 0], step.path_m[:, 1]
     error = np.zeros_like(z)
     for part in _parts(step):
@@ -155,7 +155,7 @@ def _arcs(step: Step, seen: Mask) -> Plane:
 
 
 def _wheel_of_x(step: Step, seen: Mask, branch: Branch) -> Plane:
-    """The wheel's height where it is as far ahead as the walker."""
+    """Error of the wheel's height where its position ahead equals that of the CoM."""
     fit = fit_path(step.time_s[seen], step.path_m[seen], step.period_s, branch)
     wheel, x = fit.wheel, step.path_m[:, 0]
     theta = np.interp(step.time_s, step.time_s[seen], fit.theta_rad)

@@ -1,11 +1,11 @@
-"""The rolling wheel (section 3.2.5): the path of a point on the radius of a wheel that rolls without slipping.
+"""The rolling wheel (section 3.2.5): path of a point on the radius of a wheel that rolls without slipping.
 
     x = x0 + R theta - s r sin(theta)      (3.1)
     z = z0 - r cos(theta)                  (3.2)
 
-The thesis has s = +1 and no x0. Without x0 the fit depends on where the laboratory has its origin. s = +1 is a wheel
-above the ground line that is slowest at the lowest point; people are fastest there, which is s = -1 (a wheel of radius
--R, seen from its other side). Both branches are the same curve moved by half a turn and turned upside down.
+The thesis uses s = +1 and no x0; without x0 the fit depends on the origin of the laboratory frame. For s = +1 the point
+is slowest at the lowest point; the CoM of walkers is fastest there, which is s = -1 (a wheel of radius -R, seen from
+its other side). Both branches are the same curve shifted by half a turn and mirrored vertically.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from jaxtyping import Float
 from stridelab.conventions import Series
 
 Branch = Literal[1, -1]
-"""s: +1 as the thesis has it, -1 with the fastest instant at the lowest point."""
+"""s: +1 as in the thesis, -1 with the highest speed at the lowest point."""
 Plane = Float[np.ndarray, "n 2"]
 """Positions ahead and up in the sagittal plane, in metres."""
 FullTurn = 2 * np.pi
@@ -25,7 +25,7 @@ FullTurn = 2 * np.pi
 
 @dataclass(frozen=True, kw_only=True)
 class Wheel:
-    """R, r, z0 of (3.1) and (3.2) in metres, and x0, the place of the hub where theta is zero."""
+    """R, r, z0 of (3.1) and (3.2) in metres, and x0, the position of the hub at theta = 0."""
 
     R_m: float
     r_m: float
@@ -34,12 +34,12 @@ class Wheel:
     branch: Branch = 1
 
     def position_m(self, theta_rad: Series) -> Plane:
-        """The point on the radius."""
+        """Positions of the point on the radius."""
         x = self.x0_m + self.R_m * theta_rad - self.branch * self.r_m * np.sin(theta_rad)
         return np.column_stack([x, self.z0_m - self.r_m * np.cos(theta_rad)])
 
     def hub_m(self, theta_rad: Series) -> Plane:
-        """Centre of the wheel: the moving frame in which the point goes round (the yoyo-man)."""
+        """Positions of the wheel's centre (the yoyo-man model's moving frame, in which the point rotates)."""
         return np.column_stack([self.x0_m + self.R_m * theta_rad, np.full_like(theta_rad, self.z0_m)])
 
     def tangent_m(self, theta_rad: Series) -> Plane:
@@ -49,7 +49,7 @@ class Wheel:
 
     @property
     def curtate(self) -> bool:
-        """Whether the point is inside the wheel, so that it never goes backwards."""
+        """Whether the point is inside the wheel, so that it never moves backwards."""
         return 0.0 < self.r_m < abs(self.R_m)
 
 
@@ -65,16 +65,16 @@ def parameter_rows(theta_rad: Series, branch: Branch) -> tuple[Float[np.ndarray,
 
 @dataclass(frozen=True)
 class Turn:
-    """Another name of the same curve: ``theta_rad`` less ``by_rad``, and the 4 x 4 ``change`` of (x0, R, r, z0)."""
+    """Equivalent parameters of a curve: ``theta_rad`` minus ``by_rad``, and the 4 x 4 ``change`` of (x0, R, r, z0)."""
 
     by_rad: float
     change: Float[np.ndarray, "4 4"]
 
 
 def turn_to_zero(middle_rad: float, r_m: float) -> Turn:
-    """The turn after which r > 0 and the middle of the step is within half a turn of zero.
+    """Equivalent parameters with r > 0 and the middle of the step within half a turn of zero.
 
-    Every turn moves x0 by 2 pi R; half a turn also changes the signs of sine and cosine, and so that of r.
+    A full turn moves x0 by 2 pi R; half a turn also changes the signs of sine and cosine, and thus that of r.
     """
     half = np.pi if r_m < 0.0 else 0.0
     by = FullTurn * float(np.round((middle_rad + half) / FullTurn)) - half

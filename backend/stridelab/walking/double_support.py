@@ -1,7 +1,7 @@
-"""The thesis' rule for double support (section 3.3.3): from one crossing of the hub's height to the next.
+"""Double support by the rule of the thesis (section 3.3.3): from one crossing of the hub's height to the next.
 
-The point on the wheel is below the hub from theta = -pi/2 to +pi/2 around a lowest point. That is half a turn whatever
-the double support is, so the rule is shown beside the timing of plates and markers, never instead of it.
+The point on the wheel is below the hub from theta = -pi/2 to +pi/2 around a lowest point. That is always half a turn,
+so the rule is reported in addition to the timing of plates and markers, never instead of it.
 """
 
 import numpy as np
@@ -17,11 +17,10 @@ QUARTER_TURN = FullTurn / 4
 def double_support_of_wheel(
     fit: PathFit | TimedFit, time_s: Series, near_s: float | None = None
 ) -> tuple[float | None, float | None]:
-    """Seconds at which the wheel says that double support begins and ends; ``time_s`` are the samples of the fit.
+    """Start and end of double support by the wheel, in seconds; ``time_s`` are the samples of the fit.
 
-    Meant is the lowest point of the turn in which the wheel is at ``near_s``: the last sample if nothing is said, for
-    a step ends with its double support. A crossing that lies outside the samples is None, and so are both where theta
-    does not increase throughout.
+    Uses the lowest point of the turn at ``near_s``, by default the last sample, because a step ends with its double
+    support. A crossing outside the samples is None; both are None if theta is not increasing.
     """
     near_s = float(time_s[-1]) if near_s is None else near_s
     if isinstance(fit, PathFit):
@@ -30,7 +29,7 @@ def double_support_of_wheel(
 
 
 def valley(time_s: Series, theta_rad: Series, near_s: float) -> tuple[float | None, float | None]:
-    """When theta passes -pi/2 and +pi/2 around the lowest point to which it is nearest at ``near_s``."""
+    """Times at which theta passes -pi/2 and +pi/2 around the lowest point nearest at ``near_s``."""
     if not (np.diff(theta_rad) > 0).all():
         return None, None
     lowest = FullTurn * float(np.round(np.interp(near_s, time_s, theta_rad) / FullTurn))

@@ -1,18 +1,16 @@
-"""When each foot is on the ground: from the plates where they see it, from the markers where they miss it.
+"""Foot strikes and lift-offs: from the plates where a contact is on them, otherwise from the markers.
 
-``recordings.foot_contact`` answers a cautious question (may this foot touch the ground?) and errs to the side of
-contact. Here the instants themselves are wanted, without bias. With v the speed of the pelvis, a foot has left the
-ground when its forefoot moves at 0.9 v over the floor, and has landed when its heel (or its forefoot, whichever is
-first) is slower than 0.45 v. Both limits are where the plates see it, with force and markers on one clock, in 11 adults
-at two speeds, 7 children and on a treadmill: the medians of these sets lie from -2 to +9 ms at lift-off (sd 8) and from
--12 to +13 ms at the strike (sd 9), and none is beyond 25 ms. At 0.35 m/s one lift-off was 93 ms late.
+``recordings.foot_contact`` is conservative: it detects when a foot *may* touch the ground. Here the instants are
+estimated without bias. With v the speed of the pelvis, a foot lifts off when its forefoot moves at 0.9 v over the
+floor, and lands when its heel (or its forefoot, if earlier) becomes slower than 0.45 v. Both limits are calibrated with
+plates, with synchronised force and markers, on 11 adults at two speeds, 7 children and a treadmill: the medians of
+these sets lie from -2 to +9 ms at lift-off (sd 8) and from -12 to +13 ms at the strike (sd 9), and no error exceeds
+25 ms. At 0.35 m/s one lift-off was 93 ms late.
 
-When the load on a plate begins and ends.
-
-A contact is loaded from the plate's threshold (20 N) on. Some laboratories store plates with a dead band: the
-Rehazenter files hold nothing below 53 N. There the foot strikes before and leaves after the first and the last sample
-that is stored, and the line through the nearest samples says when the load was zero: 10 ms earlier and 11 ms later at
-a normal pace (C4). Double support without this is 27 ms shorter than in the files' events, with it 8 ms.
+A contact is loaded above the plate's threshold (20 N). Some laboratories store plates with a dead band: the Rehazenter
+files contain no force below 53 N. There the foot strikes before the first and lifts off after the last stored sample;
+linear extrapolation of the nearest samples gives the instant of zero load: 10 ms earlier and 11 ms later at normal pace
+(C4). Double support is 27 ms shorter than in the files' events without this correction, and 8 ms with it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,22 +28,22 @@ from stridelab.recordings.recording import Plate, Recording, Side
 from stridelab.walking.marker_kinematics import level_speed_m_s, smooth_velocity_m_s, walking_speed_m_s
 
 LEAVING, LANDED = 0.9, 0.45
-"""Of the walking speed: of the forefoot at lift-off, of the heel at the strike."""
+"""Speeds of the forefoot at lift-off and of the heel at the strike, per walking speed."""
 SWINGING: Final = 0.9
-"""Of the walking speed: a faster foot swings. Its fastest instant is at 3.5, in the first step from rest at 1.5."""
+"""Minimum speed of a swinging foot, per walking speed. The peak is 3.5, in the first step from rest 1.5."""
 LEAST_SWING_S: Final = 0.15
-"""A foot that is off the ground for less did not step: a marker has jumped."""
+"""Shortest swing; shorter ones are jumps of a marker."""
 SAME_S: Final = 0.1
-"""Plate and markers mean the same instant if they differ by less; else the foot stood beside the plate meanwhile."""
+"""Largest difference of one event between plates and markers; beyond it the foot stood beside the plate."""
 MOSTLY: Final = 0.5
-"""Share of a plate's load during which a foot must be over it to be the foot that loads it."""
+"""Minimum share of a plate's loaded time in which a foot must be on it to be the foot that loads it."""
 
 EventSource = Literal["plates", "markers"]
 
 
 @dataclass(frozen=True)
 class Contact:
-    """One foot on the ground, in seconds of the markers' clock; None where the recording does not show it."""
+    """Contact of one foot, in seconds of the markers' clock; None for an event outside the recording."""
 
     side: Side
     strike_s: float | None
@@ -55,22 +53,22 @@ class Contact:
 
     @property
     def start_s(self) -> float:
-        """When it begins, for comparisons."""
+        """Strike for comparisons: minus infinity if unknown."""
         return -np.inf if self.strike_s is None else self.strike_s
 
     @property
     def end_s(self) -> float:
-        """When it ends, for comparisons."""
+        """Lift-off for comparisons: infinity if unknown."""
         return np.inf if self.lift_off_s is None else self.lift_off_s
 
 
 def find_contacts(
     recording: Recording, landmarks: Mapping[str, str], *, latency_s: float = 0.0, plates: bool = True
 ) -> tuple[Contact, ...]:
-    """All contacts of both feet in order of time; nothing where the feet are not marked.
+    """All contacts of both feet in order of time; empty if the feet are not marked.
 
-    ``latency_s`` > 0 is by how much the force is late: plates are read in the markers' clock. ``plates`` False leaves
-    them out, which tells how good the markers are.
+    ``latency_s`` > 0 is the delay of the force; plate events are converted to the markers' clock. ``plates`` False uses
+    the markers only, for validation.
     """
     feet = find_feet(recording, landmarks)
     if not feet:
@@ -85,7 +83,7 @@ def find_contacts(
 
 
 def contacts_of_foot(recording: Recording, landmarks: Mapping[str, str], foot: Foot) -> list[Contact]:
-    """Contacts of one foot between its swings, by its markers alone."""
+    """Contacts of one foot between its swings, from its markers alone."""
     rate_hz, time_s = recording.marker_rate_hz, recording.time_s
     floor = ground_velocity_m_s(recording, [foot.markers_m[:, k] for k in range(foot.markers_m.shape[1])])
     v_heel = smooth_velocity_m_s(np.asarray(foot.markers_m[:, 0]), rate_hz) - floor
@@ -113,7 +111,7 @@ def contacts_of_foot(recording: Recording, landmarks: Mapping[str, str], foot: F
 
 
 def _crossing_s(time_s: Series, speed: Series, start: int, way: Literal[-1, 1], level: float) -> float | None:
-    """When ``speed`` passes ``level``, from sample ``start`` on forwards or backwards; None before a gap or the end."""
+    """Time at which ``speed`` falls to ``level``, from ``start`` on forwards or backwards; None at a gap or the end."""
     k = start
     while 0 <= k < len(speed) and speed[k] > level:
         k += way
@@ -128,7 +126,7 @@ def _crossing_s(time_s: Series, speed: Series, start: int, way: Literal[-1, 1], 
 def _correct(
     contacts: Mapping[Side, list[Contact]], recording: Recording, plate: Plate, feet: Sequence[Foot], latency_s: float
 ) -> None:
-    """Put the instants of one plate in the place of those of the markers where both mean the same."""
+    """Replace the marker events in ``contacts`` by the matching events of one plate."""
     time_s = recording.time_s
     for begins_s, ends_s in contact_intervals(plate, recording.force_rate_hz):
         first_s = (begins_s or 0.0) - latency_s
@@ -152,9 +150,9 @@ def _set_nearest(
     at_s: float,
     load_s: tuple[float, float],
 ) -> None:
-    """Of the contacts on the plate, the one that the markers see begin or end nearest to ``at_s`` gets that instant.
+    """Set ``event`` to ``at_s`` in the contact on the plate whose marker event is nearest.
 
-    One whose beginning (or end) the markers do not see gets it where no other does.
+    A contact without this marker event is used if no other matches.
     """
     best: tuple[float, list[Contact], int] | None = None
     for foot in standing:
@@ -175,27 +173,27 @@ def _set_nearest(
 
 
 DEAD_BAND: Final = 1.5
-"""A contact whose first (last) sample carries this many thresholds was cut."""
+"""A contact is cut by a dead band if its first (last) sample exceeds this multiple of the threshold."""
 RISE_S, FALL_S = 0.005, 0.01
-"""Stretches through which the line goes: a heel loads faster than toes unload."""
+"""Durations of the linear fits: a heel loads faster than toes unload."""
 MOST_BEFORE_S, MOST_AFTER_S = 0.02, 0.03
 
 
 def contact_intervals(plate: Plate, rate_hz: float) -> list[tuple[float | None, float | None]]:
-    """Start and end of each contact in seconds of the force's clock; None where the recording cuts it off."""
+    """Start and end of each contact in seconds of the force's clock; None if cut off by the recording."""
     load = np.linalg.norm(plate.force_n, axis=1)
-    found: list[tuple[float | None, float | None]] = []
+    intervals: list[tuple[float | None, float | None]] = []
     for start_s, end_s in loaded_intervals(plate, rate_hz):
         i, j = round(start_s * rate_hz), round(end_s * rate_hz)
         begins = None if i == 0 else start_s - _beyond_s(load[i:], plate.threshold_n, rate_hz, RISE_S, MOST_BEFORE_S)
         last = j >= len(load) - 1
         ends = None if last else end_s + _beyond_s(load[j::-1], plate.threshold_n, rate_hz, FALL_S, MOST_AFTER_S)
-        found.append((begins, ends))
-    return found
+        intervals.append((begins, ends))
+    return intervals
 
 
 def _beyond_s(load: np.ndarray, threshold_n: float, rate_hz: float, stretch_s: float, most_s: float) -> float:
-    """How long before the first sample of ``load`` it was zero; 0 where nothing was cut."""
+    """Time before the first sample of ``load`` at which it was zero; 0 without a dead band."""
     if load[0] < DEAD_BAND * threshold_n:
         return 0.0
     n = min(max(3, round(stretch_s * rate_hz)), len(load))

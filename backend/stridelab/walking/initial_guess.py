@@ -1,7 +1,4 @@
-"""What no wheel is fitted to: numbers that are none, a clock that stands, and a body that does not get ahead.
-
-Where a fit of the wheel begins: the wheel that rolls once per step at the mean speed.
-"""
+"""Validates the path of a step and computes the initial guess of a fit: a wheel that rolls once per step."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -15,20 +12,20 @@ from stridelab.walking.curtate_cycloid import Branch, FullTurn, Plane, Wheel
 FEWEST_SAMPLES: Final = 8
 """Twice the parameters of the wheel."""
 LEAST_ADVANCE_M: Final = 0.05
-"""Who sways on the spot moves less than this, who walks ten times more."""
+"""Minimum advance in a step: swaying in place moves less, walking ten times more."""
 PERIODS_S: Final = (0.1, 3.0)
-"""Of one step."""
+"""Valid range of the step period."""
 
 
 def require_path(time_s: Series, path_m: Plane, step_period_s: float) -> None:
-    """Whether ``path_m`` can be a step.
+    """Raise unless ``path_m`` can be a step.
 
     Raises ``InvalidInput``: ``path-not-finite``, ``time-not-increasing``, ``period-out-of-range``; and
     ``NotEstimable``: ``too-few-samples``, or ``no-progress`` (standing, or a treadmill whose belt moves instead of the
     body).
     """
     if len(time_s) < FEWEST_SAMPLES:
-        message = f"The step has {len(time_s)} samples; a wheel needs {FEWEST_SAMPLES} at least."
+        message = f"The step has {len(time_s)} samples; the fit of a wheel needs at least {FEWEST_SAMPLES}."
         raise NotEstimable("too-few-samples", message)
     good = np.isfinite(path_m).all(axis=1) & np.isfinite(time_s)
     if not good.all():
@@ -47,8 +44,8 @@ def require_path(time_s: Series, path_m: Plane, step_period_s: float) -> None:
     if advance < LEAST_ADVANCE_M:
         raise NotEstimable(
             "no-progress",
-            f"The centre of mass gets ahead by {1e3 * advance:.0f} mm only, so there is no wheel that rolls. "
-            "Was somebody standing, or walking on a treadmill?",
+            f"The centre of mass advances by only {1e3 * advance:.0f} mm, so no rolling wheel can be fitted. "
+            "Is the subject standing, or walking on a treadmill?",
         )
 
 
@@ -57,21 +54,21 @@ LEAST_RADIUS_M = 1e-3
 
 @dataclass(frozen=True)
 class FirstGuess:
-    """A wheel and the affine clock ``theta0_rad + omega_rad_s * (t - t[0])`` that goes with it."""
+    """A wheel with its angle ``theta0_rad + omega_rad_s * (t - t[0])``."""
 
     wheel: Wheel
     theta0_rad: float
     omega_rad_s: float
 
     def theta_rad(self, time_s: Series) -> Series:
-        """The angle at the samples."""
+        """Angle at the samples."""
         return np.asarray(self.theta0_rad + self.omega_rad_s * (time_s - time_s[0]))
 
 
 def first_guess(time_s: Series, path_m: Plane, step_period_s: float, branch: Branch) -> FirstGuess:
-    """From the mean speed, the step period and the phase of the height; theta is within half a turn in mid-step.
+    """Initial wheel from mean speed, step period and phase of the height; theta is within half a turn in mid-step.
 
-    Raises what ``require_path`` does.
+    Raises as ``require_path`` does.
     """
     require_path(time_s, path_m, step_period_s)
     t, x, z = time_s - time_s[0], path_m[:, 0], path_m[:, 1]

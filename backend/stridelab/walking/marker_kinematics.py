@@ -1,4 +1,4 @@
-"""How markers move over the floor: velocities without phase, the pelvis, and the speed of walking."""
+"""Kinematics of markers over the floor: zero-phase velocities, the pelvis, and the walking speed."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -13,16 +13,16 @@ from stridelab.recordings.gap_filling import runs
 from stridelab.recordings.recording import Recording
 
 LOW_PASS_HZ: Final = 15.0
-"""Second order, forward and backward: a foot's swing is below 8 Hz, marker noise is not."""
+"""Second order, forward and backward: a foot's swing is below 8 Hz, marker noise extends above."""
 LEAST_RUN: Final = 16
-"""Samples that the filter needs in a row."""
+"""Minimum number of consecutive samples for the filter."""
 LEAST_SPEED_M_S: Final = 0.2
-"""What the limits scale with where nobody walks."""
+"""Lower bound of the walking speed with which the limits scale."""
 PELVIS: Final = ("l_asis", "r_asis", "l_psis", "r_psis", "sacrum")
 
 
 def smooth_velocity_m_s(track_m: Points, rate_hz: float) -> Points:
-    """Central differences of the low-passed track; NaN where the marker is not seen for ``LEAST_RUN`` samples."""
+    """Central differences of the low-passed track; NaN in visible runs shorter than ``LEAST_RUN`` samples."""
     velocity = np.full_like(track_m, np.nan)
     for i, j in runs(np.isfinite(track_m).all(axis=1)):
         if j - i >= LEAST_RUN:
@@ -39,7 +39,7 @@ def _low_pass(rate_hz: float) -> Float[np.ndarray, "sections 6"]:
 
 
 def pelvis_m(recording: Recording, landmarks: Mapping[str, str]) -> Points:
-    """Middle of the pelvis markers that are seen throughout (of all markers where none is); NaN in gaps."""
+    """Mean of the gap-free pelvis markers, or of all if none is gap-free (all markers without a pelvis)."""
     labels = [landmarks[name] for name in PELVIS if landmarks.get(name) in recording.markers_m]
     tracks = [recording.markers_m[label] for label in labels] or list(recording.markers_m.values())
     whole = [track for track in tracks if np.isfinite(track).all()]

@@ -1,11 +1,11 @@
-"""The wheel as a *path* (3.3): every sample has its own theta_k, and the clock is left free.
+"""Fits the wheel as a *path* (3.3): every sample has its own theta_k, without a constraint on timing.
 
-4 + N unknowns against 2N numbers. theta_k touches only its own sample, so the normal equations are an arrowhead,
+There are 4 + N unknowns and 2N equations. theta_k affects only its own sample, so the normal matrix is an arrowhead,
 
     [ H   B' ] [ dp     ]     [ g_p ]
     [ B   D  ] [ dtheta ] = - [ g_t ] ,      D diagonal,
 
-and eliminating theta leaves a 4 x 4 system (Schur complement) per iteration of Levenberg and Marquardt.
+and eliminating theta leaves a 4 x 4 system (Schur complement) per Levenberg-Marquardt iteration.
 """
 
 from dataclasses import dataclass
@@ -22,9 +22,9 @@ ITERATIONS: Final = 200
 DAMPING: Final = 1e-4
 LEAST_DAMPING, MOST_DAMPING = 1e-12, 1e8
 ENOUGH: Final = 1e-11
-"""Relative decrease of the sum of squares at which a fit has arrived."""
+"""Relative decrease of the sum of squares at which a fit has converged."""
 NO_ERROR_M2: Final = 1e-26
-"""Mean square below which nothing is left to fit: the rounding of metres."""
+"""Mean square below which the residual is rounding error."""
 SINGULAR: Final = 1e-12
 
 Parameters = Float[np.ndarray, "4"]
@@ -33,11 +33,11 @@ Covariance = Float[np.ndarray, "4 4"]
 
 @dataclass(frozen=True)
 class PathFit:
-    """A wheel, the angle of every sample, and what is left over.
+    """Fitted wheel, angle of every sample, and residual.
 
     ``error_m`` is model minus measurement, ahead and up. ``covariance_m2`` of (x0, R, r, z0) is the formal one, for
-    independent errors of the size of the residual. Residuals of a step are anything but independent: two steps of one
-    trial differ ten times more in R than this says.
+    independent errors of the size of the residual. It is too small because residuals of a step are correlated: R
+    differs between two steps of one trial ten times more.
     """
 
     wheel: Wheel
@@ -59,9 +59,9 @@ class PathFit:
 
 
 def fit_path(time_s: Series, path_m: Plane, step_period_s: float, branch: Branch = 1) -> PathFit:
-    """Least squares of (3.3); ``time_s`` serves the first guess alone.
+    """Least-squares fit of (3.3); ``time_s`` is used for the first guess only.
 
-    theta of the result is within half a turn in mid-step. Raises what ``require_path`` does.
+    theta of the result is within half a turn in mid-step. Raises as ``require_path`` does.
     """
     guess = first_guess(time_s, path_m, step_period_s, branch)
     w = guess.wheel
@@ -90,7 +90,7 @@ def fit_path(time_s: Series, path_m: Plane, step_period_s: float, branch: Branch
 
 @dataclass(frozen=True)
 class _Arrowhead:
-    """H, B, D and the gradients of the docstring."""
+    """H, B, D and the gradients of the module docstring."""
 
     H: Float[np.ndarray, "4 4"]
     B: Float[np.ndarray, "n 4"]
@@ -136,7 +136,7 @@ def _in_mid_step(
     converged: bool,
     branch: Branch,
 ) -> PathFit:
-    """The same curve with r > 0 and theta near zero in the middle of the step."""
+    """Normalise the fit: the same curve with r > 0 and theta near zero in mid-step."""
     turn = turn_to_zero(float(np.mean(theta)), float(p[2]))
     x0, R, r, z0 = (float(v) for v in turn.change @ p)
     wheel = Wheel(R_m=R, r_m=r, z0_m=z0, x0_m=x0, branch=branch)

@@ -1,8 +1,8 @@
-"""Whether the rolling wheel can be asked about a recording: it describes straight, level walking, step after step.
+"""Preconditions of the rolling-wheel model: straight, level walking with double support in every step.
 
-What does not apply is refused with what was seen, in numbers. The limits lie far from walking: in the shared walks the
-feet stand within 3 cm of one height, double support is never shorter than 30 ms, and two strides never differ by more
-than 3 degrees in direction (two steps by 21 at 0.35 m/s, where the body sways most).
+Violations raise errors that contain the measured values. The limits lie far from normal walking: in the shared walks
+the feet stand within 3 cm of one height, double support is at least 30 ms, and two strides differ by at most 3 degrees
+in direction (two steps by 21 at 0.35 m/s, where the body sways most).
 """
 
 import itertools
@@ -20,25 +20,26 @@ from stridelab.walking.marker_kinematics import pelvis_m
 from stridelab.walking.steps import GaitStep
 
 RISE_M: Final = 0.05
-"""Between two places where feet stand; level walks stay within 3 cm."""
+"""Largest height difference of two consecutive contacts; level walks stay within 3 cm."""
 FLIGHT_S: Final = 0.03
-"""Between one foot's lift-off and the other's strike; the markers' timing is good to 25 ms."""
+"""Shortest flight, from one foot's lift-off to the other's strike; marker timing is accurate to 25 ms."""
 TURN_RAD: Final = np.deg2rad(25.0)
-"""Between the directions in which the pelvis goes in two strides (in two steps where there are no two strides)."""
+"""Largest angle between the directions of the pelvis in two strides (in two steps without two strides)."""
 NOT_APPLICABLE: Final = "The model does not apply: "
 
 
 def require_walk(recording: Recording, landmarks: Mapping[str, str], contacts: Sequence[Contact]) -> None:
-    """Raise ``NotEstimable`` unless somebody walks straight ahead on level ground; ``contacts`` are all there are.
+    """Raise ``NotEstimable`` unless the subject walks straight ahead on level ground.
 
-    Its codes: ``feet-not-marked``, ``standing``, ``stairs``, ``running``, ``turning``. ``faults`` list what was seen.
+    ``contacts`` are those of ``find_contacts``. Codes: ``feet-not-marked``, ``standing``, ``stairs``, ``running``,
+    ``turning``; ``faults`` list the measured values.
     """
     feet = find_feet(recording, landmarks)
     if not feet:
         raise NotEstimable(
             "feet-not-marked",
             "Steps need a marker at the heel (or ankle) and one at the forefoot of both feet; this recording lacks "
-            "them, so that it is not known when a foot swings.",
+            "them, so it is unknown when a foot swings.",
         )
     _refuse_standing(recording, landmarks, contacts)
     _refuse_stairs(recording, feet, contacts)
@@ -49,9 +50,9 @@ def require_walk(recording: Recording, landmarks: Mapping[str, str], contacts: S
 def require_steps(
     recording: Recording, seen: Sequence[GaitStep], wanted: Sequence[GaitStep], windows: Sequence[Window]
 ) -> None:
-    """Raise ``NotEstimable`` where no step is left to fit.
+    """Raise ``NotEstimable`` if ``wanted`` has no step to fit.
 
-    Its codes: ``no-whole-step``, ``one-plate-only``, ``no-measured-step``.
+    Codes: ``no-whole-step``, ``one-plate-only``, ``no-measured-step``.
     """
     if wanted:
         return
@@ -74,7 +75,7 @@ def require_steps(
         )
     raise NotEstimable(
         "no-measured-step",
-        f"{len(seen)} whole steps are seen ({steps}), but all contact force is measured only {complete}: no step is "
+        f"There are {len(seen)} whole steps ({steps}), but all contact force is measured only {complete}: no step is "
         "inside. With steps: all they are fitted from the markers.",
         faults,
     )
@@ -86,7 +87,7 @@ def _refuse_standing(recording: Recording, landmarks: Mapping[str, str], contact
         return
     pelvis = pelvis_m(recording, landmarks)
     way_m = float(np.linalg.norm(np.nanmax(pelvis[:, :2], axis=0) - np.nanmin(pelvis[:, :2], axis=0)))
-    message = f"nobody walks. In {recording.duration_s:.2f} s no foot is lifted and the pelvis moves by {way_m:.3f} m."
+    message = f"no walking. In {recording.duration_s:.2f} s no foot is lifted and the pelvis moves by {way_m:.3f} m."
     raise NotEstimable("standing", NOT_APPLICABLE + message)
 
 
@@ -100,13 +101,13 @@ def _refuse_stairs(recording: Recording, feet: Sequence[Foot], contacts: Sequenc
     raise NotEstimable(
         "stairs",
         f"{NOT_APPLICABLE}the ground is not level. The feet stand at heights of {listed} m (lowest marker), up to "
-        f"{max(rises):.2f} m apart from one to the next; a wheel rolls on one height.",
+        f"{max(rises):.2f} m apart from one to the next; the wheel rolls on level ground.",
         [Fault("contacts", f"at {listed} m")],
     )
 
 
 def _height_m(recording: Recording, feet: Mapping[Side, Foot], contact: Contact) -> float:
-    """Lowest marker of the foot while it stands, in the middle of the contact."""
+    """Height of the lowest marker of the foot in the middle of the contact."""
     start_s, end_s = max(contact.start_s, 0.0), min(contact.end_s, recording.duration_s)
     middle = (recording.time_s >= start_s + 0.2 * (end_s - start_s)) & (
         recording.time_s <= start_s + 0.8 * (end_s - start_s)
@@ -116,7 +117,7 @@ def _height_m(recording: Recording, feet: Mapping[Side, Foot], contact: Contact)
 
 
 def _refuse_running(contacts: Sequence[Contact]) -> None:
-    """Flight: one foot leaves clearly before the other lands."""
+    """Raise ``running`` if most steps have a flight: one foot lifts off clearly before the other lands."""
     flights, steps = [], 0
     for left in contacts:
         if left.lift_off_s is None:
@@ -145,19 +146,19 @@ def _refuse_turning(
     over_floor = pelvis_m(recording, landmarks) - ground_velocity_m_s(recording, tracks) * time_s[:, None]
     strikes = [contact.strike_s for contact in contacts if contact.strike_s is not None]
     at = np.array([[np.interp(t, time_s, over_floor[:, axis]) for axis in (0, 1)] for t in strikes])
-    every = 2 if len(at) >= 4 else 1
-    way = at[every:] - at[:-every] if len(at) > every else np.zeros((0, 2))
-    way = way[np.isfinite(way).all(axis=1)]
-    if len(way) < 2:
+    stride = 2 if len(at) >= 4 else 1
+    displacement = at[stride:] - at[:-stride] if len(at) > stride else np.zeros((0, 2))
+    displacement = displacement[np.isfinite(displacement).all(axis=1)]
+    if len(displacement) < 2:
         return
-    direction = np.unwrap(np.arctan2(way[:, 1], way[:, 0]))
+    direction = np.unwrap(np.arctan2(displacement[:, 1], displacement[:, 0]))
     turn = float(np.ptp(direction))
     if turn <= TURN_RAD:
         return
     listed = ", ".join(f"{d:.0f}" for d in np.rad2deg(direction - direction[0]))
     raise NotEstimable(
         "turning",
-        f"{NOT_APPLICABLE}the walk is not straight. From {'stride to stride' if every == 2 else 'step to step'} the "
+        f"{NOT_APPLICABLE}the walk is not straight. From {'stride to stride' if stride == 2 else 'step to step'} the "
         f"pelvis goes towards {listed} degrees from the first, {np.rad2deg(turn):.0f} degrees in all; the wheel rolls "
         "in one plane.",
         [Fault("directions", f"{listed} degrees")],

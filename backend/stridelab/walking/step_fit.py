@@ -1,4 +1,4 @@
-"""The wheel of every step of an estimated walk: as a path on both branches, and as a clock."""
+"""Fits the wheel to every step of an estimated walk, as a path and in time, on both branches."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,23 +20,23 @@ from stridelab.walking.timed_fit import TimedFit, fit_in_time
 
 LEAST_SAMPLES: Final = 20
 LARGEST_R_M: Final = 0.1
-"""A CoM that goes up and down by more than 20 cm does not walk."""
+"""Largest plausible r: the CoM of a walker moves vertically by less than 20 cm."""
 LEAST_R_M: Final = 0.001
-"""Below this the height says nothing of the angle."""
+"""Smallest r for which the height determines the angle."""
 FARTHEST_M: Final = 0.004
-"""Mean distance from the curve above which the step is no cycloid; the thesis has 3.5 mm at most."""
+"""Mean distance from the curve above which the step is flagged; at most 3.5 mm in the thesis."""
 LEAST_TURN: Final = 0.75
-"""Share of a turn below which the curve is seen too short to tell R from r."""
+"""Share of a turn below which the curve is too short to distinguish R from r."""
 EDGE_S: Final = 1e-6
-"""Instants in files are single floats."""
+"""Tolerance of instants, which files store in single precision."""
 
 
 @dataclass(frozen=True)
 class StepFit:
-    """One step and everything that was fitted to it; ``path`` is the thesis' branch, ``reversed_path`` the other.
+    """All fits of one step; ``path`` is the thesis' branch, ``reversed_path`` the other.
 
     ``theta0_rad`` and ``omega_rad_s`` are those of the line through theta_k (the thesis' last step before (3.4)), with
-    ``theta_off_line_rad`` its RMS distance. ``flags`` are stable codes of what must be known before a number is used.
+    ``theta_off_line_rad`` the RMS deviation from it. ``flags`` are stable codes of warnings about the fit.
     """
 
     step: GaitStep
@@ -53,18 +53,18 @@ class StepFit:
 
     @property
     def circumference_share(self) -> float | None:
-        """2 pi R over the measured step length; a wheel that turns once per step has 1."""
+        """2 pi R over the measured step length: 1 for a wheel that turns once per step."""
         length = self.step.length_m
         return None if not length else float(FullTurn * self.path.wheel.R_m / length)
 
     @cached_property
     def path_rivals(self) -> tuple[Contest, ...]:
-        """Simpler paths beside the wheel's; half of the time of a fit, so only where somebody asks."""
+        """Comparison with simpler path models; computed on first access because it takes half the time of a fit."""
         return path_contest(self._described)
 
     @cached_property
     def time_rivals(self) -> tuple[Contest, ...]:
-        """Simpler motions beside the evenly turning wheel's."""
+        """Comparison of the wheel with constant speed with simpler motion models."""
         return time_contest(self._described)
 
     @property
@@ -74,60 +74,60 @@ class StepFit:
 
     @property
     def double_support_model_s(self) -> tuple[float | None, float | None]:
-        """The thesis' rule of section 3.3.3; ``step.double_support_s`` is the answer."""
+        """Double support by the rule of section 3.3.3; ``step.double_support_s`` is the measured one."""
         return double_support_of_wheel(self.path, self.time_s, (self.step.strike_s + self.step.next_lift_off_s) / 2)
 
 
 def fit_steps(
     estimate: ComEstimate, steps: Sequence[GaitStep], ahead: Vector3, windows: Sequence[Window] = ()
 ) -> tuple[StepFit, ...]:
-    """Fits of all steps that lie inside the estimate; ``ahead`` is the horizontal unit vector of the walk.
+    """Fit all steps that lie inside the estimate; ``ahead`` is the horizontal unit vector of the walk.
 
-    Only samples inside the step count: the curve turns up steeply at both ends, where one sample more shows. Of a
-    measured step only those inside one of ``windows`` count, where these are given: the centre of mass is known best
-    where the force is. Up to 8 % of the step may lack at an end. A step that cannot be fitted is left out.
-    Raises ``NotEstimable`` (``no-whole-step``) where no step lies inside, or what ``fit_step`` says of the only ones.
+    Only samples inside the step are used, because the curve is steep at both ends. For a measured step, only samples
+    inside one of ``windows`` (if given) are used, where the centre of mass is most accurate. Up to 8 % of the step may
+    be missing at an end. A step that cannot be fitted is omitted. Raises ``NotEstimable`` (``no-whole-step``) if no
+    step lies inside, or the error of the last step if none can be fitted.
     """
     path = sagittal_path_m(estimate, ahead)
-    found = []
-    refusal = NotEstimable(
+    fits = []
+    failure = NotEstimable(
         "no-whole-step",
-        "No step (lift-off to the next lift-off) lies wholly inside the time in which the centre of mass is known.",
+        "No step (lift-off to the next lift-off) lies entirely inside the time in which the centre of mass is known.",
     )
     for step in steps:
-        kept = samples_of(estimate.time_s, step.start_s, step.end_s, windows if step.measured else ())
-        if kept is None:
+        samples = samples_of(estimate.time_s, step.start_s, step.end_s, windows if step.measured else ())
+        if samples is None:
             continue
         try:
-            found.append(fit_step(step, estimate.time_s[kept], path[kept]))
+            fits.append(fit_step(step, estimate.time_s[samples], path[samples]))
         except NotEstimable as error:
-            refusal = error
-    if not found:
-        raise refusal
-    return tuple(found)
+            failure = error
+    if not fits:
+        raise failure
+    return tuple(fits)
 
 
 def samples_of(time_s: Series, start_s: float, end_s: float, windows: Sequence[Window]) -> Mask | None:
-    """Samples from start to end inside one of ``windows`` (if there are any); None where too much of it lacks."""
+    """Samples from start to end inside one of ``windows`` (if any); None if too many are missing."""
     slack_s = MOST_MISSING * (end_s - start_s)
     inside = [(max(w.start_s, start_s), min(w.end_s, end_s)) for w in windows] or [(start_s, end_s)]
     first_s, last_s = max(inside, key=lambda part: part[1] - part[0])
-    kept = (time_s >= first_s - EDGE_S) & (time_s <= last_s + EDGE_S)
-    if kept.sum() < LEAST_SAMPLES:
+    selected = (time_s >= first_s - EDGE_S) & (time_s <= last_s + EDGE_S)
+    if selected.sum() < LEAST_SAMPLES:
         return None
     frame_s = float(np.median(np.diff(time_s)))
-    lacks_s = max(time_s[kept][0] - start_s, end_s - time_s[kept][-1])
-    return kept if lacks_s <= slack_s + frame_s else None
+    missing_s = max(time_s[selected][0] - start_s, end_s - time_s[selected][-1])
+    return selected if missing_s <= slack_s + frame_s else None
 
 
 def sagittal_path_m(estimate: ComEstimate, ahead: Vector3) -> Plane:
-    """The CoM ahead and up; ``ahead`` counts by its horizontal direction alone."""
+    """Position of the CoM ahead and up; only the horizontal direction of ``ahead`` is used."""
     forward = ahead * [1.0, 1.0, 0.0] / np.linalg.norm(ahead[:2])
     return np.column_stack([estimate.com_m @ forward, estimate.com_m[:, 2]])
 
 
 def fit_step(step: GaitStep, time_s: Series, path_m: Plane) -> StepFit:
-    """All fits of one step; ``path_m`` is ahead and up at ``time_s``.
+    """Compute all fits of one step; ``path_m`` is ahead and up at ``time_s``.
 
     Raises ``InvalidInput`` or ``NotEstimable`` as ``require_path`` does.
     """

@@ -1,7 +1,7 @@
-"""Strike-to-strike intervals between the steps, and how much the wheel differs from step to step.
+"""Strike-to-strike intervals between the steps, and the variability of the wheel from step to step.
 
-Two plates measure one whole step and most of the next. Between two strikes (double and then single support) lies a
-second interval that overlaps with the step by its double support: the least that can be said of the scatter.
+Two plates measure one whole step and most of the next. The interval between two strikes (double, then single support)
+overlaps with the step by its double support; it allows a minimal estimate of the variability.
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,7 @@ from stridelab.walking.steps import GaitStep
 
 @dataclass(frozen=True)
 class Overlap:
-    """The wheel from one strike to the next, with the slope of the line through theta_k."""
+    """Wheel fitted from one strike to the next, with the slope of the line through theta_k."""
 
     start_s: float
     end_s: float
@@ -32,7 +32,7 @@ class Overlap:
 
 @dataclass(frozen=True)
 class Scatter:
-    """Standard deviation (n - 1) of the wheels of one recording."""
+    """Standard deviations (n - 1) of the wheel parameters of one recording."""
 
     R_m: float
     r_m: float
@@ -45,23 +45,23 @@ class Scatter:
 def strike_to_strike(
     estimate: ComEstimate, steps: Sequence[GaitStep], windows: Sequence[Window], ahead: Vector3
 ) -> tuple[Overlap, ...]:
-    """Wheels of all intervals between two strikes inside one of ``windows``; up to 8 % may lack at an end."""
+    """Fit the wheel to all strike-to-strike intervals inside ``windows``; up to 8 % may be missing at an end."""
     path = sagittal_path_m(estimate, ahead)
-    found = []
+    overlaps = []
     for step in steps:
         start_s, end_s = step.prior_strike_s, step.strike_s
-        kept = None if start_s is None else samples_of(estimate.time_s, start_s, end_s, windows)
-        if start_s is None or kept is None:
+        samples = None if start_s is None else samples_of(estimate.time_s, start_s, end_s, windows)
+        if start_s is None or samples is None:
             continue
-        time_s = estimate.time_s[kept]
-        fit = fit_path(time_s, path[kept], step.period_s)
+        time_s = estimate.time_s[samples]
+        fit = fit_path(time_s, path[samples], step.period_s)
         omega = float(np.polyfit(time_s, fit.theta_rad, 1)[0])
-        found.append(Overlap(start_s, end_s, fit.wheel, omega, float(fit.distance_m.mean())))
-    return tuple(found)
+        overlaps.append(Overlap(start_s, end_s, fit.wheel, omega, float(fit.distance_m.mean())))
+    return tuple(overlaps)
 
 
 def scatter(fits: Sequence[StepFit], overlaps: Sequence[Overlap]) -> Scatter | None:
-    """Between the steps where there are two; else between one step and what overlaps with it; None without that."""
+    """Variability between the steps if there are two, else between one step and the overlapping interval, else None."""
     rows = [(f.path.wheel, f.omega_rad_s) for f in fits]
     between: Literal["steps", "overlapping-steps"] = "steps"
     if len(rows) < 2:

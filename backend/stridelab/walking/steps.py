@@ -1,6 +1,6 @@
-"""Steps of a walk: what lies between the contacts of both feet.
+"""Steps of a walk from the contacts of both feet.
 
-What a step is: from the lift-off of one foot to the next lift-off of the other, single support and then double.
+A step lasts from the lift-off of one foot to the next lift-off of the other: single support, then double support.
 """
 
 import itertools
@@ -18,19 +18,19 @@ from stridelab.walking.marker_kinematics import pelvis_m
 
 TimingSource = Literal["plates", "markers", "mixed"]
 MOST_MISSING: Final = 0.08
-"""Share of a step that may lack at either end: the search for windows calls a foot down that only may be."""
+"""Share of a step that may be missing at either end, because the detection of windows is conservative."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class GaitStep:
-    """One step in seconds of the recording: the ``side`` swings from ``lift_off_s`` to ``strike_s``.
+    """One step in seconds of the recording: the foot ``side`` swings from ``lift_off_s`` to ``strike_s``.
 
-    Double support lasts from ``strike_s`` to ``next_lift_off_s``, where the other foot leaves the ground. ``period_s``
-    is from the strike before to this strike, or from lift-off to lift-off where that strike was not seen.
-    ``length_m`` is along the walk from where the heel of the standing foot is (while it is flat, as the other swings)
-    to where the heel of ``side`` strikes; None where they are not seen.
-    ``measured`` tells whether all contact force was on plates throughout. ``source`` is what the timing comes from.
-    ``prior_strike_s`` is when the standing foot had struck; None where that was not seen.
+    Double support lasts from ``strike_s`` to ``next_lift_off_s``, the lift-off of the other foot. ``period_s`` is the
+    time from the previous strike to this strike, or from lift-off to lift-off if the previous strike is unknown.
+    ``length_m`` is the distance along the walk from the heel of the standing foot (while it is flat) to the heel of
+    ``side`` at its strike; None if a heel is hidden. ``measured`` states whether all contact force was measured
+    throughout. ``source`` is the source of the timing. ``prior_strike_s`` is the strike of the standing foot, None if
+    unknown.
     """
 
     side: Side
@@ -46,7 +46,7 @@ class GaitStep:
 
     @property
     def start_s(self) -> float:
-        """Beginning of single support."""
+        """Start of single support."""
         return self.lift_off_s
 
     @property
@@ -56,7 +56,7 @@ class GaitStep:
 
     @property
     def double_support_s(self) -> tuple[float, float]:
-        """When both feet are down."""
+        """Start and end of double support."""
         return (self.strike_s, self.next_lift_off_s)
 
 
@@ -69,11 +69,11 @@ def find_steps(
     ahead: Vector3 | None = None,
     contacts: Sequence[Contact] | None = None,
 ) -> tuple[GaitStep, ...]:
-    """All whole steps in order of time; ``windows`` are where all contact force is measured.
+    """All whole steps in order of time, possibly none; ``windows`` are the intervals with all contact force measured.
 
-    ``latency_s`` > 0 is by how much the force is late. ``ahead`` is the direction of the walk; that of the recording
-    unless stated, and from the pelvis' first to its last place where the recording has none. ``contacts`` are those of
-    ``find_contacts`` if they are known already. Empty where there is no whole step.
+    ``latency_s`` > 0 is the delay of the force. ``ahead`` is the walking direction, by default that of the recording,
+    else from the first to the last position of the pelvis. ``contacts`` are those of ``find_contacts``, computed if not
+    given.
     """
     if contacts is None:
         contacts = find_contacts(recording, landmarks, latency_s=latency_s)
@@ -106,16 +106,15 @@ def find_steps(
 
 def _swings(contacts: Sequence[Contact]) -> list[tuple[Contact, Contact]]:
     """Contacts of one foot before and after each of its swings."""
-    found: list[tuple[Contact, Contact]] = []
+    swings: list[tuple[Contact, Contact]] = []
     sides: tuple[Side, ...] = ("left", "right")
     for side in sides:
-        own = [contact for contact in contacts if contact.side == side]
-        found += itertools.pairwise(own)
-    return found
+        swings += itertools.pairwise(contact for contact in contacts if contact.side == side)
+    return swings
 
 
 def _stance_during(contacts: Sequence[Contact], before: Contact, after: Contact) -> Contact | None:
-    """The contact of the other foot that bears the whole swing and lasts into double support; None in flight."""
+    """Contact of the other foot that lasts through the whole swing into double support; None in flight."""
     for contact in contacts:
         if contact.side != before.side and contact.start_s < before.end_s and contact.end_s > after.start_s:
             return contact
@@ -129,7 +128,7 @@ def _source(before: Contact, after: Contact, other: Contact) -> TimingSource:
 
 @dataclass(frozen=True)
 class _OverFloor:
-    """Pelvis and heels against the floor, which moves on a treadmill, and the unit vector of the walk."""
+    """Pelvis and heels relative to the floor, which moves on a treadmill, and the unit vector of the walk."""
 
     time_s: Series
     pelvis_m: Points
@@ -150,13 +149,13 @@ class _OverFloor:
         return cls(recording.time_s, np.asarray(pelvis), heels, level / np.linalg.norm(level))
 
     def length_m(self, side: Side, lift_off_s: float, strike_s: float) -> float | None:
-        """From where the other heel stands as this foot lifts to where this heel strikes; None if one is not seen."""
+        """Distance from the other heel at this foot's lift-off to this heel at its strike; None if one is hidden."""
         other: Side = "left" if side == "right" else "right"
         length = self._ahead_m(self.heels_m[side], strike_s) - self._ahead_m(self.heels_m[other], lift_off_s)
         return length if np.isfinite(length) else None
 
     def speed_m_s(self, start_s: float, end_s: float) -> float:
-        """Mean speed of the pelvis; NaN where it is not seen."""
+        """Mean speed of the pelvis; NaN if it is hidden."""
         return (self._ahead_m(self.pelvis_m, end_s) - self._ahead_m(self.pelvis_m, start_s)) / (end_s - start_s)
 
     def _ahead_m(self, track: Points, at_s: float) -> float:

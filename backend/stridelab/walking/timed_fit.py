@@ -1,9 +1,9 @@
-"""The wheel as a *clock*: theta = theta_0 + omega t (3.4), so that the point is at the right place at the right time.
+"""Fits the wheel in time: theta = theta_0 + omega t (3.4), position and timing together.
 
-Given theta_0 and omega the model is linear in (x0, R, r, z0): they are solved for, and what is left over depends on two
-numbers only (variable projection, Golub & Pereyra 1973). omega is held near the step's own frequency: unbounded least
-squares runs away to wheels of kilometres that hardly turn, because a parabola is a limit of the family. A bound that
-was reached is said, never returned silently.
+Given theta_0 and omega the model is linear in (x0, R, r, z0), which are eliminated, so that the residual depends on two
+parameters only (variable projection, Golub & Pereyra 1973). omega is bounded near the step frequency: unbounded least
+squares diverges to wheels of kilometres that hardly turn, because a parabola is a limit of the family. The result lists
+the active bounds.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from stridelab.walking.curtate_cycloid import Branch, FullTurn, Plane, Wheel, pa
 from stridelab.walking.initial_guess import first_guess
 
 OMEGA_RANGE: Final = (0.75, 1.33)
-"""Of one turn per step."""
+"""Bounds of omega, relative to one turn per step."""
 ITERATIONS: Final = 60
 DAMPING: Final = 1e-3
 ENOUGH: Final = 1e-12
@@ -31,9 +31,9 @@ PARAMETERS: Final = ("x0_m", "R_m", "r_m", "z0_m", "theta0_rad", "omega_rad_s")
 
 @dataclass(frozen=True)
 class TimedFit:
-    """A wheel, its clock, what is left over (model minus measurement), and the bounds that were reached.
+    """Fitted wheel with its angle over time, the error (model minus measurement), and the active bounds.
 
-    ``covariance`` is formal, of x0, R, r, z0, theta_0 and omega; rows of what is fixed or on a bound are 0.
+    ``covariance`` is the formal one of x0, R, r, z0, theta_0 and omega; rows of fixed or bounded parameters are 0.
     """
 
     wheel: Wheel
@@ -53,9 +53,9 @@ class TimedFit:
 def fit_in_time(
     time_s: Series, path_m: Plane, step_period_s: float, branch: Branch = 1, *, one_turn_per_step: bool = False
 ) -> TimedFit:
-    """Least squares over all six parameters, or five where the wheel turns exactly once per step.
+    """Least-squares fit of all six parameters, or of five with exactly one turn per step.
 
-    ``theta0_rad`` belongs to ``time_s[0]``. Raises what ``require_path`` does.
+    ``theta0_rad`` is the angle at ``time_s[0]``. Raises as ``require_path`` does.
     """
     guess = first_guess(time_s, path_m, step_period_s, branch)
     t = time_s - time_s[0]
@@ -87,7 +87,7 @@ def fit_in_time(
 
 @dataclass(frozen=True)
 class _Projected:
-    """The best wheel for one clock: ``p`` = (x0, R, r, z0), the errors, and their slopes with respect to the clock."""
+    """Best wheel for given (theta_0, omega): ``p`` = (x0, R, r, z0), errors, and their derivatives."""
 
     p: Float[np.ndarray, "4"]
     rows: Float[np.ndarray, "m 4"]
@@ -111,7 +111,7 @@ class _Projected:
         p = np.linalg.solve(triangle, q.T @ measured)
         d_theta = np.concatenate([p[1] - branch * p[2] * np.cos(theta), p[2] * np.sin(theta)])
         raw = np.column_stack([d_theta, d_theta * np.concatenate([t, t])])
-        slopes = raw - q @ (q.T @ raw)  # Kaufman's approximation: what the wheel cannot take up
+        slopes = raw - q @ (q.T @ raw)  # Kaufman's approximation: projection off the linear parameters
         return cls(p, rows, rows @ p - measured, slopes)
 
 

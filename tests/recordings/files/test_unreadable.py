@@ -330,7 +330,7 @@ def test_a_broken_mot_is_refused_with_file_and_line(text: str, place: str) -> No
 @pytest.mark.parametrize(
     ("method", "flags", "cause"),
     [
-        (None, None, "it is no whole zip file"),
+        (None, None, "it is not a complete zip file"),
         (None, 1, "it is encrypted"),
         (97, None, "it is compressed by a method that is not supported"),
     ],

@@ -42,7 +42,7 @@ def summary() -> StudyPopulationSummary:
         ],
         left_out=[LeftOut(recording_id="r7", filename="turn.c3d", code="turning", message="The walk turns.")],
         n_recordings=7, n_steps=24, method=None, pooled=False,
-        warnings=[Remark(code="groups-apart", message="The groups are looked at apart: adults (4), children (2).")],
+        warnings=[Remark(code="groups-apart", message="The groups are analysed separately: adults (4), children (2).")],
     )  # fmt: skip
 
 

@@ -92,16 +92,16 @@ def compare(estimators: Mapping[str, ComEstimator], data: Data) -> Comparison:
 
     An estimator that fails is listed with its error; if all fail, the first error is raised.
     """
-    done: dict[str, Assessment] = {}
-    refused: dict[str, StridelabError] = {}
+    assessments: dict[str, Assessment] = {}
+    refusals: dict[str, StridelabError] = {}
     for name, estimator in estimators.items():
         try:
-            done[name] = assess(estimator, data)
+            assessments[name] = assess(estimator, data)
         except StridelabError as error:
-            refused[name] = error
-    if not done:
-        raise next(iter(refused.values()))
-    return Comparison(done, refused, input_spectra(data))
+            refusals[name] = error
+    if not assessments:
+        raise next(iter(refusals.values()))
+    return Comparison(assessments, refusals, input_spectra(data))
 
 
 def assess(estimator: ComEstimator, data: Data) -> Assessment:

@@ -65,14 +65,14 @@ def flight(estimate: ComEstimate, wrench: WrenchTrack) -> Flight | None:
     """Mean acceleration over all flights inside the window; None without flights."""
     rate_hz = (len(estimate.time_s) - 1) / (estimate.time_s[-1] - estimate.time_s[0])
     aloft = np.linalg.norm(inside(estimate, wrench.time_s, wrench.force_n), axis=1) < FLIGHT_N
-    found = [(i + 1, j - 1) for i, j in runs(aloft) if j - i >= SHORTEST_FLIGHT and i > 0 and j < len(aloft)]
-    if not found:
+    flights = [(i + 1, j - 1) for i, j in runs(aloft) if j - i >= SHORTEST_FLIGHT and i > 0 and j < len(aloft)]
+    if not flights:
         return None
     # The variance of a parabola's curvature falls with the fifth power of the flight's duration.
-    weight = np.array([float(j - i) ** 5 for i, j in found])
-    curvature = np.array([_curvature(estimate.com_m[i:j], rate_hz) for i, j in found])
+    weight = np.array([float(j - i) ** 5 for i, j in flights])
+    curvature = np.array([_curvature(estimate.com_m[i:j], rate_hz) for i, j in flights])
     a = weight @ curvature / weight.sum()
-    return Flight(len(found), float(-a[2] / GRAVITY_M_S2 - 1.0), float(np.hypot(a[0], a[1])))
+    return Flight(len(flights), float(-a[2] / GRAVITY_M_S2 - 1.0), float(np.hypot(a[0], a[1])))
 
 
 def standing(

@@ -76,17 +76,17 @@ def lag_s(estimated: Series, true: Series, rate_hz: float) -> float:
     t = np.arange(len(true)) / rate_hz
     spline = interpolate.CubicSpline(t, true)
     edge = max(2, len(t) // 20)
-    tau, kept = 0.0, slice(edge, -edge)
-    line = np.column_stack([np.ones(len(t)), t - t.mean()])[kept]
+    tau, interior = 0.0, slice(edge, -edge)
+    line = np.column_stack([np.ones(len(t)), t - t.mean()])[interior]
 
     def beside(x: Series) -> Series:
         return np.asarray(x - line @ np.linalg.lstsq(line, x, rcond=None)[0])
 
     for _ in range(_LAG_ROUNDS):
-        velocity = beside(spline(t - tau, 1)[kept])
+        velocity = beside(spline(t - tau, 1)[interior])
         if np.sqrt(np.mean(velocity**2)) < _SWAY_M_S:
             return float("nan")
-        tau -= float(velocity @ beside((estimated - spline(t - tau))[kept]) / (velocity @ velocity))
+        tau -= float(velocity @ beside((estimated - spline(t - tau))[interior]) / (velocity @ velocity))
     return tau
 
 

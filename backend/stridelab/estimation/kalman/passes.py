@@ -52,9 +52,12 @@ class Axis:
         means, covariances = np.empty_like(y), np.empty((y.shape[1], 3, 3))
         for s in self.stretches:
             predictor = forward_model(self.model, self.variance, s.rows).predictor(covariance, s.stop - s.first)
-            found = predictor.mean(mean, y[:, s.first : s.stop, list(s.rows)])
-            means[:, s.first : s.stop], covariances[s.first : s.stop] = found[:, :-1], predictor.covariance[:-1]
-            mean, covariance = found[:, -1], predictor.covariance[-1]
+            predicted = predictor.mean(mean, y[:, s.first : s.stop, list(s.rows)])
+            means[:, s.first : s.stop], covariances[s.first : s.stop] = (
+                predicted[:, :-1],
+                predictor.covariance[:-1],
+            )
+            mean, covariance = predicted[:, -1], predictor.covariance[-1]
         return Track(means, covariances)
 
     def filtered(self, y: Inputs, start: Starts) -> Track:
@@ -97,11 +100,11 @@ class Axis:
         means, covariances = np.empty_like(y), np.empty((y.shape[1], 3, 3))
         for s in reversed(self.stretches):
             at, n, rows = slice(s.first, s.stop), s.stop - s.first, list(s.rows)
-            told = y[:, at, rows] / np.array(self.variance)[rows] @ C[rows]
+            information = y[:, at, rows] / np.array(self.variance)[rows] @ C[rows]
             predictor = backward_model(self.model, self.variance, s.rows).predictor(J, n)
-            found = predictor.mean(h, np.zeros((len(y), n, 1)), told[:, ::-1])
-            means[:, at], covariances[at] = found[:, :0:-1], predictor.covariance[:0:-1]
-            h, J = found[:, -1], predictor.covariance[-1]
+            predicted = predictor.mean(h, np.zeros((len(y), n, 1)), information[:, ::-1])
+            means[:, at], covariances[at] = predicted[:, :0:-1], predictor.covariance[:0:-1]
+            h, J = predicted[:, -1], predictor.covariance[-1]
         return Track(means, covariances)
 
 

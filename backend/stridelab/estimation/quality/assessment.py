@@ -19,8 +19,8 @@ OF_MARKERS: Final = ("outside_body", "leg_length_change")
 
 def assess_quality(recorded: Recorded, estimate: ComEstimate) -> Quality:
     """Run all checks that ``recorded`` allows on ``estimate``; the others are listed with the reason."""
-    found = measure(recorded, estimate)
-    return judged(found, recorded.mass_to_check_kg, recorded.geometric.sd_m, with_force=recorded.with_force)
+    measures = measure(recorded, estimate)
+    return judged(measures, recorded.mass_to_check_kg, recorded.geometric.sd_m, with_force=recorded.with_force)
 
 
 def judged(

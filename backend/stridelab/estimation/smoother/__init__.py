@@ -1,4 +1,4 @@
-"""Our smoother: horizontally ten times closer than the filter of section 2.4, with a band that means something."""
+"""Fixed-interval smoother with coloured errors: horizontally ten times closer than the filter of section 2.4."""
 
 from stridelab.estimation.smoother.estimator import Smoother
 from stridelab.estimation.smoother.priors import SmootherPriors

@@ -1,10 +1,10 @@
-"""Whether a window holds a full single support: without one, angular momentum and a wrong table look alike.
+"""Consistency checks of the smoother: single support in the window, and errors in agreement with their priors.
 
-What the data say about the priors: are the errors of the stated size, is a plate biased more than declared.
+Without a full single support, angular momentum and an error of the segment table cannot be distinguished.
 
-A constant error of the force shows: integrated twice, it pulls the CoM away from the geometry. Its posterior mean m and
-variance V satisfy m ~ N(0, P0 - V) if the prior variance P0 is true, so m^2 / (P0 - V) is chi-squared with one degree
-of freedom. A constant error of the *moment* does not show: it looks like an error of the segment table.
+A constant error of the force is observable: integrated twice, it moves the CoM away from the geometry. Its posterior
+mean m and variance V satisfy m ~ N(0, P0 - V) if the prior variance P0 is true, so m^2 / (P0 - V) is chi-squared with
+one degree of freedom. A constant error of the *moment* is not observable: it has the effect of a table error.
 """
 
 from typing import Final
@@ -23,14 +23,14 @@ WALKS_M_S: Final = 0.3
 SHARE_OF_STEP: Final = 0.65
 """A full single support lasts 0.75 to 0.85 of a step in walking."""
 CERTAIN_STEPS: Final = 1.8
-"""Any window this long holds one."""
+"""Duration of a window in steps that always contains a full single support."""
 LOADED_N: Final = 50.0
 
 
 def require_single_support(walk: Walk, within: slice, step_hz: float) -> None:
-    """Raise ``NotEstimable`` (``no-single-support``) for a short window in which no foot carries the body alone.
+    """Raise ``NotEstimable`` (``no-single-support``) for a short window without a full single support.
 
-    In single support the centre of pressure stays on one side of the CoM; it crosses over in double support.
+    In single support the centre of pressure stays on one side of the CoM; it changes sides in double support.
     """
     n = within.stop - within.start
     step = walk.rate_hz / step_hz
@@ -51,7 +51,7 @@ def require_single_support(walk: Walk, within: slice, step_hz: float) -> None:
 
 FALSE_ALARMS: Final = 1e-3
 TELLING: Final = 0.05
-"""Share of the prior variance that the data must have removed before the test means anything."""
+"""Minimum share of the prior variance that the data must have removed for a meaningful test."""
 
 
 def plate_bias_statistic(space: StateSpace, forward: Filtered) -> float:
@@ -62,9 +62,9 @@ def plate_bias_statistic(space: StateSpace, forward: Filtered) -> float:
 def plate_bias_remarks(
     space: StateSpace, forward: Filtered, mass_kg: float, declared_n: float, frame: Rotation
 ) -> tuple[Remark, ...]:
-    """A remark where the horizontal force has a bias that the declared one makes improbable (1 in 1000).
+    """Remark if the estimated bias of the horizontal force is improbable (1 in 1000) under the declared one.
 
-    It is given in the axes of the laboratory (``frame`` turns them into those of the walk), where plates are zeroed.
+    The bias is given in the axes of the laboratory; the rows of ``frame`` are the walking axes.
     """
     if plate_bias_statistic(space, forward) < stats.chi2.isf(FALSE_ALARMS, 2):
         return ()
@@ -80,7 +80,7 @@ def plate_bias_remarks(
 
 
 def normalised_innovations(found: Gains, forward: Filtered) -> float:
-    """Mean of e' S^-1 e over its degrees of freedom, constants taken out: 1 where all sizes are true."""
+    """Mean of e' S^-1 e over its degrees of freedom, without the constants: 1 if all error sizes are true."""
     e = forward.innovations[..., 0] + np.einsum("kamc,ac->kam", forward.innovations[..., 1:4], forward.constants)
     squares = np.einsum("kam,kamn,kan->", e, found.information[found.use], e)
     return float(squares / (found.information[found.use][:, :, [0, 1], [0, 1]] > 1e-6).sum())
@@ -89,6 +89,6 @@ def normalised_innovations(found: Gains, forward: Filtered) -> float:
 def _statistics(space: StateSpace, forward: Filtered) -> np.ndarray:
     prior = space.constant_sd[:2, ACCELERATION] ** 2
     learnt = prior - forward.constants_cov[:2, ACCELERATION, ACCELERATION]
-    told = learnt > TELLING * prior
+    informative = learnt > TELLING * prior
     m = forward.constants[:2, ACCELERATION]
-    return np.where(told, m**2 / np.where(told, learnt, 1.0), 0.0)
+    return np.where(informative, m**2 / np.where(informative, learnt, 1.0), 0.0)

@@ -1,4 +1,4 @@
-"""The smoother as an estimator: coloured errors, masks, declared plate bias (docs/theory/smoother.md)."""
+"""Smoother as an estimator: coloured errors, masks, declared plate bias (docs/theory/smoother.md)."""
 
 from dataclasses import dataclass, field, replace
 from typing import ClassVar, Final
@@ -28,16 +28,16 @@ from stridelab.estimation.time_span import require_mass, window_span
 from stridelab.recordings.recording import WrenchTrack
 
 LEFT_OVER: Final = 0.5
-"""Share of the angular momentum that point masses do not explain: 10.1 of 22.7 Nm about the lateral axis in adults."""
+"""Share of the angular momentum rate not explained by point masses: 10.1 of 22.7 Nm, lateral axis, adults."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Smoother:
-    """``priors`` say how large the errors of the inputs are; the table's own is in the geometry.
+    """Fixed-interval smoother; ``priors`` are the sizes of the input errors, that of the table is in the geometry.
 
-    ``learn`` lets the recording itself correct the sizes that it shows (``learning``). ``segment_momentum`` subtracts
-    the angular momentum of the segments, taken as point masses, so that only the rest of it has to be guessed.
-    ``beyond_window`` answers for the whole gap-free stretch of geometry around the window instead of the window alone.
+    ``learn`` estimates the noise levels from the recording (``noise_levels``). ``segment_momentum`` subtracts the
+    angular momentum of the segments as point masses, so that the prior covers only the rest. ``beyond_window`` returns
+    the whole gap-free stretch of geometry around the window instead of the window alone.
     """
 
     name: ClassVar[str] = "smoother"
@@ -50,7 +50,7 @@ class Smoother:
     def estimate(self, geometric: GeometricCom, wrench: WrenchTrack, mass_kg: float) -> ComEstimate:
         """Smooth over all geometry around the longest window; every window in it contributes its force.
 
-        The acceleration is that of the force without its estimated bias; where none is seen, the path's own.
+        The acceleration is that of the force without its estimated bias; without force, that of the path.
 
         Raises ``NotEstimable`` or ``InvalidInput`` as ``window_span`` does, and ``NotEstimable`` with
         ``no-single-support`` or, with ``segment_momentum``, ``segments-missing``.
@@ -72,13 +72,13 @@ class Smoother:
         if self.learn:
             sizes = learned(sizes, data, rate_hz)
         space = state_space(sizes, rate_hz)
-        found = gains(space, data.seen, data.phi)
-        forward = filtered(space, data, found)
-        mean, variance = smoothed(found, forward, 2)
+        gain_sets = gains(space, data.seen, data.phi)
+        forward = filtered(space, data, gain_sets)
+        mean, variance = smoothed(gain_sets, forward, 2)
         c, v = (mean[:, :, i] @ walk.frame for i in (0, 1))
         measured = (com_acceleration(walk.force_n, mass_kg) - forward.constants[:, ACCELERATION]) @ walk.frame
         acceleration = np.where(walk.seen[:, None], measured, derivatives(c, rate_hz)[1])
-        variance[:, 2, 0] = np.maximum(variance[:, 2, 0], geometric.sd_m[2] ** 2)  # of the height nothing is learnt
+        variance[:, 2, 0] = np.maximum(variance[:, 2, 0], geometric.sd_m[2] ** 2)  # the height is unobservable
         sd = np.sqrt(variance[:, :, 0] @ walk.frame**2)
         answer = slice(0, len(c)) if self.beyond_window else span.within
         return ComEstimate(
@@ -93,7 +93,7 @@ class Smoother:
             remarks=plate_bias_remarks(space, forward, mass_kg, self.priors.plate_force_n, walk.frame),
             diagnostics={
                 **_shown(sizes, walk, mass_kg),
-                "normalised_innovations": normalised_innovations(found, forward),
+                "normalised_innovations": normalised_innovations(gain_sets, forward),
                 "plate_bias_statistic": plate_bias_statistic(space, forward),
             },
         )
@@ -106,7 +106,7 @@ class Smoother:
         velocity_m_s: Vector3 | None = None,
         ahead: Vector3 | None = None,
     ) -> OnlineSmoother:
-        """The same model as a filter, sample by sample. ``ahead`` is the horizontal direction of the walk, if known.
+        """Online filter of the same model. ``ahead`` is the horizontal direction of the walk, if known.
 
         Raises ``InvalidInput`` (``mass-out-of-range``).
         """
@@ -119,13 +119,13 @@ def _of_segments(geometric: GeometricCom, used: slice, mass_kg: float) -> Points
     if rate is None or not np.isfinite(rate[used]).all():
         raise NotEstimable(
             "segments-missing",
-            "The angular momentum of the segments needs every segment at all times, and some are not seen.",
+            "The angular momentum of the segments needs all segments at all times, and some are hidden.",
         )
     return rate[used]
 
 
 def _shown(sizes: Sizes, walk: Walk, mass_kg: float) -> dict[str, float]:
-    """The sizes that were used, in the units of the priors."""
+    """Error sizes in use, in the units of the priors, for the diagnostics."""
     weight = mass_kg * GRAVITY_M_S2
     return {
         "marker_mm": float(1e3 * np.mean(sizes.marker_m)),

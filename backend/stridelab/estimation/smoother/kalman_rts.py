@@ -1,15 +1,15 @@
-"""Kalman filter and fixed-interval smoother for the axes of a walk at once, with unknown constants as regression.
+"""Kalman filter and fixed-interval smoother for all axes of a walk, with unknown constants as regression coefficients.
 
-The states are carried in columns: the data, and what one unit of each unknown constant would do to the filter (de Jong
+The states have several columns: the data, and the response of the filter to one unit of each unknown constant (de Jong
 1991, the augmented Kalman filter). Every innovation is then linear in the constants, e(beta) = e0 - E beta, and
 
     beta = (sum E' S^-1 E + P0^-1)^-1 sum E' S^-1 e0
 
-The error of the height is *considered*, not sought (Schmidt 1966): the sway of a walk is in step with its angular
-momentum, so that a regression finds heights which are none. Its share is in the band instead.
+The error of the height is *considered*, not estimated (Schmidt 1966): the sway of a walk is in phase with its angular
+momentum, so that a regression would give spurious heights. Its effect is included in the standard deviation.
 
-The gains depend on nothing but the model and on which samples have a force, so wherever that stays the same long
-enough they are computed once. Backwards (de Jong 1989; Durbin & Koopman, 4.4) no covariance is ever inverted:
+The gains depend only on the model and on which samples have a force, so they are computed once per constant stretch
+after they have converged. The backward pass (de Jong 1989; Durbin & Koopman, 4.4) does not invert covariances:
 
     r_{k-1} = H' S^-1 e + F' r_k,   N_{k-1} = H' S^-1 H + F' N_k F,   F = A - K H
     x_{k|T} = x_k + P_k r_{k-1},    P_{k|T} = P_k - P_k N_{k-1} P_k
@@ -39,17 +39,17 @@ from stridelab.estimation.smoother.state_space import (
 
 COLUMNS = 1 + CONSTANTS
 SETTLED = 1e-9
-"""Relative change of the predicted covariance below which the gains are taken as final."""
+"""Relative change of the predicted covariance below which the gains count as converged."""
 
 Table = Float[np.ndarray, "g a 10 10"]
 
 
 @dataclass(frozen=True)
 class Signals:
-    """Data per axis of the walking frame, metres: y1, y2 (0 where not seen), and what drives sample k to k + 1.
+    """Data per axis of the walking frame, metres: y1, y2 (0 where not measured), and the acceleration from k to k + 1.
 
-    ``phi`` and ``sway`` are the noiseless vertical and horizontal force over the weight (``model``);
-    ``velocity_m_s`` is the guess from which the filter starts.
+    ``phi`` and ``sway`` are the noise-free vertical and horizontal force over the weight (``state_space``);
+    ``velocity_m_s`` is the initial velocity of the filter.
     """
 
     geometry_m: Float[np.ndarray, "n axes"]
@@ -64,12 +64,12 @@ class Signals:
         return len(self.geometry_m)
 
     def between(self, first: int, stop: int) -> "Signals":
-        """A part of them."""
+        """Samples ``first`` to ``stop`` (exclusive)."""
         part = {name: value[first:stop] for name, value in vars(self).items() if name != "velocity_m_s"}
         return replace(self, **part)
 
     def of(self, axes: Int[np.ndarray, "_"]) -> "Signals":
-        """Those of some axes."""
+        """Signals of some axes, in this order."""
         return replace(
             self,
             geometry_m=self.geometry_m[:, axes],
@@ -82,7 +82,7 @@ class Signals:
 
 @dataclass(frozen=True)
 class Gains:
-    """Distinct gain sets, and which one each sample uses. ``loop`` is F = A - G H - K H of the module docstring."""
+    """Distinct gain sets, and the index of the set of each sample; ``loop`` is F = A - G H - K H."""
 
     use: Int[np.ndarray, "n"]
     predicted: Table
@@ -96,7 +96,7 @@ class Gains:
 
 @dataclass(frozen=True)
 class Rest:
-    """The last measurement (``StateSpace.rest_variance``): innovation of the swing states, S^-1, and its log det S."""
+    """The final measurement at rest (``StateSpace.rest_variance``): innovation of the swing states, S^-1, log det S."""
 
     innovation: Float[np.ndarray, "a 4 5"]
     information: Float[np.ndarray, "a 4 4"]
@@ -105,10 +105,10 @@ class Rest:
 
 @dataclass(frozen=True)
 class Filtered:
-    """One pass forwards: predicted states and innovations in columns, and the constants found from all samples.
+    """Result of the forward pass: predicted states and innovations in columns, and the constants from all samples.
 
     ``constants`` is beta per axis (table, acceleration, moment), ``constants_cov`` its posterior covariance.
-    ``height_leak`` is what one metre of wrong height does to beta. ``rest`` is what coming to rest says.
+    ``height_leak`` is the effect of a height error of one metre on beta. ``rest`` is the final measurement at rest.
     """
 
     states: Float[np.ndarray, "n a 10 5"]
@@ -123,23 +123,23 @@ class Filtered:
 
 
 def regimes_of(seen: Mask) -> Int[np.ndarray, "n"]:
-    """0: force seen here and at the next sample, 1: seen here alone, 2: not seen."""
+    """Regime per sample; 0: force measured here and at the next sample, 1: here only, 2: not measured."""
     follows = np.append(seen[1:], False)
     return np.where(seen, np.where(follows, 0, 1), 2)
 
 
 def gains(space: StateSpace, seen: Mask, phi: Series, settling: float = SETTLED) -> Gains:
-    """The Riccati recursion over all samples; equal circumstances share a gain once it has settled."""
+    """Riccati recursion over all samples; samples of equal regime and phi share a gain once it has converged."""
     regime, n = regimes_of(seen), len(seen)
     use = np.empty(n, dtype=np.int64)
-    predicted, loops, kept, observed, weights = [], [], [], [], []
+    predicted, loops, gain_list, observed, weights = [], [], [], [], []
     p = space.start_covariance
-    known: tuple[int, float] | None = None
+    last_kind: tuple[int, float] | None = None
     settled = False
     for k in range(n):
         kind = (int(regime[k]), float(phi[k]))
-        if kind != known:
-            known, settled = kind, False
+        if kind != last_kind:
+            last_kind, settled = kind, False
             now, h = space.regimes[kind[0]], observation(kind[1], space.turned)
             base = now.transition - now.feed @ h
             ht = np.swapaxes(h, 1, 2)
@@ -152,7 +152,7 @@ def gains(space: StateSpace, seen: Mask, phi: Series, settling: float = SETTLED)
             loop = base - gain @ h
             predicted.append(p)
             loops.append(loop)
-            kept.append(gain + now.feed)
+            gain_list.append(gain + now.feed)
             observed.append(h)
             weights.append(w)
             following = loop @ p @ base_t + now.process
@@ -166,7 +166,7 @@ def gains(space: StateSpace, seen: Mask, phi: Series, settling: float = SETTLED)
         use=use,
         predicted=np.array(predicted),
         loop=np.array(loops),
-        gain=np.array(kept),
+        gain=np.array(gain_list),
         observe=np.array(observed),
         information=information,
         log_det=-np.log(np.linalg.det(information)),
@@ -175,7 +175,7 @@ def gains(space: StateSpace, seen: Mask, phi: Series, settling: float = SETTLED)
 
 
 def filtered(space: StateSpace, signals: Signals, found: Gains) -> Filtered:
-    """Forward pass over all samples; models beyond the axes are further candidates for the same axes."""
+    """Run the forward pass; models beyond the number of axes are further candidates for the same axes."""
     n, models = len(signals), len(space.turned)
     axis = np.arange(models) % signals.geometry_m.shape[1]
     inputs = np.zeros((n, models, STATES, COLUMNS))
@@ -185,10 +185,10 @@ def filtered(space: StateSpace, signals: Signals, found: Gains) -> Filtered:
     measured = np.zeros((n, models, MEASURED, COLUMNS))
     measured[:, :, 0, 0], measured[:, :, 1, 0] = signals.geometry_m[:, axis], signals.moment_m[:, axis]
     measured[:, :, 0, 1 + TABLE] = -1.0
-    told = signals.seen[:, None] & space.turned
-    measured[told, 1, 1 + ACCELERATION] = -space.lever_s2
-    measured[told, 1, 1 + MOMENT] = -1.0
-    measured[:, :, 1, 1 + HEIGHT] = signals.sway[:, axis] * told
+    with_moment = signals.seen[:, None] & space.turned
+    measured[with_moment, 1, 1 + ACCELERATION] = -space.lever_s2
+    measured[with_moment, 1, 1 + MOMENT] = -1.0
+    measured[:, :, 1, 1 + HEIGHT] = signals.sway[:, axis] * with_moment
 
     x = np.zeros((models, STATES, COLUMNS))
     x[:, C, 0], x[:, V, 0] = signals.geometry_m[0, axis], signals.velocity_m_s[axis]
@@ -212,7 +212,7 @@ def filtered(space: StateSpace, signals: Signals, found: Gains) -> Filtered:
 def smoothed(
     found: Gains, forward: Filtered, rows: int
 ) -> tuple[Float[np.ndarray, "n a r"], Float[np.ndarray, "n a r"]]:
-    """Mean and variance of the first ``rows`` states at every sample, given all samples."""
+    """Mean and variance of the first ``rows`` states at every sample, from all samples."""
     use = found.use
     observe_t = np.swapaxes(found.observe, 2, 3)
     push = observe_t[use] @ (found.information[use] @ forward.innovations)
@@ -250,7 +250,7 @@ def smoothed(
 
 
 def log_likelihood(space: StateSpace, found: Gains, forward: Filtered) -> Float[np.ndarray, "a"]:
-    """Log of the probability of the data per model, constants integrated out, up to a term of the data's size alone."""
+    """Log-likelihood per model with the constants marginalised, up to a term that depends on the data size only."""
     e0, last = forward.innovations[..., 0], forward.rest
     quadratic = np.einsum("kam,kamn,kan->a", e0, found.information[found.use], e0)
     quadratic += np.einsum("am,amn,an->a", last.innovation[..., 0], last.information, last.innovation[..., 0])
@@ -261,7 +261,7 @@ def log_likelihood(space: StateSpace, found: Gains, forward: Filtered) -> Float[
 
 
 def _rest(space: StateSpace, p: Matrices, x: Float[np.ndarray, "a 10 5"]) -> Rest:
-    """Against the prediction (x, P) after the last sample; without information in the middle of a walk."""
+    """Measurement at rest against the prediction (x, P) after the last sample; no information in mid-walk."""
     innovation = -x[:, L:]
     if space.rest_variance is None:
         return Rest(innovation, np.zeros((len(x), 4, 4)), np.zeros(len(x)))
@@ -283,7 +283,7 @@ def _scaled(sd: Float[np.ndarray, "a 3"], information: Float[np.ndarray, "a 3 3"
 
 
 def _inverse(s: Float[np.ndarray, "a 2 2"], noise_m2: Float[np.ndarray, "a 2"]) -> Float[np.ndarray, "a 2 2"]:
-    """Inverse of S + diag(noise), written out: small batches cost mostly calls."""
+    """Inverse of S + diag(noise), written out because calls dominate the cost of small batches."""
     a, d, b = s[:, 0, 0] + noise_m2[:, 0], s[:, 1, 1] + noise_m2[:, 1], s[:, 0, 1]
     out = np.empty_like(s)
     det = a * d - b * b

@@ -1,12 +1,12 @@
-"""From geometry and wrench to the smoother's signals: the walking frame, the reduced moments, the steps.
+"""Computes the smoother's signals from geometry and wrench: walking frame, reduced moments, step frequency.
 
-Both horizontal moments are reduced to the 4 Hz geometry c_ref, so that everything large in them is known:
+Both horizontal moments are reduced to the 4 Hz geometry c_ref, which removes their large known part:
 
     nu - c_ref x f = (c - c_ref) x f + L'  ~  (c - c_ref) x (0, 0, m g) + L'
 
 and divided by the weight they are positions: x = -(...)^y / m g + phi c_ref^x, y = (...)^x / m g + phi c_ref^y.
-The lever is multiplied with a weight that carries no noise; the measured force there would be read as information
-about the height, which nothing measures (docs/theory/smoother.md).
+The lever is multiplied by the noise-free weight; the noise of a measured force would act as spurious information about
+the height, which is not observable (docs/theory/smoother.md).
 """
 
 from dataclasses import dataclass
@@ -45,12 +45,12 @@ class Walk:
 
 
 def in_walking_frame(geometry_m: Points, force_n: Points, moment_nm: Points, seen: Mask, rate_hz: float) -> Walk:
-    """Turn everything so that x is the mean horizontal direction of motion; without force the numbers are 0."""
+    """Rotate all signals so that x is the mean horizontal direction of motion; missing forces are 0."""
     duration = (len(geometry_m) - 1) / rate_hz
     velocity = (geometry_m[-1] - geometry_m[0]) / duration
     frame = walk_frame(velocity[None])
-    kept = seen[:, None]
-    f, nu = (np.where(kept, x, 0.0) @ frame.T for x in (force_n, moment_nm))
+    measured = seen[:, None]
+    f, nu = (np.where(measured, x, 0.0) @ frame.T for x in (force_n, moment_nm))
     return Walk(frame, geometry_m @ frame.T, f, nu, seen, rate_hz, frame @ velocity)
 
 
@@ -71,14 +71,14 @@ def signals(walk: Walk, mass_kg: float, momentum_rate_nm: Points) -> Signals:
 
 
 def supported_share(walk: Walk, smooth_force_n: Points, weight_n: float) -> Series:
-    """Vertical force over weight in the gain: 1 in walking, low-passed f_z where the body flies."""
+    """Vertical force over weight used in the gain: 1 in walking, low-passed f_z for motions with flight."""
     if not (walk.seen & (walk.force_n[:, 2] < AIRBORNE_N)).any():
         return np.ones(len(walk.geometry_m))
     return np.where(walk.seen, np.maximum(smooth_force_n[:, 2] / weight_n, 0.0), 1.0)
 
 
 def step_frequency_hz(walk: Walk) -> float | None:
-    """Frequency of the strongest vertical oscillation between 0.8 and 3.5 Hz; None where nobody walks."""
+    """Frequency of the strongest vertical oscillation between 0.8 and 3.5 Hz; None without walking."""
     z = walk.geometry_m[:, 2]
     n = len(z)
     t = np.linspace(-1, 1, n)
@@ -92,9 +92,9 @@ def step_frequency_hz(walk: Walk) -> float | None:
 
 
 def swing_at_ends(walk: Walk) -> tuple[float, float]:
-    """Share of the walk's swing at its first and last sample: nobody swings who stands.
+    """Share of the walk's angular momentum swing at its first and last sample; zero at rest.
 
-    The speed there, from a line through ``END_S``, over the mean speed; from ``FULL_SWING`` of it on, all.
+    It is the speed there, from a line through ``END_S``, over ``FULL_SWING`` times the mean speed, at most 1.
     """
     n = round(END_S * walk.rate_hz)
     if walk.speed_m_s < WALKS_M_S or len(walk.geometry_m) < 2 * n:

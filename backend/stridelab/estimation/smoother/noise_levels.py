@@ -1,11 +1,10 @@
-"""Sizes of the errors from the recording itself: the priors that make its own data most probable.
+"""Sizes of all errors per axis of the walking frame, from the user's priors and from the recording itself.
 
-The likelihood of a Kalman filter falls apart into the axes, and the gradient costs one pass: all parameters of all
-axes, each a little larger, are further models in the same batch. Logarithms of the sizes are sought, each held near its
-prior by a normal distribution of ``WIDTH`` (a factor of e^WIDTH is one standard deviation), because a second of data
-does not know every size. The constant errors (table, plates, clocks) are not learned: one recording shows their sum.
-
-From the user's priors and one recording to the sizes of every error, per axis of the walking frame.
+The learned sizes maximise the posterior probability of the recording's data. The likelihood of the Kalman filter
+separates into the axes, and its gradient costs one pass: perturbed parameters of all axes are further models in the
+same batch. The unknowns are the logarithms of the sizes, each with a normal prior of width ``WIDTH`` (a factor of
+e^WIDTH is one standard deviation), because a second of data does not determine every size. The constant errors (table,
+plates, clocks) are not learned: one recording shows only their sum.
 """
 
 from dataclasses import replace
@@ -24,14 +23,14 @@ from stridelab.estimation.smoother.state_space import ACCELERATION, CONSTANTS, H
 LEARNED: Final = ("marker_m", "moment_m", "table_varying_m", "swing_m_s", "overtone_m_s", "damping")
 WIDTH: Final = 1.0
 DOWN, UP = 1.1, 3.0
-"""No size is learned smaller than a third of its prior (e^-DOWN), nor larger than e^UP times it: markers that were
-filtered look free of noise, and their error is slow instead."""
+"""Learned sizes lie between a third of the prior (e^-DOWN) and e^UP times it: filtered markers appear noise-free, but
+have slow errors instead."""
 ITERATIONS: Final = 8
 STEP: Final = 1e-3
 LOOKED_AT: Final = 600
 LARGEST_DAMPING: Final = 0.9
 SETTLING: Final = 1e-4
-"""Relative change at which gains count as final here: sizes come out the same to 1e-3, in half the time."""
+"""Relative change at which gains count as converged here: the sizes change by less than 1e-3, in half the time."""
 
 HORIZONTAL: Final = np.array([0, 1])
 
@@ -41,9 +40,9 @@ Logs = Float[np.ndarray, "p axes"]
 def learned(sizes: Sizes, signals: Signals, rate_hz: float) -> Sizes:
     """The sizes with those of ``LEARNED`` replaced, per axis, by the most probable ones.
 
-    Only the horizontal axes learn. Vertically there is one measurement: its sizes follow the mean of the others', the
-    noise of the geometry in the proportion of its roughness.
-    The stretch that is looked at lies around the middle of what has force, and has at most ``LOOKED_AT`` samples.
+    Only the horizontal sizes are learned. The vertical axis has a single measurement: its sizes scale with the mean
+    change of the others, the noise of the geometry also with the ratio of roughness. At most ``LOOKED_AT`` samples
+    around the middle of the samples with force are used.
     """
     roughness = np.sqrt(np.mean(np.diff(signals.geometry_m, 3, axis=0) ** 2, axis=0))
     signals = _middle(signals).of(HORIZONTAL)
@@ -53,34 +52,34 @@ def learned(sizes: Sizes, signals: Signals, rate_hz: float) -> Sizes:
     def cost(x: Float[np.ndarray, "_"]) -> tuple[float, Float[np.ndarray, "_"]]:
         logs = x.reshape(start.shape)
         values = -log_likelihoods(middle, np.array([logs, *_neighbours(logs)]), signals, rate_hz)
-        away = (logs - start) / WIDTH
-        slope = (values[1:] - values[0]) / STEP + away / WIDTH
-        return float(values[0].sum() + 0.5 * np.sum(away**2)), slope.ravel()
+        deviation = (logs - start) / WIDTH
+        slope = (values[1:] - values[0]) / STEP + deviation / WIDTH
+        return float(values[0].sum() + 0.5 * np.sum(deviation**2)), slope.ravel()
 
     highest = start + UP
     highest[LEARNED.index("damping")] = np.log(LARGEST_DAMPING)
     bounds = list(zip((start - DOWN).ravel(), highest.ravel(), strict=True))
-    best = optimize.minimize(
+    optimum = optimize.minimize(
         cost, start.ravel(), jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": ITERATIONS}
     )
-    change = best.x.reshape(start.shape) - start
-    every = np.exp(np.column_stack([change, change.mean(axis=1)]))
+    change = optimum.x.reshape(start.shape) - start
+    factors = np.exp(np.column_stack([change, change.mean(axis=1)]))
     rough = roughness[2] / np.mean(roughness[:2]) if roughness.min() > 0.0 else 1.0
-    every[LEARNED.index("marker_m"), 2] *= np.clip(rough, np.exp(-DOWN), np.exp(UP))
-    return replace(sizes, **{name: getattr(sizes, name) * x for name, x in zip(LEARNED, every, strict=True)})
+    factors[LEARNED.index("marker_m"), 2] *= np.clip(rough, np.exp(-DOWN), np.exp(UP))
+    return replace(sizes, **{name: getattr(sizes, name) * x for name, x in zip(LEARNED, factors, strict=True)})
 
 
 def log_likelihoods(
     sizes: Sizes, candidates: Float[np.ndarray, "k p axes"], signals: Signals, rate_hz: float
 ) -> Float[np.ndarray, "k axes"]:
-    """Log-likelihood of every candidate, per axis."""
+    """Log-likelihood per axis of every candidate (logarithms of the sizes)."""
     space = state_space(with_logs(sizes, candidates), rate_hz)
-    found = gains(space, signals.seen, signals.phi, SETTLING)
-    return log_likelihood(space, found, filtered(space, signals, found)).reshape(len(candidates), -1)
+    gain_sets = gains(space, signals.seen, signals.phi, SETTLING)
+    return log_likelihood(space, gain_sets, filtered(space, signals, gain_sets)).reshape(len(candidates), -1)
 
 
 def with_logs(sizes: Sizes, candidates: Float[np.ndarray, "k p axes"]) -> Sizes:
-    """One batch of models: all axes for each candidate."""
+    """Batch of models with all axes for each candidate."""
     k = len(candidates)
     batch = sizes.repeated(k)
     given = {name: np.exp(candidates[:, i]).ravel() for i, name in enumerate(LEARNED)}
@@ -95,14 +94,14 @@ def _middle(signals: Signals) -> Signals:
 
 
 def _neighbours(logs: Logs) -> Float[np.ndarray, "p p axes"]:
-    """Each parameter a little larger, in all axes at once."""
+    """Finite-difference perturbations: each parameter increased by ``STEP`` in all axes at once."""
     return np.asarray(logs + STEP * np.eye(len(logs))[:, :, None])
 
 
 USUAL_STEP_HZ, USUAL_SPEED_M_S = 1.8, 1.2
 UNDIRECTED_HZ_SHARE, UNDIRECTED_DAMPING = 0.75, 0.6
 SAGITTAL_OVERTONE, LATERAL_OVERTONE = 2.0, 4.5
-"""Overtones over the step and the stride frequency: the second, and the third to seventh together."""
+"""Ratios of the overtones to the step and the stride frequency: the second, and the third to seventh combined."""
 
 
 def adult_momentum_m_s(mass_kg: float, height_m: float) -> tuple[float, float]:
@@ -115,9 +114,10 @@ def adult_momentum_m_s(mass_kg: float, height_m: float) -> tuple[float, float]:
 
 
 def sizes_of(priors: SmootherPriors, walk: Walk, mass_kg: float, table_sd_m: tuple[float, float, float]) -> Sizes:
-    """Axes x, y, z of the walking frame. The moment about the lateral axis moves x, that about the walking axis y.
+    """Prior sizes for the axes x, y, z of the walking frame.
 
-    A clock that is late by ``clock_s`` displaces the force along the walk.
+    The moment about the lateral axis affects x, that about the walking axis y. A clock error of ``clock_s`` displaces
+    the force along the walk.
     """
     height = float(np.mean(walk.geometry_m[:, 2]))
     step_hz = priors.step_hz or step_frequency_hz(walk) or USUAL_STEP_HZ
@@ -134,9 +134,10 @@ def online_sizes(
     *,
     directed: bool,
 ) -> Sizes:
-    """For a stream, whose walk is not known beforehand: a usual speed and step frequency.
+    """Prior sizes for a stream, with typical values of the unknown speed and step frequency.
 
-    Without a direction, both horizontal axes take the larger momentum in a resonator broad enough for stride and step.
+    Without a direction, both horizontal axes use the larger momentum and a resonator that covers stride and step
+    frequency.
     """
     step_hz = priors.step_hz or USUAL_STEP_HZ
     sizes = _sizes(priors, mass_kg, table_sd_m, frame, height_m, step_hz, USUAL_SPEED_M_S)

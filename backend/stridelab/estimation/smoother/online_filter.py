@@ -1,8 +1,8 @@
-"""The smoother's model as a filter, one sample at a time, at a cost that never grows.
+"""Online filter of the smoother's model: one sample at a time, at constant cost.
 
-The recursion is that of ``recursions.filtered``. What a recording tells and a stream does not is replaced: the
-reference of the moments is the predicted position, and without a stated direction of the walk both horizontal axes take
-a broad resonator between stride and step frequency. The constants stay constant for as long as the stream lasts.
+The recursion is the forward pass of ``kalman_rts``. Properties of the whole recording are replaced: the reference of
+the moments is the predicted position, and without a given walking direction both horizontal axes use a broad resonator
+between stride and step frequency. The unknown constants are constant over the whole stream.
 """
 
 from typing import Final
@@ -33,13 +33,13 @@ from stridelab.estimation.smoother.state_space import (
 )
 
 TICK_S: Final = 1e-4
-"""Time steps that differ by less share their matrices; what they differ by goes into the motion (``advance``)."""
+"""Resolution of the time steps that share their matrices; ``advance`` corrects the motion for the remainder."""
 SPACES: Final = 64
-"""Time steps whose matrices are kept: a regular clock has one or two, and one that jitters must not fill the memory."""
+"""Maximum number of cached time steps: a regular clock has one or two; the limit bounds the memory under jitter."""
 
 
 class OnlineSmoother:
-    """See ``OnlineEstimator``; made by ``Smoother.causal``."""
+    """Online estimator created by the causal form of ``Smoother``; see ``OnlineEstimator``."""
 
     def __init__(
         self,
@@ -71,7 +71,7 @@ class OnlineSmoother:
         require_together(force_n, moment_nm)
         for given in (geometry_m, force_n, moment_nm):
             if given is not None and not np.isfinite(given).all():
-                raise InvalidInput("not-finite", "A sample holds a number that is not finite.")
+                raise InvalidInput("not-finite", "A sample contains a number that is not finite.")
         frame = self._frame
         g = None if geometry_m is None else frame @ geometry_m
         f = None if force_n is None else frame @ force_n
@@ -110,7 +110,7 @@ class OnlineSmoother:
 
 
 class CausalFilter:
-    """States of all columns (data, then one per constant), their covariance, and what the data say of the constants."""
+    """States of all columns (data, then one per constant), their covariance, and the estimated constants."""
 
     def __init__(self, space: StateSpace, position_m: Vector3, velocity_m_s: Vector3, phi: float = 1.0) -> None:
         self._space = space
@@ -128,9 +128,9 @@ class CausalFilter:
         return np.asarray(self._x[:, C, 0] + (self._x[:, C, 1 : HEIGHT + 1] * self._constants).sum(axis=1))
 
     def advance(self, space: StateSpace, acceleration_m_s2: Vector3 | None, longer_s: float = 0.0) -> None:
-        """From the sample before to this one; None where force was not seen at both.
+        """Predict from the previous sample to this one; the acceleration is None unless both have a force.
 
-        The step is ``longer_s`` longer than that of ``space``: at 240 Hz the 33 us would make the velocity 10 mm/s off.
+        The step is ``longer_s`` longer than that of ``space``: at 240 Hz, 33 us would cause 10 mm/s of velocity error.
         """
         self._space = space
         kind = 2 if not self._seen_moment else 1 if acceleration_m_s2 is None else 0
@@ -147,7 +147,7 @@ class CausalFilter:
         self._p = (p + np.swapaxes(p, 1, 2)) / 2
 
     def update(self, geometry_m: Vector3 | None, moment_m: Vector3 | None) -> tuple[Float[np.ndarray, "2 3"], Vector3]:
-        """Position and velocity (rows) and the variance of the position, given everything so far."""
+        """Update with a sample; returns position and velocity (rows) and the variance of the position."""
         space = self._space
         noise = space.regimes[2 if moment_m is None else 0].noise_m2
         y = self._h @ self._x

@@ -1,28 +1,28 @@
-"""The state space of the smoother: coloured-error states that fall apart into one small model per axis.
+"""State space of the smoother: coloured-error states, separate for each axis.
 
-With the moments reduced to metres (``signals``), every axis of the walking frame has its own model. Ten states
+With the moments reduced to metres (``measurements``), every axis of the walking frame has its own model. Ten states
 
     c, v      position and velocity of the CoM; the measured acceleration drives them
     b         slow error of the segment table (Ornstein-Uhlenbeck)
     p, q, r   low-pass memories that make the noise of geometry, force and moment high-passed
     l, l'     angular momentum over weight at the frequency of the walk, a damped resonator: bounded, so that its
-              derivative has no mean
+              derivative has zero mean
     o, o'     its overtones, a second and broader resonator
 
 and four unknown constants: table error b0, acceleration error ab (plates, mass), moment error mu (plates, clocks), and
-the error bz of the height, which the horizontal force turns into a moment. Those are not states but regression
-coefficients (``recursions``), so that the gains converge. Measurements in metres:
+the error bz of the height, which the horizontal force turns into a moment. The constants are not states but regression
+coefficients (``kalman_rts``), so that the gains converge. Measurements in metres:
 
     y1 = c + b0 + b + (w - p)                                geometry, white w
     y2 = phi c + l' + o' + (z/g) ab + mu - s bz + (n - r)    moment over weight, white n
 
-phi is 1, the weight over itself; in running the low-passed vertical force over it, never the measured one. s is the
-low-passed horizontal force over the weight. The vertical axis has no y2: nothing is learnt about the height from a
-force that is nearly vertical.
+phi is 1 in walking, and in running the low-passed vertical force over the weight, never the raw one. s is the
+low-passed horizontal force over the weight. The vertical axis has no y2: a nearly vertical force does not determine the
+height.
 
-The noises w and n also drive their own memories p and r one step later. Such correlation is taken out by writing
-the measurement into the transition: A - G H and an input G y (Anderson & Moore, Optimal Filtering, 5.5).
-A force bias of ``ab`` metres per second squared acts at the floor, z below the CoM, and so in y2 as well.
+The noises w and n also drive the memories p and r one step later. This correlation is removed by including the
+measurement in the transition: A - G H and an input G y (Anderson & Moore, Optimal Filtering, 5.5). A force bias of
+``ab`` metres per second squared acts at the floor, z below the CoM, and therefore also affects y2.
 """
 
 from dataclasses import dataclass, replace
@@ -36,11 +36,11 @@ STATES, MEASURED, CONSTANTS = 10, 2, 4
 C, V, B, P, Q, R, L, DL, O, DO = range(STATES)
 TABLE, ACCELERATION, MOMENT, HEIGHT = range(CONSTANTS)
 UNSEEN_M2 = 1e8
-"""Variance of a measurement that does not exist."""
+"""Variance of a missing measurement."""
 NO_SWING = 1e-4
-"""Share of the swing's variance that even a body at rest may have."""
+"""Share of the swing's variance that a body at rest may have."""
 START_M, START_M_S = 1.0, 2.0
-"""What is known of position and velocity before the first sample."""
+"""Initial standard deviations of position and velocity."""
 
 PerModel = Float[np.ndarray, "a"]
 Matrices = Float[np.ndarray, "a 10 10"]
@@ -53,8 +53,7 @@ class Sizes:
     ``marker_m``, ``moment_m`` and ``acceleration_m_s2`` are the noise of y1, y2 and of the driving acceleration,
     high-passed at ``marker_corner_hz`` and ``plate_corner_hz`` (0: white). ``swing_m_s`` and ``overtone_m_s`` are L
     over weight at ``swing_hz`` and ``overtone_hz``. ``bias`` holds the four constants. ``turned`` marks the axes
-    that have a y2. ``ends`` is the share of the swing that there is at the first and after the last sample: 1 in the
-    middle of a walk, 0 at rest.
+    that have a y2. ``ends`` is the share of the swing at the first and after the last sample: 1 in mid-walk, 0 at rest.
     """
 
     turned: Bool[np.ndarray, "a"]
@@ -77,22 +76,22 @@ class Sizes:
     ends: tuple[float, float] = (1.0, 1.0)
 
     def with_momentum_times(self, share: float) -> "Sizes":
-        """The same, with another guess of the angular momentum."""
+        """Scale the sizes of the angular momentum by ``share``."""
         return replace(self, swing_m_s=share * self.swing_m_s, overtone_m_s=share * self.overtone_m_s)
 
     def repeated(self, times: int) -> "Sizes":
-        """A batch of that many copies, one after the other."""
+        """Batch of ``times`` consecutive copies."""
         return self.of(np.tile(np.arange(len(self.turned)), times))
 
     def of(self, axes: Int[np.ndarray, "_"]) -> "Sizes":
-        """Those of some axes, in this order."""
+        """Sizes of some axes, in this order."""
         each = {name: value[axes] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         return replace(self, **each)
 
 
 @dataclass(frozen=True)
 class Regime:
-    """Transition and noise of one kind of sample."""
+    """Transition and noise of the samples of one regime."""
 
     transition: Matrices
     process: Matrices
@@ -102,10 +101,10 @@ class Regime:
 
 @dataclass(frozen=True)
 class StateSpace:
-    """Everything that does not depend on the data. ``regimes``: force seen and going on, seen last, not seen.
+    """Model matrices that do not depend on the data. ``regimes`` are those of ``regimes_of``.
 
-    ``rest_variance`` belongs to a measurement of the four swing states after the last sample that reads zero: what a
-    body coming to rest says about its angular momentum. None in the middle of a walk.
+    ``rest_variance`` is the variance of a zero measurement of the four swing states after the last sample, for a body
+    that comes to rest; None in mid-walk.
     """
 
     turned: Bool[np.ndarray, "a"]
@@ -118,7 +117,7 @@ class StateSpace:
 
 
 def state_space(sizes: Sizes, rate_hz: float) -> StateSpace:
-    """The models of the module docstring at one sampling rate."""
+    """Build the models of the module docstring for one sampling rate."""
     dt, models = 1.0 / rate_hz, len(sizes.turned)
     on = sizes.turned.astype(float)
     marker_pole = np.exp(-2 * np.pi * sizes.marker_corner_hz * dt)
@@ -155,7 +154,7 @@ def state_space(sizes: Sizes, rate_hz: float) -> StateSpace:
         rest[~sizes.turned] = UNSEEN_M2
     start[:, L:, L:] *= max(first**2, NO_SWING)
 
-    # The measured acceleration is (u - q) more than the true one; where no force is seen, u still feeds the memory.
+    # The measured acceleration exceeds the true one by (u - q); without a force, u still feeds the memory.
     driven = a.copy()
     driven[:, [C, V], Q] = drive[[C, V]]
     error = np.tile(-drive, (models, 1))
@@ -193,7 +192,7 @@ OVERTONE_DAMPING = 0.5
 
 
 def observation(phi: float, turned: Bool[np.ndarray, "a"]) -> Float[np.ndarray, "a 2 10"]:
-    """Rows of y1 and y2."""
+    """Measurement matrix: rows of y1 and y2."""
     h = np.zeros((len(turned), MEASURED, STATES))
     h[:, 0, [C, B]] = 1.0
     h[:, 0, P] = -1.0

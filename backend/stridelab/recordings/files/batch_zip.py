@@ -150,8 +150,8 @@ def _members(archive: zipfile.ZipFile) -> list[zipfile.ZipInfo]:
 
 
 def _recordings(members: list[zipfile.ZipInfo]) -> list[zipfile.ZipInfo]:
-    kept = {str(name) for name in recordings_among(PurePosixPath(_plain(member)) for member in members)}
-    return [member for member in members if str(PurePosixPath(_plain(member))) in kept]
+    names = {str(name) for name in recordings_among(PurePosixPath(_plain(member)) for member in members)}
+    return [member for member in members if str(PurePosixPath(_plain(member))) in names]
 
 
 def _plain(member: zipfile.ZipInfo) -> str:

@@ -145,17 +145,17 @@ def with_record(
     records: Sequence[Record], group: str, name: str, kind: int, shape: tuple[int, ...], raw: bytes
 ) -> tuple[Record, ...]:
     """The records with the last parameter ``group:name`` replaced, or added if absent."""
-    found = list(records)
-    old = parameter(found, group, name)
+    replaced = list(records)
+    old = parameter(replaced, group, name)
     if old is not None:
-        found[found.index(old)] = replace(old, kind=kind, shape=shape, raw=raw)
-        return tuple(found)
-    groups = group_numbers(found)
-    taken = {abs(record.group) for record in found}
+        replaced[replaced.index(old)] = replace(old, kind=kind, shape=shape, raw=raw)
+        return tuple(replaced)
+    groups = group_numbers(replaced)
+    taken = {abs(record.group) for record in replaced}
     number = groups.get(group) or next((n for n in range(1, 128) if n not in taken), 127)
     if group not in groups:
-        found.append(Record(-number, group))
-    return (*found, Record(number, name, kind=kind, shape=shape, raw=raw))
+        replaced.append(Record(-number, group))
+    return (*replaced, Record(number, name, kind=kind, shape=shape, raw=raw))
 
 
 def packed(record: Record) -> bytes:
@@ -171,15 +171,15 @@ def packed(record: Record) -> bytes:
 
 def _with_types(records: Sequence[Record]) -> tuple[Record, ...]:
     """The records with the types of ``_TYPES``; offsets that do not fit 16-bit integers stay floats."""
-    found = list(records)
+    typed = list(records)
     for (group, name), kind in _TYPES.items():
         for record in continued(records, group, name):
             values = numbers(record, INTEL)
             whole = np.all((values == np.rint(values)) & (np.abs(values) < 32768.0))
             if record.kind in (2, 4) and (kind == 4 or whole):
-                made = replace(record, kind=kind, raw=values.astype("<i2" if kind == 2 else "<f4").tobytes())
-                found[found.index(record)] = made
-    return tuple(found)
+                converted = replace(record, kind=kind, raw=values.astype("<i2" if kind == 2 else "<f4").tobytes())
+                typed[typed.index(record)] = converted
+    return tuple(typed)
 
 
 def _as_intel(record: Record, processor: int) -> Record:
@@ -201,13 +201,13 @@ def _values(raw: bytes, processor: int, layout: Layout) -> Raw:
 
 def _intel_head(head: bytes, processor: int) -> bytes:
     """The header with its counts, rate and event times in Intel's number format."""
-    made = bytearray(head)
+    converted = bytearray(head)
     order = BYTE_ORDER[processor]
     for at in (*range(2, 12, 2), 16, 18, *range(294, 302, 2)):
-        struct.pack_into("<H", made, at, *struct.unpack_from(order + "H", head, at))
-    made[20:24] = floats(head[20:24], processor).astype("<f4").tobytes()
-    made[_EVENT_TIMES] = floats(head[_EVENT_TIMES], processor).astype("<f4").tobytes()
-    return bytes(made)
+        struct.pack_into("<H", converted, at, *struct.unpack_from(order + "H", head, at))
+    converted[20:24] = floats(head[20:24], processor).astype("<f4").tobytes()
+    converted[_EVENT_TIMES] = floats(head[_EVENT_TIMES], processor).astype("<f4").tobytes()
+    return bytes(converted)
 
 
 def with_points(file: C3dContent, labels: Sequence[str], tracks: Float[np.ndarray, "frames labels 3"]) -> C3dContent:

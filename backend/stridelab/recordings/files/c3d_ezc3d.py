@@ -106,7 +106,7 @@ def misread(checked: CheckedC3d) -> bool:
     scales = continued(records, "ANALOG", "SCALE")
     if any(record.kind != 2 for record in offsets) or any(record.kind != 4 for record in scales):
         return True
-    if min(sum(record.n_values for record in found) for found in (offsets, scales)) < layout.n_channels:
+    if min(sum(record.n_values for record in parts) for parts in (offsets, scales)) < layout.n_channels:
         return True
     values = np.concatenate([numbers(record, INTEL) for record in offsets])
     return bool(((values < 0.0) & (values != _HALF_RANGE)).any())

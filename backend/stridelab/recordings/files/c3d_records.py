@@ -121,16 +121,16 @@ def group_numbers(records: Sequence[Record]) -> dict[str, int]:
 def parameter(records: Sequence[Record], group: str, name: str) -> Record | None:
     """Last parameter ``group:name`` (given in upper case, matched in any case); None if absent."""
     number = group_numbers(records).get(group)
-    found = [record for record in records if record.group == number and record.name.upper() == name]
-    return found[-1] if found else None
+    matches = [record for record in records if record.group == number and record.name.upper() == name]
+    return matches[-1] if matches else None
 
 
 def continued(records: Sequence[Record], group: str, name: str) -> list[Record]:
     """The parameters NAME, NAME2, NAME3 ... of a list with more than 255 entries."""
-    found: list[Record] = []
-    while (record := parameter(records, group, name + (str(len(found) + 1) if found else ""))) is not None:
-        found.append(record)
-    return found
+    parts: list[Record] = []
+    while (record := parameter(records, group, name + (str(len(parts) + 1) if parts else ""))) is not None:
+        parts.append(record)
+    return parts
 
 
 def read_records(section: bytes, processor: int, file_name: str) -> list[Record]:

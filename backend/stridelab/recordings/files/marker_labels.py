@@ -31,9 +31,9 @@ def without_prefix(label: str) -> str:
 
 def model_frames(labels: Iterable[str]) -> frozenset[str]:
     """Points of segment frames: four labels that share three letters and end in O, A, L and P (``PELO`` ...)."""
-    found = set(labels)
-    stems = {label[:-1] for label in found if len(label) == 4 and label.endswith("O")}
-    complete = [stem for stem in stems if all(stem + end in found for end in _FRAME_SUFFIXES)]
+    present = set(labels)
+    stems = {label[:-1] for label in present if len(label) == 4 and label.endswith("O")}
+    complete = [stem for stem in stems if all(stem + end in present for end in _FRAME_SUFFIXES)]
     return frozenset(stem + end for stem in complete for end in _FRAME_SUFFIXES)
 
 

@@ -97,9 +97,9 @@ def read_subject(stated: Mapping[str, float]) -> tuple[Subject, tuple[Remark, ..
 def read_joint_widths_m(stated: Mapping[str, float]) -> dict[str, float]:
     """Calliper widths of a Plug-in Gait file ("LKneeWidth" in mm) as {"l_knee": metres}, without implausible ones."""
     values = {key.lower(): value for key, value in stated.items()}
-    found = {
+    widths_m = {
         f"{side}_{joint}": values.get(f"{side}{joint}width", math.nan) / 1000.0
         for side in "lr"
         for joint in WIDTH_JOINTS
     }
-    return {name: width for name, width in found.items() if WIDTH_RANGE_M[0] <= width <= WIDTH_RANGE_M[1]}
+    return {name: width for name, width in widths_m.items() if WIDTH_RANGE_M[0] <= width <= WIDTH_RANGE_M[1]}

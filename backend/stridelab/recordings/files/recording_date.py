@@ -28,11 +28,11 @@ def recorded_on(texts: Callable[[str, str], Sequence[str]], numbers: Callable[[s
     for group, name in PLACES:
         for year, month, day in (*_stated(texts(group, name)), *_counted(numbers(group, name))):
             try:
-                found = date(year, month, day)
+                day_recorded = date(year, month, day)
             except (ValueError, OverflowError):
                 continue
-            if found.year >= FIRST_YEAR:
-                return found.isoformat()
+            if day_recorded.year >= FIRST_YEAR:
+                return day_recorded.isoformat()
     return ""
 
 

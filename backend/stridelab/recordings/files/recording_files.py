@@ -15,9 +15,9 @@ def recordings_among(paths: Iterable[_P]) -> list[_P]:
 
     A TRC file beside a C3D file or a zip of the same name is an export of that trial and is omitted.
     """
-    found = [path for path in paths if path.suffix.lower() in SUFFIXES]
-    whole = {path.with_suffix("") for path in found if path.suffix.lower() in _WITH_FORCES}
-    return [path for path in found if path.suffix.lower() in _WITH_FORCES or path.with_suffix("") not in whole]
+    recordings = [path for path in paths if path.suffix.lower() in SUFFIXES]
+    complete = {path.with_suffix("") for path in recordings if path.suffix.lower() in _WITH_FORCES}
+    return [path for path in recordings if path.suffix.lower() in _WITH_FORCES or path.with_suffix("") not in complete]
 
 
 def recordings_in(folder: Path) -> list[Path]:

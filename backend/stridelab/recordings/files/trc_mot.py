@@ -192,18 +192,18 @@ def _contacts(
     grid = np.arange(n) / rate_hz
     total: Vector3 = np.sum([c["v"].sum(axis=0) for c in forces.values()], axis=0)
     up = axis_vector(nearest_axis(total) or "+y")
-    found: list[FilePlate] = []
+    plates: list[FilePlate] = []
     for k, contact in enumerate(forces.values(), start=1):
         f = _resample(contact["v"], time_s, grid)
         loaded = np.linalg.norm(contact["v"], axis=1) > COP_THRESHOLD_N
         if not loaded.any():
             continue
-        kept = np.column_stack([np.interp(grid, time_s[loaded], contact["p"][loaded, j]) for j in range(3)])
+        cop_m = np.column_stack([np.interp(grid, time_s[loaded], contact["p"][loaded, j]) for j in range(3)])
         T = _resample(contact["t"], time_s, grid) if "t" in contact else np.zeros_like(f)
         corners = bounding_rectangle(contact["p"][loaded], up)
-        found.append(FilePlate(k, CONTACT_TYPE, corners, f, np.cross(kept, f) + T, np.zeros(3)))
+        plates.append(FilePlate(k, CONTACT_TYPE, corners, f, np.cross(cop_m, f) + T, np.zeros(3)))
     message = "The force file names contacts, not plates; the plates shown here bound their centres of pressure."
-    return tuple(found), (Remark("plates-from-cop", message),)
+    return tuple(plates), (Remark("plates-from-cop", message),)
 
 
 def _resample(track: Points, time_s: Series, grid: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m 3"]:

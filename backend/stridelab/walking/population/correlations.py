@@ -1,8 +1,8 @@
-"""Pearson, Spearman and partial correlations of few people, each with an interval.
+"""Pearson, Spearman and partial correlations of small samples of subjects, with confidence intervals.
 
-With n people and k variables held fixed, atanh(r) is nearly normal with variance 1 / (n - 3 - k) (Fisher 1924); for
-ranks the variance is (1 + r^2 / 2) / (n - 3) (Bonett & Wright 2000). The bootstrap interval (BCa, Efron 1987) asks the
-sample itself and needs no normal distribution; people are drawn, not steps.
+With n subjects and k control variables, atanh(r) is approximately normal with variance 1 / (n - 3 - k) (Fisher 1924);
+for ranks the variance is (1 + r^2 / 2) / (n - 3) (Bonett & Wright 2000). The bootstrap interval (BCa, Efron 1987) does
+not assume a normal distribution; it resamples subjects, not steps.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from scipy.stats import rankdata
 from stridelab.conventions import Series
 
 LEAST_PEOPLE: Final = 4
-"""Below four, Fisher's variance is infinite."""
+"""Minimum number of subjects: below four, Fisher's variance is infinite."""
 RESAMPLES: Final = 2000
 NO_SPREAD: Final = 1e-12
 """Spread (relative to the values) below which a variable is constant and has no correlation."""
@@ -30,9 +30,9 @@ Kind = Literal["pearson", "spearman"]
 
 @dataclass(frozen=True)
 class Correlation:
-    """A coefficient with its two-sided p (Student's t) and 95 % intervals: Fisher's and, where asked for, BCa.
+    """Coefficient with its two-sided p (Student's t) and 95 % intervals: Fisher's and optionally BCa.
 
-    ``controlled`` is the number of variables held fixed; ``ci95`` is None where too few people are left for it.
+    ``controlled`` is the number of control variables; ``ci95`` is None with too few subjects.
     """
 
     n: int
@@ -44,23 +44,22 @@ class Correlation:
 
 
 def pearson(x: Series, y: Series, *, draws: Int[np.ndarray, "b n"] | None = None) -> Correlation | None:
-    """Correlation of values; None where there are fewer than four pairs or a variable is constant.
+    """Correlation of values; None for fewer than four pairs or a constant variable.
 
-    ``draws`` (``resamples``) asks for the bootstrap interval, too.
+    ``draws`` are bootstrap indices for the BCa interval, None to omit it.
     """
     return _correlation(x, y, "pearson", draws)
 
 
 def spearman(x: Series, y: Series, *, draws: Int[np.ndarray, "b n"] | None = None) -> Correlation | None:
-    """Correlation of ranks, ties sharing their mean rank; None as for ``pearson``."""
+    """Correlation of ranks, with mean ranks for ties; None as for ``pearson``."""
     return _correlation(x, y, "spearman", draws)
 
 
 def partial(x: Series, y: Series, held: Float[np.ndarray, "n k"]) -> Correlation | None:
-    """Pearson correlation of what ``held`` does not explain linearly of x and y.
+    """Partial Pearson correlation of x and y, controlled for ``held``.
 
-    None where fewer than one degree of freedom is left or nothing is left to correlate (a variable is constant or a
-    combination of those held fixed).
+    None without a degree of freedom, or if a variable is constant or a linear combination of ``held``.
     """
     n, k = held.shape
     if n - 2 - k < 1 or _constant(x) or _constant(y):
@@ -96,12 +95,12 @@ def p_of(r: float, freedom: int) -> float:
 
 
 def resamples(n: int, *, seed: int, count: int = RESAMPLES) -> Int[np.ndarray, "count n"]:
-    """Indices of ``count`` samples of n people drawn with replacement; the same seed draws the same."""
+    """Bootstrap indices: ``count`` samples of n subjects drawn with replacement, reproducible by ``seed``."""
     return np.random.default_rng(seed).integers(0, n, size=(count, n))
 
 
 def holm(p: Series) -> Series:
-    """p-values corrected for looking at all of them (Holm 1979), in the order given."""
+    """p-values corrected for multiple comparisons (Holm 1979), in the given order."""
     order = np.argsort(p)
     factors = len(p) - np.arange(len(p))
     corrected = np.empty_like(p)
@@ -119,7 +118,7 @@ def _correlation(x: Series, y: Series, kind: Kind, draws: Int[np.ndarray, "b n"]
 
 
 def _bca(x: Series, y: Series, kind: Kind, r: float, draws: Int[np.ndarray, "b n"]) -> Interval | None:
-    """Bias-corrected and accelerated 95 % interval (Efron 1987); None where most samples have no correlation."""
+    """Bias-corrected and accelerated 95 % interval (Efron 1987); None if most samples have no correlation."""
     n = len(x)
     drawn = _rows(x[draws], y[draws], kind)
     drawn = drawn[np.isfinite(drawn)]
@@ -130,7 +129,7 @@ def _bca(x: Series, y: Series, kind: Kind, r: float, draws: Int[np.ndarray, "b n
     if not np.isfinite(without).all():
         return None
     below = float((drawn < r).mean() + (drawn <= r).mean()) / 2
-    if not 0.0 < below < 1.0:  # as good as every sample has the same coefficient
+    if not 0.0 < below < 1.0:  # nearly all samples have the same coefficient
         return (float(drawn.min()), float(drawn.max()))
     off = without.mean() - without
     spread = float((off**2).sum())
@@ -142,7 +141,7 @@ def _bca(x: Series, y: Series, kind: Kind, r: float, draws: Int[np.ndarray, "b n
 
 
 def _rows(x: Rows, y: Rows, kind: Kind) -> Float[np.ndarray, "b"]:
-    """The coefficient of every row; NaN where a row has no spread."""
+    """Coefficient of every row; NaN for a constant row."""
     if kind == "spearman":
         x, y = rankdata(x, axis=1), rankdata(y, axis=1)
     dx, dy = x - x.mean(axis=1, keepdims=True), y - y.mean(axis=1, keepdims=True)

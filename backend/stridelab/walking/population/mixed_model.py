@@ -1,8 +1,8 @@
-"""A linear model with one random level per person: y_ij = x_ij b + u_i + e_ij, u ~ N(0, tau^2), e ~ N(0, sigma^2).
+"""Linear model with a random intercept per subject: y_ij = x_ij b + u_i + e_ij, u ~ N(0, tau^2), e ~ N(0, sigma^2).
 
-Steps of one person are alike, so that eleven people with ten steps each are not 110 independent measurements. The
-covariance of a person's n_i values is sigma^2 (1 + lambda 11^T) with lambda = tau^2 / sigma^2; its inverse and
-determinant are closed forms, b and sigma^2 are closed forms for a given lambda, and what is left is a minimum over
+Steps of one subject are correlated, so eleven subjects with ten steps each are not 110 independent measurements. The
+covariance of a subject's n_i values is sigma^2 (1 + lambda 11^T) with lambda = tau^2 / sigma^2; its inverse and
+determinant are closed forms, b and sigma^2 are closed forms for a given lambda, and the likelihood is minimised over
 lambda alone (restricted likelihood: Patterson & Thompson 1971; profile: Laird & Ware 1982).
 """
 
@@ -18,10 +18,10 @@ from stridelab.conventions import Series
 from stridelab.errors import NotEstimable
 
 LAMBDA_RANGE: Final = (1e-6, 1e7)
-"""Of tau^2 / sigma^2 where people differ; 0 is looked at apart, and above it steps of a person do not differ."""
+"""Search range of tau^2 / sigma^2; 0 is tested separately, and above the range steps of a subject do not differ."""
 GRID: Final = 27
 EVEN_WITHIN: Final = 1e-9
-"""Spread within people (relative to all) below which a variable belongs to the person and not to the step."""
+"""Relative spread within subjects below which a variable counts as constant per subject."""
 
 Method = Literal["reml", "ml"]
 Columns = Float[np.ndarray, "N p"]
@@ -41,10 +41,10 @@ class Effect:
 
 @dataclass(frozen=True)
 class MixedModel:
-    """The fitted model; ``icc`` is the share of the variance that lies between people, given the effects.
+    """The fitted model; ``icc`` is the share of the variance between subjects, given the effects.
 
-    ``log_likelihood`` is the restricted one for ``reml``. ``on_bound`` tells that the people do not differ by more than
-    their steps do (tau = 0).
+    ``log_likelihood`` is the restricted one for ``reml``. ``on_bound`` is True if subjects do not differ by more than
+    their steps (tau = 0).
     """
 
     method: Method
@@ -63,26 +63,25 @@ class MixedModel:
         return 0.0 if total == 0.0 else self.subject_sd**2 / total
 
     def effect(self, name: str) -> Effect:
-        """The coefficient of that name. Raises ``KeyError`` where the model has none."""
-        found = {effect.name: effect for effect in self.effects}
-        return found[name]
+        """Coefficient by name; raises ``KeyError`` if the model does not have it."""
+        return {effect.name: effect for effect in self.effects}[name]
 
 
 def fit_mixed_model(
     y: Series, effects: dict[str, Series], person: Int[np.ndarray, "N"], *, method: Method = "reml"
 ) -> MixedModel:
-    """Fit y on a level and ``effects`` (name to values), with a random level per ``person`` (any whole numbers).
+    """Fit y on an intercept and ``effects`` (name to values), with a random intercept per ``person`` (any integers).
 
-    Standard errors are those for the lambda that was found. Their degrees of freedom are counted where the variable
-    varies: between the people where it is the same for all steps of each, else within them (Schluchter & Elashoff
-    1990). Raises ``NotEstimable``: ``mixed-model-no-repeats`` where no person has two steps, ``mixed-model-too-few``
-    where there are not more people or steps than coefficients, ``mixed-model-collinear``, and
-    ``mixed-model-steps-alike`` where the steps of everybody are the same.
+    Standard errors are conditional on the estimated lambda. Their degrees of freedom are those between subjects for a
+    variable that is constant per subject, else those within subjects (Schluchter & Elashoff 1990). Raises
+    ``NotEstimable``: ``mixed-model-no-repeats`` if no subject has two steps, ``mixed-model-too-few`` without more
+    subjects and steps than coefficients, ``mixed-model-collinear``, and ``mixed-model-steps-alike`` if the steps of
+    each subject are equal.
     """
     _, who = np.unique(person, return_inverse=True)
     m, N = int(who.max()) + 1 if len(who) else 0, len(y)
     if m == N:
-        raise NotEstimable("mixed-model-no-repeats", "Every person has one step only: people and steps are one.")
+        raise NotEstimable("mixed-model-no-repeats", "Every subject has only one step, so steps do not repeat.")
     names = ("level", *effects)
     centres = [0.0, *(float(v.mean()) for v in effects.values())]
     X = np.column_stack([np.ones(N), *(v - c for v, c in zip(effects.values(), centres[1:], strict=True))])
@@ -93,21 +92,21 @@ def fit_mixed_model(
     freedoms = (m - int(between.sum()), N - m - int((~between).sum()))
     if min(freedoms) < 1:
         raise NotEstimable(
-            "mixed-model-too-few", f"{m} people with {N} steps are too few for {len(names)} coefficients."
+            "mixed-model-too-few", f"{m} subjects with {N} steps are too few for {len(names)} coefficients."
         )
     sums = _Sums.of(y - y.mean(), X / scale, who, m)
     lam = _best_lambda(sums, method)
     if lam > 0.99 * LAMBDA_RANGE[1]:
-        raise NotEstimable("mixed-model-steps-alike", "The steps of each person are all alike: there is no spread.")
+        raise NotEstimable("mixed-model-steps-alike", "The steps of each subject are identical: there is no spread.")
     b, rss, gram, objective = sums.solved(lam, method)
     variance = rss / (N - len(names) if method == "reml" else N)
     covariance = variance * np.linalg.inv(gram) / np.outer(scale, scale)
-    found = _uncentred(b / scale, covariance, centres, float(y.mean()))
+    coefficients = _uncentred(b / scale, covariance, centres, float(y.mean()))
     return MixedModel(
         method=method,
         effects=tuple(
             _effect(name, value, sd, freedoms[0] if is_between else freedoms[1])
-            for name, value, sd, is_between in zip(names, *found, between, strict=True)
+            for name, value, sd, is_between in zip(names, *coefficients, between, strict=True)
         ),
         subject_sd=float(np.sqrt(lam * variance)),
         step_sd=float(np.sqrt(variance)),
@@ -120,7 +119,7 @@ def fit_mixed_model(
 
 @dataclass(frozen=True)
 class _Sums:
-    """All that the likelihood needs of the data: totals over the steps, and sums per person."""
+    """Sufficient statistics of the likelihood: totals over the steps, and sums per subject."""
 
     counts: Series
     XX: Float[np.ndarray, "p p"]
@@ -139,7 +138,7 @@ class _Sums:
     def solved(
         self, lam: float, method: Method
     ) -> tuple[Float[np.ndarray, "p"], float, Float[np.ndarray, "p p"], float]:
-        """b, weighted squares left over, weighted Gram matrix, and -2 log likelihood, for one lambda."""
+        """b, weighted residual sum of squares, weighted Gram matrix, and -2 log likelihood for one lambda."""
         shared = lam / (1.0 + lam * self.counts)  # (1 + lambda 11^T)^-1 = 1 - shared 11^T
         gram = self.XX - (self.X_of * shared[:, None]).T @ self.X_of
         right = self.Xy - self.X_of.T @ (shared * self.y_of)
@@ -155,7 +154,7 @@ class _Sums:
 
 
 def _best_lambda(sums: _Sums, method: Method) -> float:
-    """Minimum over a grid of log lambda, refined between its neighbours; 0 where that is as good."""
+    """Minimum over a grid of log lambda, refined between its neighbours; 0 if that is as good."""
 
     def objective(log_lambda: float) -> float:
         return float(sums.solved(float(np.exp(log_lambda)), method)[3])
@@ -163,10 +162,10 @@ def _best_lambda(sums: _Sums, method: Method) -> float:
     grid = np.linspace(np.log(LAMBDA_RANGE[0]), np.log(LAMBDA_RANGE[1]), GRID)
     values = [objective(float(x)) for x in grid]
     k = int(np.argmin(values))
-    found = minimize_scalar(
+    refined = minimize_scalar(
         objective, bounds=(grid[max(k - 1, 0)], grid[min(k + 1, GRID - 1)]), method="bounded", options={"xatol": 1e-10}
     )
-    return 0.0 if sums.solved(0.0, method)[3] <= found.fun + 1e-9 else float(np.exp(found.x))
+    return 0.0 if sums.solved(0.0, method)[3] <= refined.fun + 1e-9 else float(np.exp(refined.x))
 
 
 def _between(column: Series, who: Int[np.ndarray, "N"], m: int) -> bool:
@@ -177,7 +176,7 @@ def _between(column: Series, who: Int[np.ndarray, "N"], m: int) -> bool:
 def _uncentred(
     b: Float[np.ndarray, "p"], covariance: Float[np.ndarray, "p p"], centres: list[float], y_mean: float
 ) -> tuple[list[float], list[float]]:
-    """Coefficients and standard errors for variables that count from zero instead of from their means."""
+    """Coefficients and standard errors for variables that are not centred at their means."""
     to_origin = np.eye(len(b))
     to_origin[0, 1:] = -np.array(centres[1:])
     value = to_origin @ b

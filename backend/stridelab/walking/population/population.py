@@ -1,13 +1,14 @@
-"""The wheels of many people (section 3.3.2): means and deviations per person, and what they go along with.
+"""Population study of the wheel (section 3.3.2): means and deviations per subject, and their correlates.
 
-    steps -> SubjectMean per person -> Correlation per group -> MixedModel where people have several steps
+    steps -> SubjectMean per subject -> Correlation per group -> MixedModel for repeated steps
 
-People are counted, not steps: a person's steps are pooled into one mean before anything is correlated. Children and
-adults are kept apart unless they are asked for together: that children are small makes handsome coefficients.
+The unit of the statistics is the subject, not the step: steps are averaged per subject before correlations are
+computed. Children and adults are separate groups unless pooled on request, because the height difference between the
+groups would inflate the coefficients.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -31,20 +32,20 @@ PARAMETERS: Final = ("R_m", "r_m", "z0_m", "omega_rad_s")
 OF_THE_PERSON: Final = ("height_m", "leg_m")
 OF_THE_STEP: Final = ("speed_m_s", "step_length_m")
 AGAINST: Final = (*OF_THE_PERSON, *OF_THE_STEP)
-"""What every parameter is held against, and what is held fixed in the partial correlations."""
+"""Variables correlated with every parameter, and control variables of the partial correlations."""
 POOLED: Final = "all"
-"""Name of the group of everybody, where that was asked for."""
+"""Name of the optional group of all subjects."""
 UNKNOWN: Final = "unknown"
 ADULT_YEARS: Final = 18.0
 CHILD_BELOW_M: Final = 1.45
-"""Without an age, shorter people are taken for children, and a remark names them; taller ones may be either."""
+"""Without an age, shorter subjects count as children, with a remark; taller ones may be children or adults."""
 
 GroupSource = Literal["stated", "age", "height", "unknown"]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Person:
-    """One person; ``leg_m`` is the height of the hip above the floor. None where not known."""
+    """One subject; ``leg_m`` is the height of the hip above the floor. None if unknown."""
 
     name: str
     group: str
@@ -55,7 +56,7 @@ class Person:
 
 @dataclass(frozen=True)
 class StepRow:
-    """Numbers of one step (names with units, NaN where unknown) of a person in a recording."""
+    """Values of one step (names with units, NaN if unknown) of a subject in a recording."""
 
     person: str
     recording: str
@@ -64,7 +65,7 @@ class StepRow:
 
 @dataclass(frozen=True)
 class SubjectMean:
-    """Mean and standard deviation (n - 1) over all steps of a person; NaN where unknown, sd NaN for one step."""
+    """Mean and standard deviation (n - 1) over all steps of a subject; NaN if unknown, sd NaN for one step."""
 
     person: Person
     n_steps: int
@@ -73,7 +74,7 @@ class SubjectMean:
     sd: Mapping[str, float]
 
     def value(self, name: str) -> float:
-        """A number of the person or the mean of one of the steps; NaN where unknown."""
+        """Value of the subject, or mean over the steps; NaN if unknown."""
         if name in OF_THE_PERSON:
             known = self.person.height_m if name == "height_m" else self.person.leg_m
             return float("nan") if known is None else known
@@ -82,9 +83,9 @@ class SubjectMean:
 
 @dataclass(frozen=True)
 class Pair:
-    """One parameter against one other number in one group; ``left_out`` are the people of whom one is not known.
+    """One parameter against one variable in one group; ``left_out`` are the subjects with a missing value.
 
-    ``partial_on`` holds the correlation with another number held fixed, where there are enough people. ``p_holm`` is
+    ``partial_on`` holds the correlations controlled for another variable, if there are enough subjects. ``p_holm`` is
     corrected for all pairs of the group.
     """
 
@@ -100,7 +101,7 @@ class Pair:
 
 @dataclass(frozen=True)
 class Population:
-    """People, pairs, and per group and parameter the mixed models of what lies between people and between steps."""
+    """Subject means, correlated pairs, and the mixed models and variance components per group and parameter."""
 
     subjects: tuple[SubjectMean, ...]
     pairs: tuple[Pair, ...]
@@ -110,9 +111,9 @@ class Population:
 
 
 def group_of(stated: str | None, age_years: float | None, height_m: float | None) -> tuple[str, GroupSource]:
-    """The group that is stated, else children or adults by age (18 years), else children by height (1.45 m).
+    """The stated group, else children or adults by age (18 years), else children by height (1.45 m).
 
-    Whoever is taller and of no known age is "unknown": a girl of 1.5 m is no adult, and is not counted as one.
+    Taller subjects of unknown age are "unknown", because they may be children.
     """
     if stated:
         return stated, "stated"
@@ -124,8 +125,8 @@ def group_of(stated: str | None, age_years: float | None, height_m: float | None
 
 
 def subject_means(people: Sequence[Person], steps: Sequence[StepRow]) -> tuple[SubjectMean, ...]:
-    """One mean per person who has steps, in the order of ``people``; all recordings of a person count together."""
-    found = []
+    """One mean per subject with steps, in the order of ``people``; all recordings of a subject are combined."""
+    means = []
     for person in people:
         own = [step for step in steps if step.person == person.name]
         if not own:
@@ -133,7 +134,7 @@ def subject_means(people: Sequence[Person], steps: Sequence[StepRow]) -> tuple[S
         names = dict.fromkeys(name for step in own for name in step.values)
         table = {name: np.array([step.values.get(name, np.nan) for step in own]) for name in names}
         known = {name: values[np.isfinite(values)] for name, values in table.items()}
-        found.append(
+        means.append(
             SubjectMean(
                 person=person,
                 n_steps=len(own),
@@ -142,13 +143,13 @@ def subject_means(people: Sequence[Person], steps: Sequence[StepRow]) -> tuple[S
                 sd={name: float(v.std(ddof=1)) if len(v) > 1 else float("nan") for name, v in known.items()},
             )
         )
-    return tuple(found)
+    return tuple(means)
 
 
 def study(people: Sequence[Person], steps: Sequence[StepRow], *, pooled: bool = False, seed: int = 0) -> Population:
-    """Means, correlations and mixed models of all groups; ``pooled`` adds the group of everybody.
+    """Means, correlations and mixed models of all groups; ``pooled`` adds a group of all subjects.
 
-    Never raises for want of people: what cannot be said is a remark.
+    Too few subjects do not raise an error but give a remark.
     """
     subjects = subject_means(people, steps)
     groups: dict[str, list[SubjectMean]] = {}
@@ -179,7 +180,7 @@ def study(people: Sequence[Person], steps: Sequence[StepRow], *, pooled: bool = 
 
 def _pairs(group: str, members: list[SubjectMean], seed: int) -> list[Pair]:
     columns = {name: np.array([s.value(name) for s in members]) for name in (*PARAMETERS, *AGAINST)}
-    found = []
+    pairs = []
     for parameter in PARAMETERS:
         for against in AGAINST:
             known = np.isfinite(columns[parameter]) & np.isfinite(columns[against])
@@ -191,13 +192,13 @@ def _pairs(group: str, members: list[SubjectMean], seed: int) -> list[Pair]:
             left_out = tuple(s.person.name for s, is_known in zip(members, known, strict=True) if not is_known)
             partials = _partials(columns, parameter, against)
             ranks = spearman(x, y, draws=draws)
-            found.append(Pair(group, parameter, against, plain, ranks, partials, left_out, plain.p))
-    corrected = holm(np.array([pair.pearson.p for pair in found])) if found else np.zeros(0)
-    return [Pair(**{**vars(pair), "p_holm": float(p)}) for pair, p in zip(found, corrected, strict=True)]
+            pairs.append(Pair(group, parameter, against, plain, ranks, partials, left_out, plain.p))
+    corrected = holm(np.array([pair.pearson.p for pair in pairs])) if pairs else np.zeros(0)
+    return [replace(pair, p_holm=float(p)) for pair, p in zip(pairs, corrected, strict=True)]
 
 
 def _partials(columns: Mapping[str, Series], parameter: str, against: str) -> dict[str, Correlation]:
-    found = {}
+    partials = {}
     for held in AGAINST:
         if held == against:
             continue
@@ -205,14 +206,14 @@ def _partials(columns: Mapping[str, Series], parameter: str, against: str) -> di
         table = table[np.isfinite(table).all(axis=1)]
         one = partial(table[:, 0], table[:, 1], table[:, 2:]) if len(table) >= LEAST_PEOPLE else None
         if one is not None:
-            found[held] = one
-    return found
+            partials[held] = one
+    return partials
 
 
 def _mixed(
     parameter: str, names: tuple[str, ...], members: list[SubjectMean], steps: list[StepRow]
 ) -> MixedModel | None:
-    """The model over all steps on which everything is known; None where the steps do not allow one."""
+    """Mixed model over all steps with complete values; None if it cannot be fitted."""
     of = {subject.person.name: (i, subject) for i, subject in enumerate(members)}
     rows = []
     for step in steps:
@@ -232,19 +233,19 @@ def _about_groups(groups: Mapping[str, Sequence[SubjectMean]], *, pooled: bool) 
     remarks = []
     held = ", ".join(f"{name} ({len(members)})" for name, members in groups.items())
     if len(groups) > 1 and pooled:
-        sentence = f"Everybody is also taken together, as asked: {held}. Differences between groups count as trends."
+        sentence = f"All subjects are also pooled, as requested: {held}. Differences between groups count as trends."
         remarks.append(Remark("groups-pooled", sentence))
     elif len(groups) > 1:
-        remarks.append(Remark("groups-apart", f"The groups are looked at apart: {held}."))
+        remarks.append(Remark("groups-apart", f"The groups are analysed separately: {held}."))
     guessed = [s.person.name for members in groups.values() for s in members if s.person.group_source == "height"]
     if guessed:
         who = ", ".join(guessed)
-        sentence = f"No age is known, and whoever is shorter than {CHILD_BELOW_M:g} m counts as a child: {who}."
+        sentence = f"The age is unknown, and subjects shorter than {CHILD_BELOW_M:g} m count as children: {who}."
         remarks.append(Remark("group-from-height", sentence))
     nowhere = [s.person.name for members in groups.values() for s in members if s.person.group_source == "unknown"]
     if nowhere:
         who = ", ".join(nowhere)
-        sentence = f"Neither group nor age is known, so these are neither children nor adults here: {who}."
+        sentence = f"Group and age are unknown, so these subjects are neither children nor adults: {who}."
         remarks.append(Remark("group-unknown", sentence))
     return remarks
 
@@ -254,10 +255,10 @@ def _about_heights(groups: Mapping[str, Sequence[SubjectMean]]) -> list[Remark]:
     if not without:
         return []
     who = ", ".join(without)
-    return [Remark("height-missing", f"No height is known, so these are left out of what concerns height: {who}.")]
+    return [Remark("height-missing", f"The height is unknown, so it is not analysed for these subjects: {who}.")]
 
 
 def _too_few(group: str, n: int) -> Remark:
-    people = "1 person" if n == 1 else f"{n} people"
-    sentence = f"The group {group} has {people}; a correlation needs at least {LEAST_PEOPLE}."
+    subjects = "1 subject" if n == 1 else f"{n} subjects"
+    sentence = f"The group {group} has {subjects}; a correlation needs at least {LEAST_PEOPLE}."
     return Remark("too-few-subjects", sentence)
