@@ -94,7 +94,7 @@ def fixed(parent: str, mass_kg: float, inertia: str, joint: str = "fixed") -> st
         (
             in_link("LARM_LINK2", 'mass value="[^"]*"', 'mass value="nan"'),
             "link LARM_LINK2",
-            "'nan', which is no number",
+            "'nan', which is not a number",
         ),
         (in_link("LARM_LINK2", 'iyy="[^"]*"', 'iyy="-0.01"'), "link LARM_LINK2", "it must be at least"),
         (in_link("LARM_LINK2", 'iyy="[^"]*"', 'iyy="0.9"'), "link LARM_LINK2", "exceeds the sum"),

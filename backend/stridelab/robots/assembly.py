@@ -1,6 +1,6 @@
-"""From a robot's card and description to the ``Robot`` of the robot wing.
+"""Assembles a ``Robot`` from its card and its description.
 
-What identifies a robot: a hash of all that makes a difference to a motion, and of nothing else.
+Also computes the hash that identifies a robot: it covers everything that affects a motion, and nothing else.
 """
 
 import hashlib
@@ -29,29 +29,29 @@ V = TypeVar("V")
 
 
 def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
-    """Build the robot: limits set, joints locked, collision pruned, reference posture put on the ground.
+    """Build the robot: set limits, lock joints, prune collision pairs, put the reference posture on the ground.
 
-    Raises ``InvalidInput``: ``robot-card-invalid`` where the card names what the description lacks,
-    ``robot-description-invalid`` where a link is no body, or a joint has no range; ``Unavailable``
+    Raises ``InvalidInput``: ``robot-card-invalid`` if the card names something that the description lacks,
+    ``robot-description-invalid`` if a link is physically impossible or a joint has no range; ``Unavailable``
     (``robot-data-unreadable``, ``robot-meshes-missing``).
     """
     full = full_model(files.urdf)
     if files.srdf is not None:
         read_srdf(full, files.srdf)
-    parts = collision_geometry(full, files.urdf, (files.package_dir,))
-    looks = some_visuals(full, files.urdf, (files.package_dir,), card.collision.visual)
-    sizes = inertias.sizes_m(full, parts)
+    collision_shapes = collision_geometry(full, files.urdf, (files.package_dir,))
+    visual_shapes = some_visuals(full, files.urdf, (files.package_dir,), card.collision.visual)
+    sizes = inertias.sizes_m(full, collision_shapes)
     if faults := list(inertias.unphysical(tree(files.urdf), sizes, card.accepted_inertias)):
         raise invalid_description(name, faults)
-    if faults := list(card_validation.mismatches(card, full, parts, looks)):
+    if faults := list(card_validation.mismatches(card, full, collision_shapes, visual_shapes)):
         raise cards.invalid(name, faults)
     set_limits(full, card)
-    touching = collision_model(full, parts, looks, card.collision, files.srdf)
+    checked_shapes = collision_model(full, collision_shapes, visual_shapes, card.collision, files.srdf)
 
     q_full = reference_posture(full, card)
     joints = list(full.names)[2:]
     locked = [joint for joint in joints if matches(card.locked_joints, joint)]
-    model, collision = pin.buildReducedModel(full, touching, [full.getJointId(joint) for joint in locked], q_full)
+    model, collision = pin.buildReducedModel(full, checked_shapes, [full.getJointId(joint) for joint in locked], q_full)
     effectors = {key: effector_of(key, effector) for key, effector in card.effectors.items()}
     moving = list(model.names)[2:]
     q = np.concatenate([q_full[:7], [q_full[_index(full, joint)] for joint in moving]])
@@ -87,10 +87,10 @@ def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
 
 
 def invalid_description(name: str, faults: list[Fault]) -> InvalidInput:
-    """The error for a description whose links or joints no robot can have."""
+    """The error for a description with physically impossible links or joints."""
     places = "; ".join(f"{fault.where}: {fault.message}" for fault in faults)
     return InvalidInput(
-        "robot-description-invalid", f"The description of robot {name!r} makes no sense. {places}", faults
+        "robot-description-invalid", f"The description of robot {name!r} is invalid. {places}", faults
     )
 
 
@@ -101,7 +101,7 @@ def set_limits(model: pin.Model, card: RobotCard) -> None:
         if (position := _stated(card.limits.position_rad, joint)) is not None:
             model.lowerPositionLimit[q], model.upperPositionLimit[q] = position
         if (velocity := _stated(card.limits.velocity_rad_s, joint)) is not None:
-            # pinocchio keeps a lower limit of its own, and refuses one above the upper
+            # pinocchio has a separate lower limit and rejects one above the upper limit
             model.lowerVelocityLimit[v], model.upperVelocityLimit[v] = -velocity, velocity
         if (torque := _stated(card.limits.torque_nm, joint)) is not None:
             model.lowerEffortLimit[v], model.upperEffortLimit[v] = -torque, torque
@@ -110,7 +110,7 @@ def set_limits(model: pin.Model, card: RobotCard) -> None:
 
 
 def reference_posture(model: pin.Model, card: RobotCard) -> Float[np.ndarray, "nq_full"]:
-    """The card's posture in the coordinates of the full ``model``."""
+    """The card's reference posture in the coordinates of the full ``model``."""
     posture = card.reference.posture
     q = np.array(pin.neutral(model) if posture is None else model.referenceConfigurations[posture])
     for joint in list(model.names)[2:]:
@@ -132,7 +132,7 @@ def effector_of(name: str, card: EffectorCard) -> Effector:
 
 
 def trunk_axes(model: pin.Model, q: Float[np.ndarray, "nq"], base_frame: str) -> tuple[Rotation, Rotation]:
-    """The world's axes at the reference posture ``q``, in those of the root link and of ``base_frame``."""
+    """The world axes at the reference posture ``q``, expressed in the root link and in ``base_frame``."""
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
     return own_axes(data.oMi[1].rotation.T), own_axes(data.oMf[model.getFrameId(base_frame)].rotation.T)
@@ -141,7 +141,7 @@ def trunk_axes(model: pin.Model, q: Float[np.ndarray, "nq"], base_frame: str) ->
 def on_the_ground(
     model: pin.Model, q: Float[np.ndarray, "nq"], effectors: Mapping[str, Effector]
 ) -> Float[np.ndarray, "nq"]:
-    """``q`` moved so that the mean of the surface contacts is the world's origin."""
+    """``q`` translated so that the mean of the surface contacts is at the world origin."""
     data = model.createData()
     pin.framesForwardKinematics(model, data, q)
     contacts_m = []
@@ -149,13 +149,13 @@ def on_the_ground(
         if effector.kind == "surface":
             T_world_frame = data.oMf[model.getFrameId(effector.frame)]
             contacts_m.append(T_world_frame.act(effector.T_frame_contact.position_m))
-    moved = q.copy()
-    moved[:3] -= np.mean(contacts_m, axis=0)
-    return moved
+    q_moved = q.copy()
+    q_moved[:3] -= np.mean(contacts_m, axis=0)
+    return q_moved
 
 
 def _stated(table: Mapping[str, V], joint: str) -> V | None:
-    """The value of the one pattern that matches ``joint``."""
+    """The value of the first pattern that matches ``joint``, or ``None``."""
     return next((value for pattern, value in table.items() if re.fullmatch(pattern, joint)), None)
 
 
@@ -164,18 +164,18 @@ def _index(model: pin.Model, joint: str) -> int:
 
 
 def fingerprint(card: RobotCard, files: DataFiles, collision: pin.GeometryModel) -> str:
-    """SHA-256 over the URDF, the SRDF where there is one, the meshes that can touch, and what the card says.
+    """SHA-256 of the URDF, the SRDF if there is one, the collision meshes and the card's canonical form.
 
-    Comments, layout, title and licence of the card do not enter, nor where the files lie.
+    Comments, layout, title and licence of the card do not count, nor do the paths of the files.
     """
-    total = hashlib.sha256()
+    digest = hashlib.sha256()
     meshes = sorted({Path(part.meshPath) for part in collision.geometryObjects if part.meshPath not in _PRIMITIVES})
     for path in (files.urdf, files.srdf, *meshes):
         content = b"" if path is None else path.read_bytes()
-        total.update(hashlib.sha256(content).digest())
-    total.update(hashlib.sha256(card.canonical()).digest())
-    return total.hexdigest()
+        digest.update(hashlib.sha256(content).digest())
+    digest.update(hashlib.sha256(card.canonical()).digest())
+    return digest.hexdigest()
 
 
 _PRIMITIVES = {"", "BOX", "CYLINDER", "SPHERE", "CAPSULE"}
-"""What pinocchio writes for the path of a shape that has no file."""
+"""``meshPath`` values that pinocchio gives to shapes without a mesh file."""

@@ -1,7 +1,7 @@
-"""Robot cards ``models/robots/<name>.toml``: what this project says of a robot beyond its own description.
+"""Robot cards ``models/robots/<name>.toml``: data about a robot that its URDF and SRDF do not contain.
 
-The card names the files of an installed data package or of this project; nothing of them is read here, so that cards
-are light.
+A card names the description files of an installed data package or of this project. This module does not read those
+files, so cards are cheap to load.
 """
 
 import json
@@ -20,13 +20,13 @@ from stridelab.errors import Fault, InvalidInput, NotFound
 from stridelab.resources import models_dir
 
 MOST_POSITION_RAD: Final = 4.0 * math.pi
-"""No joint of a humanoid turns farther; numbers beyond are mostly degrees."""
+"""Largest joint angle accepted; larger numbers are usually degrees."""
 _STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 @dataclass(frozen=True)
 class DataCard:
-    """Where the description lies: relative to the robots of the data package ``package``, or to ``models/robots``."""
+    """Paths of the description files, relative to the robots folder of ``package`` or to ``models/robots``."""
 
     __pydantic_config__ = _STRICT
     urdf: str
@@ -36,7 +36,7 @@ class DataCard:
 
 @dataclass(frozen=True)
 class ReferenceCard:
-    """A posture of the SRDF, or all joints at 0, with the joints in which ours differs from it."""
+    """The reference posture: a posture of the SRDF, or all joints at 0, with the angles that override it."""
 
     __pydantic_config__ = _STRICT
     posture: str | None = None
@@ -45,7 +45,7 @@ class ReferenceCard:
 
 @dataclass(frozen=True)
 class LimitsCard:
-    """What replaces the description's limits, by pattern of joint names."""
+    """Limits that replace those of the description, by pattern of joint names."""
 
     __pydantic_config__ = _STRICT
     position_rad: dict[str, tuple[float, float]] = field(default_factory=dict)
@@ -55,7 +55,7 @@ class LimitsCard:
 
 @dataclass(frozen=True)
 class RotorsCard:
-    """Inertia of the rotors as the joints feel it (after the gears), by pattern of joint names; before an SRDF's."""
+    """Reflected rotor inertia (after the gears), by pattern of joint names; takes precedence over the SRDF."""
 
     __pydantic_config__ = _STRICT
     armature_kg_m2: dict[str, float] = field(default_factory=dict)
@@ -63,11 +63,11 @@ class RotorsCard:
 
 @dataclass(frozen=True)
 class CollisionCard:
-    """What of the description can touch what.
+    """Geometries that are checked for self-collision.
 
-    Patterns of geometries: ``left_out`` are dropped, ``visual`` are those of the visual model that are taken in
-    addition, ``meshes`` keep their triangles because their convex hull is too wide. ``never`` gives, for links, the
-    patterns of the links that they are not checked against.
+    Patterns of geometry names: ``left_out`` are dropped, ``visual`` are added from the visual model, ``meshes`` keep
+    their triangles because their convex hull is too wide. ``never`` maps link patterns to the patterns of the links
+    that they are not checked against.
     """
 
     __pydantic_config__ = _STRICT
@@ -92,11 +92,11 @@ class EffectorCard:
 
 @dataclass(frozen=True)
 class RobotCard:
-    """A whole card. What names several joints, geometries or links is a pattern, to be matched in full.
+    """A whole card. Fields that name several joints, geometries or links are regular expressions, matched in full.
 
-    ``references`` are keys of ``models/references.bib``, which results name beside those of the methods.
-    ``accepted_inertias`` are links whose inertia, with a largest principal moment above the sum of the others, is taken
-    as the description states it; a simulator replaces it by one of equal moments.
+    ``references`` are keys of ``models/references.bib`` that results cite in addition to those of the methods.
+    ``accepted_inertias`` are links whose largest principal moment exceeds the sum of the others and whose inertia is
+    used as the description states it; a simulator replaces it by one with equal moments.
     """
 
     __pydantic_config__ = _STRICT
@@ -115,7 +115,7 @@ class RobotCard:
     collision: CollisionCard = CollisionCard()
 
     def canonical(self) -> bytes:
-        """What of the card makes a difference to the robot, whatever the file's layout: JSON with sorted keys."""
+        """The fields that affect the robot as JSON with sorted keys, independent of the layout of the file."""
         data = TypeAdapter(RobotCard).dump_python(
             self, mode="json", exclude={"title", "licence", "references"}, exclude_defaults=True
         )
@@ -137,7 +137,7 @@ def robot_card(name: str) -> RobotCard:
 
 
 def card_bytes(name: str) -> bytes:
-    """The card's file. Raises ``NotFound`` (``robot-not-found``) naming the robots that there are."""
+    """The card's file. Raises ``NotFound`` (``robot-not-found``) listing the available robots."""
     if name not in robot_names():
         raise NotFound("robot-not-found", f"There is no robot {name!r}; there is {', '.join(robot_names())}.")
     return (models_dir() / "robots" / f"{name}.toml").read_bytes()
@@ -146,7 +146,7 @@ def card_bytes(name: str) -> bytes:
 def parse(name: str, text: bytes) -> RobotCard:
     """Validate a card.
 
-    Raises ``InvalidInput`` (``robot-card-invalid``) with one fault per field that makes no sense.
+    Raises ``InvalidInput`` (``robot-card-invalid``) with one fault per invalid field.
     """
     try:
         data = tomllib.loads(text.decode())
@@ -165,13 +165,13 @@ def parse(name: str, text: bytes) -> RobotCard:
 
 
 def invalid(name: str, faults: list[Fault]) -> InvalidInput:
-    """The error for a card whose fields make no sense, or do not fit the robot's description."""
+    """The error for a card whose fields are invalid or do not match the robot's description."""
     places = "; ".join(f"{fault.where}: {fault.message}" if fault.where else fault.message for fault in faults)
-    return InvalidInput("robot-card-invalid", f"The card of robot {name!r} makes no sense. {places}", faults)
+    return InvalidInput("robot-card-invalid", f"The card of robot {name!r} is invalid. {places}", faults)
 
 
 def _faults(card: RobotCard) -> Iterator[Fault]:
-    """What the types do not say."""
+    """Faults that the types do not exclude."""
     if card.data.package is not None and not card.data.package.isidentifier():
         yield Fault("data.package", f"{card.data.package!r} is not the name of a package")
     for where, path in (("data.urdf", card.data.urdf), ("data.srdf", card.data.srdf)):
@@ -182,11 +182,11 @@ def _faults(card: RobotCard) -> Iterator[Fault]:
     yield from _bad_patterns(card)
     yield from _bad_limits(card)
     if not any(effector.kind == "surface" for effector in card.effectors.values()):
-        yield Fault("effectors", "no effector is a surface, on which the robot could stand")
+        yield Fault("effectors", "no effector is a surface; the robot needs at least one to stand on")
     for name, effector in card.effectors.items():
         where, size = f"effectors.{name}", effector.contact_half_size_m
         if (effector.kind == "surface") != (size is not None):
-            yield Fault(f"{where}.contact_half_size_m", "a surface has a size and a point has none")
+            yield Fault(f"{where}.contact_half_size_m", "required for a surface, not allowed for a point")
         if size is not None and min(size) <= 0.0:
             yield Fault(f"{where}.contact_half_size_m", "both half edges must be positive")
         if not math.isclose(math.hypot(*effector.orientation_wxyz), 1.0, abs_tol=1e-6):
@@ -194,7 +194,7 @@ def _faults(card: RobotCard) -> Iterator[Fault]:
 
 
 def patterns(card: RobotCard) -> Iterator[tuple[str, str, str]]:
-    """All patterns of a card: the field, what it names (joint, link, part, visual), the regular expression."""
+    """All patterns of a card: the field, the kind of object named (joint, link, part, visual), the pattern."""
     for group, pattern in card.groups.items():
         yield f"groups.{group}", "joint", pattern
     for i, pattern in enumerate(card.locked_joints):
@@ -242,7 +242,7 @@ def _bad_limits(card: RobotCard) -> Iterator[Fault]:
         if low >= high:
             yield Fault(f"limits.position_rad.{pattern}", f"the lower limit {low} is not below the upper one {high}")
         elif max(abs(low), abs(high)) > MOST_POSITION_RAD:
-            yield Fault(f"limits.position_rad.{pattern}", f"{low} to {high} rad is more than two turns; is it degrees?")
+            yield Fault(f"limits.position_rad.{pattern}", f"{low} to {high} rad exceeds two turns; the unit must be radians, not degrees")
     positive = {
         "limits.velocity_rad_s": card.limits.velocity_rad_s,
         "limits.torque_nm": card.limits.torque_nm,

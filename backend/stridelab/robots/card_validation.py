@@ -1,4 +1,4 @@
-"""What keeps a card and a description from being a robot, field by field, before anything is computed with them."""
+"""Checks that a card matches its description and that the description is a valid robot, field by field."""
 
 import re
 from collections.abc import Iterator, Mapping
@@ -15,25 +15,25 @@ from stridelab.robots.robot import Effector
 from stridelab.robots.self_collision import matches
 
 TOLERANCE_RAD: Final = 1e-9
-"""How far a reference posture may lie outside its range: by rounding."""
+"""Rounding tolerance by which the reference posture may lie outside the joint limits."""
 _WORDS: Final = {"joint": "joint", "link": "link", "part": "collision geometry", "visual": "visual geometry"}
 
 
 def mismatches(
     card: RobotCard, model: pin.Model, collision: pin.GeometryModel, visual: pin.GeometryModel
 ) -> Iterator[Fault]:
-    """Names in the card that the description does not know, and joints that the card does not sort.
+    """Names in the card that the description lacks, and joints that the card assigns to no group or to several.
 
     ``model`` is the full model, with the postures of the SRDF.
     """
     joints, frames = list(model.names)[2:], {str(frame.name) for frame in model.frames}
-    known = {
+    names_by_kind = {
         "joint": joints,
         "link": [str(frame.name) for frame in model.frames if frame.type == pin.FrameType.BODY],
         "part": [str(part.name) for part in collision.geometryObjects],
         "visual": [str(part.name) for part in visual.geometryObjects],
     }
-    known["part"] += [name for name in known["visual"] if matches(card.collision.visual, name)]
+    names_by_kind["part"] += [name for name in names_by_kind["visual"] if matches(card.collision.visual, name)]
     literature = (models_dir() / "references.bib").read_text(encoding="utf-8")
     for i, key in enumerate(card.references):
         if f"{{{key}," not in literature:
@@ -44,7 +44,7 @@ def mismatches(
     if card.reference.posture is not None and card.reference.posture not in postures:
         yield Fault("reference.posture", f"there is no posture {card.reference.posture!r}")
     for where, kind, pattern in patterns(card):
-        if not where.startswith("groups.") and not any(re.fullmatch(pattern, name) for name in known[kind]):
+        if not where.startswith("groups.") and not any(re.fullmatch(pattern, name) for name in names_by_kind[kind]):
             yield Fault(where, f"no {_WORDS[kind]} matches {pattern!r}")
     for where, table in by_joint(card).items():
         for joint in joints:
@@ -62,12 +62,12 @@ def mismatches(
         groups = [group for group, pattern in card.groups.items() if re.fullmatch(pattern, joint)]
         if len(groups) != 1:
             yield Fault("groups", f"joint {joint!r} lies in {len(groups)} groups instead of one")
-        if model.joints[model.getJointId(joint)].nq != 1:  # a joint that turns for ever
-            yield Fault("locked_joints", f"joint {joint!r} has no limits, and must be locked")
+        if model.joints[model.getJointId(joint)].nq != 1:  # a continuous joint
+            yield Fault("locked_joints", f"joint {joint!r} has no limits and must be locked")
 
 
 def immovable(model: pin.Model, base_frame: str, effectors: Mapping[str, Effector]) -> Iterator[Fault]:
-    """Effectors that no joint of the reduced ``model`` moves against the base."""
+    """Effectors that no joint of the reduced ``model`` moves relative to the base."""
     base = set(model.supports[model.frames[model.getFrameId(base_frame)].parentJoint])
     for name, effector in effectors.items():
         own = set(model.supports[model.frames[model.getFrameId(effector.frame)].parentJoint])

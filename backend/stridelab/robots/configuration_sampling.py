@@ -1,4 +1,4 @@
-"""Configurations for section 4.3: uniform within the joint limits, thrown away where the robot touches itself."""
+"""Rejection sampling of configurations (section 4.3): uniform within the joint limits, free of self-collision."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -11,26 +11,26 @@ from stridelab.robots.robot import Robot
 from stridelab.robots.self_collision import SelfCollision
 
 PATIENCE: Final = 10_000
-"""Configurations tried in a row before the robot is said to have none that is free."""
+"""Consecutive colliding configurations after which sampling fails."""
 BATCH: Final = 256
 """Configurations drawn at once."""
 
 
 class UniformConfigurations(Iterator[Float[np.ndarray, "nq"]]):
-    """An endless stream of configurations; ``tried`` counts the drawn ones, also those that were thrown away.
+    """An endless stream of configurations; ``tried`` counts all draws, including rejected ones.
 
-    The base stays where it is in the reference posture. The stream is a function of the generator's state only.
+    The base keeps its reference pose. The stream depends only on the state of the generator.
     """
 
     def __init__(self, robot: Robot, rng: np.random.Generator) -> None:
         self.tried = 0
         self._robot = robot
         self._collision = SelfCollision.of(robot)
-        # of the limits only: a generator of our own methods would keep the collision buffers alive
+        # a plain function: a generator method would keep the collision buffers alive
         self._angles = _drawn(robot.model.lowerPositionLimit[7:], robot.model.upperPositionLimit[7:], rng)
 
     def __next__(self) -> Float[np.ndarray, "nq"]:
-        """Next free configuration. Raises ``NotEstimable`` (``no-free-configuration``)."""
+        """Next collision-free configuration. Raises ``NotEstimable`` (``no-free-configuration``)."""
         q = self._robot.q_reference.copy()
         for _ in range(PATIENCE):
             q[7:] = next(self._angles)
@@ -38,7 +38,7 @@ class UniformConfigurations(Iterator[Float[np.ndarray, "nq"]]):
             if not self._collision.found(q):
                 return q
         raise NotEstimable(
-            "no-free-configuration", f"{self._robot.title} touches itself in {PATIENCE} random configurations in a row."
+            "no-free-configuration", f"{self._robot.title} collides with itself in {PATIENCE} random configurations in a row."
         )
 
 
@@ -50,6 +50,6 @@ def uniform_configurations(robot: Robot, rng: np.random.Generator) -> UniformCon
 def _drawn(
     lower: Float[np.ndarray, "nj"], upper: Float[np.ndarray, "nj"], rng: np.random.Generator
 ) -> Iterator[Float[np.ndarray, "nj"]]:
-    """Angles of all joints within their limits, without end."""
+    """Endless uniform draws of all joint angles within their limits."""
     while True:
         yield from rng.uniform(lower, upper, (BATCH, len(lower)))

@@ -1,4 +1,4 @@
-"""Where a robot's description lies: in an installed data package, or beside its card where it is the project's own."""
+"""Locates the description files of a robot, in an installed data package or in ``models/robots``."""
 
 import importlib.util
 from dataclasses import dataclass
@@ -23,9 +23,9 @@ class DataFiles:
 
 
 def data_files(card: RobotCard) -> DataFiles:
-    """Files that ``card`` names. Finds the package without importing it.
+    """Paths of the files that ``card`` names. Locates the package without importing it.
 
-    Raises ``Unavailable`` (``robot-data-missing``) where the package or one of its files is absent.
+    Raises ``Unavailable`` (``robot-data-missing``) if the package or one of its files is absent.
     """
     if card.data.package is None:
         holder, folder = "This project", models_dir() / "robots"

@@ -1,13 +1,13 @@
-"""Masses and inertias of a description, checked link by link, as a simulator reads them.
+"""Validation of the masses and inertias of a description, link by link, with the criteria of a simulator.
 
-Pinocchio adds the links that are fixed to each other to one body, in which the bad inertia of one of them disappears.
-MuJoCo keeps every link and every joint, those that the reduced model locks as well. A link is a body if, with its mass
-``m`` and its principal moments ``I_1 <= I_2 <= I_3`` about its centre of mass,
+Pinocchio merges links that are fixed to each other into one body, which hides an invalid inertia of one of them.
+MuJoCo keeps every link and every joint, including those that the reduced model locks. A link with mass ``m`` and
+principal moments ``I_1 <= I_2 <= I_3`` about its centre of mass is physically possible if
 
     I_1 >= m k^2 ,    I_3 <= I_1 + I_2 ,    k = max(0.1 mm, size / 1000)
 
-where ``size`` is the diagonal of the box around its largest collision shape. A link without inertia is a point mass,
-and one without mass a frame: both are in order where a link that is fixed to them has an inertia.
+where ``size`` is the diagonal of the bounding box of its largest collision shape. A link without inertia is a point
+mass and a link without mass is a frame; both are valid if a link that is fixed to them has an inertia.
 """
 
 import re
@@ -23,18 +23,18 @@ from jaxtyping import Float
 from stridelab.errors import Fault
 
 LEAST_GYRATION_M: Final = 1e-4
-"""Least radius of gyration of a link of unknown size."""
+"""Minimum radius of gyration of a link of unknown size."""
 LEAST_GYRATION_OF_SIZE: Final = 1e-3
-"""Least radius of gyration over the size of a link; a solid rod has it where it is 500 times as long as thick."""
+"""Minimum ratio of radius of gyration to size of a link; that of a solid rod 500 times as long as thick."""
 ROUNDING: Final = 1e-6
-"""By which part of it the largest moment may exceed the sum of the others; a simulator allows no more."""
+"""Relative amount by which the largest moment may exceed the sum of the others, as in a simulator."""
 TURNING: Final = ("fixed", "revolute", "continuous")
 _MOMENTS: Final = (("ixx", "ixy", "ixz"), ("ixy", "iyy", "iyz"), ("ixz", "iyz", "izz"))
 
 
 @dataclass(frozen=True)
 class Link:
-    """``moments_kg_m2`` are the principal moments of inertia about the centre of mass, the smallest first."""
+    """A link; ``moments_kg_m2`` are its principal moments of inertia about its centre of mass, ascending."""
 
     name: str
     mass_kg: float
@@ -42,7 +42,7 @@ class Link:
 
 
 def sizes_m(model: pin.Model, collision: pin.GeometryModel) -> dict[str, float]:
-    """Per link with a collision shape the diagonal of the box around its largest one."""
+    """Diagonal of the bounding box of the largest collision shape of every link that has one (m)."""
     sizes: dict[str, float] = {}
     for part in collision.geometryObjects:
         part.geometry.computeLocalAABB()
@@ -53,10 +53,10 @@ def sizes_m(model: pin.Model, collision: pin.GeometryModel) -> dict[str, float]:
 
 
 def unphysical(root: ET.Element, sizes: Mapping[str, float], accepted: Sequence[str]) -> Iterator[Fault]:
-    """What no body can be, link by link; joints that do not turn; and joints that move nothing with an inertia.
+    """Faults of links with impossible inertias, of joints that are not revolute, and of joints that move no inertia.
 
-    ``root`` is the URDF, ``sizes`` the size of links (m). Links that match a pattern of ``accepted`` may have a
-    largest moment that exceeds the sum of the others.
+    ``root`` is the URDF, ``sizes`` the sizes of the links (m). In links that match a pattern of ``accepted``, the
+    largest moment may exceed the sum of the others.
     """
     links: dict[str, Link] = {}
     faults = []
@@ -74,12 +74,12 @@ def unphysical(root: ET.Element, sizes: Mapping[str, float], accepted: Sequence[
         if joint.attrib["type"] not in TURNING:
             kind = joint.attrib["type"]
             yield Fault(f"joint {joint.attrib['name']}", f"it is {kind}; joints must turn about one axis, or be fixed")
-    if not faults:  # or the same link would be named twice
+    if not faults:  # otherwise the same link would be reported twice
         yield from _moved_without_inertia(root, links)
 
 
 def read_link(element: ET.Element) -> Link:
-    """A link of a URDF. Raises ``ValueError`` saying which number it lacks."""
+    """A link of a URDF. Raises ``ValueError`` naming the number that is missing or invalid."""
     inertial = element.find("inertial")
     if inertial is None:
         return Link(element.attrib["name"], 0.0, np.zeros(3))
@@ -89,8 +89,8 @@ def read_link(element: ET.Element) -> Link:
 
 
 def _number(inertial: ET.Element, tag: str, key: str) -> float:
-    found = inertial.find(tag)
-    text = None if found is None else found.get(key)
+    child = inertial.find(tag)
+    text = None if child is None else child.get(key)
     if text is None:
         raise ValueError(f"its <inertial> has no {key} of <{tag}>")
     try:
@@ -98,7 +98,7 @@ def _number(inertial: ET.Element, tag: str, key: str) -> float:
     except ValueError:
         value = np.nan
     if not np.isfinite(value):
-        raise ValueError(f"{key} of its <{tag}> is {text!r}, which is no number")
+        raise ValueError(f"{key} of its <{tag}> is {text!r}, which is not a number")
     return value
 
 
@@ -109,7 +109,7 @@ def _faults(link: Link, size_m: float, tolerant: bool) -> Iterator[str]:
     elif I.any():
         k = max(LEAST_GYRATION_M, LEAST_GYRATION_OF_SIZE * size_m)
         if m == 0.0:
-            yield "it has an inertia, but no mass"
+            yield "it has an inertia but no mass"
         elif not I[0] >= m * k**2:
             yield (
                 f"its smallest principal moment of inertia is {I[0]:.3g} kg m2; with a mass of {m:g} kg it must be "
@@ -117,13 +117,13 @@ def _faults(link: Link, size_m: float, tolerant: bool) -> Iterator[str]:
             )
         elif I[2] > (I[0] + I[1]) * (1.0 + ROUNDING) and not tolerant:
             yield (
-                f"its principal moments of inertia {I[0]:.3g}, {I[1]:.3g} and {I[2]:.3g} kg m2 are those of no body: "
+                f"its principal moments of inertia {I[0]:.3g}, {I[1]:.3g} and {I[2]:.3g} kg m2 are physically impossible: "
                 "the largest exceeds the sum of the others"
             )
 
 
 def _moved_without_inertia(root: ET.Element, links: Mapping[str, Link]) -> Iterator[Fault]:
-    """Links that a joint moves, and the base, to which no link with an inertia is fixed."""
+    """Faults of the base and of links moved by a joint if no link with an inertia is fixed to them."""
     joints = {_end(joint, "child"): joint for joint in root.findall("joint")}
     carried: dict[str, list[Link]] = {}
     for link in links.values():

@@ -1,19 +1,19 @@
-"""Position-level inverse kinematics: a configuration that stands on given contacts with its CoM at a given place.
+"""Position-level inverse kinematics: a configuration on given contacts with a given centre of mass (CoM).
 
-With the errors ``e(q)`` of the contacts (six for a surface, three for a point) and of the CoM stacked, ``J`` their
-Jacobian, ``p`` the way back to the posture that one starts from and ``h(q)`` how far the points' frames are turned
-from their contacts', every step solves
+``e(q)`` stacks the errors of the contacts (six rows for a surface, three for a point) and of the CoM; ``J`` is its
+Jacobian, ``p`` the difference to the starting posture and ``h(q)`` the orientation error of the point contacts, with
+Jacobian ``H``. Every step solves the quadratic program
 
     min_dq  |J dq - e|^2 + s (|dq - p|_W^2 + w_h |H dq - h|^2) + d |dq|^2
     subject to   q_min + margin <= q + dq <= q_max - margin ,   |dq| <= 0.2
 
-twice over: first with a softness ``s`` that falls from step to step, so that the redundancy of the body goes to the
-posture, then with ``s = 0`` to land on the contacts. ``W`` holds the base upright first, then the torso, the arms and
-the legs, in the proportions in which the whole-body stage weighs them: a motion that starts here starts at rest. The
-joint limits are never crossed on the way.
+The posture weight ``s`` first decreases from step to step, so that the redundancy is resolved by the posture task, and
+is then 0 until the contact errors converge. ``W`` weighs the orientation of the base most, then the torso, the arms and
+the legs, with the weights of the whole-body stage, so that a motion that starts here starts at rest. No iterate
+violates the joint limits.
 
-Where the CoM may lie anywhere in a room ``A c <= b``, its rows of ``e`` are only those of the walls behind which it is,
-and ``s w_c |J_c dq - (c_0 - c)|^2`` draws it to a place ``c_0`` that one prefers.
+If the CoM may lie anywhere in a region ``A c <= b``, ``e`` contains only the rows of the violated half-spaces, and
+``s w_c |J_c dq - (c_0 - c)|^2`` pulls the CoM towards a preferred position ``c_0``.
 """
 
 from collections.abc import Mapping
@@ -42,11 +42,14 @@ _UPRIGHT = 4.0
 _GROUP = {"leg": 4.5e-4, "torso": 0.125, "arm": 0.03125, "head": 0.03125}
 _HAND = 0.045
 _COM = 1.0
-"""``w_c``: where the CoM is free it is drawn less than a base is held upright, but more than any limb is."""
+"""``w_c``, the weight of the preferred CoM: below that of the base orientation, above that of any joint."""
 
 
 class _Pace(NamedTuple):
-    """The softness is ``decay**step`` for so many steps, then 0; ``lands`` ends, ``tolerance`` converges."""
+    """Schedule of the iterations: the posture weight is ``decay**step`` for ``posture_steps`` steps, then 0.
+
+    ``lands`` is the error that ends the iterations, ``tolerance`` the one that counts as converged (m, rad).
+    """
 
     decay: float
     posture_steps: int
@@ -61,14 +64,14 @@ _QUICK = _Pace(0.75, 45, 75, 1e-7, 1e-5)
 
 @dataclass(frozen=True, eq=False)
 class ComRoom:
-    """Where the CoM may be: ``A c <= b`` with rows of length 1, ``A`` ``(m, 3)`` and ``b`` ``(m,)`` in metres."""
+    """Admissible region of the CoM: ``A c <= b`` with unit rows, ``A`` ``(m, 3)`` and ``b`` ``(m,)`` in metres."""
 
     A: Float[np.ndarray, "m 3"]
     b: Float[np.ndarray, "m"]
 
     @staticmethod
     def above(region_m: Float[np.ndarray, "k 2"]) -> "ComRoom":
-        """Above a convex polygon, counter-clockwise as seen from above; everywhere without at least three corners."""
+        """The vertical prism over a convex, counter-clockwise polygon; unbounded for fewer than three corners."""
         edge = np.roll(region_m, -1, axis=0) - region_m
         length = np.linalg.norm(edge, axis=1)
         some = length > 0.0
@@ -81,11 +84,10 @@ class ComRoom:
 
 @dataclass(frozen=True, eq=False)
 class IkResult:
-    """What was found: the largest errors left in position and orientation, the target with the first as ``worst``.
+    """Solution of the inverse kinematics: the largest remaining errors; ``worst`` has the largest position error.
 
-    ``q`` ``(nq,)`` keeps the joint limits whether or not it ``converged``. ``away_m`` is the error in position of every
-    target, the CoM as ``centre of mass``; ``at_limit`` names the joints that stand at an end of their range, less the
-    margin.
+    ``q`` ``(nq,)`` satisfies the joint limits whether or not it ``converged``. ``away_m`` is the position error of
+    every target, the CoM as ``centre of mass``; ``at_limit`` names the joints at an end of their range less the margin.
     """
 
     q: Float[np.ndarray, "nq"]
@@ -107,9 +109,9 @@ def stand(
     """Configuration with every effector of ``placements`` at its T_world_contact and the CoM at ``com_m``.
 
     A surface is placed in all six coordinates, a point in three. The posture is that of ``q_start``, by default the
-    reference posture carried to the CoM and turned to the mean heading of the surfaces. ``margins_rad`` ``(na,)`` is
-    what every joint keeps from either end of its range, 0.02 rad at least. An unreachable target is no error: the
-    result says how far it stayed away. Raises ``InvalidInput`` (``effector-unknown``).
+    reference posture moved to the CoM and turned to the mean heading of the surfaces. ``margins_rad`` ``(na,)`` is the
+    margin of every joint to either end of its range, at least 0.02 rad. An unreachable target is not an exception: the
+    result contains the remaining errors. Raises ``InvalidInput`` (``effector-unknown``).
     """
     unknown = sorted(set(placements) - set(robot.effectors))
     if unknown:
@@ -128,10 +130,10 @@ def stand_in_room(
     margins_rad: Angles | None = None,
     apart: Apart | None = None,
 ) -> IkResult:
-    """``stand`` with the CoM anywhere in ``room``, and near ``com_m`` where the contacts let it; in half of its steps.
+    """``stand`` with the CoM anywhere in ``room``, near ``com_m`` if possible, and half the number of steps.
 
-    The pairs of ``apart`` are pushed out of each other on the way, not while it lands on the contacts. It ``converged``
-    where every error is below 0.01 mm, whether or not they still overlap. Raises ``InvalidInput``
+    The pairs of ``apart`` are pushed out of collision while the posture weight is positive, not afterwards. The result
+    ``converged`` if every error is below 0.01 mm, even if pairs still overlap. Raises ``InvalidInput``
     (``effector-unknown``).
     """
     unknown = sorted(set(placements) - set(robot.effectors))
@@ -156,7 +158,7 @@ def reference_at(robot: Robot, placements: Mapping[str, Placement], com_m: Vecto
 
 
 class _Problem:
-    """Errors, Jacobian and one bounded step."""
+    """Errors, their Jacobian and the step of one inverse kinematics problem."""
 
     def __init__(
         self,
@@ -196,12 +198,12 @@ class _Problem:
                 J.append(J_frame[3:])
         if self._room is None:
             return np.concatenate([*e, self._com_m - data.com[0]]), np.vstack([*J, J_com])
-        behind = self._room.A @ data.com[0] > self._room.b
-        A, b = self._room.A[behind], self._room.b[behind]
+        violated = self._room.A @ data.com[0] > self._room.b
+        A, b = self._room.A[violated], self._room.b[violated]
         return np.concatenate([*e, b - A @ data.com[0]]), np.vstack([*J, A @ J_com])
 
     def solve(self, posture: Float[np.ndarray, "nq"], pace: _Pace) -> IkResult:
-        """Step after step from ``posture``, which is also what the redundancy goes to."""
+        """Iterate from ``posture``, which is also the target of the posture task."""
         q = posture.copy()
         q[7:] = np.clip(q[7:], self.lower, self.upper)
         for step in range(pace.steps):
@@ -233,12 +235,12 @@ class _Problem:
         upper[6:] = np.minimum(upper[6:], self.upper - q[7:])
         lower[6:] = np.maximum(lower[6:], self.lower - q[7:])
         dq, _, flag, _ = daqp.solve(P, c, np.zeros((0, nv)), upper, lower)
-        if flag < 1:  # a convex programme with 0 inside its bounds fails only by rounding
+        if flag < 1:  # 0 is feasible, so this convex quadratic program fails only by rounding
             return np.zeros(nv)
         return np.asarray(dq)
 
     def _turned(self, q: Float[np.ndarray, "nq"]) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
-        """How far the frames of points are turned from their contacts', after ``errors`` at the same ``q``."""
+        """Orientation errors of the point contacts and their Jacobian; call after ``errors`` at the same ``q``."""
         h: list[np.ndarray] = [np.zeros(0)]
         H: list[np.ndarray] = [np.zeros((0, self.model.nv))]
         for name, (target, kind) in self._targets.items():
@@ -250,21 +252,21 @@ class _Problem:
         return np.concatenate(h), np.vstack(H)
 
     def result(self, q: Float[np.ndarray, "nq"], tolerance: float) -> IkResult:
-        """Errors at ``q`` by target."""
+        """The result at ``q`` with the errors of every target."""
         e, _ = self.errors(q)
-        away: dict[str, float] = {}
-        turned = 0.0
+        errors_m: dict[str, float] = {}
+        error_rad = 0.0
         row = 0
         for name, (_, kind) in self._targets.items():
-            away[name] = float(np.linalg.norm(e[row : row + 3]))
+            errors_m[name] = float(np.linalg.norm(e[row : row + 3]))
             row += 3
             if kind == "surface":
-                turned = max(turned, float(np.linalg.norm(e[row : row + 3])))
+                error_rad = max(error_rad, float(np.linalg.norm(e[row : row + 3])))
                 row += 3
-        away["centre of mass"] = float(np.linalg.norm(e[row:]))
-        worst = max(away, key=lambda name: away[name])
-        error_m = away[worst]
-        ends = (q[7:] <= self.lower + _AT_LIMIT_RAD) | (q[7:] >= self.upper - _AT_LIMIT_RAD)
-        at_limit = tuple(joint for joint, end in zip(self._joints, ends, strict=True) if end)
-        converged = error_m < tolerance and turned < tolerance
-        return IkResult(q, error_m, converged, turned, worst, away, at_limit)
+        errors_m["centre of mass"] = float(np.linalg.norm(e[row:]))
+        worst = max(errors_m, key=lambda name: errors_m[name])
+        error_m = errors_m[worst]
+        is_at_limit = (q[7:] <= self.lower + _AT_LIMIT_RAD) | (q[7:] >= self.upper - _AT_LIMIT_RAD)
+        at_limit = tuple(joint for joint, end in zip(self._joints, is_at_limit, strict=True) if end)
+        converged = error_m < tolerance and error_rad < tolerance
+        return IkResult(q, error_m, converged, error_rad, worst, errors_m, at_limit)

@@ -1,6 +1,6 @@
-"""The door to the robots: by name, loaded once per process.
+"""Loads robots by name, once per process.
 
-Importing this module is light; pinocchio comes in with the first robot.
+Importing this module is cheap; pinocchio is imported when the first robot is loaded.
 """
 
 from functools import cache
@@ -19,8 +19,8 @@ __all__ = ["load_robot", "robot_names"]
 def load_robot(name: str) -> "stridelab.robots.robot.Robot":
     """The robot of ``models/robots/<name>.toml``. Its arrays and models are shared: copy before changing them.
 
-    Raises ``NotFound`` (``robot-not-found``); ``Unavailable``: ``robot-data-missing`` where its data package or a file
-    is absent, ``robot-meshes-missing``, ``robot-data-unreadable`` where it is broken; ``InvalidInput``:
+    Raises ``NotFound`` (``robot-not-found``); ``Unavailable``: ``robot-data-missing`` if its data package or a file
+    is absent, ``robot-meshes-missing``, ``robot-data-unreadable`` if it is broken; ``InvalidInput``:
     ``robot-card-invalid``, ``robot-description-invalid``.
     """
     from stridelab.robots.assembly import assemble

@@ -1,4 +1,4 @@
-"""A humanoid as the robot wing sees it: a rigid-body model with the effectors by which it touches the world."""
+"""A humanoid robot: a rigid-body model with its end effectors."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -13,17 +13,17 @@ from stridelab.conventions import Points, Rotation
 from stridelab.dynamics.spatial import Placement
 
 Group = Literal["leg", "torso", "arm", "head"]
-"""Where in the body a joint lies."""
+"""Body part that a joint belongs to."""
 
 
 @dataclass(frozen=True, eq=False)
 class Effector:
-    """A part of the robot that may touch the world.
+    """An end effector: a part of the robot that may be in contact with the environment.
 
     ``T_frame_contact`` places the contact frame in the link frame ``frame``: for a sole its centre on the ground with
-    z along the surface normal; for a hand the point that touches, x along a bar, z away from the surface.
+    z along the surface normal; for a hand the contact point, x along a bar, z away from the surface.
     ``contact_half_size_m`` are the half edges of a surface's rectangle, ``None`` for a point. ``ankle`` names the
-    pitch and the roll joint next to the effector where it has them.
+    pitch and the roll joint next to the effector, if it has them.
     """
 
     name: str
@@ -49,13 +49,13 @@ class Effector:
 class Robot:
     """A robot with a floating base; ``model`` is reduced to the joints that move in a motion.
 
-    ``collision`` holds the shapes that can touch, mostly convex hulls, with the pairs that are checked.
-    ``q_reference`` ``(nq,)`` stands with both soles on z = 0, between them x = y = 0, and looks along x. The columns of
-    ``R_root_trunk`` and ``R_base_trunk`` are the trunk's axes ahead, left and up, in the axes of the root link and of
-    ``base_frame``: the trunk is upright where they are those of the world. ``group`` says of every
-    actuated joint where in the body it lies. ``urdf`` and ``package_dirs`` are what a simulator needs to load the
-    same robot; ``locked`` maps the joints that the reduced model leaves out to the angle (rad) at which they are
-    held. ``sha256`` identifies all of it.
+    ``collision`` holds the collision shapes, mostly convex hulls, with the pairs that are checked.
+    ``q_reference`` ``(nq,)`` stands with both soles on z = 0, centred at x = y = 0 and facing along x. The columns of
+    ``R_root_trunk`` and ``R_base_trunk`` are the forward, left and up axes of the trunk in the root link and in
+    ``base_frame``; the trunk is upright when they coincide with the world axes. ``group`` maps every actuated joint to
+    its body part. ``urdf`` and ``package_dirs`` are what a simulator needs to load the same robot; ``locked`` maps the
+    joints that the reduced model leaves out to the angle (rad) at which they are locked. ``sha256`` identifies the
+    robot.
     """
 
     name: str

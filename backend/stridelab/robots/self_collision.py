@@ -1,10 +1,10 @@
-"""Self-collision of a configuration: which shapes of the robot overlap, mostly convex hulls.
+"""Self-collision checks: which shapes of the robot, mostly convex hulls, overlap in a configuration.
 
-The library's search for a separating direction starts where the last one ended. Of 4000 uniform configurations of
-TALOS, held against linear programmes, 5 had a pair that it missed (four grazing, one 9 mm deep), and none had one that
-does not touch; a verdict at that rate may thus depend on what was asked before. A motion is checked at many instants.
+The library starts its search for a separating direction where the previous search ended. Compared with linear programs
+on 4000 uniform configurations of TALOS, it missed a colliding pair in 5 (four grazing, one 9 mm deep) and reported no
+false collision; at this rate, a result may depend on previous queries. A motion is checked at many instants.
 
-From the shapes of a description to those that are checked against each other: convex hulls, without futile pairs.
+The module also builds the collision model from the shapes of a description: convex hulls, without excluded pairs.
 """
 
 import re
@@ -24,7 +24,7 @@ from stridelab.robots.robot import Robot
 
 @dataclass(frozen=True, eq=False)
 class SelfCollision:
-    """The check with its own buffers, for many configurations; one per thread."""
+    """Self-collision checker with its own buffers, for many configurations; use one per thread."""
 
     robot: Robot
     data: pin.Data
@@ -32,7 +32,7 @@ class SelfCollision:
 
     @staticmethod
     def of(robot: Robot) -> "SelfCollision":
-        """A check for ``robot``."""
+        """Create a checker for ``robot``."""
         return SelfCollision(robot, robot.model.createData(), robot.collision.createData())
 
     def found(self, q: Float[np.ndarray, "nq"]) -> bool:
@@ -40,13 +40,13 @@ class SelfCollision:
         return bool(pin.computeCollisions(self.robot.model, self.data, self.robot.collision, self.hulls, q, True))
 
     def pairs(self, q: Float[np.ndarray, "nq"]) -> tuple[tuple[str, str], ...]:
-        """Names of the links of all pairs that collide."""
+        """Link names of all colliding pairs."""
         pin.computeCollisions(self.robot.model, self.data, self.robot.collision, self.hulls, q, False)
         checked = zip(self.robot.collision.collisionPairs, self.hulls.collisionResults, strict=True)
         return tuple((self._link(p.first), self._link(p.second)) for p, result in checked if result.isCollision())
 
     def colliding(self, q: Float[np.ndarray, "nq"]) -> tuple[int, ...]:
-        """Numbers of all pairs that collide, in the order of ``pairs``."""
+        """Indices of all colliding pairs, in the order of ``pairs``."""
         pin.computeCollisions(self.robot.model, self.data, self.robot.collision, self.hulls, q, False)
         return tuple(k for k, result in enumerate(self.hulls.collisionResults) if result.isCollision())
 
@@ -56,10 +56,10 @@ class SelfCollision:
 
 @dataclass(frozen=True, eq=False)
 class Apart:
-    """Rows that push shapes out of each other: of the pairs with these ``numbers``, nearer than ``gap_m``.
+    """Task that separates the collision pairs ``numbers`` whose distance is below ``gap_m``.
 
-    With the distance ``d`` (negative by the depth), its direction ``n`` from the first shape to the second and the
-    nearest points, ``n^T (J_2 - J_1) dq = gap - d``.
+    With the signed distance ``d`` (negative when overlapping), its direction ``n`` from the first shape to the second
+    and the Jacobians of the nearest points, ``n^T (J_2 - J_1) dq = gap - d``.
     """
 
     robot: Robot
@@ -68,24 +68,24 @@ class Apart:
     gap_m: float = 0.005
 
     def rows(self, model: pin.Model, data: pin.Data) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
-        """Errors and their Jacobian, where the joint Jacobians in ``data`` are those of the posture."""
+        """Errors ``(m,)`` and their Jacobian ``(m, nv)``; ``data`` must hold the joint Jacobians of the configuration."""
         geometry = self.robot.collision
         pin.updateGeometryPlacements(model, data, geometry, self.hulls)
         e, J = [], []
         for number in self.numbers:
             pin.computeDistance(geometry, self.hulls, number)
-            found, pair = self.hulls.distanceResults[number], geometry.collisionPairs[number]
-            if found.min_distance >= self.gap_m:
+            nearest, pair = self.hulls.distanceResults[number], geometry.collisionPairs[number]
+            if nearest.min_distance >= self.gap_m:
                 continue
-            n = np.array(found.normal)
-            ends = ((pair.first, found.getNearestPoint1(), -1.0), (pair.second, found.getNearestPoint2(), 1.0))
+            n = np.array(nearest.normal)
+            ends = ((pair.first, nearest.getNearestPoint1(), -1.0), (pair.second, nearest.getNearestPoint2(), 1.0))
             row = np.zeros(model.nv)
             for part, point, sign in ends:
                 joint = geometry.geometryObjects[part].parentJoint
                 J_joint = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
                 arm = np.array(point) - data.oMi[joint].translation
                 row += sign * (n @ J_joint[:3] + np.cross(arm, n) @ J_joint[3:])
-            e.append(self.gap_m - found.min_distance)
+            e.append(self.gap_m - nearest.min_distance)
             J.append(row)
         return np.array(e), np.array(J).reshape(-1, model.nv)
 
@@ -93,47 +93,47 @@ class Apart:
 def collision_model(
     model: pin.Model, collision: pin.GeometryModel, visual: pin.GeometryModel, card: CollisionCard, srdf: Path | None
 ) -> pin.GeometryModel:
-    """The shapes that can touch, with the pairs that are checked: all but those that the card or the SRDF excludes.
+    """The collision shapes with all pairs that neither the card nor the SRDF excludes.
 
-    Shapes that hang on the same joint are no pair. A mesh is replaced by its convex hull unless the card keeps it.
+    Shapes on the same joint form no pair. A mesh is replaced by its convex hull unless the card lists it.
     """
-    chosen = pin.GeometryModel()
+    checked = pin.GeometryModel()
     for original in collision.geometryObjects:
         if not matches(card.left_out, original.name):
-            chosen.addGeometryObject(original if matches(card.meshes, original.name) else hull(original))
+            checked.addGeometryObject(original if matches(card.meshes, original.name) else hull(original))
     for original in visual.geometryObjects:
         if matches(card.visual, original.name):
             part = original if matches(card.meshes, original.name) else hull(original)
-            chosen.addGeometryObject(renamed(part, f"{part.name} (visual)"))
-    links = [str(model.frames[part.parentFrame].name) for part in chosen.geometryObjects]
-    joints = [part.parentJoint for part in chosen.geometryObjects]
-    for i, k in combinations(range(chosen.ngeoms), 2):
+            checked.addGeometryObject(renamed(part, f"{part.name} (visual)"))
+    links = [str(model.frames[part.parentFrame].name) for part in checked.geometryObjects]
+    joints = [part.parentJoint for part in checked.geometryObjects]
+    for i, k in combinations(range(checked.ngeoms), 2):
         if joints[i] != joints[k] and not excluded(card.never, links[i], links[k]):
-            chosen.addCollisionPair(pin.CollisionPair(i, k))
+            checked.addCollisionPair(pin.CollisionPair(i, k))
     if srdf is not None:
-        pin.removeCollisionPairs(model, chosen, str(srdf), False)
-    return chosen
+        pin.removeCollisionPairs(model, checked, str(srdf), False)
+    return checked
 
 
 def hull(original: pin.GeometryObject) -> pin.GeometryObject:
-    """The same part with the convex hull of its mesh; a primitive shape stays what it is."""
+    """A copy of the part with the convex hull of its mesh; a primitive shape is unchanged."""
     part = original.copy()
     if isinstance(part.geometry, coal.BVHModelBase):
-        # buildConvexRepresentation would take the triangles as if they were convex already
+        # buildConvexRepresentation assumes that the triangles are already convex
         part.geometry.buildConvexHull(True, "Qt")
         part.geometry = part.geometry.convex
     return part
 
 
 def renamed(original: pin.GeometryObject, name: str) -> pin.GeometryObject:
-    """The same part under another name: a visual shape is often called like the collision shape of its link."""
+    """A copy of the part with another name: visual and collision shapes of a link often share one."""
     part = original.copy()
     part.name = name
     return part
 
 
 def excluded(never: Mapping[str, tuple[str, ...]], link: str, other: str) -> bool:
-    """Whether the card says, of either link, that it is not checked against the other."""
+    """Whether the card excludes the pair of links from the check, in either order."""
     return any(
         (re.fullmatch(one, link) and matches(others, other)) or (re.fullmatch(one, other) and matches(others, link))
         for one, others in never.items()

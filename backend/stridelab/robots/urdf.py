@@ -1,4 +1,4 @@
-"""Reading a robot's description with pinocchio: its full model and geometries, as they stand in its files."""
+"""Reads a robot's description with pinocchio: the full model and its geometries."""
 
 import re
 import xml.etree.ElementTree as ET
@@ -23,13 +23,13 @@ def full_model(urdf: Path) -> pin.Model:
 
 
 def read_srdf(model: pin.Model, srdf: Path) -> None:
-    """Give ``model`` the reference postures of an SRDF and, where it states them, the rotor inertias (as ``armature``).
+    """Load the reference postures of an SRDF and, if given, its rotor inertias (as ``armature``) into ``model``.
 
     Raises ``Unavailable`` (``robot-data-unreadable``).
     """
 
     def read() -> None:
-        if tree(srdf).find("rotor_params") is not None:  # not every SRDF states them
+        if tree(srdf).find("rotor_params") is not None:  # not every SRDF has them
             pin.loadRotorParameters(model, str(srdf), False)
         pin.loadReferenceConfigurations(model, str(srdf), False)
 
@@ -46,7 +46,7 @@ def collision_geometry(model: pin.Model, urdf: Path, package_dirs: Sequence[Path
 
 
 def visual_geometry(model: pin.Model, urdf: Path, package_dirs: Sequence[Path]) -> pin.GeometryModel:
-    """What the full model looks like.
+    """The visual geometries of the full model.
 
     Raises ``Unavailable`` (``robot-data-unreadable``, ``robot-meshes-missing``).
     """
@@ -56,9 +56,9 @@ def visual_geometry(model: pin.Model, urdf: Path, package_dirs: Sequence[Path]) 
 def some_visuals(
     model: pin.Model, urdf: Path, package_dirs: Sequence[Path], patterns: Sequence[str]
 ) -> pin.GeometryModel:
-    """The visual geometries of the links of which one matches a pattern; reading all would take seconds.
+    """The visual geometries of the links with a geometry that matches a pattern; reading all would take seconds.
 
-    A geometry is called after its link, with its number in the link.
+    The name of a geometry is that of its link with its index in the link.
 
     Raises ``Unavailable`` (``robot-data-unreadable``, ``robot-meshes-missing``).
     """
@@ -99,7 +99,7 @@ def _require_meshes(urdf: Path, package_dirs: Sequence[Path]) -> None:
 
 
 def missing_meshes(urdf: Path, package_dirs: Sequence[Path]) -> Iterator[str]:
-    """Meshes of a URDF that are not there. Only ``package://`` is understood, relative to ``package_dirs``."""
+    """Meshes of a URDF that do not exist. Only ``package://`` names are supported, relative to ``package_dirs``."""
     for mesh in tree(urdf).iter("mesh"):
         name = mesh.attrib.get("filename", "")
         inside = name.removeprefix("package://")
@@ -108,7 +108,7 @@ def missing_meshes(urdf: Path, package_dirs: Sequence[Path]) -> Iterator[str]:
 
 
 def tree(urdf: Path) -> ET.Element:
-    """The URDF's XML. Raises ``Unavailable`` (``robot-data-unreadable``) saying where it breaks off."""
+    """The URDF's XML. Raises ``Unavailable`` (``robot-data-unreadable``) with the position of the error."""
     try:
         return ET.parse(urdf).getroot()  # noqa: S314 (a file of the installation, not a user's)
     except ET.ParseError as error:
@@ -121,5 +121,5 @@ def _read(path: Path, read: Callable[[], Any]) -> Any:
     tree(path)
     try:
         return read()
-    except (ValueError, RuntimeError) as error:  # what pinocchio raises for a broken or a missing file
+    except (ValueError, RuntimeError) as error:  # raised by pinocchio for a broken or a missing file
         raise Unavailable("robot-data-unreadable", f"The robot description {path.name} cannot be read.") from error

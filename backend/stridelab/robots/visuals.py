@@ -1,11 +1,7 @@
-"""What a viewer needs of a robot: one coloured mesh per moving joint, and where they are in a configuration.
+"""Visual meshes of a robot: one coloured mesh per moving joint, and the poses of the links in a configuration.
 
-The meshes are made from those of the installed data package whenever they are wanted; they are never kept in this
-project.
-
-Meshes as binary glTF 2.0 (GLB), the form in which a browser takes them.
-
-Triangles that a viewer can draw, made from the visual shapes of a robot's description.
+The meshes are built on request from those of the installed data package; the project does not store them. ``glb``
+encodes them as binary glTF 2.0 (GLB) for browsers.
 """
 
 import json
@@ -37,7 +33,7 @@ m^2. With a = 2 it ends at (3.2 mm)^2, however many triangles are left; its defa
 
 @dataclass(frozen=True, eq=False)
 class LinkMesh:
-    """All that one joint moves, in the joint's frame; a colour (red, green, blue, opacity) per vertex."""
+    """Everything that one joint moves, in the joint's frame; a colour (red, green, blue, opacity) per vertex."""
 
     name: str
     vertices_m: Points
@@ -46,7 +42,7 @@ class LinkMesh:
 
 
 def merged(name: str, meshes: Sequence[LinkMesh]) -> LinkMesh:
-    """Several meshes in the same frame as one, possibly empty."""
+    """Concatenate meshes in the same frame; the result may be empty."""
     starts = np.cumsum([0, *(len(mesh.vertices_m) for mesh in meshes)])[:-1]
     faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=True)] if meshes else []
     return LinkMesh(
@@ -60,7 +56,7 @@ def merged(name: str, meshes: Sequence[LinkMesh]) -> LinkMesh:
 def mesh_of(shape: pin.GeometryObject) -> LinkMesh:
     """One visual shape in the frame of its joint, in its own colour, decimated to a few millimetres.
 
-    Raises ``Unavailable`` (``robot-data-unreadable``) for a kind of shape that is not known.
+    Raises ``Unavailable`` (``robot-data-unreadable``) for an unsupported kind of shape.
     """
     vertices, faces = _triangles(shape)
     if np.prod(np.sign(shape.meshScale)) < 0.0:  # a mirrored mesh is inside out
@@ -71,10 +67,10 @@ def mesh_of(shape: pin.GeometryObject) -> LinkMesh:
 
 
 def decimated(vertices_m: Points, faces: Faces) -> tuple[Float[np.ndarray, "n_shown 3"], Int[np.ndarray, "m_shown 3"]]:
-    """The surface with fewer triangles, by edge collapses of least quadric error.
+    """Simplify a surface by edge collapses of least quadric error.
 
-    The rims of open surfaces stay: without them whole sheets would shrink away, by up to 46 mm on TALOS' torso. With
-    them 99 % of its original vertices lie within 2.1 mm of what is shown, and single ones in thin sheets at 11 mm.
+    The borders of open surfaces are preserved: otherwise whole sheets would shrink, by up to 46 mm on TALOS' torso.
+    99 % of its original vertices lie within 2.1 mm of the result, single ones in thin sheets at 11 mm.
     """
     points, corners = fast_simplification.simplify(
         vertices_m, faces, target_count=0, agg=_AGGRESSIVENESS, preserve_border=True
@@ -96,7 +92,7 @@ def _triangles(shape: pin.GeometryObject) -> tuple[Points, Faces]:
         solid = trimesh.creation.icosphere(2, geometry.radius)
     else:
         kind = type(geometry).__name__
-        raise Unavailable("robot-data-unreadable", f"Shape {shape.name} is a {kind}, which cannot be shown.")
+        raise Unavailable("robot-data-unreadable", f"Shape {shape.name} is a {kind}, which is not supported.")
     return np.array(solid.vertices), np.array(solid.faces, dtype=np.int64)
 
 
@@ -109,14 +105,14 @@ def link_names(robot: Robot) -> tuple[str, ...]:
 
 
 def link_meshes(robot: Robot) -> tuple[LinkMesh, ...]:
-    """One mesh per link of ``link_names``, decimated to a few millimetres; what is locked belongs to the link it is on.
+    """One mesh per link of ``link_names``, decimated to a few millimetres; locked parts belong to the link they are fixed to.
 
-    Raises ``Unavailable`` (``robot-data-unreadable``) where the description's meshes cannot be read.
+    Raises ``Unavailable`` (``robot-data-unreadable``) if the description's meshes cannot be read.
     """
     full = full_model(robot.urdf)
     visual = visual_geometry(full, robot.urdf, robot.package_dirs)
-    held = [full.getJointId(joint) for joint in robot.locked]
-    _, visual = pin.buildReducedModel(full, visual, held, full_configuration(robot, full))
+    locked_ids = [full.getJointId(joint) for joint in robot.locked]
+    _, visual = pin.buildReducedModel(full, visual, locked_ids, full_configuration(robot, full))
     shapes = [(shape.parentJoint, mesh_of(shape)) for shape in visual.geometryObjects]
     return tuple(
         merged(name, [mesh for parent, mesh in shapes if parent == joint])
@@ -134,20 +130,20 @@ def link_poses(robot: Robot, q: Float[np.ndarray, "nq"]) -> Float[np.ndarray, "n
 
 
 def _link_of(model: pin.Model, joint: int) -> str:
-    """The body that the joint carries; those that are fixed to it come after it."""
+    """Name of the first body on the joint; bodies that are fixed to it follow in the model."""
     return next(str(f.name) for f in model.frames if f.parentJoint == joint and f.type == pin.FrameType.BODY)
 
 
 _MATT: Final = {"pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.7}}
-"""Without a material of its own a mesh is metal, which is black where there is nothing for it to mirror."""
+"""Default material: glTF's own is metal, which renders black without an environment to reflect."""
 _FLOAT, _UBYTE, _UINT = 5126, 5121, 5125
 _VERTICES, _INDICES = 34962, 34963
 
 
 def glb(meshes: Sequence[LinkMesh]) -> bytes:
-    """One node per mesh, named after the link and placed at the origin; a mesh without triangles is an empty node.
+    """Encode meshes as GLB: one node per mesh, named after the link, at the origin; empty for an empty mesh.
 
-    A URDF's colours are those of a screen, as every viewer of URDFs shows them; glTF keeps linear ones.
+    URDF colours are sRGB, as URDF viewers interpret them; glTF colours are linear.
     """
     buffer = _Buffer()
     nodes: list[dict[str, Any]] = []
@@ -185,14 +181,14 @@ def glb(meshes: Sequence[LinkMesh]) -> bytes:
 
 
 def linear(colours: UInt8[np.ndarray, "n 4"]) -> UInt8[np.ndarray, "n 4"]:
-    """Colours of a screen as linear light (IEC 61966-2-1), the opacity unchanged; 8 bits keep them within 7 of 255."""
+    """Convert sRGB to linear colours (IEC 61966-2-1), opacity unchanged; 8 bits lose at most 7 of 255."""
     share = colours[:, :3] / 255.0
     light = np.where(share <= 0.04045, share / 12.92, ((share + 0.055) / 1.055) ** 2.4)
     return np.column_stack([np.round(255.0 * light).astype(np.uint8), colours[:, 3]])
 
 
 class _Buffer:
-    """The binary part, with the two tables that say what lies where; every array of ours fills whole words."""
+    """The binary chunk with its buffer views and accessors; every array is a multiple of four bytes long."""
 
     def __init__(self) -> None:
         self.data = bytearray()
@@ -200,7 +196,7 @@ class _Buffer:
         self.accessors: list[dict[str, Any]] = []
 
     def add(self, array: np.ndarray, component: int, shape: str, target: int, more: dict[str, Any]) -> int:
-        """Append an array; its index in the accessors."""
+        """Append an array; return its accessor index."""
         raw = np.ascontiguousarray(array).tobytes()
         view = {"buffer": 0, "byteOffset": len(self.data), "byteLength": len(raw), "target": target}
         accessor = {"bufferView": len(self.views), "componentType": component, "type": shape, "count": len(array)}

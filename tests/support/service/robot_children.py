@@ -94,7 +94,7 @@ def no_data(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
 
 def bad_card(task: dict[str, Any], _folder: Path, _progress: Any) -> None:
     _note(f"bad card {task['robot']}")
-    raise InvalidInput("robot-card-invalid", "The card makes no sense. base_frame: there is no frame 'chassis'")
+    raise InvalidInput("robot-card-invalid", "The card is invalid. base_frame: there is no frame 'chassis'")
 
 
 def crash(_task: dict[str, Any], _folder: Path, _progress: Any) -> None:
