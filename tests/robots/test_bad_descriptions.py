@@ -88,7 +88,7 @@ def fixed(parent: str, mass_kg: float, inertia: str, joint: str = "fixed") -> st
     [
         (in_link("RLEG_LINK3", "<inertial>.*</inertial>", ""), "link RLEG_LINK3", "mass 0 kg"),
         (in_link("BODY", "<inertial>.*</inertial>", ""), "link BODY", "mass 0 kg"),
-        (in_link("LARM_LINK2", 'mass value="[^"]*"', 'mass value="0"'), "link LARM_LINK2", "an inertia, but no mass"),
+        (in_link("LARM_LINK2", 'mass value="[^"]*"', 'mass value="0"'), "link LARM_LINK2", "an inertia but no mass"),
         (in_link("LARM_LINK2", 'mass value="[^"]*"', 'mass value="-1"'), "link LARM_LINK2", "mass is -1 kg"),
         (in_link("LARM_LINK2", 'mass value="[^"]*"', 'mass value="heavy"'), "link LARM_LINK2", "'heavy', which is no"),
         (
@@ -105,7 +105,7 @@ def fixed(parent: str, mass_kg: float, inertia: str, joint: str = "fixed") -> st
         (in_link("LARM_LINK6", "<inertia .*?>", inertia(0.0)), "link LARM_LINK6", "but no inertia"),
         (fixed("LARM_LINK2", 0.1, inertia(5e-21)), "link ballast", "it must be at least"),
         (fixed("LARM_LINK2", 0.1, ""), "link ballast", "no ixx of <inertia>"),
-        (fixed("LARM_LINK2", 0.0, inertia(1e-4)), "link ballast", "an inertia, but no mass"),
+        (fixed("LARM_LINK2", 0.0, inertia(1e-4)), "link ballast", "an inertia but no mass"),
         (fixed("LARM_LINK2", 0.1, inertia(1e-4), "prismatic"), "joint ballast", "it is prismatic"),
         (in_joint("LLEG_JOINT3", 'lower="[^"]*"', 'lower="3.0"'), "joint LLEG_JOINT3", "from 3 to 2.61799"),
         (in_joint("LLEG_JOINT3", 'lower="[^"]*" upper="[^"]*"', ""), "joint LLEG_JOINT3", "from 0 to 0"),

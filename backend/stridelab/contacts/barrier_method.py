@@ -1,11 +1,11 @@
-"""Small convex programmes by following the central path of a logarithmic barrier with Newton's method.
+"""Solves small convex programs by following the central path of a logarithmic barrier with Newton's method.
 
     x(w) = argmin  w f(x) - sum log(slack(x)),      w -> infinity
 
-From one weight to the next the tangent of the path is followed, ``dx = -(1 - w / w') w H^-1 grad f``, as if ``x`` were
-linear in ``1 / w``; then Newton steps are halved until they stay inside and descend (Boyd & Vandenberghe, Convex
-Optimization, 9.5 and 11.3; Fiacco & McCormick 1968). Every iterate is strictly feasible: what comes out satisfies its
-constraints, however early one stops.
+From one weight to the next a predictor step follows the tangent of the path,
+``dx = -(1 - w / w') w H^-1 grad f``, as if ``x`` were linear in ``1 / w``. Newton steps with backtracking then centre the iterate (Boyd & Vandenberghe, Convex
+Optimization, 9.5 and 11.3; Fiacco & McCormick 1968). Every iterate is strictly feasible, so an early stop still returns
+a feasible point.
 """
 
 import sys
@@ -19,34 +19,34 @@ from scipy.linalg import cho_factor, cho_solve
 Vector = Float[np.ndarray, "_"]
 Matrix = Float[np.ndarray, "_ _"]
 Value = Callable[[Vector, float], float]
-"""The weighted objective with its barrier at a point, infinite outside."""
+"""Weighted objective plus barrier at a point; infinite outside the feasible set."""
 Slopes = Callable[[Vector, float], tuple[Vector, Matrix]]
-"""Its gradient and Hessian."""
+"""Gradient and Hessian of ``Value``."""
 
 RATIO: Final = 6.0
-"""Of successive weights."""
+"""Ratio of successive weights."""
 CENTRED: Final = 1e-2
-"""Newton's decrement, squared, at which a point on the way counts as centred."""
+"""Squared Newton decrement that ends centring at intermediate weights."""
 DECREMENT: Final = 2e-9
-"""The same at the last weight."""
+"""Squared Newton decrement that ends centring at the last weight."""
 NEAR: Final = 0.1
 """Squared decrement below which Newton's method converges quadratically with full steps."""
 RIDGE: Final = 2e-14
-"""Added to the Hessian scaled to ones on its diagonal: it stays positive definite at the largest weights."""
+"""Added to the diagonal of the Jacobi-scaled Hessian, so that it stays positive definite at the largest weights."""
 MOST_STEPS: Final = 40
-"""Newton steps per weight."""
+"""Maximum number of Newton steps per weight."""
 SHORTEST: Final = 1e-8
-"""Share of a Newton step below which nothing is gained any more."""
+"""Step length at which backtracking stops."""
 
 
 def follow(x: Vector, value: Value, slopes: Slopes, last_weight: float, first_weight: float = 1.0) -> Vector:
-    """``x(last_weight)`` from a strictly feasible ``x``."""
+    """Return ``x(last_weight)``, starting from a strictly feasible ``x``."""
     weight = first_weight
     while weight < last_weight:
         x = _centred(x, value, slopes, weight, CENTRED)
-        further = min(RATIO * weight, last_weight)
-        x = _ahead(x, value, slopes, weight, further)
-        weight = further
+        next_weight = min(RATIO * weight, last_weight)
+        x = _ahead(x, value, slopes, weight, next_weight)
+        weight = next_weight
     return _centred(x, value, slopes, last_weight, DECREMENT)
 
 
@@ -57,7 +57,7 @@ def _centred(x: Vector, value: Value, slopes: Slopes, weight: float, enough: flo
         decrement = -float(gradient @ step)
         if decrement <= enough:
             return x
-        # near the centre a full step stays inside, and the value's own rounding would hide its descent
+        # near the centre a full step stays feasible, and rounding of the value would hide its descent
         here = sys.float_info.max if decrement < NEAR else value(x, weight)
         length = 1.0
         while value(x + length * step, weight) > here - 0.1 * length * decrement:
@@ -69,10 +69,10 @@ def _centred(x: Vector, value: Value, slopes: Slopes, weight: float, enough: flo
 
 
 def _ahead(x: Vector, value: Value, slopes: Slopes, weight: float, further: float) -> Vector:
-    """Along the tangent of the path, but not to the edge."""
+    """Predictor step along the tangent of the path, shortened to stay strictly feasible."""
     gradient, hessian = slopes(x, weight)
-    pull = slopes(x, 2.0 * weight)[0] - gradient  # w grad f
-    step = -(1.0 - weight / further) * _solved(hessian, pull)
+    weighted_gradient = slopes(x, 2.0 * weight)[0] - gradient  # w grad f
+    step = -(1.0 - weight / further) * _solved(hessian, weighted_gradient)
     length = 1.0
     while not np.isfinite(value(x + length * step, weight)):
         length *= 0.8

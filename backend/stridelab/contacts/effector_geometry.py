@@ -1,4 +1,4 @@
-"""What the contact floor knows of a robot's effectors: plain numbers, read without loading the robot itself."""
+"""Geometry and reach of a robot's effectors as plain numbers, read without loading the robot model."""
 
 import json
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ Triple = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class EffectorReach:
-    """Where the CoM can be, seen from the contact frame of one effector.
+    """Region of the CoM in the contact frame of one effector.
 
     A box from ``com_low_m`` to ``com_high_m`` (0.5 and 99.5 percentiles of the sampled postures), cut by a sphere of
     radius ``com_distance_max_m`` about the contact.
@@ -32,9 +32,9 @@ class EffectorReach:
 
 @dataclass(frozen=True)
 class EffectorShape:
-    """A sole (``surface``, with the half edges of its rectangle) or a hand (``point``); ``reach`` where learned.
+    """A sole (``surface``, with the half edges of its rectangle) or a hand (``point``); ``reach`` if learned.
 
-    ``com_height_m`` is the mean height of the CoM above a sole, learned of the robot as it stands.
+    ``com_height_m`` is the mean height of the CoM above a sole in the learned density of standing postures.
     """
 
     kind: Literal["surface", "point"]
@@ -44,7 +44,7 @@ class EffectorShape:
 
 
 def patch_m(half_size_m: tuple[float, float] | None) -> Points:
-    """Corners, middles of the edges and centre of a sole ``(9, 3)`` in its contact frame; its origin without a size."""
+    """Corners, edge midpoints and centre of a sole ``(9, 3)`` in its contact frame; the origin if there is no size."""
     if half_size_m is None:
         return np.zeros((1, 3))
     x, y = half_size_m
@@ -54,16 +54,15 @@ def patch_m(half_size_m: tuple[float, float] | None) -> Points:
 
 @cache
 def effector_shapes(robot_name: str) -> Mapping[str, EffectorShape]:
-    """Effectors of a robot by name, from ``models/robots`` and, where it was learned, ``models/reachability``.
+    """Effectors of a robot by name, from ``models/robots`` and, if available, ``models/reachability``.
 
-    Raises ``NotFound`` (``robot-not-found``) for a name that has no card, naming those that have, ``InvalidInput``
-    (``robot-card-invalid``).
+    Raises ``NotFound`` (``robot-not-found``) for a name without a card, ``InvalidInput`` (``robot-card-invalid``).
     """
     card = robot_card(robot_name)
     folder = models_dir() / "reachability" / robot_name
-    wide, standing = _learned(folder / "uniform.json"), _learned(folder / "conditioned.json")
+    uniform, conditioned = _learned(folder / "uniform.json"), _learned(folder / "conditioned.json")
     return MappingProxyType(
-        {name: _shape(entry, wide.get(name), standing.get(name)) for name, entry in card.effectors.items()}
+        {name: _shape(entry, uniform.get(name), conditioned.get(name)) for name, entry in card.effectors.items()}
     )
 
 

@@ -1,9 +1,8 @@
-"""Contact sequences for other tools: JSON with the field names of multicontact-api's archives, there and back.
+"""Import and export of contact sequences as JSON with the field names of multicontact-api's archives.
 
-multicontact-api (LAAS) keeps a sequence as phases with absolute times, each with one patch per effector in contact:
-a placement, a friction coefficient and a contact model. docs/contact-sequences.md holds the table of fields. What it
-has no field for (the terrain, the robot, names) stands beside, under ``stridelab``; trajectories are not written, and
-not read.
+multicontact-api (LAAS) stores a sequence as phases with absolute times, each with one patch per effector in contact:
+a placement, a friction coefficient and a contact model. docs/contact-sequences.md has the table of fields. Data without
+a field there (the terrain, the robot, names) is stored under ``stridelab``; trajectories are neither written nor read.
 """
 
 import math
@@ -20,16 +19,16 @@ from stridelab.contacts.validation.parse import contact_field
 from stridelab.errors import Fault, InvalidInput
 
 GAP_S: Final = 1e-6
-"""Phases whose ends differ by less meet."""
+"""Gaps and overlaps of consecutive phases below this are ignored."""
 ROTATION_TOLERANCE: Final = 1e-3
-"""Largest entry of ``R^T R - 1`` of a rotation that is read."""
+"""Largest entry of ``R^T R - 1`` accepted in a rotation."""
 LONGEST_NAME: Final = 60
-"""Longer names of effectors are cut, as no robot has them."""
+"""Effector names are truncated to this length; no robot has longer ones."""
 TYPES: Final = {"surface": "CONTACT_PLANAR", "point": "CONTACT_POINT"}
 
 
 def to_multicontact(sequence: ContactSequence, description: str = "") -> dict[str, Any]:
-    """The document of a contact sequence; times from 0."""
+    """Return the document of a contact sequence; times start at 0."""
     scenario = scenario_of(sequence, description)
     return {
         "contact_phases": [
@@ -46,12 +45,12 @@ def to_multicontact(sequence: ContactSequence, description: str = "") -> dict[st
 
 
 def from_multicontact(document: Mapping[str, Any], beside: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """The scenario (``schemas.scenarios.Scenario`` as a mapping) of a document; it still is to be judged.
+    """Return the scenario (``schemas.scenarios.Scenario`` as a mapping) of a document; it is not validated yet.
 
-    ``beside`` holds what the document lacks: ``name``, ``robot``, ``terrain``, ``friction``; what the document says
-    under ``stridelab`` comes first. The patches' coefficients are not taken over: friction belongs to surfaces.
-    Raises ``InvalidInput`` (``contact-sequence-invalid``) with one fault per phase or contact that cannot be read:
-    phases that overlap or leave a gap, times or placements that are no numbers, patches without a placement.
+    ``beside`` supplies fields that the document lacks (``name``, ``robot``, ``terrain``, ``friction``); values under
+    the document's ``stridelab`` take precedence. Friction coefficients of the patches are ignored: friction belongs to
+    surfaces. Raises ``InvalidInput`` (``contact-sequence-invalid``) with one fault per phase or contact that cannot be
+    read: overlapping phases, gaps, times or placements that are not numbers, patches without a placement.
     """
     faults: list[Fault] = []
     phases: list[dict[str, Any]] = []
@@ -69,11 +68,11 @@ def from_multicontact(document: Mapping[str, Any], beside: Mapping[str, Any] | N
         phases[-1]["contacts"] = list(_contacts(k, entry, faults))
     if faults:
         raise _invalid(faults)
-    given = {**(beside or {}), **_mapping(document.get("stridelab"))}
-    missing = [key for key in ("robot", "terrain") if not given.get(key)]
+    defaults = {**(beside or {}), **_mapping(document.get("stridelab"))}
+    missing = [key for key in ("robot", "terrain") if not defaults.get(key)]
     if missing:
-        raise _invalid([Fault(key, "the document does not say it, and it was not given beside") for key in missing])
-    return {"name": "Imported", "description": "", "friction": 0.3, **given, "phases": phases}
+        raise _invalid([Fault(key, "missing in the document and not given separately") for key in missing])
+    return {"name": "Imported", "description": "", "friction": 0.3, **defaults, "phases": phases}
 
 
 def _patch(contact: Contact) -> dict[str, Any]:
@@ -95,7 +94,7 @@ def _patch(contact: Contact) -> dict[str, Any]:
 def _times_s(
     k: int, entry: Mapping[str, Any], ended_s: float | None, faults: list[Fault]
 ) -> tuple[float, float] | None:
-    """Start and end of a phase, held against the end of the one before."""
+    """Start and end of a phase; faults if it overlaps the previous one or leaves a gap."""
     where = f"phases[{k}]"
     try:
         start, end = (float(entry[key]) for key in ("t_init", "t_final"))
@@ -108,7 +107,9 @@ def _times_s(
     if end <= start:
         faults.append(Fault(where, f"it ends at {end:g} s, not after its start at {start:g} s"))
     if ended_s is not None and start < ended_s - GAP_S:
-        faults.append(Fault(where, f"overlaps phase {k - 1}: it starts at {start:g} s, which ends at {ended_s:g} s"))
+        faults.append(
+            Fault(where, f"overlaps phase {k - 1}: it starts at {start:g} s, before that one ends at {ended_s:g} s")
+        )
     if ended_s is not None and start > ended_s + GAP_S:
         faults.append(Fault(where, f"leaves a gap of {start - ended_s:.4g} s after phase {k - 1}"))
     return start, end
@@ -121,18 +122,18 @@ def _contacts(k: int, entry: Mapping[str, Any], faults: list[Fault]) -> list[dic
         faults.append(Fault(f"phases[{k}].effector_in_contact", "it is not a list of effectors"))
         return []
     names = [str(name)[:LONGEST_NAME] for name in named]
-    found = []
+    contacts = []
     for i, name in enumerate(names):
         if name in names[:i]:
             faults.append(Fault(contact_field(k, name), "the same effector is named twice"))
             continue
         try:
-            found.append(_contact(name, patches[name]["placement"]))
+            contacts.append(_contact(name, patches[name]["placement"]))
         except (KeyError, TypeError):
             faults.append(Fault(contact_field(k, name), "it is in contact, but has no patch with a placement"))
         except (ValueError, OverflowError) as error:
             faults.append(Fault(contact_field(k, name), str(error)))
-    return found
+    return contacts
 
 
 def _contact(name: str, placement: Mapping[str, Any]) -> dict[str, Any]:

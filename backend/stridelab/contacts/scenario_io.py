@@ -1,4 +1,4 @@
-"""Between the plain form of a scenario (``schemas.scenarios.Scenario``) and the ``ContactSequence``, both ways."""
+"""Conversion between scenarios in plain form (``schemas.scenarios.Scenario``) and ``ContactSequence``."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,7 +11,7 @@ from stridelab.errors import InvalidInput
 
 
 def sequence_of(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -> ContactSequence:
-    """The contact sequence of a scenario, every contact with its surface and friction.
+    """Return the contact sequence of a scenario, with the surface and friction of every contact.
 
     Raises ``InvalidInput`` (``scenario-invalid``) with all faults.
     """
@@ -25,7 +25,7 @@ def sequence_of(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorSha
 
 
 def scenario_of(sequence: ContactSequence, description: str = "") -> dict[str, Any]:
-    """The plain form of a contact sequence."""
+    """Return the plain form of a contact sequence."""
     height = sequence.start_com_height_m
     return {
         "name": sequence.name,

@@ -1,7 +1,7 @@
-"""The contact sequence of section 4.2: which effectors touch where, phase after phase.
+"""Contact sequences (section 4.2): the contacts of every phase of a motion.
 
-It is what a ``Scenario`` of the HTTP contract becomes once it has been checked, and the only input from the contact
-floor that the centroidal and the whole-body stage see.
+A ``Scenario`` of the HTTP API becomes a ``ContactSequence`` once it is validated; the centroidal and the whole-body
+stage read no other contact data.
 """
 
 from collections.abc import Mapping
@@ -41,9 +41,9 @@ class ContactPhase:
 
 @dataclass(frozen=True, eq=False)
 class ContactSequence:
-    """Phases one after the other on a terrain, for a robot. The first and the last phase are rest to rest.
+    """Consecutive phases on a terrain, for a robot. The motion starts and ends at rest.
 
-    ``start_com_height_m`` is that of the CoM above the mean of the soles at the start; None: the robot's usual one.
+    ``start_com_height_m`` is the initial height of the CoM above the mean of the soles; None: the robot's usual height.
     """
 
     name: str
@@ -70,32 +70,32 @@ class ContactSequence:
 
     @cached_property
     def effectors(self) -> tuple[str, ...]:
-        """All effectors that touch anything, in the order of their first contact."""
+        """All effectors with a contact, in the order of their first contact."""
         return tuple(dict.fromkeys(name for phase in self.phases for name in phase.contacts))
 
     @cached_property
     def headings_rad(self) -> Series:
-        """Where the trunk looks in every phase ``(n_phases,)``, unwrapped: the mean yaw of the soles.
+        """Heading of the trunk in every phase ``(n_phases,)``, unwrapped: the mean yaw of the soles.
 
-        Of a sole in the air counts the contact that it has left, before its first one that; 0 where there is no sole.
+        A swinging sole counts with its last contact, or with its first one before that; 0 if there is no sole.
         """
-        found: list[float] = []
+        yaws_rad: list[float] = []
         for phase in range(len(self.phases)):
             places = [self.last_contact(name, phase) or self.next_contact(name, phase) for name in self.effectors]
-            found.append(_mean_yaw([c for c in places if c is not None and c.kind == "surface"]))
-        return np.unwrap(found)
+            yaws_rad.append(_mean_yaw([c for c in places if c is not None and c.kind == "surface"]))
+        return np.unwrap(yaws_rad)
 
     def phase_at(self, time_s: float) -> int:
         """Index of the phase at ``time_s``; a boundary belongs to the phase that begins there."""
-        found = int(np.searchsorted(self.ends_s, time_s, side="right"))
-        return min(found, len(self.phases) - 1)
+        index = int(np.searchsorted(self.ends_s, time_s, side="right"))
+        return min(index, len(self.phases) - 1)
 
     def last_contact(self, effector: str, phase: int) -> Contact | None:
-        """The contact that ``effector`` has in ``phase``, or the last one that it had before."""
+        """The contact of ``effector`` in ``phase``, or its last one before."""
         return next((p.contacts[effector] for p in self.phases[phase::-1] if effector in p.contacts), None)
 
     def next_contact(self, effector: str, phase: int) -> Contact | None:
-        """The contact that ``effector`` has in ``phase``, or the first one that it will have after."""
+        """The contact of ``effector`` in ``phase``, or its first one after."""
         return next((p.contacts[effector] for p in self.phases[phase:] if effector in p.contacts), None)
 
 

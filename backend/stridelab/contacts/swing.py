@@ -1,4 +1,4 @@
-"""Swing curves: how an effector travels from one contact to the next (thesis 4.6.1).
+"""Swing curves: trajectories of an effector from one contact to the next (thesis 4.6.1).
 
 Quintic time scalings ``s(u) = u^3 (10 - 15 u + 6 u^2)`` on windows of the swing, so that velocity and acceleration
 vanish at both ends. With the lift-off and landing axes ``n_0, n_1``, the heights ``h_0, h_1`` and the windows below
@@ -6,19 +6,17 @@ vanish at both ends. With the lift-off and landing axes ``n_0, n_1``, the height
     p(t) = p_0 + n_0 h_0 s_up(t) + (a_1 - a_0) s_move(t) - n_1 h_1 s_down(t),   a_i = p_i + n_i h_i
     R(t) = R_0 exp(s_move(t) log(R_0^T R_1))
 
-A sole rises along the vertical until its centre is ``rise_m`` above the higher of its two places, which clears what
-lies between them (``swing_clearance``); a hand retreats ``HAND_RETREAT_M`` along the normals of its contacts.
+A sole rises vertically until its centre is ``rise_m`` above the higher of its two contacts, which clears the obstacles
+between them; a hand retreats ``HAND_RETREAT_M`` along the normals of its contacts.
 
-How high a sole has to rise to pass over what lies between its two places.
-
-The sole is carried along the straight line from one place to the other, turning as it goes. With the heights of its
-centre ``z_0, z_1``, the highest top ``h`` of a box below it and the lowest point of the turning sole ``d`` below its
-centre, its centre rises above ``max(z_0, z_1)`` by
+For the clearance, the sole moves along the straight line from one contact to the other while it turns. With the heights
+``z_0, z_1`` of its centre at both contacts, the highest top ``h`` of a box below its path and the depth ``d`` of the
+lowest point of the turning sole below its centre, the centre rises above ``max(z_0, z_1)`` by
 
     max(FOOT_CLEARANCE_M, h - max(z_0, z_1) + d + MARGIN_M)
 
-so that at the apex all of the sole clears everything below its way by ``MARGIN_M``. What stands more than
-``STEP_OVER_M`` above both places is not stepped over: that it is in the way is for the judge to say.
+so that at the apex the whole sole clears every box below its path by ``MARGIN_M``. Obstacles more than ``STEP_OVER_M``
+above both contacts are not stepped over; the validation of the scenario reports them.
 """
 
 from dataclasses import dataclass
@@ -37,16 +35,16 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.errors import InvalidInput
 
 FOOT_CLEARANCE_M: Final = 0.06
-"""What a level sole rises where nothing lies in between."""
+"""Rise of a level sole without obstacles."""
 MARGIN_M: Final = 0.03
-"""Between a sole and the highest thing below its way."""
+"""Clearance between a sole and the highest obstacle below its path."""
 STEP_OVER_M: Final = 0.25
-"""Highest obstacle that a foot is lifted over."""
+"""Height above both contacts up to which an obstacle is stepped over."""
 SHARES: Final = np.linspace(0.0, 1.0, 25)
 
 
 def rise_m(start: Placement, end: Placement, sole_m: Points, terrain: Terrain) -> float:
-    """How far the centre of a sole rises above the higher of its two places.
+    """Rise of the centre of a sole above the higher of its two contacts.
 
     ``sole_m`` ``(n, 3)`` are points of the sole in its contact frame.
     """
@@ -60,25 +58,25 @@ def rise_m(start: Placement, end: Placement, sole_m: Points, terrain: Terrain) -
     below = (low_m[:, :2] <= points[:, :2].max(axis=0)) & (high_m[:, :2] >= points[:, :2].min(axis=0))
     near = np.flatnonzero(below.all(axis=1) & (high_m[:, 2] > high) & (low_m[:, 2] <= high + STEP_OVER_M))
     top = max([high, *(_top_m(*vertical_span_m(terrain.boxes[i], points), high) for i in near)])
-    hangs = max(0.0, -float(offsets[..., 2].min()))
-    return max(FOOT_CLEARANCE_M, top - high + hangs + MARGIN_M)
+    depth = max(0.0, -float(offsets[..., 2].min()))
+    return max(FOOT_CLEARANCE_M, top - high + depth + MARGIN_M)
 
 
 def _top_m(low: np.ndarray, top: np.ndarray, high_m: float) -> float:
-    """The highest top that is no higher than what a foot is lifted over; boxes overhead do not count."""
-    counts = (top <= high_m + STEP_OVER_M) & (low <= high_m + STEP_OVER_M)
-    return float(top[counts].max()) if counts.any() else -np.inf
+    """The highest top of a box up to ``STEP_OVER_M`` above ``high_m``; boxes overhead do not count."""
+    below = (top <= high_m + STEP_OVER_M) & (low <= high_m + STEP_OVER_M)
+    return float(top[below].max()) if below.any() else -np.inf
 
 
 HAND_RETREAT_M: Final = 0.05
-"""How far a hand leaves its surface."""
+"""Distance by which a hand retreats from its surface."""
 LEVEL_M: Final = 0.02
-"""A foot that changes its height, or rises higher than usual, by less than this takes a level step."""
+"""Change of height, and of rise above ``FOOT_CLEARANCE_M``, below which a step counts as level."""
 
 Window = tuple[float, float]
 UP: Final[Window] = (0.0, 0.4)
 DOWN: Final[Window] = (0.6, 1.0)
-"""An eighth of the swing from either end, a sole that rises by ``FOOT_CLEARANCE_M`` is then 10.8 mm up."""
+"""A sole that rises by ``FOOT_CLEARANCE_M`` is then 10.8 mm up an eighth of the swing from either end."""
 
 
 class Profile(NamedTuple):
@@ -106,7 +104,7 @@ class SwingPoint:
 
 
 def quintic(time_s: float, window: Window, duration_s: float) -> tuple[float, float, float]:
-    """``s`` and its first two time derivatives; ``window`` is a share of ``duration_s``, ``s`` is 0 before, 1 after."""
+    """``s`` and its first two time derivatives; ``s`` is 0 before ``window`` (share of ``duration_s``), 1 after."""
     length_s = (window[1] - window[0]) * duration_s
     u = min(max((time_s / duration_s - window[0]) * duration_s / length_s, 0.0), 1.0)
     s = u**3 * (10.0 - 15.0 * u + 6.0 * u * u)
@@ -116,9 +114,9 @@ def quintic(time_s: float, window: Window, duration_s: float) -> tuple[float, fl
 
 @dataclass(frozen=True, eq=False)
 class SwingCurve:
-    """From ``start`` to ``end`` in ``duration_s``. ``starts_s`` is when it begins in its sequence.
+    """A swing from ``start`` to ``end`` in ``duration_s``; ``starts_s`` is its start time in the sequence.
 
-    ``rise_m`` is the apex of a sole's centre above the higher of its two places.
+    ``rise_m`` is the apex of a sole's centre above the higher of its two contacts.
     """
 
     start: Placement
@@ -130,7 +128,7 @@ class SwingCurve:
 
     @cached_property
     def profile(self) -> Profile:
-        """The windows that fit this swing."""
+        """The time windows of this swing."""
         if self.kind == "point":
             return HAND
         level = abs(self.end.position_m[2] - self.start.position_m[2]) < LEVEL_M
@@ -157,7 +155,7 @@ class SwingCurve:
         return np.asarray(ScipyRotation.from_matrix(self.start.rotation.T @ self.end.rotation).as_rotvec())
 
     def at(self, t_s: float) -> SwingPoint:
-        """State ``t_s`` seconds after the swing began; before and after it, at rest at its ends."""
+        """State ``t_s`` seconds after lift-off; before and after the swing, at rest at its ends."""
         up, down = self._lifts
         s_up = quintic(t_s, self.profile.up, self.duration_s)
         s_move = quintic(t_s, self.profile.move, self.duration_s)
@@ -173,7 +171,7 @@ class SwingCurve:
         )
 
     def path(self, shares: Series) -> tuple[Points, Rotations]:
-        """Positions and rotations at several shares of the swing, 0 to 1."""
+        """Positions ``(n, 3)`` and rotations ``(n, 3, 3)`` at ``shares`` of the swing, 0 to 1."""
         scalings = np.array([[quintic(u, window, 1.0)[0] for window in self.profile] for u in shares.tolist()])
         up, down = self._lifts
         positions = self.start.position_m + scalings @ np.vstack([up, self._travel, -down])
@@ -187,11 +185,10 @@ class SwingCurve:
 
 
 def swing_of(sequence: ContactSequence, effector: str, phase: int) -> SwingCurve:
-    """The swing of ``effector`` in a phase in which it is in the air, from its last contact to its next.
+    """The swing of ``effector`` during ``phase``, from its last contact to its next.
 
     A swing may last several phases: ``t_s`` of the curve counts from its lift-off, ``SwingCurve.starts_s``. Raises
-    ``InvalidInput`` (``no-swing``) where the effector touches something in that phase, or has no contact before or
-    after it.
+    ``InvalidInput`` (``no-swing``) if the effector is in contact in that phase, or has no contact before or after it.
     """
     start, end = sequence.last_contact(effector, phase), sequence.next_contact(effector, phase)
     if effector in sequence.phases[phase].contacts or start is None or end is None:

@@ -1,4 +1,4 @@
-"""Surfaces that can be touched: boxes, stood on by their upper faces, and rails."""
+"""Contact surfaces: boxes, which feet stand on, and rails."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,13 +36,13 @@ Surface = Box | Rail
 
 @dataclass(frozen=True, eq=False)
 class Terrain:
-    """All surfaces; there is no floor but the boxes."""
+    """All surfaces; the floor is a box as well."""
 
     surfaces: tuple[Surface, ...]
 
     @staticmethod
     def of(surfaces: Sequence[Surface]) -> "Terrain":
-        """From any sequence of surfaces."""
+        """Create a terrain from any sequence of surfaces."""
         return Terrain(tuple(surfaces))
 
     @property
@@ -52,7 +52,7 @@ class Terrain:
 
     @cached_property
     def box_bounds_m(self) -> tuple[Points, Points]:
-        """Least and greatest coordinates ``(n_boxes, 3)`` of every box, along the axes of the world."""
+        """Lower and upper corners ``(n_boxes, 3)`` of the axis-aligned bounding box of every box."""
         center = np.array([box.placement.position_m for box in self.boxes]).reshape(-1, 3)
         half = np.array([np.abs(box.placement.rotation) @ box.size_m / 2 for box in self.boxes]).reshape(-1, 3)
         return center - half, center + half

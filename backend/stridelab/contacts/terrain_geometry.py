@@ -1,8 +1,8 @@
-"""Geometry of what can be touched: faces of boxes (a sole stands on the upper one) and the top line of rails.
+"""Geometry of contact surfaces: faces of boxes (a sole stands on the upper one) and the top line of rails.
 
 A face is a rectangle with a frame (x and y along its edges, z outwards); a contact on it at local coordinates
 ``(x, y, z)`` is ``z`` above it and ``min(a - |x|, b - |y|)`` away from its edge. A rail with direction ``d`` has the
-normal ``n = (z - (z d) d) / |..|``, perpendicular to it in its vertical plane, and is touched along the line
+normal ``n = (z - (z d) d) / |..|``, perpendicular to it in its vertical plane; contacts lie on the line
 ``axis + radius n``.
 """
 
@@ -22,11 +22,10 @@ PARALLEL = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Place:
-    """Where points ``(n,)`` lie against one surface.
+    """Position of points ``(n,)`` relative to one surface.
 
-    ``height_m`` is the distance along the normal, negative inside. ``edge_m`` is the distance to the edge of what can
-    be touched, negative outside; ``aside_m`` how far a point lies beside it (past the edge of a face, off the top line
-    of a rail), 0 where it lies right above or below.
+    ``height_m`` is the distance along the normal, negative inside. ``edge_m`` is the distance to the edge of the
+    contact area, negative outside; ``aside_m`` is the lateral distance to that area, 0 right above or below it.
     """
 
     height_m: Series
@@ -35,13 +34,13 @@ class Place:
 
     @property
     def distance_m(self) -> Series:
-        """Distance to the nearest point that can be touched."""
+        """Distance to the contact area."""
         return np.asarray(np.hypot(self.height_m, self.aside_m))
 
 
 @dataclass(frozen=True, eq=False)
 class Touchable:
-    """The part of a surface that can be touched: a rectangle; for a rail one of no width.
+    """The contact area of a surface: a rectangle, of zero width for a rail.
 
     ``frame`` holds the directions of its edges and its normal as columns, ``half_m`` half its edges.
     """
@@ -53,11 +52,11 @@ class Touchable:
 
     @property
     def normal(self) -> Vector3:
-        """Unit vector away from the surface."""
+        """Outward unit normal."""
         return self.frame[:, 2]
 
     def place(self, points_m: Points) -> Place:
-        """Where ``points_m`` ``(n, 3)`` lie against it."""
+        """Position of ``points_m`` ``(n, 3)`` relative to this area."""
         local = (points_m - self.center_m) @ self.frame
         inside = self.half_m - np.abs(local[:, :2])
         edge = inside[:, 0] if isinstance(self.surface, Rail) else inside.min(axis=1)
@@ -65,15 +64,15 @@ class Touchable:
 
 
 def touchable(surface: Surface) -> Touchable:
-    """The face of a box that points most upwards; the top line of a rail.
+    """The most upward face of a box, or the top line of a rail.
 
-    The normal of a vertical rail is taken along x: nothing tells its upper side.
+    A vertical rail has no upper side; its normal is taken along x.
     """
     return face_towards(surface, UP) if isinstance(surface, Box) else _top_line(surface)
 
 
 def face_towards(box: Box, direction: Vector3) -> Touchable:
-    """The face of a box whose outward normal is nearest to ``direction``, in the world."""
+    """The face of a box whose outward normal is nearest to ``direction`` (world frame)."""
     R = box.placement.rotation
     along = direction @ R
     axis = int(np.argmax(np.abs(along)))
@@ -91,13 +90,13 @@ def is_vertical(rail: Rail) -> bool:
 
 
 def depth_in_box_m(box: Box, points_m: Points) -> Series:
-    """How deep points ``(n, 3)`` lie inside a box: distance to its nearest face, negative outside."""
+    """Depth of points ``(n, 3)`` inside a box: distance to its nearest face, negative outside."""
     local = (points_m - box.placement.position_m) @ box.placement.rotation
     return np.asarray((box.size_m / 2 - np.abs(local)).min(axis=1))
 
 
 def vertical_span_m(box: Box, points_m: Points) -> tuple[Series, Series]:
-    """Heights at which the vertical lines through points ``(n, 3)`` enter and leave a box; NaN where they miss it."""
+    """Heights where the vertical lines through points ``(n, 3)`` enter and leave a box; NaN if they miss it."""
     R, half = box.placement.rotation, box.size_m / 2
     local, d = (points_m - box.placement.position_m) @ R, UP @ R
     across = np.abs(d) > PARALLEL

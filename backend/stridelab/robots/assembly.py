@@ -89,9 +89,7 @@ def assemble(name: str, card: RobotCard, files: DataFiles) -> Robot:
 def invalid_description(name: str, faults: list[Fault]) -> InvalidInput:
     """The error for a description with physically impossible links or joints."""
     places = "; ".join(f"{fault.where}: {fault.message}" for fault in faults)
-    return InvalidInput(
-        "robot-description-invalid", f"The description of robot {name!r} is invalid. {places}", faults
-    )
+    return InvalidInput("robot-description-invalid", f"The description of robot {name!r} is invalid. {places}", faults)
 
 
 def set_limits(model: pin.Model, card: RobotCard) -> None:

@@ -242,7 +242,10 @@ def _bad_limits(card: RobotCard) -> Iterator[Fault]:
         if low >= high:
             yield Fault(f"limits.position_rad.{pattern}", f"the lower limit {low} is not below the upper one {high}")
         elif max(abs(low), abs(high)) > MOST_POSITION_RAD:
-            yield Fault(f"limits.position_rad.{pattern}", f"{low} to {high} rad exceeds two turns; the unit must be radians, not degrees")
+            yield Fault(
+                f"limits.position_rad.{pattern}",
+                f"{low} to {high} rad exceeds two turns; the unit must be radians, not degrees",
+            )
     positive = {
         "limits.velocity_rad_s": card.limits.velocity_rad_s,
         "limits.torque_nm": card.limits.torque_nm,

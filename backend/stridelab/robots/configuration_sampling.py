@@ -38,7 +38,8 @@ class UniformConfigurations(Iterator[Float[np.ndarray, "nq"]]):
             if not self._collision.found(q):
                 return q
         raise NotEstimable(
-            "no-free-configuration", f"{self._robot.title} collides with itself in {PATIENCE} random configurations in a row."
+            "no-free-configuration",
+            f"{self._robot.title} collides with itself in {PATIENCE} random configurations in a row.",
         )
 
 

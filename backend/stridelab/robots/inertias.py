@@ -117,7 +117,7 @@ def _faults(link: Link, size_m: float, tolerant: bool) -> Iterator[str]:
             )
         elif I[2] > (I[0] + I[1]) * (1.0 + ROUNDING) and not tolerant:
             yield (
-                f"its principal moments of inertia {I[0]:.3g}, {I[1]:.3g} and {I[2]:.3g} kg m2 are physically impossible: "
+                f"its principal moments of inertia {I[0]:.3g}, {I[1]:.3g} and {I[2]:.3g} kg m2 are not physical: "
                 "the largest exceeds the sum of the others"
             )
 

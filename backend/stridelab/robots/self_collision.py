@@ -68,7 +68,7 @@ class Apart:
     gap_m: float = 0.005
 
     def rows(self, model: pin.Model, data: pin.Data) -> tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m nv"]]:
-        """Errors ``(m,)`` and their Jacobian ``(m, nv)``; ``data`` must hold the joint Jacobians of the configuration."""
+        """Errors ``(m,)`` and their Jacobian ``(m, nv)``; ``data`` must contain the joint Jacobians."""
         geometry = self.robot.collision
         pin.updateGeometryPlacements(model, data, geometry, self.hulls)
         e, J = [], []

@@ -105,7 +105,7 @@ def link_names(robot: Robot) -> tuple[str, ...]:
 
 
 def link_meshes(robot: Robot) -> tuple[LinkMesh, ...]:
-    """One mesh per link of ``link_names``, decimated to a few millimetres; locked parts belong to the link they are fixed to.
+    """One mesh per link of ``link_names``, decimated to a few millimetres, including the locked links fixed to it.
 
     Raises ``Unavailable`` (``robot-data-unreadable``) if the description's meshes cannot be read.
     """

@@ -94,7 +94,7 @@ def test_boxes_may_say_their_turn_as_a_quaternion_of_any_length(length: float) -
 def test_a_box_that_leans_by_more_than_a_milliradian_cannot_be_stretched() -> None:
     leaning = bundled("six-stairs")
     leaning["terrain"][1]["orientation_wxyz"] = [1.0, 0.0006, 0.0, 0.0]  # half the angle
-    with pytest.raises(InvalidInput, match="leans"):
+    with pytest.raises(InvalidInput, match="is tilted"):
         varied(leaning, {"stride": 0.33})
 
 
@@ -111,10 +111,10 @@ def test_timing_is_a_factor_and_friction_that_of_every_surface() -> None:
 @pytest.mark.parametrize(
     ("name", "field", "value", "words"),
     [
-        ("stepping-stones", "stride", 0.5, "leans"),
+        ("stepping-stones", "stride", 0.5, "is tilted"),
         ("stairs-with-rail", "height", 0.1, "rail"),
-        ("long-stride", "height", 0.1, "no foot moves that way"),
-        ("stand-up", "stride", 0.1, "no foot moves that way"),
+        ("long-stride", "height", 0.1, "no foot moves in that direction"),
+        ("stand-up", "stride", 0.1, "no foot moves in that direction"),
         ("long-stride", "stride", -0.3, "not above zero"),
         ("long-stride", "timing", float("nan"), "not above zero"),
     ],

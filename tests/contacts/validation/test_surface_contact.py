@@ -65,13 +65,13 @@ def test_a_foot_on_nothing() -> None:
     )
     assert faults(report)[0] == (
         "phases[0].contacts[right_foot]",
-        "stands on nothing: 'ground', the nearest surface, is 0.5 m away",
+        "is not on a surface: 'ground', the nearest one, is 0.5 m away",
     )
 
 
 def test_no_terrain() -> None:
     report = judged(flat_walk(), lambda s: s["terrain"].clear())
-    assert faults(report)[0][1] == "touches nothing: the terrain has nothing to stand on"
+    assert faults(report)[0][1] == "has no surface: the terrain has nothing to stand on"
     assert all(margin.surface is None and margin.height_m is None for margin in report.margins)
 
 
@@ -121,7 +121,7 @@ def test_a_tilted_sole() -> None:
 
 def test_feet_in_the_same_place() -> None:
     report = judged(flat_walk(), lambda s: everywhere(s, "right_foot", (0.0, -0.09, 0.0), position_m=[0.05, 0.0, 0.0]))
-    assert faults(report) == [("phases[0].contacts[right_foot]", "stands on the same place as left_foot")]
+    assert faults(report) == [("phases[0].contacts[right_foot]", "overlaps left_foot")]
 
 
 FIRST_HOLD = (-0.08, -0.58, 0.65)

@@ -120,7 +120,7 @@ def test_too_many_surfaces() -> None:
 
 def test_a_phase_in_flight() -> None:
     report = judged(flat_walk(), lambda s: s["phases"][3]["contacts"].clear())
-    assert ("phases[3]", "nothing touches in this phase: flight is not supported") in faults(report)
+    assert ("phases[3]", "no contacts in this phase: flight is not supported") in faults(report)
 
 
 def test_a_phase_on_a_hand_alone() -> None:
@@ -158,7 +158,7 @@ def test_a_foot_from_nowhere() -> None:
     def change(s: Made) -> None:
         s["phases"][0]["contacts"] = [contact(s, 0, "left_foot")]
 
-    assert "stood nowhere" in dict(faults(judged(flat_walk(), change)))["phases[2].contacts[right_foot]"]
+    assert "without an earlier contact" in dict(faults(judged(flat_walk(), change)))["phases[2].contacts[right_foot]"]
 
 
 def test_a_hand_may_come_later() -> None:

@@ -1,9 +1,9 @@
-"""Where a sole can stand, as convex regions: the configuration space of its centre on every face.
+"""Convex foothold regions: the configuration space of the centre of a sole on every face.
 
 A face is shrunk by the sole, turned to the heading; boxes that rise above it are grown by the sole (Minkowski sum)
-and taken out. What is left of a convex piece ``P`` outside a convex obstacle ``{n_k x <= b_k}`` is the union of
-``P and {n_k x >= b_k}`` over its edges, so that the pieces stay convex and may overlap. At last every piece loses a
-margin, at most 0.9 of the radius of its largest circle. A rail is a segment.
+and subtracted. The part of a convex piece ``P`` outside a convex obstacle ``{n_k x <= b_k}`` is the union of
+``P and {n_k x >= b_k}`` over its edges, so that the pieces stay convex and may overlap. Finally every piece is shrunk
+by a margin, at most 0.9 times its inradius. The region of a rail is a segment.
 """
 
 from collections.abc import Iterator
@@ -21,17 +21,17 @@ from stridelab.contacts.terrain_geometry import Touchable, is_vertical, touchabl
 from stridelab.conventions import Points, Rotation, Vector3
 
 BLOCKING_M: Final = (0.010, 0.10)
-"""What reaches into this layer above a face keeps a sole off."""
+"""Heights above a face between which a box blocks a sole."""
 SLIVER_M2: Final = 1e-9
 PIECES_MAX: Final = 60
-"""Of one face; where obstacles leave more, the smallest are left out."""
+"""Maximum number of pieces of one face; the smallest ones are dropped."""
 
 Polygon = Float[np.ndarray, "_ 2"]
 
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """Places ``origin + axes u`` with ``A u <= b``, all with the contact frame ``rotation``; ``corners_m`` its hull."""
+    """Positions ``origin + axes u`` with ``A u <= b``, contact frame ``rotation``; ``corners_m`` are the vertices."""
 
     surface: str
     origin_m: Vector3
@@ -46,17 +46,17 @@ def regions(terrain: Terrain, friction: float, shape: EffectorLimits, yaw_rad: f
     """Regions of a sole on boxes that are not too steep for their friction, or of a hand on rails."""
     if shape.kind == "point":
         return [_of_rail(rail, yaw_rad, gap_m) for rail in terrain.rails if not is_vertical(rail)]
-    found: list[Region] = []
+    result: list[Region] = []
     for box in terrain.boxes:
         face = touchable(box)
         mu = friction if box.friction is None else box.friction
         if face.normal[2] >= np.cos(np.arctan(mu)) - 1e-9:
-            found += _of_face(face, terrain, shape, yaw_rad, gap_m)
-    return found
+            result += _of_face(face, terrain, shape, yaw_rad, gap_m)
+    return result
 
 
 def contact_frame(normal: Vector3, ahead: Vector3) -> Rotation:
-    """Axes with z along the normal, x along ``ahead`` as far as the surface allows."""
+    """Contact frame with z along the normal and x along the projection of ``ahead`` onto the surface."""
     x = ahead - (ahead @ normal) * normal
     x = x / np.linalg.norm(x)
     return np.column_stack([x, np.cross(normal, x), normal])
@@ -79,19 +79,19 @@ def _of_face(face: Touchable, terrain: Terrain, shape: EffectorLimits, yaw_rad: 
     R = contact_frame(face.normal, _ahead(yaw_rad))
     signs = np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * shape.half_size_m
     sole = signs @ R[:, :2].T @ face.frame[:, :2]
-    room = face.half_m - np.abs(sole).max(axis=0)
-    if room.min() < 0.0:
+    half_extent = face.half_m - np.abs(sole).max(axis=0)
+    if half_extent.min() < 0.0:
         return []
-    pieces: list[Polygon] = [np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * room]
+    pieces: list[Polygon] = [np.array([(1, 1), (-1, 1), (-1, -1), (1, -1)]) * half_extent]
     for box in terrain.boxes:
         if box is not face.surface and (blocked := _above(face, box, sole)) is not None:
             pieces = _without(pieces, blocked)
-    found = (_region(face, piece, R, gap_m) for piece in pieces)
-    return [region for region in found if region is not None]
+    candidates = (_region(face, piece, R, gap_m) for piece in pieces)
+    return [region for region in candidates if region is not None]
 
 
 def _above(face: Touchable, box: Box, sole: Polygon) -> Float[np.ndarray, "m 3"] | None:
-    """Half-planes ``n x <= b`` (rows ``n, b``) in which the sole's centre must not lie; None where nothing is above."""
+    """Half-planes ``n x <= b`` (rows ``n, b``) whose intersection is blocked for the sole's centre; None if free."""
     low, high = BLOCKING_M
     signs = np.array(np.meshgrid(*[(-0.5, 0.5)] * 3)).reshape(3, -1).T
     corners = (box.placement.act(signs * box.size_m) - face.center_m) @ face.frame
@@ -112,24 +112,24 @@ def _above(face: Touchable, box: Box, sole: Polygon) -> Float[np.ndarray, "m 3"]
 
 
 def _without(pieces: list[Polygon], blocked: Float[np.ndarray, "m 3"]) -> list[Polygon]:
-    left: list[Polygon] = []
+    remainder: list[Polygon] = []
     for piece in pieces:
         inside = piece
         for x, y, b in blocked:
             inside = _clipped(inside, np.array([x, y]), b)
         if _area(inside) < SLIVER_M2:
-            left.append(piece)
+            remainder.append(piece)
         else:
-            left += [_clipped(piece, np.array([-x, -y]), -b) for x, y, b in blocked]
-    kept: list[Polygon] = []
-    for piece in sorted(left, key=_area, reverse=True):
-        if len(piece) and not any(_contains(other, piece) for other in kept):
-            kept.append(piece)
-    return kept[:PIECES_MAX]
+            remainder += [_clipped(piece, np.array([-x, -y]), -b) for x, y, b in blocked]
+    distinct: list[Polygon] = []
+    for piece in sorted(remainder, key=_area, reverse=True):
+        if len(piece) and not any(_contains(other, piece) for other in distinct):
+            distinct.append(piece)
+    return distinct[:PIECES_MAX]
 
 
 def _clipped(polygon: Polygon, n: Float[np.ndarray, "2"], b: float) -> Polygon:
-    """The part with ``n x <= b`` (Sutherland & Hodgman)."""
+    """The part of a polygon with ``n x <= b`` (Sutherland & Hodgman)."""
     return np.array(list(_kept(polygon, n, b))).reshape(-1, 2)
 
 
@@ -168,7 +168,7 @@ def _region(face: Touchable, polygon: Polygon, R: Rotation, gap_m: float) -> Reg
 
 
 def _half_planes(polygon: Polygon) -> tuple[Float[np.ndarray, "m 2"], Float[np.ndarray, "m"]]:
-    """Of a convex polygon; of one without width, those of the rectangle about it."""
+    """Half-planes of a convex polygon; of its bounding rectangle if it has no width."""
     try:
         equations = ConvexHull(polygon).equations
     except QhullError:

@@ -1,18 +1,18 @@
-"""A mixed-integer linear program, written row by row, for scipy's HiGHS.
+"""The mixed-integer linear program of a step schedule, solved by scipy's HiGHS.
 
-The mixed-integer program of a schedule: which region every placement takes, and where in it.
+It selects the region of every placement and its position in that region.
 
 Placement ``i`` with regions ``r`` (binaries ``H_ir``, places ``u_ir`` in the region's own coordinates) is
 
     p_i = sum_r o_r H_ir + E_r u_ir,   A_r u_ir <= b_r H_ir,   sum_r H_ir = 1   (+ F_i where a hand may hang free)
 
-so that the relaxation is the hull of the regions. Every stance has a CoM ``c`` of its own, inside the limits of all
-its contacts: ``l <= W^T (c - p_i) <= u`` in the heading frame ``W`` and 26 half-spaces inside the sphere. The judge's
-limits in the frame of the contact follow from these on level ground, and hold with big M where the contact is tilted
-or a rail. Consecutive feet keep the box and the ball of a step. The objective is the sum of deviations (L1, in
-metres, level) from even steps on the straight way, plus ``FREE_COST`` for every placement of a hand that is left out.
-Deviations are counted region by region, ``d_ir >= |n (o_r - t_i) H_ir + n E_r u_ir|``: a mixture of two regions costs
-what it costs in both, so that nothing is gained by a place in the gap between them.
+so that the relaxation is the hull of the regions. Every stance has its own CoM ``c`` inside the limits of all its
+contacts: ``l <= W^T (c - p_i) <= u`` in the heading frame ``W`` and 26 half-spaces inside the sphere. On level ground
+these imply the limits of the validation, which hold in the contact frame; for tilted contacts and rails those are added
+with big M. Consecutive feet satisfy the box and the ball of a step. The objective is the sum of horizontal deviations
+(L1, metres) from even steps on the straight line, plus ``FREE_COST`` for every hand placement that is left out.
+Deviations are counted per region, ``d_ir >= |n (o_r - t_i) H_ir + n E_r u_ir|``: in the relaxation, a mixture of two
+regions costs as much as both, so that positions in the gap between them are not cheaper.
 """
 
 from collections.abc import Iterable
@@ -32,14 +32,14 @@ from stridelab.dynamics.spatial import Placement
 
 Columns = tuple[int, ...]
 Terms = list[tuple[int, float]]
-"""Variables with their coefficients; those of one variable add up."""
+"""Pairs of column and coefficient; coefficients of the same column add up."""
 INFEASIBLE: Final = 2
 """Status of ``scipy.optimize.milp`` for a program that is proven to have no solution."""
 
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """``x`` None: no solution is known; ``proven`` that there is none, otherwise time ran out."""
+    """Solver result. ``x`` is None without a solution: infeasible if ``proven``, otherwise a timeout."""
 
     x: Series | None
     objective: float
@@ -47,7 +47,7 @@ class Answer:
 
 
 class LinearProgram:
-    """``min c x`` with ``low <= A x <= high``, bounds and whole numbers."""
+    """``min c x`` subject to ``low <= A x <= high``, bounds and integrality, built row by row."""
 
     def __init__(self) -> None:
         self._low: list[float] = []
@@ -61,7 +61,7 @@ class LinearProgram:
     def add(
         self, n: int, low: float = -np.inf, high: float = np.inf, cost: float = 0.0, *, whole: bool = False
     ) -> Columns:
-        """``n`` new variables; returns their columns."""
+        """Add ``n`` variables; return their columns."""
         first = len(self._low)
         self._low += [low] * n
         self._high += [high] * n
@@ -70,37 +70,37 @@ class LinearProgram:
         return tuple(range(first, first + n))
 
     def row(self, terms: Terms, low: float = -np.inf, high: float = np.inf) -> None:
-        """``low <= sum of coefficient times variable <= high``."""
+        """Add the constraint ``low <= sum of coefficient times variable <= high``."""
         row = len(self._row_low)
         self._entries += [(row, column, float(value)) for column, value in terms if value != 0.0]
         self._row_low.append(low)
         self._row_high.append(high)
 
     def solve(self, seconds: float) -> Answer:
-        """The optimum to HiGHS' gap of 1e-4, or the best that was found in time."""
+        """Solve to HiGHS' gap of 1e-4, or return the best solution within the time limit."""
         shape = (len(self._row_low), len(self._low))
         rows, columns, values = zip(*self._entries, strict=True)
         A = csr_array((values, (rows, columns)), shape=shape)
-        found = milp(
+        solution = milp(
             np.array(self._cost),
             integrality=np.array(self._whole),
             bounds=Bounds(np.array(self._low), np.array(self._high)),
             constraints=LinearConstraint(A, np.array(self._row_low), np.array(self._row_high)),
             options={"time_limit": seconds},
         )
-        if found.x is None:
-            return Answer(None, np.inf, found.status == INFEASIBLE)
-        return Answer(np.asarray(found.x), float(found.fun), proven=True)
+        if solution.x is None:
+            return Answer(None, np.inf, solution.status == INFEASIBLE)
+        return Answer(np.asarray(solution.x), float(solution.fun), proven=True)
 
 
 FREE_COST: Final = 2.0
-"""Metres of deviation that a hand's placement is worth."""
+"""Cost (m) of leaving out the placement of a hand."""
 SAME: Final = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Placed:
-    """A solved schedule: the placement of every node (None: free), its surface where it was chosen, the objective."""
+    """A solved schedule: placement (None: free) and region (None: not a variable) of every node, the objective."""
 
     placements: tuple[Placement | None, ...]
     regions: tuple[Region | None, ...]
@@ -109,7 +109,7 @@ class Placed:
 
 @dataclass(frozen=True, eq=False)
 class _Spot:
-    """Columns of a node: its place ``p``, one binary per region, and whether it is free."""
+    """Columns of a node: position ``p``, one binary per region, and the binary of a free effector."""
 
     p: Columns
     H: Columns
@@ -117,7 +117,7 @@ class _Spot:
 
 
 class StepProgram:
-    """The program of one schedule; with ``slack`` every move may break its limits, and only that counts."""
+    """The program of one schedule; with ``slack``, moves may violate their limits and only violations are minimised."""
 
     def __init__(self, plan: Schedule, limits: RobotLimits, ends: Ends, *, slack: bool = False) -> None:
         self.plan, self.limits, self.ends = plan, limits, ends
@@ -134,16 +134,16 @@ class StepProgram:
             self._step(plan.feet[k - 1], plan.feet[k], is_last=k == len(plan.feet) - 1)
 
     def solve(self, seconds: float) -> Answer:
-        """Solve it."""
+        """Solve the program within ``seconds``."""
         return self.program.solve(seconds)
 
     def placed(self, answer: Answer) -> Placed:
-        """The placements of a solution."""
+        """Extract the placements from a solution."""
         x = answer.x
         if x is None:
-            raise ValueError("there is no solution to read")
-        found = [self._read(node, spot, x) for node, spot in zip(self.plan.nodes, self.spots, strict=True)]
-        return Placed(tuple(at for at, _ in found), tuple(region for _, region in found), answer.objective)
+            raise ValueError("the program has no solution")
+        read = [self._read(node, spot, x) for node, spot in zip(self.plan.nodes, self.spots, strict=True)]
+        return Placed(tuple(at for at, _ in read), tuple(region for _, region in read), answer.objective)
 
     def _read(self, node: Node, spot: _Spot, x: Series) -> tuple[Placement | None, Region | None]:
         if node.fixed is not None or node.absent:
@@ -192,12 +192,12 @@ class StepProgram:
             away = [] if spot.F is None else [(spot.F, -self.big_m)]
             self._within(c, spot.p, W, limits.heading, away, 0.0, move)
             for R, members in self._tilted(node, W):
-                # M (1 - sum H): only the regions with this frame count
+                # M (1 - sum H): active only for the regions with this frame
                 relaxed = [(spot.H[k], self.big_m) for k in members]
                 self._within(c, spot.p, R, limits.contact, relaxed, self.big_m if relaxed else 0.0, move)
 
     def _tilted(self, node: Node, W: Rotation) -> Iterable[tuple[Rotation, list[int]]]:
-        """Frames other than the heading's that a contact can have, with the regions that give it."""
+        """Contact frames that differ from the heading frame, each with the regions that have it."""
         if node.fixed is not None:
             return [] if np.abs(node.fixed.rotation - W).max() < SAME else [(node.fixed.rotation, [])]
         groups: list[tuple[Rotation, list[int]]] = []
@@ -214,7 +214,7 @@ class StepProgram:
     def _within(
         self, c: Columns, p: Columns, R: Rotation, reach: EffectorReach, relaxed: Terms, room: float, move: int
     ) -> None:
-        """``c`` in the box and the sphere of a contact at ``p`` with axes ``R``, up to ``room`` and ``relaxed``."""
+        """Constrain ``c`` to the box and the sphere of a contact at ``p`` with axes ``R``, relaxed by big-M terms."""
         low, high = np.array(reach.com_low_m), np.array(reach.com_high_m)
         normals, radius = ball_rows(reach.com_distance_max_m, low, high)
         rows = [*zip(R.T, high, strict=True), *zip(-R.T, -low, strict=True)]
@@ -224,7 +224,7 @@ class StepProgram:
             self.program.row(terms, high=offset + room)
 
     def _step(self, still: int, moving: int, *, is_last: bool) -> None:
-        """The box and the ball of a step."""
+        """Constrain a step to its box and its ball."""
         nodes = self.plan.nodes
         fixed = nodes[still].fixed is not None and nodes[moving].fixed is not None
         if fixed and is_last:
@@ -240,7 +240,7 @@ class StepProgram:
             self.program.row([t for p, sign in apart for t in zip(p, sign * n, strict=True)] + move, high=offset)
 
     def _deviation(self, node: Node, region: Region, h: int, u: Columns) -> None:
-        """How far a place in ``region`` is from where even steps would put it; hands count along the way only."""
+        """Add the deviation of a position in ``region`` from even steps; hands count along the path only."""
         W = heading_frame(node.yaw_rad)
         apart = region.origin_m - self.target_m(node)
         for n in W.T[: 2 if node.effector in self.limits.feet else 1]:
@@ -250,7 +250,7 @@ class StepProgram:
             self.program.row([*at, (d, 1.0)], low=0.0)
 
     def target_m(self, node: Node) -> Vector3:
-        """Where even steps put an effector: feet in a line beside the way, hands before them as at the start."""
+        """Target of an effector for even steps: feet beside the straight line, hands ahead of them as at the start."""
         feet, ends = self.limits.feet, self.ends
         start, goal = (np.mean([end[foot].position_m for foot in feet], axis=0) for end in (ends.start, ends.goal))
         steps = len(self.plan.feet) - 1
@@ -259,8 +259,8 @@ class StepProgram:
         if node.effector in feet:
             side = 1.0 if node.effector == feet[0] else -1.0
             return np.asarray(middle + side * self.limits.defaults.width_m / 2 * W[:, 1])
-        known, origin = (ends.start, start) if node.effector in ends.start else (ends.goal, goal)
-        return np.asarray(middle + known[node.effector].position_m - origin)
+        reference_stance, origin = (ends.start, start) if node.effector in ends.start else (ends.goal, goal)
+        return np.asarray(middle + reference_stance[node.effector].position_m - origin)
 
     def _slack(self, move: int) -> Terms:
         return [] if self.slack is None else [(self.slack[move], -1.0)]

@@ -1,9 +1,9 @@
-"""The contact planner: from a stance to a goal stance over a terrain, as a scenario that the judge lets pass.
+"""The contact planner: plans a valid scenario from a start stance to a goal stance over a terrain.
 
-The number of steps is the least that the way at the robot's own step length takes, and then one by one more until the
-program of that many steps has a solution (``step_program``). Where it has none for any, the answer says which gap is
-too wide, or which step misses its limits by how much, and that is all that it claims: regions are a little smaller
-than what the judge allows (``standing_room``), and at most ``extra_steps`` steps more than the way needs are tried.
+The number of steps starts at the minimum for the robot's own step length and increases by one until the program of that
+many steps (``milp.StepProgram``) has a solution. If none has, the error names the gap that is too wide, or the step
+that misses its limits and by how much. This does not prove infeasibility: regions are slightly smaller than the
+validation allows (``foothold_regions``), and at most ``extra_steps`` steps above the minimum are tried.
 """
 
 import math
@@ -32,14 +32,14 @@ from stridelab.errors import Fault, NotEstimable
 STEPS_MAX: Final = 60
 """Longest plan, in steps."""
 TURN_MAX_RAD: Final = math.radians(12.0)
-"""Largest turn of a step."""
+"""Largest heading change of a step."""
 LEVEL_MOVE_SHARE: Final = 0.7
-"""A level step takes this share of the time of one to another height."""
+"""Duration of a level step relative to a step to another height."""
 
 
 @dataclass(frozen=True, eq=False)
 class ContactPlan:
-    """The scenario, how many steps it takes, the programs that were solved for it, and the objective (m)."""
+    """A planned scenario with its number of steps, the number of programs solved and the objective (m)."""
 
     scenario: dict[str, Any]
     steps: int
@@ -50,7 +50,7 @@ class ContactPlan:
 
 @dataclass(frozen=True)
 class ContactPlanner:
-    """Plans for one robot: its effectors for the judge, and its limits; gives up after ``seconds``."""
+    """Contact planner of one robot, given its effectors and its limits; times out after ``seconds``."""
 
     effectors: Mapping[str, EffectorShape]
     limits: RobotLimits
@@ -60,16 +60,17 @@ class ContactPlanner:
     def plan(self, task: Mapping[str, Any], told: Progress = lambda _share, _message: None) -> ContactPlan:
         """Plan ``{robot, terrain, start, goal, friction?, name?}``, fields as in a scenario and its phases.
 
-        Raises ``InvalidInput`` (``stance-invalid``) where start or goal cannot be, naming the contact, and
-        ``NotEstimable``: ``contacts-unreachable`` (no sequence of steps leads there: the gap, or the step, and how
-        much it misses), ``contacts-too-far`` (more than 60 steps), ``contact-plan-timeout``.
+        ``told`` is called with the progress.
+
+        Raises ``InvalidInput`` (``stance-invalid``) for an invalid start or goal, naming the contact, and ``NotEstimable``: ``contacts-unreachable`` (no sequence of steps; names the gap or the
+        step and by how much it misses), ``contacts-too-far`` (more than 60 steps), ``contact-plan-timeout``.
         """
         began = time.process_time()
-        known = task_ends(task, self.effectors)
-        ends, rooms, least = self._prepared(known)
-        draft = known.draft
+        task_stances = task_ends(task, self.effectors)
+        ends, rooms, least = self._prepared(task_stances)
+        draft = task_stances.draft
         if least > STEPS_MAX:
-            message = f"The goal is at least {least} steps away; at most {STEPS_MAX} are planned at once."
+            message = f"The goal is at least {least} steps away; a plan has at most {STEPS_MAX} steps."
             raise NotEstimable("contacts-too-far", message, [Fault("goal", f"{least} steps away")])
         self._refuse_gap(ends, draft, rooms)
         until, steps = time.monotonic() + self.seconds, min(STEPS_MAX, max(2, least) + self.extra_steps)
@@ -90,7 +91,7 @@ class ContactPlanner:
         raise self._unreachable(ends, rooms, steps, until)
 
     def prepared(self, task: Mapping[str, Any]) -> tuple[Ends, Rooms, int]:
-        """The ends, where there is room to stand, and the fewest steps; raises ``InvalidInput`` as ``plan``."""
+        """Return the ends, the foothold regions and the minimum number of steps. Raises ``InvalidInput`` as ``plan``."""
         return self._prepared(task_ends(task, self.effectors))
 
     def _prepared(self, known: TaskEnds) -> tuple[Ends, Rooms, int]:
@@ -98,7 +99,7 @@ class ContactPlanner:
         return ends, self._rooms(known.draft), _least_steps(ends, self.limits)
 
     def _schedules(self, ends: Ends, rooms: Rooms, least: int) -> Iterator[Schedule]:
-        """Those that may have a solution, the fewest steps first."""
+        """Yield the schedules that may have a solution, fewest steps first."""
         right = self.limits.defaults.first_foot
         order = (right, *(foot for foot in self.limits.feet if foot != right))
         last = STEPS_MAX
@@ -107,37 +108,37 @@ class ContactPlanner:
                 return
             for first in order:
                 plan = schedule(ends, self.limits, rooms, steps, first)
-                found = None if plan is None else pruned(plan, self.limits)
-                if found is not None:
+                candidate = None if plan is None else pruned(plan, self.limits)
+                if candidate is not None:
                     last = min(last, steps + self.extra_steps)
-                    yield found
+                    yield candidate
 
     def _rooms(self, draft: Draft) -> Rooms:
-        """Regions of an effector at a heading; headings within a microradian share theirs."""
-        known: dict[tuple[str, int], tuple[Region, ...]] = {}
+        """Cached lookup of the regions of an effector at a heading, rounded to a microradian."""
+        cache: dict[tuple[str, int], tuple[Region, ...]] = {}
         gap_m = self.limits.defaults.toe_gap_m
 
         def at(effector: str, yaw_rad: float) -> tuple[Region, ...]:
             key = (effector, round(yaw_rad * 1e6))
-            if key not in known:
+            if key not in cache:
                 shape = self.limits.effectors[effector]
-                known[key] = tuple(regions(draft.terrain, draft.friction, shape, yaw_rad, gap_m))
-            return known[key]
+                cache[key] = tuple(regions(draft.terrain, draft.friction, shape, yaw_rad, gap_m))
+            return cache[key]
 
         return at
 
     def _judged(self, task: Mapping[str, Any], draft: Draft, plan: Schedule, placed: Placed) -> dict[str, Any]:
-        """The scenario; what the judge refuses is not returned."""
+        """Return the scenario. Raises ``NotEstimable`` (``contact-plan-refused``) if it fails validation."""
         scenario = {**surroundings(task), "friction": draft.friction, "phases": _phases(plan, placed, self.limits)}
         report = check(scenario, self.effectors)
         if not report.valid:
             first = report.faults[0]
-            message = f"A sequence was found, but the robot cannot do it: {first.where}: {first.message}."
+            message = f"The planned contact sequence fails validation: {first.where}: {first.message}."
             raise NotEstimable("contact-plan-refused", message, report.faults)
         return scenario
 
     def _refuse_gap(self, ends: Ends, draft: Draft, rooms: Rooms) -> None:
-        """Raise ``contacts-unreachable`` where no number of steps leads over a gap."""
+        """Raise ``contacts-unreachable`` if no number of steps crosses a gap."""
         start, goal = touch_all(draft, self.effectors)
         names = {foot: (start[foot].surface or "", goal[foot].surface or "") for foot in self.limits.feet}
         gap = first_gap(ends, self.limits, rooms, names)
@@ -148,18 +149,18 @@ class ContactPlanner:
             raise NotEstimable("contacts-unreachable", message, [Fault(f"terrain[{gap.to_surface}]", text)])
 
     def _unreachable(self, ends: Ends, rooms: Rooms, steps: int, until: float) -> NotEstimable:
-        """Which of so many steps misses its limits, and by how much, where all together miss them least."""
-        seen = schedule(ends, self.limits, rooms, steps, self.limits.defaults.first_foot)
-        if seen is None:
+        """The error that names the worst step of the plan with the least total violation of its limits."""
+        relaxed_schedule = schedule(ends, self.limits, rooms, steps, self.limits.defaults.first_foot)
+        if relaxed_schedule is None:
             message = f"There is no way to the goal in {steps} steps."
             return NotEstimable("contacts-unreachable", message, [Fault("goal", "out of reach")])
-        program = StepProgram(seen, self.limits, ends, slack=True)
+        program = StepProgram(relaxed_schedule, self.limits, ends, slack=True)
         answer = program.solve(max(1.0, until - time.monotonic()))
         if answer.x is None or program.slack is None:
             return _timeout(self.seconds)
         worst = int(np.argmax(answer.x[list(program.slack)]))
-        node, placed = seen.nodes[seen.moves[worst]], program.placed(answer)
-        region = placed.regions[seen.moves[worst]]
+        node, placed = relaxed_schedule.nodes[relaxed_schedule.moves[worst]], program.placed(answer)
+        region = placed.regions[relaxed_schedule.moves[worst]]
         where = "the goal" if region is None else repr(region.surface)
         lacks = f"{node.effector} misses its limits by {answer.x[program.slack[worst]]:.2f} m"
         message = f"There is no way to the goal: at best, in step {node.step} to {where}, {lacks}."
@@ -167,11 +168,11 @@ class ContactPlanner:
 
 
 def _least_steps(ends: Ends, limits: RobotLimits) -> int:
-    """Steps of the robot's own length, and turns of at most ``TURN_MAX_RAD``; 0 where nothing has to move."""
+    """Minimum number of steps of the robot's step length with turns up to ``TURN_MAX_RAD``; 0 if already there."""
     ways = [ends.goal[foot].position_m - ends.start[foot].position_m for foot in limits.feet]
-    moved = [float(np.linalg.norm(way)) for way in ways]
-    turned = [np.abs(ends.goal[foot].rotation - ends.start[foot].rotation).max() for foot in limits.feet]
-    count = sum(bool(m > SAME_M or t > SAME_M) for m, t in zip(moved, turned, strict=True))
+    distances = [float(np.linalg.norm(way)) for way in ways]
+    turns = [np.abs(ends.goal[foot].rotation - ends.start[foot].rotation).max() for foot in limits.feet]
+    count = sum(bool(m > SAME_M or t > SAME_M) for m, t in zip(distances, turns, strict=True))
     if not count:
         return 0
     local = heading_frame(ends.yaw_rad).T @ np.mean(ways, axis=0)
@@ -181,7 +182,7 @@ def _least_steps(ends: Ends, limits: RobotLimits) -> int:
 
 
 def _phases(plan: Schedule, placed: Placed, limits: RobotLimits) -> list[dict[str, Any]]:
-    """Phases of the moves that change something; an effector leaves one phase before it lands."""
+    """Phases of all moves that change a contact; every swing is a phase of its own."""
     times = limits.defaults
     standing = {name: at for name, i in plan.stances[0].items() if (at := placed.placements[i]) is not None}
     phases = [_phase(times.ends_s, standing)]
@@ -229,4 +230,4 @@ def _in_words(missing_m: tuple[float, float, float]) -> str:
 
 
 def _timeout(seconds: float) -> NotEstimable:
-    return NotEstimable("contact-plan-timeout", f"No sequence of contacts was found within {seconds:g} s.")
+    return NotEstimable("contact-plan-timeout", f"The planner found no sequence of contacts within {seconds:g} s.")

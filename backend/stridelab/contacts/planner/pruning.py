@@ -1,8 +1,8 @@
-"""What cannot be reached is left out before anything is solved.
+"""Removes unreachable regions from a schedule before the mixed-integer program is solved.
 
-Along the chain of foot moves the places of foot ``k`` lie in the places of foot ``k - 1`` plus the box of the steps.
-Boxes are propagated from the start forwards and from the goal backwards, region by region, in the frame of the start's
-heading: an outer bound, so that no plan is lost. A region is left out where both boxes do not meet.
+Along the chain of foot moves the positions of foot ``k`` lie in the positions of foot ``k - 1`` plus the box of the
+steps. Boxes are propagated from the start forwards and from the goal backwards, region by region, in the heading frame
+of the start. They are outer bounds, so no plan is lost. A region whose two boxes do not intersect is removed.
 """
 
 from collections import deque
@@ -21,40 +21,40 @@ from stridelab.conventions import Vector3
 TOLERANCE_M: Final = 1e-6
 
 Boxes = Float[np.ndarray, "_ 2 3"]
-"""Lowest and highest corner per region; empty ones have low over high."""
+"""Lower and upper corner per region; an empty box has its lower corner above the upper one."""
 
 
 def pruned(plan: Schedule, limits: RobotLimits) -> Schedule | None:
-    """The schedule with the regions that lie on a way from start to goal; None where a foot has none."""
+    """The schedule with only the regions on a path from start to goal; None if a foot has none."""
     frame = heading_frame(plan.nodes[0].yaw_rad)
     nodes = [plan.nodes[i] for i in plan.feet]
     full = [_boxes(node, frame) for node in nodes]
     steps = [_offsets(node, limits, frame) for node in nodes]
-    ahead = [full[0]]
+    forward = [full[0]]
     for k in range(1, len(nodes)):
-        ahead.append(_met(full[k], ahead[-1], *steps[k], given=_given(nodes, k)))
-    back = [full[-1]]
+        forward.append(_met(full[k], forward[-1], *steps[k], given=_given(nodes, k)))
+    backward = [full[-1]]
     for k in range(len(nodes) - 1, 0, -1):
         low, high = steps[k]
-        back.insert(0, _met(full[k - 1], back[0], -high, -low, given=_given(nodes, k)))
+        backward.insert(0, _met(full[k - 1], backward[0], -high, -low, given=_given(nodes, k)))
     changed = list(plan.nodes)
     for k, node in enumerate(nodes):
-        low = np.maximum(ahead[k][:, 0], back[k][:, 0])
-        high = np.minimum(ahead[k][:, 1], back[k][:, 1])
+        low = np.maximum(forward[k][:, 0], backward[k][:, 0])
+        high = np.minimum(forward[k][:, 1], backward[k][:, 1])
         open_ = (low <= high + TOLERANCE_M).all(axis=1)
         if not open_.any():
             return None
         if node.fixed is None:
-            kept = tuple(region for region, on in zip(node.choices, open_, strict=True) if on)
-            changed[plan.feet[k]] = replace(node, choices=kept)
+            reachable = tuple(region for region, on in zip(node.choices, open_, strict=True) if on)
+            changed[plan.feet[k]] = replace(node, choices=reachable)
     return plan.with_nodes(tuple(changed))
 
 
 @dataclass(frozen=True)
 class Gap:
-    """Between the last surface that was reached, after ``step`` foot moves, and the nearest that was not.
+    """The gap between a surface reached after ``step`` foot moves and the nearest unreached one.
 
-    ``missing_m`` is how far the foot's place lies outside the step (ahead, aside, up), in the start's heading frame.
+    ``missing_m`` is the signed distance (forward, left, up) that a step lacks, in the heading frame of the start.
     """
 
     step: int
@@ -65,7 +65,7 @@ class Gap:
 
 
 def first_gap(ends: Ends, limits: RobotLimits, rooms: Rooms, names: Mapping[str, tuple[str, str]]) -> Gap | None:
-    """The gap that no number of steps crosses; None where there is none.
+    """The narrowest gap that no number of steps crosses; None if the goal is reachable.
 
     ``names`` are the surfaces of start and goal by foot.
     """
@@ -74,8 +74,8 @@ def first_gap(ends: Ends, limits: RobotLimits, rooms: Rooms, names: Mapping[str,
     places: list[tuple[str, str, Boxes]] = []
     for foot in limits.feet:
         node = Node(foot, 0, yaw, None, rooms(foot, yaw))
-        found = zip(node.choices, _boxes(node, frame), strict=True)
-        places += [(foot, region.surface, box[np.newaxis]) for region, box in found]
+        boxes = zip(node.choices, _boxes(node, frame), strict=True)
+        places += [(foot, region.surface, box[np.newaxis]) for region, box in boxes]
     places += [(foot, names[foot][1], _boxes(Node(foot, 0, yaw, ends.goal[foot]), frame)) for foot in limits.feet]
     steps = {foot: _offsets(Node(foot, 0, yaw), limits, frame) for foot in limits.feet}
     starts = [(foot, names[foot][0], _boxes(Node(foot, 0, yaw, ends.start[foot]), frame)) for foot in limits.feet]
@@ -98,13 +98,13 @@ def first_gap(ends: Ends, limits: RobotLimits, rooms: Rooms, names: Mapping[str,
         if i not in level and other != foot
         for missing in [_missing(box, target, *steps[other])]
     ]
-    _, n, foot, surface, name, missing = min(lacking, key=lambda found: found[:2])
+    _, n, foot, surface, name, missing = min(lacking, key=lambda gap: gap[:2])
     x, y, z = missing.tolist()
     return Gap(n, foot, surface, name, (x, y, z))
 
 
 def _missing(box: Boxes, target: Boxes, low: Vector3, high: Vector3) -> Vector3:
-    """Signed distance of ``target`` from ``box`` plus a step, per axis; 0 where they meet."""
+    """Signed distance of ``target`` from ``box`` plus a step, per axis; 0 if they intersect."""
     beyond = np.maximum(target[0, 0] - box[0, 1] - high, 0.0)
     before = np.maximum(box[0, 0] + low - target[0, 1], 0.0)
     missing = beyond - before
@@ -112,12 +112,12 @@ def _missing(box: Boxes, target: Boxes, low: Vector3, high: Vector3) -> Vector3:
 
 
 def _given(nodes: list[Node], k: int) -> bool:
-    """Whether both feet are where the goal has them: it may be wider than a step."""
+    """Whether both feet are fixed by the goal, whose stance may be wider than a step."""
     return k == len(nodes) - 1 and nodes[k].fixed is not None and nodes[k - 1].fixed is not None
 
 
 def _met(full: Boxes, before: Boxes, low: Vector3, high: Vector3, *, given: bool) -> Boxes:
-    """Per region: the hull of its meetings with all boxes before, each plus a step."""
+    """Per region, the bounding box of its intersections with all previous boxes, each plus a step."""
     if given:
         return full
     lowest = np.maximum(full[:, np.newaxis, 0], before[np.newaxis, :, 0] + low)
@@ -138,7 +138,7 @@ def _box(region: Region, frame: Float[np.ndarray, "3 3"]) -> Float[np.ndarray, "
 
 
 def _offsets(node: Node, limits: RobotLimits, frame: Float[np.ndarray, "3 3"]) -> tuple[Vector3, Vector3]:
-    """The box of the steps of a foot, from its heading into the start's."""
+    """The box of the steps of a foot, rotated from its heading frame into that of the start."""
     low, high = limits.offset_box_m(node.effector)
     turn = frame.T @ heading_frame(node.yaw_rad)
     middle, half = turn @ (low + high) / 2, np.abs(turn) @ (high - low) / 2

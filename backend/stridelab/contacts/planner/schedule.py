@@ -1,7 +1,7 @@
-"""Which effector moves when: the moves of a plan and the choices that each leaves open.
+"""Step schedules: the order in which the effectors move, and the candidate regions of every move.
 
 ``N`` foot moves swing the feet in turn; the last two land on the goal. A hand that start or goal names moves before
-every second foot move and once at the end; in between it may hang free. The heading turns evenly from start to goal.
+every second foot move and once at the end; in between it may be free. The heading changes evenly from start to goal.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,16 +15,16 @@ from stridelab.contacts.planner.step_limits import RobotLimits
 from stridelab.dynamics.spatial import Placement
 
 SAME_M: Final = 1e-4
-"""Placements that are closer are one."""
+"""Placements that differ by less are equal (m, and entries of rotations)."""
 
 Stance = Mapping[str, Placement]
 
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """One placement of an effector: given (``fixed``), or to be chosen among ``choices``, or nowhere.
+    """One placement of an effector: ``fixed``, selected from ``choices``, or absent.
 
-    ``free`` allows that the effector touches nothing. ``step`` counts the foot moves up to here.
+    ``free`` allows the effector to have no contact. ``step`` counts the foot moves up to here.
     """
 
     effector: str
@@ -36,13 +36,13 @@ class Node:
 
     @property
     def absent(self) -> bool:
-        """Whether the effector touches nothing for certain."""
+        """Whether the effector has no contact in any solution."""
         return self.fixed is None and not self.choices
 
 
 @dataclass(frozen=True, eq=False)
 class Schedule:
-    """Nodes, and for every move the node that it makes; ``stances`` the nodes by effector after it, first the start."""
+    """Nodes, and the node of every move; ``stances`` are the nodes by effector at the start and after every move."""
 
     nodes: tuple[Node, ...]
     moves: tuple[int, ...]
@@ -50,7 +50,7 @@ class Schedule:
     feet: tuple[int, ...]
 
     def with_nodes(self, nodes: tuple[Node, ...]) -> "Schedule":
-        """The same moves with other choices."""
+        """The same moves with other nodes."""
         return replace(self, nodes=nodes)
 
 
@@ -65,17 +65,17 @@ class Ends:
 
     @staticmethod
     def of(start: Stance, goal: Stance, feet: tuple[str, str]) -> "Ends":
-        """Headings are the mean yaw of the soles."""
+        """Create from two stances; headings are the mean yaw of the soles."""
         yaw, end = (_mean_yaw(stance, feet) for stance in (start, goal))
         return Ends(start, goal, yaw, float(np.angle(np.exp(1j * (end - yaw)))))
 
 
 Rooms = Callable[[str, float], tuple[Region, ...]]
-"""Regions of an effector at a heading."""
+"""Lookup of the regions of an effector at a heading (rad)."""
 
 
 def schedule(ends: Ends, limits: RobotLimits, rooms: Rooms, steps: int, first: str) -> Schedule | None:
-    """``steps`` foot moves beginning with ``first``; None where these cannot end at the goal."""
+    """A schedule of ``steps`` foot moves beginning with ``first``; None if it cannot end at the goal."""
     order = [first, *(foot for foot in limits.feet if foot != first)]
     still = [order[k % 2] for k in range(steps, 2)]
     if any(_apart(ends.start[foot], ends.goal[foot]) for foot in still):

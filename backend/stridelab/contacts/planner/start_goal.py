@@ -1,6 +1,6 @@
-"""Where a planned contact sequence begins and ends: two stances, judged like the phases of any scenario.
+"""Start and goal stances of a planned contact sequence, validated like the phases of any scenario.
 
-Some milliseconds of numpy: asked before a task is accepted, and by the planner itself.
+The check takes a few milliseconds; it runs before a task is accepted and again in the planner.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ ENDS = ("start", "goal")
 
 @dataclass(frozen=True, eq=False)
 class TaskEnds:
-    """Both stances, by effector, and the ``draft`` whose two phases they are."""
+    """Start and goal by effector, and the ``draft`` that has them as its two phases."""
 
     start: Mapping[str, Placement]
     goal: Mapping[str, Placement]
@@ -28,8 +28,8 @@ class TaskEnds:
 def task_ends(task: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -> TaskEnds:
     """The ends of ``{robot, terrain, start, goal, friction?, name?}``, fields as in a scenario and its phases.
 
-    Raises ``InvalidInput`` (``stance-invalid``) where start or goal cannot be, naming the end, the effector and what
-    is wrong: both are judged, and all feet must stand in both.
+    Raises ``InvalidInput`` (``stance-invalid``) for an invalid start or goal, naming the end, the effector and the
+    fault; all feet must be in contact in both.
     """
     bare, faults = surroundings(task), []
     for end in ENDS:
@@ -40,7 +40,7 @@ def task_ends(task: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -
         ]
         for foot in sorted(name for name, shape in effectors.items() if shape.kind == "surface"):
             if foot not in standing:
-                faults.append(Fault(f"{end}.contacts", f"{foot} must stand there"))
+                faults.append(Fault(f"{end}.contacts", f"{foot} must be in contact"))
     if faults:
         unique = tuple(dict.fromkeys(faults))
         more = f" and {len(unique) - 1} more" if len(unique) > 1 else ""
@@ -51,7 +51,7 @@ def task_ends(task: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -
 
 
 def surroundings(task: Mapping[str, Any]) -> dict[str, Any]:
-    """What a task and its scenario share."""
+    """Fields of a scenario other than its phases, taken from a task."""
     return {
         "name": task.get("name") or "Planned contacts",
         "description": "Found by the contact planner.",

@@ -1,9 +1,8 @@
-"""What the contact planner knows of a robot: reach limits as plain numbers, and the defaults of its steps.
+"""Reach limits and step defaults of a robot for the contact planner.
 
-The floor of the contacts lies below the learned densities, so that the limits come in as data
-(``reachability.planner_limits`` reads them from the cards). ``heading`` limits hold in the frame with z up and x along
-the trunk's heading, for a robot that stands upright; ``contact`` limits are those of the judge (``validation``), in
-the frame of the contact itself.
+``contacts`` must not import ``reachability``: ``reachability.planner_limits`` reads the limits from the cards and passes
+them in. ``heading`` limits hold in the frame with z up and x along the trunk's heading, for a robot that
+stands upright; ``contact`` limits are those of ``validation``, in the contact frame.
 """
 
 from collections.abc import Mapping
@@ -20,7 +19,7 @@ from stridelab.conventions import Points, Vector3
 
 @dataclass(frozen=True, eq=False)
 class EffectorLimits:
-    """One effector: its patch, and where the CoM may be seen from its contact."""
+    """Limits of one effector: its contact patch and the region of the CoM relative to its contact."""
 
     kind: Literal["surface", "point"]
     half_size_m: tuple[float, float]
@@ -30,10 +29,10 @@ class EffectorLimits:
 
 @dataclass(frozen=True)
 class StepDefaults:
-    """How a robot steps unless somebody says otherwise.
+    """Default steps of a robot.
 
-    ``toe_gap_m`` is what a sole keeps from edges and risers where there is room; ``rise_max_m`` the highest stair.
-    Both feet swing in turn, ``first_foot`` leading where either would do; the hands move before every second step.
+    ``toe_gap_m`` is the preferred distance of a sole from edges and risers, ``rise_max_m`` the highest stair. The feet
+    swing in turn, ``first_foot`` first if either could; the hands move before every second step.
     """
 
     step_m: float
@@ -62,9 +61,9 @@ class RobotLimits:
         return "left_foot", "right_foot"
 
     def offset_box_m(self, moving: str) -> tuple[Vector3, Vector3]:
-        """Lowest and highest place of a landing foot seen from the other one, in the heading frame.
+        """Bounds of the position of a landing foot relative to the other one, in the heading frame.
 
-        ``p_m - p_s`` lies in ``box_s - box_m``, for both hold the same CoM, and within the defaults.
+        ``p_m - p_s`` lies in ``box_s - box_m``, since both limits contain the same CoM, and within the defaults.
         """
         still = self.feet[1 - self.feet.index(moving)]
         s, m = self.effectors[still].heading, self.effectors[moving].heading
@@ -83,14 +82,14 @@ def _directions() -> Points:
 
 
 DIRECTIONS: Final[Points] = _directions()
-"""Faces, edges and corners of a cube, as unit vectors: 26 half-spaces that stand in for a ball."""
+"""Unit vectors to the faces, edges and corners of a cube: normals of 26 half-spaces that approximate a ball."""
 COVER: Final = float(np.abs(ConvexHull(DIRECTIONS).equations[:, 3]).min())
 """``{v: n_k v <= COVER r}`` lies inside the ball of radius ``r``: no point of the sphere is farther from the nearest
 direction than ``arccos(COVER)``."""
 
 
 def ball_rows(radius_m: float, low: Vector3, high: Vector3) -> tuple[Points, float]:
-    """Half-spaces ``n v <= offset`` inside the ball that cut something off the box from ``low`` to ``high``."""
+    """Half-spaces ``n v <= offset`` that approximate the ball from inside, without those implied by the box."""
     farthest = np.maximum(DIRECTIONS * low, DIRECTIONS * high).sum(axis=1)
     return DIRECTIONS[farthest > COVER * radius_m], COVER * radius_m
 

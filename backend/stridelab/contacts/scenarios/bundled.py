@@ -1,4 +1,4 @@
-"""The scenarios that every installation brings with it: their builders by the stems of the files."""
+"""Builders of the bundled scenarios, by the stem of their files."""
 
 from collections.abc import Callable, Mapping
 from typing import Final
@@ -17,7 +17,7 @@ from stridelab.contacts.scenarios.stairs import (
 
 
 def hrp2_stairs_with_rail() -> Scenario:
-    """Experiment 3 for HRP-2, with a rail at the height of its hand; its shins need 62.5 mm before its toes."""
+    """Experiment 3 for HRP-2, with a rail at hand height and the toe gap of 62.5 mm that its shins need."""
     rail = HandRail(ahead_m=0.20, height_m=0.60, y_m=-0.45)
     return stairs_with_rail(Stairs(4, 0.15, toe_gap_m=0.0625), rail, walker=HRP2) | {
         "name": "Stairs with a rail, HRP-2"
@@ -25,16 +25,16 @@ def hrp2_stairs_with_rail() -> Scenario:
 
 
 def hrp2_stepping_stones() -> Scenario:
-    """Stones that lean by 15 degrees: at 16 the ankle that carries HRP-2 comes to the end of its range.
+    """Stepping stones tilted by up to 15 degrees: at 16 the stance ankle of HRP-2 reaches its joint limit.
 
-    They lie 0.27 m apart; nearer ones are in the way of its toes.
+    They are 0.27 m apart; the toes would collide with closer ones.
     """
     tilts = ((10.0, 0.0), (0.0, -12.0), (-15.0, 0.0), (0.0, 12.0))
     return stepping_stones(tilts, walker=HRP2) | {"name": "Stepping stones, HRP-2"}
 
 
 def hrp2_wall_step() -> Scenario:
-    """The wall where HRP-2's hand meets it with its tip and not with its side: farther out, lower, less far ahead."""
+    """The wall step with a hand position that HRP-2 reaches with its fingertip: farther out, lower, less far ahead."""
     return wall_step(hand_m=(0.10, -0.75, 0.85), walker=HRP2) | {"name": "A step along a wall, HRP-2"}
 
 

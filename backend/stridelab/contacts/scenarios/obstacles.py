@@ -1,4 +1,4 @@
-"""Builders of scenarios beside the stairs: stepping stones that lean, a hand on a wall, standing up by a rail."""
+"""Builders of scenarios with obstacles: tilted stepping stones, a hand on a wall, standing up with a rail."""
 
 from collections.abc import Sequence
 from typing import Any, Final
@@ -22,13 +22,13 @@ from stridelab.contacts.scenarios.parts import (
 )
 
 Tilt = tuple[float, float]
-"""Degrees about x (up at the left) and about y (down ahead)."""
+"""Angles in degrees about x (left side up) and about y (front down)."""
 TILTS: Final[tuple[Tilt, ...]] = ((10.0, 0.0), (0.0, -12.0), (-20.0, 0.0), (0.0, 12.0))
 CAREFUL: Final = Timing(2.0, 1.6, 0.3)
 RAIL_RADIUS_M: Final = 0.02
 STONE_M: Final = (0.28, 0.16, 0.20)
 BEYOND_M: Final = 0.06
-"""The last step is longer by this, so that the heels keep off the last stone."""
+"""Extra length of the last step, so that the heels clear the last stone."""
 STONE_FRICTION: Final = 0.7
 STONE_TOP_M: Final = 0.06
 """Height of the middle of a stone's upper face."""
@@ -40,9 +40,9 @@ def stepping_stones(
     timing: Timing = CAREFUL,
     walker: Walker = TALOS,
 ) -> Scenario:
-    """Over stones that lean, one after the other, right foot first; level ground before and after.
+    """A walk over tilted stones, right foot first, with level ground before and after.
 
-    A stone is a box of ``STONE_M``, sunk into the ground but for its upper part.
+    A stone is a box of ``STONE_M``, sunk into the ground except for its upper part.
     """
     standing = feet(walker, 0.0, 0.0)
     phases, stones = [phase(timing.ends_s, standing)], []
@@ -73,9 +73,9 @@ def wall_step(
     walker: Walker = TALOS,
     friction: float = 0.6,
 ) -> Scenario:
-    """A step with the right hand on a wall, at ``hand_m``, which stays there; left foot first, then level.
+    """A step with the right hand fixed on a wall at ``hand_m``; the left foot steps first, the right foot follows.
 
-    The wall is a box along x; the hand touches the face that looks at the robot, its z axis along that face's normal.
+    The wall is a box along x; the hand touches the face towards the robot, its z axis along the normal of that face.
     """
     x, y, z = hand_m
     wall = box("wall", (x - 0.5, x + 0.8), (y - 0.10, y), (0.0, z + 0.6), friction=friction)
@@ -129,7 +129,7 @@ def _foot(i: int) -> str:
 
 
 def _stone(name: str, top_m: Point, turn: Rotation) -> dict[str, Any]:
-    """A box whose upper face has its middle at ``top_m``."""
+    """A box with the centre of its upper face at ``top_m``."""
     center = top_m - turn.apply([0.0, 0.0, STONE_M[2] / 2])
     return {
         "name": name,

@@ -1,6 +1,6 @@
-"""What scenarios are built from: the robot that walks, durations, contacts, phases and boxes, in their plain form.
+"""Building blocks of scenarios in plain form: robots, durations, contacts, phases and boxes.
 
-x is the direction of travel, z points up; soles are level and look along x unless a rotation says otherwise.
+x is the direction of travel, z points up; soles are level and point along x unless a rotation is given.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -17,7 +17,7 @@ LEVEL: Final = (1.0, 0.0, 0.0, 0.0)
 
 @dataclass(frozen=True)
 class Walker:
-    """What of a robot decides where its feet are put.
+    """Dimensions of a robot that determine its footholds.
 
     ``foot_y_m`` is half the distance between the soles' contact frames, about that of the reference posture; ``toe_m``
     and ``heel_m`` are how far shoe and sole reach before and behind the contact frame.
@@ -50,7 +50,7 @@ def scenario(
     phases: Sequence[dict[str, Any]],
     friction: float = 0.3,
 ) -> Scenario:
-    """A whole scenario, ``schemas.scenarios.Scenario`` as a mapping."""
+    """A complete scenario, ``schemas.scenarios.Scenario`` as a mapping."""
     return {
         "name": name,
         "description": description,
@@ -81,7 +81,7 @@ def phase(duration_s: float, contacts: Mapping[str, dict[str, Any]]) -> dict[str
 
 
 def moved(standing: Contacts, to: dict[str, Any], timing: Timing) -> Iterable[dict[str, Any]]:
-    """One effector to the contact ``to``, then rest; ``standing`` is brought up to date."""
+    """Two phases: an effector swings to the contact ``to``, then all rest; updates ``standing``."""
     effector = to["effector"]
     yield phase(timing.move_s, {name: c for name, c in standing.items() if name != effector})
     standing[effector] = to
@@ -108,5 +108,5 @@ def box(
 
 
 def rounded(values: Iterable[float]) -> list[float]:
-    """To the micrometre, so that the files read well."""
+    """Round to a micrometre for readable files."""
     return [round(value, 6) + 0.0 for value in values]

@@ -1,7 +1,7 @@
-"""Builders of scenarios: walking on level ground, the thesis' three experiments (4.6.2 to 4.6.4), and down again.
+"""Builders of scenarios: level walking, the thesis' three experiments (4.6.2 to 4.6.4), and stair descent.
 
 Soles start at x = 0. Stair ``i`` (from 1) has its foothold at ``x = i depth_m`` and its riser ``TOE_GAP_M`` before the
-toe of a foot on the stair below, which is where the shank keeps clear of it.
+toe of a foot on the stair below, which leaves clearance for the shank.
 """
 
 import math
@@ -30,16 +30,16 @@ STRIDING: Final = Timing(1.0, 1.0, 0.25)
 CLIMBING: Final = Timing(2.5, 1.4, 0.2)
 HOLDING_ON: Final = Timing(1.9, 1.8, 0.4)
 TOE_GAP_M: Final = 0.055
-"""Between the toe (the heel, downstairs) and the riser."""
+"""Distance between the toe (the heel when descending) and the riser."""
 Footing = Literal["both", "alternate"]
-"""Both feet on every stair, the right one first; or right and left in turn, one on each, level again on the top."""
+"""Both feet on every stair, right first, or alternately one foot per stair and both on the top."""
 
 
 @dataclass(frozen=True)
 class Stairs:
     """``number`` stairs of ``height_m`` and ``depth_m``; the top one is ``landing_m`` longer.
 
-    ``toe_gap_m`` is the distance from a toe to the riser before it, a heel's downstairs.
+    ``toe_gap_m`` is the distance from a toe (a heel when descending) to the riser.
     """
 
     number: int
@@ -50,19 +50,19 @@ class Stairs:
     landing_m: float = 0.6
 
     def up(self, walker: Walker) -> list[dict[str, Any]]:
-        """One box per stair, from the ground to its tread and from its riser to the end of the flight."""
+        """Boxes of ascending stairs, from the ground to the tread and from the riser to the end of the flight."""
         first = walker.toe_m + self.toe_gap_m
         end = first + self.number * self.depth_m + self.landing_m
         return [self._box(i, (first + (i - 1) * self.depth_m, end)) for i in range(1, self.number + 1)]
 
     def down(self, walker: Walker) -> list[dict[str, Any]]:
-        """One box per stair, the highest first, from behind the start to the edge that the feet step over."""
+        """Boxes of descending stairs, highest first, from behind the start to the edge of the stair."""
         first = self.depth_m - walker.heel_m - self.toe_gap_m
         edges = (first + i * self.depth_m for i in range(self.number))
         return [self._box(self.number - i, (-self.landing_m, x)) for i, x in enumerate(edges)]
 
     def foothold(self, stair: int) -> tuple[float, float]:
-        """X and z of the soles on a stair; 0 is the ground before the first, -1 one depth before that."""
+        """Position (x, z) of the soles on a stair; stair 0 is the ground before the first, -1 one depth before that."""
         return stair * self.depth_m, max(0, stair) * self.height_m
 
     def _box(self, stair: int, x_m: tuple[float, float]) -> dict[str, Any]:
@@ -75,7 +75,7 @@ class HandRail:
     """A rail parallel to the stairs, in the plane ``y = y_m``.
 
     The hand's contact is ``ahead_m`` before the feet and ``height_m`` above the line through the footholds. The rail's
-    axis lies ``radius_m`` below the line of contacts and runs on for ``overhang_m`` past the first and the last.
+    axis lies ``radius_m`` below the line of contacts and extends ``overhang_m`` past the first and the last.
     """
 
     ahead_m: float = 0.22
@@ -86,13 +86,13 @@ class HandRail:
     overhang_m: float = 0.4
 
     def contact(self, x_feet_m: float, slope: float) -> dict[str, Any]:
-        """The hand's contact when the feet are at ``x_feet_m``: z along the rail's normal, x along the rail."""
+        """The contact of the hand for feet at ``x_feet_m``: z along the rail's normal, x along the rail."""
         half = math.atan(slope) / 2
         position = (x_feet_m + self.ahead_m, self.y_m, slope * x_feet_m + self.height_m)
         return contact("right_hand", position, (math.cos(half), 0.0, -math.sin(half), 0.0))
 
     def surface(self, x_first_m: float, x_last_m: float, slope: float) -> dict[str, Any]:
-        """The rail for feet that go from ``x_first_m`` to ``x_last_m``."""
+        """The rail for feet that move from ``x_first_m`` to ``x_last_m``."""
         a = math.atan(slope)
         ends = [
             (x + self.ahead_m + self.radius_m * math.sin(a), self.y_m,
@@ -143,7 +143,7 @@ def six_stairs(stairs: Stairs = Stairs(6, 0.10), timing: Timing = CLIMBING, walk
 
 
 def climb(stairs: Stairs, timing: Timing, footing: Footing = "both", walker: Walker = TALOS) -> Scenario:
-    """Experiment 2 (4.6.3) varied: any stairs, at any pace, with both feet or one on every stair."""
+    """Experiment 2 (4.6.3) with any stairs and timing, with both feet or one on every stair."""
     height, depth = 100 * stairs.height_m, 100 * stairs.depth_m
     on_each = {"both": "both feet", "alternate": "one foot"}[footing]
     return scenario(
@@ -201,12 +201,12 @@ def stairs_with_rail(
 
 
 _SIDES: Final = ("left_foot", "right_foot")
-"""The foot that goes to even stairs, and to odd ones."""
+"""The foot that steps on even stairs and the foot that steps on odd ones."""
 _NUMBERS: Final = {3: "Three", 4: "Four", 5: "Five", 6: "Six", 7: "Seven", 8: "Eight"}
 
 
 def _level_steps(steps: int, step_m: float, timing: Timing, walker: Walker) -> list[dict[str, Any]]:
-    """Right and left in turn, the last step drawing level with the foot before."""
+    """Phases of alternating steps, right foot first; the last step closes the stance."""
     standing = feet(walker, 0.0, 0.0)
     phases = [phase(timing.ends_s, standing)]
     for i in range(steps):
@@ -217,7 +217,7 @@ def _level_steps(steps: int, step_m: float, timing: Timing, walker: Walker) -> l
 
 
 def _flight(stairs: Stairs, timing: Timing, footing: Footing, walker: Walker) -> list[dict[str, Any]]:
-    """From the ground to the top stair."""
+    """Phases of a climb from the ground to the top stair."""
     standing = feet(walker, *stairs.foothold(0))
     phases = [phase(timing.ends_s, standing)]
     for stair in range(1, stairs.number + 1):
@@ -236,6 +236,6 @@ def _flight(stairs: Stairs, timing: Timing, footing: Footing, walker: Walker) ->
 def _both_feet(
     standing: Contacts, hold: tuple[float, float], timing: Timing, walker: Walker
 ) -> Iterable[dict[str, Any]]:
-    """Right, then left foot to ``hold``; ``standing`` is brought up to date."""
+    """Phases that move the right, then the left foot to ``hold``; updates ``standing``."""
     for moving in ("right_foot", "left_foot"):
         yield from moved(standing, feet(walker, *hold)[moving], timing)

@@ -1,12 +1,12 @@
-"""A scenario at other strides, rises, paces and friction: one number changed, everything that hangs on it with it.
+"""Variations of a scenario: changes stride, step height, timing or friction and everything that depends on it.
 
-    stride    the longest horizontal way of a foot between two of its places, in metres. All contacts and boxes are
-              stretched along the way: xi -> s xi
-    height    the greatest rise or fall of a foot between two of its places, in metres: z -> s z about the first soles
+    stride    the longest horizontal displacement of a foot between two contacts, in metres. All contacts and boxes are
+              stretched along the path: xi -> s xi
+    height    the largest rise or fall of a foot between two contacts, in metres: z -> s z about the first soles
     timing    a factor on all durations
     friction  the coefficient of every surface
 
-A sole stays as long as it is: what no longer fits on its tread is refused by the judge, who names it.
+Soles keep their size: validation reports a sole that no longer fits on its tread.
 """
 
 import copy
@@ -25,26 +25,26 @@ FIELDS: Final[tuple[Field, ...]] = get_args(Field)
 UNITS: Final[Mapping[Field, str]] = {"stride": "m", "height": "m", "timing": "", "friction": ""}
 Scenario = dict[str, Any]
 LEAST_M: Final = 1e-3
-"""A stride or a rise that is shorter cannot be stretched to another one."""
+"""Minimum stride or rise that can be scaled."""
 STRAIGHT: Final = 1e-3
-"""Sine of the angle up to which a box counts as one that lies along the way."""
+"""Sine of the largest angle between a box and the path for the box to count as aligned."""
 
 
 def varied(scenario: Mapping[str, Any], values: Mapping[Field, float]) -> Scenario:
     """A copy of ``scenario`` (``schemas.scenarios.Scenario`` as a mapping) with each field at its value.
 
-    Raises ``InvalidInput`` (``sweep-field-impossible``) where the scenario has nothing that could take the value.
+    Raises ``InvalidInput`` (``sweep-field-impossible``) if the scenario cannot take the value.
     """
-    found: Scenario = copy.deepcopy(dict(scenario))
+    result: Scenario = copy.deepcopy(dict(scenario))
     for field, value in values.items():
         if not (math.isfinite(value) and value > 0.0):
             raise _impossible(field, f"{value:g} is not above zero")
-        _CHANGES[field](found, value)
-    return found
+        _CHANGES[field](result, value)
+    return result
 
 
 def present(scenario: Mapping[str, Any], field: Field) -> float:
-    """What ``scenario`` has of a field now."""
+    """The current value of ``field`` in ``scenario``."""
     if field == "timing":
         return 1.0
     if field == "friction":
@@ -102,7 +102,7 @@ _CHANGES: Final = {"stride": _stride, "height": _height, "timing": _timing, "fri
 def _factor(scenario: Scenario, field: Field, wanted_m: float) -> float:
     now_m = present(scenario, field)
     if now_m < LEAST_M:
-        raise _impossible(field, "no foot moves that way in this scenario")
+        raise _impossible(field, "no foot moves in that direction in this scenario")
     return wanted_m / now_m
 
 
@@ -113,7 +113,7 @@ def _move(scenario: Scenario, to: Any) -> None:
 
 
 def _places_m(scenario: Mapping[str, Any]) -> dict[str, list[Vector3]]:
-    """Where each foot stands, one place after the other."""
+    """Consecutive positions of each foot."""
     places: dict[str, list[Vector3]] = {}
     for phase in scenario["phases"]:
         for contact in phase["contacts"]:
@@ -134,26 +134,26 @@ def _origin_m(scenario: Mapping[str, Any]) -> Vector3:
 
 
 def _along(scenario: Mapping[str, Any]) -> Vector3:
-    """The horizontal direction from the feet's first places to their last."""
+    """The horizontal direction from the first positions of the feet to their last."""
     whole = np.sum([own[-1] - own[0] for own in _places_m(scenario).values()], axis=0) * [1.0, 1.0, 0.0]
     length = float(np.linalg.norm(whole))
     if length < LEAST_M:
-        raise _impossible("stride", "the feet end where they began")
+        raise _impossible("stride", "the feet end where they start")
     return np.asarray(whole / length)
 
 
 def _axis_along(surface: Mapping[str, Any], along: Vector3, field: Field, *, any_turn: bool = False) -> int:
-    """The horizontal axis of a box that points along the way."""
+    """Index of the horizontal axis of a box that points along the path."""
     if surface["kind"] != "box":
         raise _impossible(field, f"{surface['name']} is a rail, which would change its slope")
     w, x, y, z = surface.get("orientation_wxyz") or (1.0, 0.0, 0.0, 0.0)
-    if 2.0 * math.hypot(x, y) > STRAIGHT * math.hypot(w, z):  # twice the tangent of half the lean
-        raise _impossible(field, f"{surface['name']} leans")
+    if 2.0 * math.hypot(x, y) > STRAIGHT * math.hypot(w, z):  # twice the tangent of half the tilt
+        raise _impossible(field, f"{surface['name']} is tilted")
     yaw = 2 * math.atan2(z, w) if surface.get("orientation_wxyz") else surface.get("yaw_rad") or 0.0
     sine = float(along[1] * math.cos(yaw) - along[0] * math.sin(yaw))
     cosine = float(along[0] * math.cos(yaw) + along[1] * math.sin(yaw))
     if not any_turn and min(abs(sine), abs(cosine)) > STRAIGHT:
-        raise _impossible(field, f"{surface['name']} lies askew")
+        raise _impossible(field, f"{surface['name']} is not aligned with the path")
     return 0 if abs(cosine) > abs(sine) else 1
 
 

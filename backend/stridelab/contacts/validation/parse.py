@@ -1,6 +1,6 @@
-"""From the plain form of a scenario to numbers, collecting what is wrong with them on the way.
+"""Parses a scenario in plain form and collects the faults of its values.
 
-What can be read is read even where other parts are faulty, so that all faults come in one answer.
+Valid parts are parsed even if others are faulty, so that one report contains all faults.
 """
 
 import math
@@ -18,18 +18,18 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.errors import Fault
 
 DURATION_S: Final = (0.05, 60.0)
-"""Shortest and longest phase."""
+"""Minimum and maximum duration of a phase."""
 FRICTION_MAX: Final = 2.0
 COM_HEIGHT_MAX_M: Final = 3.0
 LENGTH_MAX_M: Final = 100.0
-"""Longest length: what is longer was not given in metres."""
+"""Maximum length; larger values are not in metres."""
 NORM_MIN: Final = 1e-6
-"""A quaternion or a rail shorter than this has no direction."""
+"""Minimum length of a quaternion or a rail."""
 
 
 @dataclass(frozen=True, eq=False)
 class DraftPhase:
-    """One phase as far as it could be read; ``named`` are all effectors that it names, readable or not."""
+    """The valid part of one phase; ``named`` are all effectors that it names, including those with faults."""
 
     duration_s: float | None
     contacts: Mapping[str, Placement]
@@ -38,7 +38,7 @@ class DraftPhase:
 
 @dataclass(frozen=True, eq=False)
 class Draft:
-    """A scenario as far as it could be read, with the faults of its single values."""
+    """The valid part of a scenario, with the faults of its values."""
 
     name: str
     robot: str
@@ -48,16 +48,16 @@ class Draft:
     phases: tuple[DraftPhase, ...]
     faults: tuple[Fault, ...]
     without_friction: frozenset[str | None] = frozenset()
-    """Surfaces whose own friction makes no sense; None where the scenario's does not."""
+    """Surfaces with an invalid friction of their own; contains None if the scenario's friction is invalid."""
 
 
 def contact_field(phase: int, effector: str) -> str:
-    """How a fault names a contact."""
+    """The field path of a contact in a fault."""
     return f"phases[{phase}].contacts[{effector}]"
 
 
 def read(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -> Draft:
-    """Read a scenario of the HTTP contract, ``schemas.scenarios.Scenario`` as a mapping; wrong values become faults."""
+    """Parse a scenario, ``schemas.scenarios.Scenario`` as a mapping; invalid values become faults."""
     reader = _Reader(effectors)
     friction = reader.friction(None, "friction", scenario.get("friction", 0.3))
     height = reader.attempt("start_com_height_m", lambda: _com_height_m(scenario.get("start_com_height_m")))
@@ -69,7 +69,7 @@ def read(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) ->
 
 
 class _Reader:
-    """Collects faults while reading."""
+    """Parser that collects faults."""
 
     def __init__(self, effectors: Mapping[str, EffectorShape]) -> None:
         self.effectors = effectors
@@ -78,7 +78,7 @@ class _Reader:
         self.without_friction: set[str | None] = set()
 
     def attempt(self, where: str, read_value: Callable[[], Any]) -> Any:
-        """The value, or None with a fault at ``where``."""
+        """Return the value, or None and add a fault at ``where``."""
         try:
             return read_value()
         except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
@@ -88,23 +88,23 @@ class _Reader:
 
     def surface(self, index: int, entry: Any) -> Surface | None:
         where = f"terrain[{index}]"
-        read: Surface | None = self.attempt(where, lambda: _surface(entry))
-        if read is None:
+        parsed: Surface | None = self.attempt(where, lambda: _surface(entry))
+        if parsed is None:
             return None
         if entry.get("friction") is not None:
-            read = replace(read, friction=self.friction(read.name, where, entry["friction"]))
-        if read.name in self.names:
-            self.faults.append(Fault(f"{where}.name", f"two surfaces are called {read.name!r}"))
+            parsed = replace(parsed, friction=self.friction(parsed.name, where, entry["friction"]))
+        if parsed.name in self.names:
+            self.faults.append(Fault(f"{where}.name", f"two surfaces have the name {parsed.name!r}"))
             return None
-        self.names.add(read.name)
-        return read
+        self.names.add(parsed.name)
+        return parsed
 
     def friction(self, surface: str | None, where: str, value: Any) -> float | None:
-        """A coefficient, of one surface or of the whole scenario; None with a fault where it makes no sense."""
-        found: float | None = self.attempt(where, lambda: _friction(value))
-        if found is None:
+        """Return the coefficient of a surface or of the scenario, or None and add a fault if it is invalid."""
+        coefficient: float | None = self.attempt(where, lambda: _friction(value))
+        if coefficient is None:
             self.without_friction.add(surface)
-        return found
+        return coefficient
 
     def phase(self, index: int, entry: Any) -> DraftPhase:
         where = f"phases[{index}]"
@@ -113,9 +113,11 @@ class _Reader:
         named: set[str] = set()
         for i, (effector, contact) in enumerate(_contacts(entry)):
             if effector not in self.effectors:
-                known = ", ".join(self.effectors)
+                available = ", ".join(self.effectors)
                 place = contact_field(index, effector) if effector else f"{where}.contacts[{i}]"
-                self.faults.append(Fault(place, f"the robot has no effector {effector!r}; it has {known or 'none'}"))
+                self.faults.append(
+                    Fault(place, f"the robot has no effector {effector!r}; it has {available or 'none'}")
+                )
                 continue
             if effector in named:
                 self.faults.append(Fault(contact_field(index, effector), "the same effector is named twice"))
@@ -138,7 +140,7 @@ def _contacts(entry: Any) -> Iterator[tuple[str, Any]]:
 
 
 def _surface(entry: Mapping[str, Any]) -> Surface:
-    """The surface but for its friction."""
+    """Parse a surface without its friction."""
     name = str(entry["name"])
     if entry["kind"] == "rail":
         start, end, radius = _vector(entry, "from_m"), _vector(entry, "to_m"), _length_m(entry["radius_m"], "radius_m")

@@ -1,7 +1,4 @@
-"""What carries the robot: the soles of a phase, whether friction can hold them, and whether they overlap.
-
-What must hold from phase to phase: something carries the robot, and nothing jumps.
-"""
+"""Checks of the phases of a scenario: soles support the robot, do not slip or overlap, and move only by swings."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Final
@@ -16,37 +13,37 @@ from stridelab.contacts.wrench_cones.contact_points import PointContacts
 from stridelab.errors import Fault
 
 CONE_EDGES: Final = 16
-"""Edges of the pyramid that stands in for a friction cone, from the inside."""
+"""Edges of the inscribed pyramid that approximates a friction cone."""
 RESIDUAL: Final = 1e-6
-"""Forces that miss the robot's weight by less than this share of it carry it."""
+"""Relative residual up to which forces balance the robot's weight."""
 
 
 def soles(stance: Stance) -> list[Touch]:
-    """The contacts of a phase that can carry the robot."""
+    """The soles in contact, which can support the robot."""
     return [touch for touch in stance.values() if touch.shape.kind == "surface"]
 
 
 def slipping(stance: Stance) -> Touch | None:
-    """The steepest sole of a phase whose friction cones cannot carry a weight, None where they can.
+    """The steepest sole of a phase if its friction cones cannot support the weight, otherwise None.
 
-    The weight ``e_z`` must be a sum of forces inside the cones of the soles; hands are too weak to count.
+    The weight ``e_z`` must be a sum of forces inside the friction cones of the soles; hands are not counted.
     """
     steep = [(steepness(touch), touch) for touch in soles(stance)]
     if not steep or min(angle for angle, _ in steep) <= 0.0:
         return None
     at = PointContacts.of([(touch.placement, None, touch.friction) for _, touch in steep])
     _, residual = nnls(at.forces(CONE_EDGES).reshape(-1, 3).T, np.array([0.0, 0.0, 1.0]))
-    return None if residual < RESIDUAL else max(steep, key=lambda found: found[0])[1]
+    return None if residual < RESIDUAL else max(steep, key=lambda item: item[0])[1]
 
 
 def steepness(touch: Touch) -> float:
-    """Angle (rad) by which a contact is too steep to hold by friction alone; negative where it holds."""
+    """Slope of a contact minus its friction angle (rad); positive where the contact slips."""
     slope = np.arccos(np.clip(touch.placement.rotation[2, 2], -1.0, 1.0))
     return float(slope - np.arctan(touch.friction))
 
 
 def overlap(one: Touch, other: Touch) -> bool:
-    """Whether two soles lie in the same place: no edge of either separates their outlines (seen from above)."""
+    """Whether two soles overlap: no edge of either separates their outlines (projected onto the ground)."""
     if abs(one.placement.position_m[2] - other.placement.position_m[2]) > 0.05:
         return False
     first, second = one.corners_m[:, :2], other.corners_m[:, :2]
@@ -59,23 +56,23 @@ def overlap(one: Touch, other: Touch) -> bool:
 
 
 def pairs(touches: Sequence[Touch]) -> list[tuple[Touch, Touch]]:
-    """All pairs."""
+    """All pairs of contacts."""
     return [(a, b) for i, a in enumerate(touches) for b in touches[i + 1 :]]
 
 
 PHASES_MAX: Final = 400
-"""Longest contact sequence."""
+"""Maximum number of phases."""
 SURFACES_MAX: Final = 200
-"""Largest terrain."""
+"""Maximum number of surfaces."""
 DURATION_MAX_S: Final = 600.0
-"""Longest motion."""
+"""Maximum duration of the motion."""
 SLIDE_M: Final = 0.001
-"""Contacts of consecutive phases that are closer than this are the same."""
+"""Distance up to which contacts of consecutive phases are the same."""
 SLIDE_RAD: Final = np.radians(0.5)
 
 
 def too_large(draft: Draft) -> Iterator[Fault]:
-    """Scenarios that are empty, or too large to be looked at any further."""
+    """Faults of scenarios that are empty or too large for the other checks."""
     if not draft.phases:
         yield Fault("phases", "there are no phases")
     if len(draft.phases) > PHASES_MAX:
@@ -89,24 +86,24 @@ def too_large(draft: Draft) -> Iterator[Fault]:
 
 
 def unsupported(draft: Draft, effectors: Mapping[str, EffectorShape]) -> Iterator[Fault]:
-    """Phases in which nothing, or no sole, touches; changes at which no sole stays."""
+    """Faults of phases without contacts or without soles, and of transitions that keep no sole in contact."""
     carrying = [{name for name in phase.named if effectors[name].kind == "surface"} for phase in draft.phases]
     for k, (phase, now) in enumerate(zip(draft.phases, carrying, strict=True)):
         if not phase.named:
-            yield Fault(f"phases[{k}]", "nothing touches in this phase: flight is not supported")
+            yield Fault(f"phases[{k}]", "no contacts in this phase: flight is not supported")
         elif not now:
-            yield Fault(f"phases[{k}]", "no foot touches in this phase: hands alone do not carry the robot")
+            yield Fault(f"phases[{k}]", "no foot is in contact in this phase: hands alone do not support the robot")
         elif k and carrying[k - 1] and not now & carrying[k - 1]:
             feet = " and ".join(sorted(carrying[k - 1]))
             yield Fault(
                 f"phases[{k}].contacts[{min(now)}]",
-                f"{feet} lift off at the moment this foot lands, so that nothing carries the robot: "
-                "put a phase with both between",
+                f"{feet} lift off at the moment this foot lands, so that nothing supports the robot: "
+                "insert a phase with both in contact",
             )
 
 
 def sliding(stances: tuple[Stance, ...]) -> Iterator[Fault]:
-    """Effectors that are somewhere else in the next phase without having been in the air."""
+    """Faults of effectors that change position between consecutive phases without a swing."""
     for k in range(1, len(stances)):
         for name, touch in stances[k].items():
             before = stances[k - 1].get(name)
@@ -115,68 +112,68 @@ def sliding(stances: tuple[Stance, ...]) -> Iterator[Fault]:
             moved = np.linalg.norm(touch.placement.position_m - before.placement.position_m)
             yield Fault(
                 contact_field(k, name),
-                f"slides {moved:.3g} m from its place in phase {k - 1} in no time: put a phase without it between",
+                f"slides {moved:.3g} m from its position in phase {k - 1}: insert a phase without this contact",
             )
 
 
 def same_place(one: Touch, other: Touch) -> bool:
-    """Whether two contacts of an effector are one."""
+    """Whether two contacts of an effector are equal within tolerance."""
     moved = np.linalg.norm(one.placement.position_m - other.placement.position_m)
     turned = (np.trace(one.placement.rotation.T @ other.placement.rotation) - 1.0) / 2.0
     return bool(moved <= SLIDE_M and turned >= np.cos(SLIDE_RAD))
 
 
 def out_of_nowhere(draft: Draft, effectors: Mapping[str, EffectorShape]) -> Iterator[Fault]:
-    """Feet that land although nothing says where they came from."""
+    """Faults of feet that land without an earlier contact."""
     seen = set(draft.phases[0].named) if draft.phases else set()
     for k, phase in enumerate(draft.phases):
         for name in sorted(phase.named - seen):
             if effectors[name].kind == "surface":
-                yield Fault(contact_field(k, name), "lands, but stood nowhere before: let it stand in the first phase")
+                yield Fault(contact_field(k, name), "lands without an earlier contact: add it to the first phase")
             seen.add(name)
 
 
 def colliding(stances: tuple[Stance, ...]) -> Iterator[Fault]:
-    """Soles in the same place; each pair of places once."""
-    told: set[frozenset[int]] = set()
+    """Faults of overlapping soles; each pair of placements once."""
+    reported: set[frozenset[int]] = set()
     for k, stance in enumerate(stances):
         for one, other in pairs(soles(stance)):
             key = frozenset((id(one), id(other)))
-            if key not in told and overlap(one, other):
-                told.add(key)
-                yield Fault(contact_field(k, other.effector), f"stands on the same place as {one.effector}")
+            if key not in reported and overlap(one, other):
+                reported.add(key)
+                yield Fault(contact_field(k, other.effector), f"overlaps {one.effector}")
 
 
 def without_friction(draft: Draft, stances: tuple[Stance, ...]) -> Iterator[Fault]:
-    """The first contact on every surface whose friction makes no sense."""
+    """Faults of the first contact on every surface with an invalid friction."""
     own = {surface.name: surface.friction is not None for surface in draft.terrain.surfaces}
-    told: set[str | None] = set()
+    reported: set[str | None] = set()
     for k, stance in enumerate(stances):
         for name, touch in stance.items():
             if touch.surface is None:
                 continue
             source = touch.surface if touch.surface in draft.without_friction else None
-            if source in told or source not in draft.without_friction or (source is None and own[touch.surface]):
+            if source in reported or source not in draft.without_friction or (source is None and own[touch.surface]):
                 continue
-            told.add(source)
+            reported.add(source)
             whose = "the scenario's friction" if source is None else "its friction"
-            yield Fault(contact_field(k, name), f"nothing holds it on {touch.surface!r}: {whose} makes no sense")
+            yield Fault(contact_field(k, name), f"cannot hold on {touch.surface!r}: {whose} is invalid")
 
 
 def sliding_down(stances: tuple[Stance, ...]) -> Iterator[Fault]:
-    """Phases whose soles stand on ground that is too steep for their friction; each set of places once."""
-    told: set[frozenset[int]] = set()
+    """Faults of phases whose soles slip on steep ground; each set of placements once."""
+    reported: set[frozenset[int]] = set()
     for k, stance in enumerate(stances):
         key = frozenset(id(touch) for touch in soles(stance))
-        if key in told:
+        if key in reported:
             continue
-        told.add(key)
+        reported.add(key)
         touch = slipping(stance)
         if touch is not None:
-            holds = np.degrees(np.arctan(touch.friction))
-            slope = holds + np.degrees(steepness(touch))
+            friction_deg = np.degrees(np.arctan(touch.friction))
+            slope_deg = friction_deg + np.degrees(steepness(touch))
             yield Fault(
                 contact_field(k, touch.effector),
-                f"slips: {touch.surface!r} is {slope:.3g} degrees steep, and friction {touch.friction:g} holds up to "
-                f"{holds:.3g} degrees",
+                f"slips: {touch.surface!r} is {slope_deg:.3g} degrees steep, and friction {touch.friction:g} holds "
+                f"up to {friction_deg:.3g} degrees",
             )

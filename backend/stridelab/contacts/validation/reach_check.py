@@ -1,4 +1,4 @@
-"""Whether the robot reaches all contacts of a phase, and those of two phases at the moment between them, at once."""
+"""Checks that all contacts of a phase, and of two phases at their transition, are within reach at the same time."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ from stridelab.dynamics.spatial import Placement
 from stridelab.errors import Fault
 
 REACH_TOLERANCE_M: Final = 0.001
-"""Reach limits that are missed by less count as kept."""
+"""Tolerance of the reach limits."""
 SHIFTS_MAX: Final = 12
-"""Rounds in which the nearest place within reach is sought."""
+"""Maximum iterations of the search for the nearest position within reach."""
 FAR_M: Final = 3.0
-"""What is farther off than this may be a mistake of units."""
+"""Distance beyond which the fault asks whether lengths are in metres."""
 PULL_MIN: Final = 0.02
-"""A contact that pulls less has no part in the conflict."""
+"""Minimum pull of a contact that counts as part of a conflict."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,35 +33,35 @@ class Closeness:
 
 
 def closeness(stances: tuple[Stance, ...]) -> Closeness:
-    """Check all phases and all changes; equal sets of contacts are solved once."""
+    """Check all phases and all transitions; equal sets of contacts are solved once."""
     moments = [(k, limited(stance)) for k, stance in enumerate(stances)]
     for k in range(1, len(stances)):
         both = limited(_merged(stances[k - 1], stances[k]))
         if len(both) > max(len(moments[k - 1][1]), len(moments[k][1])):
             moments.append((k, both))
     unique = {_key(touches): touches for _, touches in moments if touches}
-    found = dict(zip(unique, slacks([reach_set(touches) for touches in unique.values()]), strict=True))
+    slack_by_set = dict(zip(unique, slacks([reach_set(touches) for touches in unique.values()]), strict=True))
     faults: list[Fault] = []
-    told: set[frozenset[int]] = set()
+    reported: set[frozenset[int]] = set()
     for k, touches in sorted(moments, key=lambda moment: moment[0]):
-        slack = found.get(_key(touches))
+        slack = slack_by_set.get(_key(touches))
         if slack is None or slack.slack_m >= -REACH_TOLERANCE_M:
             continue
         conflict = [i for i, pull in enumerate(slack.pull) if np.linalg.norm(pull) > PULL_MIN]
         key = frozenset(id(touches[i]) for i in conflict)
-        if key not in told:
-            told.add(key)
+        if key not in reported:
+            reported.add(key)
             faults.append(_fault(k, touches, conflict, slack, stances[k - 1] if k else {}))
-    return Closeness(tuple(found.get(_key(touches)) for _, touches in moments[: len(stances)]), tuple(faults))
+    return Closeness(tuple(slack_by_set.get(_key(touches)) for _, touches in moments[: len(stances)]), tuple(faults))
 
 
 def limited(stance: Stance) -> list[Touch]:
-    """Contacts with known limits, in a fixed order."""
+    """Contacts with reach limits, sorted by effector."""
     return [touch for _, touch in sorted(stance.items()) if touch.shape.reach is not None]
 
 
 def _merged(before: Stance, after: Stance) -> Stance:
-    """Contacts of both phases; an effector that moves without leaving the ground counts where it arrives."""
+    """Contacts of both phases; an effector in both counts with its contact in ``after``."""
     return {**before, **after}
 
 
@@ -70,7 +70,7 @@ def _key(touches: Sequence[Touch]) -> tuple[int, ...]:
 
 
 def reach_set(touches: Sequence[Touch], shifts: dict[int, Vector3] | None = None) -> ReachSet:
-    """The limits of some contacts, shifted by number."""
+    """The reach limits of contacts, some of them shifted (by index)."""
     moved = shifts or {}
     return [
         (Placement(t.placement.position_m + moved.get(i, 0.0), t.placement.rotation), t.shape.reach)
@@ -80,7 +80,7 @@ def reach_set(touches: Sequence[Touch], shifts: dict[int, Vector3] | None = None
 
 
 def _fault(k: int, touches: list[Touch], conflict: list[int], slack: Slack, before: Stance) -> Fault:
-    """Blame the contact that came last, and say how far it would have to move for all limits to hold."""
+    """The fault of the newest contact in a conflict, with the displacement that satisfies all limits."""
     blamed = max(conflict or range(len(touches)), key=lambda i: (_is_new(touches[i], before), i))
     others = [touches[i].effector for i in conflict if i != blamed]
     missing = _missing_m(touches, blamed, slack)
@@ -94,12 +94,12 @@ def _fault(k: int, touches: list[Touch], conflict: list[int], slack: Slack, befo
 
 
 def _is_new(touch: Touch, before: Stance) -> bool:
-    stood = before.get(touch.effector)
-    return stood is None or not same_place(stood, touch)
+    previous = before.get(touch.effector)
+    return previous is None or not same_place(previous, touch)
 
 
 def _missing_m(touches: list[Touch], blamed: int, slack: Slack) -> Vector3:
-    """Shift of one contact that brings the slack to zero, along the gradient of the slack."""
+    """Displacement of one contact along the gradient of the slack that brings the slack to zero."""
     total = np.zeros(3)
     for _ in range(SHIFTS_MAX):
         pull = slack.pull[blamed]

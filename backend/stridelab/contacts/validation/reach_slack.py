@@ -1,20 +1,19 @@
-"""Many small programmes at once: the most room ``t`` that half-spaces and balls leave for a point ``c`` of space.
+"""Solves a batch of small convex programs: the largest slack ``t`` of half-spaces and balls around a point ``c``.
 
     t* = max_{c, t} t   such that   a_j c + v_j t <= b_j   and   |c - p_i| <= r_i - w t
 
-A limit with ``v_j = 1`` (``w = 1``) is one from which ``c`` shall stay as far away as it can, one with 0 need only
-hold. The problem is convex with four unknowns. The central path of its logarithmic barrier is followed with Newton
-steps damped by ``1 / (1 + decrement)``, which stay inside without a line search (Boyd & Vandenberghe, Convex
-Optimization, 11.3 and 9.6).
+The distance to a limit with ``v_j = 1`` (``w = 1``) is maximised; a limit with 0 only has to hold. Each problem is
+convex with four unknowns. The solver follows the central path of its logarithmic barrier with Newton steps damped by
+``1 / (1 + decrement)``, which stay feasible without a line search (Boyd & Vandenberghe, Convex Optimization, 11.3 and
+9.6).
 
-How much room the reach limits of several contacts leave for one CoM position.
-
-With contact frames ``(R_i, p_i)``, boxes ``[l_i, u_i]`` and spheres of radius ``r_i`` the slack of a set of contacts is
+``slacks`` applies it to the reach limits of several contacts. With contact frames ``(R_i, p_i)``, boxes ``[l_i, u_i]``
+and spheres of radius ``r_i`` the slack of a set of contacts is
 
     t* = max_{c, t} t   such that   l_i + t <= R_i^T (c - p_i) <= u_i - t   and   |c - p_i| <= r_i - t   for all i
 
-positive where one position satisfies all limits, negative by how much all limits would have to be widened: a
-programme of ``central_path`` in which every limit has room to give.
+It is positive if one CoM position satisfies all limits; otherwise ``-t*`` is the amount by which all limits have to be
+widened.
 """
 
 from collections.abc import Sequence
@@ -29,19 +28,19 @@ from stridelab.conventions import Points, Vector3
 from stridelab.dynamics.spatial import Placement
 
 ACCURACY_M: Final = 1e-4
-"""Bound on the error of ``t*``, for contacts that are a few metres apart."""
+"""Bound on the error of ``t*`` for contacts that are a few metres apart."""
 SHRINK: Final = 0.3
 """Ratio of successive barrier weights."""
 CENTRING_STEPS: Final = 5
 """Newton steps per barrier weight."""
 
 Unknowns = Float[np.ndarray, "s 4"]
-"""``(c, t)`` of every programme."""
+"""``(c, t)`` of every program."""
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """``s`` programmes with ``m`` half-spaces and ``n`` balls each; one that has fewer repeats some of its own.
+    """``s`` programs with ``m`` half-spaces and ``n`` balls each; smaller ones repeat some of their own.
 
     ``rows`` are the ``a_j``, ``widths`` the ``v_j``, ``limits`` the ``b_j``; ``ball_width`` is ``w``.
     """
@@ -54,7 +53,7 @@ class Limits:
     ball_width: float
 
     def most(self, x: Unknowns) -> tuple[Unknowns, float]:
-        """The optima, from strictly feasible ``x``, and the barrier weight at which the path was left."""
+        """The optima, starting from strictly feasible ``x``, and the last barrier weight."""
         complexity = self.rows.shape[1] + 2 * self.centers.shape[1]
         weight = 1.0
         while weight * complexity > ACCURACY_M:
@@ -92,15 +91,15 @@ class Limits:
 
 
 ReachSet = Sequence[tuple[Placement, EffectorReach]]
-"""Contacts that must be reached from one CoM position."""
+"""Contacts that must be within reach of one CoM position."""
 
 
 @dataclass(frozen=True, eq=False)
 class Slack:
-    """Answer for one set.
+    """Slack of the reach limits of one set of contacts.
 
     ``slack_m`` is ``t*``, ``com_m`` the position that attains it. ``pull`` ``(n, 3)`` is the gradient of ``t*`` with
-    respect to the place of each contact; the rows sum to zero.
+    respect to the position of each contact; the rows sum to zero.
     """
 
     slack_m: float
@@ -109,7 +108,7 @@ class Slack:
 
 
 def slacks(sets: Sequence[ReachSet]) -> list[Slack]:
-    """``t*`` of every set; none of them may be empty."""
+    """The slack of every set; no set may be empty."""
     if not sets:
         return []
     problem = ReachLimits.of(sets)
@@ -122,7 +121,7 @@ def slacks(sets: Sequence[ReachSet]) -> list[Slack]:
 
 @dataclass(frozen=True, eq=False)
 class ReachLimits:
-    """All sets in one array, lengths from ``origin_m`` in units of ``scale``; small sets repeat a contact."""
+    """All sets in one array, lengths relative to ``origin_m`` in units of ``scale``; small sets repeat a contact."""
 
     limits: Limits
     origin_m: Float[np.ndarray, "s 3"]
@@ -130,31 +129,31 @@ class ReachLimits:
 
     @staticmethod
     def of(sets: Sequence[ReachSet], width: float = 1.0) -> "ReachLimits":
-        """``width`` 1 asks for room to every limit, 0 only that they hold."""
+        """Create from sets; ``width`` 1 maximises the distance to every limit, 0 only requires that they hold."""
         n = max(len(group) for group in sets)
-        full = [[*group, *[group[0]] * (n - len(group))] for group in sets]
-        p = np.array([[at.position_m for at, _ in group] for group in full])
-        R = np.array([[at.rotation for at, _ in group] for group in full])
-        low, high = (np.array([[getattr(r, key) for _, r in group] for group in full]) for key in _BOUNDS)
+        padded = [[*group, *[group[0]] * (n - len(group))] for group in sets]
+        p = np.array([[at.position_m for at, _ in group] for group in padded])
+        R = np.array([[at.rotation for at, _ in group] for group in padded])
+        low, high = (np.array([[getattr(r, key) for _, r in group] for group in padded]) for key in _BOUNDS)
         origin = p.mean(axis=1)
         p = p - origin[:, np.newaxis]
         scale = np.maximum(1.0, np.abs(p).max(axis=(1, 2)))
         axes = np.swapaxes(R, 2, 3)
         offset = np.einsum("sikj,sij->sik", axes, p)
         rows = np.concatenate([axes, -axes], axis=2).reshape(len(sets), -1, 3)
-        room = np.concatenate([offset + high, -offset - low], axis=2).reshape(len(sets), -1) / scale[:, np.newaxis]
-        radii = np.array([[reach.com_distance_max_m for _, reach in group] for group in full]) / scale[:, np.newaxis]
+        bounds = np.concatenate([offset + high, -offset - low], axis=2).reshape(len(sets), -1) / scale[:, np.newaxis]
+        radii = np.array([[reach.com_distance_max_m for _, reach in group] for group in padded]) / scale[:, np.newaxis]
         centers = p / scale[:, np.newaxis, np.newaxis]
-        return ReachLimits(Limits(rows, np.full(room.shape, width), room, centers, radii, width), origin, scale)
+        return ReachLimits(Limits(rows, np.full(bounds.shape, width), bounds, centers, radii, width), origin, scale)
 
     def start(self) -> Unknowns:
-        """The middle of the contacts, with ``t`` so low that every limit holds with room."""
+        """The mean of the contacts, with ``t`` low enough that every limit holds strictly."""
         balls = self.limits.radii - np.linalg.norm(self.limits.centers, axis=2)
-        room = np.minimum(self.limits.limits.min(axis=1), balls.min(axis=1))
-        return np.column_stack([np.zeros((len(room), 3)), room - 1.0])
+        slack = np.minimum(self.limits.limits.min(axis=1), balls.min(axis=1))
+        return np.column_stack([np.zeros((len(slack), 3)), slack - 1.0])
 
     def world_m(self, x: Unknowns) -> Points:
-        """The points ``c`` in the world."""
+        """The points ``c`` in world coordinates."""
         return np.asarray(self.scale[:, np.newaxis] * x[:, :3] + self.origin_m)
 
 

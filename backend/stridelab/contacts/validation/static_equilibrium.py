@@ -1,10 +1,10 @@
-"""Whether the contacts of a phase hold the robot still, and with how much to spare.
+"""Static equilibrium of the contacts of a phase, and its margin.
 
-The CoM can rest above the support region, as far as the robot's reach lets it get there:
+The robot is in static equilibrium if its CoM is above the support region and within reach:
 
     r* = max_{c, r} r   such that   n_k (c_x, c_y) + r <= b_k   for all edges of the region,   c within reach
 
-is the distance that it can keep from the border. If it is negative, the phase can only be passed in motion.
+is the largest possible distance of the CoM from the border. If it is negative, the phase is passed only in motion.
 """
 
 from collections.abc import Iterator, Sequence
@@ -26,22 +26,22 @@ from stridelab.errors import Fault, NotEstimable
 
 Polygon = tuple[tuple[float, float], ...]
 ROOM_M: Final = 1e-3
-"""With less room in its reach limits than this, a stance is not asked where its CoM could rest."""
+"""Minimum reach slack of a stance for which the margin is computed; also the tolerance of a negative margin."""
 AWAY: Final = 0.1
-"""How far from the border the search begins, in units of the contacts' distance."""
+"""Initial distance from the border, in units of the distance between the contacts."""
 LEVEL: Final = 1e-9
-"""Axes of a contact frame that rise less than this are level."""
+"""Vertical component below which an axis of a contact frame is level."""
 SAME_DIGITS: Final = 9
-"""Stances whose numbers agree to so many decimals are one."""
+"""Decimals to which stances are rounded for the cache."""
 REMEMBERED: Final = 4096
-"""Stances whose regions are kept: whoever drags one contact changes a few phases only."""
+"""Size of the cache of support regions: dragging one contact changes only a few phases."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rest:
-    """``region_m`` seen from above, counter-clockwise, empty where nothing holds; ``margin_m`` is r*, at ``com_m``.
+    """Support region ``region_m`` (counter-clockwise, empty if none), and the margin ``margin_m`` = r* at ``com_m``.
 
-    Both are None without a region, and where the reach is not known or leaves no room.
+    Both margin and CoM are None without a region, without reach limits and if those leave no slack.
     """
 
     region_m: Polygon
@@ -50,20 +50,20 @@ class Rest:
 
 
 def rests(stances: Sequence[Stance], slacks: Sequence[Slack | None]) -> tuple[Rest, ...]:
-    """The answer of every phase; ``slacks`` are those of its reach limits."""
+    """Static equilibrium of every phase; ``slacks`` are the slacks of its reach limits."""
     unique = {_key(stance): (stance, slack) for stance, slack in zip(stances, slacks, strict=True)}
     regions = {key: _region(stance) for key, (stance, _) in unique.items()}
-    asked = {
+    solvable = {
         key: (stance, slack)
         for key, (stance, slack) in unique.items()
         if regions[key] and slack is not None and slack.slack_m > ROOM_M
     }
-    found = dict(zip(asked, _margins([regions[key] for key in asked], list(asked.values())), strict=True))
-    return tuple(found.get(_key(stance), Rest(regions[_key(stance)])) for stance in stances)
+    solved = dict(zip(solvable, _margins([regions[key] for key in solvable], list(solvable.values())), strict=True))
+    return tuple(solved.get(_key(stance), Rest(regions[_key(stance)])) for stance in stances)
 
 
 def restless(found: Sequence[Rest]) -> Iterator[Fault]:
-    """The first and the last phase, in which the robot stands still, where its CoM cannot come to rest."""
+    """Faults of the first and the last phase if the CoM cannot be at rest there."""
     last = len(found) - 1
     ends = {0: "begins", last: "ends"} if last > 0 else {0: "begins and ends"} if found else {}
     for k, when in ends.items():
@@ -71,13 +71,13 @@ def restless(found: Sequence[Rest]) -> Iterator[Fault]:
         if margin is not None and margin < -ROOM_M:
             yield Fault(
                 f"phases[{k}]",
-                f"the motion {when} here at rest, but the CoM stays {-margin:.2g} m short of where these contacts hold "
-                "it still: put another contact, or this one nearer",
+                f"the motion {when} here at rest, but the CoM stays {-margin:.2g} m short of static equilibrium on "
+                "these contacts: add a contact or move these closer",
             )
 
 
 def passed_in_motion(found: Sequence[Rest]) -> list[int]:
-    """Phases between in which the CoM cannot rest."""
+    """Indices of the intermediate phases in which the CoM cannot be at rest."""
     inner = range(1, len(found) - 1)
     return [k for k in inner if (margin := found[k].margin_m) is not None and margin < -ROOM_M]
 
@@ -87,7 +87,7 @@ def _key(stance: Stance) -> frozenset[int]:
 
 
 def _margins(regions: Sequence[Polygon], asked: Sequence[tuple[Stance, Slack | None]]) -> list[Rest]:
-    """All programmes at once, from the CoM that has most room in its reach limits."""
+    """Solve all programs in one batch, starting from the CoM with the largest reach slack."""
     if not asked:
         return []
     reach = ReachLimits.of([reach_set(limited(stance)) for stance, _ in asked], width=0.0)
@@ -116,10 +116,7 @@ def _margins(regions: Sequence[Polygon], asked: Sequence[tuple[Stance, Slack | N
 
 
 def _at_usual_height(com_m: Vector3, stance: Stance) -> Vector3:
-    """The same place seen from above, as high as robots stand over their soles: r* does not depend on the height.
-
-    No higher or lower than the reach goes at that place.
-    """
+    """``com_m`` at the usual height above the soles, within reach; r* does not depend on the height."""
     usual = [
         t.placement.position_m[2] + t.shape.com_height_m for t in soles(stance) if t.shape.com_height_m is not None
     ]
@@ -142,18 +139,18 @@ def _at_usual_height(com_m: Vector3, stance: Stance) -> Vector3:
 
 
 def _edges(corners_m: Float[np.ndarray, "s m 2"]) -> tuple[Float[np.ndarray, "s m 3"], Float[np.ndarray, "s m"]]:
-    """Outward normals (level) and offsets of the edges of polygons; an edge without length counts as the first one."""
+    """Outward horizontal normals and offsets of the edges of polygons; an edge of length 0 repeats the first one."""
     edge = np.roll(corners_m, -1, axis=1) - corners_m
     length = np.linalg.norm(edge, axis=2)
     rows = np.stack([edge[..., 1], -edge[..., 0], np.zeros(length.shape)], axis=2)
     rows /= np.where(length > 0.0, length, 1.0)[..., np.newaxis]
     offsets = np.einsum("smk,smk->sm", rows[..., :2], corners_m)
-    some = length > 0.0
-    return np.where(some[..., np.newaxis], rows, rows[:, :1]), np.where(some, offsets, offsets[:, :1])
+    has_length = length > 0.0
+    return np.where(has_length[..., np.newaxis], rows, rows[:, :1]), np.where(has_length, offsets, offsets[:, :1])
 
 
 def _region(stance: Stance) -> Polygon:
-    """The support region; of the soles alone where hands and soles squeeze each other, which has no bounded section."""
+    """The support region; of the soles alone if hands and soles can squeeze, so that no bounded section exists."""
     for touches in (list(stance.values()), soles(stance)):
         try:
             return _outline(touches)
@@ -167,16 +164,16 @@ def _outline(touches: Sequence[Touch]) -> Polygon:
         return ()
     at = PointContacts.of([(touch.placement, touch.shape.half_size_m, touch.friction) for touch in touches])
     x, y, _ = at.position_m[0]
-    seen = (at.position_m - at.position_m[0]).round(SAME_DIGITS)
+    relative = (at.position_m - at.position_m[0]).round(SAME_DIGITS)
     region = region_seen_from_first_point(
-        seen.tobytes(), at.rotation.round(SAME_DIGITS).tobytes(), at.friction.tobytes()
+        relative.tobytes(), at.rotation.round(SAME_DIGITS).tobytes(), at.friction.tobytes()
     )
     return tuple((float(x + dx), float(y + dy)) for dx, dy in region)
 
 
 @lru_cache(maxsize=REMEMBERED)
 def region_seen_from_first_point(position: bytes, rotation: bytes, friction: bytes) -> Polygon:
-    """The region of points given by the bytes of their arrays: on stairs the same stance returns from step to step."""
+    """Cached region of points given by the bytes of their arrays; on stairs the same stance recurs every step."""
     contacts = PointContacts(
         np.frombuffer(position).reshape(-1, 3), np.frombuffer(rotation).reshape(-1, 3, 3), np.frombuffer(friction)
     )

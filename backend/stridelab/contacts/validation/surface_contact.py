@@ -1,4 +1,4 @@
-"""Which surface a contact lies on, and how well: height, tilt, distance to the edge, room for the sole."""
+"""Assigns contacts to surfaces and checks height, tilt, distance to the edge and obstruction."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,15 +15,15 @@ from stridelab.conventions import Points, Series, Vector3
 from stridelab.dynamics.spatial import Placement
 
 HEIGHT_TOLERANCE_M: Final = 0.005
-"""A contact that is farther than this from its surface hangs in the air or is inside."""
+"""Largest distance of a contact from its surface, above or below."""
 TILT_TOLERANCE_RAD: Final = np.radians(3.0)
 """Largest angle between the contact's z axis and the surface's normal."""
 EDGE_TOLERANCE_M: Final = 0.005
 """How far a corner of a sole, or a hand, may lie past the edge of its surface."""
 LEVEL_TOLERANCE_M: Final = 0.010
-"""Faces whose heights differ by less carry a sole together."""
+"""Height difference up to which adjacent faces support a sole together."""
 DEPTH_TOLERANCE_M: Final = 0.005
-"""A sole may reach this far into the side of another box."""
+"""Depth up to which a sole may penetrate another box."""
 
 Stance = Mapping[str, "Touch"]
 """The contacts of one phase by effector."""
@@ -31,7 +31,7 @@ Stance = Mapping[str, "Touch"]
 
 @dataclass(frozen=True, eq=False)
 class Touch:
-    """One effector at one place: the surface it lies on, its margins, and what is wrong with it."""
+    """One effector placement: its surface, its margins and its problems."""
 
     effector: str
     shape: EffectorShape
@@ -44,22 +44,22 @@ class Touch:
 
     @property
     def surface(self) -> str | None:
-        """Name of the surface."""
+        """Name of the surface, or None."""
         return None if self.on is None else self.on.surface.name
 
     @cached_property
     def corners_m(self) -> Points:
-        """Corners of the sole, or the point that touches, in the world."""
+        """Corners of the sole, or the contact point of a hand, in world coordinates."""
         return self.placement.act(outline(self.shape)[:4])
 
 
 def outline(shape: EffectorShape) -> Points:
-    """Corners, middles of the edges and centre of a sole ``(9, 3)`` in its contact frame; the origin of a hand."""
+    """Corners, edge midpoints and centre of a sole ``(9, 3)`` in its contact frame; the origin for a hand."""
     return patch_m(shape.half_size_m)
 
 
 def shift(vector_m: Vector3) -> str:
-    """A change of place in words."""
+    """Text that describes a displacement."""
     x, y, z = (float(value) for value in np.round(vector_m, 3) + 0.0)
     if x == y == 0.0:
         return f"{'raise' if z > 0 else 'lower'} it by {abs(z):.3g} m"
@@ -67,23 +67,23 @@ def shift(vector_m: Vector3) -> str:
 
 
 def touch_all(draft: Draft, effectors: Mapping[str, EffectorShape]) -> tuple[Stance, ...]:
-    """The contacts of every phase on their nearest surfaces; equal contacts of several phases are one object."""
+    """Assign the contacts of every phase to their nearest surfaces; equal contacts share one object."""
     ground = _Ground(draft.terrain, draft.friction)
-    known: dict[tuple[str, bytes, bytes], Touch] = {}
+    checked: dict[tuple[str, bytes, bytes], Touch] = {}
     stances: list[Stance] = []
     for phase in draft.phases:
         stance: dict[str, Touch] = {}
         for effector, placement in phase.contacts.items():
             key = (effector, placement.position_m.tobytes(), placement.rotation.tobytes())
-            if key not in known:
-                known[key] = ground.touch(effector, effectors[effector], placement)
-            stance[effector] = known[key]
+            if key not in checked:
+                checked[key] = ground.touch(effector, effectors[effector], placement)
+            stance[effector] = checked[key]
         stances.append(stance)
     return tuple(stances)
 
 
 class _Ground:
-    """The touchable parts of a terrain."""
+    """The contact areas of a terrain."""
 
     def __init__(self, terrain: Terrain, friction: float) -> None:
         self.boxes = terrain.boxes
@@ -97,12 +97,12 @@ class _Ground:
         on = _nearest(self._parts(shape, placement, near), placement.position_m)
         if on is None:
             what = "stand on" if shape.kind == "surface" else "touch"
-            problem = f"touches nothing: the terrain has nothing to {what}"
+            problem = f"has no surface: the terrain has nothing to {what}"
             return Touch(effector, shape, placement, None, self.friction, None, None, (problem,))
         place = on.place(placement.position_m[np.newaxis])
         height, aside = float(place.height_m[0]), float(place.aside_m[0])
         edges = float(place.edge_m[0]) if shape.kind == "point" else self._edge_m(on, shape, placement, near)
-        problems = _misplaced(on, height, aside, float(place.distance_m[0]), shape)
+        problems = _misplaced(on, height, aside, float(place.distance_m[0]))
         problems += list(_tilted(on, placement))
         if not problems and edges < -EDGE_TOLERANCE_M:
             problems.append(_over_the_edge(on, placement.act(outline(shape)), edges, shape))
@@ -112,7 +112,7 @@ class _Ground:
         return Touch(effector, shape, placement, on, friction, height, edges, tuple(problems))
 
     def _near(self, shape: EffectorShape, placement: Placement) -> list[int]:
-        """The boxes that can matter: as near as the nearest face may be, or within the sole's radius."""
+        """Indices of the boxes that can affect the contact: near the nearest face or within the radius of the sole."""
         if not self.boxes:
             return []
         (low_m, high_m), point_m = self.bounds_m, placement.position_m
@@ -122,7 +122,7 @@ class _Ground:
         return np.flatnonzero(away <= max(float(first.distance_m[0]) + 2e-3, radius)).tolist()
 
     def _parts(self, shape: EffectorShape, placement: Placement, near: Sequence[int]) -> list[Touchable]:
-        """What an effector may touch: a sole upper faces, a hand rails and the faces that its z axis points out of."""
+        """Contact areas of an effector: upper faces for a sole; rails and the faces along its z axis for a hand."""
         faces = [self._face(i, shape, placement) for i in near]
         return faces if shape.kind == "surface" else faces + self.lines
 
@@ -131,7 +131,7 @@ class _Ground:
         return self.faces[box] if sole else face_towards(self.boxes[box], placement.rotation[:, 2])
 
     def _edge_m(self, on: Touchable, shape: EffectorShape, placement: Placement, near: Sequence[int]) -> float:
-        """Smallest distance of a corner to the edge of the faces level with ``on``, each by the one that holds it."""
+        """Smallest distance of a corner to the edge of its supporting face, among the faces level with ``on``."""
         corners = placement.act(outline(shape)[:4])
         flat = corners - np.outer((corners - on.center_m) @ on.normal, on.normal)
         best = on.place(flat).edge_m
@@ -144,7 +144,7 @@ class _Ground:
         return float(best.min())
 
     def _obstructed(self, on: Touchable, sole_m: Points, near: Sequence[int]) -> Iterator[str]:
-        """The box that the sole, or the hand, would be inside of, the highest if there are several."""
+        """The problem of a sole or hand inside another box, the highest one if there are several."""
         raised = sole_m + LEVEL_TOLERANCE_M * on.normal
         others = [(self.boxes[i], self.faces[i]) for i in near if self.boxes[i] is not on.surface]
         inside = [
@@ -158,7 +158,7 @@ class _Ground:
 
 
 def _nearest(parts: Sequence[Touchable], point_m: Vector3) -> Touchable | None:
-    """The nearest part; of several within a millimetre, the one whose edge is farthest away."""
+    """The nearest area; among those within a millimetre, the one whose edge is farthest away."""
     if not parts:
         return None
     places = [part.place(point_m[np.newaxis]) for part in parts]
@@ -167,16 +167,15 @@ def _nearest(parts: Sequence[Touchable], point_m: Vector3) -> Touchable | None:
     return parts[int(np.argmax(np.where(distance <= distance.min() + 1e-3, edge, -np.inf)))]
 
 
-def _misplaced(on: Touchable, height: float, aside: float, distance: float, shape: EffectorShape) -> list[str]:
+def _misplaced(on: Touchable, height: float, aside: float, distance: float) -> list[str]:
     name = on.surface.name
     if isinstance(on.surface, Rail):
         if distance <= HEIGHT_TOLERANCE_M:
             return []
-        return [f"touches nothing: it is {distance:.3g} m off the upper side of {name!r}"]
+        return [f"is not on a surface: it is {distance:.3g} m off the upper side of {name!r}"]
     upper = bool(on.normal[2] > np.sqrt(0.5))
     if aside > EDGE_TOLERANCE_M:
-        verb = "stands on" if shape.kind == "surface" else "touches"
-        return [f"{verb} nothing: {name!r}, the nearest surface, is {distance:.3g} m away"]
+        return [f"is not on a surface: {name!r}, the nearest one, is {distance:.3g} m away"]
     if height > HEIGHT_TOLERANCE_M:
         where = "above" if upper else "off"
         return [f"is in the air, {height:.3g} m {where} {name!r}: {shift(-height * on.normal)}"]

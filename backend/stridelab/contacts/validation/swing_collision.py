@@ -1,4 +1,4 @@
-"""Whether a swing passes through a box on its way."""
+"""Collision checks of swings with the boxes of the terrain."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -12,13 +12,13 @@ from stridelab.contacts.validation.surface_contact import Stance, Touch, outline
 from stridelab.conventions import Points, Series
 
 SHARES: Final[Series] = np.linspace(0.0, 1.0, 25)
-"""Instants at which a swing is looked at."""
+"""Shares of a swing at which it is checked."""
 CLEARANCE_M: Final = 0.003
-"""A path that is less deep inside a box passes."""
+"""Depth inside a box up to which a path is accepted."""
 
 
 def swings(stances: tuple[Stance, ...]) -> Iterator[tuple[int, Touch, Touch]]:
-    """All swings: the phase in which they begin, where from and where to."""
+    """All swings: first phase, contact at lift-off and contact at landing."""
     last: dict[str, tuple[int, Touch]] = {}
     for k, stance in enumerate(stances):
         for name, touch in stance.items():
@@ -28,11 +28,11 @@ def swings(stances: tuple[Stance, ...]) -> Iterator[tuple[int, Touch, Touch]]:
 
 
 def obstructed(stances: tuple[Stance, ...], terrain: Terrain) -> Iterator[tuple[int, str, str, float]]:
-    """Swings through boxes: phase, effector, name of the box, and how deep (m) the swing is inside it."""
-    found = list(swings(stances))
-    if not found:
+    """Swings through boxes: phase, effector, name of the box, and depth (m) inside it."""
+    all_swings = list(swings(stances))
+    if not all_swings:
         return
-    paths = [_swept(start, end, terrain) for _, start, end in found]
+    paths = [_swept(start, end, terrain) for _, start, end in all_swings]
     low, high = (np.array([extreme(path, axis=0) for path in paths]) for extreme in (np.min, np.max))
     for box in terrain.boxes:
         half = np.abs(box.placement.rotation) @ box.size_m / 2
@@ -42,12 +42,12 @@ def obstructed(stances: tuple[Stance, ...], terrain: Terrain) -> Iterator[tuple[
         for i in np.flatnonzero(near):
             depth = float(depth_in_box_m(box, paths[i]).max())
             if depth > CLEARANCE_M:
-                phase, start, _ = found[i]
+                phase, start, _ = all_swings[i]
                 yield phase, start.effector, box.name, depth
 
 
 def _swept(start: Touch, end: Touch, terrain: Terrain) -> Points:
-    """Points of the sole, or the hand's contact, at all instants."""
+    """Outline points of the effector along its swing."""
     sole = outline(start.shape)
     rises = rise_m(start.placement, end.placement, sole, terrain)
     curve = SwingCurve(start.placement, end.placement, 1.0, start.shape.kind, rise_m=rises)

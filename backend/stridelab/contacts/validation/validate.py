@@ -1,7 +1,7 @@
-"""The judge of scenarios: refuses what no solver should be asked, naming phase and effector.
+"""Validation of scenarios before planning; faults name the phase and the effector.
 
-The same for the HTTP interface, the command line and the job. Nothing here solves for a motion: a scenario that
-passes can still turn out to be impossible.
+The HTTP interface, the command line and the jobs use the same checks. They do not solve for a motion: a valid scenario
+can still be infeasible.
 """
 
 import re
@@ -32,7 +32,7 @@ PHASE = re.compile(r"phases\[(\d+)\]")
 
 @dataclass(frozen=True)
 class Remark:
-    """A warning: a stable code and a sentence."""
+    """A warning: a stable code and a message."""
 
     code: str
     message: str
@@ -40,7 +40,7 @@ class Remark:
 
 @dataclass(frozen=True)
 class Margin:
-    """How far one contact of one phase is from being refused; fields as in ``schemas.scenarios.ContactMargin``."""
+    """Margins of one contact in one phase; fields as in ``schemas.scenarios.ContactMargin``."""
 
     phase: int
     effector: str
@@ -52,9 +52,9 @@ class Margin:
 
 @dataclass(frozen=True)
 class CheckReport:
-    """What is wrong with a scenario, what is worth knowing, and its margins.
+    """Validation result of a scenario: faults in the order of the phases, warnings and margins.
 
-    ``faults`` come in the order of the phases; ``rests`` tells of each phase where its contacts hold the CoM still.
+    ``rests`` is the static equilibrium of every phase.
     """
 
     faults: tuple[Fault, ...]
@@ -70,14 +70,14 @@ class CheckReport:
 
 
 def check(scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]) -> CheckReport:
-    """Judge a scenario, ``schemas.scenarios.Scenario`` as a mapping, for a robot with these effectors."""
+    """Validate a scenario, ``schemas.scenarios.Scenario`` as a mapping, for a robot with these effectors."""
     return judge(scenario, effectors)[0]
 
 
 def judge(
     scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]
 ) -> tuple[CheckReport, ContactSequence | None]:
-    """The report, and the contact sequence where there are no faults."""
+    """Return the validation result, and the contact sequence if there are no faults."""
     draft = read(scenario, effectors)
     duration_s = float(sum(phase.duration_s or 0.0 for phase in draft.phases))
     outsized = tuple(too_large(draft))
@@ -85,17 +85,17 @@ def judge(
         return CheckReport((*outsized, *draft.faults), (), (), (Rest(()),) * len(draft.phases), duration_s), None
     stances = touch_all(draft, effectors)
     reach = closeness(stances)
-    resting = rests(stances, reach.slacks)
-    faults = [*_wrong(draft, stances, effectors), *reach.faults, *restless(resting)]
+    equilibria = rests(stances, reach.slacks)
+    faults = [*_wrong(draft, stances, effectors), *reach.faults, *restless(equilibria)]
     report = CheckReport(
         faults=tuple(sorted(faults, key=_phase_of)),
-        remarks=(*_remarks(draft, stances, effectors), *_in_motion(resting)),
+        remarks=(*_remarks(draft, stances, effectors), *_in_motion(equilibria)),
         margins=tuple(
             Margin(k, name, touch.surface, touch.height_m, touch.edge_m, None if slack is None else slack.slack_m)
             for k, (stance, slack) in enumerate(zip(stances, reach.slacks, strict=True))
             for name, touch in stance.items()
         ),
-        rests=resting,
+        rests=equilibria,
         duration_s=duration_s,
     )
     return report, _sequence(draft, stances) if report.valid else None
@@ -104,7 +104,7 @@ def judge(
 def outline(
     scenario: Mapping[str, Any], effectors: Mapping[str, EffectorShape]
 ) -> tuple[tuple[Fault, ...], ContactSequence | None]:
-    """``judge`` while somebody waits: not where the CoM can rest, nor what is only worth knowing; half of its time."""
+    """Faster ``judge`` for interactive use (half the time): no static equilibrium, margins or warnings."""
     draft = read(scenario, effectors)
     outsized = tuple(too_large(draft))
     if outsized:
@@ -115,7 +115,7 @@ def outline(
 
 
 def _wrong(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, EffectorShape]) -> list[Fault]:
-    """What is wrong with the contacts by themselves, and from phase to phase."""
+    """Faults of single contacts and of consecutive phases."""
     return [
         *draft.faults,
         *unsupported(draft, effectors),
@@ -129,7 +129,7 @@ def _wrong(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, Ef
 
 
 def _misplaced(stances: tuple[Stance, ...]) -> list[Fault]:
-    """What is wrong with single contacts, where each place first occurs."""
+    """Faults of single contacts, each at its first occurrence."""
     first: dict[int, tuple[int, Touch]] = {}
     for k, stance in enumerate(stances):
         for touch in stance.values():
@@ -148,11 +148,15 @@ def _remarks(draft: Draft, stances: tuple[Stance, ...], effectors: Mapping[str, 
     used = sorted({name for stance in stances for name in stance})
     unknown = [name for name in used if effectors[name].reach is None]
     if unknown:
-        remarks.append(Remark("reach-unknown", f"the reach of {', '.join(unknown)} was not checked: it is not learned"))
+        remarks.append(
+            Remark(
+                "reach-unknown", f"the reach of {', '.join(unknown)} is not checked: no learned limits are available"
+            )
+        )
     late = [name for name in used if effectors[name].kind == "point" and name not in draft.phases[0].named]
     if late:
         message = (
-            f"{', '.join(late)} touches nothing in the first phase: its first swing starts wherever it happens to be"
+            f"{', '.join(late)} has no contact in the first phase: its first swing starts from the initial posture"
         )
         remarks.append(Remark("hand-comes-late", message))
     return remarks
@@ -163,12 +167,12 @@ def _in_motion(resting: tuple[Rest, ...]) -> list[Remark]:
     if not phases:
         return []
     named = f"phase {phases[0]}" if len(phases) == 1 else f"phases {', '.join(map(str, phases))}"
-    return [Remark("passed-in-motion", f"the robot cannot stop in {named}: its contacts do not hold the CoM still")]
+    return [Remark("passed-in-motion", f"the robot cannot stop in {named}: its contacts allow no static equilibrium")]
 
 
 def _phase_of(fault: Fault) -> int:
-    found = PHASE.match(fault.where)
-    return int(found[1]) if found else -1
+    match = PHASE.match(fault.where)
+    return int(match[1]) if match else -1
 
 
 def _sequence(draft: Draft, stances: tuple[Stance, ...]) -> ContactSequence:

@@ -1,11 +1,11 @@
-"""Points that touch, and the generators of the wrenches they can bring about: the linear side of (4.6) and (4.7).
+"""Contact points and the generators of their contact wrenches: the linear side of (4.6) and (4.7).
 
-A sole touches at its corners, a hand at one point. At each the force lies in ``mu f_n >= |f_t|``. A pyramid of ``n``
-rays stands for it,
+A sole has a contact point at each corner, a hand has one. At each the force lies in ``mu f_n >= |f_t|``, approximated
+by a pyramid of ``n`` rays,
 
     f_j = R (r cos a_j, r sin a_j, 1),   a_j = 2 pi (j + 1/2) / n,   r = mu (inside)  or  mu / cos(pi / n) (around)
 
-with its edges on the circle or its faces touching it; both tend to the circular cone as ``1 - cos(pi / n)``.
+which is inscribed in the circle or circumscribed; both converge to the circular cone as ``1 - cos(pi / n)``.
 A ray is the wrench ``y = (f, p x f)`` about the world origin.
 """
 
@@ -29,10 +29,10 @@ CORNERS = ((1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0))
 
 @dataclass(frozen=True, eq=False)
 class PointContacts:
-    """``n`` points that touch: where, the frames of their surfaces (z away from them) and their friction.
+    """``n`` contact points: positions, surface frames (z is the outward normal) and friction coefficients.
 
-    Raises ``InvalidInput`` (``contacts-invalid``) without points, for numbers that are not finite and for friction that
-    is not positive.
+    Raises ``InvalidInput`` (``contacts-invalid``) without points, for non-finite numbers and for friction that is not
+    positive.
     """
 
     position_m: Points
@@ -41,15 +41,15 @@ class PointContacts:
 
     def __post_init__(self) -> None:
         if not len(self.position_m):
-            raise InvalidInput("contacts-invalid", "nothing touches: a cone of wrenches needs a contact")
+            raise InvalidInput("contacts-invalid", "no contacts: a wrench cone needs at least one")
         if not (np.isfinite(self.position_m).all() and np.isfinite(self.rotation).all()):
-            raise InvalidInput("contacts-invalid", "a contact's place is not a finite number")
+            raise InvalidInput("contacts-invalid", "the position or frame of a contact is not finite")
         if not ((self.friction > 0.0) & np.isfinite(self.friction)).all():
             raise InvalidInput("contacts-invalid", "friction must be positive and finite")
 
     @staticmethod
     def of(contacts: Iterable[tuple[Placement, tuple[float, float] | None, float]]) -> "PointContacts":
-        """From placements with the half edges of soles (None for a hand) and their friction."""
+        """Create from placements, half edges of soles (None for a hand) and friction coefficients."""
         rows = [
             (placement.act(np.array([[x * size[0], y * size[1], 0.0] for x, y in CORNERS])), placement, friction)
             if size is not None
@@ -63,7 +63,7 @@ class PointContacts:
         )
 
     def forces(self, n_rays: int = 4, side: Side = "inside") -> Float[np.ndarray, "n rays 3"]:
-        """The edges of every point's pyramid, normal component 1. Raises ``ValueError`` below three rays."""
+        """Edges of the pyramid of every point, with normal component 1. Raises ``ValueError`` below three rays."""
         if n_rays < 3:
             raise ValueError("a pyramid has at least three edges")
         angle = 2.0 * np.pi * (np.arange(n_rays) + 0.5) / n_rays
@@ -73,23 +73,23 @@ class PointContacts:
         return np.asarray(tangential + self.rotation[:, np.newaxis, :, 2])
 
     def rays(self, n_rays: int = 4, side: Side = "inside") -> Rays:
-        """Generators ``(f, p x f)`` of the linear cone of wrenches, about the world origin."""
+        """Generators ``(f, p x f)`` of the linear wrench cone about the world origin."""
         f = self.forces(n_rays, side)
         return np.concatenate([f, np.cross(self.position_m[:, np.newaxis], f)], axis=2).reshape(-1, 6)
 
     def grasp(self, about_m: Vector3 | None = None) -> Grasp:
-        """The map from all forces ``(3 n,)`` to their wrench about a point, the world origin unless given."""
+        """Grasp matrix: maps all forces ``(3 n,)`` to their wrench about ``about_m`` (default: the world origin)."""
         p = self.position_m if about_m is None else self.position_m - about_m
         moments = np.cross(p[:, np.newaxis], np.eye(3)[np.newaxis]).transpose(2, 0, 1).reshape(3, -1)
         return np.vstack([np.tile(np.eye(3), len(p)), moments])
 
     def moved(self, shift_m: Vector3, scale: float = 1.0) -> "PointContacts":
-        """The same contacts seen from another origin, with lengths in another unit: ``scale (p + shift)``."""
+        """The contacts in another frame and unit of length: ``scale (p + shift)``."""
         return PointContacts(scale * (self.position_m + shift_m), self.rotation, self.friction)
 
 
 def change_of_frame(shift_m: Vector3, scale: float = 1.0) -> Float[np.ndarray, "6 6"]:
-    """What ``moved`` does to wrenches: ``(f, nu) -> (f, scale (nu + shift x f))``."""
+    """Wrench transformation that belongs to ``PointContacts.moved``: ``(f, nu) -> (f, scale (nu + shift x f))``."""
     x, y, z = shift_m
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.block([[np.eye(3), np.zeros((3, 3))], [scale * cross, scale * np.eye(3)]])

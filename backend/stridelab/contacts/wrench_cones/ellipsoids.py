@@ -1,10 +1,10 @@
-"""Loewner's and John's ellipsoids: the smallest around points and the largest inside a polytope.
+"""Loewner and John ellipsoids: the smallest around points and the largest inside a polytope.
 
     around:  min -log det Q   with  |Q p_i - b| <= 1                         (4.19)
     inside:  max  log det E   with  |E^T a_i| + a_i c <= b_i,   E lower triangular
 
-Both are convex (Boyd & Vandenberghe, 8.4). The unknowns are a vector and the triangle of a matrix, 20 numbers in five
-dimensions, so that a Newton step costs the same whatever the number of facets, but for their sums.
+Both problems are convex (Boyd & Vandenberghe, 8.4). The unknowns are a vector and the triangle of a matrix, 20 numbers
+in five dimensions, so the cost of a Newton step depends on the number of facets only through sums over them.
 """
 
 from dataclasses import dataclass
@@ -16,9 +16,9 @@ from jaxtyping import Float
 from stridelab.contacts.barrier_method import Matrix, Vector, follow
 
 WEIGHT: Final = 1e9
-"""Last weight of ``log det``: with m constraints it is within ``2 m / WEIGHT`` of the best."""
+"""Last weight of ``log det``: with m constraints the result is within ``2 m / WEIGHT`` of the optimum."""
 FIRST_WEIGHT: Final = 30.0
-"""First weight inside a polytope, whose middle is a good start."""
+"""First weight inside a polytope, where the start is near the central path."""
 Cloud = Float[np.ndarray, "n d"]
 
 
@@ -37,16 +37,16 @@ def largest_inside(normals: Cloud, offsets: Float[np.ndarray, "n"]) -> Ellipsoid
 
 
 def smallest_around(points: Cloud, *, centred: bool = False) -> Ellipsoid:
-    """The smallest ellipsoid around points that span the space; ``centred`` holds its centre at the origin."""
+    """The smallest ellipsoid around points that span the space; ``centred`` fixes its centre at the origin."""
     problem = _Around(points, centred)
-    found = follow(problem.start(), problem.value, problem.slopes, WEIGHT)
-    Q, b = problem.split(found)
-    grown = np.linalg.norm(points @ Q.T - b, axis=1).max()  # the farthest point lies on it exactly
-    return Ellipsoid(np.linalg.solve(Q, b), grown * np.linalg.inv(Q))
+    x = follow(problem.start(), problem.value, problem.slopes, WEIGHT)
+    Q, b = problem.split(x)
+    radius = np.linalg.norm(points @ Q.T - b, axis=1).max()  # puts the farthest point on the boundary
+    return Ellipsoid(np.linalg.solve(Q, b), radius * np.linalg.inv(Q))
 
 
 class _Triangle:
-    """A vector and a lower triangle in one array of unknowns; the triangle's entries by rows."""
+    """Unknowns of a vector and a lower triangular matrix in one array; the matrix entries by rows."""
 
     def __init__(self, d: int, with_vector: bool = True) -> None:
         self.d = d
@@ -74,7 +74,7 @@ class _Inside(_Triangle):
         super().__init__(normals.shape[1])
         self.a, self.b = normals, offsets
         self.a_rows = normals[:, self.rows]
-        # entry (r, c) of E moves component c of E^T a by a_r
+        # entry (r, c) of E changes component c of E^T a by a_r
         self.same = self.columns[:, np.newaxis] == self.columns
 
     def start(self) -> Vector:

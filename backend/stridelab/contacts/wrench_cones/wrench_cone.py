@@ -1,9 +1,9 @@
-"""The linear cone of wrenches of a contact set by its facets, and Lorentz cones in it.
+"""Facets of the linear wrench cone of a contact set, and Lorentz cones inside it.
 
 Section. With a functional ``d`` that is positive on all rays, the cone is the cone over the polytope of the points
-``x = X y / (d y)``. We take for ``d`` the vertical force (the mean direction of the forces where some ray does not
-push up): it sees only forces, so that neither the reference point nor the unit of length enters, and the section of
-another frame is an affine image of this one. Volumes of sections compare, and the largest ellipsoid goes along.
+``x = X y / (d y)``. ``d`` is the vertical force (the mean force direction if some ray does not point up). It depends
+only on forces, neither on the reference point nor on the unit of length, so that the section in another frame is an
+affine image of this one: ratios of volumes and the largest ellipsoid are invariant.
 
 A Lorentz cone (4.16) is the image of the standard one (4.14), ``{y : M y = (tau, eta, 0), |tau| <= eta}`` with ``M``
 square and invertible; where the rays span less than six dimensions the last rows of ``M`` vanish on them. It lies in
@@ -29,13 +29,13 @@ from stridelab.conventions import Vector3
 from stridelab.errors import NotEstimable
 
 N_RAYS: Final = 5
-"""Of the pyramids: they hold 0.76 of the circular cone each, against 0.64 with four and 0.83 with six."""
+"""Rays per pyramid; five cover 0.76 of the circular cone, four 0.64 and six 0.83."""
 FLAT: Final = 1e-9
 """Singular values below this share of the largest count as zero."""
 JOGGLE: Final = 1e-8
-"""More than qhull's joggle moves a facet of a whitened section (2e-10 to 4e-10 in those that needed it)."""
+"""Upper bound of the shift of a facet of a whitened section by qhull's joggle (observed: 2e-10 to 4e-10)."""
 STEEP: Final = 0.02
-"""The section is normal to the vertical force if every ray's rises by at least this share of its length."""
+"""Minimum projection of every unit force onto the normal of the section."""
 
 Facets = Float[np.ndarray, "facets 6"]
 Square = Float[np.ndarray, "6 6"]
@@ -56,7 +56,7 @@ class LorentzCone:
         return LorentzCone(scaled, self.dimension)
 
     def in_frame(self, change: Square) -> "LorentzCone":
-        """The same cone for wrenches that ``change`` takes to those of this one."""
+        """The same cone in the coordinates that ``change`` maps to those of this one."""
         return LorentzCone(self.to_standard @ change, self.dimension)
 
     def gauge(self, wrenches: Wrenches) -> Float[np.ndarray, "n"]:
@@ -74,7 +74,7 @@ class LorentzCone:
         return np.asarray(np.linalg.solve(self.to_standard, y.T).T)
 
     def section(self, lift: Float[np.ndarray, "6 k_plus_1"]) -> Ellipsoid | None:
-        """The points ``x`` with ``lift (x, 1)`` in the cone: an ellipsoid; None where they are none or not bounded."""
+        """The ellipsoid of points ``x`` with ``lift (x, 1)`` in the cone; None if empty or unbounded."""
         rows, d = self.to_standard @ lift, self.dimension
         P, q, r, s = rows[:d, :-1], rows[:d, -1], rows[d, :-1], rows[d, -1]
         H, h = P.T @ P - np.outer(r, r), P.T @ q - s * r
@@ -87,11 +87,11 @@ class LorentzCone:
         return Ellipsoid(center, math.sqrt(level) * np.linalg.inv(np.linalg.cholesky(H)).T)
 
     def towards(self, facets: Facets) -> Wrenches:
-        """The wrench on the boundary, ``eta = 1``, that comes nearest to leaving each half-space."""
+        """The boundary wrench (``eta = 1``) closest to leaving each half-space."""
         return self.boundary(np.linalg.solve(self.to_standard.T, facets.T).T[:, : self.dimension])
 
     def supports(self, facets: Facets) -> Float[np.ndarray, "facets 2"]:
-        """``(|r|, s)`` of every facet: the largest of ``a y`` on ``eta = 1`` is ``|r| + s``."""
+        """``(|r|, s)`` of every facet; the maximum of ``a y`` on ``eta = 1`` is ``|r| + s``."""
         rows = np.linalg.solve(self.to_standard.T, facets.T).T
         k = self.dimension
         return np.stack([np.linalg.norm(rows[:, :k], axis=1), rows[:, k]], axis=1)
@@ -99,10 +99,10 @@ class LorentzCone:
 
 @dataclass(frozen=True, eq=False)
 class LinearCone:
-    """The cone (4.7) over rays, cut into a polytope by ``d y = 1`` and whitened there.
+    """The cone (4.7) over rays, with its whitened section ``d y = 1``.
 
     ``to_section`` ``(6, 6)`` maps a wrench to ``(x d y, d y, 0)``; ``normals x <= offsets`` are the facets of the
-    polytope, ``volume`` its content in these coordinates (only ratios of such volumes mean anything).
+    polytope, ``volume`` its volume in these coordinates (only ratios are meaningful).
     """
 
     rays: Rays
@@ -114,11 +114,11 @@ class LinearCone:
 
     @staticmethod
     def of(contacts: PointContacts, n_rays: int = N_RAYS, side: Side = "inside") -> "LinearCone":
-        """From the pyramids of the contacts; facets by qhull.
+        """Create from the pyramids of the contacts; facets by qhull.
 
-        Raises ``NotEstimable``: ``wrench-cone-not-pointed`` where forces of the contacts can cancel each other (a grip
-        from opposite sides): such a cone has no bounded section; ``wrench-cone-flat`` where friction or the distances
-        are so small that rounding leaves no section to speak of.
+        Raises ``NotEstimable``: ``wrench-cone-not-pointed`` if contact forces can cancel each other (a grip from
+        opposite sides), so that no section is bounded; ``wrench-cone-flat`` if friction or distances are so small that
+        the section is degenerate.
         """
         center = contacts.position_m.mean(axis=0)
         spread = float(np.sqrt(((contacts.position_m - center) ** 2).sum(axis=1).mean()))
@@ -155,17 +155,17 @@ class LinearCone:
         return self.lorentz(largest_inside(self.normals, self.offsets))
 
     def alpha_max(self, cone: LorentzCone) -> float:
-        """How far ``cone.shrunk(alpha)`` stays inside; 0 where the axis of the cone is outside."""
+        """Largest alpha with ``cone.shrunk(alpha)`` inside this cone; 0 if the axis of ``cone`` is outside."""
         r, s = cone.supports(self.facets).T
         return float(max(0.0, (-s / r).min()))
 
     def violation(self, cone: LorentzCone) -> float:
-        """The largest ``(|r| + s) / |s|`` over all facets, in closed form: not positive if ``cone`` is inside."""
+        """Maximum of ``(|r| + s) / |s|`` over all facets; not positive if ``cone`` is inside."""
         r, s = cone.supports(self.facets).T
         return float(((r + s) / np.abs(s)).max())
 
     def kept(self, cone: LorentzCone) -> float:
-        """Volume of the section of ``cone`` over that of this one; infinite where it is not bounded."""
+        """Ratio of the volume of the section of ``cone`` to that of this cone; infinite if unbounded."""
         k = self.dimension
         section = cone.section(np.linalg.inv(self.to_section)[:, : k + 1])
         if section is None:
@@ -175,7 +175,7 @@ class LinearCone:
 
 
 def _direction(forces: Float[np.ndarray, "rays 3"]) -> Vector3:
-    """A direction with a positive part of every force: up, or the nearest point to 0 of the hull of unit forces."""
+    """A direction with a positive projection of every force: up, or the point of the unit forces' hull nearest to 0."""
     unit = forces / np.linalg.norm(forces, axis=1, keepdims=True)
     if unit[:, 2].min() > STEEP:
         return np.array([0.0, 0.0, 1.0])
@@ -188,10 +188,10 @@ def _direction(forces: Float[np.ndarray, "rays 3"]) -> Vector3:
 
 
 def _facets(points: Cloud) -> tuple[Matrix, Vector, float]:
-    """Normals, offsets and volume of a hull, each facet once though qhull splits it into simplices.
+    """Normals, offsets and volume of a hull; simplices of the same facet are merged.
 
-    The rays of a sole make parallelograms in the section; where rounding keeps qhull from merging their pieces, its
-    joggled run takes over, and the facets move inwards by more than its joggle.
+    The rays of a sole form parallelograms in the section. If rounding prevents qhull from merging their simplices, it
+    runs again with joggled input, and the facets are moved inwards by more than the joggle.
     """
     try:
         hull, digits, inwards = ConvexHull(points, qhull_options="Qt Qx" if points.shape[1] > 4 else "Qt"), 9, 0.0
@@ -205,10 +205,10 @@ def _facets(points: Cloud) -> tuple[Matrix, Vector, float]:
 
 
 def _flat() -> NotEstimable:
-    return NotEstimable("wrench-cone-flat", "the wrenches of these contacts differ too little to be told apart")
+    return NotEstimable("wrench-cone-flat", "the wrenches of these contacts are numerically indistinguishable")
 
 
 def _across(whiten: Float[np.ndarray, "d 6"], middle: Float[np.ndarray, "6"]) -> Float[np.ndarray, "rest 6"]:
-    """Functionals that vanish on all rays."""
+    """Linear functionals that vanish on all rays."""
     spanned = np.vstack([whiten / np.linalg.norm(whiten, axis=1, keepdims=True), middle / np.linalg.norm(middle)])
     return np.asarray(np.linalg.svd(spanned)[2][len(spanned) :])

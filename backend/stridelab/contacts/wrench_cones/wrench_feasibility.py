@@ -1,12 +1,12 @@
-"""Whether contacts can bring about a wrench, with how much to spare, and by which forces.
+"""Feasibility margin of a wrench for a contact set, and the contact forces that attain it.
 
     t* = max t   such that   sum_i (f_i, p_i x f_i) = w   and   mu_i f_n,i - |f_t,i| >= t   at every point
 
-in newtons of tangential force that every point could still take; negative by how much friction would have to give
-more. It depends on no reference point and no unit of length. Circular cones make a second-order cone programme,
-solved in the null space of the map from forces to wrenches by a barrier; pyramids of n rays a linear one, solved by
-HiGHS. Where squeezing makes t* as large as one likes it is infinite, and where no forces at all give the wrench (two
-points cannot turn about the line between them) it is minus infinity.
+in newtons of additional tangential force that every point could resist; if negative, friction lacks that much. It
+depends neither on the reference point nor on the unit of length. Circular cones give a second-order cone program,
+solved by a barrier method in the null space of the grasp matrix; pyramids of n rays give a linear program, solved by
+HiGHS. The margin is infinite if squeezing makes t* unbounded, and minus infinity if no forces produce the wrench (two
+points cannot resist a moment about the line between them).
 """
 
 import math
@@ -23,16 +23,16 @@ from stridelab.conventions import Points
 from stridelab.errors import InvalidInput, NotEstimable
 
 WEIGHT: Final = 1e11
-"""Last weight of ``t`` over the wrench's size: with n points ``t*`` is within ``2 n / WEIGHT`` of it."""
+"""Last weight of ``t`` relative to the wrench: with n points ``t*`` is within ``2 n / WEIGHT`` of the optimum."""
 UNREACHED: Final = 1e-9
-"""A wrench that forces miss by more than this share of it cannot be brought about."""
+"""Relative residual above which no forces produce the wrench."""
 SQUEEZED: Final = 1e3
-"""A margin is infinite if it exceeds this many times the wrench."""
+"""Ratio of margin to wrench above which the margin counts as infinite."""
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """``margin_n`` is t*; ``forces_n`` attain it, one row per point (with an infinite margin, forces that hold)."""
+    """Margin ``margin_n`` = t* and forces that attain it, one row per point (feasible ones for an infinite margin)."""
 
     margin_n: float
     forces_n: Points
@@ -41,7 +41,7 @@ class Held:
 def conic_margin(contacts: PointContacts, wrench: Float[np.ndarray, "6"]) -> Held:
     """The margin with circular friction cones; ``wrench`` is (force, moment) about the world origin.
 
-    Raises ``InvalidInput`` (``wrench-invalid``) for one that is not finite.
+    Raises ``InvalidInput`` (``wrench-invalid``) for a non-finite one.
     """
     problem = _Problem(contacts, wrench)
     if problem.particular is None:
@@ -130,7 +130,7 @@ class _Problem:
         for i, local in enumerate(self.local):
             rows[i, :, 3 * i : 3 * i + 3] = faces @ local
         rows[:, :, -1] = 1.0
-        found = linprog(
+        solution = linprog(
             np.append(np.zeros(3 * self.n), -1.0),
             A_ub=rows.reshape(-1, 3 * self.n + 1),
             b_ub=np.zeros(self.n * n_rays),
@@ -139,10 +139,10 @@ class _Problem:
             bounds=[(None, None)] * (3 * self.n) + [(None, 10.0 * SQUEEZED)],
             options={"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10},
         )
-        if found.x is None:
-            raise NotEstimable("wrench-margin-unsolved", f"the linear programme of the margin failed: {found.message}")
-        t = float(found.x[-1])
-        forces = self.size * found.x[:-1].reshape(self.n, 3)
+        if solution.x is None:
+            raise NotEstimable("wrench-margin-unsolved", f"the linear program of the margin failed: {solution.message}")
+        t = float(solution.x[-1])
+        forces = self.size * solution.x[:-1].reshape(self.n, 3)
         return Held(math.inf if t > SQUEEZED else t * self.size, forces)
 
     def _cones(self, x: Vector) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n 2"]]:
