@@ -2,8 +2,8 @@
 
     x(w) = argmin  w f(x) - sum log(slack(x)),      w -> infinity
 
-From one weight to the next a predictor step follows the tangent of the path,
-``dx = -(1 - w / w') w H^-1 grad f``, as if ``x`` were linear in ``1 / w``. Newton steps with backtracking then centre the iterate (Boyd & Vandenberghe, Convex
+From one weight to the next a predictor step follows the tangent of the path, ``dx = -(1 - w/w') w H^-1 grad f``, as if
+``x`` were linear in ``1 / w``. Newton steps with backtracking then centre the iterate (Boyd & Vandenberghe, Convex
 Optimization, 9.5 and 11.3; Fiacco & McCormick 1968). Every iterate is strictly feasible, so an early stop still returns
 a feasible point.
 """

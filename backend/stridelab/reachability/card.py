@@ -1,4 +1,4 @@
-"""What is kept of learned densities: the mixtures, how they were learned and how good they are."""
+"""Reachability cards: learned mixtures with their provenance and quality."""
 
 from dataclasses import dataclass
 from typing import Final, Literal
@@ -12,7 +12,7 @@ from stridelab.reachability.proxy.effector_proxy import Frame, Proxy
 _STRICT: Final = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 Measure = Literal["uniform", "conditioned"]
-"""How postures are drawn: uniform within the joint limits, as in the thesis, or so given that the robot stands."""
+"""Distribution of the postures: uniform within the joint limits, as in the thesis, or conditioned on standing."""
 Triple = tuple[float, float, float]
 Matrix = tuple[Triple, Triple, Triple]
 
@@ -21,7 +21,7 @@ Matrix = tuple[Triple, Triple, Triple]
 class Reach:
     """Box of the 0.5 and 99.5 percentiles of the sampled CoM in the effector's frame, and its largest distance.
 
-    The largest distance of samples is a little less than what is possible.
+    The largest sampled distance slightly underestimates the possible one.
     """
 
     __pydantic_config__ = _STRICT
@@ -34,8 +34,8 @@ class Reach:
 class SizeTrial:
     """The mixture of one size, fitted to the same samples: a point of figure 4.3.
 
-    ``excess_sd_nats`` is the standard error of the difference of its KL from the least one of all sizes, which all
-    are estimated from the same draws; 0 for the least one itself.
+    ``excess_sd_nats`` is the standard error of the difference between its KL and the smallest one of all sizes,
+    estimated from the same draws; 0 for the smallest one itself.
     """
 
     __pydantic_config__ = _STRICT
@@ -50,11 +50,10 @@ class SizeTrial:
 class EffectorCard:
     """One effector's mixture (metres, in ``frame``) and its quality.
 
-    ``components`` is the size that the curve ``sizes`` chose, ``thesis_components`` what the thesis takes for such an
-    effector. ``kl_nats`` is KL(KDE || mixture) with the kernel density of all samples and bandwidth ``bandwidth_m``,
-    estimated from ``kl_draws`` draws with standard error ``kl_sd_nats``. ``held_out_log_likelihood`` is the mean
-    log-density (nats, per m^3) of the samples that EM did not see, with its standard error. ``em_converged`` tells
-    whether EM met its tolerance.
+    ``components`` is the size selected from the curve ``sizes``, ``thesis_components`` the size that the thesis uses.
+    ``kl_nats`` is KL(KDE || mixture) with the kernel density of all samples and bandwidth ``bandwidth_m``, estimated
+    from ``kl_draws`` draws with standard error ``kl_sd_nats``. ``held_out_log_likelihood`` is the mean log-density
+    (nats, per m^3) of the held-out samples, with its standard error. ``em_converged`` is whether EM met its tolerance.
     """
 
     __pydantic_config__ = _STRICT
@@ -77,7 +76,7 @@ class EffectorCard:
     sizes: tuple[SizeTrial, ...]
 
     def mixture(self) -> Mixture:
-        """The density. Raises ``InvalidInput`` (``mixture-invalid``) for a card that ``store`` did not check."""
+        """The density. Raises ``InvalidInput`` (``mixture-invalid``) for an invalid card; ``store`` validates cards."""
         return Mixture(np.array(self.weights), np.array(self.means), np.array(self.covariances))
 
     def proxy(self) -> Proxy:
@@ -87,7 +86,7 @@ class EffectorCard:
 
 @dataclass(frozen=True)
 class PairReach:
-    """The largest distance between the contact points of two effectors over all samples: less than is possible."""
+    """The largest sampled distance between the contact points of two effectors; underestimates the possible one."""
 
     __pydantic_config__ = _STRICT
     effectors: tuple[str, str]
@@ -96,11 +95,11 @@ class PairReach:
 
 @dataclass(frozen=True)
 class ReachabilityCard:
-    """All that was learned of one robot from one cloud of postures.
+    """The densities of one robot learned from one set of sampled postures.
 
-    ``samples`` postures were kept of ``tried`` that were checked for self-collision, of which ``rejected_share``
-    collided; EM saw the first ``fitted`` of those kept. ``robot_sha256`` identifies what was learned from,
-    ``versions`` the packages that computed the numbers, ``learned_on`` the day (ISO 8601).
+    Of ``tried`` postures, a share ``rejected_share`` was in self-collision and ``samples`` were accepted; EM used the
+    first ``fitted`` of them. ``robot_sha256`` identifies the robot, ``versions`` the packages that computed the
+    numbers, ``learned_on`` the date (ISO 8601).
     """
 
     __pydantic_config__ = _STRICT

@@ -13,9 +13,9 @@ from stridelab.conventions import Points, Series, Vector3
 from stridelab.errors import Fault, InvalidInput
 
 SUM_TOLERANCE: Final = 1e-9
-"""By how much the weights may miss 1, and a covariance (relative to its largest entry) its transpose."""
+"""Tolerance of the sum of the weights, and of the symmetry of a covariance relative to its largest entry."""
 STEP_M: Final = 1e-12
-"""The ascent to a mode ends where no start moves farther than this in one step."""
+"""Step below which the ascent to a mode ends."""
 STEPS_MAX: Final = 20_000
 
 
@@ -23,7 +23,7 @@ STEPS_MAX: Final = 20_000
 class Mixture:
     """``p(c) = sum_j w_j N(c; mu_j, S_j)``: weights ``(k,)``, means ``(k, 3)``, covariances ``(k, 3, 3)``.
 
-    Raises ``InvalidInput`` (``mixture-invalid``) with one fault per field for numbers that are no density.
+    Raises ``InvalidInput`` (``mixture-invalid``) with one fault per invalid field.
     """
 
     weights: Float[np.ndarray, "k"]
@@ -34,7 +34,7 @@ class Mixture:
         faults = _faults(self.weights, self.means_m, self.covariances_m2)
         if faults:
             places = "; ".join(f"{fault.where}: {fault.message}" for fault in faults)
-            raise InvalidInput("mixture-invalid", f"This is no Gaussian mixture: {places}.", faults)
+            raise InvalidInput("mixture-invalid", f"Invalid Gaussian mixture: {places}.", faults)
 
     def log_density(self, points_m: Points) -> Series:
         """``log p(c)`` (nats, density per m^3) at ``(n, 3)`` points given in the contact frame."""
@@ -59,7 +59,7 @@ class Mixture:
     def whitenings(self) -> Float[np.ndarray, "k 3 3"]:
         """Lower triangular ``W_j`` with ``S_j^-1 = W_j^T W_j``: the inverse Cholesky factors.
 
-        Through them a narrow covariance costs half the digits that its inverse costs.
+        For a narrow covariance they lose half as many digits as its inverse.
         """
         L = np.linalg.cholesky(self.covariances_m2)
         return np.array([solve_triangular(L_j, np.eye(3), lower=True) for L_j in L])
@@ -77,7 +77,7 @@ class Mixture:
         return np.asarray(self.means_m[of] + np.einsum("nab,nb->na", L[of], rng.standard_normal((n, 3))))
 
     def mode_m(self) -> Vector3:
-        """The highest point that is found by ascending from every mean.
+        """The highest local maximum that an ascent from the means reaches.
 
         The ascent is the fixed point of EM (Carreira-Perpinan 2000, "Mode-finding for mixtures of Gaussian
         distributions"): ``c <- (sum_j gamma_j S_j^-1)^-1 sum_j gamma_j S_j^-1 mu_j``; it never descends.
@@ -88,9 +88,9 @@ class Mixture:
         for _ in range(STEPS_MAX):
             gamma = self._responsibilities(c)
             after = np.linalg.solve(np.einsum("nj,jab->nab", gamma, P), (gamma @ pulls)[..., None])[..., 0]
-            moved = np.abs(after - c).max()
+            step_m = np.abs(after - c).max()
             c = after
-            if moved < STEP_M:
+            if step_m < STEP_M:
                 break
         return np.asarray(c[np.argmax(self.log_density(c))])
 

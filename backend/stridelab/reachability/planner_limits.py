@@ -1,8 +1,8 @@
-"""Reach limits of the contact planner, from the cards of a robot: arrays and numbers, no densities.
+"""Reach limits and step defaults of the contact planner, computed from the reachability cards of a robot.
 
-Both measures count. The ``conditioned`` card says where the CoM of a robot is that stands upright, which is what a
-step should keep; the ``uniform`` one, the widest, is what the judge of scenarios refuses beyond. The rest is scaled
-by the robot's height: ``h`` is the highest CoM above a sole in the conditioned card.
+Both measures are used. The ``conditioned`` card gives the region of the CoM of a robot that stands upright, which the
+planned steps respect; the wider ``uniform`` one is the limit of the scenario validation. The step defaults scale with
+``h``, the highest CoM above a sole in the conditioned card.
 """
 
 from types import MappingProxyType
@@ -17,11 +17,11 @@ from stridelab.reachability.card import Reach, ReachabilityCard
 from stridelab.reachability.store import load_card
 
 STEP_SHARE: Final = 0.31
-"""Step over h: TALOS 0.30 m, the depth of its stairs."""
+"""Step length over h (TALOS: 0.30 m, the depth of its stairs)."""
 RISE_SHARE: Final = 0.19
-"""Highest stair over h: TALOS 0.18 m. At 0.20 m its shank runs into the stair, at 0.15 m it does not."""
+"""Highest stair over h (TALOS: 0.18 m; its shank hits a stair of 0.20 m, but not one of 0.15 m)."""
 FEET_APART_M: Final = 0.03
-"""Least room between two soles side by side."""
+"""Minimum gap between two soles side by side."""
 FEET: Final = ("left_foot", "right_foot")
 
 
@@ -36,7 +36,7 @@ def planner_limits(robot_name: str) -> RobotLimits:
     effectors = {}
     for name, shape in shapes.items():
         if shape.reach is None or name not in card.effectors:
-            raise NotFound("reachability-not-learned", f"The reach of {name} of {robot_name} was not learned yet.")
+            raise NotFound("reachability-not-learned", f"The reach of {name} of {robot_name} has not been learned.")
         upright = card.effectors[name].reach
         heading = _within(upright, shape.reach) if shape.kind == "surface" else _plain(upright)
         effectors[name] = EffectorLimits(shape.kind, shape.half_size_m or (0.0, 0.0), heading, shape.reach)
@@ -58,7 +58,7 @@ def _plain(reach: Reach) -> EffectorReach:
 
 
 def _within(reach: Reach, widest: EffectorReach) -> EffectorReach:
-    """What both allow; on level ground the frame of a sole is the heading frame."""
+    """Intersection of both limits; on level ground the frame of a sole is the heading frame."""
     low, high = np.maximum(reach.com_low_m, widest.com_low_m), np.minimum(reach.com_high_m, widest.com_high_m)
     (x0, y0, z0), (x1, y1, z1) = low.tolist(), high.tolist()
     return EffectorReach((x0, y0, z0), (x1, y1, z1), min(reach.com_distance_max_m, widest.com_distance_max_m))

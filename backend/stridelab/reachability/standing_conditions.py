@@ -1,7 +1,7 @@
-"""The event ``E`` of the measure ``conditioned``: a robot that stands as it does on stairs and beside rails.
+"""The event ``E`` of the measure ``conditioned``: postures of a robot that stands on stairs and beside rails.
 
-Lengths are shares of the leg's length ``l``, the largest distance of a sole from its hip, so that one event serves
-robots of any size. Every condition holds seen from each sole: no foot is preferred.
+Lengths are relative to the leg length ``l``, the largest distance of a sole from its hip, so that one event applies to
+robots of any size. Every condition holds relative to each sole: no foot is preferred.
 """
 
 from dataclasses import dataclass
@@ -16,13 +16,13 @@ Interval = tuple[float, float]
 
 @dataclass(frozen=True)
 class Stance:
-    """Soles flat, the one where the other can step; base upright; knees bent; shanks clear of a step ahead.
+    """Flat soles within a step of each other, upright base, bent knees, shanks clear of a step ahead.
 
-    ``ahead``, ``above`` and ``aside`` (least, most, on its own side) say where the other sole is, ``toes_deg`` by how
-    much it is turned. ``upright_deg`` bounds the angle between the trunk's z axis and the vertical, and its heading
-    from the mean one of the soles. ``extension`` is the distance from the hip's last joint to the ankle's first over
-    the longest one: a leg that is straight cannot push, one that is folded cannot carry. A step as high as ``step`` at
-    most rises ``toe_gap`` before each toe.
+    ``ahead``, ``above`` and ``aside`` (minimum, maximum, on its own side) bound the position of the other sole,
+    ``toes_deg`` its yaw. ``upright_deg`` bounds the angle between the trunk's z axis and the vertical, and its heading
+    relative to the mean of the soles. ``extension`` bounds the distance from the last hip joint to the first ankle
+    joint relative to the longest one: a straight leg cannot push, a folded one cannot support the robot. A step of
+    height up to ``step`` rises ``toe_gap`` before each toe.
     """
 
     ahead: float = 0.6
@@ -35,16 +35,16 @@ class Stance:
     toe_gap: float = 0.055
 
     def drawn_soles(self, n: int, side: float, rng: np.random.Generator) -> tuple[Points, Float[np.ndarray, "n"]]:
-        """Places (shares of ``l``) and headings of a second sole seen from a first one, uniform; some are not in ``E``.
+        """Draw positions (relative to ``l``) and yaws of the second sole in the frame of the first, not all in ``E``.
 
-        ``side`` is +1 where the second sole is on the left.
+        ``side`` is +1 if the second sole is on the left.
         """
         p = rng.uniform([-self.ahead, self.aside[0], -self.above], [self.ahead, self.aside[1], self.above], (n, 3))
         turn = np.radians(self.toes_deg)
         return p * [1.0, side, 1.0], rng.uniform(-turn, turn, n)
 
     def stepped(self, p: Points, side: float) -> Mask:
-        """Whether a sole at ``p`` (shares of ``l``) in the frame of another one is where a step may put it."""
+        """Whether a sole at ``p`` (relative to ``l``) in the frame of another one is within a step."""
         least, most = self.aside
         return np.asarray(
             (np.abs(p[:, 0]) <= self.ahead)
@@ -54,13 +54,13 @@ class Stance:
         )
 
     def drawn_bases(self, heading_rad: Float[np.ndarray, "n"], rng: np.random.Generator) -> Rotations:
-        """Orientations of the trunk in the world: roll, pitch and yaw uniform; some are not upright."""
+        """Draw world orientations of the trunk with uniform roll, pitch and yaw, not all upright."""
         most = np.radians(self.upright_deg)
         roll, pitch, yaw = rng.uniform(-most, most, (3, len(heading_rad)))
         return np.asarray(about(2, heading_rad + yaw) @ about(1, pitch) @ about(0, roll))
 
     def upright(self, R_world_trunk: Rotations) -> Mask:
-        """Whether the trunk stands upright."""
+        """Whether the trunk is upright."""
         return np.asarray(R_world_trunk[:, 2, 2] >= np.cos(np.radians(self.upright_deg)))
 
 

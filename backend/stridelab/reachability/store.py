@@ -3,7 +3,7 @@
     models/reachability/<robot>/<measure>.json      the card with its mixtures, as text
     models/reachability/<robot>/<measure>.npz       the first samples of every effector, whole millimetres
 
-Nothing that is read is run, and what is damaged is refused by name.
+Reading executes no code, and errors name the damaged file.
 """
 
 import json
@@ -27,30 +27,30 @@ from stridelab.errors import Fault, InvalidInput, NotFound, Unavailable, Unreada
 from stridelab.reachability.card import EffectorCard, Measure, ReachabilityCard
 from stridelab.reachability.proxy.effector_proxy import Proxy
 from stridelab.resources import models_dir
-from stridelab.robots.card import robot_names
+from stridelab.robots.card import field_path, robot_names
 
 if TYPE_CHECKING:
     import stridelab.robots.robot
 
 DEFAULT_MEASURE: Final[Measure] = "conditioned"
-"""The measure that plans take where nobody says which."""
+"""Default measure of plans."""
 CLOUD_SAMPLES: Final = 5000
-"""So many samples of a cloud are kept."""
+"""Number of samples of a cloud that are stored."""
 UNIT_M: Final = 1e-3
-"""Samples are rounded to this: much less than the kernels' width."""
+"""Resolution of stored samples, much smaller than the kernel width."""
 CLOUD_BYTES_MAX: Final = 1 << 20
-"""No array of a cloud is larger; a file that says so is not unpacked."""
+"""Maximum size of an array of a cloud; larger ones are not unpacked."""
 _UNREADABLE: Final = (
     OSError, ValueError, EOFError, NotImplementedError, RuntimeError, zipfile.BadZipFile, zlib.error,
     SyntaxError, TokenError,
 )  # fmt: skip
-"""What a damaged archive can raise; the last two because numpy reads the head of an array as Python text."""
+"""Exceptions of a damaged archive; the last two because numpy parses array headers as Python text."""
 _NUMBERS: Final = re.compile(r"\[\s+([-+\d.e,\s]+?)\s+\]")
-"""A list of numbers that was spread over lines."""
+"""A list of numbers over several lines."""
 
 
 def load_proxies(robot_name: str, measure: Measure = DEFAULT_MEASURE) -> Mapping[str, Proxy]:
-    """The bundled density of every effector of a robot, of the CoM in the effector's frame.
+    """The bundled densities of the CoM in the frames of a robot's effectors.
 
     Raises as ``load_card``.
     """
@@ -62,14 +62,14 @@ def load_proxies(robot_name: str, measure: Measure = DEFAULT_MEASURE) -> Mapping
 def load_card(robot_name: str, measure: Measure = DEFAULT_MEASURE) -> ReachabilityCard:
     """The bundled card of a robot.
 
-    Raises ``NotFound`` (``robot-not-found``; ``reachability-not-learned`` where no file is there), ``InvalidInput``
+    Raises ``NotFound`` (``robot-not-found``; ``reachability-not-learned`` if there is no file), ``InvalidInput``
     (``measure-unknown``) and ``UnreadableFile`` (``reachability-damaged``).
     """
     path = _bundled(robot_name, measure, ".json")
     card = read(path)
     for field, expected in (("robot", robot_name), ("measure", measure)):
-        if (found := getattr(card, field)) != expected:
-            raise _damaged(path, [Fault(field, f"the file is about {found!r}")])
+        if (value := getattr(card, field)) != expected:
+            raise _damaged(path, [Fault(field, f"the file contains {value!r}")])
     return card
 
 
@@ -80,30 +80,30 @@ def load_cloud(robot_name: str, measure: Measure = DEFAULT_MEASURE) -> Mapping[s
     """
     path = _bundled(robot_name, measure, ".npz")
     cloud = read_cloud(path)
-    if cloud.keys() != (known := load_card(robot_name, measure).effectors.keys()):
-        message = f"it holds {', '.join(sorted(cloud))}, and the card {', '.join(sorted(known))}"
+    if cloud.keys() != (expected := load_card(robot_name, measure).effectors.keys()):
+        message = f"it has samples of {', '.join(sorted(cloud))}, the card of {', '.join(sorted(expected))}"
         raise _damaged(path, [Fault("effectors", message)])
     return cloud
 
 
 def require_same_robot(card: ReachabilityCard, robot: "stridelab.robots.robot.Robot") -> None:
-    """Refuse densities of another description: raise ``Unavailable`` (``reachability-of-another-robot``)."""
+    """Raise ``Unavailable`` (``reachability-of-another-robot``) unless the card was learned from this description."""
     if card.robot_sha256 != robot.sha256:
         raise Unavailable(
             "reachability-of-another-robot",
-            f"The {card.measure} reachability densities of {robot.title} were learned on another description of the "
-            f"robot than the installed one; learn them anew (learn-reachability).",
+            f"The {card.measure} reachability densities of {robot.title} were learned from a description of the "
+            f"robot other than the installed one; learn them again (learn-reachability).",
             [Fault("robot_sha256", f"learned on {card.robot_sha256[:12]}, installed is {robot.sha256[:12]}")],
         )
 
 
 def read(path: Path) -> ReachabilityCard:
-    """A card from a file. Raises ``UnreadableFile`` (``reachability-damaged``) naming the file and every bad place."""
+    """A card from a file. Raises ``UnreadableFile`` (``reachability-damaged``) naming file and invalid fields."""
     try:
         # JSON is strict about types, and still takes a list for a tuple
         card = TypeAdapter(ReachabilityCard).validate_json(path.read_bytes(), strict=True)
     except ValidationError as error:
-        faults = [Fault(_where(item["loc"]), item["msg"]) for item in error.errors()]
+        faults = [Fault(field_path(item["loc"]), item["msg"]) for item in error.errors()]
         raise _damaged(path, faults) from error
     except OSError as error:
         raise _damaged(path, [Fault("", "it cannot be read")]) from error
@@ -111,21 +111,21 @@ def read(path: Path) -> ReachabilityCard:
     try:
         date.fromisoformat(card.learned_on)
     except ValueError:
-        faults.append(Fault("learned_on", f"{card.learned_on!r} is no date"))
+        faults.append(Fault("learned_on", f"{card.learned_on!r} is not a date"))
     if faults:
         raise _damaged(path, faults)
     return card
 
 
 def save(path: Path, card: ReachabilityCard) -> None:
-    """Write a card; ``read`` gives the same one back, to the last bit."""
+    """Write a card; ``read`` restores it bit for bit."""
     path.write_text(text(card), encoding="utf-8")
 
 
 def text(card: ReachabilityCard) -> str:
     """The card as JSON, every vector on one line."""
     spread = json.dumps(asdict(card), indent=1, ensure_ascii=False, allow_nan=False)
-    return _NUMBERS.sub(lambda found: "[" + re.sub(r"\s+", " ", found[1]) + "]", spread) + "\n"
+    return _NUMBERS.sub(lambda match: "[" + re.sub(r"\s+", " ", match[1]) + "]", spread) + "\n"
 
 
 def read_cloud(path: Path) -> Mapping[str, Points]:
@@ -145,19 +145,19 @@ def read_cloud(path: Path) -> Mapping[str, Points]:
                     raise _damaged(path, [Fault(name, f"it is {values.dtype} of shape {values.shape}")])
                 cloud[name] = values * UNIT_M
     except _UNREADABLE as error:
-        raise _damaged(path, [Fault("", "it is no archive of plain arrays")]) from error
+        raise _damaged(path, [Fault("", "it is not an archive of plain arrays")]) from error
     return MappingProxyType(cloud)
 
 
 def save_cloud(path: Path, com_m: Mapping[str, Points]) -> None:
-    """Write the first ``CLOUD_SAMPLES`` of every effector (m, within 32 m): the same bytes for the same samples."""
+    """Write the first ``CLOUD_SAMPLES`` of every effector (m, within 32 m), as the same bytes for the same samples."""
     whole = {name: np.rint(x[:CLOUD_SAMPLES] / UNIT_M).astype(np.int16) for name, x in com_m.items()}
     with path.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **whole)
 
 
 def _bundled(robot_name: str, measure: str, suffix: str) -> Path:
-    """A file of the package, the names of which are known ones."""
+    """Path of a bundled file; checks the names of robot and measure."""
     if robot_name not in robot_names():
         raise NotFound("robot-not-found", f"There is no robot {robot_name!r}; there is {', '.join(robot_names())}.")
     if measure not in (measures := get_args(Measure)):
@@ -165,13 +165,13 @@ def _bundled(robot_name: str, measure: str, suffix: str) -> Path:
         raise InvalidInput("measure-unknown", message, [Fault("measure", "unknown")])
     path = models_dir() / "reachability" / robot_name / f"{measure}{suffix}"
     if not path.is_file():
-        message = f"No {measure} reachability densities were learned for {robot_name!r} yet."
+        message = f"No {measure} reachability densities have been learned for {robot_name!r}."
         raise NotFound("reachability-not-learned", message)
     return path
 
 
 def _faults(where: str, effector: EffectorCard) -> list[Fault]:
-    """What the types do not say."""
+    """Faults that the types do not exclude."""
     k = effector.components
     counts = {name: len(getattr(effector, name)) for name in ("weights", "means", "covariances")}
     wrong = [Fault(f"{where}.{name}", f"there are {n} for {k} components") for name, n in counts.items() if n != k]
@@ -180,7 +180,7 @@ def _faults(where: str, effector: EffectorCard) -> list[Fault]:
     if k not in {trial.components for trial in effector.sizes}:
         wrong.append(Fault(f"{where}.sizes", f"there is no size {k}"))
     if k < 1:
-        wrong.append(Fault(f"{where}.components", "there are none"))
+        wrong.append(Fault(f"{where}.components", "there must be at least one"))
     if wrong:
         return wrong
     try:
@@ -194,10 +194,7 @@ def _damaged(path: Path, faults: list[Fault]) -> UnreadableFile:
     places = "; ".join(f"{fault.where}: {fault.message}" if fault.where else fault.message for fault in faults[:3])
     more = f" and {len(faults) - 3} more" if len(faults) > 3 else ""
     return UnreadableFile(
-        "reachability-damaged", f"{path.parent.name}/{path.name} holds no learned densities: {places}{more}.", faults
+        "reachability-damaged",
+        f"{path.parent.name}/{path.name} is not a valid file of learned densities: {places}{more}.",
+        faults,
     )
-
-
-def _where(location: tuple[int | str, ...]) -> str:
-    steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in location)
-    return "".join(steps).removeprefix(".")

@@ -156,7 +156,7 @@ def parse(name: str, text: bytes) -> RobotCard:
         # JSON is strict about types, and still takes a list for a tuple
         card = TypeAdapter(RobotCard).validate_json(json.dumps(data, default=str), strict=True)
     except ValidationError as error:
-        faults = [Fault(_where(item["loc"]), item["msg"]) for item in error.errors()]
+        faults = [Fault(field_path(item["loc"]), item["msg"]) for item in error.errors()]
         raise invalid(name, faults) from error
     faults = list(_faults(card))
     if faults:
@@ -257,6 +257,7 @@ def _bad_limits(card: RobotCard) -> Iterator[Fault]:
                 yield Fault(f"{where}.{pattern}", "it must be positive")
 
 
-def _where(location: tuple[Any, ...]) -> str:
+def field_path(location: tuple[int | str, ...]) -> str:
+    """Path of a field in a pydantic error location, such as ``effectors.left_foot.position_m[0]``."""
     steps = (f"[{step}]" if isinstance(step, int) else f".{step}" for step in location)
     return "".join(steps).removeprefix(".")

@@ -1,12 +1,12 @@
-"""Force plates in the floor, and what each of them measures of the feet.
+"""Force plates in the floor, and the wrench of the feet on each of them.
 
 ``walkway``: two lanes of plates, left and right of the line of walking, bounded midway between the footprints of a
-lane, so that every footprint lies on a plate of its own: all contact is measured while the person is on the plates.
+lane, so that every footprint has its own plate: all contact is measured while the subject is on the plates.
 ``two_plates``: two plates of 0.51 m x 0.46 m in a row, placed under two footprints in the middle of the recording, as
 in most gait laboratories: all contact is measured for about one second.
 
-A foot presses on a plate with the share of its pressure that lies on it. The pressure is taken to be uniform along
-``2 h`` around its centre, so that a footprint across an edge loads both sides and their wrenches add up exactly.
+A plate carries the share of a foot's pressure that lies on it. The pressure is uniform along ``2 h`` around its centre,
+so that a footprint across an edge loads both plates and their wrenches add up exactly.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ LabName = Literal["walkway", "two_plates"]
 
 LANE_WIDTH_M: Final = 0.60
 MOST_PLATES: Final = 24
-"""A walkway ends after this many plates; a longer walk is measured in its middle."""
+"""Maximum number of plates of a walkway; a longer walk is measured in its middle."""
 PATCH_M: Final = 0.02
 """Half length h of the pressure patch."""
 _SMALL_M: Final = (0.508, 0.464)
@@ -53,29 +53,29 @@ class PlateArea:
 
 
 def plate_areas(lab: LabName, plan: GaitPlan) -> tuple[PlateArea, ...]:
-    """Plates of the laboratory, laid out for the footprints that the recording sees."""
-    seen = [
+    """Plates of the laboratory, placed under the footprints within the recording."""
+    recorded = [
         s for s in plan.stances if s.off_s > plan.record_from_s and s.strike_s < plan.record_from_s + plan.duration_s
     ]
     if lab == "two_plates":
-        return _two_plates(plan, seen)
+        return _two_plates(plan, recorded)
     middle = plan.record_from_s + plan.duration_s / 2
-    seen = sorted(seen, key=lambda s: abs(_mid_time_s(s, plan) - middle))[:MOST_PLATES]
+    recorded = sorted(recorded, key=lambda s: abs(_mid_time_s(s, plan) - middle))[:MOST_PLATES]
     lanes = [
-        _lane(sorted(s.x_m for s in seen if s.side == side), side, plan.sole_middle_m) for side in ("left", "right")
+        _lane(sorted(s.x_m for s in recorded if s.side == side), side, plan.sole_middle_m) for side in ("left", "right")
     ]
     return tuple(sorted((area for lane in lanes for area in lane), key=lambda area: (area.low_m[0], area.low_m[1])))
 
 
 def plate_wrench(area: PlateArea, feet: Mapping[Side, FootWrench]) -> tuple[Points, Points]:
-    """Force on the body through this plate, and moment at the world origin, at the samples of ``feet``."""
+    """Force on the body from this plate and moment at the world origin, at the samples of ``feet``."""
     n = len(next(iter(feet.values())).force_n)
     force, moment = np.zeros((n, 3)), np.zeros((n, 3))
     for foot in feet.values():
         share, centre_m = _overlap(area, foot.cop_m)
-        carried = share[:, None] * foot.force_n
-        force += carried
-        moment += np.cross(centre_m, carried)
+        plate_force = share[:, None] * foot.force_n
+        force += plate_force
+        moment += np.cross(centre_m, plate_force)
         moment[:, 2] += share * foot.free_moment_nm
     return force, moment
 

@@ -22,7 +22,7 @@ from stridelab.simulation.human.body_model import AnthropometricBody
 
 @dataclass(frozen=True)
 class TrueMotion:
-    """What no measurement sees exactly. Angular momentum is about the centre of mass."""
+    """Exact motion and mechanics. Angular momentum is about the centre of mass."""
 
     time_s: Series
     mass_kg: float

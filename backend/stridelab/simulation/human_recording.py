@@ -1,4 +1,4 @@
-"""A simulated walk as a laboratory would record it, with the truth beside it."""
+"""Simulated laboratory recording of a human walk, with its ground truth."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -42,16 +42,16 @@ class Truth:
 
 @dataclass(frozen=True)
 class SimulatedRecording:
-    """A recording and what it should have measured."""
+    """A recording and its ground truth."""
 
     recording: Recording
     truth: Truth
 
 
 def record(walk: Walk, noise: MeasurementNoise, seed: int, *, lab: LabName = "walkway") -> SimulatedRecording:
-    """Markers at 100 Hz, plates at 1000 Hz. The same walk, noise and seed give the same recording, bit for bit.
+    """Record markers at 100 Hz and plates at 1000 Hz; deterministic for the same walk, noise and seed, bit for bit.
 
-    Every part of the noise has its own random stream: switching one off does not change the others.
+    Every part of the noise has its own random stream: disabling one does not change the others.
     """
     rngs = [np.random.default_rng([seed, part]) for part in range(4)]
     n = round(walk.duration_s * MARKER_RATE_HZ)
@@ -95,7 +95,7 @@ def measured_plates(
     lab: LabName,
     rng: Generator,
 ) -> tuple[Plate, ...]:
-    """What a laboratory measures of the feet, known at ``time_s``, which begins before and ends after the recording."""
+    """Plate measurements of ``feet``, given at ``time_s``, which must extend beyond the recording."""
     read_at_s = np.arange(round(n_frames * FORCE_RATE_HZ / MARKER_RATE_HZ)) / FORCE_RATE_HZ - noise.latency_s
     late = {side: _read(foot, time_s, read_at_s) for side, foot in feet.items()}
     areas = plate_areas(lab, plan)
@@ -108,8 +108,8 @@ def _plate(
     force, moment = plate_wrench(area, feet)
     n = len(force)
     if noise.force_n > 0.0:
-        rattle = coloured(rng, n, 3, noise.force_n, FORCE_RATE_HZ)
-        force, moment = force + rattle, moment + np.cross(area.middle_m, rattle)
+        force_noise = coloured(rng, n, 3, noise.force_n, FORCE_RATE_HZ)
+        force, moment = force + force_noise, moment + np.cross(area.middle_m, force_noise)
     if noise.moment_nm > 0.0:
         moment = moment + coloured(rng, n, 3, noise.moment_nm, FORCE_RATE_HZ)
     nothing: Vector3 = np.zeros(3)
@@ -117,7 +117,7 @@ def _plate(
 
 
 def _read(foot: FootWrench, time_s: Series, at_s: ReadSeries) -> FootWrench:
-    """The wrench at other instants (linear between samples of 1 ms; exact without latency)."""
+    """Interpolate the wrench (linear between samples of 1 ms; exact without latency)."""
 
     def read(track: Points) -> ReadPoints:
         return np.column_stack([np.interp(at_s, time_s, track[:, axis]) for axis in range(3)])
@@ -126,10 +126,10 @@ def _read(foot: FootWrench, time_s: Series, at_s: ReadSeries) -> FootWrench:
 
 
 def events(plan: GaitPlan) -> tuple[Event, ...]:
-    """Strikes and lifts of the feet within the recording."""
-    found = []
+    """Foot strikes and toe-offs within the recording."""
+    all_events = []
     for stance in plan.stances:
-        found.append(Event(stance.strike_s - plan.record_from_s, "foot_strike", stance.side))
-        found.append(Event(stance.off_s - plan.record_from_s, "foot_off", stance.side))
-    seen = [event for event in found if 0.0 <= event.time_s < plan.duration_s]
-    return tuple(sorted(seen, key=lambda event: event.time_s))
+        all_events.append(Event(stance.strike_s - plan.record_from_s, "foot_strike", stance.side))
+        all_events.append(Event(stance.off_s - plan.record_from_s, "foot_off", stance.side))
+    recorded = [event for event in all_events if 0.0 <= event.time_s < plan.duration_s]
+    return tuple(sorted(recorded, key=lambda event: event.time_s))

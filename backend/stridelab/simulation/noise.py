@@ -1,21 +1,20 @@
-"""What measurement does to the truth (section 2.5.1 of the thesis): noisy plates and markers, a wrong body model.
+"""Measurement noise (section 2.5.1 of the thesis): noisy plates and markers, and errors of the body model.
 
-Force, moment and configuration noise is Gaussian and coloured: white noise through a high-pass of 5 Hz (Butterworth of
-second order), scaled to the stated standard deviation. The thesis adds 10 N and 10 Nm to the wrench without saying
-about which point; here every plate has its own noise, with the moment at the middle of its surface, because at the
-laboratory's origin, metres away, 10 N of force noise alone make more than 10 Nm.
-The configuration noise replaces soft tissue motion; on 34 joints it averages out in the centre of mass.
+``MeasurementNoise`` is the noise of simulated recordings. Force, moment and configuration noise is Gaussian and
+coloured: white noise through a high-pass of 5 Hz (second-order Butterworth), scaled to the given standard deviation.
+The thesis adds 10 N and 10 Nm to the wrench without stating the reference point; here every plate has its own noise,
+with the moment about the middle of its surface, because about the laboratory's origin, metres away, 10 N of force noise
+alone produce more than 10 Nm. The configuration noise replaces soft tissue motion; over 34 joints it averages out in
+the centre of mass.
 
-Noise of the simulation study (section 2.5.1) and its presets.
-
-Configuration, force and moment noise is Gaussian, either white or high-passed (Butterworth). The thesis
-does not say about which point its 10 Nm are meant. Here plates measure: noise and bias of force and moment are those of
-a plate, given at the middle of the loaded sole (between the soles while the load passes), and carried to the origin
+``NoisePreset`` is the noise of the simulation study. Configuration, force and moment noise is Gaussian, either white or
+high-passed (Butterworth). Noise and bias of force and moment are those of a plate, given at the middle of the loaded
+sole (between the soles during load transfer) and transformed to the origin,
 
     nu += n_moment + p x n_force .
 
-The error of the body model is drawn once per seed: every link's mass and lever are wrong by ``mass_model`` (one sigma).
-A plate's bias is a constant, drawn once per seed and axis.
+The error of the body model is drawn once per seed: mass and lever of every link have the relative error ``mass_model``
+(one sigma). The bias of a plate is constant, drawn once per seed and axis.
 """
 
 from collections.abc import Mapping
@@ -33,7 +32,7 @@ from stridelab.errors import Fault, InvalidInput
 HIGH_PASS_HZ: Final = 5.0
 _SETTLING: Final = 400
 _LEAST_FACTOR: Final = 0.05
-"""No segment loses more than 95 % of its mass to the error."""
+"""Minimum factor on the mass of a segment."""
 
 _LIMITS: Final[Mapping[str, tuple[float, float]]] = {
     "force_n": (0.0, 200.0),
@@ -47,10 +46,10 @@ _LIMITS: Final[Mapping[str, tuple[float, float]]] = {
 
 @dataclass(frozen=True)
 class MeasurementNoise:
-    """Standard deviations of the noise; 0 switches a part off. ``latency_s`` > 0: the force is recorded late.
+    """Standard deviations of the noise; 0 disables a part. ``latency_s`` > 0: the force is recorded late.
 
-    ``mass_model`` is the relative error of each segment's mass and of the place of its centre of mass in the *carried*
-    segment table: the body keeps its true masses. Raises ``InvalidInput`` (``noise-out-of-range``)
+    ``mass_model`` is the relative error of each segment's mass and of the position of its centre of mass in the
+    *recorded* segment table; the body keeps its true masses. Raises ``InvalidInput`` (``noise-out-of-range``)
     outside the limits of the HTTP contract.
     """
 
@@ -85,7 +84,7 @@ def coloured(
     high_pass_hz: float = HIGH_PASS_HZ,
     order: int = 2,
 ) -> Float[np.ndarray, "n channels"]:
-    """Noise with exactly the standard deviation ``sigma`` in every channel, above ``high_pass_hz``, or white for 0."""
+    """Noise above ``high_pass_hz`` (0: white) with exactly the standard deviation ``sigma`` in every channel."""
     noise = rng.standard_normal((n + _SETTLING, channels))
     if high_pass_hz > 0.0:
         noise = sosfilt(butter(order, high_pass_hz, "highpass", fs=rate_hz, output="sos"), noise, axis=0)
@@ -94,7 +93,7 @@ def coloured(
 
 
 def wrong_table(table: SegmentTable, error: float, rng: Generator) -> SegmentTable:
-    """``table`` with masses and coordinates of centres of mass wrong by the relative ``error`` (one sigma)."""
+    """``table`` with relative errors (one sigma ``error``) of masses and centres of mass."""
     rows: dict[str, SegmentRow] = {}
     for name, row in table.segments.items():
         mass = row.mass_fraction * max(1.0 + error * rng.standard_normal(), _LEAST_FACTOR)
@@ -107,10 +106,10 @@ def wrong_table(table: SegmentTable, error: float, rng: Generator) -> SegmentTab
 
 @dataclass(frozen=True, kw_only=True)
 class NoisePreset:
-    """Standard deviations; 0 switches a part off. ``high_pass_hz`` 0 is white noise; ``latency_s`` > 0 a late force.
+    """Standard deviations; 0 disables a part. ``high_pass_hz`` 0 is white noise; ``latency_s`` > 0 a delayed force.
 
     ``plate_bias_n`` and ``plate_bias_nm`` are the standard deviations of the bias per axis. Raises ``InvalidInput``
-    (``noise-out-of-range``) for a number that is negative (but a latency) or not finite.
+    (``noise-out-of-range``) for a negative number (except the latency) or a non-finite one.
     """
 
     configuration_rad: float = 0.0
@@ -127,7 +126,7 @@ class NoisePreset:
         for field in fields(self):
             value = getattr(self, field.name)
             if not np.isfinite(value) or (value < 0.0 and field.name != "latency_s"):
-                message = f"{field.name} must not be negative, nor {value:g}."
+                message = f"{field.name} must be finite and not negative, not {value:g}."
                 raise InvalidInput("noise-out-of-range", message, [Fault(field.name, message)])
 
 
@@ -139,4 +138,4 @@ PRESETS: Final[Mapping[str, NoisePreset]] = {
     "marker-like": NoisePreset(configuration_rad=0.01, force_n=5.0, moment_nm=5.0, mass_model=0.2),
     "none": NoisePreset(),
 }
-"""``thesis``: section 2.5.1. ``white``: its levels, white. ``marker-like``: what markers and plates do (white)."""
+"""``thesis``: section 2.5.1. ``white``: its levels, white. ``marker-like``: typical of markers and plates (white)."""

@@ -1,6 +1,6 @@
-"""A walk of TALOS as a laboratory would record it: markers on its links, force plates under its feet, the truth beside.
+"""Simulated laboratory recording of a walk of TALOS: markers on its links, force plates and ground truth.
 
-Plates, noise and seeds are those of the simulated person (``simulated_recording``).
+Plates, noise and seeds are those of the simulated subject (``human_recording``).
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ _EPS_S = 1e-9
 def record_robot(
     walk: RobotWalk, noise: MeasurementNoise, seed: int, *, lab: LabName = "walkway"
 ) -> SimulatedRecording:
-    """Markers at 100 Hz, plates at 1000 Hz. The same walk, noise and seed give the same recording, bit for bit."""
+    """Record markers at 100 Hz and plates at 1000 Hz; deterministic for the same walk, noise and seed, bit for bit."""
     rngs = [np.random.default_rng([seed, part]) for part in range(4)]
     n, every = round(walk.plan.duration_s * MARKER_RATE_HZ), round(RATE_HZ / MARKER_RATE_HZ)
     first = int(np.searchsorted(walk.motion.time_s, -_EPS_S))
@@ -65,7 +65,7 @@ def record_robot(
 
 
 def _resampled(truth: TrueMotion, at_s: Series) -> TrueMotion:
-    """The same motion at the plates' instants, by cubic splines (the forces of a walk hold nothing above 50 Hz)."""
+    """Resample the motion by cubic splines (the forces of a walk have no content above 50 Hz)."""
     tracks = (
         truth.com_m,
         truth.velocity_m_s,

@@ -62,8 +62,9 @@ class ContactPlanner:
 
         ``told`` is called with the progress.
 
-        Raises ``InvalidInput`` (``stance-invalid``) for an invalid start or goal, naming the contact, and ``NotEstimable``: ``contacts-unreachable`` (no sequence of steps; names the gap or the
-        step and by how much it misses), ``contacts-too-far`` (more than 60 steps), ``contact-plan-timeout``.
+        Raises ``InvalidInput`` (``stance-invalid``) for an invalid start or goal, naming the contact, and
+        ``NotEstimable``: ``contacts-unreachable`` (no sequence of steps; names the gap or the step and by how much it
+        misses), ``contacts-too-far`` (more than 60 steps), ``contact-plan-timeout``.
         """
         began = time.process_time()
         task_stances = task_ends(task, self.effectors)
@@ -91,7 +92,7 @@ class ContactPlanner:
         raise self._unreachable(ends, rooms, steps, until)
 
     def prepared(self, task: Mapping[str, Any]) -> tuple[Ends, Rooms, int]:
-        """Return the ends, the foothold regions and the minimum number of steps. Raises ``InvalidInput`` as ``plan``."""
+        """Return ends, foothold regions and the minimum number of steps. Raises ``InvalidInput`` as ``plan``."""
         return self._prepared(task_ends(task, self.effectors))
 
     def _prepared(self, known: TaskEnds) -> tuple[Ends, Rooms, int]:

@@ -1,8 +1,8 @@
 """Reach limits and step defaults of a robot for the contact planner.
 
-``contacts`` must not import ``reachability``: ``reachability.planner_limits`` reads the limits from the cards and passes
-them in. ``heading`` limits hold in the frame with z up and x along the trunk's heading, for a robot that
-stands upright; ``contact`` limits are those of ``validation``, in the contact frame.
+``contacts`` must not import ``reachability``; ``reachability.planner_limits`` reads the limits from the cards. The
+``heading`` limits hold in the frame with z up and x along the trunk's heading, for a robot that stands upright; the
+``contact`` limits are those of ``validation``, in the contact frame.
 """
 
 from collections.abc import Mapping

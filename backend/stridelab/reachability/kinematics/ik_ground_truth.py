@@ -1,14 +1,14 @@
-"""What a robot on fixed contacts can do, by inverse kinematics: the truth that the proxy (4.12) stands for.
+"""Ground truth for the proxy (4.12): postures of a robot on fixed contacts, by inverse kinematics.
 
-The law is that of section 4.3.3.2: uniform over the postures that hold the contacts. The base's pose and the joints
-that hold nothing are drawn, limbs in contact follow by inverse kinematics, and a posture counts if it is within the
-limits and does not touch itself:
+The distribution is that of section 4.3.3.2: uniform over the postures on the contacts. The base pose and the joints of
+free limbs are drawn, limbs in contact follow by inverse kinematics, and a posture is accepted if it is within the
+joint limits and free of self-collision:
 
     p_base, R_base, q_rest ~ U,     q_limb = IK(T_base^-1 T_contact),     x = c(q)
 
-A sole is placed in all six coordinates, a hand in three (it turns about the rail). Whether *some* posture has its CoM
-at a given place is another question, which draws cannot answer near the boundary: it is searched for (``feasible``),
-and so are the ends of the support (``extent``).
+A sole constrains all six coordinates, a hand three (it can rotate about the rail). Near the boundary of the support,
+sampling cannot decide whether *some* posture has its CoM at a given position; ``feasible`` searches for one, and
+``extent`` searches for the bounds of the support.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,25 +32,25 @@ from stridelab.robots.self_collision import SelfCollision
 
 BATCH: Final = 10_000
 BATCHES: Final = 400
-"""So many batches are drawn at most before the contacts are said to be out of reach."""
+"""Maximum number of batches before the contacts count as out of reach."""
 BASE_LOW: Final = (-0.6, -0.5, 0.3)
-"""The box of the base over the middle of the soles, in leg lengths."""
+"""Lower corner of the sampling box of the base relative to the mean of the soles, in leg lengths."""
 BASE_HIGH: Final = (0.6, 0.5, 1.35)
 LENGTH_DRAWS: Final = 4096
 SPREADS: Final = (0.1, 0.3, 1.0)
-"""A search starts from the best so far or from the reference posture, with normal noise of one of these (m, rad)."""
+"""Standard deviations (m, rad) of the noise that is added to the starting postures of a search."""
 WALK_M: Final = 0.05
-"""First step of a walk towards an end of the support; it is halved down to ``END_M`` where no posture is found."""
+"""First step of a walk towards the boundary of the support; halved down to ``END_M`` when no posture is feasible."""
 END_M: Final = 0.004
 WALKS: Final = 60
-"""Steps of a walk at most."""
+"""Maximum number of steps of a walk."""
 
 
 @dataclass(frozen=True)
 class Range:
-    """Intervals (rad) of the trunk's roll, pitch and yaw, the last from the mean heading of the soles.
+    """Intervals (rad) of the trunk's roll, pitch and yaw, the latter relative to the mean heading of the soles.
 
-    ``extension`` bounds the distance from the third joint of a leg to its last but one, over the longest.
+    ``extension`` bounds the distance from the third joint of a leg to its last but one, relative to the longest.
     """
 
     roll_rad: Interval = (-0.5, 0.5)
@@ -60,24 +60,23 @@ class Range:
 
 
 ANY: Final = Range()
-"""Any posture that the joints allow, of a trunk that neither lies nor looks away."""
+"""All postures within the joint limits with a roughly upright trunk that faces forward."""
 _UPRIGHT_RAD: Final = float(np.radians(20.0))
 STANDING: Final = Range(*(((-_UPRIGHT_RAD, _UPRIGHT_RAD),) * 3), extension=(0.62, 0.97))
-"""Much what the measure ``conditioned`` asks of a posture: the trunk upright, its cone of 20 degrees as a box, and the
-knees bent. Its step is left out, and its bounds of the knees are not followed: what judges does not move with what it
-judges.
+"""Approximates the conditions of the measure ``conditioned``: upright trunk (its cone of 20 degrees as a box) and bent
+knees. The step is ignored and the knee bounds are fixed, so that the ground truth does not change with the measure.
 """
 
 
 class Contacts(NamedTuple):
-    """Many contact sets of the same effectors, and the mean headings of their soles."""
+    """A batch of contact sets of the same effectors, and the mean headings of their soles."""
 
     targets: Mapping[str, Target]
     heading_rad: Series
 
     @staticmethod
     def of(robot: Robot, sets: Sequence[Mapping[str, Placement]]) -> "Contacts":
-        """From the ``T_world_contact`` of every effector of every set."""
+        """Create from the ``T_world_contact`` of every effector of every set."""
         targets = {}
         for name in sets[0]:
             p, R = (np.array([getattr(one[name], part) for one in sets]) for part in ("position_m", "rotation"))
@@ -86,18 +85,18 @@ class Contacts(NamedTuple):
         return Contacts(targets, np.arctan2(ahead[:, 1], ahead[:, 0]))
 
     def taken(self, of: Int[np.ndarray, "m"]) -> "Contacts":
-        """Those with these numbers, repeated where a number is."""
+        """Select sets by index; indices may repeat."""
         targets = {name: Target(p[of], None if R is None else R[of]) for name, (p, R) in self.targets.items()}
         return Contacts(targets, self.heading_rad[of])
 
     @property
     def middle_m(self) -> Points:
-        """The middle of the soles."""
+        """Mean position of the soles ``(n, 3)``."""
         return np.asarray(np.mean([p for p, R in self.targets.values() if R is not None], axis=0))
 
 
 class StanceTruth:
-    """Postures of one robot within a ``Range``. One per process: the collision check keeps buffers."""
+    """Postures of one robot within a ``Range``; not shared between processes, as the collision check has buffers."""
 
     def __init__(self, robot: Robot, within: Range = STANDING) -> None:
         self.robot, self.within = robot, within
@@ -120,53 +119,54 @@ class StanceTruth:
         self._lower, self._upper = lower, upper
 
     def sample(self, contacts: Mapping[str, Placement], n: int, seed: int) -> Points:
-        """CoM ``(n, 3)`` of ``n`` postures that hold ``contacts``; raises as ``postures``, which has them."""
+        """CoM ``(n, 3)`` of ``n`` postures on ``contacts``. Raises as ``postures``."""
         q = self.postures(contacts, n, seed)
         return np.array([pin.centerOfMass(self._model, self._data, one, False).copy() for one in q])
 
     def postures(self, contacts: Mapping[str, Placement], n: int, seed: int) -> Float[np.ndarray, "n nq"]:
-        """``n`` configurations that hold ``contacts``, uniform as above.
+        """``n`` configurations on ``contacts`` from the distribution above.
 
         Raises ``NotEstimable`` (``contacts-out-of-reach``).
         """
         rng = np.random.default_rng(seed)
         one = Contacts.of(self.robot, [contacts])
-        found: list[Float[np.ndarray, "nq"]] = []
+        accepted: list[Float[np.ndarray, "nq"]] = []
         for _ in range(BATCHES):
             for q in self._drawn(one.taken(np.zeros(BATCH, dtype=int)), rng):
                 if not self._collision.found(q):
-                    found.append(q)
-                if len(found) == n:
-                    return np.array(found)
+                    accepted.append(q)
+                if len(accepted) == n:
+                    return np.array(accepted)
         raise NotEstimable(
             "contacts-out-of-reach",
-            f"{self.robot.title} took {len(found)} of {n} postures on these contacts in {BATCH * BATCHES} draws.",
+            f"{self.robot.title} has {len(accepted)} of {n} required postures on these contacts after "
+            f"{BATCH * BATCHES} draws.",
         )
 
     def feasible(
         self, contacts: Contacts, com_m: Points, rounds: int, seed: int
     ) -> tuple[Mask, Float[np.ndarray, "rounds"]]:
-        """Whether a posture was found for each CoM ``(n, 3)``, and the share that was found after every round.
+        """Search a posture for each CoM ``(n, 3)``; return which have one, and the share that has after every round.
 
-        A search that finds nothing proves nothing: the shares say how far they still rise.
+        A failed search does not prove infeasibility; the shares show how far the search has converged.
         """
         rng = np.random.default_rng(seed)
         directions = np.tile(np.eye(3), (len(com_m), 1, 1))
-        found, shares = np.zeros(len(com_m), dtype=bool), np.empty(rounds)
+        is_feasible, shares = np.zeros(len(com_m), dtype=bool), np.empty(rounds)
         start = self._started(contacts, com_m)
         for k in range(rounds):
-            left = np.flatnonzero(~found)
-            x = self._shaken(start[left], rng) if k else start[left]
-            _, free = self._solved(contacts.taken(left), directions[left], com_m[left], x)
-            found[left] = free
-            shares[k] = found.mean()
-        return found, shares
+            remaining = np.flatnonzero(~is_feasible)
+            x = self._shaken(start[remaining], rng) if k else start[remaining]
+            _, free = self._solved(contacts.taken(remaining), directions[remaining], com_m[remaining], x)
+            is_feasible[remaining] = free
+            shares[k] = is_feasible.mean()
+        return is_feasible, shares
 
     def extent(self, contacts: Contacts, walkers: int, seed: int) -> tuple[Points, Points, Mask]:
-        """Least and largest coordinates ``(n, 3)`` of the CoM over all postures, and whether there is any posture.
+        """Lower and upper bounds ``(n, 3)`` of the CoM over all postures, and whether any posture exists.
 
-        ``walkers`` walks per direction start from postures found at random and go on as long as one is found that
-        has its CoM farther out; the farthest counts. Where there is no posture, the least is above the largest.
+        ``walkers`` walks per direction start from random postures and continue while a posture with its CoM farther
+        out is feasible; the farthest one counts. Without any posture, the lower bound is above the upper one.
         """
         rng = np.random.default_rng(seed)
         n = len(contacts.heading_rad)
@@ -178,26 +178,26 @@ class StanceTruth:
         x = self._started(repeated, repeated.middle_m + np.array([0.0, 0.0, 0.8 * self.leg_length_m]))
         alive = np.zeros(len(of), dtype=bool)
         for _ in range(4):
-            left = np.flatnonzero(~alive)
-            shaken = self._shaken(x[left], rng)
-            y, free = self._solved(repeated.taken(left), nowhere[left], np.zeros((len(left), 1)), shaken)
-            x[left[free]], alive[left[free]] = y[free], True
+            remaining = np.flatnonzero(~alive)
+            shaken = self._shaken(x[remaining], rng)
+            y, free = self._solved(repeated.taken(remaining), nowhere[remaining], np.zeros((len(remaining), 1)), shaken)
+            x[remaining[free]], alive[remaining[free]] = y[free], True
         c, _ = self._tree.com(self._tree.forward(x))
         reached = np.where(alive, (directions[:, 0] * c).sum(axis=1), -np.inf)
         step = np.where(alive, WALK_M, 0.0)
         for _ in range(WALKS):
-            left = np.flatnonzero(step >= END_M)
-            if not len(left):
+            remaining = np.flatnonzero(step >= END_M)
+            if not len(remaining):
                 break
-            goal = reached[left] + step[left]
-            y, free = self._solved(repeated.taken(left), directions[left], goal[:, None], x[left])
-            x[left[free]], reached[left[free]] = y[free], goal[free]
-            step[left[~free]] /= 2
+            goal = reached[remaining] + step[remaining]
+            y, free = self._solved(repeated.taken(remaining), directions[remaining], goal[:, None], x[remaining])
+            x[remaining[free]], reached[remaining[free]] = y[free], goal[free]
+            step[remaining[~free]] /= 2
         ends = reached.reshape(n, 6, walkers).max(axis=2)
         return -ends[:, 3:], ends[:, :3], np.isfinite(ends).all(axis=1)
 
     def _drawn(self, contacts: Contacts, rng: np.random.Generator) -> Float[np.ndarray, "n nq"]:
-        """Postures within the limits, whether or not they touch themselves."""
+        """Draw postures within the limits, without checking self-collision."""
         n, model, within = len(contacts.heading_rad), self._model, self.within
         turns = [rng.uniform(*interval, n) for interval in (within.yaw_rad, within.pitch_rad, within.roll_rad)]
         turns[0] = turns[0] + contacts.heading_rad
@@ -213,26 +213,29 @@ class StanceTruth:
                 rng.uniform(model.lowerPositionLimit[7:], model.upperPositionLimit[7:], (n, model.nq - 7)),
             ]
         )
-        kept = np.arange(n)
+        accepted = np.arange(n)
         for name, (p, R) in contacts.targets.items():
             chain = self._chains[name]
             columns = list(chain.columns)
-            p_limb = (R_back[kept] @ (p[kept] - p_base[kept])[..., None])[..., 0]
+            p_limb = (R_back[accepted] @ (p[accepted] - p_base[accepted])[..., None])[..., 0]
             if R is not None:
                 near = np.linalg.norm(p_limb - chain.joints[0].p, axis=1) <= self.leg_length_m * 1.05
-                kept, p_limb = kept[near], p_limb[near]
-                start, R_limb = np.tile(self.robot.q_reference[columns], (len(kept), 1)), R_back[kept] @ R[kept]
+                accepted, p_limb = accepted[near], p_limb[near]
+                start, R_limb = (
+                    np.tile(self.robot.q_reference[columns], (len(accepted), 1)),
+                    R_back[accepted] @ R[accepted],
+                )
             else:
-                start, R_limb = q[kept][:, columns], None
+                start, R_limb = q[accepted][:, columns], None
             angles, reached = chain.reach(p_limb, R_limb, start)
             x_columns = np.array(columns) - 7 + BASE
             inside = ((angles >= self._lower[x_columns]) & (angles <= self._upper[x_columns])).all(axis=1)
-            q[kept[:, None], columns] = angles
-            kept = kept[reached & inside]
-        return np.asarray(q[kept])
+            q[accepted[:, None], columns] = angles
+            accepted = accepted[reached & inside]
+        return np.asarray(q[accepted])
 
     def _started(self, contacts: Contacts, com_m: Points) -> Coordinates:
-        """The reference posture with its CoM where it is to be, turned to the heading."""
+        """The reference posture moved to the given CoM and turned to the heading."""
         x = np.tile(self._reference, (len(com_m), 1))
         x[:, YAW] += contacts.heading_rad
         c, _ = self._tree.com(self._tree.forward(x))
@@ -240,14 +243,14 @@ class StanceTruth:
         return x
 
     def _shaken(self, x: Coordinates, rng: np.random.Generator) -> Coordinates:
-        """With normal noise, of one size per posture."""
+        """Add normal noise, with one standard deviation per posture."""
         size = rng.choice(SPREADS, (len(x), 1)) * np.where(np.arange(x.shape[1]) < BASE, 0.3, 1.0)
         return np.asarray(x + size * rng.standard_normal(x.shape))
 
     def _solved(
         self, contacts: Contacts, directions: Directions, com_m: Float[np.ndarray, "n r"], start: Coordinates
     ) -> tuple[Coordinates, Mask]:
-        """Postures from ``start`` on, and which of them hold the contacts and do not touch themselves."""
+        """Solve from ``start``; return the postures and which are on the contacts and free of self-collision."""
         lower, upper = np.tile(self._lower, (len(start), 1)), np.tile(self._upper, (len(start), 1))
         within = self.within
         for k, interval in zip(range(YAW, ROLL + 1), (within.yaw_rad, within.pitch_rad, within.roll_rad), strict=True):
@@ -263,7 +266,7 @@ class StanceTruth:
 
 
 def _bend(chain: LegChain, extension: Interval) -> Interval:
-    """The angles of a leg's fourth joint between which it is extended so far; the knee of every robot bends one way."""
+    """Interval of a leg's fourth joint (knee, which bends one way) in which its extension is in ``extension``."""
     knee = np.linspace(chain.lower_rad[3], chain.upper_rad[3], 2001)
     angles = np.zeros((len(knee), len(chain.joints)))
     angles[:, 3] = knee

@@ -1,9 +1,9 @@
-"""Kinematics of one leg for many configurations at once, forwards and backwards.
+"""Batched forward and inverse kinematics of one leg.
 
     T_base_contact(q) = prod_j A_j exp([a_j] q_j)  .  E
 
 with ``A_j`` the fixed placement of joint ``j`` in its parent, ``a_j`` its axis and ``E`` the contact frame in the
-last joint. Backwards, damped Gauss-Newton steps (Nakamura and Hanafusa 1986) that never leave the joint limits:
+last joint. The inverse takes damped Gauss-Newton steps (Nakamura and Hanafusa 1986) within the joint limits:
 
     q <- clip(q + (J^T J + d I)^-1 J^T e),     e = (p* - p, log(R* R^T))
 """
@@ -22,18 +22,18 @@ from stridelab.reachability.kinematics.rotations import rotation_vectors, times,
 Angles = Float[np.ndarray, "n j"]
 
 TOLERANCE: Final = 1e-6
-"""Largest error (m, rad) of a leg that is placed."""
+"""Largest error (m, rad) of a converged leg."""
 DAMPING: Final = 1e-6
 STEP_RAD: Final = 0.6
 STEPS: Final = 25
 PATIENCE: Final = 12
-"""After so many steps a leg that is still ``FAR`` off is given up: most that cannot reach are."""
+"""Number of steps after which a leg with an error above ``FAR`` is abandoned."""
 FAR: Final = 0.3
 
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """A revolute joint: its number in ``q``, its limits, its fixed placement, and its axis."""
+    """A revolute joint: index in ``q``, limits, fixed placement and axis."""
 
     index: int
     lower_rad: float
@@ -55,7 +55,7 @@ class LegChain:
     def of(model: pin.Model, frame: int) -> "LegChain":
         """The chain down to the operational frame ``frame`` of ``model``, whose first joint is the floating base.
 
-        Raises ``NotEstimable`` (``measure-unavailable``) for joints that do not simply turn.
+        Raises ``NotEstimable`` (``measure-unavailable``) for joints that are not revolute.
         """
         end = model.frames[frame]
         neutral = pin.neutral(model)
@@ -64,7 +64,7 @@ class LegChain:
 
     @property
     def columns(self) -> tuple[int, ...]:
-        """Where the chain's angles stand in ``q``."""
+        """Indices of the chain's angles in ``q``."""
         return tuple(joint.index for joint in self.joints)
 
     @property
@@ -87,40 +87,40 @@ class LegChain:
         return p, R
 
     def span_m(self, angles_rad: Angles, first: int, last: int) -> Series:
-        """Distance between the origins of two joints of the chain, counted from the base, from the end if negative."""
+        """Distance between the origins of two joints of the chain (index from the base, negative from the end)."""
         _, _, origins, _ = self._forward(angles_rad)
         return np.asarray(np.linalg.norm(origins[last] - origins[first], axis=1))
 
     def reach(self, p_m: Points, R: Rotations | None, start_rad: Angles) -> tuple[Angles, Mask]:
-        """Angles that place the contact frame at ``(p_m, R)`` in the base, from ``start_rad`` on, and where they do.
+        """Solve for angles that place the contact frame at ``(p_m, R)`` in the base; return them and which converged.
 
-        Without ``R`` only its origin is placed, as that of a hand on a rail.
+        Without ``R`` only the origin is placed, as for a hand on a rail.
         """
         angles, reached = start_rad.copy(), np.zeros(len(p_m), dtype=bool)
-        left = np.arange(len(p_m))
+        active = np.arange(len(p_m))
         for step in range(STEPS):
-            p, R_here, origins, axes = self._forward(angles[left])
-            e = p_m[left] - p
+            p, R_here, origins, axes = self._forward(angles[active])
+            e = p_m[active] - p
             if R is not None:
-                e = np.hstack([e, rotation_vectors(R[left] @ R_here.swapaxes(1, 2))])
+                e = np.hstack([e, rotation_vectors(R[active] @ R_here.swapaxes(1, 2))])
             error = np.abs(e).max(axis=1)
-            reached[left] = error < TOLERANCE
+            reached[active] = error < TOLERANCE
             going = (error >= TOLERANCE) & ((error < FAR) | (step < PATIENCE))
-            left, e, p = left[going], e[going], p[going]
-            if not len(left):
+            active, e, p = active[going], e[going], p[going]
+            if not len(active):
                 break
             axes = axes[:, going]
             arms = np.cross(axes, p - origins[:, going])
             J = (arms if R is None else np.concatenate([arms, axes], axis=2)).transpose(1, 2, 0)
             H = J.swapaxes(1, 2) @ J + DAMPING * np.eye(len(self.joints))
             dq = np.linalg.solve(H, J.swapaxes(1, 2) @ e[..., None])[..., 0]
-            angles[left] = np.clip(angles[left] + np.clip(dq, -STEP_RAD, STEP_RAD), self.lower_rad, self.upper_rad)
+            angles[active] = np.clip(angles[active] + np.clip(dq, -STEP_RAD, STEP_RAD), self.lower_rad, self.upper_rad)
         return angles, reached
 
     def _forward(
         self, angles_rad: Angles
     ) -> tuple[Points, Rotations, Float[np.ndarray, "j n 3"], Float[np.ndarray, "j n 3"]]:
-        """The contact frame, and the origins and axes of the joints, all in the base's joint frame."""
+        """The contact frame, and the origins and axes of the joints, in the base's joint frame."""
         n = len(angles_rad)
         R = np.broadcast_to(np.eye(3), (n, 3, 3))
         p = np.zeros((n, 3))
@@ -135,16 +135,7 @@ class LegChain:
 
 def _joint(model: pin.Model, j: int, neutral: Float[np.ndarray, "nq"]) -> Joint:
     joint = model.joints[j]
-    motion = joint.createData()
-    joint.calc(motion, neutral)
-    S = np.array(motion.S).reshape(6, -1)
-    if joint.nq != 1 or np.abs(S[:3]).max() > 0.0:
-        name = model.names[j]
-        raise NotEstimable(
-            "measure-unavailable",
-            f"Stances are drawn for legs of revolute joints; joint {name} is another one.",
-            [Fault("measure", f"joint {name} does not simply turn")],
-        )
+    axis = revolute_axis(model, j, neutral)
     at = model.jointPlacements[j]
     return Joint(
         joint.idx_q,
@@ -152,5 +143,21 @@ def _joint(model: pin.Model, j: int, neutral: Float[np.ndarray, "nq"]) -> Joint:
         float(model.upperPositionLimit[joint.idx_q]),
         np.array(at.translation),
         np.array(at.rotation),
-        np.array(S[3:, 0]),
+        axis,
     )
+
+
+def revolute_axis(model: pin.Model, j: int, neutral: Float[np.ndarray, "nq"]) -> Vector3:
+    """Axis of joint ``j``. Raises ``NotEstimable`` (``measure-unavailable``) for a joint that is not revolute."""
+    joint = model.joints[j]
+    motion = joint.createData()
+    joint.calc(motion, neutral)
+    S = np.array(motion.S).reshape(6, -1)
+    if joint.nq != 1 or np.abs(S[:3]).max() > 0.0:
+        name = model.names[j]
+        raise NotEstimable(
+            "measure-unavailable",
+            f"Stances require revolute joints; joint {name} is of another type.",
+            [Fault("measure", f"joint {name} is not revolute")],
+        )
+    return np.array(S[3:, 0])

@@ -1,4 +1,4 @@
-"""Rotations of many postures at once: turned about an axis of their own, and as vectors."""
+"""Batched operations on rotation matrices."""
 
 import numpy as np
 import pinocchio as pin
@@ -21,7 +21,7 @@ def times(R: Rotations, by: Rotation) -> Rotations:
 
 
 def rotation_vectors(R: Rotations) -> Points:
-    """``log R`` in radians of matrices that are rotations, which is not looked at."""
+    """``log R`` in radians; does not check that ``R`` are rotations."""
     if not len(R):
         return np.zeros((0, 3))
     return np.asarray(ScipyRotation.from_matrix(R, assume_valid=True).as_rotvec())

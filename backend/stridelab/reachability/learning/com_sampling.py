@@ -1,12 +1,12 @@
-"""The CoM of collision-free configurations, seen from the effectors (section 4.3.2.2).
+"""Samples the CoM of collision-free configurations in the frames of the effectors (section 4.3.2.2).
 
     x_a = T_frame_world(q_a) c(q_a)
 
-with configurations ``q_a`` uniform within the joint limits, or uniform given that the robot stands (``standing``), and
-``frame`` the contact frame of the effector or, for a hand of a robot that stands, its heading frame (``Frame``).
+with configurations ``q_a`` uniform within the joint limits, or conditioned on standing (``standing_sampler``), and
+``frame`` the contact frame of the effector or, for a hand of a standing robot, its heading frame (``Frame``).
 
-Blocks of ``BLOCK`` configurations are drawn each from its own child of the seed, with its own buffers of the collision
-check: the cloud is a function of the seed, bit for bit, however many processes share the blocks.
+Each block of ``BLOCK`` configurations has its own child of the seed and its own collision buffers, so that the samples
+depend only on the seed, bit for bit, and not on the number of processes.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,7 +33,7 @@ from stridelab.robots.robot import Effector, Robot
 BLOCK: Final = 500
 """Configurations of one block."""
 BLOCKS_PER_S: Final = 4
-"""About as many are drawn in a second."""
+"""Approximate number of blocks drawn per second."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class ComCloud:
     """Sampled CoM positions ``(n, 3)`` by effector, in its ``frame``; row ``a`` of all is one configuration.
 
     ``pair_distance_max_m`` is the largest distance between the contact points of two effectors over the samples;
-    ``tried`` counts the configurations checked for self-collision to find them.
+    ``tried`` counts the configurations checked for self-collision.
     """
 
     measure: Measure
@@ -60,7 +60,7 @@ def sample_com(
     progress: Progress | None = None,
     processes: int | None = None,
 ) -> ComCloud:
-    """CoM positions of ``samples`` configurations seen from ``effectors``, drawn by ``processes`` (all cores: None).
+    """CoM of ``samples`` configurations in the frames of ``effectors``, drawn by ``processes`` (None: all cores).
 
     Raises ``NotFound`` (``effector-not-found``), ``NotEstimable`` (``measure-unavailable``,
     ``no-free-configuration``).
@@ -68,43 +68,43 @@ def sample_com(
     require_effectors(robot, effectors)
     blocks = -(-samples // BLOCK)
     work = partial(_block, robot, tuple(effectors), samples, seed, measure)
-    found: list[_Block] = []
+    sampled: list[_Block] = []
     with closing(in_order(work, blocks, processes or worthwhile(blocks // BLOCKS_PER_S))) as done:
         for block in done:
-            found.append(block)
+            sampled.append(block)
             if progress is not None:
-                have = min(len(found) * BLOCK, samples)
-                progress(have / samples, f"{have} of {samples} postures")
-    com = np.concatenate([block.com_m for block in found], axis=1)
-    distance = np.max([block.distance_max_m for block in found], axis=0)
+                count = min(len(sampled) * BLOCK, samples)
+                progress(count / samples, f"{count} of {samples} postures")
+    com = np.concatenate([block.com_m for block in sampled], axis=1)
+    distance = np.max([block.distance_max_m for block in sampled], axis=0)
     numbered = combinations(enumerate(effectors), 2)
     return ComCloud(
         measure=measure,
         com_m=dict(zip(effectors, com, strict=True)),
         frames={name: frame_of(robot.effectors[name], measure) for name in effectors},
         pair_distance_max_m={(first, second): float(distance[i, j]) for (i, first), (j, second) in numbered},
-        tried=sum(block.tried for block in found),
+        tried=sum(block.tried for block in sampled),
     )
 
 
 def configurations(
     robot: Robot, measure: Measure, rng: np.random.Generator
 ) -> UniformConfigurations | StandingConfigurations:
-    """The endless stream of configurations ``(nq,)`` of a measure; ``tried`` counts those that were checked."""
+    """Endless stream of configurations ``(nq,)`` of a measure; ``tried`` counts the checked ones."""
     return StandingConfigurations(robot, rng) if measure == "conditioned" else uniform_configurations(robot, rng)
 
 
 def frame_of(effector: Effector, measure: Measure) -> Frame:
-    """The frame in which the CoM is seen from an effector.
+    """The frame in which the CoM of an effector is expressed.
 
-    The contact frame, as in the thesis. A hand on a rail turns about the bar: there the posture says where the CoM is
-    in the heading of the trunk, not in the gripper.
+    The contact frame, as in the thesis. A hand on a rail can rotate about the bar, so that its gripper does not
+    determine the direction of the CoM: the heading frame of the trunk is used for standing robots.
     """
     return "heading" if measure == "conditioned" and effector.kind == "point" else "contact"
 
 
 def require_effectors(robot: Robot, effectors: Sequence[str]) -> None:
-    """Raise ``NotFound`` (``effector-not-found``) naming every effector that ``robot`` has not."""
+    """Raise ``NotFound`` (``effector-not-found``) naming every effector that ``robot`` lacks."""
     unknown = [(i, name) for i, name in enumerate(effectors) if name not in robot.effectors]
     if unknown:
         names = ", ".join(repr(name) for _, name in unknown)
@@ -123,7 +123,7 @@ class _Block:
 
 
 def _block(robot: Robot, effectors: tuple[str, ...], samples: int, seed: int, measure: Measure, number: int) -> _Block:
-    """The block ``number`` of a cloud of ``samples``; the last one may be shorter."""
+    """Sample block ``number`` of ``samples`` configurations; the last block may be shorter."""
     rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
     stream = configurations(robot, measure, rng)
     model, frames = with_contact_frames(robot)

@@ -1,12 +1,12 @@
-"""Section 4.3.2.3: a kernel density of sampled CoM positions is reduced to a Gaussian mixture by EM.
+"""Fits Gaussian mixtures to sampled CoM positions by expectation maximisation (section 4.3.2.3).
 
-EM (Dempster et al. 1977) maximises the likelihood of the samples, not the divergence from the kernel density, so that
-the divergence falls, stagnates and rises with the number of components. The thesis looks by dichotomy for the size
-where it stagnates. Here all sizes are fitted and one rule chooses: the smallest size whose divergence exceeds the least
-one by no more than the standard error of that difference. Every fifth sample, the last ones of the cloud, is kept from
-EM for the held-out likelihood.
+EM (Dempster et al. 1977) maximises the likelihood of the samples and does not minimise the divergence from the kernel
+density, which therefore falls, stagnates and rises with the number of components. The thesis searches by bisection for
+the size where it stagnates. Here all sizes are fitted, and the smallest one whose divergence exceeds the minimum by no
+more than the standard error of that difference is selected. The last fifth of the samples is held out from EM for the
+held-out likelihood.
 
-All is computed on one thread per process, so that the numbers do not depend on how many cores there are.
+Each process computes on one thread, so that the numbers do not depend on the number of cores.
 """
 
 import warnings
@@ -43,28 +43,28 @@ from stridelab.reachability.proxy.effector_proxy import Frame
 from stridelab.robots.robot import Robot
 
 THESIS_COMPONENTS: Final[Mapping[str, int]] = {"surface": 7, "point": 14}
-"""Sizes for feet and hands where the thesis sees the divergence stagnate (figure 4.3)."""
+"""Sizes for feet and hands at which the divergence stagnates in the thesis (figure 4.3)."""
 SIZES: Final = range(1, 21)
-"""Sizes of the curve."""
+"""Numbers of components that are fitted."""
 SAMPLES_MIN: Final = 100
-"""Fewer samples are no cloud to fit the largest size to."""
+"""Minimum number of samples to fit the largest size."""
 KL_DRAWS: Final = 10_000
 HELD_OUT: Final = 5
-"""One in so many samples is held out."""
+"""Reciprocal of the share of samples that is held out."""
 FLOOR_M: Final = 3e-3
-"""Standard deviation that EM adds to every component, so that none collapses."""
+"""Standard deviation of the regularisation of every component in EM."""
 STEPS_MAX: Final = 500
 SAMPLING_SHARE: Final = 0.5
-"""Of the time, at 20 000 samples."""
+"""Share of the time spent on sampling, at 20 000 samples."""
 SAMPLES_PER_S: Final = 5000
-"""Of one effector, about as many are fitted in a second."""
+"""Approximate number of samples of one effector fitted per second."""
 PERCENTILES: Final = (0.5, 99.5)
 PACKAGES: Final = ("stridelab", "numpy", "scipy", "scikit-learn", "pin", "example-robot-data")
 
 
 @dataclass(frozen=True, eq=False)
 class Learned:
-    """The card with its mixtures, and the samples they were learned from."""
+    """The card with its mixtures, and the samples it was learned from."""
 
     card: ReachabilityCard
     cloud: ComCloud
@@ -80,9 +80,9 @@ def learn(
     progress: Progress | None = None,
     processes: int | None = None,
 ) -> Learned:
-    """Learn the densities of ``effectors`` (all where ``None``) on ``processes`` processes (all cores where ``None``).
+    """Learn the densities of ``effectors`` (None: all) with ``processes`` processes (None: all cores).
 
-    But for ``processes``, a function of the arguments and the versions: bit for bit on one machine.
+    On one machine the result depends only on the other arguments and the package versions, bit for bit.
 
     Raises ``NotFound`` (``effector-not-found``), ``InvalidInput`` (``too-few-samples``), ``NotEstimable``
     (``measure-unavailable``, ``no-free-configuration``).
@@ -90,21 +90,21 @@ def learn(
     names = tuple(dict.fromkeys(robot.effectors if effectors is None else effectors))
     require_effectors(robot, names)
     if samples < SAMPLES_MIN:
-        message = f"{samples} samples are too few to learn from; at least {SAMPLES_MIN} are needed."
+        message = f"{samples} samples are too few; at least {SAMPLES_MIN} are needed."
         raise InvalidInput("too-few-samples", message, [Fault("samples", f"at least {SAMPLES_MIN}")])
-    tell = progress or _silent
+    report = progress or _silent
 
     def sampled(fraction: float, message: str) -> None:
-        tell(SAMPLING_SHARE * fraction, message)
+        report(SAMPLING_SHARE * fraction, message)
 
     cloud = sample_com(robot, names, samples, seed, measure, sampled, processes)
     work = partial(_fitted, cloud, tuple(robot.effectors[name].kind for name in names), seed)
     cards: dict[str, EffectorCard] = {}
-    wanted = processes or worthwhile(len(names) * samples // SAMPLES_PER_S)
-    with closing(in_order(work, len(names), wanted)) as fitted:
+    n_processes = processes or worthwhile(len(names) * samples // SAMPLES_PER_S)
+    with closing(in_order(work, len(names), n_processes)) as fitted:
         for name, effector in zip(names, fitted, strict=True):
             cards[name] = effector
-            tell(SAMPLING_SHARE + (1.0 - SAMPLING_SHARE) * len(cards) / len(names), f"{name} is fitted")
+            report(SAMPLING_SHARE + (1.0 - SAMPLING_SHARE) * len(cards) / len(names), f"{name} is fitted")
     card = ReachabilityCard(
         robot=robot.name,
         robot_sha256=robot.sha256,
@@ -123,10 +123,10 @@ def learn(
 
 
 def fit(com_m: Points, kind: Literal["surface", "point"], frame: Frame, seed: int) -> EffectorCard:
-    """The mixture that the curve over ``SIZES`` chooses for sampled CoM positions ``(n, 3)`` of an effector."""
+    """Fit all ``SIZES`` to sampled CoM positions ``(n, 3)`` of an effector and select one mixture."""
     n = len(com_m) - len(com_m) // HELD_OUT
-    seen, held_out = com_m[:n], com_m[n:]
-    fitted = {k: expectation_maximisation(seen, k, seed) for k in SIZES}
+    training, held_out = com_m[:n], com_m[n:]
+    fitted = {k: expectation_maximisation(training, k, seed) for k in SIZES}
     kde = KernelDensity.scott(com_m)
     mixtures = [mixture for mixture, _ in fitted.values()]
     kl = dict(zip(SIZES, divergences(kde, mixtures, KL_DRAWS, np.random.default_rng(seed)), strict=True))
@@ -159,29 +159,29 @@ def fit(com_m: Points, kind: Literal["surface", "point"], frame: Frame, seed: in
 
 
 def chosen_size(kl: Mapping[int, Divergence]) -> int:
-    """The smallest size whose divergence exceeds the least one by no more than the standard error of the difference."""
+    """The smallest size whose divergence exceeds the minimum by at most the standard error of the difference."""
     least = min(d.kl_nats for d in kl.values())
     return min(size for size, d in kl.items() if d.kl_nats - least <= d.excess_sd_nats)
 
 
 def expectation_maximisation(com_m: Points, components: int, seed: int) -> tuple[Mixture, bool]:
-    """The mixture that EM finds from k-means, and whether it met its tolerance."""
+    """Fit a mixture by EM, initialised by k-means; return it and whether EM converged."""
     em = GaussianMixture(components, random_state=seed, reg_covar=FLOOR_M**2, max_iter=STEPS_MAX)
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ConvergenceWarning)  # it is in the answer
+        warnings.simplefilter("ignore", ConvergenceWarning)  # returned instead
         em.fit(com_m)
     S = em.covariances_
     return Mixture(em.weights_ / em.weights_.sum(), em.means_, (S + S.swapaxes(1, 2)) / 2), bool(em.converged_)
 
 
 def reach_of(com_m: Points) -> Reach:
-    """Box and sphere that hold sampled CoM positions."""
+    """Box and sphere that contain sampled CoM positions."""
     low, high = np.percentile(com_m, PERCENTILES, axis=0)
     return Reach(_triple(low), _triple(high), float(np.linalg.norm(com_m, axis=1).max()))
 
 
 def _fitted(cloud: ComCloud, kinds: tuple[Literal["surface", "point"], ...], seed: int, number: int) -> EffectorCard:
-    """The card of the effector ``number`` of the cloud."""
+    """Fit the effector with index ``number`` in the cloud."""
     name = list(cloud.com_m)[number]
     return fit(cloud.com_m[name], kinds[number], cloud.frames[name], seed)
 
@@ -197,4 +197,4 @@ def _matrix(S: Float[np.ndarray, "3 3"]) -> tuple[Triple, Triple, Triple]:
 
 
 def _silent(_fraction: float, _message: str) -> None:
-    """Nobody listens."""
+    """Progress callback that does nothing."""

@@ -1,10 +1,10 @@
-"""Kernel density estimate of section 4.3.2.2: the density that a mixture is measured against.
+"""Kernel density estimate of section 4.3.2.2, the reference density for a mixture.
 
     p(c) = 1/n sum_a N(c; x_a, h^2 I)        h = sigma n^(-1/7)
 
 with one isotropic Gaussian kernel per sampled CoM. The bandwidth ``h`` is Scott's in three dimensions (Scott 1992,
-"Multivariate Density Estimation"), ``sigma`` the mean of the samples' standard deviations along the three axes. What
-a divergence from this density says depends on ``h``, which is therefore kept with it.
+"Multivariate Density Estimation"), ``sigma`` the mean of the samples' standard deviations along the three axes. A
+divergence from this density depends on ``h``, so the two are stored together.
 """
 
 from dataclasses import dataclass

@@ -2,8 +2,8 @@
 
     KL(p || q) = E_p[log p(x) - log q(x)]  ~  1/n sum_a log p(x_a) - log q(x_a),     x_a drawn from p
 
-which is unbiased; its standard error is that of the mean. Divergences of several q from the same draws differ by
-E_p[log q'(x) - log q(x)], whose estimate is much surer than either, since log p cancels.
+which is unbiased; its standard error is that of the mean. The difference between the divergences of two q from the same
+draws is E_p[log q'(x) - log q(x)], whose estimate is much more accurate than either, since log p cancels.
 """
 
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ from stridelab.conventions import Points, Series
 
 @runtime_checkable
 class Density(Protocol):
-    """What can be evaluated."""
+    """A density that can be evaluated."""
 
     def log_density(self, points_m: Points, /) -> Series:
         """``log p`` at ``(n, 3)`` points."""
@@ -26,7 +26,7 @@ class Density(Protocol):
 
 @runtime_checkable
 class Drawable(Density, Protocol):
-    """What can also be drawn from."""
+    """A density that can also be sampled."""
 
     def sample(self, n: int, rng: np.random.Generator, /) -> Points:
         """``n`` independent points."""
@@ -37,7 +37,7 @@ class Drawable(Density, Protocol):
 class Divergence:
     """``KL(p || q)`` and the standard error of its estimate, in nats.
 
-    ``excess_sd_nats`` is the standard error of its difference from the least one that was estimated with it.
+    ``excess_sd_nats`` is the standard error of its difference from the smallest one of the same call.
     """
 
     kl_nats: float

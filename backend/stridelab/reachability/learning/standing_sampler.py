@@ -1,17 +1,14 @@
-"""The measure ``conditioned``: where a standing robot's base and limbs can be, conditioned through inverse kinematics.
+"""Sampling of the measure ``conditioned``: postures of a standing robot, by inverse kinematics of the legs.
 
-Uniform angles of the joints are mostly folded postures: the densest place of TALOS' CoM lies 0.13 m above the sole and
-half a metre behind it. Here what is uniform is what a planner chooses: the place of the second sole, the pose of the
-base over the two and the joints that are not in the legs. The legs follow by inverse kinematics, and a posture counts
-if it is in the event ``E`` (``Stance``), within the joint limits and free of collision with itself and with a step:
+Uniform joint angles give mostly folded postures: the mode of TALOS' CoM is 0.13 m above the sole and half a metre
+behind it. Here the variables of a planner are uniform: the placement of the second sole, the pose of the base over both
+soles and the joints that are not in the legs. The legs follow by inverse kinematics, and a posture is accepted if it is
+in the event ``E`` (``Stance``), within the joint limits and free of collision with itself and with a step:
 
-    p_2, p_base, R_base, q_rest ~ U,    q_leg = IK(T_base^-1 T_sole),    kept if E and free
+    p_2, p_base, R_base, q_rest ~ U,    q_leg = IK(T_base^-1 T_sole),    accepted if in E and free
 
-The first sole is the world's origin, its normal the vertical.
-
-Whether a leg is clear of a step that rises ahead of its toes, as the next stair does.
-
-The step is a box across the way of the sole. What can hit it are the links between hip and ankle.
+The first sole is at the world origin, its normal vertical. The step is a box across the path of a sole that rises ahead
+of its toes, like the next stair; it is checked against the links between hip and ankle.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,7 +32,7 @@ from stridelab.robots.self_collision import SelfCollision
 
 @dataclass(frozen=True, eq=False)
 class StepClearance:
-    """One sole: the links above it, the index of its contact frame, and how far ahead of it a step begins.
+    """Clearance check of one leg: its links, the index of the contact frame, and the distance to the step.
 
     ``depth_m`` is the size of the step along the sole and across it.
     """
@@ -49,7 +46,7 @@ class StepClearance:
     def of(
         robot: Robot, effector: str, frame: int, joints: Sequence[int], gap_m: float, depth_m: float
     ) -> "StepClearance":
-        """For the sole ``effector`` on a leg of the ``joints``, the last two of which are its ankle."""
+        """Create for the sole ``effector`` on a leg of ``joints``, the last two of which are the ankle."""
         moved = set(joints[:-2])
         half_m = robot.effectors[effector].contact_half_size_m
         return StepClearance(
@@ -60,7 +57,7 @@ class StepClearance:
         )
 
     def clear(self, data: pin.Data, height_m: float) -> bool:
-        """Whether nothing touches a step of ``height_m``, the joints and the frame being placed in ``data``."""
+        """Whether no link collides with a step of ``height_m``; ``data`` must contain joint and frame placements."""
         box = coal.Box(self.depth_m, self.depth_m, height_m)
         middle = np.array([self.begins_m + self.depth_m / 2, 0.0, height_m / 2])
         T_world_box = _transform(data.oMf[self.frame] * pin.SE3(np.eye(3), middle))
@@ -83,15 +80,15 @@ def _transform(T: pin.SE3) -> coal.Transform3s:
 
 
 BATCH: Final = 5000
-"""Stances drawn at once."""
+"""Stances per batch."""
 BATCHES_PATIENCE: Final = 200
-"""Batches without any stance before the robot is said to have none."""
+"""Consecutive batches without a stance after which sampling fails."""
 PATIENCE: Final = 10_000
-"""Stances tried in a row before the robot is said to have none that is free."""
+"""Consecutive colliding stances after which sampling fails."""
 LENGTH_DRAWS: Final = 4096
 BASE_LOW: Final = (-0.6, -0.5, 0.3)
-"""The box of the middle of the hips over the middle of the soles, in leg lengths along the heading; no leg reaches
-beyond its top, and hardly a stance beyond its sides."""
+"""Lower corner of the sampling box of the hips' midpoint over that of the soles, in leg lengths along the heading. No
+leg reaches above the box, and few stances lie beyond its sides."""
 BASE_HIGH: Final = (0.6, 0.5, 1.0)
 STEP_DEPTH: Final = 0.75
 """Size of the step, in leg lengths."""
@@ -99,7 +96,7 @@ STEP_DEPTH: Final = 0.75
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """One leg. ``hip_m`` is the origin of its first joint in the base; ``longest_m`` its longest span hip to ankle."""
+    """One leg; ``hip_m`` is the origin of its first joint in the base, ``longest_m`` its longest hip to ankle span."""
 
     chain: LegChain
     hip_m: Vector3
@@ -109,12 +106,12 @@ class Leg:
     step: StepClearance
 
     def extension(self, angles_rad: Float[np.ndarray, "n j"]) -> Float[np.ndarray, "n"]:
-        """Distance from the third joint to the last but one, over the longest."""
+        """Distance from the third joint to the last but one, relative to the longest one."""
         return self.chain.span_m(angles_rad, 2, -2) / self.longest_m
 
 
 class StandingConfigurations(Iterator[Float[np.ndarray, "nq"]]):
-    """An endless stream of configurations of a standing robot; ``tried`` counts stances, also those that collide.
+    """An endless stream of configurations of a standing robot; ``tried`` counts all stances, including colliding ones.
 
     Raises ``NotEstimable`` (``measure-unavailable``) for a robot without two soles on legs of their own.
     """
@@ -142,19 +139,20 @@ class StandingConfigurations(Iterator[Float[np.ndarray, "nq"]]):
             if all(leg.step.clear(self._data, height_m) for leg in self._legs):
                 return q
         raise NotEstimable(
-            "no-free-configuration", f"{self._robot.title} touches itself or a step in {PATIENCE} stances in a row."
+            "no-free-configuration",
+            f"{self._robot.title} collides with itself or a step in {PATIENCE} consecutive stances.",
         )
 
     def _stance_drawn(self) -> Float[np.ndarray, "nq"]:
-        """A configuration in ``E``, whether or not it is free."""
+        """Draw a configuration in ``E``, without collision checks."""
         for _ in range(BATCHES_PATIENCE):
             if self._waiting:
                 return self._waiting.pop()
             self._waiting = list(self._batch(BATCH))
-        raise NotEstimable("no-free-configuration", f"{self._robot.title} never stands in random stances.")
+        raise NotEstimable("no-free-configuration", f"{self._robot.title} has no valid posture in random stances.")
 
     def _batch(self, n: int) -> Configurations:
-        """Those of ``n`` drawn stances that are in ``E``."""
+        """Draw ``n`` stances and return those in ``E``."""
         model, rng, E, length_m = self._robot.model, self._rng, self._stance, self.leg_length_m
         second, turn = E.drawn_soles(n, self._side, rng)
         R_second = about(2, turn)
@@ -167,20 +165,20 @@ class StandingConfigurations(Iterator[Float[np.ndarray, "nq"]]):
         q[:, 7:] = rng.uniform(model.lowerPositionLimit[7:], model.upperPositionLimit[7:], (n, model.nq - 7))
         q[:, :3], q[:, 3:7] = p_base, ScipyRotation.from_matrix(R_base).as_quat()
 
-        seen_back = (R_second.swapaxes(1, 2) @ -second[..., None])[..., 0]
-        kept = np.flatnonzero(E.upright(R_trunk) & E.stepped(seen_back, -self._side))
+        first_in_second = (R_second.swapaxes(1, 2) @ -second[..., None])[..., 0]
+        accepted = np.flatnonzero(E.upright(R_trunk) & E.stepped(first_in_second, -self._side))
         flat = np.broadcast_to(np.eye(3), (n, 3, 3))
         soles = ((np.zeros((n, 3)), flat), (length_m * second, R_second))
         for leg, (p, R) in zip(self._legs, soles, strict=True):
-            angles, reached = self._placed(leg, p[kept], R[kept], p_base[kept], R_base[kept])
-            q[kept[:, None], leg.chain.columns] = angles
-            kept = kept[reached]
-        return np.asarray(q[kept])
+            angles, reached = self._placed(leg, p[accepted], R[accepted], p_base[accepted], R_base[accepted])
+            q[accepted[:, None], leg.chain.columns] = angles
+            accepted = accepted[reached]
+        return np.asarray(q[accepted])
 
     def _placed(
         self, leg: Leg, p: Points, R: Rotations, p_base: Points, R_base: Rotations
     ) -> tuple[Float[np.ndarray, "n j"], Mask]:
-        """Angles of one leg on its sole, and whether they are in ``E`` and strictly within their limits."""
+        """Angles of one leg on its sole, and whether they are in ``E`` and strictly within the joint limits."""
         R_back = R_base.swapaxes(1, 2)
         p_sole, R_sole = (R_back @ (p - p_base)[..., None])[..., 0], R_back @ R
         angles = np.tile(leg.start_rad, (len(p), 1))
@@ -195,18 +193,18 @@ class StandingConfigurations(Iterator[Float[np.ndarray, "nq"]]):
 
 
 def _legs(robot: Robot, model: pin.Model, frames: Mapping[str, int], stance: Stance) -> tuple[tuple[Leg, Leg], float]:
-    """The legs of the first two soles, and the side of the first on which the second is: +1 for its left."""
+    """The two legs, and the side of the second sole relative to the first: +1 for left."""
     soles = [name for name, effector in robot.effectors.items() if effector.kind == "surface"]
     chains = {name: LegChain.of(model, frames[name]) for name in soles}
     columns = [column for chain in chains.values() for column in chain.columns]
     if len(soles) != 2 or len(set(columns)) < len(columns) or min(len(c.joints) for c in chains.values()) < 6:
-        message = f"{robot.title} has no two soles on legs of six joints of their own, so that stances cannot be drawn."
+        message = f"{robot.title} needs two soles on separate legs of at least six joints for this measure."
         raise NotEstimable("measure-unavailable", message, [Fault("measure", "needs two legs")])
     data = model.createData()
     pin.framesForwardKinematics(model, data, robot.q_reference)
     first, second = (_leg(robot, model, frames, name, chains[name], stance) for name in soles)
-    there = data.oMf[frames[soles[0]]].actInv(data.oMf[frames[soles[1]]].translation)
-    return (first, second), float(np.sign(there[1]))
+    second_m = data.oMf[frames[soles[0]]].actInv(data.oMf[frames[soles[1]]].translation)
+    return (first, second), float(np.sign(second_m[1]))
 
 
 def _leg(robot: Robot, model: pin.Model, frames: Mapping[str, int], name: str, chain: LegChain, stance: Stance) -> Leg:

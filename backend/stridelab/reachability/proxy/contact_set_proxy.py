@@ -1,14 +1,14 @@
-"""The proxy of a contact set, (4.12): the product of the densities of its effectors, which is a mixture itself.
+"""The proxy of a contact set (4.12): the normalised product of the densities of its effectors, again a mixture.
 
     p(c | M_1 .. M_K) = 1/Z prod_i p_i(c),        Z = int prod_i p_i(c) dc
 
-Two normal densities multiply to a third one and a number, so that ``k_1 k_2 ...`` components come of mixtures of
-``k_1``, ``k_2``, ... and ``Z`` is the sum of their weights:
+The product of two normal densities is a scaled normal density, so that mixtures of ``k_1``, ``k_2``, ... components
+give ``k_1 k_2 ...`` components, and ``Z`` is the sum of their weights:
 
     N(c; m_1, S_1) N(c; m_2, S_2) = N(m_1; m_2, S_1 + S_2) N(c; m, S)
     S = S_1 (S_1 + S_2)^-1 S_2,    m = S_2 (S_1 + S_2)^-1 m_1 + S_1 (S_1 + S_2)^-1 m_2
 
-The cost (4.13) needs no ``Z``, and adds the logarithms of the factors.
+The cost (4.13) is the sum of the logarithms of the factors and does not need ``Z``.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,9 +27,9 @@ from stridelab.reachability.gaussian_mixture import Mixture
 from stridelab.reachability.proxy.effector_proxy import Proxy
 
 PRUNED: Final = 1e-6
-"""The lightest components of a product are left out which together weigh no more; ``Z`` counts all."""
+"""Total weight of the components of a product that are dropped; ``Z`` includes them."""
 STARTS: Final = 12
-"""The mode is looked for from so many means, those where the density is highest."""
+"""Number of means, those of highest density, from which the mode is searched."""
 DRAWS: Final = 20_000
 
 
@@ -37,7 +37,7 @@ DRAWS: Final = 20_000
 class ContactSet:
     """The factors ``p_i`` in the world, their normalised ``product``, and ``log Z`` (nats, of m^-3 per factor but one).
 
-    ``product`` lacks the components that ``PRUNED`` allows to leave out; ``log_density`` lacks none.
+    ``product`` omits components of total weight ``PRUNED``; ``log_density`` omits none.
     """
 
     factors: tuple[Mixture, ...]
@@ -46,36 +46,36 @@ class ContactSet:
 
     @staticmethod
     def of(proxies: Mapping[str, Proxy], contacts: Mapping[str, Placement], heading_rad: float) -> "ContactSet":
-        """The proxy for effectors at their ``T_world_contact``, of a robot whose trunk looks along ``heading_rad``.
+        """The proxy for effectors at their ``T_world_contact``, of a robot with trunk heading ``heading_rad``.
 
         Raises ``InvalidInput`` (``contacts-empty``, ``effector-unknown``).
         """
         if not contacts:
-            raise InvalidInput("contacts-empty", "A proxy needs one contact at least.", [Fault("contacts", "empty")])
+            raise InvalidInput("contacts-empty", "A proxy needs at least one contact.", [Fault("contacts", "empty")])
         if unknown := sorted(contacts.keys() - proxies.keys()):
-            faults = [Fault(f"contacts.{name}", "no density was learned for it") for name in unknown]
+            faults = [Fault(f"contacts.{name}", "no density has been learned for it") for name in unknown]
             raise InvalidInput("effector-unknown", f"There is no density for {', '.join(unknown)}.", faults)
         return product(
             [moved(proxies[name].mixture, proxies[name].placement(at, heading_rad)) for name, at in contacts.items()]
         )
 
     def log_density(self, com_m: Points) -> Series:
-        """``log p(c | M_1 .. M_K)`` (nats, per m^3) at ``(n, 3)`` places in the world."""
+        """``log p(c | M_1 .. M_K)`` (nats, per m^3) at ``(n, 3)`` world positions."""
         return np.asarray(np.sum([factor.log_density(com_m) for factor in self.factors], axis=0) - self.log_z)
 
     def sample(self, n: int, rng: np.random.Generator) -> Points:
-        """``n`` independent places ``(n, 3)`` in the world."""
+        """``n`` independent world positions ``(n, 3)``."""
         return self.product.sample(n, rng)
 
     def mode_m(self) -> Vector3:
-        """The highest place that is found by ascending (BFGS) from the highest means."""
+        """The highest local maximum that BFGS reaches from the means of highest density."""
         means_m = self.product.means_m
         starts = means_m[np.argsort(-self.log_density(means_m))[:STARTS]]
-        found = np.array([minimize(self._cost, start, jac=True, method="BFGS").x for start in starts])
-        return np.asarray(found[np.argmax(self.log_density(found))])
+        maxima = np.array([minimize(self._cost, start, jac=True, method="BFGS").x for start in starts])
+        return np.asarray(maxima[np.argmax(self.log_density(maxima))])
 
     def volumes_m3(self, masses: Sequence[float], seed: int = 0) -> Series:
-        """Volume of the smallest set that holds each of ``masses``: ``E_p[1 / p(c); p(c) >= t_m]`` over ``DRAWS``."""
+        """Volume of the smallest set of each of ``masses``: ``E_p[1 / p(c); p(c) >= t_m]`` over ``DRAWS``."""
         log_p = self.log_density(self.sample(DRAWS, np.random.default_rng(seed)))
         thresholds = np.quantile(log_p, 1.0 - np.asarray(masses))
         return np.array([np.exp(-log_p[log_p >= t]).sum() / len(log_p) for t in thresholds])
@@ -88,28 +88,30 @@ class ContactSet:
 
 
 def moved(mixture: Mixture, T_world_frame: Placement) -> Mixture:
-    """The mixture in the world, from the one in a frame."""
+    """Transform a mixture from a frame to the world."""
     R = T_world_frame.rotation
     S = R @ mixture.covariances_m2 @ R.T
     return Mixture(mixture.weights, T_world_frame.act(mixture.means_m), np.asarray((S + S.swapaxes(1, 2)) / 2))
 
 
 def product(factors: Sequence[Mixture]) -> ContactSet:
-    """The normalised product of mixtures that are given in one frame."""
+    """The normalised product of mixtures in the same frame."""
     log_w, mu, S = np.log(factors[0].weights), factors[0].means_m, factors[0].covariances_m2
     for factor in factors[1:]:
         log_w, mu, S = _times(log_w, mu, S, factor)
     log_z = float(logsumexp(log_w))
     w = np.exp(log_w - log_z)
     rising = np.argsort(w)
-    kept = np.sort(rising[np.cumsum(w[rising]) > PRUNED])
-    return ContactSet(tuple(factors), Mixture(w[kept] / w[kept].sum(), mu[kept], S[kept]), log_z)
+    significant = np.sort(rising[np.cumsum(w[rising]) > PRUNED])
+    return ContactSet(
+        tuple(factors), Mixture(w[significant] / w[significant].sum(), mu[significant], S[significant]), log_z
+    )
 
 
 def _times(
     log_w: Float[np.ndarray, "k"], mu: Float[np.ndarray, "k 3"], S: Float[np.ndarray, "k 3 3"], factor: Mixture
 ) -> tuple[Float[np.ndarray, "kl"], Float[np.ndarray, "kl 3"], Float[np.ndarray, "kl 3 3"]]:
-    """Weights (logarithms, not normalised), means and covariances of a product with one more mixture."""
+    """Unnormalised log weights, means and covariances of the product with one more mixture."""
     S_1, S_2 = S[:, None], factor.covariances_m2[None]
     L = np.linalg.cholesky(S_1 + S_2)
     W = np.linalg.inv(L)

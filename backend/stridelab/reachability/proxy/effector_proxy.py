@@ -1,9 +1,9 @@
-"""One effector's part of the proxy (4.12): the density of the CoM, and the frame in which it was learned.
+"""The factor of one effector in the proxy (4.12): the density of the CoM and the frame in which it is learned.
 
-    p_i(c | contact) = q_i(R^T (c - p)),     p the contact's place, R the axes of the frame
+    p_i(c | contact) = q_i(R^T (c - p)),     p the position of the contact, R the axes of the frame
 
-A sole's axes are those of its contact. A hand that holds a rail may turn about it: what says where the CoM can be is
-where the hand is and which way the trunk looks, so that the axes of its heading frame are vertical, and x the heading.
+The axes of a sole are those of its contact. A hand on a rail can rotate about it, so that the region of the CoM depends
+on the position of the hand and the heading of the trunk: its heading frame has z up and x along the heading.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class Proxy:
     frame: Frame = "contact"
 
     def placement(self, contact: Placement, heading_rad: float) -> Placement:
-        """Where the frame is for a contact of the effector, of a robot whose trunk looks along ``heading_rad``."""
+        """Pose of the frame for a contact of the effector, given the heading of the trunk."""
         return heading_frame(contact, heading_rad) if self.frame == "heading" else contact
 
     def log_density(self, com_m: Points, contact: Placement, heading_rad: float) -> Series:
@@ -36,6 +36,6 @@ class Proxy:
 
 
 def heading_frame(contact: Placement, heading_rad: float) -> Placement:
-    """At the contact, z up, x along the heading."""
+    """The frame at the contact with z up and x along the heading."""
     c, s = np.cos(heading_rad), np.sin(heading_rad)
     return Placement(contact.position_m, np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]))

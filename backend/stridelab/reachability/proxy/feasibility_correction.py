@@ -1,12 +1,12 @@
-"""The correction of the proxy where it is asked to tell feasible from not: densities of what is feasible, flat.
+"""Feasibility correction of the proxy: densities that weigh all feasible CoM positions equally.
 
-The densities of section 4.3 say how many postures put the CoM somewhere. Where there are few, there is still one. A
-correction counts every feasible place once: for random contact sets (``random_contacts``) the CoM is uniform over the
-places that some posture reaches, and each effector's density is a mixture learned from those, seen from it,
+The densities of section 4.3 count postures per CoM position; a position with few postures is still feasible. The
+correction counts every feasible position once: for random contact sets (``random_contacts``) the CoM is uniform over
+the reachable positions, and the density of each effector is a mixture learned from those in its frame,
 
     f_i(x),  x = R_i^T (c - p_i),    (M_1 .. M_K, c) ~ U | a posture joins them,        f(c | M) ~ prod_i f_i
 
-so that (4.12) and (4.13) hold unchanged with ``f_i`` for ``p_i``.
+so that (4.12) and (4.13) apply unchanged with ``f_i`` instead of ``p_i``.
 """
 
 import json
@@ -47,7 +47,7 @@ class FlatDensity:
     covariances: tuple[Matrix, ...]
 
     def proxy(self) -> Proxy:
-        """As the planner takes it. Raises ``InvalidInput`` (``mixture-invalid``)."""
+        """The density in its frame. Raises ``InvalidInput`` (``mixture-invalid``)."""
         return Proxy(Mixture(*(np.array(part) for part in (self.weights, self.means, self.covariances))), self.frame)
 
 
@@ -66,33 +66,33 @@ class FeasibilityCard:
 
 def log_density(proxies: Mapping[str, Proxy], contacts: Contacts, com_m: Points) -> Series:
     """``sum_i log p_i(c)`` of (4.13), nats, for many contact sets with one CoM ``(n, 3)`` each."""
-    found = np.zeros(len(com_m))
+    total = np.zeros(len(com_m))
     for name in contacts.targets:
-        seen = seen_from(proxies[name].frame, contacts, name, com_m)
-        found += proxies[name].mixture.log_density(seen)
-    return found
+        local_m = seen_from(proxies[name].frame, contacts, name, com_m)
+        total += proxies[name].mixture.log_density(local_m)
+    return total
 
 
 def seen_from(frame: Frame, contacts: Contacts, name: str, com_m: Points) -> Points:
-    """The CoM in the frame of the effector ``name``; a point's contact frame is taken to be its heading frame."""
+    """The CoM in the frame of the effector ``name``; for a point, the heading frame in both cases."""
     p, R = contacts.targets[name]
     axes = about(2, contacts.heading_rad) if R is None or frame == "heading" else R
     return np.asarray((axes.swapaxes(1, 2) @ (com_m - p)[..., None])[..., 0])
 
 
 def learned(pairs_of_soles: Pairs, pairs_with_hand: Pairs, seed: int) -> dict[str, FlatDensity]:
-    """Densities of all effectors, by EM; the left hand's is the right one's in the mirror of the sagittal plane."""
+    """Learn the densities of all effectors by EM; that of the left hand mirrors that of the right hand."""
     of_soles = {name: _fitted(pairs_of_soles, name, "contact", seed) for name in SOLES}
     right = _fitted(pairs_with_hand, HAND, "heading", seed)
     mirror = np.array([1.0, -1.0, 1.0])
     left = Mixture(right.weights, right.means_m * mirror, right.covariances_m2 * np.outer(mirror, mirror))
-    plain = {name: _plain(mixture, "contact") for name, mixture in of_soles.items()}
-    return plain | {"left_hand": _plain(left, "heading"), HAND: _plain(right, "heading")}
+    sole_densities = {name: _plain(mixture, "contact") for name, mixture in of_soles.items()}
+    return sole_densities | {"left_hand": _plain(left, "heading"), HAND: _plain(right, "heading")}
 
 
 @cache
 def load_feasibility(robot_name: str) -> Mapping[str, Proxy]:
-    """The bundled correction of a robot, of every effector.
+    """The bundled correction of a robot, by effector.
 
     Raises ``NotFound`` (``robot-not-found``, ``reachability-not-learned``) and ``UnreadableFile``
     (``reachability-damaged``).
@@ -101,31 +101,33 @@ def load_feasibility(robot_name: str) -> Mapping[str, Proxy]:
         raise NotFound("robot-not-found", f"There is no robot {robot_name!r}; there is {', '.join(robot_names())}.")
     path = models_dir() / "feasibility" / f"{robot_name}.json"
     if not path.is_file():
-        raise NotFound("reachability-not-learned", f"No correction of the proxy was learned for {robot_name!r} yet.")
+        raise NotFound("reachability-not-learned", f"No feasibility correction has been learned for {robot_name!r}.")
     return MappingProxyType({name: flat.proxy() for name, flat in read_feasibility(path).effectors.items()})
 
 
 def read_feasibility(path: Path) -> FeasibilityCard:
-    """A card from a file. Raises ``UnreadableFile`` (``reachability-damaged``) naming every bad place."""
+    """A card from a file. Raises ``UnreadableFile`` (``reachability-damaged``) naming every invalid field."""
     try:
         return TypeAdapter(FeasibilityCard).validate_json(path.read_bytes(), strict=True)
     except ValidationError as error:
         faults = [Fault(".".join(str(step) for step in item["loc"]), item["msg"]) for item in error.errors()]
         places = "; ".join(f"{fault.where}: {fault.message}" for fault in faults[:3])
-        message = f"{path.name} holds no correction of the proxy: {places}."
+        message = f"{path.name} is not a valid feasibility correction: {places}."
         raise UnreadableFile("reachability-damaged", message, faults) from error
 
 
 def save_feasibility(path: Path, card: FeasibilityCard) -> None:
-    """Write a card; ``read_feasibility`` gives the same one back."""
+    """Write a card; ``read_feasibility`` reads the same one."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(json.dumps(asdict(card), allow_nan=False) + "\n", encoding="utf-8")
 
 
 def _fitted(pairs: Pairs, name: str, frame: Frame, seed: int) -> Mixture:
     feasible = np.flatnonzero(pairs.feasible)
-    chosen = pairs.taken(feasible)
-    return expectation_maximisation(seen_from(frame, chosen.contacts, name, chosen.com_m), COMPONENTS, seed)[0]
+    feasible_pairs = pairs.taken(feasible)
+    return expectation_maximisation(
+        seen_from(frame, feasible_pairs.contacts, name, feasible_pairs.com_m), COMPONENTS, seed
+    )[0]
 
 
 def _plain(mixture: Mixture, frame: Frame) -> FlatDensity:

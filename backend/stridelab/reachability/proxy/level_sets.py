@@ -1,11 +1,11 @@
-"""Level sets of a mixture as surfaces: where the density is at least what it is around a share of its mass.
+"""Level sets of a mixture as surfaces that enclose a given share of its mass.
 
     V_m = {c : p(c) >= t_m}        P_p(V_m) = m        |V_m| = E_p[1 / p(c) ; c in V_m]
 
-The threshold ``t_m`` is the ``(1 - m)`` quantile of ``p`` over the mixture's own draws, so that the smallest volume
-that holds the mass ``m`` is enclosed (Hyndman 1996, "Computing and graphing highest density regions"). The volume is
-the mean over the same draws, which no grid makes coarse. The surface is found by marching cubes (Lorensen and Cline
-1987) on ``log p``, which is nearly quadratic between grid points where ``p`` itself is not.
+The threshold ``t_m`` is the ``(1 - m)`` quantile of ``p`` over draws from the mixture, which gives the smallest set of
+mass ``m`` (Hyndman 1996, "Computing and graphing highest density regions"). The volume is the mean over the same draws
+and does not depend on the grid. Marching cubes (Lorensen and Cline 1987) computes the surface from ``log p``, which is
+closer to quadratic between grid points than ``p``.
 """
 
 from collections.abc import Sequence
@@ -22,11 +22,11 @@ from stridelab.reachability.gaussian_mixture import Mixture
 
 MASSES: Final = (0.5, 0.8, 0.95)
 DRAWS: Final = 20_000
-"""The mass inside is then known to 0.4 percent, the volume to about 1 percent."""
+"""Gives the mass within 0.4 percent and the volume within about 1 percent."""
 CELLS: Final = 20
 """Cells along the longest edge of the grid: some 1500 triangles per surface."""
 MARGIN: Final = 0.06
-"""How far the grid reaches beyond the draws inside, as a share of their extent: surfaces must close."""
+"""Margin of the grid around the draws inside, relative to their extent; surfaces must close."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,13 +44,13 @@ class LevelSet:
 
 
 def level_sets(mixture: Mixture, masses: Sequence[float] = MASSES, seed: int = 0) -> tuple[LevelSet, ...]:
-    """The level sets that hold ``masses`` of ``mixture``, in its frame.
+    """The level sets of ``mixture`` that contain ``masses``, in its frame.
 
-    Raises ``InvalidInput`` (``mass-out-of-range``) for a mass that is not inside (0, 1).
+    Raises ``InvalidInput`` (``mass-out-of-range``) for a mass outside (0, 1).
     """
     wrong = [Fault("masses", f"{mass:g} is not between 0 and 1") for mass in masses if not 0.0 < mass < 1.0]
     if wrong:
-        raise InvalidInput("mass-out-of-range", "A level set holds a share of the mass between 0 and 1.", wrong)
+        raise InvalidInput("mass-out-of-range", "The mass of a level set must lie between 0 and 1.", wrong)
     draws_m = mixture.sample(DRAWS, np.random.default_rng(seed))
     log_p = mixture.log_density(draws_m)
     return tuple(_level_set(mixture, mass, draws_m, log_p) for mass in masses)
@@ -58,8 +58,8 @@ def level_sets(mixture: Mixture, masses: Sequence[float] = MASSES, seed: int = 0
 
 def _level_set(mixture: Mixture, mass: float, draws_m: Points, log_p: Float[np.ndarray, "n"]) -> LevelSet:
     threshold = float(np.quantile(log_p, 1.0 - mass))
-    there = log_p >= threshold
-    inside = draws_m[there]
+    is_inside = log_p >= threshold
+    inside = draws_m[is_inside]
     low, high = inside.min(axis=0), inside.max(axis=0)
     margin = MARGIN * (high - low).max()
     low, high = low - margin, high + margin
@@ -72,5 +72,5 @@ def _level_set(mixture: Mixture, mass: float, draws_m: Points, log_p: Float[np.n
         values, threshold, spacing=(step_m,) * 3, gradient_direction="ascent"
     )
     vertices_m = np.asarray(vertices, dtype=float) + low
-    volume_m3 = float(np.exp(-log_p[there]).sum() / len(log_p))
+    volume_m3 = float(np.exp(-log_p[is_inside]).sum() / len(log_p))
     return LevelSet(mass, threshold, vertices_m, np.asarray(triangles, dtype=np.int64), volume_m3)

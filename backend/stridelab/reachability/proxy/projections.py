@@ -1,9 +1,9 @@
-"""Figures 4.2 and 4.4: the density projected along one axis, of the kernel density and of the mixture.
+"""Projections of the kernel density and of the mixture along one axis (figures 4.2 and 4.4).
 
     p(x, y) = int p(x, y, z) dz
 
-A Gaussian mixture's projection is the mixture of its projected Gaussians: rows and columns of the axis are left out of
-means and covariances. An isotropic kernel keeps its bandwidth. Neither is an approximation.
+The projection of a Gaussian mixture is the mixture of its projected Gaussians: the entries of the axis are removed from
+means and covariances. An isotropic kernel keeps its bandwidth. Both are exact.
 """
 
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ from stridelab.reachability.learning.kde import KernelDensity
 CELLS: Final = 64
 """Grid points along the longest of the three axes."""
 TAILS: Final = (0.1, 99.9)
-"""Percentiles of the kernels' centres that the picture holds."""
+"""Percentiles of the kernel centres that the grid covers."""
 BEYOND: Final = 3.0
-"""How many bandwidths it reaches beyond them."""
+"""Margin of the grid in bandwidths."""
 ACROSS: Final = ((1, 2), (0, 2), (0, 1))
-"""What is drawn to the right and upwards of a projection along x, y and z."""
+"""Horizontal and vertical axes of a projection along x, y and z."""
 
 Map = Float[np.ndarray, "up right"]
 
@@ -41,7 +41,7 @@ class Grid:
 
 
 def grid_around(kernels: KernelDensity) -> Grid:
-    """A grid that holds all but the farthest kernels."""
+    """A grid that covers all but the outermost kernels."""
     low, high = np.percentile(kernels.centres_m, TAILS, axis=0)
     low, high = low - BEYOND * kernels.bandwidth_m, high + BEYOND * kernels.bandwidth_m
     step_m = float((high - low).max() / (CELLS - 1))
@@ -66,10 +66,10 @@ def project_mixture(mixture: Mixture, grid: Grid, along: int) -> Map:
     right, up = ACROSS[along]
     u, v = np.meshgrid(grid.axis_m(right), grid.axis_m(up))
     points = np.stack([u, v], axis=-1)
-    found = np.zeros(u.shape)
+    density = np.zeros(u.shape)
     for w, mu, S in zip(mixture.weights, mixture.means_m, mixture.covariances_m2, strict=True):
         flat = S[np.ix_((right, up), (right, up))]
         d = points - mu[[right, up]]
         square = np.einsum("ija,ab,ijb->ij", d, np.linalg.inv(flat), d)
-        found += w * np.exp(-0.5 * square) / (2 * np.pi * np.sqrt(np.linalg.det(flat)))
-    return found
+        density += w * np.exp(-0.5 * square) / (2 * np.pi * np.sqrt(np.linalg.det(flat)))
+    return density

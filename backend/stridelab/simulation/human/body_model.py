@@ -1,8 +1,8 @@
-"""The simulated person as an articulated rigid body: 15 segments, 34 joint angles.
+"""The simulated subject as an articulated rigid body: 15 segments, 34 joint coordinates.
 
 Masses and centres of mass are those of the Dumas segment table, placed in its own segment frames; moments of inertia
-are its radii of gyration (Dumas et al. 2007, table 2; the products of inertia, a few percent, are left out). The body
-therefore *is* the person whom the table describes: a segment model with this table sees its true centre of mass.
+use its radii of gyration (Dumas et al. 2007, table 2; the products of inertia, a few percent, are neglected). The body
+matches the table exactly: a segment model with this table gives its true centre of mass.
 
 Joints: the pelvis floats (three translations, then yaw, pitch, roll); lumbar, cervical, shoulder and hip joints are
 ball joints with angles (yaw, pitch, roll); elbow, wrist and knee are hinges about y; the ankle is a flexion hinge
@@ -66,7 +66,7 @@ class SegmentFrame:
 
 @dataclass(frozen=True)
 class AnthropometricBody:
-    """Mechanical model, segment table and proportions of one simulated person.
+    """Mechanical model, segment table and proportions of one simulated subject.
 
     ``model`` is a ``pinocchio.Model``; ``index`` maps a joint name to the position of its first angle in the
     configuration; ``joint`` maps a link name to the number of the joint that carries it.
@@ -93,7 +93,7 @@ class AnthropometricBody:
 
 
 def build_body(height_m: float, mass_kg: float, sex: Sex) -> AnthropometricBody:
-    """Person ``height_m`` tall with the mass distribution of the Dumas table."""
+    """Build a subject of stature ``height_m`` with the mass distribution of the Dumas table."""
     p = proportions(height_m, sex)
     table = segment_tables.load("dumas2007", sex)
     model, index, joint = pin.Model(), {}, {}
@@ -154,7 +154,7 @@ def segment_frames(p: Proportions) -> Mapping[str, SegmentFrame]:
 
 
 def landmark_tracks(body: AnthropometricBody, q: Configurations) -> Mapping[str, Points]:
-    """Places of all landmarks in the world over the configurations ``q``."""
+    """World positions of all landmarks over the configurations ``q``."""
     data = body.model.createData()
     tracks = {name: np.empty((len(q), 3)) for name in body.landmarks_m}
     for k, configuration in enumerate(q):

@@ -1,10 +1,10 @@
-"""Lengths of the simulated body and the places of its joints, soles and bony landmarks, in the upright reference pose.
+"""Segment lengths of the simulated body and positions of its joints, soles and landmarks in the reference pose.
 
-The segment lengths are the mean lengths of the sample behind the segment table (McConville 1980 for men, Young 1983
-for women, as printed by Dumas et al. 2007 and Dumas and Wojtusch 2018), all scaled by one factor so that the body that
-stands upright is exactly as tall as asked. Breadths of shoulder, hip and foot, and the ankle's height, are fractions of
-stature after Drillis and Contini (1966), rounded. The lumbar, hip, cervical and shoulder centres obey the regressions
-of the segment table, read backwards: there the joint follows from the landmarks, here landmarks follow from the joint.
+The segment lengths are the mean lengths of the sample behind the segment table (McConville 1980 for men, Young 1983 for
+women, as printed by Dumas et al. 2007 and Dumas and Wojtusch 2018), scaled by one factor so that the upright body has
+exactly the given stature. Breadths of shoulder, hip and foot, and the ankle's height, are fractions of stature after
+Drillis and Contini (1966), rounded. The lumbar, hip, cervical and shoulder centres satisfy the regressions of the
+segment table, inverted: they compute joints from landmarks, this module computes landmarks from joints.
 
 Link frames: x forward, y left, z up in the reference pose (upright, feet flat, arms hanging, palms inwards); the origin
 of a link is its proximal joint (pelvis: middle of the hips).
@@ -23,7 +23,7 @@ from stridelab.recordings.recording import Sex, Side
 
 SIDES: Final[tuple[Side, ...]] = ("left", "right")
 
-# Mean lengths in metres (Dumas et al. 2007, table 2); the others stand in ``models/anthropometry.toml``.
+# Mean lengths in metres (Dumas et al. 2007, table 2); the others are in ``models/anthropometry.toml``.
 _UPPER_ARM_M: Final = {"female": 0.243, "male": 0.271}
 _THIGH_M: Final = {"female": 0.379, "male": 0.432}
 _PELVIS_WIDTH_M: Final = {"female": 0.238, "male": 0.224}
@@ -39,7 +39,7 @@ _THORAX_DEPTH: Final = 0.075
 _FOOT_MARKER_HEIGHT: Final = 0.015
 
 _NOTCH_SLOPE_RAD: Final = math.radians(-25.0)
-"""The jugular notch lies below C7: slope of the line between them in the reference pose."""
+"""Slope of the line from C7 to the jugular notch in the reference pose."""
 
 
 def sign(side: Side) -> float:
@@ -117,7 +117,7 @@ class Proportions:
 
     @property
     def c7(self) -> Vector3:
-        """C7 in the torso link: the cervical joint lies ahead of it, along the line to the jugular notch turned up."""
+        """C7 in the torso link, from the inverted regression of the cervical joint."""
         return np.asarray([0.0, 0.0, self.torso_m] - self._trunk_offset(self.regressions.cervical))
 
     @property
@@ -131,11 +131,11 @@ class Proportions:
         return np.array([0.0, sign(side) * across, self.torso_m - drop])
 
     def acromion(self, side: Side) -> Vector3:
-        """Acromion in the torso link, from which the regression leads to the shoulder joint."""
+        """Acromion in the torso link, from the inverted regression of the shoulder joint."""
         return np.asarray(self.shoulder(side) - self._trunk_offset(self.regressions.shoulder))
 
     def landmarks(self) -> Iterator[tuple[str, str, Vector3]]:
-        """``(landmark, link, place in the link)`` of every landmark of the marker set."""
+        """``(landmark, link, position in the link)`` of every landmark of the marker set."""
         yield from self._trunk_landmarks()
         for side in SIDES:
             yield from self._limb_landmarks(side)
@@ -199,7 +199,7 @@ class Proportions:
 
 
 def proportions(height_m: float, sex: Sex) -> Proportions:
-    """Proportions of a body ``height_m`` tall that stands upright."""
+    """Proportions of a body of stature ``height_m``."""
     regressions = anthropometry(sex)
     mean, width = regressions.length_m, _PELVIS_WIDTH_M[sex]
     hip_to_lumbar = width * float(regressions.lumbar[1] - regressions.hip[1])

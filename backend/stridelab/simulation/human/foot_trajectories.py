@@ -1,9 +1,9 @@
-"""Paths of the feet: heel strike, flat sole, heel rise about the ball, swing.
+"""Trajectories of the feet: heel strike, flat sole, heel rise about the ball, swing.
 
-While a foot touches the ground it turns about a fixed point of its sole (heel, then ball), so that it neither slips nor
-sinks. In swing the ankle follows the quintic that meets position, velocity and acceleration at both ends, plus a hump
-``64 h u^3 (1 - u)^3`` just high enough for heel and ball to clear the ground. Toes are not modelled: past the ball the
-sole is thought to bend. All pieces join with continuous acceleration.
+In stance the foot rotates about a fixed point of its sole (heel, then ball), so that it neither slips nor penetrates
+the ground. In swing the ankle follows the quintic that matches position, velocity and acceleration at both ends, plus a
+hump ``64 h u^3 (1 - u)^3`` just high enough for heel and ball to clear the ground. Toes are not modelled: the sole is
+assumed to bend past the ball. All pieces join with continuous acceleration.
 """
 
 from dataclasses import dataclass
@@ -23,12 +23,12 @@ from stridelab.simulation.human.gait_plan import GaitPlan, Stance
 
 LAG: Final = -0.06
 HURRY: Final = 0.08
-"""How the swinging foot departs from the quintic, per stride: a little behind, and early rather than late, as a
-pendulum set off by the hip before toe-off. It keeps the leg's angular momentum at human values."""
+"""Deviation of the swinging foot from the quintic, relative to the stride: slightly behind, and early rather than late,
+like a pendulum driven by the hip before toe-off. It keeps the leg's angular momentum at human values."""
 TOE_OUT_RAD: Final = 0.12
 """Both feet point outwards by 7 degrees (adults: 5 to 13)."""
 CLEARANCE_M: Final = 0.02
-"""Least height of heel and ball above the ground in the middle of the swing."""
+"""Minimum height of heel and ball above the ground in the middle of the swing."""
 
 ROCKER: Final = 0.035
 """Radius of the forefoot's arc over stature."""
@@ -56,7 +56,7 @@ class FootPath:
 
 
 def foot_path(plan: GaitPlan, side: Side, p: Proportions, time_s: Series) -> FootPath:
-    """Path of one foot at the instants ``time_s`` of the plan."""
+    """Trajectory of one foot at the instants ``time_s`` of the plan."""
     stances = [stance for stance in plan.stances if stance.side == side]
     ankle, pitch = np.empty((len(time_s), 3)), np.empty(len(time_s))
     for stance in stances:
@@ -70,7 +70,7 @@ def foot_path(plan: GaitPlan, side: Side, p: Proportions, time_s: Series) -> Foo
 
 
 def _stance_pitch(stance: Stance, t: Series) -> Series:
-    """Pitch on the ground: the foot claps down after the strike and rises ever faster before toe-off."""
+    """Pitch in stance: the foot flattens after the strike and the heel rises at an increasing rate before toe-off."""
     pitch = np.zeros(len(t))
     if np.isfinite(stance.strike_s):
         left = np.clip((stance.flat_s - t) / (stance.flat_s - stance.strike_s), 0.0, 1.0)
@@ -83,21 +83,21 @@ def _stance_pitch(stance: Stance, t: Series) -> Series:
 
 
 def _pitch_at_off(stance: Stance) -> tuple[float, float, float]:
-    """Pitch, rate and acceleration as the foot leaves."""
+    """Pitch, rate and acceleration at toe-off."""
     pitch, span_s = stance.off_pitch_rad, stance.off_s - stance.heel_off_s
     return pitch, 2.5 * pitch / span_s, 3.0 * pitch / span_s**2
 
 
 def _pitch_at_strike(stance: Stance) -> tuple[float, float, float]:
-    """Pitch, rate and acceleration as the heel strikes."""
+    """Pitch, rate and acceleration at heel strike."""
     pitch, span_s = stance.strike_pitch_rad, stance.flat_s - stance.strike_s
     return pitch, -STRIKE_RATE * pitch / span_s, 0.0
 
 
 def _roll(p: Proportions, pitch: Series) -> Float[np.ndarray, "n 3 2"]:
-    """Ankle (ahead of its place over the flat sole, height) of a foot on the ground, and its derivatives by the pitch.
+    """Ankle (forward displacement, height) of a foot in stance, and its first two derivatives by the pitch.
 
-    Pitched up, the foot turns about the heel; pitched down, it rolls on an arc of radius rho that begins at the ball:
+    Pitched up, the foot rotates about the heel; pitched down, it rolls on an arc of radius rho that begins at the ball:
 
         x = b + rho theta - b cos theta + (h - rho) sin theta,   z = rho + (h - rho) cos theta + b sin theta
     """
@@ -112,18 +112,18 @@ def _roll(p: Proportions, pitch: Series) -> Float[np.ndarray, "n 3 2"]:
 
 
 def rocker_m(p: Proportions) -> float:
-    """Radius of the arc on which the forefoot rolls off: the toes."""
+    """Radius of the arc on which the forefoot rolls."""
     return ROCKER * p.height_m
 
 
 def _heading(side: Side) -> Float[np.ndarray, "2 3"]:
-    """Forward along the foot and up, as rows in the world."""
+    """Forward axis of the foot and up, as rows in the world."""
     yaw = sign(side) * TOE_OUT_RAD
     return np.array([[np.cos(yaw), np.sin(yaw), 0.0], [0.0, 0.0, 1.0]])
 
 
 def _on_ground(stance: Stance, p: Proportions, pitch: Series) -> Points:
-    """Ankle while the foot touches the ground."""
+    """Ankle of a foot in stance."""
     return np.asarray([stance.x_m, stance.y_m, 0.0] + _roll(p, pitch)[:, 0] @ _heading(stance.side))
 
 

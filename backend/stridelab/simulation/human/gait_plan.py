@@ -1,13 +1,13 @@
-"""Where and when the feet touch the ground: a plan of stances from speed and stature.
+"""Gait plan: positions and times of the stances from speed and stature.
 
     step length = w H * cadence,  speed = step length * cadence   (constant walk ratio)
 
 The walk ratio of adults at any comfortable speed is 0.0065 m per (step/min) at a stature of 1.71 m (Sekiya and Nagasaki
-1998); it is scaled with stature. Double support takes 21 % of a step at 1.2 m/s and grows as people slow down
+1998); it is scaled with stature. Double support takes 21 % of a step at 1.2 m/s and more at lower speeds
 (Perry 1992). Step length, step time and step width vary from step to step with 2 %, 2 % and 8 mm (Hausdorff 2005,
-Brach 2005: young adults), drawn from the seed; within the recording their mean is kept, so that the speed is as asked.
+Brach 2005: young adults), drawn from the seed; their mean is preserved, so that the speed is as given.
 
-Everybody starts and ends at rest, with two shorter steps at either end. A recording that shows a person who is already
+Every plan starts and ends at rest, with two shorter steps at either end. A recording of a subject who is already
 walking is cut from the middle of such a plan.
 """
 
@@ -24,18 +24,18 @@ from stridelab.recordings.recording import Side
 WALK_RATIO: Final = 0.0038
 """Step length over cadence, in minutes per stature."""
 SLOWEST_M_S: Final = 0.1
-"""Below this speed the person stands."""
+"""Speed below which the subject stands."""
 _RAMP: Final = (0.42, 0.82)
-"""Length of the first (and last) two steps over that of the others."""
+"""Length of the first (and last) two steps relative to the others."""
 _REST_S: Final = 1.0
 SHIFT_S: Final = 0.6
-"""Time in which the load moves onto one foot before the first step, and back after the last."""
+"""Time in which the load shifts to one foot before the first step, and back after the last."""
 _FLAT: Final = 0.8
 """Share of double support after which the leading foot is flat."""
 _HEEL_OFF: Final = 0.54
 """Share of single support after which the heel rises."""
 _FULL_STRIDE: Final = 0.8
-"""Stride per stature at which the foot strikes and leaves with the full pitch."""
+"""Stride over stature at which heel strike and toe-off have the full pitch."""
 _STRIKE_RAD: Final = 0.28
 _OFF_RAD: Final = 1.0
 _LENGTH_SD: Final = 0.02
@@ -45,7 +45,7 @@ _WIDTH_SD_M: Final = 0.008
 
 @dataclass(frozen=True)
 class Stance:
-    """One foot on the ground. Infinite ``strike_s`` or ``off_s``: it stood there before, or stays there.
+    """Stance of one foot. Infinite ``strike_s`` or ``off_s``: it is in contact from the start, or until the end.
 
     ``x_m, y_m`` is the ankle above the flat sole. Between ``strike_s`` and ``flat_s`` the foot rolls on its heel, from
     ``heel_off_s`` to ``off_s`` on its ball; the pitch of the foot (positive: toes down) at either end grows with the
@@ -68,7 +68,7 @@ class GaitPlan:
     """Stances in the order of their strikes, the two standing feet first.
 
     ``record_from_s`` is the instant of the plan at which the recording starts, ``steady_s`` the interval of full steps,
-    ``sole_middle_m`` how far ahead of the ankle the middle of a footprint lies.
+    ``sole_middle_m`` the distance from the ankle forward to the middle of a footprint.
     """
 
     stances: tuple[Stance, ...]
@@ -83,7 +83,7 @@ class GaitPlan:
 
     @property
     def walks(self) -> bool:
-        """Whether any foot strikes after the two that stand first."""
+        """Whether the plan has any step."""
         return len(self.stances) > 2
 
 
@@ -102,9 +102,9 @@ def plan_gait(
         n_steps = math.ceil(duration_s / step_s) + 2 + 2 * ramps
     factors = np.ones(n_steps)
     factors[: len(_RAMP)], factors[-len(_RAMP) :] = _RAMP, _RAMP[::-1]
-    lengths = length * factors * (1.0 + _LENGTH_SD * _centred(rng, n_steps))
-    times = step_s * (1.0 + _TIME_SD * _centred(rng, n_steps))
-    widths = stance_width_m + _WIDTH_SD_M * _centred(rng, n_steps)
+    lengths = length * factors * (1.0 + _LENGTH_SD * centred_draws(rng, n_steps))
+    times = step_s * (1.0 + _TIME_SD * centred_draws(rng, n_steps))
+    widths = stance_width_m + _WIDTH_SD_M * centred_draws(rng, n_steps)
     first: Side = "left" if rng.random() < 0.5 else "right"
     strikes = _REST_S + SHIFT_S + np.cumsum(times)
     stances = _stances(lengths, widths, strikes, double_support_fraction(speed_m_s), first, stance_width_m, height_m)
@@ -117,7 +117,7 @@ def plan_gait(
 
 
 def double_support_fraction(speed_m_s: float) -> float:
-    """Share of a step spent on both feet."""
+    """Share of double support in a step."""
     return min(max(0.21 - 0.08 * (speed_m_s - 1.2), 0.14), 0.40)
 
 
@@ -130,7 +130,7 @@ def _stances(
     width_m: float,
     height_m: float,
 ) -> tuple[Stance, ...]:
-    """Two standing feet, one stance per step, and a last stance that brings the feet level.
+    """Two initial stances, one stance per step, and a last stance that closes the step.
 
     Landing ``k`` follows the lift of the same foot, which follows the strike of the other foot by the double support.
     """
@@ -193,13 +193,14 @@ def _stances(
     return tuple(stances)
 
 
-def _centred(rng: Generator, n: int) -> Series:
+def centred_draws(rng: Generator, n: int) -> Series:
+    """Standard normal draws with mean 0, clipped to 2.5."""
     draws = rng.standard_normal(n)
     return np.asarray(np.clip(draws - draws.mean(), -2.5, 2.5))
 
 
 def standing(duration_s: float, width_m: float) -> GaitPlan:
-    """Both feet on the ground all the time."""
+    """Plan with both feet in contact all the time."""
     stances = (_still("left", 0.0, width_m / 2), _still("right", 0.0, -width_m / 2))
     return GaitPlan(stances, 0.0, 1.0, 0.0, 0.0, duration_s, duration_s, (0.0, duration_s))
 

@@ -7,7 +7,7 @@ point: six angles for the six coordinates of the foot. With ``r`` the vector fro
     knee       cos(theta) = (|r|^2 - L_t^2 - L_s^2) / (2 L_t L_s)
     flexion    phi1 = angle of (-L_t sin theta, L_s + L_t cos theta) minus that of (r_x, sqrt(r_y^2 + r_z^2))
 
-and the hip takes what is left, ``R_pelvis^T R_foot R_x(-phi2) R_y(-(phi1 + theta))``.
+and the rotation of the hip is ``R_pelvis^T R_foot R_x(-phi2) R_y(-(phi1 + theta))``.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class LegAngles:
 
 
 def leg_angles(p: Proportions, hip_m: Points, pelvis: Rotation, ankle_m: Points, foot: Rotation) -> LegAngles:
-    """Angles that hold the foot at its pose; a leg too short for it stays straight and points there."""
+    """Angles that place the foot at its pose; a leg that is too short stays straight and points towards it."""
     R_foot = foot.as_matrix()
     r = np.einsum("nji,nj->ni", R_foot, hip_m - ankle_m)
     inversion = np.arctan2(r[:, 1], r[:, 2])
@@ -44,7 +44,7 @@ def leg_angles(p: Proportions, hip_m: Points, pelvis: Rotation, ankle_m: Points,
 
 
 def _hip_rad(foot_in_pelvis: Rotations, inversion_rad: Series, bend_rad: Series) -> Points:
-    """Its yaw, pitch and roll, from those entries of the product that they need."""
+    """Yaw, pitch and roll of the hip, from the required entries of the product."""
     x, y, z = np.moveaxis(foot_in_pelvis, 2, 0)
     c, s = np.cos(inversion_rad)[:, None], np.sin(inversion_rad)[:, None]
     y, z = c * y - s * z, s * y + c * z

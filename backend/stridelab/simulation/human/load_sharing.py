@@ -1,14 +1,14 @@
-"""The contact wrench shared by the two feet.
+"""Distribution of the contact wrench between the two feet.
 
 Each foot carries a force at its centre of pressure and a free moment about the vertical:
 
     f_i = share_i f_z (t_i + r),   p_i = planned p_i + e,   tau_i = share_i tau
 
 ``share_i`` is the planned share of the vertical force, so both feet push and the load passes smoothly. ``t_i`` points
-from the foot's pressure towards the centre of mass, ``0.4 (c - p_i) / c_z``, much as the force of a leg does: the
-trailing foot pushes and the leading one brakes. The rest ``r``, the pressure's error ``e`` (how far the zero-moment
-point of the exact motion is from the planned one; millimetres) and the free moment ``tau`` are whatever makes the sum
-the exact wrench. In flight no foot carries anything.
+from the foot's centre of pressure towards the centre of mass, ``0.4 (c - p_i) / c_z``, like the force of a leg: the
+trailing foot pushes and the leading one brakes. The remainder ``r``, the error ``e`` of the centre of pressure
+(distance between the zero-moment points of the exact motion and of the plan; millimetres) and the free moment ``tau``
+follow from the condition that the sum is the exact wrench. In flight both wrenches are zero.
 """
 
 from collections.abc import Mapping
@@ -26,7 +26,7 @@ from stridelab.simulation.human.load_transfer import LoadPlan, Plane
 
 _LEAN: Final = 0.4
 _FLIGHT_N: Final = 1.0
-"""Below this vertical force nobody stands on the ground."""
+"""Vertical force below which the subject is in flight."""
 PlanSeries = Float[np.ndarray, "m"]
 PlanPlane = Float[np.ndarray, "m 2"]
 """One value, or one point on the ground, per instant of the plan."""
@@ -49,7 +49,7 @@ class FootWrench:
 
 
 def share_wrench(truth: TrueMotion, load: LoadPlan, plan_time_s: Series) -> Mapping[Side, FootWrench]:
-    """Wrench of each foot at the instants of ``truth``; ``plan_time_s`` are those of ``load`` on the same clock."""
+    """Wrench of each foot at the instants of ``truth``; ``plan_time_s`` are the instants of ``load``."""
     t, c = truth.time_s, truth.com_m
     grounded = truth.force_n[:, 2:] > _FLIGHT_N
     f, moment = np.where(grounded, truth.force_n, 0.0), np.where(grounded, truth.moment_nm, 0.0)

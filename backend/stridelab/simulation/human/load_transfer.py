@@ -1,23 +1,23 @@
-"""Centre of mass that keeps the zero-moment point where the feet are meant to press.
+"""Planned load of the feet, and the centre of mass that realises its zero-moment point.
 
-Moments about the point ``p`` on the ground vanish horizontally (2.7); with ``dL``, the rate of the angular momentum
-about the centre of mass, that is the corrected (2.8):
+The horizontal moments about the zero-moment point ``p`` on the ground vanish (2.7); with ``dL``, the rate of the
+angular momentum about the centre of mass, that is the corrected (2.8):
 
     p_x = c_x - c_z c_x'' / (c_z'' + g) - dL_y / (m (c_z'' + g))
     p_y = c_y - c_z c_y'' / (c_z'' + g) + dL_x / (m (c_z'' + g))
 
 For given ``p``, ``c_z`` and ``dL`` this is a linear boundary-value problem for ``c_x`` and ``c_y``: its solution
 between two rests is the bounded one, i.e. the linear inverted pendulum with an infinite preview (Kajita 2003), with
-the height's acceleration and the angular momentum taken in exactly (``dL`` comes from the previous whole-body pass).
+exact height acceleration and angular momentum (``dL`` comes from the previous whole-body pass).
 
-How the load is meant to pass over the feet: the share of each foot and the point where it presses.
-
-Under one foot the centre of pressure rolls from the heel over the flat sole to the ball; in double support the load
-passes smoothly (minimum jerk) from the trailing to the leading foot. The zero-moment point to track is
+The load plan consists of the share and the centre of pressure of each foot. Under one foot the centre of pressure moves
+from the heel over the flat sole to the ball; in double support the load moves smoothly (minimum jerk) from the trailing
+to the leading foot. The zero-moment point to track is
 
     p = sum_feet share_i p_i,   share_left + share_right = 1   on level ground (2.7).
 
-People who stand sway: the pressure wanders by a few millimetres (Winter 1995: 4 mm forward, 2 mm sideways rms).
+Standing subjects sway: the centre of pressure moves by a few millimetres (Winter 1995: 4 mm forward, 2 mm sideways
+rms).
 """
 
 from collections.abc import Mapping
@@ -45,7 +45,7 @@ _SWAY_HZ: Final = (0.08, 1.0)
 
 @dataclass(frozen=True)
 class LoadPlan:
-    """Share of the vertical force and centre of pressure per foot, and the zero-moment point they make."""
+    """Share of the vertical force and centre of pressure per foot, and the resulting zero-moment point."""
 
     share: Mapping[Side, Series]
     cop_m: Mapping[Side, Plane]
@@ -53,7 +53,7 @@ class LoadPlan:
 
 
 def minimum_jerk(s: Series) -> Series:
-    """0 to 1 with zero velocity and acceleration at both ends."""
+    """Quintic from 0 to 1 with zero velocity and acceleration at both ends."""
     s = np.clip(s, 0.0, 1.0)
     return s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 
@@ -86,12 +86,12 @@ def _left_share(plan: GaitPlan, t: Series) -> Series:
 
 
 def _off_after(plan: GaitPlan, leading: Stance) -> float:
-    """Instant at which the other foot leaves the ground after the strike of ``leading``."""
+    """Toe-off of the other foot after the strike of ``leading``."""
     return next(s.off_s for s in plan.stances if s.side != leading.side and s.off_s > leading.strike_s)
 
 
 def _cop(plan: GaitPlan, side: Side, p: Proportions, t: Series) -> Plane:
-    """Centre of pressure of one foot; in the air where it was, then, from the middle of the swing, where it will be."""
+    """Centre of pressure of one foot; in swing that of the last stance, from mid-swing on that of the next."""
     resting_m = 0.35 * p.ball_m
     yaw = sign(side) * TOE_OUT_RAD
     cop = np.empty((len(t), 2))
@@ -120,7 +120,7 @@ def _cop(plan: GaitPlan, side: Side, p: Proportions, t: Series) -> Plane:
 
 
 def sway(t: Series, rng: Generator) -> Plane:
-    """Slow wandering: sinusoids of random phase between 0.08 and 1 Hz whose amplitude falls as 1/f."""
+    """Postural sway: sinusoids of random phase between 0.08 and 1 Hz with amplitudes proportional to 1/f."""
     f = np.geomspace(*_SWAY_HZ, 12)
     phase = rng.uniform(0.0, 2.0 * np.pi, (2, len(f)))
     waves = np.sin(2.0 * np.pi * f * t[:, None, None] + phase) / f

@@ -1,7 +1,7 @@
 """The simulated marker set: the ISB full body with a head, as laboratories label it (marker set ``isb-head``).
 
 Markers have no diameter and sit exactly on the landmarks of the segment table, so that a segment model with the right
-table finds the true centre of mass from noise-free markers.
+table computes the true centre of mass from noise-free markers.
 """
 
 from collections.abc import Mapping

@@ -1,15 +1,15 @@
-"""What pelvis, trunk, head and arms do while walking: a few harmonics of the stride, scaled by a vigour of 0 to 1.
+"""Motion of pelvis, trunk, head and arms in walking: harmonics of the stride, scaled by a vigour of 0 to 1.
 
 With ``phi`` the phase of the stride (0 at a left strike, pi at a right strike):
 
     pelvis yaw   -cos phi    (the hip of the striking leg is ahead)
     pelvis roll   sin phi    (the hip of the swinging leg drops)
-    torso yaw    +cos phi    (the shoulders turn against the pelvis)
+    torso yaw    +cos phi    (the shoulders rotate against the pelvis)
     torso pitch  -sin 2 phi' (phi' = 0 in the middle of double support; against the legs' angular momentum)
     arm pitch    +cos phi on the left, -cos phi on the right; the elbow flexes as the arm comes forward
 
 Amplitudes at 1.2 m/s are typical of adults (Perry 1992; Murray 1967 for the arms) and vary by 10 % with the seed.
-The head keeps looking ahead.
+The head keeps facing forward.
 """
 
 from dataclasses import dataclass
@@ -55,7 +55,7 @@ class StrideClock:
 
 
 def stride_clock(plan: GaitPlan, time_s: Series) -> StrideClock:
-    """Phases that pass a multiple of pi at every strike (or middle of double support), linear beyond the ends."""
+    """Phases that are multiples of pi at every strike (or middle of double support), linear beyond the ends."""
     landed = [stance for stance in plan.stances if np.isfinite(stance.strike_s)]
     if not landed:
         return StrideClock(np.zeros(len(time_s)), np.zeros(len(time_s)), np.zeros(len(time_s)))
@@ -80,14 +80,14 @@ def _unrolled(at_s: Knots, phase: Knots, time_s: Series) -> Series:
 
 @dataclass(frozen=True)
 class Posture:
-    """Configuration with everything set but the pelvis' place and the legs; ``pelvis`` is its orientation."""
+    """Configuration without the position of the pelvis and the leg angles; ``pelvis`` is its orientation."""
 
     q: Configurations
     pelvis: Rotation
 
 
 def prescribe(body: AnthropometricBody, plan: GaitPlan, clock: StrideClock, rng: Generator) -> Posture:
-    """Posture over the instants of the clock."""
+    """Posture at the instants of the clock."""
     vary = 1.0 + 0.1 * np.clip(rng.standard_normal(5), -2.0, 2.0)
     briskness = (plan.speed_m_s / _REFERENCE_M_S) ** 0.5
     swing = clock.vigour * briskness

@@ -1,12 +1,12 @@
-"""A simulated person who walks: whole-body motion with exactly known centre of mass, momentum and contact wrench.
+"""Simulated human walking: whole-body motion with exact centre of mass, momentum and contact wrench.
 
-1. footsteps and their timing                                   (``gait_plan``)
-2. foot paths, posture of the upper body                        (``foot_motion``, ``posture``)
-3. load over the feet, hence the zero-moment point              (``load_plan``)
-4. centre of mass that keeps it, whole-body inverse kinematics  (``balance``, ``leg_kinematics``);
-   repeated, because the angular momentum moves the zero-moment point
-5. joint angles as quintic splines of time: *this* is the motion, and everything below is exact for it
-6. wrench by Newton and Euler: f = m (c'' - g), moment at the origin = c x f + dL/dt, (4.2a), (4.2b), shared by feet
+1. footsteps and their timing                                  (``gait_plan``)
+2. foot trajectories, posture of the upper body                (``foot_trajectories``, ``upper_body_motion``)
+3. load of the feet and zero-moment point                      (``load_transfer``)
+4. centre of mass for this zero-moment point, whole-body inverse kinematics (``load_transfer``, ``leg_ik``); repeated,
+   because the angular momentum changes the zero-moment point
+5. joint angles as quintic splines of time: these define the motion, and everything below is exact for it
+6. wrench by Newton and Euler: f = m (c'' - g), moment at the origin = c x f + dL/dt, (4.2a), (4.2b), shared by the feet
 """
 
 import math
@@ -35,22 +35,22 @@ from stridelab.simulation.human.upper_body_motion import Posture, StrideClock, p
 PLAN_RATE_HZ: Final = 200.0
 TRUTH_RATE_HZ: Final = 1000.0
 MARGIN_S: Final = 0.1
-"""The motion is known this long before and after the recording, so that a late force can be read."""
+"""Simulated time before and after the recording, for a force with latency."""
 _PASSES: Final = 6
 _TRACKED_HZ: Final = 25.0
 _FROUDE: Final = 0.5
-"""People run beyond this v^2 / (g leg length) (Alexander 1989)."""
+"""Froude number v^2 / (g leg length) above which humans run (Alexander 1989)."""
 _LEG: Final = 0.53
 """Leg length over stature."""
 _REACH: Final = 0.99
-"""Longest leg over thigh plus shank: knees stay bent by 20 degrees or more."""
+"""Largest leg length over thigh plus shank, for a knee flexion of at least 20 degrees."""
 _STANCE_WIDTH: Final = 0.07
 """Distance of the ankles over stature."""
 
 
 @dataclass(frozen=True)
 class Walk:
-    """Motion of one person. ``posture`` gives the 34 joint coordinates at a time of the recording (0 = first frame).
+    """Motion of one subject. ``posture`` gives the 34 joint coordinates at a time of the recording (0 = first frame).
 
     ``truth`` and ``feet`` are sampled at ``TRUTH_RATE_HZ`` from ``-MARGIN_S`` to ``duration_s + MARGIN_S``.
     """
@@ -76,9 +76,9 @@ class Walk:
 
 @dataclass(frozen=True)
 class HumanWalker:
-    """A person and a task; ``walk`` carries it out.
+    """A subject and a walking task; ``walk`` simulates it.
 
-    ``from_rest``: the recording shows rest, walk, rest; otherwise the person is already walking when it starts.
+    ``from_rest``: the recording shows rest, walk, rest; otherwise the subject is already walking when it starts.
     """
 
     height_m: float = 1.71
@@ -90,7 +90,7 @@ class HumanWalker:
     from_rest: bool = False
 
     def walk(self) -> Walk:
-        """Simulate. Raises ``InvalidInput`` when the numbers are outside what a person can do here."""
+        """Simulate the walk. Raises ``InvalidInput`` (``walker-out-of-range``) for parameters out of range."""
         self._check()
         rngs = [np.random.default_rng([self.seed, part]) for part in range(3)]
         body = build_body(self.height_m, self.mass_kg, self.sex)
@@ -146,7 +146,7 @@ def _whole_body(
     paths: Mapping[Side, FootPath],
     posture: Posture,
 ) -> Configurations:
-    """Joint angles at the plan's instants, such that the zero-moment point is the planned one."""
+    """Joint angles at the instants of the plan that realise the planned zero-moment point."""
     dt, q = 1.0 / PLAN_RATE_HZ, posture.q.copy()
     leg_m = body.proportions.thigh_m + body.proportions.shank_m
     bob_m = plan.step_length_m**2 / (32.0 * leg_m) * clock.vigour * -np.cos(2.0 * clock.phi_double)
@@ -169,7 +169,7 @@ def _over_com(
     pelvis_m: Points,
     com_m: Points,
 ) -> tuple[Points, Configurations, float]:
-    """Place the pelvis so that the centre of mass is ``com_m``; legs follow. Also how much higher the legs reach."""
+    """Move the pelvis so that the centre of mass is ``com_m``; also return the remaining rise of the legs."""
     data = body.model.createData()
     q = q.copy()
     for _ in range(25):
@@ -185,7 +185,7 @@ def _over_com(
 def _set_legs(
     body: AnthropometricBody, posture: Posture, paths: Mapping[Side, FootPath], q: Configurations, pelvis_m: Points
 ) -> float:
-    """Write the leg angles into ``q``; returns by how much the pelvis could rise before a leg is too short."""
+    """Write the leg angles into ``q``; return how far the pelvis can rise before a leg is too short."""
     p, rise_m = body.proportions, []
     for side, path in paths.items():
         s, y = letter(side), 1.0 if side == "left" else -1.0
@@ -204,7 +204,7 @@ def _set_legs(
 
 
 def _momentum_rate(body: AnthropometricBody, q: Configurations, dt_s: float) -> Points:
-    """Rate of the angular momentum, without what a zero-moment point need not follow (and would amplify)."""
+    """Low-passed rate of the angular momentum; the zero-moment point would amplify higher frequencies."""
     t = np.arange(len(q)) * dt_s
     rate = true_motion(body, make_interp_spline(t, q, k=5), t).momentum_rate_nm
     return np.asarray(sosfiltfilt(butter(2, _TRACKED_HZ, fs=1.0 / dt_s, output="sos"), rate, axis=0))

@@ -1,9 +1,9 @@
-"""Poses of all links of a robot with hinge joints, many configurations at once.
+"""Batched forward kinematics of a robot with revolute joints.
 
     R_i = R_parent R_i0 Rot(axis_i, q_i),   p_i = p_parent + R_parent p_i0
 
-What pinocchio does one configuration at a time, in NumPy over all of them: noisy configurations of a whole walk take
-milliseconds, so that studies over many seeds are cheap.
+Pinocchio evaluates one configuration at a time; this NumPy version evaluates a whole walk in milliseconds, so that
+studies over many seeds are cheap.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
 _LEAST_FACTOR = 0.05
-"""No link loses more than 95 % of its mass to the error."""
+"""Minimum factor on the mass of a link."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class LinkMasses:
     lever_m: Float[np.ndarray, "links 3"]
 
     def wrong(self, error: float, rng: Generator) -> "LinkMasses":
-        """Masses and levers wrong by the relative ``error`` (one sigma, section 2.5.1); the total mass is kept."""
+        """Masses and levers with a relative ``error`` (one sigma, section 2.5.1); the total mass is unchanged."""
         masses = self.mass_kg * np.maximum(1.0 + error * rng.standard_normal(len(self.mass_kg)), _LEAST_FACTOR)
         levers = self.lever_m * (1.0 + error * rng.standard_normal(self.lever_m.shape))
         return LinkMasses(masses * self.mass_kg.sum() / masses.sum(), levers)

@@ -1,11 +1,11 @@
-"""Where and when the robot's feet stand, and how the load passes over them.
+"""Gait plan of the robot: stances and transfer of the load between the feet.
 
-Rest, a number of equal steps, a last step that brings the feet level, rest. A step of duration T begins with double
-support, in which the load passes from one sole's middle to the other's (minimum jerk), and ends with the swing of the
-other foot; the soles stay flat. Step length, step time and step width vary from step to step with the seed.
+A walk consists of rest, equal steps, a closing step and rest. A step of duration T begins with double support, in which
+the load moves from the middle of one sole to that of the other (minimum jerk), and ends with the swing of the other
+foot; the soles stay flat. Step length, step time and step width vary from step to step with the seed.
 
-The load plan is in the terms of ``load_plan`` and ``gait_plan``, so that plates, events and the sharing of the wrench
-are those of the simulated person.
+The plan uses the types of ``simulation.human``, so that plates, events and the load sharing are the same as for the
+simulated subject.
 """
 
 import math
@@ -22,16 +22,16 @@ from stridelab.conventions import Series
 from stridelab.errors import Fault, InvalidInput
 from stridelab.recordings.recording import Side
 from stridelab.simulation.human.body_proportions import SIDES, sign
-from stridelab.simulation.human.gait_plan import SLOWEST_M_S, GaitPlan, Stance, standing
+from stridelab.simulation.human.gait_plan import SLOWEST_M_S, GaitPlan, Stance, centred_draws, standing
 from stridelab.simulation.human.load_transfer import LoadPlan, minimum_jerk, sway
 
 SHIFT_S: Final = 0.4
-"""The load begins to move onto the first foot this long before the first step, and settles as long after the last."""
+"""Time before the first step at which the load starts to shift, and settling time after the last."""
 LEAD_S: Final = 1.0
-"""The motion is simulated this long before and after the recording; sway begins and ends there, from exact rest."""
+"""Simulated time before and after the recording, in which sway fades in from and out to exact rest."""
 FASTEST_M_S: Final = 0.9
 _WALK_RATIO_MS: Final = 0.21
-"""Step length over step rate: 0.20 m s at the robot's cadence, 0.22 m s at the person's."""
+"""Step length over step rate: 0.20 m s at the robot's cadence, 0.22 m s at the human one."""
 _LEAST_REST_S: Final = 0.5
 _LENGTH_SD: Final = 0.02
 _TIME_SD: Final = 0.02
@@ -63,13 +63,13 @@ class RobotGait:
 
     @property
     def duration_s(self) -> float:
-        """Rest, steps, the closing step and rest."""
+        """Total duration: rest, steps, the closing step and rest."""
         steps = self.n_steps + 1 if self.n_steps > 0 else 0
         return 2 * self.rest_s + steps * self.step_time_s
 
 
 GaitName = Literal["robot", "human", "running"]
-"""Motions of the study; running is in ``robot_runner``."""
+"""Motions of the study; running is in ``runner``."""
 
 WALKS: Final[Mapping[str, RobotGait]] = {
     "robot": RobotGait(step_length_m=0.25, step_time_s=0.8, n_steps=8, rest_s=1.0),
@@ -77,14 +77,14 @@ WALKS: Final[Mapping[str, RobotGait]] = {
         step_length_m=0.40, step_time_s=0.55, n_steps=12, rest_s=0.8, bob_m=0.015, arms=ArmSwing(arm_rad=0.45)
     ),
 }
-"""The two walks of section 2.5: at a robot's cadence and at a person's."""
+"""The two walks of section 2.5: at a robot's and at a human cadence."""
 
 
 def gait_for(speed_m_s: float, duration_s: float) -> RobotGait:
-    """A walk from rest to rest within ``duration_s`` whose full steps go at ``speed_m_s``; below 0.1 m/s it stands.
+    """A walk from rest to rest of ``duration_s`` with full steps at ``speed_m_s``; below 0.1 m/s, standing.
 
-    As in people the step grows with the speed at a constant ratio of its length and its rate, here that of the walks of
-    section 2.5. Raises ``InvalidInput`` (``walker-out-of-range``) for a speed at which the legs are too short.
+    As in humans, the ratio of step length to step rate is constant, here that of the walks of section 2.5. Raises
+    ``InvalidInput`` (``walker-out-of-range``) for a speed that is out of range or a duration that is too short.
     """
     if not 0.0 <= speed_m_s <= FASTEST_M_S:
         message = f"TALOS walks at 0 to {FASTEST_M_S:g} m/s, not at {speed_m_s:g} m/s."
@@ -103,13 +103,13 @@ def gait_for(speed_m_s: float, duration_s: float) -> RobotGait:
 
 
 def plan_walk(gait: RobotGait, rng: Generator) -> GaitPlan:
-    """Stances of one walk along +x, starting at the origin; without steps, of standing there."""
+    """Stances of a walk along +x from the origin; without steps, of standing there."""
     if gait.n_steps == 0:
         return replace(standing(gait.duration_s, gait.width_m), sole_middle_m=0.0)
     n, T = gait.n_steps, gait.step_time_s
-    lengths = np.append(gait.step_length_m * (1.0 + _LENGTH_SD * centred(rng, n)), 0.0)
-    durations = T * (1.0 + _TIME_SD * centred(rng, n + 1))
-    half_m = gait.width_m / 2 + np.append(_WIDTH_SD_M / 2 * centred(rng, n), 0.0)
+    lengths = np.append(gait.step_length_m * (1.0 + _LENGTH_SD * centred_draws(rng, n)), 0.0)
+    durations = T * (1.0 + _TIME_SD * centred_draws(rng, n + 1))
+    half_m = gait.width_m / 2 + np.append(_WIDTH_SD_M / 2 * centred_draws(rng, n), 0.0)
     first: Side = SIDES[int(rng.integers(2))]
     other: Side = SIDES[1 - SIDES.index(first)]
     begins = gait.rest_s + np.concatenate([[0.0], np.cumsum(durations)])
@@ -136,7 +136,7 @@ def plan_walk(gait: RobotGait, rng: Generator) -> GaitPlan:
 
 
 def plan_load(plan: GaitPlan, time_s: Series, rng: Generator) -> LoadPlan:
-    """Shares of the feet, their centres of pressure and the zero-moment point; while standing the pressure sways."""
+    """Load shares, centres of pressure and zero-moment point, with sway while standing."""
     left = np.full(len(time_s), 0.5)
     for start_s, end_s, target in _shifts(plan):
         left = left + (target - left) * minimum_jerk((time_s - start_s) / (end_s - start_s))
@@ -149,7 +149,7 @@ def plan_load(plan: GaitPlan, time_s: Series, rng: Generator) -> LoadPlan:
 
 
 def sole_middles(plan: GaitPlan, side: Side, time_s: Series) -> Float[np.ndarray, "n 2"]:
-    """Middle of one sole; in the air where it stood, then, from the middle of the swing, where it will."""
+    """Middle of one sole; in swing that of the last stance, from mid-swing on that of the next."""
     stances = [stance for stance in plan.stances if stance.side == side]
     changes = [(a.off_s + b.strike_s) / 2 for a, b in pairwise(stances)]
     places = np.array([(stance.x_m, stance.y_m) for stance in stances])
@@ -157,7 +157,7 @@ def sole_middles(plan: GaitPlan, side: Side, time_s: Series) -> Float[np.ndarray
 
 
 def _shifts(plan: GaitPlan) -> list[tuple[float, float, float]]:
-    """``(start, end, share of the left foot afterwards)`` of every passing of the load."""
+    """``(start, end, share of the left foot afterwards)`` of every load transfer."""
 
     def onto(side: Side) -> float:
         return 1.0 if side == "left" else 0.0
@@ -175,11 +175,5 @@ def _shifts(plan: GaitPlan) -> list[tuple[float, float, float]]:
 
 
 def _stance(side: Side, x_m: float, half_m: float, strike_s: float, off_s: float) -> Stance:
-    """A sole that is flat all the time."""
+    """A stance with a flat sole throughout."""
     return Stance(side, x_m, sign(side) * half_m, strike_s, strike_s, off_s, off_s)
-
-
-def centred(rng: Generator, n: int) -> Series:
-    """Standard normal draws with mean 0, none beyond 2.5."""
-    draws = rng.standard_normal(n)
-    return np.asarray(np.clip(draws - draws.mean(), -2.5, 2.5))

@@ -1,12 +1,12 @@
-"""Markers on the links of TALOS, and the segment table that its own masses make.
+"""Markers on the links of TALOS, and the segment table computed from its link masses.
 
-The labels are those of the simulated person (marker set ``isb-head``). The markers sit where the segment model expects
-bony landmarks: on both sides of knees, ankles, elbows and wrists, and around pelvis and trunk so that the regressed
-joint centres fall on the robot's. The head is locked and belongs to the trunk.
+The labels are those of the simulated subject (marker set ``isb-head``). The markers are placed where the segment model
+expects bony landmarks: on both sides of knees, ankles, elbows and wrists, and around pelvis and trunk such that the
+regressed joint centres coincide with the robot's. The head is locked and belongs to the trunk.
 
 The links are lumped into the segments of the model: hip yaw with the pelvis, hip roll with the thigh, both ankle links
 with the foot, the three shoulder links with the upper arm. A row of the table is the CoM of such a lump in its
-segment's frame, standing; in a walk the lumps are not quite rigid, which leaves a fraction of a millimetre.
+segment's frame while standing; in a walk the lumps are not quite rigid, with an error below a millimetre.
 """
 
 import math
@@ -27,7 +27,7 @@ from stridelab.simulation.human.marker_layout import LABELS
 from stridelab.simulation.robot.forward_kinematics import LinkPoses, link_masses, link_poses
 
 HEIGHT_M: Final = 1.75
-"""Stature of TALOS as its makers state it."""
+"""Stature of TALOS according to its manufacturer."""
 _SEGMENT: Final[Mapping[str, str]] = {
     "leg_1": "pelvis",
     "leg_2": "thigh",
@@ -46,12 +46,12 @@ _CERVICAL: Final = np.array([0.0, 0.0, 0.33])
 
 
 def marker_places(robot: Robot) -> Mapping[str, tuple[str, Vector3]]:
-    """Landmark to ``(joint that carries the link, place in the link)``."""
+    """Map from landmark to ``(joint of the link, position in the link)``."""
     places: dict[str, tuple[str, Vector3]] = {}
     body, model = anthropometry(None), robot.model
 
     def origin(joint: str) -> Vector3:
-        """A joint's place in the link before it."""
+        """Position of a joint in its parent link."""
         return np.array(model.jointPlacements[model.getJointId(joint)].translation)
 
     hip = origin("leg_left_1_joint")
@@ -106,7 +106,7 @@ def marker_tracks(robot: Robot, q: Configurations) -> Mapping[str, Points]:
 
 
 def segment_table(robot: Robot, q: Float[np.ndarray, "nq"]) -> SegmentTable:
-    """Masses of the robot's links lumped into segments, standing at ``q``."""
+    """Segment table from the link masses, lumped into segments at the standing configuration ``q``."""
     poses, masses = link_poses(robot.model, q[None]), link_masses(robot.model)
     tracks, body = _landmark_tracks(robot, poses), anthropometry(None)
     frames = segment_frames(tracks, joint_centres(tracks, body, {}), body)

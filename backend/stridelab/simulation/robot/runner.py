@@ -1,15 +1,15 @@
-"""TALOS runs: steps with a flight phase, in which nothing acts on the robot but gravity.
+"""Simulated running of TALOS: steps with a flight phase, in which only gravity acts on the robot.
 
 Height. In stance, u from 0 to 1, z'' + g = A sin^2(pi u) + B sin^2(pi u) sin(2 pi u); in flight z'' = -g. A and B
-follow from touching down at the same height every time with the speeds that the flights before and after ask for.
+follow from a constant touchdown height and from the vertical speeds required by the flights before and after.
 
 Ground plane. The force points from the sole's middle p to the CoM, c'' = (z'' + g) / z (c - p); in flight c'' = 0. That
 is linear, c_j+1 - p = Phi_j (c_j - p) between samples, and unstable: its bounded solution over the given footprints is
 a boundary-value problem (the linear pendulum with an infinite preview; Kajita's cart has no flight).
 
-Rotation. In flight the angular momentum about the CoM is constant and the base turns as it must. In stance the ground
-brings it back, L' = (z'' + g) / g (-K theta - D L): as the moment vanishes with the force, the centre of pressure moves
-by no more than |K theta + D L| / (m g), a few millimetres.
+Rotation. In flight the angular momentum about the CoM is constant, which determines the rotation of the base. In stance
+the ground restores it, L' = (z'' + g) / g (-K theta - D L): as the moment vanishes with the force, the centre of
+pressure moves by no more than |K theta + D L| / (m g), a few millimetres.
 """
 
 from collections.abc import Mapping
@@ -30,19 +30,19 @@ from stridelab.recordings.recording import Side
 from stridelab.robots.loader import load_robot
 from stridelab.simulation.ground_truth import motion_truth
 from stridelab.simulation.human.body_proportions import SIDES, sign
-from stridelab.simulation.human.gait_plan import GaitPlan, Stance
+from stridelab.simulation.human.gait_plan import GaitPlan, Stance, centred_draws
 from stridelab.simulation.human.load_transfer import LoadPlan, Plane
-from stridelab.simulation.robot.gait_plan import LEAD_S, ArmSwing, centred, sole_middles
+from stridelab.simulation.robot.gait_plan import LEAD_S, ArmSwing, sole_middles
 from stridelab.simulation.robot.trajectory_ik import PointPath, Task, WholeBody
 from stridelab.simulation.robot.walker import RATE_HZ, RobotWalk, first_posture, sole_path, swing_arms
 
 _K_NM_RAD: Final = np.array([110.0, 110.0, 20.0])
 _D_PER_S: Final = 4.0
 _ARMS: Final = ArmSwing(0.10, 0.15, 0.0)
-"""The base is free in flight: arms that swing as in walking would turn it by as much as the legs do."""
+"""Smaller than in walking: in flight, a full arm swing would rotate the base as much as the legs do."""
 _SUBSTEPS: Final = 10
 _MARGIN_STEPS: Final = 4
-"""The CoM is solved for this many steps further at both ends, where it is held over a footprint."""
+"""Additional steps at both ends for the CoM solution, which ends over a footprint."""
 _VARIATION: Final = 0.02
 Heights = tuple[Series, Series, Series]
 """``z``, ``z'`` and ``z''`` over time."""
@@ -50,7 +50,7 @@ Heights = tuple[Series, Series, Series]
 
 @dataclass(frozen=True, kw_only=True)
 class RunningGait:
-    """Steps of ``step_time_s`` of which ``stance_s`` on one foot and the rest in the air; no start and no stop."""
+    """Steps of ``step_time_s``, with ``stance_s`` on one foot and the rest in flight; no start and no stop."""
 
     step_length_m: float = 0.40
     step_time_s: float = 0.38
@@ -66,7 +66,7 @@ SPEEDS_M_S: Final = (0.3, 1.1)
 
 
 def running_at(speed_m_s: float, duration_s: float) -> RunningGait:
-    """A run at a speed. Raises ``InvalidInput`` (``walker-out-of-range``) where it asks too much of the legs."""
+    """A run at a speed. Raises ``InvalidInput`` (``walker-out-of-range``) outside ``SPEEDS_M_S``."""
     low, high = SPEEDS_M_S
     if not low <= speed_m_s <= high:
         message = f"TALOS runs at {low:g} to {high:g} m/s, not at {speed_m_s:g} m/s."
@@ -76,9 +76,9 @@ def running_at(speed_m_s: float, duration_s: float) -> RunningGait:
 
 @lru_cache(maxsize=4)
 def run(gait: RunningGait, seed: int = 0, robot_name: str = "talos") -> RobotWalk:
-    """Simulate; the same gait and seed give the same run, which is kept for the next caller (do not change it).
+    """Simulate a run. The result is deterministic, cached and shared: do not modify it.
 
-    Raises ``NotEstimable`` (``robot-out-of-reach``) where the gait asks too much of the legs.
+    Raises ``NotEstimable`` (``robot-out-of-reach``) if the legs do not reach the footprints.
     """
     rngs = [np.random.default_rng([seed, part]) for part in range(2)]
     robot, plan = load_robot(robot_name), _plan(gait, rngs[0])
@@ -101,14 +101,14 @@ def run(gait: RunningGait, seed: int = 0, robot_name: str = "talos") -> RobotWal
 
 
 def _plan(gait: RunningGait, rng: Generator) -> GaitPlan:
-    """Stances from before the simulation begins until after it ends."""
+    """Stances from before the start of the simulation until after its end."""
     n = int((gait.duration_s + 2 * LEAD_S) / gait.step_time_s) + 2 * _MARGIN_STEPS + 4
     begins = (
         -LEAD_S
         - (_MARGIN_STEPS + 2) * gait.step_time_s
-        + np.cumsum(gait.step_time_s * (1.0 + _VARIATION * centred(rng, n)))
+        + np.cumsum(gait.step_time_s * (1.0 + _VARIATION * centred_draws(rng, n)))
     )
-    x_m = np.cumsum(gait.step_length_m * (1.0 + _VARIATION * centred(rng, n)))
+    x_m = np.cumsum(gait.step_length_m * (1.0 + _VARIATION * centred_draws(rng, n)))
     first = int(rng.integers(2))
     stances = []
     for k in range(n):
@@ -163,9 +163,9 @@ def _height(gait: RunningGait, plan: GaitPlan, t: Series) -> Heights:
 
 def _over_footprints(gait: RunningGait, plan: GaitPlan, t: Series, height: Heights) -> PointPath:
     """Bounded motion of the CoM over the footprints, exact at the samples."""
-    h, n_kept = float(t[1] - t[0]), len(t)
+    h, n_samples = float(t[1] - t[0]), len(t)
     margin = round(_MARGIN_STEPS * gait.step_time_s / h)
-    longer = t[0] + h * np.arange(-margin, n_kept + margin)
+    longer = t[0] + h * np.arange(-margin, n_samples + margin)
     n, p = len(longer), _footprint(plan, longer)
     Phi = _transitions(gait, plan, longer, h)
     system, right = lil_matrix((2 * n, 2 * n)), np.zeros((2 * n, 2))
@@ -173,12 +173,12 @@ def _over_footprints(gait: RunningGait, plan: GaitPlan, t: Series, height: Heigh
         rows = slice(2 * j, 2 * j + 2)
         system[rows, 2 * j : 2 * j + 2] = -Phi[j]
         system[rows, 2 * j + 2 : 2 * j + 4] = np.eye(2)
-        # within a step over which the footprint changes the robot flies, and Phi moves any p along with it
+        # the footprint changes in flight, where Phi is independent of p
         right[rows] = (np.eye(2) - Phi[j])[:, :1] * p[j]
     system[2 * n - 2, 0] = system[2 * n - 1, 2 * n - 2] = 1.0
     right[2 * n - 2], right[2 * n - 1] = p[0], p[-1]
-    states = np.asarray(spsolve(csr_matrix(system), right)).reshape(n, 2, 2)[margin : margin + n_kept]
-    c, v, p = states[:, 0], states[:, 1], p[margin : margin + n_kept]
+    states = np.asarray(spsolve(csr_matrix(system), right)).reshape(n, 2, 2)[margin : margin + n_samples]
+    c, v, p = states[:, 0], states[:, 1], p[margin : margin + n_samples]
     z, z_rate, z_second = height
     a = ((z_second + GRAVITY_M_S2) / z)[:, None] * (c - p)
     return PointPath(np.column_stack([c, z]), np.column_stack([v, z_rate]), np.column_stack([a, z_second]))
@@ -203,7 +203,7 @@ def _transitions(gait: RunningGait, plan: GaitPlan, t: Series, h: float) -> Floa
 
 
 def _footprint(plan: GaitPlan, t: Series) -> Plane:
-    """The sole's middle that carries the load, changing in the middle of every flight."""
+    """Middle of the loaded sole, changing in the middle of every flight."""
     places = np.array([(s.x_m, s.y_m) for s in plan.stances])
     return np.asarray(places[np.searchsorted(_middles_of_flight(plan), t)])
 

@@ -1,14 +1,14 @@
-"""Whole-body inverse kinematics at position, velocity and acceleration level, all three of the same motion.
+"""Whole-body inverse kinematics at position, velocity and acceleration level, consistent with each other.
 
-Arms and torso are prescribed; the floating base and the legs (18 coordinates) obey 18 equations, every sample anew:
+Arms and torso are prescribed; the floating base and the legs (18 coordinates) satisfy 18 equations at every sample:
 
     x(q) = x_d                     both soles (6 each), the CoM (3), the base's rotation (3)     Newton, to 1e-11
     J(q) v = x_d'                  exactly
     J(q) a + J'(q, v) v = x_d''    exactly
 
-so v and a are the derivatives of the very q(t) that the equations define; nothing is differenced or filtered. A walking
-robot holds its base upright. In the air nothing can: a runner's base turns as its angular momentum demands, the last
-three equations being A_G(q) v = L and A_G a + A_G' v = L' (``solve_with_momentum``).
+so v and a are the exact derivatives of q(t), without finite differences or filters. A walking robot keeps its base
+upright. In flight the angular momentum determines the rotation of the base: the last three equations are then
+A_G(q) v = L and A_G a + A_G' v = L' (``solve_with_momentum``).
 """
 
 from collections.abc import Callable, Mapping
@@ -52,7 +52,7 @@ class JointPath:
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """What is asked of the robot at every sample: soles level, CoM and upper body as given.
+    """Task at every sample: level soles, CoM and upper body as given.
 
     ``places_m`` holds left sole, right sole and CoM; ``rate`` and ``second`` the right-hand sides of the 18 equations.
     """
@@ -64,7 +64,7 @@ class Task:
 
     @staticmethod
     def of(feet: Mapping[Side, PointPath], com: PointPath, upper: JointPath) -> "Task":
-        """From the paths of the soles' middles, of the CoM and of the joints of torso and arms."""
+        """Create from the paths of the soles' middles, of the CoM and of the joints of torso and arms."""
         paths = (feet["left"], feet["right"], com)
         none = np.zeros_like(com.position_m)
         rate, second = (
@@ -93,20 +93,20 @@ class WholeBody:
         self._soles = (frames["left_foot"], frames["right_foot"])
 
     def solve(self, time_s: Series, task: Task, start: Float[np.ndarray, "nq"]) -> RobotMotion:
-        """Motion that carries out ``task`` with the base upright; the first search begins at ``start``.
+        """Solve for the motion of ``task`` with an upright base; ``start`` is the initial guess of the first sample.
 
         Raises ``NotEstimable`` (``robot-out-of-reach``) at the first instant at which the legs do not reach.
         """
-        found, guess, upright = self._empty(time_s), start, np.zeros(3)
+        motion, guess, upright = self._empty(time_s), start, np.zeros(3)
         for k in range(len(time_s)):
             q, J = self._position(guess, task, k, upright, float(time_s[k]))
             v = _resolve(J, task.rate[k], task.upper.v[k])
             a = _resolve(J, task.second[k] - self._drift(q, v), task.upper.a[k])
-            found.q[k], found.v[k], found.a[k] = q, v, a
+            motion.q[k], motion.v[k], motion.a[k] = q, v, a
             if k + 1 < len(time_s):
                 dt = time_s[k + 1] - time_s[k]
                 guess = pin.integrate(self.model, q, dt * v + 0.5 * dt * dt * a)
-        return found
+        return motion
 
     def solve_with_momentum(
         self,
@@ -115,34 +115,36 @@ class WholeBody:
         start: Float[np.ndarray, "nq"],
         momentum_rate: Callable[[int, Vector3, Vector3], Vector3],
     ) -> RobotMotion:
-        """As ``solve``, but the base turns freely: L' = ``momentum_rate(k, theta, L)``, theta its rotation vector.
+        """As ``solve`` with a free base: L' = ``momentum_rate(k, theta, L)``, theta the rotation vector of the base.
 
-        The task is given twice as densely as ``time_s``, for the classical Runge-Kutta step of (theta, L); ``k``
-        counts its samples. The momentum of the result is exactly what was integrated.
+        The task has twice the rate of ``time_s``, for the classical Runge-Kutta step of (theta, L); ``k`` is the index
+        of its samples. The momentum of the result equals the integrated one exactly.
         """
-        found, guess = self._empty(time_s), start
+        motion, guess = self._empty(time_s), start
         dt, state = float(time_s[1] - time_s[0]), np.zeros(6)
 
         def rate(state: np.ndarray, k: int, at: np.ndarray) -> tuple[np.ndarray, ...]:
             theta, L = state[:3], state[3:]
             q, J = self._position(at, task, k, theta, float(time_s[k // 2]))
             J[-3:] = pin.computeCentroidalMap(self.model, self.data, q)[3:]
-            wanted = task.rate[k].copy()
-            wanted[-3:] = L
-            v = _resolve(J, wanted, task.upper.v[k])
+            task_rate = task.rate[k].copy()
+            task_rate[-3:] = L
+            v = _resolve(J, task_rate, task.upper.v[k])
             turning = pin.Jlog3(pin.exp3(theta)) @ v[3:6]
             return np.concatenate([turning, momentum_rate(k, theta, L)]), q, v, J
 
-        still = np.zeros(self.model.nv)
+        zero_acceleration = np.zeros(self.model.nv)
         for i in range(len(time_s)):
             k = 2 * i
             k1, q, v, J = rate(state, k, guess)
             drift = self._drift(q, v)
-            drift[-3:] = pin.computeCentroidalMomentumTimeVariation(self.model, self.data, q, v, still).angular
+            drift[-3:] = pin.computeCentroidalMomentumTimeVariation(
+                self.model, self.data, q, v, zero_acceleration
+            ).angular
             second = task.second[k].copy()
             second[-3:] = k1[3:]
             a = _resolve(J, second - drift, task.upper.a[k])
-            found.q[i], found.v[i], found.a[i] = q, v, a
+            motion.q[i], motion.v[i], motion.a[i] = q, v, a
             if i + 1 < len(time_s):
                 guess = pin.integrate(self.model, q, dt * v + 0.5 * dt * dt * a)
                 middle = pin.integrate(self.model, q, 0.5 * dt * v + 0.125 * dt * dt * a)
@@ -150,7 +152,7 @@ class WholeBody:
                 k3, *_ = rate(state + 0.5 * dt * k2, k + 1, middle)
                 k4, *_ = rate(state + dt * k3, k + 2, guess)
                 state = state + dt / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-        return found
+        return motion
 
     def _empty(self, time_s: Series) -> RobotMotion:
         n, nv = len(time_s), self.model.nv
@@ -159,7 +161,7 @@ class WholeBody:
     def _position(
         self, guess: np.ndarray, task: Task, k: int, theta: np.ndarray, time_s: float
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Newton's method from ``guess``, the base turned by the vector ``theta``; also the Jacobian there."""
+        """Solve for ``q`` by Newton's method with the base rotation ``theta``; also return the Jacobian."""
         model, data, q, R_d = self.model, self.data, guess.copy(), pin.exp3(theta)
         q[7 + LEGS_AND_BASE - 6 :] = task.upper.q[k]
         left_m, right_m, com_m = task.places_m[k]
@@ -192,15 +194,15 @@ class WholeBody:
         return np.vstack([*soles, J_com, J_base])
 
     def _drift(self, q: np.ndarray, v: np.ndarray) -> np.ndarray:
-        """``J'(q, v) v``; zero for the rotation of a base that is held upright."""
-        model, data, still = self.model, self.data, np.zeros(self.model.nv)
-        pin.centerOfMass(model, data, q, v, still)
-        pin.forwardKinematics(model, data, q, v, still)
+        """``J'(q, v) v``; zero for the rotation of an upright base."""
+        model, data, zero_acceleration = self.model, self.data, np.zeros(self.model.nv)
+        pin.centerOfMass(model, data, q, v, zero_acceleration)
+        pin.forwardKinematics(model, data, q, v, zero_acceleration)
         rows = [pin.getFrameClassicalAcceleration(model, data, f, pin.LOCAL_WORLD_ALIGNED) for f in self._soles]
         return np.concatenate([*(row.vector for row in rows), data.acom[0], np.zeros(3)])
 
 
 def _resolve(J: np.ndarray, rate: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """All rates of the coordinates: those of the upper body as given, base and legs from the equations."""
+    """Rates of all coordinates: the upper body as given, base and legs from the equations."""
     lower = np.linalg.solve(J[:, :LEGS_AND_BASE], rate - J[:, LEGS_AND_BASE:] @ upper)
     return np.concatenate([lower, upper])

@@ -1,13 +1,13 @@
-"""TALOS walks: a whole-body motion whose centre of mass, momentum and contact wrench are known exactly.
+"""Simulated walking of TALOS: whole-body motion with exact centre of mass, momentum and contact wrench.
 
-1. footsteps, load, zero-moment point                               (``robot_gait``)
-2. the soles on swing curves, arms and torso against the legs       (``contacts.swing``)
+1. footsteps, load, zero-moment point                               (``gait_plan``)
+2. the soles on swing curves, arm and torso swing                   (``contacts.swing``)
 3. the CoM by Kajita's preview control of the zero-moment point     (``centroidal.special_cases.preview_control``)
-4. base and legs by inverse kinematics of the second order          (``whole_body``)
+4. base and legs by second-order inverse kinematics                 (``trajectory_ik``)
 5. CoM, momentum and their rates from q, q', q'' (Pinocchio); wrench by Newton and Euler (4.2a), (4.2b)
 
-Steps 3 to 5 repeat with the zero-moment point's error, which the cart-table model does not foresee (height and angular
-momentum), handed to the same preview controller: Kajita's dynamic filter.
+Steps 3 to 5 are repeated: the error of the zero-moment point, which the cart-table model does not predict (height and
+angular momentum), is fed back to the same preview controller (Kajita's dynamic filter).
 """
 
 from collections.abc import Mapping
@@ -43,14 +43,14 @@ Column = Float[np.ndarray, "n 1"]
 Heights = tuple[Column, Column, Column]
 """Height of the CoM and its two derivatives over time."""
 _PASSES: Final = 6
-"""Preview control once, then on what is left of the error: below 2 mm (robot) and 8 mm (human cadence) at most."""
+"""Passes of the dynamic filter; the remaining error is at most 2 mm (robot) and 8 mm (human cadence)."""
 
 
 @dataclass(frozen=True, eq=False)
 class RobotWalk:
-    """A motion at ``RATE_HZ``, its plan and its exact mechanics; ``load`` says which foot carries what, and where.
+    """A motion at ``RATE_HZ``, its plan, its exact mechanics and the ``load`` of the feet.
 
-    All of it begins ``LEAD_S`` before the recording's first instant, 0, and ends as long after its last.
+    It starts ``LEAD_S`` before the first instant (0) of the recording and ends as long after its last.
     """
 
     robot: Robot
@@ -62,9 +62,9 @@ class RobotWalk:
 
 @lru_cache(maxsize=8)
 def walk(gait: RobotGait, seed: int = 0, robot_name: str = "talos") -> RobotWalk:
-    """Simulate; the same gait and seed give the same walk, which is kept for the next caller (do not change it).
+    """Simulate a walk. The result is deterministic, cached and shared: do not modify it.
 
-    Raises ``NotEstimable`` (``robot-out-of-reach``) where the gait asks too much of the legs.
+    Raises ``NotEstimable`` (``robot-out-of-reach``) if the legs do not reach the footprints.
     """
     rngs = [np.random.default_rng([seed, part]) for part in range(3)]
     robot, plan = load_robot(robot_name), plan_walk(gait, rngs[0])
@@ -75,17 +75,17 @@ def walk(gait: RobotGait, seed: int = 0, robot_name: str = "talos") -> RobotWalk
     height = _height(gait, plan, time_s)
     body, control = WholeBody(robot), PreviewControl(height_m=gait.com_height_m, dt_s=1.0 / RATE_HZ)
     start = first_posture(robot, feet, _middle(feet, height))
-    wanted = load.zmp_m.copy()
+    target_zmp_m = load.zmp_m.copy()
     for _ in range(_PASSES):
-        motion = body.solve(time_s, Task.of(feet, _com_path(control, wanted, height), upper), start)
+        motion = body.solve(time_s, Task.of(feet, _com_path(control, target_zmp_m, height), upper), start)
         truth = motion_truth(body.model, time_s, motion.q, motion.v, motion.a)
-        found = zmp_of_motion(truth.com_m, truth.acceleration_m_s2, truth.momentum_rate_nm, truth.mass_kg)
-        wanted = wanted + load.zmp_m - found
+        zmp_m = zmp_of_motion(truth.com_m, truth.acceleration_m_s2, truth.momentum_rate_nm, truth.mass_kg)
+        target_zmp_m = target_zmp_m + load.zmp_m - zmp_m
     return RobotWalk(robot, plan, motion, truth, load)
 
 
 def _com_path(control: PreviewControl, zmp_m: Plane, height: Heights) -> PointPath:
-    """Preview control over the ground, begun a horizon earlier so that its own transient is over; given height."""
+    """CoM by preview control, started one horizon early so that its transient decays, with the given height."""
     early = len(control.gains.preview)
     cart = control.follow(np.vstack([np.repeat(zmp_m[:1], early, axis=0), zmp_m]))
     planes = (cart.com_m, cart.velocity_m_s, cart.acceleration_m_s2)
@@ -93,7 +93,7 @@ def _com_path(control: PreviewControl, zmp_m: Plane, height: Heights) -> PointPa
 
 
 def sole_path(plan: GaitPlan, side: Side, time_s: Series) -> PointPath:
-    """Middle of one sole: still on the ground, on swing curves in between."""
+    """Path of the middle of one sole: constant in stance, on swing curves in between."""
     stances = [stance for stance in plan.stances if stance.side == side]
     path = [np.zeros((len(time_s), 3)) for _ in range(3)]
     path[0][:] = [stances[0].x_m, stances[0].y_m, 0.0]
@@ -109,9 +109,9 @@ def sole_path(plan: GaitPlan, side: Side, time_s: Series) -> PointPath:
 
 
 def swing_arms(robot: Robot, arms: ArmSwing, plan: GaitPlan, time_s: Series, rng: Generator) -> JointPath:
-    """Shoulders, elbows and torso swing with the stride, by 10 % more or less with the seed; quintic splines of time.
+    """Swing of shoulders, elbows and torso as quintic splines; amplitudes vary by 10 % with the seed.
 
-    TALOS' first arm joint turns about the vertical: with the arm held off the trunk it carries the hand forwards.
+    TALOS' first arm joint rotates about the vertical; with an abducted arm it moves the hand forwards.
     """
     vary = 1.0 + 0.1 * np.clip(rng.standard_normal(3), -2.0, 2.0)
     clock = stride_clock(plan, time_s)
@@ -137,12 +137,12 @@ def _height(gait: RobotGait, plan: GaitPlan, time_s: Series) -> Heights:
 
 
 def _middle(feet: Mapping[Side, PointPath], height: Heights) -> Vector3:
-    """The CoM while standing on the first footprints."""
+    """Initial CoM above the first footprints."""
     x, y, _ = np.mean([path.position_m[0] for path in feet.values()], axis=0)
     return np.array([x, y, height[0][0, 0]])
 
 
 def first_posture(robot: Robot, feet: Mapping[Side, PointPath], com_m: Vector3) -> Float[np.ndarray, "nq"]:
-    """On the first footprints with the CoM at ``com_m``: where the search of the first sample begins."""
+    """Posture on the first footprints with the CoM at ``com_m``, the initial guess of the first sample."""
     places = {f"{side}_foot": Placement.of(path.position_m[0].tolist()) for side, path in feet.items()}
     return stand(robot, places, com_m).q
